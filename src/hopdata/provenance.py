@@ -12,7 +12,9 @@ from typing import Any
 from hopdata import __version__
 
 PACKAGE = Path(__file__).parent
+# Suffixes of files, beside Python's, from which results follow.
 ASSETS = {".css", ".j2", ".mplstyle", ".toml", ".yaml"}
+# Packages whose versions are recorded.
 REPORTED = [
     "hopdata",
     "numpy",
@@ -32,15 +34,14 @@ IMPORT = re.compile(
     r"|import[ \t]+(hopdata[^\n]*))",
     re.MULTILINE,
 )
-NAMED = re.compile(
-    r'"(hopdata\.[\w.]+):\w+"'
-)  # a class named in a table and imported on demand
+# A class or function named in a table, and imported on demand.
+NAMED = re.compile(r'"(hopdata\.[\w.]+):\w+"')
 
 
 def code_digest(script: str | Path) -> str:
-    """Return a digest of a script and of every hopdata source that it imports, directly or not.
+    """Return a digest of a script and of every hopdata source that it imports.
 
-    Imports are read from the text, including those inside functions, so nothing is
+    This includes what these import in turn. Imports are read from the text, including those inside functions, so nothing is
     executed. A rule that has this digest as a parameter runs again when its library
     code changes.
     """
@@ -110,7 +111,7 @@ def _closure(start: Iterable[Path]) -> set[Path]:
 
 @cache
 def _imports(source: Path) -> frozenset[Path]:
-    """Return the files of this package that `source` imports, with their parent packages."""
+    """Return the files of hopdata that `source` imports, with their parent packages."""
     return _imported_in(source.read_text(encoding="utf-8"))
 
 
@@ -137,10 +138,9 @@ def _module_files(name: str) -> frozenset[Path]:
 
 @cache
 def _sources() -> frozenset[Path]:
-    """Return all modules, without the workflow's scripts that an installed package also holds."""
-    return frozenset(PACKAGE.rglob("*.py")) - frozenset(
-        PACKAGE.glob("_workflow/**/*.py")
-    )
+    """Return all modules, without the workflow's scripts, which a wheel also holds."""
+    scripts = PACKAGE.glob("_workflow/**/*.py")
+    return frozenset(PACKAGE.rglob("*.py")) - frozenset(scripts)
 
 
 def provenance(
@@ -173,14 +173,12 @@ def provenance(
 
 
 def package_digest() -> str:
-    """Return a digest of all sources of the package, which also differs within one version."""
+    """Return a digest of all sources of the package; it also differs within a version."""
+    sources = set(_sources())
+    for room in PACKAGE.glob("*/__init__.py"):
+        sources.update(_assets(room))
     digest = hashlib.sha256()
-    assets = (
-        one
-        for folder in sorted(PACKAGE.glob("*/__init__.py"))
-        for one in _assets(folder)
-    )
-    for source in sorted(_sources().union(assets)):
+    for source in sorted(sources):
         digest.update(str(source.relative_to(PACKAGE)).encode())
         digest.update(source.read_bytes())
     return digest.hexdigest()
@@ -195,5 +193,7 @@ def version_of(name: str) -> str:
 
 
 def _seconds(path: Path) -> float:
+    """Return the time that a job took, from its benchmark file."""
     header, first = path.read_text(encoding="utf-8").splitlines()[:2]
-    return float(dict(zip(header.split("\t"), first.split("\t"), strict=True))["s"])
+    columns = dict(zip(header.split("\t"), first.split("\t"), strict=True))
+    return float(columns["s"])
