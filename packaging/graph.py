@@ -1,4 +1,4 @@
-"""Draw the rules of the bundled sample as a graph: from top to bottom, in their order."""
+"""Draw the rules of the bundled sample as a graph, from top to bottom."""
 
 from dataclasses import dataclass
 from html import escape
@@ -97,8 +97,8 @@ def reduced(before: dict[str, list[str]]) -> dict[str, list[str]]:
 def rows_of(before: dict[str, list[str]]) -> dict[str, int]:
     """Return the row of each rule: below all those that it takes results of."""
     rows: dict[str, int] = {}
-    for name in before:
-        rows[name] = 1 + max((rows[one] for one in before[name]), default=-1)
+    for name, makers in before.items():
+        rows[name] = 1 + max((rows[one] for one in makers), default=-1)
     for name, other in IN_ROW_OF.items():
         rows[name] = max(rows[name], rows[other])
     return rows

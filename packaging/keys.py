@@ -1,4 +1,4 @@
-"""Which rules run again if a key of the configuration changes, found by changing each."""
+"""Which rules run again if a key changes, found by changing each."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
@@ -16,7 +16,7 @@ NAMES = ("study", "recordings.name")
 
 
 def studies() -> list[dict[str, Any]]:
-    """Return a simulated and a recorded study, since some keys concern only one of them."""
+    """Return a simulated and a recorded study: some keys concern only one."""
     simulated = {"name": "monday"}
     recorded = {"name": "monday", "file": "monday.c3d"}
     return [
@@ -89,7 +89,7 @@ def after(line: Line, stages: list[str]) -> list[str]:
 
 
 def table(line: Line) -> str:
-    """Return the keys that each rule takes as a table in Markdown, for the page on results."""
+    """Return the keys that each rule takes as a table, for the page on results."""
     by_stages: dict[tuple[str, ...], list[str]] = {}
     found = repeated(line)
     for name, stages in found.items():

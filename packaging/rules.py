@@ -1,4 +1,4 @@
-"""Write what follows from the stages: Snakemake's rules, two tables, and the rule graph.
+"""Write what follows from the stages: rules, two tables, and their picture.
 
     python packaging/rules.py        writes them in a checkout (`make rules`)
 
@@ -17,9 +17,9 @@ from hopdata.stages import LINE
 
 CHECKOUT = Path(__file__).parents[1]
 HEAD = """\
-# Written by `make rules` from src/hopdata/stages.py, which tells each stage once: edit that file.
-# A rule calls the function of its name there. It states every file that is read and written, and
-# every key of the configuration (STUDY) that is taken.\
+# Written by `make rules` from src/hopdata/stages.py, which tells each stage once:
+# edit that file. A rule calls the function of its name there. It states every file
+# that is read and written, and every key of the configuration (STUDY) that is taken.\
 """
 SCRIPT = "../scripts/stage.py"
 
@@ -94,7 +94,7 @@ def _inputs(line: Line, stage: Stage) -> Iterator[str]:
 
 
 def _path(result: Result) -> str:
-    """Return the text of a path; wildcards have two braces, as the text is formatted."""
+    """Return the text of a path, with two braces, as the rule formats it."""
     path = result.path.replace("{", "{{").replace("}", "}}")
     return f'f"{{RESULTS}}/{path}"'
 

@@ -83,7 +83,7 @@ def read(
 
 
 def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, list[str]]:
-    """Return the guesses of ``hopdata init``: the vertical axis of a file, and its other feet."""
+    """Guess like ``hopdata init``: the vertical axis of a file, and its other feet."""
     from hopdata.recordings.quality.orientation import guess_unit_and_up
     from hopdata.recordings.quality.roles import feet_between
     from hopdata.recordings.raw import METRES_PER_UNIT, rotate_up
@@ -117,7 +117,7 @@ def study(
     progress: Progress = lambda _stage: None,
     **keys: Any,
 ) -> Study:
-    """Prepare a study for use step by step; arguments and errors are those of `analyse`."""
+    """Prepare a study for use step by step; see `analyse` for arguments and errors."""
     if not callable(progress):
         raise ArgumentError.at("progress", "a function such as print", f"{progress!r}")
     roles = {
@@ -134,7 +134,8 @@ def study(
     if isinstance(source, Mapping):
         return Study(load_config(_joined(source, keys, roles)), (), progress)
     if not isinstance(source, str | Path):
-        wanted = "a file, a configuration or recordings (by hd.read or hd.Recording.from_arrays)"
+        how = "by hd.read or hd.Recording.from_arrays"
+        wanted = f"a file, a configuration or recordings ({how})"
         raise RecordingError.at("source", wanted, type(source).__name__)
     if Path(source).suffix.lower() in YAML:
         content = _joined(read_yaml(source), keys, roles)
@@ -303,7 +304,7 @@ def synthesize(
 
 
 def planned(allowed: float) -> list[float]:
-    """Return the differences to plan for, all larger than the `allowed` effect of smooth terms."""
+    """Return the differences to plan for, beyond what smooth terms may leave."""
     return [round(allowed + more, 2) for more in BEYOND]
 
 

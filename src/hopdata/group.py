@@ -16,7 +16,7 @@ logger = logging.getLogger("hopdata")
 
 
 def run_member(member: Mapping[str, Any], folder: Path) -> None:
-    """Run the study of a member; write results, page and row (``member.json``) to `folder`.
+    """Run the study of a member; write results, page and row to `folder`.
 
     If the study has no answer, its row and its page give the reason. Only a lack of
     memory or disk space raises an error.
@@ -42,7 +42,7 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
 
 
 def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> str:
-    """Run the study, write its results, and complete the row; return why it has no answer."""
+    """Run a study, write it, and complete the row; return why it has no answer."""
     from hopdata.config.loading import load_config
     from hopdata.walk import Study
 
@@ -104,8 +104,12 @@ def put_together(
         effect = judge_group(answered, **group["verdict"])
     except AnalysisError as error:
         sentence = f"These data cannot tell: {error}."
-        answer = {"conclusion": "cannot tell", "sentence": sentence, "effect": None}
-        return {**answer, **found}
+        return {
+            "conclusion": "cannot tell",
+            "sentence": sentence,
+            "effect": None,
+            **found,
+        }
     confidence = group["verdict"]["confidence"]
     conditions = compare_conditions(answered, confidence=confidence)
     found["conditions"] = conditions.to_dict("records")
@@ -119,7 +123,7 @@ def put_together(
     if without:
         sentence += f" Without an answer: {without} of {len(rows)} studies."
     sentence += told_apart(conditions, confidence=confidence)
-    answer = {
+    answer: dict[str, Any] = {
         "conclusion": effect.conclusion,
         "sentence": sentence,
         "effect": asdict(effect),
@@ -128,7 +132,7 @@ def put_together(
 
 
 def _require_answers(rows: Sequence[Mapping[str, Any]], answered: pd.DataFrame) -> None:
-    """Refuse a group without answers, and one in which two members are the same landings."""
+    """Refuse a group without answers, or with the same landings as two members."""
     if answered.empty:
         reason = rows[0]["reason"]
         raise AnalysisError(f"no subject has an answer; the first: {reason}")

@@ -1,4 +1,4 @@
-"""Support for batch jobs: a log file, errors in one line, and outputs whole or absent."""
+"""Support for jobs: a log file, errors in one line, outputs whole or absent."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ logger = logging.getLogger("hopdata")
 
 
 def study_name(text: str) -> str:
-    """Turn any text into a name of a study or recording: letters, digits, ``_`` and ``-``.
+    """Turn any text into a name of a study: letters, digits, ``_`` and ``-``.
 
     Accents are removed: ``müde`` becomes ``mude``.
     """
@@ -57,7 +57,7 @@ def study_name(text: str) -> str:
 
 @contextmanager
 def reported(log: str | Path) -> Iterator[None]:
-    """Write the package's log to `log`; turn a user's mistake into one line, with code 1.
+    """Write the package's log to `log`; turn a user's mistake into one line.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def reported(log: str | Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, which replaces it only if the block succeeds.
+    """Yield a temporary path, which replaces `path` only if the block succeeds.
 
     Temporary files that killed processes left for the same path are removed first.
 
@@ -150,7 +150,7 @@ def read_json(path: str | Path) -> Any:
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write a table as CSV, whole or not at all: 9 digits, of times 12, of late ones 16.
+    """Write a table as CSV, whole or not at all; times have more digits.
 
     Texts that a spreadsheet would run get a leading apostrophe, which `read_table`
     removes.
@@ -176,7 +176,7 @@ def _csv(table: pd.DataFrame) -> str:
 
 
 def guarded(cell: object) -> object:
-    """Put an apostrophe before a text that a spreadsheet would run; leave other cells."""
+    """Put an apostrophe before a text that a spreadsheet would run."""
     if isinstance(cell, str) and _RUN.match(cell):
         return f"'{cell}"
     return cell
@@ -214,7 +214,7 @@ def _printed(column: pd.Series) -> list[str]:
 
 
 def read_table(path: str | Path | StringIO) -> pd.DataFrame:
-    """Read a CSV table; `TEXT_COLUMNS` stay text, and their empty cells empty strings."""
+    """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty."""
     # A recording may be called NA, so only an empty cell is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
     table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
@@ -228,6 +228,6 @@ def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:
 
 
 def stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate tables with the same columns; empty ones do not affect their types."""
+    """Concatenate tables with the same columns; empty ones do not count."""
     filled = [table for table in tables if len(table)]
     return pd.concat(filled or tables[:1], ignore_index=True)

@@ -35,7 +35,9 @@ RECORDING = "recording"
 
 @dataclass(frozen=True)
 class Kind:
-    """How results of one kind are kept in a file, by functions named ``module:function``.
+    """How results of one kind are kept in a file.
+
+    Functions are named as ``module:function``.
 
     Attributes
     ----------
@@ -180,7 +182,7 @@ class SourceFiles:
 
 
 def source_files(*, otherwise: str) -> Any:
-    """Mark a parameter that takes the user's files of a recording; see `SourceFiles`."""
+    """Mark a parameter that takes a recording's files; see `SourceFiles`."""
     return SourceFiles(otherwise)
 
 
@@ -313,7 +315,7 @@ class Line:
         mb_a_mb: int = 10,
         priority: int = 0,
     ) -> Callable[[Callable[Arguments, Made]], Callable[Arguments, Made]]:
-        """Record a function as a stage: it runs once, or once for each value of the wildcards.
+        """Record a function as a stage, which runs once for each value of `per`.
 
         See `Needs` for the other parameters.
         """
@@ -354,7 +356,7 @@ class Line:
         return list(dict.fromkeys(makers))
 
     def sources(self, name: str) -> tuple[list[str], set[str]]:
-        """Return the texts that say what a stage does, and the modules that read and write for it.
+        """Return the texts of a stage, and the modules that read and write for it.
 
         Its results depend on no other stage in the same file.
         """

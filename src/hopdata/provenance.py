@@ -30,7 +30,8 @@ MISSING = "not installed"
 # hopdata...`. Parsing all sources instead would take half as long as the shortest
 # study.
 IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+(hopdata[\w.]*)[ \t]+import[ \t]+(\((?:[^)#]|#[^\n]*)*\)|[^\n]*)"
+    r"^[ \t]*(?:from[ \t]+(hopdata[\w.]*)[ \t]+import[ \t]+"
+    r"(\((?:[^)#]|#[^\n]*)*\)|[^\n]*)"
     r"|import[ \t]+(hopdata[^\n]*))",
     re.MULTILINE,
 )
@@ -41,9 +42,9 @@ NAMED = re.compile(r'"(hopdata\.[\w.]+):\w+"')
 def code_digest(script: str | Path) -> str:
     """Return a digest of a script and of every hopdata source that it imports.
 
-    This includes what these import in turn. Imports are read from the text, including those inside functions, so nothing is
-    executed. A rule that has this digest as a parameter runs again when its library
-    code changes.
+    This includes what these import in turn. Imports are read from the text, including
+    those inside functions, so nothing is executed. A rule that has this digest as a
+    parameter runs again when its library code changes.
     """
     script = Path(script).resolve()
     digest = hashlib.sha256()
@@ -90,7 +91,7 @@ def stage_digest(
 
 @cache
 def _assets(source: Path) -> tuple[Path, ...]:
-    """Return the non-Python files of a sub-package (style sheets, templates, schemas)."""
+    """Return the other files of a sub-package (styles, templates, schemas)."""
     if source.name != "__init__.py" or source.parent == PACKAGE:
         return ()
     return tuple(
@@ -173,7 +174,7 @@ def provenance(
 
 
 def package_digest() -> str:
-    """Return a digest of all sources of the package; it also differs within a version."""
+    """Return a digest of all sources, which also differs within a version."""
     sources = set(_sources())
     for room in PACKAGE.glob("*/__init__.py"):
         sources.update(_assets(room))

@@ -66,7 +66,7 @@ def read_group(config: str | Path) -> dict[str, Any]:
 
 
 def _members(file: Path, content: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Gather the rows of the table into members, in the order in which they first appear."""
+    """Gather the rows into members, in the order of their first rows."""
     from hopdata.jobs import study_name
 
     members: dict[str, dict[str, Any]] = {}

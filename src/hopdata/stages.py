@@ -1,4 +1,4 @@
-"""The stages of a study, in order, from a file to the verdict: the one place that tells them.
+"""The stages of a study from a file to the verdict: the one place that tells them.
 
 Each is a function that a notebook calls, a rule of the workflow, and a step of
 `hopdata.Study`; `hopdata.line` says how its definition is read. Libraries are imported
@@ -6,6 +6,7 @@ inside the functions: a job pays for its own stage only, and runs again only if 
 function, its settings, or the modules that it imports change.
 """
 
+# ruff: noqa: B008 - `key` as a default marks a setting; `hopdata.line` reads it.
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -60,7 +61,7 @@ VERDICT = Kind(write="hopdata.jobs:write_fields", read="hopdata.jobs:read_json")
 
 
 def number_of(config: Options, recording: str) -> int:
-    """Return the place of a recording in the study, by which its random numbers differ."""
+    """Return the number of a recording, by which its random draws differ."""
     names = [entry["name"] for entry in config["recordings"]]
     return names.index(recording)
 
@@ -94,7 +95,7 @@ def simulate(
 
 @results
 class Imported:
-    """A recording in m, z up, with the truth if its file has one; later stages do not see it."""
+    """A recording in m, z up, with the truth, which later stages do not see."""
 
     imported: Recording | WithTruth = saved(
         "recordings/{recording}.h5", RECORDING_WITH_TRUTH
@@ -262,7 +263,7 @@ def mode_schedules(
 
 @results
 class HomeFrame:
-    """States at both sections, and the touchdowns, with the reason if one has no state."""
+    """States at both sections; touchdowns, with the reason if one has no state."""
 
     pairs: Pairs = saved("pairs.h5", PAIRS)
     touchdowns: pd.DataFrame = saved("tables/touchdowns.csv", TABLE)
@@ -279,7 +280,7 @@ def home_frame(
     ambiguous: str = key("touchdowns.ambiguous"),
     states: Options = key("states"),
 ) -> HomeFrame:
-    """Put the states at both sections in the home frame of their touchdown (Sec. 2.2.4)."""
+    """Put the states at both sections in their home frames (Sec. 2.2.4)."""
     from hopdata.landings.contacts.velocity_minimum import example_touchdown
     from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
 
@@ -311,7 +312,7 @@ def normalisation(
     *,
     units: Options = key("units"),
 ) -> Normalisation:
-    """Choose units in which errors of position and velocity weigh the same (Sec. 2.2.4)."""
+    """Choose units in which positions and velocities weigh the same (Sec. 2.2.4)."""
     from hopdata.maps.units import choose_units
 
     chosen = choose_units(pairs.x, pairs.y, **units)
@@ -335,7 +336,7 @@ def prediction(
     options: Options = key("prediction"),
     seed: int = key("seed"),
 ) -> Prediction:
-    """Predict the state after from the state before the touchdown (Sec. 2.2.4, Fig. 2.4)."""
+    """Predict the state after from the state before (Sec. 2.2.4, Fig. 2.4)."""
     from hopdata.maps.prediction import bootstrap_prediction
 
     length_m = units["length_unit_m"]
@@ -395,7 +396,7 @@ class LandingMaps:
 
 @LINE.stage(minutes=30, mb_a_mb=60)
 def landing_maps(pairs: Pairs, units: Options) -> LandingMaps:
-    """Fit the maps through the landing, with the effects of noise and curvature removed."""
+    """Fit the maps through the landing, rid of noise and curvature."""
     from hopdata.maps.corrected.estimates import estimate_maps
 
     instants: Any = pairs.instants  # measured pairs have them
@@ -418,7 +419,7 @@ def verdict(
     options: Options = key("verdict"),
     seed: int = key("seed"),
 ) -> Judgement:
-    """Judge whether the map through the landing is C1: effect size, interval and bound."""
+    """Judge whether the map is C1: effect size, interval and bound."""
     from hopdata.landings.checks import blurred
     from hopdata.maps.verdict import judge
 
@@ -447,7 +448,7 @@ class Inspection:
 
 @LINE.stage(minutes=20, mb_a_mb=10)
 def inspection(imported: dict[str, Recording]) -> Inspection:
-    """Look for faults in the recordings; runs beside the search for contacts and sections."""
+    """Look for faults in the recordings, beside the search for contacts."""
     from hopdata.recordings.quality.inspection import recording_tables
 
     tables = recording_tables(imported.values())
@@ -470,7 +471,7 @@ class Quality:
 
 
 @LINE.stage(minutes=20, mb_a_mb=10)
-def quality(
+def quality(  # noqa: PLR0913 - all that is checked, each by its name
     level: dict[str, Recording],
     floor_model: dict[str, FloorModel],
     contacts: dict[str, pd.DataFrame],

@@ -1,4 +1,4 @@
-"""A study in one process: the stages of `hopdata.stages`, each run when it is first asked for.
+"""A study in one process: each stage runs when one of its results is asked for.
 
 A stage gets what its files would hold, rounded to the same digits, so the results equal
 the workflow's byte for byte.
@@ -69,7 +69,7 @@ class Study(Shown):
         return f"'{self.config['study']}': {answer}"
 
     def _repr_html_(self) -> str:
-        """Return the answer and its figure as HTML, for the output of a notebook's cell."""
+        """Return the answer and its figure as HTML, for a notebook."""
         if "verdict" not in self._results or self.verdict.effect is None:
             return f"<p>{escape(repr(self))}</p>"
         label = escape(self.verdict.sentence)
@@ -124,12 +124,12 @@ class Study(Shown):
         return found
 
     def constraint_subspaces(self) -> stages.ConstraintSubspaces:
-        """Measure the distances between the constraint subspaces of the contact orders."""
+        """Measure the distances between the orders' constraint subspaces."""
         found: stages.ConstraintSubspaces = self._run("constraint_subspaces")
         return found
 
     def landing_maps(self) -> stages.LandingMaps:
-        """Fit the maps through the landing, without the effects of noise and curvature."""
+        """Fit the maps through the landing, rid of noise and curvature."""
         found: stages.LandingMaps = self._run("landing_maps")
         return found
 
@@ -139,7 +139,7 @@ class Study(Shown):
         return found
 
     def _run(self, name: str) -> Any:
-        """Run a stage and those that it needs, unless they have run; return its results."""
+        """Run a stage and those before it, unless they have run; return its results."""
         if name not in self._returned:
             stage = LINE.stages[name]
             if RECORDING in stage.per:
@@ -177,7 +177,7 @@ class Study(Shown):
     def _call(
         self, stage: Stage, inputs: Mapping[str, Any], recording: str = ""
     ) -> Any:
-        """Call the function of a stage; return its results as their files would hold them."""
+        """Call a stage's function; return its results as its files would hold them."""
         given = {**inputs, **stage.settings(self.config, recording)}
         if "recording" in stage.takes:
             given["recording"] = recording
@@ -192,7 +192,7 @@ class Study(Shown):
         return replace(made, **stored)
 
     def _imported(self, name: str) -> stages.Imported:
-        """Import a recording, unless it was given; one without a file is simulated first."""
+        """Import a recording, unless it was given; simulate it if it has no file."""
         for recording in self.given:
             if recording.name == name:
                 self.progress(f"import_recording {name}")
@@ -212,7 +212,7 @@ class Study(Shown):
         return stages.Imported(kept)
 
     def _result(self, name: str) -> Any:
-        """Return a result of any stage as its file would hold it; by recording if each has one."""
+        """Return a result of any stage, by recording if each has one."""
         if name not in self._results:
             self._run(LINE.maker_of(name).name)
         return self._results[name]
@@ -237,7 +237,7 @@ class Study(Shown):
 
     @property
     def contacts(self) -> dict[str, pd.DataFrame]:
-        """Table per recording of the body's descents and the contact instants of each foot.
+        """Table per recording of the body's descents, and when each foot touched.
 
         They are found by ``touchdowns.method``, each in the whole descent of the body.
         The printed methods search again between the sections, once these are known
@@ -266,7 +266,7 @@ class Study(Shown):
 
     @property
     def pairs(self) -> Pairs:
-        """Pairs of states at the two sections in the home frame, with the contact instants."""
+        """States at the two sections in the home frame, with the contact instants."""
         found: Pairs = self._result("pairs")
         length_m = self.units["length_unit_m"]
         return found.with_units(length_m, self.units["time_unit_s"])
@@ -285,7 +285,7 @@ class Study(Shown):
 
     @property
     def quality(self) -> pd.DataFrame:
-        """Checks of recordings and landings: value, unit, limits of good and poor, and status."""
+        """Checks of recordings and landings: value, unit, limits, and status."""
         return pd.DataFrame(self._result("quality"))
 
     @property
@@ -295,7 +295,7 @@ class Study(Shown):
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """All tables, by their names in the folder ``tables`` of the workflow's results."""
+        """All tables, by their names in the folder ``tables`` of the results."""
         found = {}
         for stage in LINE.stages.values():
             if stage.name == "constraint_subspaces" and not self.asks_for_distances:
@@ -307,7 +307,7 @@ class Study(Shown):
 
     @property
     def figures(self) -> Figures:
-        """Functions that draw the figures, such as ``study.figures.verdict(style="nature")``."""
+        """Functions that draw: ``study.figures.verdict(style="nature")``."""
         return Figures(self)
 
     def content(self, file: str) -> Any:
@@ -403,7 +403,7 @@ class Study(Shown):
 
     @told_call
     def save(self, folder: str | Path) -> Path:
-        """Write ``verdict.json``, ``quality.json`` and the folders ``tables`` and ``figures``.
+        """Write ``verdict.json``, ``quality.json``, ``tables`` and ``figures``.
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
-# Written by `make rules` from src/hopdata/stages.py, which tells each stage once: edit that file.
-# A rule calls the function of its name there. It states every file that is read and written, and
-# every key of the configuration (STUDY) that is taken.
+# Written by `make rules` from src/hopdata/stages.py, which tells each stage once:
+# edit that file. A rule calls the function of its name there. It states every file
+# that is read and written, and every key of the configuration (STUDY) that is taken.
 rule simulate:
     """Simulate a scene as motion capture would see it, and keep its truth."""
     output:
@@ -161,7 +161,7 @@ rule mode_schedules:
 
 
 rule home_frame:
-    """Put the states at both sections in the home frame of their touchdown (Sec. 2.2.4)."""
+    """Put the states at both sections in their home frames (Sec. 2.2.4)."""
     input:
         level=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
         sections=f"{RESULTS}/sections.json",
@@ -188,7 +188,7 @@ rule home_frame:
 
 
 rule normalisation:
-    """Choose units in which errors of position and velocity weigh the same (Sec. 2.2.4)."""
+    """Choose units in which positions and velocities weigh the same (Sec. 2.2.4)."""
     input:
         pairs=f"{RESULTS}/pairs.h5",
     output:
@@ -209,7 +209,7 @@ rule normalisation:
 
 
 rule prediction:
-    """Predict the state after from the state before the touchdown (Sec. 2.2.4, Fig. 2.4)."""
+    """Predict the state after from the state before (Sec. 2.2.4, Fig. 2.4)."""
     input:
         pairs=f"{RESULTS}/pairs.h5",
         units=f"{RESULTS}/units.json",
@@ -260,7 +260,7 @@ rule constraint_subspaces:
 
 
 rule landing_maps:
-    """Fit the maps through the landing, with the effects of noise and curvature removed."""
+    """Fit the maps through the landing, rid of noise and curvature."""
     input:
         pairs=f"{RESULTS}/pairs.h5",
         units=f"{RESULTS}/units.json",
@@ -282,7 +282,7 @@ rule landing_maps:
 
 
 rule verdict:
-    """Judge whether the map through the landing is C1: effect size, interval and bound."""
+    """Judge whether the map is C1: effect size, interval and bound."""
     input:
         pairs=f"{RESULTS}/pairs.h5",
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
@@ -305,7 +305,7 @@ rule verdict:
 
 
 rule inspection:
-    """Look for faults in the recordings; runs beside the search for contacts and sections."""
+    """Look for faults in the recordings, beside the search for contacts."""
     input:
         imported=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
     output:

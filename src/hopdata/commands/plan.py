@@ -1,4 +1,4 @@
-"""``hopdata plan``: how many landings show a difference, from the verdict on a pilot."""
+"""``hopdata plan``: how many landings show a difference, from a pilot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hopdata.errors import ConfigError
 
 
 def plan(options: argparse.Namespace) -> int:
-    """Print a table of differences and the landings that show them; draw the curve on request."""
+    """Print differences and the landings that show them; draw them on request."""
     from hopdata.maps.verdict.effect import landings_needed
 
     file = options.pilot

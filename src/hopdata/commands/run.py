@@ -1,4 +1,4 @@
-"""``hopdata run``: a study or a group in this folder, and a study again from its record."""
+"""``hopdata run``: a study or a group, or a study again from its record."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class _Run:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a study or a group in the current folder; report its results and their place."""
+    """Run a study or a group in this folder; report its results and their place."""
     if options.provenance is not None:
         return _run_again(options)
     asked = _asked(options.config)
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _asked(config: Path | None) -> _Run:
-    """Return what a configuration asks for; that of the bundled sample if none is given."""
+    """Return what a configuration asks for; if none is given, the bundled one."""
     from hopdata.config.loading import load_config, read_yaml
 
     if config is None:
@@ -92,7 +92,7 @@ def _asked(config: Path | None) -> _Run:
 
 
 def _require_stage(name: str, asked: _Run) -> None:
-    """Refuse a name that is no stage, and a stage of a group, whose studies run whole."""
+    """Refuse a name that is no stage, and a group, whose studies run whole."""
     if asked.snakefile == GROUP:
         wanted = "the configuration of a study, as those of a group run whole"
         raise ConfigError.at("--until", wanted, f"a group, {asked.study}")
@@ -126,7 +126,7 @@ def _print_answer(asked: _Run) -> None:
 
 
 def _run_again(options: argparse.Namespace) -> int:
-    """Repeat the study of a ``provenance.json`` as ``STUDY_again``, and compare all tables."""
+    """Repeat the study of a ``provenance.json``, and compare all tables."""
     import yaml
 
     from hopdata import __version__
@@ -173,7 +173,7 @@ def _require_sound(place: Path, config: dict[str, Any]) -> None:
 
 
 def _provenance(file: Path) -> dict[str, Any]:
-    """Return the content of a ``provenance.json`` of this version, with values of the right kinds.
+    """Return the content of a ``provenance.json`` of this version, once checked.
 
     The version comes first, since other versions may record other things.
     """
@@ -206,7 +206,7 @@ def _value(file: Path, key: str, kind: type) -> Any:
 
 
 def bring_bundled(config: Path) -> None:
-    """Copy a configuration that only the installation has, and the files that it names."""
+    """Copy a configuration of the installation, and the files that it names."""
     bundled = SNAKEFILE.parent / config
     if config.exists() or config.is_absolute() or not bundled.is_file():
         return

@@ -1,4 +1,4 @@
-"""``hopdata doctor`` and ``hopdata clean``: what an installation needs, and old results."""
+"""``hopdata doctor`` and ``clean``: what an installation needs; old results."""
 
 from __future__ import annotations
 
@@ -33,12 +33,13 @@ PAGE_OF_RESULTS = "README.md"
 
 
 def doctor(_options: argparse.Namespace) -> int:
-    """Report versions, cores, memory, caches and space; exit code 1 if any is insufficient."""
+    """Report versions, cores, memory, caches and space; code 1 if any lacks."""
     here = Path.cwd()
     versions = {name: version_of(name) for name in REPORTED}
     compiled = _n_compiled()
+    machine = f"{platform.system()} {platform.machine()}"
     facts = {
-        "python": f"{platform.python_version()}, {platform.system()} {platform.machine()}",
+        "python": f"{platform.python_version()}, {machine}",
         **versions,
         **{
             name: f"{version_of(name)} (for {use} alone)"
@@ -70,7 +71,7 @@ def doctor(_options: argparse.Namespace) -> int:
 
 
 def _n_compiled() -> int:
-    """Return the number of functions whose machine code is kept, in all the places for it."""
+    """Return the number of functions whose machine code is kept."""
     import hopdata
 
     places = [Path(hopdata.__file__).parent, Path("~/.cache/hopdata").expanduser()]
@@ -104,7 +105,7 @@ def _memory() -> str:
 
 
 def clean(options: argparse.Namespace) -> int:
-    """Remove the results of a study, or with ``--all`` of all studies and Snakemake's data here."""
+    """Remove the results of a study; with ``--all`` all, and Snakemake's data."""
     if options.config is None and not options.all:
         raise ConfigError.at(
             "hopdata clean", "a CONFIG, or --all for every study", "none"

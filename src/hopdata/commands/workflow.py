@@ -1,4 +1,4 @@
-"""Snakemake as a process of its own: its options, its progress in plain lines, its errors."""
+"""Snakemake as a process: its options, its progress in plain lines, its errors."""
 
 from __future__ import annotations
 

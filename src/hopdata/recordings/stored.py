@@ -1,4 +1,4 @@
-"""Recordings as the stages keep them: with the truth, which only scoring reads again."""
+"""Recordings with their truth, which only scoring reads again."""
 
 from pathlib import Path
 
