@@ -17,7 +17,13 @@ from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.derived import ask_derived, goes_back
-from hopdata.hybrid.driver.loop import END_STATE, many_entry
+from hopdata.hybrid.driver.loop import (
+    END_STATE,
+    Request,
+    Results,
+    Starts,
+    many_entry,
+)
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
 
@@ -310,11 +316,9 @@ def solve_batch(
                         work.desk,
                         done,
                         last,
-                        states,
-                        numbers,
-                        modes,
-                        *room.arrays,
-                        *options,
+                        Starts(states, numbers, modes),
+                        Results(*room.arrays),
+                        Request(*options),
                     )
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))

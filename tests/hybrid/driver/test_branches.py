@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import System, field, guard, guards, on_event, solve, solve_batch
-from hopdata.hybrid.driver.problem import is_due, scale_of_rest
+from hopdata.hybrid.driver.problem import is_due, scale_of_residual
 from hopdata.hybrid.layout import RATE_DIFFERS
 
 TOLERANCES = (1e-3, 1e-9)
@@ -109,8 +109,8 @@ def test_a_ball_that_flies_into_something_on_the_floor(declared, share, rtol):
 
 def test_what_counts_as_rounding_is_bounded():
     """A rest becomes the scale of rounding, but no more of it than the terms of h explain."""
-    assert is_due(-1e-12, 1.0, scale_of_rest(1e-12, 1e-9), 0.0) is False
-    assert is_due(-0.86, 1.0, scale_of_rest(0.86, 1e-9), 0.0) is True
+    assert is_due(-1e-12, 1.0, scale_of_residual(1e-12, 1e-9), 0.0) is False
+    assert is_due(-0.86, 1.0, scale_of_residual(0.86, 1e-9), 0.0) is True
 
 
 @pytest.mark.parametrize("share", [0.1, 0.02])
