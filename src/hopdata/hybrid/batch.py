@@ -286,7 +286,7 @@ def solve_batch(
     left, reason = np.arange(len(states)), "they were not requested"
     if len(states) >= LARGE if lanes is None else arguments.check_flag("lanes", lanes):
         from hopdata.hybrid.lanes.batch import lane_runner
-        from hopdata.hybrid.lanes.step import GIVEN_UP
+        from hopdata.hybrid.lanes.room import GIVEN_UP
 
         limits = np.empty(system.n_states)
         arguments.set_tolerance(limits, atol)
