@@ -78,8 +78,8 @@ def look_at_end(p: problem.Problem, m: Memory, t: float, resolution: float) -> N
     watch.gather_reached(p, m, at.H1, at.RATE1, resolution)
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
-        residual = -p.mode[k] * m.guards[at.H1, k]
-        rate = p.mode[k] * m.guards[at.RATE1, k]
+        residual = -problem.margin_of(p, m, k, at.H1)
+        rate = problem.margin_of(p, m, k, at.RATE1)
         if problem.is_leaving(m, k, rate, t - m.clock[at.T], resolution):
             problem.count_as_rounding(p, m, k, t, at.END, residual, rate, resolution)
 
@@ -96,7 +96,7 @@ def end_at(
     """Take the first part of the step; return the margin of guard k at its end."""
     take_part(p, m, m.clock[at.T], span, on_interpolant)
     look_at_end(p, m, m.clock[at.T] + span, resolution)
-    return p.mode[k] * m.guards[at.H1, k]
+    return problem.margin_of(p, m, k, at.H1)
 
 
 # Landing: the length of the step at which it ends on a surface.
@@ -111,12 +111,12 @@ def nearest_surface(p: problem.Problem, m: Memory, k: int) -> tuple[float, int]:
     """
     shift = 0.0
     nearest = k
-    if p.mode[k] * m.guards[at.RATE1, k] < 0.0:
+    if problem.margin_of(p, m, k, at.RATE1) < 0.0:
         shift = -m.guards[at.H1, k] / m.guards[at.RATE1, k]
     for a in range(m.counts[at.N_NEAR]):
         j = m.lists[at.NEAR, a]
-        value = p.mode[j] * m.guards[at.H1, j]
-        rate = p.mode[j] * m.guards[at.RATE1, j]
+        value = problem.margin_of(p, m, j, at.H1)
+        rate = problem.margin_of(p, m, j, at.RATE1)
         if rate < 0.0 and value < 0.0 and -value / rate < shift:
             shift = -value / rate
             nearest = j
@@ -266,8 +266,8 @@ def flips_by_rounding(
     jumps there, and the step has ended before the jump: the next step begins before it,
     and finds it.
     """
-    margin = p.mode[k] * m.guards[at.H1, k]
-    rate = p.mode[k] * m.guards[at.RATE1, k]
+    margin = problem.margin_of(p, m, k, at.H1)
+    rate = problem.margin_of(p, m, k, at.RATE1)
     if not rate < 0.0:
         return False
     return margin <= problem.most_rounding(p, m, k, t, at.END, rate, resolution)
@@ -279,7 +279,7 @@ def set_sizes(p: problem.Problem, m: Memory, which: int) -> None:
     for a in range(m.counts[at.N_AWAKE + which]):
         k = m.lists[which, a]
         # What counts as rounding remains so until the guard has left its surface.
-        has_left = p.mode[k] * m.guards[at.H0, k] > 0.0
+        has_left = problem.margin_of(p, m, k, at.H0) > 0.0
         size = max(abs(m.guards[at.H0, k]), abs(m.guards[at.H1, k]))
         m.guards[at.SIZE, k] = max(size, m.guards[at.PARTS if has_left else at.SIZE, k])
 

@@ -223,7 +223,7 @@ def count_overshoot_as_rounding(
     the fraction HOVER of a step. If the instant turns such a guard back, it is at its
     surface.
     """
-    past = -p.mode[k] * m.guards[at.H0, k]
+    past = -problem.margin_of(p, m, k, at.H0)
     unsure = problem.CROWDED * resolution
     if m.counts[at.N_DUE] > 1:
         unsure = max(unsure, HOVER * (m.clock[at.T] - m.clock[at.SEGMENT]))
@@ -264,7 +264,7 @@ def stops_bouncing(p: problem.Problem, m: Memory, k: int) -> bool:
     """
     since = m.counts[at.INSTANTS] - m.flags[at.BOUNCED, k]
     here = m.flags[at.BOUNCED, k] > 0 and since <= m.counts[at.CROWD]
-    return here and p.mode[k] * m.guards[at.RATE0, k] >= 0.0
+    return here and problem.margin_of(p, m, k, at.RATE0) >= 0.0
 
 
 @kernel
@@ -285,11 +285,9 @@ def choose_next(p: problem.Problem, m: Memory, k: int, jumped: bool) -> None:
 @kernel
 def is_due_still(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
     """Return whether guard k flips now, by the values after the last handler."""
-    g = m.guards
-    lock = p.mode[k]
-    return problem.is_due(
-        lock * g[at.H0, k], lock * g[at.RATE0, k], g[at.SIZE, k], resolution
-    )
+    margin = problem.margin_of(p, m, k, at.H0)
+    rate = problem.margin_of(p, m, k, at.RATE0)
+    return problem.is_due(margin, rate, m.guards[at.SIZE, k], resolution)
 
 
 @kernel
@@ -343,11 +341,11 @@ def turns_back(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool
     Neighbours that meet the other guard first would cross it; those that meet guard k
     first would slide on it until they meet the other one.
     """
-    if p.mode[k] * m.guards[at.RATE0, k] <= 0.0:
+    if problem.margin_of(p, m, k, at.RATE0) <= 0.0:
         return True
     for a in range(m.counts[at.N_DUE]):
         j = m.lists[at.DUE, a]
-        away = p.mode[j] * m.guards[at.RATE0, j] >= 0.0
+        away = problem.margin_of(p, m, j, at.RATE0) >= 0.0
         if j != k and away and not is_due_still(p, m, j, resolution):
             return True
     return False

@@ -14,6 +14,7 @@ from hopdata.hybrid.driver.problem import (
     blur,
     eval_listed,
     is_leaving,
+    margin_of,
     time_resolution,
 )
 from hopdata.hybrid.driver.watch import (
@@ -292,7 +293,7 @@ def lowest_point(
     _, slope_low, _, slope_high = ends_between(m, k, lock, at.H0 + 2 * piece, last, 1.0)
     for tries in range(MAX_DIP):
         probe(p, m, dt, theta)
-        slope = lock * m.guards[at.RATE, k]
+        slope = margin_of(p, m, k, at.RATE)
         if slope < 0.0:
             low = theta
             slope_low = slope
@@ -324,7 +325,7 @@ def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
     while low > LEAVING:
         probe(p, m, dt, low)
         noise = blur(g[at.SIZE, k], g[at.RATE, k], resolution)
-        if p.mode[k] * g[at.H, k] > noise:
+        if margin_of(p, m, k, at.H) > noise:
             return low
         low *= 0.25
     return 0.0
@@ -343,7 +344,7 @@ def back(p: Problem, m: Memory, dt: float, k: int, end: float) -> float:
     while rate > -SURELY_BACK * first_rate and x < end:
         x = min(4.0 * x, end)
         probe(p, m, dt, x)
-        rate = p.mode[k] * m.guards[at.RATE, k]
+        rate = margin_of(p, m, k, at.RATE)
     if rate < first_rate:
         return min(2.0 * x * first_rate / (first_rate - rate), end)
     return end
@@ -356,8 +357,8 @@ def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
     At the start of such a step the sign of h is meaningless: acting on it would flip
     the guard back.
     """
-    margin = p.mode[k] * m.guards[at.H0, k]
-    rate = p.mode[k] * m.guards[at.RATE0, k]
+    margin = margin_of(p, m, k, at.H0)
+    rate = margin_of(p, m, k, at.RATE0)
     noise = blur(m.guards[at.SIZE, k], rate, time_resolution(m.clock[at.T], dt))
     return margin <= 0.0 or (margin <= noise and rate > 0.0)
 
@@ -408,17 +409,16 @@ def crossing(
     the piece. Its cubic is clear at `low`. If it is still at the surface of its last
     flip, the interpolant decides where it is clear.
     """
-    lock = p.mode[k]
     x1 = (piece + 1) * m.clock[at.PIECE]
     last = check_point(m, piece + 1)
-    g1 = lock * m.guards[last, k]
-    d1 = lock * m.guards[last + 1, k] * dt
+    g1 = margin_of(p, m, k, last)
+    d1 = margin_of(p, m, k, last + 1) * dt
     end = min(end, x1)
     if just_left(p, m, dt, k):
         low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * end)
         if low == 0.0:
             m.counts[at.LOW] = 1
-            if lock * m.guards[at.RATE0, k] > 0.0:
+            if margin_of(p, m, k, at.RATE0) > 0.0:
                 return back(p, m, dt, k, end)
             return 0.0
     x = guess
@@ -427,8 +427,8 @@ def crossing(
         if not low < x < high:
             x = 0.5 * (low + high)
         probe(p, m, dt, x)
-        g = lock * m.guards[at.H, k]
-        d = lock * m.guards[at.RATE, k] * dt
+        g = margin_of(p, m, k, at.H)
+        d = margin_of(p, m, k, at.RATE) * dt
         if g > 0.0:
             low = x
         else:

@@ -1,4 +1,10 @@
-"""The problem that is integrated, and the evaluation of its field and guards."""
+"""The problem that is integrated, and the evaluation of its field and guards.
+
+Throughout the driver, `p` is the problem, `m` the memory, `out` the output and `log`
+the log of events; k is the number of a guard. The names from `layout` are rows of their
+tables: ``m.guards[at.H1, k]`` is guard k at the end of the step, and a parameter such
+as `y`, `h` or `rate` is the number of a row.
+"""
 
 from typing import NamedTuple
 
@@ -218,6 +224,12 @@ CROWDED = 1000
 MOST_ROUNDINGS = 1000.0
 
 
+@kernel
+def margin_of(p: Problem, m: Memory, k: int, row: int) -> float:
+    """Return the margin of guard k, or its rate, from a row of the guards."""
+    return p.mode[k] * m.guards[row, k]
+
+
 @kernel_in_loop
 def way(i: int) -> float:
     """Return component i of a fixed direction that shows in nearly all guards.
@@ -266,14 +278,12 @@ def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int
 
     Their values and rates are in rows `h` and `rate`.
     """
-    g = m.guards
     total = 0
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
-        lock = p.mode[k]
-        margin = lock * g[h, k]
-        margin_rate = lock * g[rate, k]
-        if is_due(margin, margin_rate, g[at.SIZE, k], resolution):
+        margin = margin_of(p, m, k, h)
+        margin_rate = margin_of(p, m, k, rate)
+        if is_due(margin, margin_rate, m.guards[at.SIZE, k], resolution):
             m.lists[at.DUE, total] = k
             total += 1
     m.counts[at.N_DUE] = total
@@ -413,7 +423,7 @@ def remember_residuals(
     """
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
-        residual = p.mode[k] * m.guards[h, k]
+        residual = margin_of(p, m, k, h)
         count_as_rounding(p, m, k, t, y, residual, m.guards[rate, k], resolution)
 
 

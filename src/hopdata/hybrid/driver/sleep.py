@@ -20,29 +20,29 @@ WIDTH = 4  # children of a node
 
 
 @kernel
-def put(m: Memory, place: int, k: int, wake_at: float) -> None:
-    """Put guard k at one place of the heap."""
-    m.lists[at.HEAP, place] = k
-    m.wake_at[place] = wake_at
+def put(m: Memory, node: int, k: int, wake_at: float) -> None:
+    """Put guard k at a node of the heap."""
+    m.lists[at.HEAP, node] = k
+    m.wake_at[node] = wake_at
 
 
 @kernel
 def push(m: Memory, k: int, wake_at: float) -> None:
     """Put guard k into the heap."""
-    place = m.counts[at.N_ASLEEP]
+    node = m.counts[at.N_ASLEEP]
     m.counts[at.N_ASLEEP] += 1
-    while place > 0:
-        above = (place - 1) // WIDTH
+    while node > 0:
+        above = (node - 1) // WIDTH
         if m.wake_at[above] <= wake_at:
             break
-        put(m, place, m.lists[at.HEAP, above], m.wake_at[above])
-        place = above
-    put(m, place, k, wake_at)
+        put(m, node, m.lists[at.HEAP, above], m.wake_at[above])
+        node = above
+    put(m, node, k, wake_at)
 
 
 @kernel
 def least_below(m: Memory, first: int, size: int) -> int:
-    """Return the place whose guard must wake first, of up to four from `first` on."""
+    """Return the node that must wake first, of up to four from `first` on."""
     w = m.wake_at
     if first + WIDTH <= size:
         # A tournament of four, whose additions need no branches.
@@ -50,9 +50,9 @@ def least_below(m: Memory, first: int, size: int) -> int:
         right = first + 2 + (1 if w[first + 3] < w[first + 2] else 0)
         return right if w[right] < w[left] else left
     least = first
-    for place in range(first + 1, size):
-        if w[place] < w[least]:
-            least = place
+    for node in range(first + 1, size):
+        if w[node] < w[least]:
+            least = node
     return least
 
 
@@ -60,16 +60,16 @@ def least_below(m: Memory, first: int, size: int) -> int:
 def replace_first(m: Memory, k: int, wake_at: float) -> None:
     """Replace the guard at the top of the heap by guard k."""
     size = m.counts[at.N_ASLEEP]
-    place = 0
+    node = 0
     below = 1  # first of its children
     while below < size:
         least = least_below(m, below, size)
         if wake_at <= m.wake_at[least]:
             break
-        put(m, place, m.lists[at.HEAP, least], m.wake_at[least])
-        place = least
+        put(m, node, m.lists[at.HEAP, least], m.wake_at[least])
+        node = least
         below = WIDTH * least + 1
-    put(m, place, k, wake_at)
+    put(m, node, k, wake_at)
 
 
 @kernel
@@ -189,8 +189,8 @@ def travel_on(p: Problem, m: Memory, dt: float) -> None:
 @kernel
 def wake_all(m: Memory) -> None:
     """Wake all guards, because the state has jumped."""
-    for place in range(m.counts[at.N_ASLEEP]):
-        k = m.lists[at.HEAP, place]
+    for node in range(m.counts[at.N_ASLEEP]):
+        k = m.lists[at.HEAP, node]
         m.guards[at.SIZE, k] = 0.0
         m.guards[at.BEND, k] = 0.0
     m.counts[at.N_ASLEEP] = 0

@@ -135,9 +135,9 @@ def choose_after_step(p: Problem, m: Memory) -> None:
 @kernel
 def affine_step(p: Problem, m: Memory) -> float:
     """Return the first step in an affine mode: to the end, if its motion allows."""
-    left = p.t_end - m.clock[at.T]
+    remaining = p.t_end - m.clock[at.T]
     shortest = MANY * time_resolution(m.clock[at.T], 0.0)
-    return min(left, max(m.states[LONGEST, 0], shortest))
+    return min(remaining, max(m.states[LONGEST, 0], shortest))
 
 
 @kernel
@@ -276,15 +276,15 @@ def accepted_step(p: Problem, m: Memory) -> float:
     NEXT_DT. Returns the size of the step, or a negative status on failure.
     """
     t = m.clock[at.T]
-    left = p.t_end - t
+    remaining = p.t_end - t
     order = float(p.methods[m.counts[at.METHOD], at.ORDER])
     proposed = min(m.clock[at.NEXT_DT], p.max_step)
     dt = clipped(p, m, proposed)
     shrink = 1.0
     reason = float(at.STEP_UNDERFLOW)
     while True:
-        if dt * ALMOST_THERE >= left:
-            dt = left
+        if dt * ALMOST_THERE >= remaining:
+            dt = remaining
         if shrink < 1.0 and dt <= STEP_FLOOR * abs(t):
             return reason
         error = take_step(p, m, t, dt)

@@ -17,6 +17,7 @@ from hopdata.hybrid.driver.problem import (
     awake,
     blur,
     eval_guards,
+    margin_of,
     time_resolution,
 )
 from hopdata.hybrid.driver.sleep import wake_for
@@ -325,11 +326,9 @@ def clipped_by_coming(p: Problem, m: Memory, dt: float) -> float:
 @kernel
 def clipped_by(p: Problem, m: Memory, k: int, dt: float) -> float:
     """Return `dt`, or slightly more than the time to the flip of guard k if earlier."""
-    g = m.guards
-    lock = p.mode[k]
-    margin = lock * g[at.H0, k]
-    rate = lock * g[at.RATE0, k]
-    bend = lock * g[at.BEND, k]
+    margin = margin_of(p, m, k, at.H0)
+    rate = margin_of(p, m, k, at.RATE0)
+    bend = margin_of(p, m, k, at.BEND)
     if after(margin, rate, bend, dt) > 0.0:
         return dt
     time = OVERSHOOT * flip_time(max(margin, 0.0), rate, bend)

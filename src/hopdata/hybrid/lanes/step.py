@@ -231,12 +231,12 @@ def choose_steps(aimed: int, often: Any, r: Any) -> tuple[Any, Any]:
     A step in one of the lanes `aimed` is repeated up to a flip, and not stretched.
     """
     t = r.course[TIME]
-    left = r.t_end - t
+    remaining = r.t_end - t
     h = least(r.course[NEXT_STEP], r.max_step)
     if bits(often) != 0:
         h = where(often, clipped(t, h, r.course[LAST_STEP], r), h)
-    to_the_end = h * where(mask_of(aimed), 1.0, ALMOST_THERE) >= left
-    return where(to_the_end, left, h), to_the_end
+    to_the_end = h * where(mask_of(aimed), 1.0, ALMOST_THERE) >= remaining
+    return where(to_the_end, remaining, h), to_the_end
 
 
 @kernel
