@@ -283,10 +283,10 @@ def carry_guards(p: Problem, m: Memory, dt: float) -> None:
 @kernel
 def flip_time(g: float, d: float, c: float) -> float:
     """Return when g + d t + c t^2 / 2 falls through zero; 0 if it does not."""
-    room = d * d - 2.0 * g * c
-    if room <= 0.0:
+    discriminant = d * d - 2.0 * g * c
+    if discriminant <= 0.0:
         return 0.0
-    root = sqrt(room)
+    root = sqrt(discriminant)
     if d < 0.0:
         return 2.0 * g / (root - d)
     if c < 0.0:
