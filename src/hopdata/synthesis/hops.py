@@ -262,7 +262,7 @@ def led_to(hop: Hop, end_state: FloatArray, times_s: FloatArray) -> Hop:
 def pose_rate(state: FloatArray) -> FloatArray:
     """Return the rates of position and of yaw, pitch and roll, (6,), m/s and rad/s."""
     return np.concatenate(
-        [state[6:9], euler_rates.py_func(state[4], state[5], *state[9:12])]
+        [state[6:9], euler_rates.py_func(state[4], state[5], state[9:12])]
     )
 
 
