@@ -37,7 +37,6 @@ import numba
 import numpy as np
 from numba import NumbaError, config, njit
 from numba.core import caching
-from platformdirs import user_cache_path
 
 from hopdata.seal import Seal, seal_for, seal_of
 
@@ -255,12 +254,19 @@ def _candidates(function: Function, chosen_by_user: str) -> Iterator[Path]:
     ):  # typed at a prompt, so Numba has no file to check the cache against
         return
     yield Path(chosen_by_user or source.parent / "__pycache__")
-    users = user_cache_path("hopdata", appauthor=False)
-    if (
-        users.is_absolute()
-    ):  # without a home the path is relative to the working directory
-        yield users
+    yield from _users()
     yield from _temporary()
+
+
+def _users() -> Iterator[Path]:
+    """Yield the user's cache folder, if there is a home and a package that knows it."""
+    try:
+        from platformdirs import user_cache_path
+    except ModuleNotFoundError:  # the integrator on its own does not need it
+        return
+    users = user_cache_path("hopdata", appauthor=False)
+    if users.is_absolute():  # without a home it is relative to the working directory
+        yield users
 
 
 def _temporary() -> Iterator[Path]:

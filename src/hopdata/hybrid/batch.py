@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.callbacks import Caught
+from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.derived import ask_derived, goes_back
 from hopdata.hybrid.driver.loop import END_STATE, many_entry
 from hopdata.hybrid.system import System

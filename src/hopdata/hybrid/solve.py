@@ -13,7 +13,7 @@ from hopdata.errors import told_call
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import expect
-from hopdata.hybrid.compiled.callbacks import catch, stop_catching
+from hopdata.hybrid.compiled.caught import catch, stop_catching
 from hopdata.hybrid.derived import ask_derived, goes_back
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import arguments, layout
 from hopdata.hybrid.arguments import Limits
-from hopdata.hybrid.compiled.callbacks import Caught
+from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.solution import EventLog, Form, Solution, event_log
