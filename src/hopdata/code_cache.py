@@ -190,12 +190,13 @@ def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
     ignored if Numba is set to a certain processor.
     """
     file = BROUGHT / f"{function.__name__}-{digest}"
-    if (
-        config.CPU_NAME
-        or config.CPU_FEATURES
-        or not config.ENABLE_AVX
-        or not file.is_file()
-    ):  # type: ignore[attr-defined]
+    numba_settings: Any = config
+    for_certain_processor = (
+        numba_settings.CPU_NAME
+        or numba_settings.CPU_FEATURES
+        or not numba_settings.ENABLE_AVX
+    )
+    if for_certain_processor or not file.is_file():
         return None
     if seal_of(file) is Seal.BROKEN:
         return None

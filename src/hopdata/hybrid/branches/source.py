@@ -367,6 +367,6 @@ def _literal(node: ast.AST) -> float | None:
         number = _literal(node.operand)
         return None if number is None else -number
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        number = node.value
-        return float(number) if math.isfinite(number) else None
+        value = float(node.value)  # type: ignore[arg-type]
+        return value if math.isfinite(value) else None
     return None
