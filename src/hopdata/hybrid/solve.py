@@ -189,7 +189,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
                 jacobian,
                 memory,
                 dense_output,
-                keep_events=keep_events or callable(events),
+                keep_events or callable(events),
             )
         flags = 0
         if mode is not None:

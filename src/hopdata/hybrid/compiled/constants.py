@@ -75,10 +75,7 @@ class Constants:
             found = _content(cell)
             if found is not value and not _same(found, value):
                 return False
-        for array, _, kept in self._arrays:
-            if array.tobytes() != kept:
-                return False
-        return True
+        return all(array.tobytes() == kept for array, _, kept in self._arrays)
 
     def changed(self) -> tuple[str, ...]:
         """Return the names whose values have changed."""
