@@ -233,7 +233,7 @@ def in_python(system: System) -> System:
 
 
 def goes_back(t_span: Any) -> bool:
-    """Return whether a time span ends before its start; False if it is not a time span."""
+    """Return whether a time span ends before its start; False if it is none."""
     try:
         start, end = t_span
         return float(end) < float(start)

@@ -64,7 +64,7 @@ class EventLog(Told):
         mode: IntArray,
         guard_names: tuple[str, ...],
     ) -> EventLog:
-        """Return the log of events that were found in another way, from its properties."""
+        """Return the log of events that were found in another way."""
         n_events, n_modes = np.shape(mode)
         places = np.tile(np.arange(n_modes), n_events)
         values = np.asarray(mode, dtype=np.int64).ravel()
@@ -131,7 +131,7 @@ class EventLog(Told):
         return np.hstack([self.rows[:, :CHANGES], self.before, self.after, modes])
 
     def of(self, guard: str, *, direction: int = 0) -> EventLog:
-        """Return the events of one guard, in one direction only if `direction` is not 0.
+        """Return the events of one guard, in one direction unless that is 0.
 
         Raises
         ------
@@ -281,7 +281,7 @@ class Solution(Told):
 
     @cached_property
     def _pieces(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Times between steps, states before and after them, and in steps (N, K + 1, n)."""
+        """Times between steps, states before and after them, and (N, K + 1, n) inside."""
         assert self.dense is not None
         count, rows = self.dense
         table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)
@@ -330,7 +330,7 @@ class Solution(Told):
 
     @cached_property
     def y(self) -> FloatArray:
-        """States at the times `t`; (n, N). At an event's instant, the state after it."""
+        """States at the times `t`, (n, N); at an event's instant the one after it."""
         return self._table[:, 1 : 1 + self.form.shown].T.copy()
 
     @property

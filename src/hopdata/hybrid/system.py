@@ -137,7 +137,7 @@ class System(Told):
         expect(fits, name, f"{self.n_guards} entries", len(values))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what pickle stores: the description, and nothing that is made from it."""
+        """Return what pickle stores: the description, nothing that is made from it."""
         described = {one.name: getattr(self, one.name) for one in fields(self)}
         return _described, (type(self), described)
 
@@ -180,7 +180,7 @@ class System(Told):
 
     @cached_property
     def rules(self) -> NDArray[np.int64]:
-        """Event directions, terminal counts and the direction of time, (3, n_guards)."""
+        """Event directions, terminal counts and direction of time, (3, n_guards)."""
         none = (0,) * self.n_guards
         directions = self.directions or none
         terminal = self.terminal or none
@@ -195,7 +195,7 @@ class System(Told):
 
     @cached_property
     def constants(self) -> Constants:
-        """What the machine code of its functions is made from, besides their own text."""
+        """What its functions' machine code is made from, besides their own text."""
         return Constants().joined(one.constants for one in self._all_callbacks)
 
     @property
@@ -243,7 +243,7 @@ class System(Told):
 
     @cached_property
     def branches(self) -> Branches:
-        """Code of the guards for ranges, by which the driver finds where they branch."""
+        """Code of the guards for ranges, by which the driver finds their branches."""
         return branches_of(self.guards or self.guard)
 
     @cached_property

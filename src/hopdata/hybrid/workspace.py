@@ -150,7 +150,7 @@ class Workspace:
         self._lay_out(layout.STATE_TABLE, self._states)
 
     def _make_desk(self, n_params: int) -> None:
-        """Make a desk, then room for initial state, parameters and the scene's memory."""
+        """Make a desk, then room for state, parameters and the scene's memory."""
         n_slots = layout.DESK_SLOTS
         n_numbers = n_params + self._n_memory
         block = np.zeros(n_slots + self._n_states + n_numbers)
@@ -320,7 +320,7 @@ class Workspace:
         self.tangent[:n] = np.eye(n)
 
     def forget_samples(self) -> None:
-        """Lay out the workspace's own sample array again after another array was used."""
+        """Lay out the workspace's own sample array again after another was used."""
         self._lay_out(layout.WANTED, self._wanted, self._samples)
 
     def _take(self, methods: MethodTable) -> None:
@@ -450,7 +450,7 @@ class Workspace:
         self._lay_out(layout.LOGGED, self._logged)
 
     def _make_event_room(self, count: int) -> None:
-        """Make and lay out room for events, with fewer of them if the states are long."""
+        """Make and lay out room for events, for fewer if the states are long."""
         most = max(1, LARGEST_ROOM // self._event_width)
         self._log = np.empty((min(count, most), self._event_width))
         self._log_size = self._log.strides[0]
@@ -468,7 +468,7 @@ class Workspace:
         self._lay_out(layout.CHANGE_TABLE, room)
 
     def _lay_out(self, first: int, *arrays: NDArray[Any]) -> None:
-        """Write the address and width of each array on the desk, from slot `first` on."""
+        """Write address and width of each array on the desk, from slot `first` on."""
         for slot, array in enumerate(arrays):
             place = first + 2 * slot
             self.desk[place] = array.ctypes.data
@@ -476,7 +476,7 @@ class Workspace:
 
 
 class Pool(list[Workspace]):
-    """Workspaces that are not in use. A thread takes one, or makes one, and gives it back.
+    """Workspaces not in use. A thread takes one, or makes one, and gives it back.
 
     A copy of a pool is empty, because a workspace holds the addresses of its own
     arrays.

@@ -167,7 +167,7 @@ def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> Wrench:
 def total_wrench(
     y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray
 ) -> tuple[Wrench, int]:
-    """Return total force and torque of the legs in contact, body axes, and their number."""
+    """Return force and torque of the legs in contact, body axes, and their number."""
     fx = fy = fz = 0.0
     tx = ty = tz = 0.0
     standing = 0
@@ -307,7 +307,7 @@ def hopper_guards(
 def hopper_event(
     _t: float, _y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Release the legs once all stand, re-arm one that lifts off, stop at apex or fall."""
+    """Release the legs once all stand, re-arm one that lifts off, stop if due."""
     return int(after_event(mode, int(p[at.N_LEGS]), guard, direction))
 
 

@@ -75,7 +75,7 @@ def control_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot` as for the hopper, but with the legs' guards ahead in time."""
+    """Fill `h` and `hdot` as for the hopper, with the legs' guards ahead in time."""
     _guards(t, y, dy, mode, p, h, hdot)
     rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
     for leg in range(int(p[at.N_LEGS])):
@@ -114,7 +114,7 @@ def take_normal_velocity(
 def control_event(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Handle events as the hopper does, but a foot that touches loses normal velocity."""
+    """Handle events as the hopper does, but take normal velocity at touchdown."""
     if guard < int(p[at.N_LEGS]) and direction > 0 and p[IMPULSE] > 0.0:
         take_normal_velocity(t, y, guard, p[IMPULSE], p)
     return int(_event(t, y, mode, p, guard, direction))
@@ -122,7 +122,7 @@ def control_event(
 
 @cache
 def control_system(n_legs: int = 3) -> System:
-    """Return the hybrid system of the control, with guards and modes of `hopper_system`."""
+    """Return the system of the control, with guards and modes of `hopper_system`."""
     return replace(
         hopper_system(n_legs),
         field=control_field,
@@ -176,7 +176,7 @@ class HopperDrag:
 def drag_field(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
 ) -> None:
-    """Fill `dy` with the state's rate, including the board's drag while it is touched."""
+    """Fill `dy` with the state's rate, with the board's drag while it is touched."""
     rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
     (force, torque), standing = total_wrench(y, mode[1:], rot, p)
     ux = p[DIRECTION_X]
@@ -206,7 +206,7 @@ def drag_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot`: distance past the board's front, then the hopper's guards."""
+    """Fill `h` and `hdot`: distance past the board's front, then the hopper's."""
     h[0] = y[0] * p[DIRECTION_X] + y[1] * p[DIRECTION_Y] - p[FRONT]
     hdot[0] = dy[0] * p[DIRECTION_X] + dy[1] * p[DIRECTION_Y]
     _guards(t, y, dy, mode[1:], p, h[1:], hdot[1:])
@@ -216,7 +216,7 @@ def drag_guards(
 def drag_event(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Handle events as the hopper does; the board does not affect the state of the legs."""
+    """Handle events as the hopper does; the board does not affect the legs."""
     if guard == 0:
         return 0
     return int(_event(t, y, mode[1:], p, guard - 1, direction))
@@ -224,7 +224,7 @@ def drag_event(
 
 @cache
 def drag_system(n_legs: int = 3) -> System:
-    """Return the system of a hopper with a board: `hopper_system` with a guard before."""
+    """Return the system of a hopper with a board, whose guard comes first."""
     plain = hopper_system(n_legs)
     return replace(
         plain,

@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 class HopperParameters(Scene):
     """A rigid chassis on evenly spaced, preloaded springy legs, with a boom.
 
-    A counterweight is at the end of the boom. With the defaults it hops like the dissertation's robot: 0.63 s per hop, 0.24 m
-    high, with contacts some 10 ms apart. The origin of the body axes is the chassis'
-    centre of mass; z points up and x towards the first leg.
+    A counterweight is at the end of the boom. With the defaults it hops like the
+    dissertation's robot: 0.63 s per hop, 0.24 m high, with contacts some 10 ms apart.
+    The origin of the body axes is the chassis' centre of mass; z points up and x
+    towards the first leg.
 
     Parameters
     ----------
@@ -145,7 +146,7 @@ class HopperParameters(Scene):
         return np.column_stack([x, y, np.full(len(times_s), self.boom_height_m)])
 
     def after(self, time_s: float) -> Self:
-        """Return the hopper with its boom where it is at `time_s`, about to swing back."""
+        """Return the hopper with its boom where it is at `time_s`, to swing back."""
         angle = float(self._boom_angles(time_s))
         return replace(self, boom_angle_rad=angle, boom_swing_rad=-self.boom_swing_rad)
 
@@ -154,7 +155,7 @@ class HopperParameters(Scene):
         return replace(self, boom_swing_rad=0.0)
 
     def by_hop(self, count: int) -> Iterator[tuple[Self, IntArray]]:
-        """Yield, for each starting angle of the boom, the hopper and its hops' indices."""
+        """Yield, for each starting angle of the boom, the hopper and its hops."""
         if self.boom_swing_rad == 0:
             yield from super().by_hop(count)
             return

@@ -95,7 +95,7 @@ def rest_place(leg: int, p: FloatArray) -> Vector:
 def rest_motion(
     leg: int, y: FloatArray, rot: Rotation, p: FloatArray
 ) -> tuple[Vector, Vector]:
-    """Return a rest foot's position relative to O, m, and its velocity, m/s, world axes."""
+    """Return a rest foot's place relative to O, m, and velocity, m/s, world axes."""
     foot = rest_place(leg, p)
     moved = turned(rot, cross(angular_velocity(y), foot))
     velocity = (y[6] + moved[0], y[7] + moved[1], y[8] + moved[2])
@@ -171,7 +171,7 @@ def quadruped_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot`: each leg's reach minus its foot's height, climb rate, tilt."""
+    """Fill `h` and `hdot`: each leg's reach minus its height, climb rate, tilt."""
     rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
     tx, ty, tz = vertical_rate(y, dy, rot)
     for leg in range(N_LEGS):
@@ -191,7 +191,7 @@ def quadruped_guards(
 def quadruped_event(
     _t: float, y: FloatArray, mode: IntArray, _p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Release the legs once all stand, free a foot that lifts off, stop at apex or fall."""
+    """Release the legs once all stand, free a foot that lifts off, stop if due."""
     if guard < N_LEGS and direction < 0:
         y[N_STATES + 2 * guard] = 0.0
         y[N_STATES + 2 * guard + 1] = 0.0

@@ -22,7 +22,7 @@ Function = Callable[..., Any]
 
 
 class Callback:
-    """A user's function, compiled when its address is first requested, then cached on disk.
+    """A user's function, compiled when its address is first requested, then cached.
 
     If Numba cannot compile it, the machine code calls back into Python, which is much
     slower and gives the same results. Calling the object runs the plain Python
@@ -78,11 +78,11 @@ class Callback:
 
     @property
     def compiled(self) -> bool:
-        """Whether the machine code is that of the function itself, not a call into Python."""
+        """Whether the machine code is the function's own, not a call into Python."""
         return self._compiled is not None
 
     def check_lengths(self, **lengths: int) -> None:
-        """Raise ValueError if the code uses a literal index beyond an array's length."""
+        """Raise ValueError if the code uses a literal index beyond an array's end."""
         for position, number in self._subscripts.items():
             name = self.signature.arguments[position]
             if name in lengths and number >= lengths[name]:
@@ -224,7 +224,7 @@ def _declared(kind: str, function: Function | None, compiled: bool) -> Any:
 
 
 def field(function: Function | None = None, *, compiled: bool = True) -> Any:
-    """Declare a vector field ``field(t, y, mode, params, dy)``, which fills `dy` in place.
+    """Declare a vector field ``field(t, y, mode, params, dy)``, which fills `dy`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Exceptions of the user's functions, collected because machine code cannot pass them on.
+"""Exceptions of the user's functions, collected, as machine code cannot pass them on.
 
 Each thread collects its own, so that integrations in threads do not see each other's
 exceptions.

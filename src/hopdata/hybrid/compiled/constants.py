@@ -199,7 +199,7 @@ def _may_vary(value: Any) -> bool:
 
 
 def _may_change(array: np.ndarray[Any, Any]) -> bool:
-    """Return whether an array can be written to, by itself or as part of another one."""
+    """Return whether an array can be written to, itself or as part of another."""
     return array.flags.writeable or array.base is not None
 
 

@@ -144,8 +144,8 @@ def warn_slow(
     """Warn, at the function's source location, that it runs as plain Python."""
     code = getattr(function, "__code__", None)
     text = (
-        f"{place(function, signature)} runs as plain Python, many times slower, because "
-        f"Numba cannot compile it: {reason}. To fix it, {advice}, or declare it by "
+        f"{place(function, signature)} runs as plain Python, many times slower, "
+        f"because Numba cannot compile it: {reason}. To fix it, {advice}, or declare it by "
         f"@{signature.name}(compiled=False) to silence this warning."
     )
     if code is None:

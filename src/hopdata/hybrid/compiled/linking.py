@@ -62,7 +62,7 @@ class _Library(JITCodeLibrary):
             self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code for a library of Numba's, which links its direct callees only."""
+        """Return the code for a library of Numba's, which links direct callees only."""
         if self._linking_libraries:
             self._link()
             self._shared_module = None

@@ -149,7 +149,7 @@ int_table = _view_at(View(types.int64, 2))
 
 
 class FirstTried(AbstractTemplate):
-    """Meaning of an operator for our types, tried before all that Numba defines for it."""
+    """Meaning of an operator for our types, tried before all that Numba defines."""
 
     metadata = {"target": "cpu"}  # noqa: RUF012
 
@@ -221,7 +221,7 @@ def lower_array(
 
 
 def _from_row_on(ndim: int) -> Any:
-    """Return a function that makes an array from a table's row, or a square from it on."""
+    """Return a function that makes an array from a table's row, or a square block."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         return lower_array(context, builder, sign.args[0], values[0], values[1], ndim)
@@ -421,7 +421,8 @@ def caller(native: Any, *plan: tuple[Any, Passed]) -> Callable[..., Any]:
         return result
 
     sign = native.return_type(INDEX, *kinds)
-    return built(1 + len(kinds), lambda *_: (sign, generate))  # type: ignore[no-any-return]
+    made: Callable[..., Any] = built(1 + len(kinds), lambda *_: (sign, generate))
+    return made
 
 
 # A product and a sum, rounded once.

@@ -181,7 +181,7 @@ def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
 
 
 def cross(system: System, at: Instant, guard: int) -> Instant:
-    """Return the hybrid state after a guard is crossed: lock flipped and handler run."""
+    """Return the hybrid state after a guard is crossed and its handler has run."""
     y = at.y.copy()
     mode = at.mode.copy()
     params = at.params.copy()

@@ -1,4 +1,4 @@
-"""Saltation matrices: what a guard's crossing does to a small deviation of the state."""
+"""Saltation matrices: what a guard's crossing does to a small deviation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -87,7 +87,7 @@ BESIDE = 1e-7
 def crossing(
     system: System, here: Linearisation, guard: int, scale: FloatArray
 ) -> tuple[FloatArray, Linearisation]:
-    """Return the saltation matrix of a guard's crossing, and the linearisation after it.
+    """Return the saltation matrix of a crossing, and the linearisation after it.
 
     If the handler changes this state or a neighbouring one, differences give its
     derivative.
@@ -171,7 +171,7 @@ class CrossingOrder:
 
 
 class BouligandDerivative:
-    """The crossings of some guards in any order from one state, each computed on demand.
+    """The crossings of some guards in any order from a state, computed on demand.
 
     It is called with deviations v from that state, (n,) or (n, m), at the instant at
     which the nominal trajectory meets the guards. It returns D_v, of the same shape:
@@ -226,7 +226,7 @@ class BouligandDerivative:
         return self._nodes[order]
 
     def order(self, deviation: ArrayLike) -> tuple[int, ...]:
-        """Return the order in which the neighbour at a deviation (n,) crosses the guards.
+        """Return the order in which the neighbour at a deviation (n,) crosses guards.
 
         The order is exact to first order: the neighbour follows one constant field
         after another. Guards crossed simultaneously keep the order in which they are
@@ -308,7 +308,7 @@ def bouligand_derivative(
     guards: Sequence[int | str] | None = None,
     scale: ArrayLike | None = None,
 ) -> BouligandDerivative:
-    """Return the Bouligand derivative of the flow at a state on several guards' surfaces.
+    """Return the Bouligand derivative of the flow at a state on several surfaces.
 
     Parameters
     ----------

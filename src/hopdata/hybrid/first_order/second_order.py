@@ -112,7 +112,7 @@ def _fields(
 def position_pairs(
     places: Sequence[Instant], fields: Fields, scale: FloatArray, tolerance: float
 ) -> dict[int, int]:
-    """Return the coordinates whose rate is another one in every mode, with the other."""
+    """Return the coordinates whose rate is another one in every mode, with that."""
     n = len(scale)
     agree = np.ones((n, n), dtype=bool)  # rate of the first is the second
     for place, field in zip(places, fields, strict=True):
@@ -211,7 +211,7 @@ def _by_position(
 def _additive(
     fields: Fields, scale: FloatArray, positions: Sequence[int], tolerance: float
 ) -> Finding:
-    """Return the finding on whether crossed guards add to the rates what each adds alone.
+    """Return the finding on whether crossed guards add to the rates what each adds.
 
     What they add to the rates of positions counts in full: contacts may change
     velocities only by accelerations.

@@ -138,8 +138,8 @@ def one_sided_gaps(
 ) -> tuple[float, float]:
     """Return the difference of the guards' one-sided gradients, for two steps.
 
-    The second step is an eighth of the first. It is relative to the gradient. The difference shrinks with the step for a smooth
-    guard, and remains for a kink.
+    The second step is an eighth of the first. The difference is relative to the
+    gradient. It shrinks with the step for a smooth guard, and remains for a kink.
     """
     size = np.abs(here.gradients[guards]) @ scale
     if not size.all():
@@ -223,7 +223,7 @@ def smooth_guards(
 
 
 def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Finding:
-    """Return the finding on whether all orders that occur have one saltation product."""
+    """Return the finding on whether all orders that occur have one product."""
     scale = flow.scale
     try:
         orders = flow.pieces(seed=seed)
