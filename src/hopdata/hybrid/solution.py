@@ -281,7 +281,7 @@ class Solution(Told):
 
     @cached_property
     def _pieces(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Times between steps, states before and after them, and (N, K + 1, n) inside."""
+        """Times between steps, states before and after them, (N, K + 1, n) inside."""
         assert self.dense is not None
         count, rows = self.dense
         table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)

@@ -146,7 +146,7 @@ class Scene(ABC):
         return np.array([self.vector(row, variant) for row in preloads_n])
 
     def require_take_off(self, key: str) -> None:
-        """Raise a `ConfigError` about `key` if extended legs cannot carry the weight."""
+        """Raise a `ConfigError` about `key` if extended legs cannot carry the body."""
         push = self.preload_n - self.stiffness_n_m * self.release_extension_m
         share = self.total_mass_kg * self.gravity_m_s2 / self.n_legs
         least = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N"

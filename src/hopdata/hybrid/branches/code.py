@@ -100,7 +100,7 @@ CALL: Any = None  # inserted, as are the functions that it takes
 make = rows_at = sink = CALL
 
 
-def _all(
+def _all(  # noqa: PLR0913 (the signature of machine code)
     start: float, end: float, states: int, slopes: int, n: int, mode: int,
     n_modes: int, params: int, n_params: int, room: int, n_guards: int, listed: int,
     count: int, at: int,
@@ -115,7 +115,7 @@ def _all(
     CALL(make(start, end, at), y, dy, modes, numbers, h, hdot)
 
 
-def _each(
+def _each(  # noqa: PLR0913 (the signature of machine code)
     start: float, end: float, states: int, slopes: int, n: int, mode: int,
     n_modes: int, params: int, n_params: int, room: int, n_guards: int, listed: int,
     count: int, at: int,

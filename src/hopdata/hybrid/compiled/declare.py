@@ -143,9 +143,10 @@ def warn_slow(
 ) -> None:
     """Warn, at the function's source location, that it runs as plain Python."""
     code = getattr(function, "__code__", None)
+    where = place(function, signature)
     text = (
-        f"{place(function, signature)} runs as plain Python, many times slower, "
-        f"because Numba cannot compile it: {reason}. To fix it, {advice}, or declare it by "
+        f"{where} runs as plain Python, many times slower, because Numba cannot "
+        f"compile it: {reason}. To fix it, {advice}, or declare it by "
         f"@{signature.name}(compiled=False) to silence this warning."
     )
     if code is None:
