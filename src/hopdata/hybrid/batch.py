@@ -249,11 +249,11 @@ class _Batch:
             work.begin(methods, times, self.jacobian)
             work.make_params_room(self.numbers.shape[1] - self.system.n_memory)
             work.set_tolerance(self.atol)
-            work.desk[at.PATIENCE] = np.iinfo(np.int64).max // 2  # it never pauses
+            work.block[at.PATIENCE] = np.iinfo(np.int64).max // 2  # it never pauses
             arrays = (self.states, self.numbers, self.modes, *self.output.arrays)
             with Caught() as caught:
                 while done < last and not caught:
-                    done = many_entry()(work.desk, done, last, *arrays, *self.options)
+                    done = many_entry()(work.block, done, last, *arrays, *self.options)
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))
             if caught:
@@ -261,7 +261,7 @@ class _Batch:
             methods.steps += int(self.output.counts[first:last, at.STEPS].sum())
         finally:
             work.forget_samples()
-            work.desk[at.PATIENCE] = FIRST_PATIENCE
+            work.block[at.PATIENCE] = FIRST_PATIENCE
             self.system.idle.append(work)
         return last - first
 

@@ -133,30 +133,31 @@ CHANGES = np.int64(35)
 COUNT_SLOTS = 36
 
 
-# Slots of the desk: addresses of the callbacks and of the driver, room for rows and
-# events, steps until control returns to Python, addresses of the code for Jacobians (0:
-# not wanted) and of the desk itself, address of the guards' code for ranges (see
-# `branches`), room for changes of the mode, and whether the end of the time span is
-# infinite. Then address and width of each array, and the request (floats stored in the
-# memory of integers; its last entries are the number of rows written per step, and
-# whether events are kept). The initial state and the parameters follow, so a caller
-# writes its whole request at once.
+# Slots of the argument block: addresses of the callbacks and of the driver, room for
+# rows and events, steps until control returns to Python, addresses of the code for
+# Jacobians (0: not wanted) and of the argument block itself, address of the guards'
+# code for ranges (see `branches`), room for changes of the mode, and whether the end of
+# the time span is infinite. Then address and width of each array, and the request
+# (floats stored in the memory of integers; its last entries are the number of rows
+# written per step, and whether events are kept). The initial state and the parameters
+# follow, so a caller writes its whole request at once.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN = numbers(6)
 N_ROWS, N_LOG_ROWS, PATIENCE = numbers(3, 6)
 FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
-DESK_ARRAYS = 14  # slot of the first array
-N_DESK_ARRAYS = 21
-N_DESK_ASKED = 9
-DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
-T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, DESK_ASKED)
-MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP, KEEP_EVENTS = numbers(4, DESK_ASKED + 5)
-DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
-DESK_PLACES = DESK_ARRAYS + 2 * numbers(N_DESK_ARRAYS)
-PARAMS, MODE, RULES, ATOL = DESK_PLACES[:4]
-STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = DESK_PLACES[4:8]
-WAKE_AT, CLOCK, COUNTS, METHOD_TABLE = DESK_PLACES[8:12]
-TANGENT_TABLE, WANTED, SAMPLE_TABLE = DESK_PLACES[12:15]
-ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = DESK_PLACES[15:]
+BLOCK_ARRAYS = 14  # slot of the first array
+N_BLOCK_ARRAYS = 21
+N_BLOCK_ASKED = 9
+BLOCK_ASKED = BLOCK_ARRAYS + 2 * N_BLOCK_ARRAYS
+T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, BLOCK_ASKED)
+MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP, KEEP_EVENTS = numbers(4, BLOCK_ASKED + 5)
+BLOCK_SLOTS = BLOCK_ASKED + N_BLOCK_ASKED
+DESK_SLOTS = BLOCK_SLOTS  # as `driver.loop` still calls it
+BLOCK_PLACES = BLOCK_ARRAYS + 2 * numbers(N_BLOCK_ARRAYS)
+PARAMS, MODE, RULES, ATOL = BLOCK_PLACES[:4]
+STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = BLOCK_PLACES[4:8]
+WAKE_AT, CLOCK, COUNTS, METHOD_TABLE = BLOCK_PLACES[8:12]
+TANGENT_TABLE, WANTED, SAMPLE_TABLE = BLOCK_PLACES[12:15]
+ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = BLOCK_PLACES[15:]
 
 # The log (see `driver.log`). Each row of its table of events is an event: time, guard,
 # direction, number of changes of the mode up to and including it, state before and

@@ -264,18 +264,18 @@ class Solution(Told):
             raise ValueError("solution(t): expected solve(..., dense_output=True)")
         expect(side in ("left", "right"), "side", "'left' or 'right'", repr(side))
         way = self.form.way
-        knots, before, after, steps = self._pieces
+        boundaries, before, after, steps = self._pieces
         times = way * np.asarray(t, dtype=np.float64)
-        outside = ~((times >= knots[0]) & (times <= knots[-1]))
-        ends = tuple((way * knots[[0, -1]]).tolist())
+        outside = ~((times >= boundaries[0]) & (times <= boundaries[-1]))
+        ends = tuple((way * boundaries[[0, -1]]).tolist())
         found = way * times[outside]
         expect(not outside.any(), "t", f"times within {ends}", found)
-        at_knots = before if (side == "left") == (way > 0.0) else after
-        place = np.searchsorted(knots, times.ravel())
-        states = at_knots[place]
-        inside = knots[place] != times.ravel()
+        at_boundaries = before if (side == "left") == (way > 0.0) else after
+        place = np.searchsorted(boundaries, times.ravel())
+        states = at_boundaries[place]
+        inside = boundaries[place] != times.ravel()
         states[inside] = _interpolated(
-            times.ravel()[inside], place[inside] - 1, knots, steps
+            times.ravel()[inside], place[inside] - 1, boundaries, steps
         )
         return np.ascontiguousarray(states.T).reshape(self.form.shown, *times.shape)
 
@@ -286,15 +286,15 @@ class Solution(Told):
         count, rows = self.dense
         table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)
         table = table[:, : 1 + self.form.shown]
-        knots = table[::count, 0]
+        boundaries = table[::count, 0]
         after = table[::count, 1:]
         before = after.copy()
         log = self.events
         instants, first = np.unique(self.form.way * log.time, return_index=True)
-        before[np.searchsorted(knots, instants)] = log.before[first]
+        before[np.searchsorted(boundaries, instants)] = log.before[first]
         inside = table[:-1, 1:].reshape(-1, count, self.form.shown)
         steps = np.concatenate([inside, before[1:, None]], axis=1)
-        return knots, before, after, steps
+        return boundaries, before, after, steps
 
     def __repr__(self) -> str:
         return (
@@ -402,7 +402,7 @@ class Solution(Told):
 
 
 def _interpolated(
-    times: FloatArray, piece: IntArray, knots: FloatArray, steps: FloatArray
+    times: FloatArray, piece: IntArray, boundaries: FloatArray, steps: FloatArray
 ) -> FloatArray:
     """Return the states (N, n) at times inside steps, by the barycentric formula."""
     last = steps.shape[1] - 1
@@ -410,8 +410,8 @@ def _interpolated(
     nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(last + 1) / last)
     weights = np.where(np.arange(last + 1) % 2 == 0, 1.0, -1.0)
     weights[[0, -1]] *= 0.5
-    start = knots[piece]
-    off = ((times - start) / (knots[piece + 1] - start))[:, None] - nodes
+    start = boundaries[piece]
+    off = ((times - start) / (boundaries[piece + 1] - start))[:, None] - nodes
     shares = weights / np.where(off == 0.0, 1.0, off)
     # At a node, the state there is the result.
     hit = (off == 0.0).any(axis=1)

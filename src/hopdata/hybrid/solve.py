@@ -199,7 +199,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         caught.clear()
         token = catch(caught)
         try:
-            status = work.drive(work.desk_address, flags)
+            status = work.drive(work.block_address, flags)
             if status > at.TERMINATED:
                 status = _go_on(work, flags | at.RESUMED, status)
         # An interrupt, no memory, or what the sink has raised.
@@ -266,7 +266,7 @@ def _go_on(work: Workspace, flags: int, status: int) -> int:
             methods.provide(int(work.counts[at.METHOD]))
         methods.specialise(int(work.counts[at.STEPS]))
         before = monotonic()
-        status = work.drive(work.desk_address, flags)
+        status = work.drive(work.block_address, flags)
         now = monotonic()
         if status == at.PAUSED:
             work.be_patient(now - before)

@@ -1,8 +1,8 @@
 """The arrays in which an integration works, allocated once per system and reused.
 
-The driver finds them through a table of addresses (the desk), because passing an array
-from Python to machine code costs as much as a field evaluation. Its results are copied
-out.
+The driver finds them through a table of addresses (the argument block), because passing
+an array from Python to machine code costs as much as a field evaluation. Its results
+are copied out.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ COUNTED_CHANGES = struct.Struct("q").unpack_from
 CHANGES_AT = 8 * int(layout.CLOCK_SLOTS + layout.CHANGES)
 CHANGE_BYTES = 8 * layout.CHANGE_WIDTH
 ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # the number of events follows
-ASKED_AT = 8 * int(layout.DESK_ASKED)
+ASKED_AT = 8 * int(layout.BLOCK_ASKED)
 UNKNOWN = -1  # number of parameters before any are given
 NOTHING = object()  # equal to no choice of methods
 
@@ -69,8 +69,8 @@ class Workspace:
     ----------
     clock, counts, mode, state : array
         The driver's times and counters, and the present mode and state.
-    desk_address : int
-        Address of the desk.
+    block_address : int
+        Address of the argument block.
     drive : callable
         The driver's entry point.
     caught : Caught
@@ -90,7 +90,7 @@ class Workspace:
         n_guards = system.n_guards
         # With guards one by one there may be thousands: the log leaves out their locks.
         n_logged = n_modes if system.guard is None else system.n_extra_modes
-        self.desk = np.array(system.addresses, dtype=np.int64)
+        self.block = np.array(system.addresses, dtype=np.int64)
         self._n_states = n_states
         self._n_params = UNKNOWN
         self._n_memory = system.n_memory
@@ -98,9 +98,9 @@ class Workspace:
         self._n_shown = system.n_shown
         self._rows_per_step = 1
         self._no_memory = (0.0,) * system.n_memory
-        self._make_desk(0)
-        self.desk[layout.PATIENCE] = FIRST_PATIENCE
-        self.desk[layout.BRANCHES] = system.branches.address
+        self._make_argument_block(0)
+        self.block[layout.PATIENCE] = FIRST_PATIENCE
+        self.block[layout.BRANCHES] = system.branches.address
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
         self._atol = np.zeros(n_states)
@@ -134,11 +134,11 @@ class Workspace:
     def _make_clockwork(self, n_modes: int) -> None:
         """Make times, counters and mode side by side: they are copied out together."""
         lengths = (layout.CLOCK_SLOTS, layout.COUNT_SLOTS, n_modes)
-        block = np.zeros(sum(lengths))
-        self.clock, counts, mode = np.split(block, np.cumsum(lengths)[:-1])
+        numbers = np.zeros(sum(lengths))
+        self.clock, counts, mode = np.split(numbers, np.cumsum(lengths)[:-1])
         self.counts = counts.view(np.int64)
         self.mode = mode.view(np.int64)
-        self._end_bytes = block.data.cast("B")
+        self._end_bytes = numbers.data.cast("B")
         self._lay_out(layout.MODE, self.mode)
         self._lay_out(layout.CLOCK, self.clock, self.counts)
 
@@ -149,21 +149,21 @@ class Workspace:
         self.shown = self.state[: self._n_shown]
         self._lay_out(layout.STATE_TABLE, self._states)
 
-    def _make_desk(self, n_params: int) -> None:
-        """Make a desk, then room for state, parameters and the scene's memory."""
-        n_slots = layout.DESK_SLOTS
-        n_numbers = n_params + self._n_memory
-        block = np.zeros(n_slots + self._n_states + n_numbers)
-        self._before_and_after = np.zeros(2 * (self._n_modes + n_numbers))
-        desk = block[:n_slots].view(np.int64)
-        desk[: len(self.desk)] = self.desk
-        self.desk = desk
-        self.desk_address = block.ctypes.data
-        self.desk[layout.HERE] = self.desk_address
-        self._start = block[n_slots : n_slots + self._n_states]
-        self._params = block[n_slots + self._n_states :]
-        self._block = block.data.cast("B")
-        self._write = struct.Struct(f"{OPTIONS}{len(block) - n_slots}d").pack_into
+    def _make_argument_block(self, n_params: int) -> None:
+        """Make an argument block, then room for state, parameters and memory."""
+        n_slots = layout.BLOCK_SLOTS
+        n_constants = n_params + self._n_memory
+        numbers = np.zeros(n_slots + self._n_states + n_constants)
+        self._before_and_after = np.zeros(2 * (self._n_modes + n_constants))
+        slots = numbers[:n_slots].view(np.int64)
+        slots[: len(self.block)] = self.block
+        self.block = slots
+        self.block_address = numbers.ctypes.data
+        self.block[layout.HERE] = self.block_address
+        self._start = numbers[n_slots : n_slots + self._n_states]
+        self._params = numbers[n_slots + self._n_states :]
+        self._block_bytes = numbers.data.cast("B")
+        self._write = struct.Struct(f"{OPTIONS}{len(numbers) - n_slots}d").pack_into
         self._lay_out(layout.START_STATE, self._start)
         self._lay_out(layout.PARAMS, self._params)
         self._lay_out(layout.KEPT, self._before_and_after)
@@ -171,7 +171,7 @@ class Workspace:
     def make_params_room(self, count: int) -> None:
         """Make room for `count` parameters of the caller's."""
         if count != self._n_params:
-            self._make_desk(count)
+            self._make_argument_block(count)
             self._n_params = count
 
     def ask_again(  # noqa: PLR0913 (a dataclass would take as long as the request)
@@ -188,7 +188,7 @@ class Workspace:
         rows_per_step: int,
         keep_events: bool,
     ) -> bool:
-        """Write the request on the desk if only plain numbers differ from the last one.
+        """Write the request if only plain numbers differ from the last one.
 
         The numbers are written unchecked: the driver checks them in a hundredth of the
         time that Python would take. Whether steps and events are recorded are two of
@@ -213,7 +213,7 @@ class Workspace:
                 return False
             first_step = 0.0  # to be chosen
             self._write(
-                self._block, ASKED_AT,
+                self._block_bytes, ASKED_AT,
                 start, end, rtol, max_step, first_step,
                 max_steps, max_events, rows_per_step, keep_events,
                 *y0, *params, *self._no_memory,
@@ -237,7 +237,7 @@ class Workspace:
         dense_output: bool,
         keep_events: bool,
     ) -> None:
-        """Prepare an integration of any kind, and write the request on the desk."""
+        """Prepare an integration of any kind, and write the request."""
         options = arguments.check_numbers(t_span, *limits)
         arguments.check_infinite_end(system, options[1], *options[5:])
         as_before = type(method) is str and method == self.ready_for
@@ -258,7 +258,7 @@ class Workspace:
             rows_per_step = self.methods.degree
         else:
             rows_per_step = 1 if t_eval is None else 0
-        WRITE_OPTIONS(self._block, ASKED_AT, *options, rows_per_step, keep_events)
+        WRITE_OPTIONS(self._block_bytes, ASKED_AT, *options, rows_per_step, keep_events)
         self._start[:] = state
         self._params[:] = full
         self.set_tolerance(atol)
@@ -292,8 +292,8 @@ class Workspace:
             self._begin_tangent(methods)
         elif self.tangent is not None:
             self.tangent = None
-            self.desk[layout.TANGENT_TABLE] = 0
-            self.desk[layout.FIRST_ORDER] = 0
+            self.block[layout.TANGENT_TABLE] = 0
+            self.block[layout.FIRST_ORDER] = 0
         self._kept_rows = []
         self._kept_events = []
         if len(self._rows) > LARGEST_KEPT:
@@ -316,7 +316,7 @@ class Workspace:
             rate_inputs = list(methods.scene.rate_inputs)
             self.tangent[3 * n + layout.RATE_INPUTS, rate_inputs] = 1.0
             self._lay_out(layout.TANGENT_TABLE, self.tangent)
-            self.desk[layout.FIRST_ORDER] = compiled_first_order().address
+            self.block[layout.FIRST_ORDER] = compiled_first_order().address
         self.tangent[:n] = np.eye(n)
 
     def forget_samples(self) -> None:
@@ -327,8 +327,8 @@ class Workspace:
         """Lay out the room that a new table of methods needs."""
         self.methods = methods
         self.tangent = None
-        self.desk[layout.TANGENT_TABLE] = 0
-        self.desk[layout.FIRST_ORDER] = 0
+        self.block[layout.TANGENT_TABLE] = 0
+        self.block[layout.FIRST_ORDER] = 0
         self._lay_out(layout.METHOD_TABLE, methods.rows)
         needed = layout.W1 + methods.work_rows
         if len(self._states) < needed:
@@ -390,8 +390,8 @@ class Workspace:
 
     def be_patient(self, elapsed_s: float) -> None:
         """Set the steps until the next return from the time that the last ones took."""
-        steps = int(self.desk[layout.PATIENCE]) * PAUSE_S / max(elapsed_s, 1e-9)
-        self.desk[layout.PATIENCE] = min(max(1, int(steps)), MOST_PATIENCE)
+        steps = int(self.block[layout.PATIENCE]) * PAUSE_S / max(elapsed_s, 1e-9)
+        self.block[layout.PATIENCE] = min(max(1, int(steps)), MOST_PATIENCE)
 
     def solution(self, status: int) -> Solution:
         """Return the result of the integration.
@@ -438,7 +438,7 @@ class Workspace:
         self._rows = np.empty((min(count, most), self._row_width))
         self._row_size = self._rows.strides[0]
         self._row_bytes = self._rows.data.cast("B")
-        self.desk[layout.N_ROWS] = len(self._rows)
+        self.block[layout.N_ROWS] = len(self._rows)
         self._lay_out(layout.ROW_TABLE, self._rows)
 
     def _make_log(self, n_logged: int, n_events: int) -> None:
@@ -455,7 +455,7 @@ class Workspace:
         self._log = np.empty((min(count, most), self._event_width))
         self._log_size = self._log.strides[0]
         self._log_bytes = self._log.data.cast("B")
-        self.desk[layout.N_LOG_ROWS] = len(self._log)
+        self.block[layout.N_LOG_ROWS] = len(self._log)
         self._lay_out(layout.LOG_TABLE, self._log)
 
     def _make_change_room(self, count: int) -> None:
@@ -464,15 +464,15 @@ class Workspace:
         room[: len(self._changes)] = self._changes
         self._changes = room
         self._change_bytes = room.data.cast("B")
-        self.desk[layout.N_CHANGES] = len(room)
+        self.block[layout.N_CHANGES] = len(room)
         self._lay_out(layout.CHANGE_TABLE, room)
 
     def _lay_out(self, first: int, *arrays: NDArray[Any]) -> None:
-        """Write address and width of each array on the desk, from slot `first` on."""
+        """Write address and width of each array to the block, from slot `first` on."""
         for slot, array in enumerate(arrays):
             place = first + 2 * slot
-            self.desk[place] = array.ctypes.data
-            self.desk[place + 1] = array.shape[-1]
+            self.block[place] = array.ctypes.data
+            self.block[place + 1] = array.shape[-1]
 
 
 class Pool(list[Workspace]):

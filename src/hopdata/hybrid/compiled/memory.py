@@ -324,17 +324,17 @@ def _item(context: Any, builder: Any, kind: Record, address: Any, name: str) -> 
 def reader(
     slots: Mapping[str, int], kind: type[Tuple], **others: int
 ) -> Callable[[IntVector], Tuple]:
-    """Return a function for compiled code that reads a named tuple from a desk.
+    """Return a function for compiled code that reads a named tuple from a block.
 
     Parameters
     ----------
     slots : mapping
-        Slot of each item on the desk, by its name in capitals: a number or flag takes
-        one slot, a view takes two (address and width).
+        Slot of each item in the argument block, by its name in capitals: a number or
+        flag takes one slot, a view takes two (address and width).
     kind : type
         Class of the named tuple, which gives the types of its items.
     **others : int
-        Slots of the items with another name on the desk.
+        Slots of the items with another name on the argument block.
     """
     items = {}
     for name, hint in get_type_hints(kind).items():
@@ -344,13 +344,13 @@ def reader(
 
 
 def reader_of(record: Record) -> Any:
-    """Return a function for compiled code that reads a record from a desk."""
+    """Return a function for compiled code that reads a record from a block."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         proxy = cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0])
         return proxy.data
 
-    return built(1, lambda desk: (record(desk), generate))
+    return built(1, lambda block: (record(block), generate))
 
 
 # Calls of machine code by address, and the conversion of views to its arguments.
