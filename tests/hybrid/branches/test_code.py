@@ -10,8 +10,9 @@ import pytest
 from numba import njit
 
 from hopdata.hybrid import System, field, guard, guards
-from hopdata.hybrid.branches import code
-from hopdata.hybrid.branches.code import NO_CODE, branches_of, may_branch
+from hopdata.hybrid.branches import source
+from hopdata.hybrid.branches.code import NO_CODE, branches_of
+from hopdata.hybrid.branches.source import may_branch
 
 VARYING = (0, 1, 2, 5, 6)  # t, y, dy, h, hdot
 
@@ -274,13 +275,13 @@ def test_what_cannot_be_followed_may_branch():
 
 def test_a_recursive_function_is_read_once(monkeypatch):
     read = []
-    definition = code._definition
+    definition = source.definition
 
     def counted(function):
         read.append(function)
         return definition(function)
 
-    monkeypatch.setattr(code, "_definition", counted)
+    monkeypatch.setattr(source, "definition", counted)
     assert may_branch(there.py_func, (0,))
     assert read == [there.py_func, back.py_func]
 

@@ -14,7 +14,7 @@ from numba import NumbaError, cfunc, types
 from hopdata.arrays import IntArray
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.callbacks import Caught
+from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
