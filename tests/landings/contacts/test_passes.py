@@ -7,7 +7,7 @@ import pytest
 from falling_feet import NOISE_M, falls
 
 from hopdata.landings.contacts import descents
-from hopdata.landings.contacts.kink_law import FootHeights
+from hopdata.landings.contacts.law import FootHeights
 from hopdata.landings.contacts.passes import (
     LONG_WINDOWS_S,
     SHORT_WINDOWS_S,

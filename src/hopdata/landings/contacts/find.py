@@ -18,6 +18,8 @@ from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law, passes
 from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
+from hopdata.landings.contacts.law import UNDETERMINED_S, FootHeights
+from hopdata.landings.contacts.learning import pooled_noise
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
 from hopdata.recordings.quality.rigid import low_pass
@@ -389,7 +391,7 @@ def find_contacts(
         )
 
     asked_s = (window_before_s, window_after_s)
-    feet = kink_law.FootHeights(
+    feet = FootHeights(
         time,
         heights,
         passes.windows_of_at_least(time, asked_s, passes.LONG_WINDOWS_S),
@@ -412,7 +414,7 @@ def find_contacts(
         fitted.fits,
         status,
         frames_missing(time, heights, fitted.near, windows_s),
-        noise_m=kink_law.pooled_noise(fitted.fits),
+        noise_m=pooled_noise(fitted.fits),
         maximum_misfit=maximum_misfit,
     )
 
@@ -427,7 +429,7 @@ def find_contacts(
 
     # After the earliest instant the foot only has to come to rest, which takes no
     # longer than this.
-    longest_s = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
+    longest_s = np.where(np.isfinite(earliest), 2 * UNDETERMINED_S, np.inf)
     return replace(
         judged, se=np.minimum(se, longest_s), common=fitted.common, earliest=earliest
     )

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.landings.contacts import descents, kink_law
+from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.kink import KinkFits
-from hopdata.landings.contacts.kink_law import FRAMES_AFTER, FRAMES_BEFORE
+from hopdata.landings.contacts.law import FRAMES_AFTER, FRAMES_BEFORE
+from hopdata.landings.contacts.learning import pooled_noise
 
 #: Residuals, in units of the measurement noise, above which the law of flight and
 #: stance does not hold: of a whole recording (then each foot is fitted alone) or of
@@ -75,7 +76,7 @@ def frames_missing(
 
 def is_odd(fits: KinkFits) -> BoolArray:
     """Mark contacts (L, n) that break the law of the others, as of a swinging leg."""
-    ratio, limit_of_chance = _misfits(fits, kink_law.pooled_noise(fits))
+    ratio, limit_of_chance = _misfits(fits, pooled_noise(fits))
     return np.asarray(ratio > np.maximum(REFUTED, limit_of_chance))
 
 

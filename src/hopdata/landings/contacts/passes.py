@@ -23,7 +23,8 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.contacts import kink_law
 from hopdata.landings.contacts.judged import REFUTED, is_odd
 from hopdata.landings.contacts.kink import WINDOW_FRAMES, KinkFits
-from hopdata.landings.contacts.kink_law import FRAMES_AFTER, FootHeights
+from hopdata.landings.contacts.law import FRAMES_AFTER, FootHeights, merged
+from hopdata.landings.contacts.learning import pooled_noise
 
 #: Windows before and after a contact if the law holds. Longer ones hold more frames,
 #: and so give smaller errors.
@@ -103,7 +104,7 @@ def fit_contacts(
     first = _fit_by_one_law(feet, near, fit_together)
     stands = first.fits.n_after[landed] >= FRAMES_AFTER
     most_stand = stands.sum() > LEAST_STANDING * stands.size
-    refuted = kink_law.pooled_noise(first.fits) > REFUTED * noise_m
+    refuted = pooled_noise(first.fits) > REFUTED * noise_m
     if refuted or not most_stand:
         short = _in_short_windows(first.feet, short_windows_s)
         alone, common = fit_alone(short, first.near)
@@ -168,7 +169,7 @@ def _with_exceptions_alone(
         return lawful
     short = _in_short_windows(lawful.feet, short_windows_s)
     alone, _ = fit(short, lawful.near)
-    fits = kink_law.merged(lawful.fits, alone, exceptions)
+    fits = merged(lawful.fits, alone, exceptions)
     return replace(lawful, fits=fits, rises=rises)
 
 
