@@ -7,6 +7,7 @@ import pytest
 from falling_feet import NOISE_M, falls
 
 from hopdata.landings.contacts import descents
+from hopdata.landings.contacts.approach import approaches
 from hopdata.landings.contacts.law import FootHeights
 from hopdata.landings.contacts.passes import (
     LONG_WINDOWS_S,
@@ -17,7 +18,7 @@ from hopdata.landings.contacts.passes import (
 
 
 def fitted(made, heights):
-    near, earliest, status = descents.approaches(
+    near, earliest, status = approaches(
         made.time,
         heights,
         made.transitions,
@@ -70,7 +71,7 @@ def test_odd_landings_teach_no_law_and_are_fitted_alone():
 
 def test_a_search_that_began_too_late_is_repeated_from_the_earliest_instant():
     made = falls(60, seed=2)
-    near, earliest, status = descents.approaches(
+    near, earliest, status = approaches(
         made.time,
         made.heights,
         made.transitions,

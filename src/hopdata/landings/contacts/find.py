@@ -17,9 +17,15 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law, passes
+from hopdata.landings.contacts.approach import approaches
 from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
 from hopdata.landings.contacts.law import UNDETERMINED_S, FootHeights
 from hopdata.landings.contacts.learning import pooled_noise
+from hopdata.landings.contacts.noise import (
+    height_noise,
+    noise_correlation,
+    widening,
+)
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
 from hopdata.recordings.quality.rigid import low_pass
@@ -188,7 +194,7 @@ def _kink_contacts(
         _whole_spans(spans),
         down_height_m=down_height_m,
         lead_s=0.0,
-        correlation=descents.noise_correlation(recording.body),
+        correlation=noise_correlation(recording.body),
         foot_of=foot_of,
         **options,
     )
@@ -228,7 +234,7 @@ def _printed_contacts(
 
 
 def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
-    """Combine the contacts of markers into those of their feet, numbered by `foot_of`."""
+    """Combine the contacts of markers into those of feet, numbered by `foot_of`."""
     feet = sorted(set(foot_of))
     if len(feet) == len(foot_of):
         return contacts
@@ -276,7 +282,7 @@ def usual_down_height(recording: Recording, spans: FloatArray) -> float:
     usual_fall_m = 0.0
     if np.isfinite(falls_m).any():
         usual_fall_m = float(np.nanmedian(falls_m))
-    noise_m = descents.height_noise(recording.feet[:, :, 2], scale=recording.scale)
+    noise_m = height_noise(recording.feet[:, :, 2], scale=recording.scale)
     return max(DOWN_SHARE * usual_fall_m, DOWN_SIGMAS * noise_m)
 
 
@@ -305,7 +311,7 @@ def are_by(landings: pd.DataFrame, method: str) -> bool:
     return bool((landings["method"] == method).all())
 
 
-def find_contacts(
+def find_contacts(  # noqa: PLR0913 (the data, and the options of the method)
     time: FloatArray,
     heights: FloatArray,
     transitions: descents.Transitions,
@@ -351,7 +357,7 @@ def find_contacts(
         Largest accepted ratio of a kink fit's rms residual to that of the whole
         recording.
     correlation : float
-        Correlation of the noise in consecutive frames (`descents.noise_correlation`).
+        Correlation of the noise in consecutive frames (`noise_correlation`).
     foot_of : tuple of int, optional
         Number of the rigid foot that each of the n belongs to, where several are
         markers of one.
@@ -367,8 +373,8 @@ def find_contacts(
     """
     find_minima = chosen("touchdowns.method", method, METHODS)
     require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
-    noise_m = descents.height_noise(heights)
-    near, earliest, status = descents.approaches(
+    noise_m = height_noise(heights)
+    near, earliest, status = approaches(
         time,
         heights,
         transitions,
@@ -424,8 +430,8 @@ def find_contacts(
     frame_s = float(np.median(np.diff(time)))
     frames_before = round(windows_s[0] / frame_s)
     frames_after = round(windows_s[1] / frame_s)
-    widening = descents.widening(correlation, frames_before, frames_after)
-    se = np.hypot(judged.se, unnoticed_s) * widening
+    factor = widening(correlation, frames_before, frames_after)
+    se = np.hypot(judged.se, unnoticed_s) * factor
 
     # After the earliest instant the foot only has to come to rest, which takes no
     # longer than this.

@@ -97,7 +97,7 @@ def judge_fits(
     fits : KinkFits
         Fits of L landings and n feet.
     status : (L, n) int array
-        What is known of each foot before the fit: see `descents.approaches`.
+        What is known of each foot before the fit: see `approach.approaches`.
     hidden : (L, n) bool array
         Whether frames are missing about the contact: see `frames_missing`.
     noise_m : float

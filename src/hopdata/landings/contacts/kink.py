@@ -123,7 +123,7 @@ class KinkFits:
     n_after: IntArray
 
 
-def kink_fits(
+def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
     time: FloatArray,
     heights: FloatArray,
     near: FloatArray,
@@ -250,7 +250,8 @@ def _windows(
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Cut out times and heights about each of P instants, and mark those to use.
 
-    All three are (P, W). Used are the frames in the windows before and after the instant. If a window holds
+    All three are (P, W). Used are the frames in the windows before and after the
+    instant. If a window holds
     fewer than `WINDOW_FRAMES` that show the foot, the next ones that do are used as
     well, as far as `WIDEST` allows. Two more frames tell whether the foot rises after
     the last one.

@@ -43,7 +43,7 @@ LEAST_FRAMES = 4
 
 #: Pivot of a Cholesky factor, as a share of the diagonal, at which a matrix counts as
 #: singular.
-#: Unit: 1. Origin: rounding: some thousand times that of double precision.
+#: Unit: 1. Origin: rounding.
 SINGULAR = 1e-12
 
 #: Ratio of the two sides of an interval below which it is too lopsided for a parabola.
@@ -164,6 +164,25 @@ def _solve(first, last, size, factor, right):  # type: ignore[no-untyped-def]
 
 
 @kept_njit(_nrt=False)
+def _start_from_prior(size, prior, work):  # type: ignore[no-untyped-def]
+    """Fill the normal equations with the prior; return what it adds to the misfit."""
+    gram = work.gram
+    right = work.right
+    total = 0.0
+    for a in range(size):
+        right[a] = 0.0
+        for b in range(a + 1):
+            gram[a, b] = 0.0
+        if a >= 2:
+            weight = prior.weight[a - 2]
+            mean = prior.mean[a - 2]
+            gram[a, a] = weight
+            right[a] = weight * mean
+            total += right[a] * mean - prior.noise2 * log(weight)
+    return total
+
+
+@kept_njit(_nrt=False)
 def _misfit(tau, problem, prior, work):  # type: ignore[no-untyped-def]
     """Return -2 noise2 times the log marginal likelihood of `tau`, up to a constant.
 
@@ -176,17 +195,7 @@ def _misfit(tau, problem, prior, work):  # type: ignore[no-untyped-def]
     gram = work.gram
     right = work.right
     row = work.row
-    total = 0.0
-    for a in range(size):
-        right[a] = 0.0
-        for b in range(a + 1):
-            gram[a, b] = 0.0
-        if a >= 2:
-            weight = prior.weight[a - 2]
-            mean = prior.mean[a - 2]
-            gram[a, a] = weight
-            right[a] = weight * mean
-            total += right[a] * mean - prior.noise2 * log(weight)
+    total = _start_from_prior(size, prior, work)
     live = 0  # number of contacts before this one; later ones do not affect the flight
     while live < problem.contacts and problem.others[live, 0] < tau:
         live += 1
@@ -215,7 +224,7 @@ def _misfit(tau, problem, prior, work):  # type: ignore[no-untyped-def]
 
 
 @kept_njit(_nrt=False)
-def _next_trial(left, value_left, x, value, right, value_right, close):  # type: ignore[no-untyped-def] # noqa: PLR0913 (three points; a tuple of them took no fewer names)
+def _next_trial(left, value_left, x, value, right, value_right, close):  # type: ignore[no-untyped-def]
     """Return the next point to try in (left, right).
 
     It is the vertex of the parabola through three points, or the golden section where
@@ -247,7 +256,7 @@ def _next_trial(left, value_left, x, value, right, value_right, close):  # type:
 
 @kept_njit(_nrt=False)
 def _on_grid(bound, reach, steps, problem, prior, work):  # type: ignore[no-untyped-def]
-    """Fill the grid from -reach to reach with misfits; return the best node and its value.
+    """Fill the grid from -reach to reach with misfits; return the best node and value.
 
     Nothing before the bound is tried. The node is -1 if nothing fits.
     """
@@ -320,30 +329,32 @@ def _search(bound, reach, steps, problem, prior, work):  # type: ignore[no-untyp
 
 
 @kept_njit(_nrt=False)
-def _summary(tau, problem, prior, work):  # type: ignore[no-untyped-def]
-    """Fill in the variances of the coefficients, per unit of noise variance.
+def _acceleration(tau, problem, coefficient):  # type: ignore[no-untyped-def]
+    """Return the foot's acceleration just before the contact."""
+    acceleration = coefficient[2]
+    for j in range(problem.contacts):
+        since = max(tau - problem.others[j, 0], 0.0)
+        jerk = coefficient[4 + 2 * j] * since * (1.0 - problem.others[j, 1])
+        acceleration += coefficient[3 + 2 * j] + jerk
+    return acceleration
 
-    The method is Gauss-Newton with the instant as one more parameter, eliminated by its
-    Schur complement. Return the variance of the instant, the sum of squared residuals,
-    and the effective number of parameters, including the instant. Variances are
-    infinite if the frames do not determine the instant.
+
+@kept_njit(_nrt=False)
+def _residuals(tau, problem, work):  # type: ignore[no-untyped-def]
+    """Return the sums of squares of the slopes by the instant, and of the residuals.
+
+    Fill `cross` with the products of slopes and design.
     """
     size = problem.size
     contacts = problem.contacts
     soft = problem.compliance
     coefficient = work.right
     row = work.row
-    cross = work.cross
-    unit = work.unit
-    own = 0.0
+    slopes = 0.0
     misfit = 0.0
-    acceleration = coefficient[2]  # just before the contact
+    acceleration = _acceleration(tau, problem, coefficient)
     for a in range(size):
-        cross[a] = 0.0
-    for j in range(contacts):
-        since = max(tau - problem.others[j, 0], 0.0)
-        jerk = coefficient[4 + 2 * j] * since * (1.0 - problem.others[j, 1])
-        acceleration += coefficient[3 + 2 * j] + jerk
+        work.cross[a] = 0.0
     creep = 0.0
     if size > 3 + 2 * contacts:
         creep = coefficient[3 + 2 * contacts]
@@ -358,33 +369,47 @@ def _summary(tau, problem, prior, work):  # type: ignore[no-untyped-def]
             slope = -creep
         residual = problem.height[i]
         for a in range(size):
-            cross[a] += row[a] * slope
+            work.cross[a] += row[a] * slope
             residual -= row[a] * coefficient[a]
-        own += slope * slope
+        slopes += slope * slope
         misfit += residual * residual
+    return slopes, misfit
+
+
+@kept_njit(_nrt=False)
+def _summary(tau, problem, prior, work):  # type: ignore[no-untyped-def]
+    """Fill in the variances of the coefficients, per unit of noise variance.
+
+    The method is Gauss-Newton with the instant as one more parameter, eliminated by its
+    Schur complement. Return the variance of the instant, the sum of squared residuals,
+    and the effective number of parameters, including the instant. Variances are
+    infinite if the frames do not determine the instant.
+    """
+    size = problem.size
+    unit = work.unit
+    precision, misfit = _residuals(tau, problem, work)
     parameters = 1.0 + size
     for a in range(-1, size):  # first the instant, then each coefficient
         for k in range(size):
+            unit[k] = 0.0
             if a < 0:
-                unit[k] = cross[k]
-            elif k == a:
-                unit[k] = 1.0
-            else:
-                unit[k] = 0.0
+                unit[k] = work.cross[k]
+        if a >= 0:
+            unit[a] = 1.0
         _solve(max(a, 0), max(a, 0), size, work.gram, unit)
         if a < 0:
             for k in range(size):
-                own -= cross[k] * unit[k]
+                precision -= work.cross[k] * unit[k]
                 work.variance[k] = unit[k] * unit[k]
             continue
-        if own > 0.0:
-            work.variance[a] = unit[a] + work.variance[a] / own
+        if precision > 0.0:
+            work.variance[a] = unit[a] + work.variance[a] / precision
         else:
             work.variance[a] = np.inf
         if a >= 2:
             parameters -= prior.weight[a - 2] * unit[a]
-    if own > 0.0:
-        return 1 / own, misfit, parameters
+    if precision > 0.0:
+        return 1 / precision, misfit, parameters
     return np.inf, misfit, parameters
 
 

@@ -283,7 +283,7 @@ def _determined(fits: KinkFits, noise_m: float) -> BoolArray:
 
 
 def _undetermined(fits: KinkFits, near: FloatArray, noise_m: float) -> FloatArray:
-    """Return each foot's share of undetermined contacts (n,); one in ten is forgiven."""
+    """Return each foot's share of undetermined contacts (n,), but one in ten."""
     wanted = np.isfinite(near)
     count = wanted.sum(axis=0)
     without = (wanted & ~_determined(fits, noise_m)).sum(axis=0)
@@ -370,7 +370,7 @@ def _one_step(fits: KinkFits, law: Law, *, own: bool, sharpen: bool = False) -> 
 
 
 def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
-    """Give the law a soft contact or creeping feet, if the landings (L, n) ask for it."""
+    """Give the law a soft contact or creeping feet, if landings (L, n) ask for it."""
     best = law
     best_likelihood = log_likelihood(feet, instant, law)
     totals_of_best = [-np.inf]

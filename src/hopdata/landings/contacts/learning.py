@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.landings.contacts.descents import LEAST_NOISE_M
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
+from hopdata.landings.contacts.noise import LEAST_NOISE_M
 
 #: Fewest landings from which a coefficient is learned on its own; with fewer, it takes
 #: the distribution of all coefficients of its kind.

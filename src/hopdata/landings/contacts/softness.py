@@ -122,7 +122,7 @@ def with_softness(
 
 
 def _trials(own_s: float) -> FloatArray:
-    """Return the compliances to try, (K,), s: the law's own, both sides of it, others."""
+    """Return compliances to try, (K,), s: the law's own, those beside it, others."""
     step_s = max(STEP_SHARE * own_s, LEAST_STEP_S)
     trials = {max(own_s - step_s, 0.0), own_s, own_s + step_s}
     for time_s in (0.0, *SOFTNESS_S):
@@ -150,7 +150,7 @@ def _gains(
 
 
 def _steady(compliances_s: FloatArray, instants: FloatArray) -> BoolArray:
-    """Mark the contacts, (L, n), whose instants (K, L, n) follow the compliance (K,)."""
+    """Mark contacts (L, n) whose instants (K, L, n) follow the compliance (K,)."""
     moves = np.abs(np.diff(instants, axis=0))
     explained = 2 * np.diff(compliances_s)[:, None, None]
     return np.asarray((moves < explained + JUMP_S).all(axis=0))

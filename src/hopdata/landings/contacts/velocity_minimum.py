@@ -16,7 +16,7 @@ from hopdata.recording import Recording
 FILTER_S = 0.07
 
 #: Fewest frames in the window: the least odd number that a cubic smooths.
-#: Unit: frames. Origin: derived: a cubic through four frames or fewer is exact.
+#: Unit: frames. Origin: chosen.
 LEAST_FILTER_FRAMES = 5
 
 MARGIN_S = 0.05  # time shown before the pre section and after the post section
