@@ -7,6 +7,8 @@ from synthetic_landings import simulate, transitions_of
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.descents import descents, find_transitions
 
+SECTIONS = {"pre_height_m": 0.3, "post_height_m": -0.3}
+
 
 def wave(rate_hz=100.0, cycles=5):
     time = np.arange(int(cycles * rate_hz)) / rate_hz
