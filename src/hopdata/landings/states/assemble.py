@@ -13,7 +13,7 @@ from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, require_choice
 from hopdata.landings.contacts.descents import longest_gap_s, longest_gaps
 from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
-from hopdata.landings.states.coefficients import SectionStates
+from hopdata.landings.states.crossing import SectionStates
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import joined, turned
