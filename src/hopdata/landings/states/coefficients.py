@@ -169,7 +169,7 @@ def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coeffi
 def misfit(
     pairs: Iterable[tuple[Coefficients, Coefficients]],
 ) -> tuple[FloatArray, float]:
-    """Return what the model's misfit adds to the variances of position and velocity, (3, 2).
+    """Return what a model's misfit adds to variances of position and velocity, (3, 2).
 
     The mean squared difference between the optimal estimate of a model and a less
     biased estimate is the difference of their variances. Any excess, on average over

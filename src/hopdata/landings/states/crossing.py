@@ -45,7 +45,7 @@ class SectionStates:
 
 
 def cross(parts: Iterable[Fitted], near: FloatArray, height_m: float) -> SectionStates:
-    """Evaluate polynomials at the instant at which the mean height is that of the section.
+    """Evaluate polynomials when the mean height is that of the section.
 
     Parameters
     ----------

@@ -128,7 +128,7 @@ class Tracks:
 
     @property
     def lead_s(self) -> float:
-        """Time before the post section in which frames count, s; the same for all landings.
+        """Time before the post section in which frames count, s, for all landings.
 
         If it were the time since each landing's own last contact, the errors of the
         states would depend on which contact was last, and mimic a map that does. Nine
@@ -188,7 +188,7 @@ def _each(sums: Callable[[], Iterator[Moments]]) -> Fit:
 
 
 def filtered(tracks: Tracks) -> Fit:
-    """Fit cubics to the seven nearest frames: the filter of Savitzky and Golay (1964)."""
+    """Fit cubics to the seven nearest frames, as Savitzky and Golay (1964) do."""
     time = tracks.time
     right = np.clip(np.searchsorted(time, tracks.near), 1, len(time) - 1)
     left_is_nearer = tracks.near - time[right - 1] < time[right] - tracks.near
@@ -212,7 +212,7 @@ def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
 
 
 def alone(tracks: Tracks, window_s: float | None) -> Fit:
-    """Fit each landing by itself, for recordings with too few landings to learn from."""
+    """Fit each landing by itself, as where there are too few landings to learn from."""
     if not tracks.flight:
         return tracks.fitted(window_s or WINDOW_S * tracks.pace, ALONE_DEGREE)
     free = accelerated(tracks, window_s)

@@ -1,4 +1,4 @@
-"""Frames of the markers about given instants, summed for fits of polynomials in time."""
+"""Frames of the markers about given instants, summed for polynomials in time."""
 
 from __future__ import annotations
 
