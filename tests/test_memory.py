@@ -12,7 +12,7 @@ from hopdata.landings.contacts import approach, descents, kink, noise
 from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.filling import fill_gaps
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.sections import modes
+from hopdata.landings.sections import densities
 from hopdata.landings.sections.select import section_densities, select_sections
 from hopdata.landings.stability import section_stability
 from hopdata.landings.states import coefficients, fits, tracks
@@ -40,7 +40,7 @@ def sample():
 @pytest.fixture
 def small_blocks(monkeypatch):
     for module, name, size in (
-        (modes, "BLOCK", 997),
+        (densities, "BLOCK", 997),
         (descents, "BLOCK", 101),
         (approach, "LANDINGS", 7),
         (kink, "BLOCK", 11),
