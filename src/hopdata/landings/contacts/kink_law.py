@@ -339,7 +339,7 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
             if stance.compliance_s > 0:
                 # Priors learned with a hard contact would keep it hard, so they start
                 # anew.
-                law = stance
+                law = replace(stance, priors=weak)
             else:
                 law = replace(stance, priors=law.priors)
         elif step > STEP_OF_STANCE:
