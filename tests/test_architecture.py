@@ -21,6 +21,7 @@ SHARED = {
     "recording",
     "rigid",
     "seal",
+    "time_stamps",
 }
 MAY_USE = {
     "hybrid": set(),

@@ -7,7 +7,7 @@ from qtm_files import NAMES, standing
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen
 from hopdata.recordings.plausibility import check_plausible, notes, rounded_to
-from hopdata.recordings.raw import PAUSE_S
+from hopdata.time_stamps import PAUSE_S
 
 ROLES = ("body", "body", "body", "foot", "foot")
 

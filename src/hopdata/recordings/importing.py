@@ -13,12 +13,14 @@ from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
 from hopdata.recordings import raw as reading
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.budget import MOST_UNPACKED_MB
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.rigid import recorded_frames
-from hopdata.recordings.raw import RawRecording, rotate_up, without_subject
+from hopdata.recordings.raw import RawRecording, without_subject
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
 from hopdata.recordings.readers.text import listed
+from hopdata.time_stamps import PAUSE_S, RATE_TOLERANCE
 
 # Several files of one day are joined into one recording, frames in sequence, with a
 # pause between.
@@ -73,7 +75,7 @@ def _check_alike(
         ("frame rate (Hz)", first.rate_hz, raw.rate_hz),
     ):
         apart = (
-            abs(raw.rate_hz - first.rate_hz) > reading.RATE_TOLERANCE * first.rate_hz
+            abs(raw.rate_hz - first.rate_hz) > RATE_TOLERANCE * first.rate_hz
         )
         if apart if what.startswith("frame rate") else wanted != found:
             told = f"{found}; files joined in one recording must agree"
@@ -92,13 +94,13 @@ def _starts(
     moved = []
     for path, raw in zip(paths[1:], raws[1:], strict=True):
         follows = raw.time[0] > end + 0.5 / raw.rate_hz
-        starts.append(float(raw.time[0]) if follows else end + reading.PAUSE_S)
+        starts.append(float(raw.time[0]) if follows else end + PAUSE_S)
         end = starts[-1] + float(raw.time[-1] - raw.time[0])
         if not follows:
             moved.append(path.name)
     which = ", ".join(moved) if len(moved) < 4 else f"{len(moved)} of them"
     told = f"{paths[0]}: joined with {len(paths) - 1} more; no start is known for {which}: put "
-    return starts, (f"{told}{reading.PAUSE_S:g} s after the file before",) * bool(moved)
+    return starts, (f"{told}{PAUSE_S:g} s after the file before",) * bool(moved)
 
 
 def _starts_by_clock(

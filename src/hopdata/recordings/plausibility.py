@@ -8,6 +8,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
+from hopdata.recordings.axes import FILE_AXES, along_file, opposite
 from hopdata.recordings.quality import softness
 from hopdata.recordings.quality.orientation import (
     PLAUSIBLE_EXTENT_M,
@@ -16,7 +17,7 @@ from hopdata.recordings.quality.orientation import (
 )
 from hopdata.recordings.quality.rigid import treated
 from hopdata.recordings.quality.stretches import check_stamps, feet_as_one, high_feet
-from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
+from hopdata.time_stamps import is_pause
 
 MIN_BODY_MARKERS = 3
 MIN_FEET = 2

@@ -9,6 +9,7 @@ from written_files import write_c3d
 
 from hopdata.errors import RecordingError
 from hopdata.recording import extent
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality.inspection import inspect_recording
@@ -19,7 +20,7 @@ from hopdata.recordings.quality.orientation import (
     guess_rate,
     guess_unit_and_up,
 )
-from hopdata.recordings.raw import RawRecording, rotate_up
+from hopdata.recordings.raw import RawRecording
 
 UNITS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inch": 1 / 0.0254}
 

@@ -11,6 +11,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.errors import RecordingError, counted
 from hopdata.recording import Recording
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid, stretches, swaps
 from hopdata.recordings.quality.orientation import (
@@ -21,7 +22,8 @@ from hopdata.recordings.quality.orientation import (
 )
 from hopdata.recordings.quality.part_names import roles_by_name
 from hopdata.recordings.quality.swaps import Excursion, Swap
-from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
+from hopdata.recordings.raw import RawRecording
+from hopdata.time_stamps import is_pause
 
 Progress = Callable[[str], None]
 

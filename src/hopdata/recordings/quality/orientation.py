@@ -9,19 +9,14 @@ import numpy as np
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import RecordingError, chosen, require_choice
 from hopdata.recording import extent, sampled
+from hopdata.recordings.axes import DIRECTIONS, FILE_AXES, along
 from hopdata.recordings.quality.stretches import (
     CLEARER,
     FLAT,
     flattest_direction,
     scale_of_all,
 )
-from hopdata.recordings.raw import (
-    DIRECTIONS,
-    FILE_AXES,
-    METRES_PER_UNIT,
-    RawRecording,
-    along,
-)
+from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
 
 # The range spans a factor of less than 1000, so at most one of mm and m can be
 # plausible.

@@ -8,7 +8,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recording import extent
-from hopdata.recordings.raw import DIRECTIONS, along
+from hopdata.recordings.axes import DIRECTIONS, along
 
 # Stretches of frames in which a condition holds.
 
