@@ -104,8 +104,8 @@ def read(
 def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, list[str]]:
     """Return the guesses of ``hopdata init``: the vertical axis of a file, and its other feet."""
     from hopdata.recordings.axes import rotate_up
+    from hopdata.recordings.quality.landing_markers import feet_between
     from hopdata.recordings.quality.orientation import guess_unit_and_up
-    from hopdata.recordings.quality.roles import feet_between
     from hopdata.recordings.raw import METRES_PER_UNIT
     from hopdata.recordings.readers.formats import read_raw
 

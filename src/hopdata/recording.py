@@ -271,7 +271,7 @@ class Recording(Shown):
 
     @cached_property
     def body_height(self) -> FloatArray:
-        """Mean height of the body markers, (N,), m; NaN where one of them is not seen."""
+        """Mean height of the body markers, (N,), m; NaN where one is not seen."""
         return np.asarray(self.body[:, :, 2].mean(axis=1))
 
     @cached_property
@@ -441,8 +441,8 @@ def _axes_first(positions: FloatArray) -> FloatArray:
 #: of its body and foot markers from their mean. All lengths are in proportion to it.
 #: Unit: m. Origin: measured. The simulated hopper has 0.33 m and runners have 0.50 m;
 #: the value lies between: at 0.33 contacts of runners are found some mm too high, at
-#: 0.42 those of the hopper scatter by 6 % more. With 1.5 times the value all lengths and
-#: speeds are two thirds of what they are.
+#: 0.42 those of the hopper scatter by 6 % more. With 1.5 times the value all lengths
+#: and speeds are two thirds of what they are.
 SIZE_OF_TUNING_M = 0.36
 
 #: Smallest size that is scaled to; a smaller one is absurd, in whatever unit.

@@ -184,7 +184,8 @@ def _require_rate_of_stamps(place: str, raw: RawRecording, given: float) -> None
         raise RecordingError.at(
             f"{place}: frame rate",
             f"{own_hz:.4g} Hz as in its time stamps",
-            f"input.rate_hz: {given:g}; leave it out, or correct the time in the export",
+            f"input.rate_hz: {given:g}; leave it out, "
+            "or correct the time in the export",
         )
 
 
@@ -398,7 +399,7 @@ def assembled(  # noqa: PLR0913  what a file states, each of which it may lack
 def frame_count(
     place: str, key: str, stated: float | None, n_rows: int
 ) -> tuple[str, ...]:
-    """Return a remark if the stated number of frames differs from the number of rows."""
+    """Return a remark if the stated number of frames is not that of the rows."""
     if stated is None or stated == n_rows:
         return ()
     found = f"{n_rows} rows, which are used"

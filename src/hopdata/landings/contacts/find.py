@@ -16,7 +16,7 @@ from hopdata.landings.contacts.kink import WINDOW_FRAMES, KinkFits
 from hopdata.landings.contacts.kink_law import FRAMES_AFTER, FRAMES_BEFORE
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
-from hopdata.recordings.quality.rigid import low_pass
+from hopdata.recordings.quality.processing import low_pass
 
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, if the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # before and after the contact, if it does not
