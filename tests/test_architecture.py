@@ -24,6 +24,7 @@ SHARED = {
     "recording",
     "rigid",
     "seal",
+    "time_stamps",
 }
 MAY_USE = {
     "hybrid": set(),

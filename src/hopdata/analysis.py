@@ -84,9 +84,10 @@ def read(
 
 def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, list[str]]:
     """Guess like ``hopdata init``: the vertical axis of a file, and its other feet."""
+    from hopdata.recordings.axes import rotate_up
+    from hopdata.recordings.quality.landing_markers import feet_between
     from hopdata.recordings.quality.orientation import guess_unit_and_up
-    from hopdata.recordings.quality.roles import feet_between
-    from hopdata.recordings.raw import METRES_PER_UNIT, rotate_up
+    from hopdata.recordings.raw import METRES_PER_UNIT
     from hopdata.recordings.readers.formats import read_raw
 
     limits = {k: v for k, v in options.items() if k in ("rate_hz", "most_unpacked_mb")}

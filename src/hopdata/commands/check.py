@@ -87,7 +87,7 @@ def check(options: argparse.Namespace) -> int:
             else brief
         )
         sound += [recording] * (config is first)
-        remarks += [*notes(recording), *_suspects(recording, rate_hz)]
+        remarks += [*map(str, notes(recording)), *_suspects(recording, rate_hz)]
         remarks += [
             f"{recording.place}: {moves}" for moves in [moving(recording)] if moves
         ]

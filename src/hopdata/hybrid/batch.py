@@ -261,7 +261,9 @@ class _Batch:
             request = Request(*self.options)
             with Caught() as caught:
                 while done < last and not caught:
-                    done = many_entry()(work.block, done, last, starts, results, request)
+                    done = many_entry()(
+                        work.block, done, last, starts, results, request
+                    )
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))
             if caught:
