@@ -8,6 +8,7 @@ from hopdata.maps import draws
 from hopdata.maps.affine import (
     affine_predictions,
     affine_test_errors,
+    errors_by,
     leave_one_out_residuals,
     mean_test_errors,
     pooled_basis,
@@ -50,6 +51,19 @@ def test_errors_are_those_of_the_libraries(oracle, noise):
     np.testing.assert_allclose(
         affine_test_errors(x, y, train, test), expected, rtol=1e-10
     )
+
+
+def test_mean_errors_are_those_of_the_library():
+    from sklearn.dummy import DummyRegressor
+
+    x, y = landings(np.random.default_rng(0))
+    train, test = splits(len(x))
+    expected = errors_by(DummyRegressor(), x, y, train, test)
+    np.testing.assert_allclose(mean_test_errors(y, train, test), expected, rtol=1e-10)
+    with pytest.raises(AssertionError):
+        np.testing.assert_allclose(
+            affine_test_errors(x, y, train, test), expected, rtol=0.1
+        )
 
 
 def test_exact_dependence_and_constant_columns_change_nothing():
