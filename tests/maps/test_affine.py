@@ -204,7 +204,7 @@ def test_replicates_do_not_depend_on_each_other(monkeypatch):
     x[:50, 4] = 2.0  # so that some training sets lack a direction
     train, test = splits(60, 30, 20, count=40)
     whole = affine_test_errors(x, y, train, test)
-    monkeypatch.setattr(draws, "_CHUNK_BYTES", 1)
+    monkeypatch.setattr(draws, "CHUNK_BYTES", 1)
     assert np.array_equal(affine_test_errors(x, y, train, test), whole)
     parts = [affine_test_errors(x, y, train[[r]], test[[r]])[0] for r in range(40)]
     assert np.array_equal(parts, whole)

@@ -514,10 +514,11 @@ def _between_draws(
     for a, b in combinations(bases, 2):
         # The draws do not depend on which of two schedules is named first.
         in_order = sorted((a, b), key=stream_of.__getitem__)
-        names = [stream_of[name] for name in in_order]
-        sizes = [len(bases[name]) for name in in_order]
-        generator = named_generator(seed, "cross_class", *names)
-        i, j = cross_class_pairs(generator, *sizes, pairs)
+        one, other = in_order
+        generator = named_generator(
+            seed, "cross_class", stream_of[one], stream_of[other]
+        )
+        i, j = cross_class_pairs(generator, len(bases[one]), len(bases[other]), pairs)
         if in_order != [a, b]:
             i, j = j, i
         lengths = arc_length(bases[a][i], bases[b][j])
