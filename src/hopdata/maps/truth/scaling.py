@@ -102,7 +102,7 @@ def score_scaling(table: pd.DataFrame) -> truth.Entries:
 
 
 def _strength(row: Any) -> str:
-    """Return the strengths of the case's mechanisms, in brackets; empty if it has none."""
+    """Return the strengths of the case's mechanisms in brackets, if it has any."""
     given = []
     if row["coupling"] != 0:
         given.append(f"kappa {row['coupling']:g}")

@@ -5,12 +5,12 @@ They are fitted beside smooth terms. The model is
     y = smooth(x) + sum_k b_k h_k(t(x)) + noise.
 
 The kinks h are the latest contacts of sets of feet (`hopdata.maps.coordinates`); all b
-are zero exactly if the map has one derivative. The smooth terms are
-monomials of the inputs up to third order, fitted by least squares. With two feet, whose only kink is |d| with d the time between
-the contacts, d^4 is added. If there are too few landings for all third-order terms, the
-monomials stop at second order. If `allowed` then shows that the third order matters,
-third-order terms along the contacts are added, in the two main directions in which the
-contacts separate.
+are zero exactly if the map has one derivative. The smooth terms are monomials of the
+inputs up to third order, fitted by least squares. With two feet, whose only kink is |d|
+with d the time between the contacts, d^4 is added. If there are too few landings for
+all third-order terms, the monomials stop at second order. If `allowed` then shows that
+the third order matters, third-order terms along the contacts are added, in the two main
+directions in which the contacts separate.
 
 Other terms of a C1 map look like kinks; they shrink as the contacts come closer
 together. The landings with the largest contact spread are therefore left out, and kinks
