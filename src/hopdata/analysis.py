@@ -723,6 +723,7 @@ class Study(Shown):
         page = build_report(
             ReportInputs(
                 study=self.config["study"],
+                language=self.config["report"]["language"],
                 figures=figures,
                 recordings=[describe_recording(one) for one in self.imported],
                 levelled=self.recordings,

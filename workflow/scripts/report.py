@@ -25,6 +25,7 @@ with reported(snakemake.log[0]):
     page = build_report(
         ReportInputs(
             study=snakemake.params.study["study"],
+            language=snakemake.params.study["report"]["language"],
             figures=read_figures(source.figures, source.captions),
             recordings=recordings,
             levelled=[read_recording(path) for path in source.levelled],

@@ -23,12 +23,13 @@ from hopdata.report.language import said, sentence
 # tables.
 
 PERCENT = re.compile(r"(?<=\d) %")
-SPACES = re.compile(r"[ \t\n]+")  # not the no-break space between a number and its unit
+# Not the no-break space between a number and its unit.
+SPACES = re.compile(r"[ \t\n]+")
 
 
 @dataclass(frozen=True)
 class Caption:
-    """A caption ready to print: title, paragraphs, and alternative text for the picture."""
+    """A caption ready to print: title, paragraphs, and text in place of the picture."""
 
     title: str
     paragraphs: tuple[str, ...]
@@ -112,7 +113,7 @@ class ReportFigure:
 
 @dataclass(frozen=True)
 class PageInputs:
-    """Contents common to all pages. Only `study` is required; a page says what it lacks.
+    """Contents common to all pages, of which only `study` is required.
 
     Parameters
     ----------

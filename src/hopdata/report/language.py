@@ -1,8 +1,8 @@
 """The language of a page: sentences by their codes, and words by the English ones.
 
 A second language is two files: ``messages.<language>.toml`` with the sentences, as in
-every room (`hopdata.messages`), and ``words.<language>.toml`` with a translation of each
-title, heading and name that a table shows. What they lack is said in English.
+every room (`hopdata.messages`), and ``words.<language>.toml`` with a translation of
+each title, heading and name that a table shows. What they lack is said in English.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from hopdata.errors import require_choice
 from hopdata.messages import ENGLISH, Message, languages
 
 FOLDER = Path(__file__).parent
+
+#: Languages that a page may have: English, and those in which some room has sentences.
+LANGUAGES = tuple(languages())
 
 
 def require_language(language: str) -> None:

@@ -191,7 +191,7 @@ def _medians(
 def _labels_right(
     truth: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, tuple[str, str | None]]:
-    """Return correct mode schedules by method, %: of touchdowns used, of all landings."""
+    """Return correct mode schedules by method, %: of those used, of all landings."""
     prefix = "labels_right_"
     of_all = "labels_right_of_all_"
     others = (of_all, "labels_right_unambiguous_")
@@ -210,7 +210,7 @@ def _labels_right(
 
 
 def _by_name(truth: Mapping[str, Mapping[str, Any]], prefix: str) -> dict[str, str]:
-    """Return the entries whose names begin with the prefix, by the rest of the names."""
+    """Return the entries whose names begin with the prefix, by the rest of them."""
     found = {}
     for name, entry in truth.items():
         if name.startswith(prefix) and not show.is_missing(entry.get("value")):

@@ -1,4 +1,4 @@
-"""The verdict on the page, what it can and cannot show, and the page of a group of verdicts."""
+"""The verdict on the page, what it can and cannot show, and the page of a group."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,14 +15,14 @@ Verdict = Mapping[str, Any]
 OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
 
 
-def meaning(verdict: Verdict | None) -> str:
+def meaning(verdict: Verdict | None) -> Message:
     """Return what the quantity that decided a verdict is, and what it cannot show."""
     decided_by = (verdict or {}).get("decided_by", "effect")
-    return str(show.NOTES[f"meaning_of_{decided_by}"])
+    return Message(f"report.meaning_of_{decided_by}")
 
 
 def worded(verdict: Verdict, name: str) -> Message | str:
-    """Return the sentence or the outlook of a verdict, as a message if it has a code."""
+    """Return the sentence or the outlook of a verdict, by its code if it has one."""
     message = verdict.get("messages", {}).get(name)
     if message:
         return Message.from_dict(message)
@@ -30,7 +30,7 @@ def worded(verdict: Verdict, name: str) -> Message | str:
 
 
 def subject_of(note: Mapping[str, Any]) -> Message | str:
-    """Return what a note with a code is about; its reasons for no answer have no name."""
+    """Return what a note with a code is about; reasons for no answer have no name."""
     title = Message(f"{note['code']}_what")
     try:
         title.text()
