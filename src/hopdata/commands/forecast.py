@@ -25,7 +25,6 @@ from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
 from hopdata.maps.verdict.judge import TWO_KINDS
 from hopdata.maps.verdict.model import LEFT
-from hopdata.messages import Message
 from hopdata.recording import Recording, fraction_seen
 from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
 from hopdata.report.formatting import WORDS
@@ -176,7 +175,7 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
         np.sqrt(share)
     )
     kinds = "".join(
-        note["reason"] for note in verdict.notes if note["code"] == TWO_KINDS
+        note["reason"] for note in verdict.notes if note["what"] == TWO_KINDS
     )
     return some(touchdowns, detectable=seen, allowed=allowed, kinds=kinds)
 
@@ -204,13 +203,12 @@ def told(
         f"{re.sub(FOOT, lambda number: feet[int(number[1]) - 1], reason)}: {count}"
         for reason, count in forecast.left_out().items()
     ]
-    told_kinds = Message(f"{TWO_KINDS}_what")
     lines = [
         "forecast",
         f"  landings  {about}{forecast.used} of {forecast.landings} will be used, "
         f"{100 * forecast.unsure:.0f} % of their orders unsure; contacts timed: {timed}",
         *([f"  left out  {'; '.join(out)}"] if out else []),
-        *([f"  note      {told_kinds} {forecast.kinds}"] if forecast.kinds else []),
+        *([f"  note      {TWO_KINDS} {forecast.kinds}"] if forecast.kinds else []),
         f"  verdict   {_reach(forecast, config)}",
     ]
     return lines + [
@@ -304,7 +302,7 @@ def _changes(
         )
     elif (needed := landings_needed(*known)) > forecast.used and not enough:
         more = f"record some {float(f'{needed:.2g}'):,.0f} landings in all for verdict.margin"
-        more += str(MORE_SPREAD) * (needed > MOST_LANDINGS)
+        more += MORE_SPREAD * (needed > MOST_LANDINGS)
         if forecast.detectable is None:
             more = f"record more: at least {needed} landings before anything can be compared; "
             more += "verdict.margin typically takes more than 1000"

@@ -13,9 +13,8 @@ from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.commands import terminal
 from hopdata.errors import RecordingError, counted
-from hopdata.report.formatting import Table
+from hopdata.report.formatting import NOTES, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
-from hopdata.report.language import sentence
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection, Suspect
@@ -107,7 +106,7 @@ def inspection_html(inspection: Inspection, file: str) -> str:
         answer=terminal.answer(inspection),
         highlights=_highlights(inspection),
         notes=terminal.notes(inspection),
-        pictures=[picture_of(ReportFigure("seen", image, "image/svg+xml", sentence("seen")), {})],
+        pictures=[picture_of(ReportFigure("seen", image, "image/svg+xml", NOTES["seen"]), {})],
         tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
                 if t.rows],
         markers=inspection.markers,

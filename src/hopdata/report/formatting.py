@@ -24,6 +24,9 @@ WORDS: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("words.toml").read_text("utf-8")
 )
 
+#: Captions of pictures that commands make.
+NOTES = {"seen": str(Message("report.seen"))}
+
 
 def is_missing(value: Any) -> bool:
     """Return whether a value is absent: None, NaN or infinite."""

@@ -14,8 +14,8 @@ from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import two_kinds
 from hopdata.maps.verdict.judge import (
     CANNOT_TELL,
-    NOT_FORETOLD,
-    TWO_KINDS,
+    NOT_FORETOLD_CODE,
+    TWO_KINDS_CODE,
     conclude,
     outlook,
     sentence,
@@ -125,7 +125,7 @@ def test_landings_of_two_speeds_are_told(of_these):
     )
     assert one.notes == []
     assert [(note["code"], note["reason"][:20]) for note in two.notes] == [
-        (TWO_KINDS, "by their velocity be")
+        (TWO_KINDS_CODE, "by their velocity be")
     ]
     assert two.effect.estimate < 0.85 * one.effect.estimate
     for seed in range(5):  # uniform values with a few outliers are of one kind
@@ -481,7 +481,7 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     data = landings(seed=seed)
     rigid = verdict(data)
     assert rigid.foretold > 0.995
-    assert NOT_FORETOLD not in [note["code"] for note in rigid.notes]
+    assert NOT_FORETOLD_CODE not in [note["code"] for note in rigid.notes]
     scatter_s = 0.0015  # of when each leg touches, beside what the body's state decides
     posture = np.random.default_rng(seed).normal(0.0, scatter_s, data.instants.shape)
     moved = replace(data, instants=data.instants + posture)
@@ -489,12 +489,12 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     varied = np.mean((data.instants - data.instants.mean(axis=1, keepdims=True)) ** 2)
     expected = varied / (varied + scatter_s**2 * (1 - 1 / 3))
     assert answer.foretold == pytest.approx(expected, abs=0.01)
-    (note,) = [note for note in answer.notes if note["code"] == NOT_FORETOLD]
+    (note,) = [note for note in answer.notes if note["code"] == NOT_FORETOLD_CODE]
     assert f"{100 * answer.foretold:.1f} %" in note["reason"]
     # The same scatter as an error of measurement says nothing of the animal.
     known = verdict(moved, instants_se=np.full(data.instants.shape, scatter_s))
     assert known.foretold > 0.99
-    assert NOT_FORETOLD not in [note["code"] for note in known.notes]
+    assert NOT_FORETOLD_CODE not in [note["code"] for note in known.notes]
 
 
 def test_standard_errors_have_the_shape_of_the_instants():

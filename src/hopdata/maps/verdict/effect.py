@@ -390,7 +390,7 @@ class _Draws:
 MOST_LANDINGS = 20_000
 
 #: What is said then.
-MORE_SPREAD = Message("maps.more_spread")
+MORE_SPREAD = str(Message("maps.more_spread"))
 
 
 def landings_needed(

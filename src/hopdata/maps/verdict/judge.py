@@ -33,8 +33,11 @@ CONCLUSIONS = (DIFFERENT, NO_DIFFERENCE, CANNOT_TELL)
 ASKED = 0.2
 
 # Codes of notes that others look for.
-TWO_KINDS = "maps.two_kinds"
-NOT_FORETOLD = "maps.not_foretold"
+TWO_KINDS_CODE = "maps.two_kinds"
+NOT_FORETOLD_CODE = "maps.not_foretold"
+
+#: What the first of these is about, in words.
+TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -453,7 +456,7 @@ def outlook(
     if needed <= landings:
         return Message("maps.outlook_enough", values)
     if needed > sizing.MOST_LANDINGS:
-        values["more_spread"] = sizing.MORE_SPREAD
+        values["more_spread"] = Message("maps.more_spread")
         return Message("maps.outlook_spread", values)
     return Message("maps.outlook_more", values)
 
