@@ -2,21 +2,53 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import pd
-from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
-from hopdata.report.inputs import SteeringInputs, as_yaml, placed_pictures, rendered
-from hopdata.report.language import sentence
+from hopdata.report.inputs import PageInputs, as_yaml, placed_pictures, rendered
+
+_FOLDER = Path(__file__).parent
+#: Texts that readers see in place of names.
+WORDS: dict[str, Any] = tomllib.loads((_FOLDER / "words.toml").read_text("utf-8"))
+CONTROLLERS: dict[str, str] = WORDS["controllers"]
+EXPERIMENTS: dict[str, str] = WORDS["experiments"]
+RUN_BY: dict[str, str] = WORDS["run_by"]
+PLACES: dict[str, str] = WORDS["places"]
+NOTES: dict[str, str] = WORDS["notes"]
+
+
+@dataclass(frozen=True)
+class SteeringInputs(PageInputs):
+    """Further contents of the steering page.
+
+    Parameters
+    ----------
+    outcomes, horizons : DataFrame, optional
+        ``outcomes.csv``, ``horizons.csv``.
+    counts : sequence of mappings, optional
+        ``observed.json``: for each recording, frames, stances and hops, and what was
+        left out.
+    scores : DataFrame, optional
+        ``model_scores.csv``.
+    examples : DataFrame, optional
+        ``examples.csv``: the runs that the figures show.
+    """
+
+    outcomes: pd.DataFrame | None = None
+    horizons: pd.DataFrame | None = None
+    counts: Sequence[Mapping[str, Any]] | None = None
+    scores: pd.DataFrame | None = None
+    examples: pd.DataFrame | None = None
+
 
 # Tables of the steering study: outcomes, observations, and how well the model predicts.
 
-CONTROLLERS = show.WORDS["controllers"]
-EXPERIMENTS = show.WORDS["experiments"]
-RUN_BY = show.WORDS["run_by"]
 # The controller of which something is required.
 PLANNER = "planner"
 
@@ -38,9 +70,9 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     }
     rows = show.records(outcomes)
     title = "Outcomes of the experiments"
-    note = sentence("outcomes")
+    note = NOTES["outcomes"]
     if any(row["controller"] == PLANNER for row in rows):
-        note += sentence("outcomes_of_planner")
+        note += NOTES["outcomes_of_planner"]
     return show.table_of(title, rows, columns, text_columns=2, note=note)
 
 
@@ -120,11 +152,8 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
         "hops tested": show.counted("test_hops"),
     }
     title = "How well the model predicts a hop"
-    note = Message("report.model")
+    note = NOTES["model"]
     return show.table_of(title, show.records(scores), columns, note=note)
-
-
-PLACES = show.WORDS["steering_places"]
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:
@@ -139,9 +168,10 @@ def build_steering_report(inputs: SteeringInputs) -> str:
     facts = steering_facts(inputs)
     notes = list(inputs.notes)
     if inputs.outcomes is None:
-        notes.append(sentence("no_experiment"))
+        notes.append(NOTES["no_experiment"])
     return rendered(
         "steering.html.j2",
+        own=_FOLDER / "templates",
         study=inputs.study,
         highlights=_highlights(inputs),
         pictures=placed_pictures(inputs.figures, facts, PLACES, "model"),
@@ -220,7 +250,7 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     first = next((name for name in RUN_BY if name in tried), None)
     in_worst_seed = _of_seed("worst")
     for row in rows:
-        if row["controller"] != first:
+        if first is None or row["controller"] != first:
             continue
         experiment = EXPERIMENTS[row["experiment"]]
         name = experiment[0].upper() + experiment[1:]
