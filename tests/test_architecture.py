@@ -42,7 +42,8 @@ MAY_USE = {
     "config": {"scenes", "synthesis"},
     "commands": {
         *("config", "recordings", "landings", "figures", "maps", "report"),
-        *("analysis", "group", "provenance"),  # modules beside the rooms
+        # Modules beside the rooms.
+        *("analysis", "provenance", "samples", "stages", "walk"),
     },
 }
 HEAVY = {

@@ -17,7 +17,13 @@ from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.derived import ask_derived, goes_back
-from hopdata.hybrid.driver.loop import END_STATE, many_entry
+from hopdata.hybrid.driver.loop import (
+    END_STATE,
+    Request,
+    Results,
+    Starts,
+    many_entry,
+)
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
 
@@ -280,7 +286,7 @@ def solve_batch(
     left, reason = np.arange(len(states)), "they were not requested"
     if len(states) >= LARGE if lanes is None else arguments.check_flag("lanes", lanes):
         from hopdata.hybrid.lanes.batch import lane_runner
-        from hopdata.hybrid.lanes.step import GIVEN_UP
+        from hopdata.hybrid.lanes.room import GIVEN_UP
 
         limits = np.empty(system.n_states)
         arguments.set_tolerance(limits, atol)
@@ -310,11 +316,9 @@ def solve_batch(
                         work.desk,
                         done,
                         last,
-                        states,
-                        numbers,
-                        modes,
-                        *room.arrays,
-                        *options,
+                        Starts(states, numbers, modes),
+                        Results(*room.arrays),
+                        Request(*options),
                     )
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))
