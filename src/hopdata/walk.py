@@ -374,6 +374,7 @@ class Study(Shown):
         notes += self._result("map_notes")
         return ReportInputs(
             study=self.config["study"],
+            language=self.config["report"]["language"],
             figures=read_figures(files, captions),
             recordings=[describe_recording(one) for one in self.imported],
             levelled=self.recordings,

@@ -31,6 +31,7 @@ with reported(snakemake.log[0]):
     page = build_report(
         ReportInputs(
             study=config["study"],
+            language=config["report"]["language"],
             figures=read_figures(source.figures, source.captions),
             recordings=recordings,
             levelled=[read_recording(path) for path in source.levelled],
