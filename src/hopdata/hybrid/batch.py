@@ -17,7 +17,13 @@ from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.derived import ask_derived, goes_back
-from hopdata.hybrid.driver.loop import END_STATE, many_entry
+from hopdata.hybrid.driver.loop import (
+    END_STATE,
+    Request,
+    Results,
+    Starts,
+    many_entry,
+)
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
 
@@ -250,10 +256,14 @@ class _Batch:
             work.make_params_room(self.numbers.shape[1] - self.system.n_memory)
             work.set_tolerance(self.atol)
             work.block[at.PATIENCE] = np.iinfo(np.int64).max // 2  # it never pauses
-            arrays = (self.states, self.numbers, self.modes, *self.output.arrays)
+            starts = Starts(self.states, self.numbers, self.modes)
+            results = Results(*self.output.arrays)
+            request = Request(*self.options)
             with Caught() as caught:
                 while done < last and not caught:
-                    done = many_entry()(work.block, done, last, *arrays, *self.options)
+                    done = many_entry()(
+                        work.block, done, last, starts, results, request
+                    )
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))
             if caught:
@@ -394,7 +404,7 @@ def _run_in_lanes(
     batch: _Batch, workers: int | None, progress: bool
 ) -> tuple[IntArray, str]:
     """Integrate in lanes, and return the rows that remain, and why if all do."""
-    from hopdata.hybrid.lanes.step import GIVEN_UP
+    from hopdata.hybrid.lanes.room import GIVEN_UP
 
     total = len(batch.states)
     in_lanes, reason = batch.in_lanes()
