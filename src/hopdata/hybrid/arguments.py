@@ -12,7 +12,8 @@ from hopdata.errors import ArgumentError
 # rtol, max_step, first_step, max_steps, max_events
 Limits = tuple[float, float, float | None, int, int]
 
-# Steps and events by default: no limit in practice, but no run for ever.
+#: Most steps, and most events, of an integration by default.
+#: Unit: 1. Origin: chosen: no limit in practice, but no run for ever.
 MOST = 10_000_000
 #: Smallest relative tolerance; a smaller one that is asked for is raised to it.
 #: Unit: 1. Origin: rounding: at a smaller one the controller mistakes rounding for

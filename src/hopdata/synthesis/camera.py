@@ -125,7 +125,9 @@ class MotionCapture:
 
 
 ON_FLOOR = np.array([1.0, 1.0, 0.0])  # takes a place to the floor beneath it
-RUNNING_AHEAD_S = 0.1  # after the apex, over which feet come to run ahead
+#: Time after the apex over which the feet of a control with a delay come to run ahead.
+#: Unit: s. Origin: chosen.
+RUNNING_AHEAD_S = 0.1
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ from hopdata.synthesis.hops import padded
 
 # Free components of an apex state, without place and heading.
 FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
+#: Relative tolerance of the integrations that give the exact maps.
+#: Unit: 1. Origin: chosen.
 RTOL = 1e-12
 EXACTLY: dict[str, Any] = {
     "rtol": RTOL,

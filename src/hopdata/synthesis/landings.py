@@ -159,7 +159,11 @@ def _functions(
     }
 
 
-LONGEST_S = 3.0  # time after which a landing is given up
+#: Time after which a landing that has not reached its section is given up.
+#: Unit: s. Origin: chosen.
+LONGEST_S = 3.0
+#: Absolute tolerance of the integration of a landing, for a relative one of 1.
+#: Unit: m, rad, m/s, rad/s. Origin: chosen.
 ATOL_PER_RTOL = 1e-2
 
 

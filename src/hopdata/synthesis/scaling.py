@@ -81,6 +81,8 @@ def common_scene(truths: Iterable[Truth]) -> KnownScene:
     return scenes[0]
 
 
+#: Relative tolerance of the integration of scaled landings.
+#: Unit: 1. Origin: chosen.
 RTOL = 1e-10
 
 logger = logging.getLogger(__name__)
@@ -287,6 +289,8 @@ def _nothing(
 
 # Noise-free states at the sections of a simulated study, and its exact linear maps.
 
+#: Relative tolerance of the integration of true landings to the sections.
+#: Unit: 1. Origin: chosen.
 TRUE_SECTIONS_RTOL = 1e-9
 
 

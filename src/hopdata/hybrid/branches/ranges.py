@@ -42,7 +42,10 @@ from hopdata.hybrid.compiled.memory import (
 Function = Callable[..., Any]
 
 EPS = 2.0**-52
-LIBM = 4.0 * EPS  # relative error of an elementary function
+#: Relative error by which the range of an elementary function is widened.
+#: Unit: 1. Origin: rounding: 4 units in the last place, which is assumed of the C
+#: library (docs/integrator.md, Limits).
+LIBM = 4.0 * EPS
 INF = math.inf
 TURN = 2.0 * math.pi
 BYTES = 8  # of a number

@@ -304,7 +304,7 @@ def run_to_the_end(
 
 def _run(block: int, flags: int) -> int:
     """Run the driver with the argument block at this address."""
-    return run(memory.int_vector(block, at.DESK_SLOTS), flags)
+    return run(memory.int_vector(block, at.BLOCK_SLOTS), flags)
 
 
 def _first_order(
@@ -314,7 +314,7 @@ def _first_order(
 
     `which` is a row of the log, a flag, or a kind of flip.
     """
-    slots = memory.int_vector(block, at.DESK_SLOTS)
+    slots = memory.int_vector(block, at.BLOCK_SLOTS)
     p = problem_of(slots)
     m = memory_of(slots)
     if part == jacobian.CARRY:
@@ -330,8 +330,8 @@ def _first_order(
 
 def _enter(block: int, flags: int) -> int:
     """Run the driver with the block at this address if the request in it is valid."""
-    slots = memory.int_vector(block, at.DESK_SLOTS)
-    numbers = memory.float_vector(block, at.DESK_SLOTS)
+    slots = memory.int_vector(block, at.BLOCK_SLOTS)
+    numbers = memory.float_vector(block, at.BLOCK_SLOTS)
     if flags & at.RESUMED == 0 and not can_be_done(slots, numbers):
         return at.BAD_NUMBERS
     return run_to_the_end(slots, numbers, block, flags)
