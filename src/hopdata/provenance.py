@@ -58,14 +58,21 @@ def code_digest(script: str | Path) -> str:
 
 @cache
 def _assets(source: Path) -> tuple[Path, ...]:
-    """Return the non-Python files of a sub-package (style sheets, templates, schemas)."""
-    if source.name != "__init__.py" or source.parent == PACKAGE:
+    """Return the non-Python files of a sub-package (style sheets, templates, schemas).
+
+    Those of a package within it are that package's own: a text on the command line of
+    steering is no part of the code that learns its model.
+    """
+    folder = source.parent
+    if source.name != "__init__.py" or folder == PACKAGE:
         return ()
-    return tuple(
-        sorted(
-            p for p in source.parent.rglob("*") if p.suffix in ASSETS and p.is_file()
-        )
-    )
+    found = (p for p in folder.rglob("*") if p.suffix in ASSETS and p.is_file())
+    return tuple(sorted(p for p in found if _package_of(p) == folder))
+
+
+def _package_of(file: Path) -> Path:
+    """Return the folder of the package that a file is in."""
+    return next(one for one in file.parents if (one / "__init__.py").is_file())
 
 
 def _closure(start: Iterable[Path]) -> set[Path]:
@@ -143,7 +150,7 @@ def package_digest() -> str:
     digest = hashlib.sha256()
     assets = (
         one
-        for folder in sorted(PACKAGE.glob("*/__init__.py"))
+        for folder in sorted(PACKAGE.rglob("__init__.py"))
         for one in _assets(folder)
     )
     for source in sorted(_sources().union(assets)):
