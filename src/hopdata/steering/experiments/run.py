@@ -14,7 +14,7 @@ from hopdata.steering.control.objectives import (
     Controller,
     Plan,
     PlanningError,
-    errors_left,
+    goal_errors,
 )
 from hopdata.steering.experiments.tasks import (
     Outcome,
@@ -248,7 +248,7 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
             ]
         )
         foretold = unknown if plan is None else plan.poses[1]
-        errors.append(float(errors_left(goal, stance.pose)))
+        errors.append(float(goal_errors(goal, stance.pose)))
         if decided(task, errors):
             break
     made = pd.DataFrame(rows, columns=COLUMNS, dtype=float)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import one_blas_thread, pd
 from hopdata.rigid import composed, inverse
 from hopdata.steering import FLOOR, child
-from hopdata.steering.control.objectives import Controller, errors_left
+from hopdata.steering.control.objectives import Controller, goal_errors
 from hopdata.steering.experiments import run as watched
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import MEASURED, PREDICTED, Run
@@ -59,13 +59,13 @@ def simulated(
     )
     if len(seen):
         pose, boom = seen[MEASURED].to_numpy()[0], float(seen["boom_angle_rad"].iloc[0])
-    poses, errors, swing = [pose], [float(errors_left(goal, pose))], None
+    poses, errors, swing = [pose], [float(goal_errors(goal, pose))], None
     while not tasks.decided(task, errors):
         plan = controller.plan(pose, boom, swing)
         pose, swing = plan.poses[1], plan.swing_rad
         boom += swing
         poses.append(pose)
-        errors.append(float(errors_left(goal, pose)))
+        errors.append(float(goal_errors(goal, pose)))
     stances = np.arange(len(poses))
     table = pd.DataFrame(np.array(poses), columns=POSE)
     return table.assign(curve="pure", stance=stances, time_s=stances * hop_s)
