@@ -28,7 +28,7 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.commands.run import bring_bundled
     from hopdata.config.consistency import feet_of, files_of, simulation_of
     from hopdata.config.loading import load_config, place_of, read_yaml
-    from hopdata.group import read_group
+    from hopdata.samples import read_group
     from hopdata.landings.floor import moving
     from hopdata.recording import extent, require_distinct
     from hopdata.recordings.importing import import_recording

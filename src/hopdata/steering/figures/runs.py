@@ -14,16 +14,24 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.figures import style
 
-WIDTH_MM, HEIGHT_MM, DPI = 90.0, 112.0, 110.0
-SPEED = 2.0  # relative to real time
+# The film: its size, speed relative to real time, number of colours, margin about the
+# run, and duration of the last picture.
+WIDTH_MM = 90.0
+HEIGHT_MM = 112.0
+DPI = 110.0
+SPEED = 2.0
 COLOURS = 48
 MARGIN_M = 0.25
-LAST_S = 1.5  # duration of the last picture
+LAST_S = 1.5
+BOARD = "#8a6d2f"
+BOARD_BEFORE = "#d8c9a8"  # where the board first was
 NO_RUN = "No stance was seen in any run, so there is none to show."
 
 
 def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> None:
-    """Write a film of one run as an animated GIF, whole or not at all; without a run, say so.
+    """Write a film of one run as an animated GIF, whole or not at all.
+
+    Without a run, its only picture says so.
 
     Parameters
     ----------
@@ -55,9 +63,15 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
     durations = [each_ms] * (len(pictures) - 1) + [round(1000 * LAST_S)]
     with whole_file(path) as temporary:
         pictures[0].save(
-            temporary, format="GIF", save_all=True, append_images=pictures[1:],
-            duration=durations, loop=0, optimize=False, disposal=1,
-        )  # fmt: skip
+            temporary,
+            format="GIF",
+            save_all=True,
+            append_images=pictures[1:],
+            duration=durations,
+            loop=0,
+            optimize=False,
+            disposal=1,
+        )
 
 
 def _still(message: str) -> Images.Image:
@@ -80,15 +94,16 @@ def _pictures(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    names = list(film["marker"].unique())
-    places = film[["x_m", "y_m", "z_m"]].to_numpy().reshape(len(times), len(names), 3)
-    figure, moving, reach = _stage(places)
+    n_markers = film["marker"].nunique()
+    coordinates = film[["x_m", "y_m", "z_m"]].to_numpy()
+    positions = coordinates.reshape(len(times), n_markers, 3)
+    figure, moving, reach = _stage(positions)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)  # type: ignore[attr-defined]
     palette: Images.Image | None = None
     pictures = []
-    for time, markers in zip(times, places, strict=True):
+    for time, markers in zip(times, positions, strict=True):
         canvas.restore_region(still)  # type: ignore[attr-defined]
         _move(moving, time, markers, stances, reach)
         for artist in moving.values():
@@ -100,17 +115,22 @@ def _pictures(
     return pictures
 
 
-def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
-    """Return the figure with static parts, the moving artists, and half the board's length, m."""
+def _stage(positions: Any) -> tuple[Figure, dict[str, Any], float]:
+    """Return the figure with its static parts, and the moving artists.
+
+    The last value is half the board's length, m.
+    """
     figure = style.paper_figure(WIDTH_MM, HEIGHT_MM)
     figure.set_dpi(DPI)
     above, side = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1))
-    low = np.fmin(np.nanmin(places, axis=(0, 1))[:2], 0) - MARGIN_M
-    high = np.fmax(np.nanmax(places, axis=(0, 1))[:2], 0) + MARGIN_M
-    middle, half = (low + high) / 2, max(high - low) / 2
-    (left, bottom), (right, top) = middle - half, middle + half
+    low = np.fmin(np.nanmin(positions, axis=(0, 1))[:2], 0) - MARGIN_M
+    high = np.fmax(np.nanmax(positions, axis=(0, 1))[:2], 0) + MARGIN_M
+    middle = (low + high) / 2
+    half = max(high - low) / 2
+    left, bottom = middle - half
+    right, top = middle + half
     above.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", ylabel="y (m)")
-    highest = 1.1 * float(np.nanmax(places[..., 2]))
+    highest = 1.1 * float(np.nanmax(positions[..., 2]))
     side.set(ylim=(-0.05, highest), xlabel="x (m)", ylabel="height (m)")
     side.axhline(0.0, color=style.INK, linewidth=0.8)
     above.plot(0, 0, marker="*", color=style.VERMILION, mec="white", ms=12)
@@ -118,22 +138,27 @@ def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
 
 
 def _moving(above: Any, side: Any) -> dict[str, Any]:
-    """Return the moving artists, animated so that they are drawn on top of the static picture."""
+    """Return the moving artists, which are drawn on top of the static picture."""
+
+    def line(axes: Any, kind: str, **look: Any) -> Any:
+        return axes.plot([], [], kind, animated=True, **look)[0]
+
+    body: Any = {"color": style.BLUE, "alpha": 0.75, "animated": True}
+    corner: Any = {"transform": above.transAxes, "va": "top", "animated": True}
+    boom: Any = {"color": style.INK, "markevery": [1]}  # a marker at its end only
     return {
-        "board_line": above.plot([], [], color="#8a6d2f", lw=3, animated=True)[0],
-        "path": above.plot([], [], "o-", color=style.GREY, ms=2.5, lw=0.9, animated=True)[0],
-        "body": above.fill([0, 0, 0], [0, 0, 0], color=style.BLUE, alpha=0.75, animated=True)[0],
-        "boom": above.plot([], [], "o-", color=style.INK, lw=1.6, ms=5, markevery=[1],
-                           animated=True)[0],
-        "time": above.text(0.02, 0.98, "", transform=above.transAxes, va="top", animated=True),
-        "side_body": side.plot([], [], "o-", color=style.BLUE, lw=2, ms=3, animated=True)[0],
-        "side_boom": side.plot([], [], "o-", color=style.INK, lw=1.2, ms=4, markevery=[1],
-                               animated=True)[0],
-    }  # fmt: skip
+        "board_line": line(above, "-", color=BOARD, lw=3),
+        "path": line(above, "o-", color=style.GREY, ms=2.5, lw=0.9),
+        "body": above.fill([0, 0, 0], [0, 0, 0], **body)[0],
+        "boom": line(above, "o-", lw=1.6, ms=5, **boom),
+        "time": above.text(0.02, 0.98, "", **corner),
+        "side_body": line(side, "o-", color=style.BLUE, lw=2, ms=3),
+        "side_boom": line(side, "o-", lw=1.2, ms=4, **boom),
+    }
 
 
 def _board_axes(stances: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors into the board and along it, (2,) each; NaN without a board."""
+    """Return unit vectors into the board and along it, (2,); NaN without a board."""
     way = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
     return way, np.array([-way[1], way[0]])
 
@@ -146,7 +171,8 @@ def _move(
     reach: float,
 ) -> None:
     """Update all moving artists to this time."""
-    body, boom = markers[:-1], markers[-1]
+    body = markers[:-1]
+    boom = markers[-1]
     centre = body.mean(axis=0)
     past = stances[stances["time_s"] <= time]
     ring = np.concatenate([body, body[:1]])
@@ -157,12 +183,12 @@ def _move(
     moving["side_body"].set_data(ring[:, 0], ring[:, 2])
     moving["side_boom"].set_data([centre[0], boom[0]], [centre[2], boom[2]])
     way, across = _board_axes(stances)
-    place = (
-        float(stances["board_first_m"].iloc[0])
-        if past.empty
-        else past["board_m"].iloc[-1]
-    )
-    ends = np.stack([place * way - reach * across, place * way + reach * across])
+    if past.empty:
+        board_m = float(stances["board_first_m"].iloc[0])
+    else:
+        board_m = past["board_m"].iloc[-1]
+    middle = board_m * way
+    ends = np.stack([middle - reach * across, middle + reach * across])
     moving["board_line"].set_data(*ends.T)
 
 
@@ -183,6 +209,7 @@ TASKS = {
     "turn_board": "half turn,\nboard in the way",
 }
 APART = 0.17  # offset between controllers of one task
+MEDIAN: dict[str, Any] = {"mec": "white", "mew": 0.4, "ms": 4.5}  # look of a median
 
 
 @style.styled
@@ -217,36 +244,18 @@ def steering_outcomes_figure(
     panels = figure.subplots(1, len(widths), width_ratios=widths)
     rates, hops = panels[:2]
     hops.sharey(rates)
-    for name, (label, colour, mark) in LOOKS.items():
-        place = APART * (list(LOOKS).index(name) - (len(LOOKS) - 1) / 2)
+    for k, (name, (label, colour, mark)) in enumerate(LOOKS.items()):
+        offset = APART * (k - (len(LOOKS) - 1) / 2)
         for row, task in enumerate(tasks):
             own = runs[(runs["experiment"] == task) & (runs["controller"] == name)]
-            shares = 100 * own.groupby("seed")["success"].mean()
-            if shares.empty:
-                continue
-            look: Any = {"color": colour, "mec": "white", "mew": 0.4, "ms": 4.5}
-            rates.plot(
-                [shares.min(), shares.max()], [row + place] * 2, color=colour, lw=0.9
-            )
-            rates.plot(
-                shares, np.full(len(shares), row + place), "|", color=colour, ms=4
-            )
-            rates.plot(shares.median(), row + place, mark, **look)
-            arrived = own.loc[own["success"], "hops"]
-            if len(arrived):
-                hops.plot(
-                    arrived.quantile([0.05, 0.95]),
-                    [row + place] * 2,
-                    color=colour,
-                    lw=0.9,
-                )
-                hops.plot(arrived.median(), row + place, mark, **look)
+            if not own.empty:
+                _draw_rates(rates, own, row + offset, colour, mark)
+                _draw_hops(hops, own, row + offset, colour, mark)
         if name in set(runs["controller"]):
             rates.plot([], [], mark, color=colour, ms=4, label=label)
     rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
-    rates.set(
-        ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103), xlabel="runs that succeeded (%)"
-    )
+    rates.set(ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103))
+    rates.set_xlabel("runs that succeeded (%)")
     if "planner" in set(runs["controller"]):
         dashed: Any = {"color": style.INK, "linewidth": 0.6, "linestyle": (0, (4, 2))}
         rates.axvline(90, label="required of the planner", **dashed)
@@ -260,6 +269,27 @@ def steering_outcomes_figure(
         _draw_horizons(panels[2], horizons)
     style.lettered(figure, panels, ncols=3)
     return figure
+
+
+def _draw_rates(
+    axes: Axes, runs: pd.DataFrame, row: float, colour: str, mark: str
+) -> None:
+    """Draw the success rates of a controller in a task: each seed, and the median."""
+    shares = 100 * runs.groupby("seed")["success"].mean()
+    axes.plot([shares.min(), shares.max()], [row] * 2, color=colour, lw=0.9)
+    axes.plot(shares, np.full(len(shares), row), "|", color=colour, ms=4)
+    axes.plot(shares.median(), row, mark, color=colour, **MEDIAN)
+
+
+def _draw_hops(
+    axes: Axes, runs: pd.DataFrame, row: float, colour: str, mark: str
+) -> None:
+    """Draw the hops of the successful runs of a controller in a task."""
+    arrived = runs.loc[runs["success"], "hops"]
+    if arrived.empty:
+        return
+    axes.plot(arrived.quantile([0.05, 0.95]), [row] * 2, color=colour, lw=0.9)
+    axes.plot(arrived.median(), row, mark, color=colour, **MEDIAN)
 
 
 def _draw_horizons(axes: Axes, horizons: pd.DataFrame) -> None:
@@ -321,14 +351,14 @@ def steering_run_figure(
     kinds = [name for name in CURVES if _is_drawn(curves, name)]
     _draw_arena(panels["a"], curves, kinds, turn)
     for panel, (column, label, factor) in OVER_TIME.items():
+        axes = panels[panel]
         for name in kinds:
             curve, *look = CURVES[name]
             rows = curves[curves["curve"] == name]
-            _draw_curve(
-                panels[panel], rows["time_s"], rows[column] * factor, look, label=curve
-            )
-        panels[panel].margins(y=0.12)
-        panels[panel].set_ylabel(label)
+            values = rows[column] * factor
+            _draw_curve(axes, rows["time_s"], values, look, label=curve)
+        axes.margins(y=0.12)
+        axes.set_ylabel(label)
     _draw_goals(panels, curves, turn)
     panels["h"].set_xlabel("time (s)")
     for above in "xy":
@@ -336,31 +366,36 @@ def steering_run_figure(
         panels[above].tick_params(labelbottom=False)
     figure.align_ylabels([panels[name] for name in "xyh"])
     style.letters(panels[name] for name in "axyh")
-    lines, places = (panels[name].get_legend_handles_labels() for name in "xa")
-    named = ([*one[::-1], *other] for one, other in zip(lines, places, strict=True))
-    figure.legend(*named, loc="outside upper center", ncols=7)
+    # The measured curve, which is drawn last, comes first; then what is in the arena.
+    lines, line_names = panels["x"].get_legend_handles_labels()
+    marks, mark_names = panels["a"].get_legend_handles_labels()
+    handles = [*lines[::-1], *marks]
+    names = [*line_names[::-1], *mark_names]
+    figure.legend(handles, names, loc="outside upper center", ncols=7)
     return figure
 
 
 def _is_drawn(curves: pd.DataFrame, name: str) -> bool:
-    """Return whether a curve is drawn: what was measured is, a prediction if there is any."""
-    known = int(curves.loc[curves["curve"] == name, "x_m"].notna().sum())
-    least = (
-        2 if name == "pure" else 1
-    )  # the pure simulation begins at a stance that was measured
-    return name == "measured" or known >= least
+    """Return whether a curve is drawn: the measured one, and what was predicted."""
+    if name == "measured":
+        return True
+    n_known = int(curves.loc[curves["curve"] == name, "x_m"].notna().sum())
+    # The pure simulation begins at a stance that was measured.
+    least = 2 if name == "pure" else 1
+    return n_known >= least
 
 
 def _draw_curve(
     axes: Axes, x: pd.Series, y: pd.Series, look: Any, **options: Any
 ) -> None:
+    """Draw a curve in its colour, line style and marker."""
     colour, dash, mark = look
     size = 2.2 if mark == "o" else 3
     axes.plot(x, y, color=colour, ls=dash, marker=mark, ms=size, mew=0.7, **options)
 
 
 def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> None:
-    """Draw the goal as a thin line: zero in x and y, or half a turn to the side turned to."""
+    """Draw the goal as a thin line: zero in x and y, or half a turn to one side."""
     if not turn:
         for name in "xy":
             panels[name].axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
@@ -372,6 +407,7 @@ def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> No
 def _draw_arena(
     axes: Axes, curves: pd.DataFrame, kinds: Sequence[str], turn: bool
 ) -> None:
+    """Draw the arena from above: path, headings, board, start and goal."""
     for name in kinds:
         _, *look = CURVES[name]
         rows = curves[curves["curve"] == name]
@@ -380,26 +416,7 @@ def _draw_arena(
     _draw_headings(axes, measured)
     _draw_board(axes, measured)
     if not turn:
-        axes.plot(
-            0,
-            0,
-            "*",
-            color=style.VERMILION,
-            mec="white",
-            mew=0.5,
-            ms=10,
-            zorder=5,
-            label="goal",
-        )
-        angle = np.linspace(0, 2 * np.pi, 73)
-        near = float(curves["near"].iloc[0])
-        axes.plot(
-            near * np.cos(angle),
-            near * np.sin(angle),
-            color=style.GREY,
-            linewidth=0.6,
-            zorder=0,
-        )
+        _draw_origin(axes, float(curves["near"].iloc[0]))
     start = measured.dropna(subset=["x_m"]).iloc[0]
     hollow: Any = {"color": "white", "mec": style.INK, "ms": 5, "mew": 0.9, "zorder": 4}
     axes.plot(start["x_m"], start["y_m"], "o", label="start", **hollow)
@@ -408,37 +425,39 @@ def _draw_arena(
     axes.set(xlabel="x (m)", ylabel="y (m)")
 
 
+def _draw_origin(axes: Axes, near_m: float) -> None:
+    """Draw the goal, and how near it counts as reached."""
+    star: Any = {"color": style.VERMILION, "mec": "white", "mew": 0.5, "ms": 10}
+    axes.plot(0, 0, "*", zorder=5, label="goal", **star)
+    angle = np.linspace(0, 2 * np.pi, 73)
+    x = near_m * np.cos(angle)
+    y = near_m * np.sin(angle)
+    axes.plot(x, y, color=style.GREY, linewidth=0.6, zorder=0)
+
+
 def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
-    x, y, heading = (
-        measured[name].to_numpy() for name in ("x_m", "y_m", "heading_rad")
-    )
-    dx, dy = TICK_M * np.cos(heading), TICK_M * np.sin(heading)
-    axes.plot(
-        np.stack([x, x + dx]),
-        np.stack([y, y + dy]),
-        color=style.INK,
-        linewidth=0.5,
-        zorder=1,
-    )
+    """Draw a short line ahead of each stance."""
+    x = measured["x_m"].to_numpy()
+    y = measured["y_m"].to_numpy()
+    heading = measured["heading_rad"].to_numpy()
+    x_ends = np.stack([x, x + TICK_M * np.cos(heading)])
+    y_ends = np.stack([y, y + TICK_M * np.sin(heading)])
+    axes.plot(x_ends, y_ends, color=style.INK, linewidth=0.5, zorder=1)
 
 
 def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
-    """Draw the board, as wide as the path: pale at its first place, dark at its last."""
-    first, last = measured["board_first_m"].iloc[0], measured["board_m"].dropna()
-    if np.isnan(first) or last.empty:
+    """Draw the board, as wide as the path: pale where it was first, dark at last."""
+    first_m = measured["board_first_m"].iloc[0]
+    known_m = measured["board_m"].dropna()
+    if np.isnan(first_m) or known_m.empty:
         return
     way, across = _board_axes(measured)
     sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
     sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
-    for place, colour, label in (
-        (float(first), "#d8c9a8", "board, first"),
-        (float(last.iloc[-1]), "#8a6d2f", "board, last"),
+    look: Any = {"linewidth": 3, "solid_capstyle": "butt", "zorder": 0}
+    for board_m, colour, label in (
+        (float(first_m), BOARD_BEFORE, "board, first"),
+        (float(known_m.iloc[-1]), BOARD, "board, last"),
     ):
-        ends = np.stack([place * way + side * across for side in sides])
-        look: Any = {
-            "color": colour,
-            "linewidth": 3,
-            "solid_capstyle": "butt",
-            "zorder": 0,
-        }
-        axes.plot(ends[:, 0], ends[:, 1], label=label, **look)
+        ends = np.stack([board_m * way + side * across for side in sides])
+        axes.plot(ends[:, 0], ends[:, 1], color=colour, label=label, **look)
