@@ -352,7 +352,7 @@ def _open_feet(used: pd.DataFrame) -> list[Message]:
 
 
 def _common(used: pd.DataFrame) -> list[Message]:
-    """Report the error that contacts of a foot may share, where it exceeds their own."""
+    """Report the error that contacts of a foot share, where it exceeds their own."""
     feet = []
     for name in used.columns[used.columns.str.startswith("common_")]:
         common_s = float(used[name].median())

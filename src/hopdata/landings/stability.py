@@ -1,4 +1,4 @@
-"""Stability of a study: drift between its parts, and sections from parts of the data."""
+"""Stability of a study: drift between its parts, and sections from parts of it."""
 
 from __future__ import annotations
 
