@@ -6,6 +6,8 @@ snakemake --cores 2 --configfile config/runner.yaml   another study
 
 from snakemake.utils import min_version
 
+from hopdata import products
+
 min_version("9.14")
 
 # A config file given on the command line replaces the default one; it does not extend it.
@@ -23,25 +25,26 @@ container: "docker://python:3.13-slim"
 include: "workflow/rules/folder.smk"
 include: "workflow/rules/common.smk"
 include: "workflow/rules/figures.smk"
-include: "workflow/rules/recordings.smk"
-include: "workflow/rules/landings.smk"
-include: "workflow/rules/maps.smk"
+include: "workflow/rules/line.smk"
+include: "workflow/rules/truth.smk"
 include: "workflow/rules/external.smk"
-include: "workflow/rules/steering.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmarks.smk"
 include: "workflow/rules/comparison.smk"
 
 
+# Products beside the study, such as steering, bring rules of their own.
+for product in products.installed():
+    if product.rules.is_file():
+
+        include: product.rules
+
+
 rule all:
     default_target: True
     input:
-        f"{RESULTS}/report.html",
-        f"{RESULTS}/provenance.json",
-        f"{RESULTS}/verdict.json",
-        rules.score.output.truth if TRUTH_KNOWN else [],
+        rules.report.output,
         FIGURES,
-        rules.pairs.output,
-        rules.quality.output,
-        rules.maps.output,
-        rules.verdict.output,
+        f"{RESULTS}/verdict.json",
+        f"{RESULTS}/quality.json",
+        f"{RESULTS}/truth.json" if TRUTH_KNOWN else [],

@@ -20,7 +20,7 @@ from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.states.pairs import DESCRIPTIONS
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.recordings.plausibility import check_plausible, notes
-from hopdata.recordings.quality import orientation, rigid, stretches, swaps
+from hopdata.recordings.quality import free_fall, rigid, surprises, timing
 from hopdata.recordings.quality.inspection import recording_tables
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
@@ -44,7 +44,7 @@ def small_blocks(monkeypatch):
         (descents, "BLOCK", 101),
         (approach, "LANDINGS", 7),
         (kink, "BLOCK", 11),
-        (stretches, "BLOCK", 1_000),
+        (timing, "BLOCK", 1_000),
         (tracks, "LARGEST", 30_000),
     ):
         monkeypatch.setattr(module, name, size)
@@ -52,7 +52,7 @@ def small_blocks(monkeypatch):
 
 @pytest.fixture
 def small_samples(monkeypatch):
-    for module in (noise, orientation, rigid, swaps):
+    for module in (noise, free_fall, rigid, surprises):
         monkeypatch.setattr(module, "MOST_FRAMES", 5_000)
     monkeypatch.setattr(schedules, "CHUNK", 20)
     for module in (tracks, fits, coefficients):

@@ -23,8 +23,8 @@ from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.scoring import match_landings
 from hopdata.recording import Recording
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.importing import import_recording
-from hopdata.recordings.raw import rotate_up
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis import simulate_recording

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
 from inspect import signature
 from itertools import islice, pairwise
-from math import pi
 from operator import getitem
 from pathlib import Path
 from pkgutil import resolve_name
@@ -199,50 +198,6 @@ def nearest_file(file: Path) -> str:
     return f"; in that folder are {', '.join(same)}" if same else f" in {Path.cwd()}"
 
 
-# Mistakes in the block ``steering``.
-
-ROUNDING = 1e-9
-
-
-def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
-    """Yield inconsistencies in the block ``steering``."""
-    steering = config["steering"]
-    yield from (
-        _wrong_recordings(config)
-        if steering["recordings"]
-        else _wrong_excitation(steering)
-    )
-
-
-def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
-    known = [entry["name"] for entry in config["recordings"]]
-    named = enumerate(config["steering"]["recordings"])
-    places = ((f"steering.recordings[{i}]", name) for i, name in named)
-    yield from _unknown("one of the recordings", known, places)
-    if len(config["markers"]["boom"]) != 1:
-        found = ", ".join(config["markers"]["boom"]) or "none"
-        wanted = "one marker on the boom (markers.boom), on whose angle the frame changes depend"
-        yield mismatch("steering.recordings", wanted, found)
-
-
-def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
-    excitation = steering["excitation"]
-    angles, steps, repeats = (
-        excitation[key] for key in ("n_angles", "n_steps", "repeats")
-    )
-    limit, largest = steering["robot"]["swing_limit_rad"], 2 * pi * steps / angles
-    if largest > limit + ROUNDING:
-        wanted = f"swings within steering.robot.swing_limit_rad ({limit:.4g} rad)"
-        found = f"{steps} steps of {2 * pi / angles:.4g} rad"
-        yield mismatch("steering.excitation.n_steps", wanted, found)
-    hops, asked = angles * (2 * steps + 1) * repeats, steering["model"]["training_hops"]
-    # The first stance does not end a hop, and a test needs two hops.
-    if asked > hops - 3:
-        most = f"at most {max(0, hops - 3)} of the {hops} hops of the excitation"
-        left = f"{most}, so that some are left to test with"
-        yield mismatch("steering.model.training_hops", left, asked)
-
-
 RESERVED_STUDIES = (
     "benchmarks",
     "both_sides",
@@ -344,7 +299,6 @@ DEFAULT_SIGMAS = 3.0  # of sections.threshold_sigmas in the schema
 _IN_ORDER = (
     ("sections.pre_height_m", "more", "sections.post_height_m"),
     ("subspaces.components", "fewer", "subspaces.samples"),
-    ("steering.experiments.distance_m", "more", "steering.experiments.arrived_m"),
 )
 
 
@@ -457,5 +411,5 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _repeated, _left_out, _joined_feet, _home_marker, _in_order, _idle_section_keys,
     _scales_in_order,
     _simulated_markers, _simulated_files, external_mistakes, _braces, _reserved_study,
-    _enough_flips, steering_mistakes,
+    _enough_flips,
 ]  # fmt: skip

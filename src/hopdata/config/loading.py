@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from hopdata import products
 from hopdata.config.consistency import CHECKS, missing_files, nearest_file
 from hopdata.config.schema import describe, dotted, load_schema
 from hopdata.errors import ConfigError
@@ -220,7 +221,12 @@ def load_config(
         raise ConfigError.at(place, "a tree of keys", "one within itself") from None
     _raise_all(place, files, _schema_mistakes(config, schema))
     checks = [*CHECKS, missing_files] if check_files else CHECKS
-    _raise_all(place, files, [mistake for check in checks for mistake in check(config)])
+    mistakes = [mistake for check in checks for mistake in check(config)]
+    for product in products.installed():
+        # A product is imported only for a configuration that speaks of it.
+        if product.name in content:
+            mistakes += product.mistakes(config)
+    _raise_all(place, files, mistakes)
     return config
 
 

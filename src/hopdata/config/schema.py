@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import yaml
 
+from hopdata import products
 from hopdata.errors import did_you_mean, require
 from hopdata.scenes import SCENES, STANDARD, scene_class
 
@@ -41,6 +42,8 @@ def load_schema(scene: str = STANDARD) -> dict[str, Any]:
         SCHEMA_FILE.read_text(encoding="utf-8"), Loader=loader
     )
     _take_choices(schema)
+    for product in products.installed():
+        schema["properties"] |= product.block()
     simulation = schema["properties"]["simulation"]["properties"]
     if scene != STANDARD:
         del simulation[STANDARD]
@@ -370,6 +373,11 @@ def _unknown_key(
     whole = _join(place, key)
     if whole in REMOVED:
         return f"{whole}: expected a known key, found '{key}'; {REMOVED[whole]}"
+    if not place and products.is_missing(key):
+        return (
+            f"{key}: expected a known key, found '{key}', a part of hopdata that is not "
+            f"installed; run pip install 'hopdata[{key}]', or delete the block"
+        )
     near = did_you_mean(key, known)
     if not get_close_matches(key, known, n=1, cutoff=SURE):
         elsewhere = _elsewhere(key, place, schema)

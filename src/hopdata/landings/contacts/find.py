@@ -28,7 +28,7 @@ from hopdata.landings.contacts.noise import (
 )
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
-from hopdata.recordings.quality.rigid import low_pass
+from hopdata.recordings.quality.processing import low_pass
 
 #: Rise at which a foot has left the floor again, in standard deviations of a height.
 #: Frames from then on are left out: when such feet were taken to stand, contacts came

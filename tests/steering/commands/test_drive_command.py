@@ -1,0 +1,201 @@
+"""A drive of the simulated hopper from the command line, and the replay of its log."""
+
+import errno
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hopdata.__main__ import main
+from hopdata.steering.commands import drive
+from hopdata.steering.live import log, rehearsal
+from hopdata.steering.live.log import read_log
+from hopdata.steering.models.process import FrameChangeProcess, save_process
+from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
+from hopdata.steering.robot import SteeredHopper
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """Write what would have been learned from a recording: the marker positions and a few hops."""
+    folder, hopper = tmp_path_factory.mktemp("model"), SteeredHopper()
+    body = np.array(hopper.markers.body_m)
+    centre = np.array([hopper.hopper.boom_offset_m, 0, hopper.hopper.boom_height_m])
+    circle = BoomCircle(centre - body.mean(axis=0), np.array([0.0, 0.0, 1.0]), 0.25)
+    names = ("body1", "body2", "body3")
+    HopperGeometry(
+        names, body - body.mean(axis=0), 0.0006, 0.3, 0.4, "boom", circle
+    ).save(folder / "geometry.json")  # fmt: skip
+    rng = np.random.default_rng(np.random.SeedSequence(1))
+    inputs = np.column_stack(
+        [rng.uniform(0, 2 * np.pi, 30), rng.uniform(-1.1, 1.1, 30)]
+    )
+    outputs = np.column_stack(
+        [0.05 + 0 * inputs[:, 0], 0.02 * np.sin(inputs[:, 0]), inputs[:, 1]]
+    )
+    process = FrameChangeProcess(
+        smoothness=1.5, periodic=True, inputs=inputs, outputs=outputs, offset=np.zeros(3),
+        unit=np.array([0.02, 0.02, 0.5]), variance=np.ones(3), noise=np.full(3, 0.05),
+        length_scales=np.ones((3, 2)),
+    )  # fmt: skip
+    save_process(folder / "model.npz", process)
+    return folder
+
+
+def test_a_simulated_drive_says_so_and_its_log_gives_the_same_plans(
+    model, tmp_path, capsys
+):
+    path = tmp_path / "drive.h5"
+    options = [
+        "--model",
+        str(model),
+        "--seconds",
+        "3",
+        "--to=-0.5,0",
+        "--adaptive",
+        "--fence",
+        "9",
+    ]
+    assert main(["drive", *options, "--log", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "SIMULATED hopper; there is no robot" in out
+    assert "hop 1 x" in out
+    assert "\n  the end\n" in out  # one of the reasons for rest
+    assert read_log(path).setup["to"] == [-0.5, 0]
+    assert main(["replay", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "the same to the bit" in out
+    assert "simulated hopper" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--host", "h"], "--model: expected the folder"),
+        (
+            ["--host", "h", "--model", "."],
+            "--host: expected either --boom HOST:PORT or --dry-run",
+        ),
+        (["--boom", "h:5"], "--boom: expected --host with it"),
+        (
+            ["--host", "h", "--model", ".", "--boom", "h"],
+            "--boom: expected HOST:PORT, found 'h'",
+        ),
+        (["--model", "nowhere"], "nowhere/geometry.json: expected a hopper geometry"),
+    ],
+)
+def test_what_cannot_work_is_refused_before_anything_moves(
+    options, message, tmp_path, capsys
+):
+    assert main(["drive", *options, "--log", str(tmp_path / "drive.h5")]) == 1
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "drive.h5").exists()
+
+
+def test_what_is_no_log_is_refused(tmp_path, capsys):
+    assert main(["replay", str(tmp_path / "none.h5")]) == 1
+    assert "expected the log of a drive" in capsys.readouterr().err
+
+
+def test_a_log_that_exists_is_refused_before_anything_is_learnt_and_kept(
+    tmp_path, capsys
+):
+    notes = tmp_path / "notes.txt"
+    notes.write_text("precious\n")
+    assert (
+        main(["drive", "--model", str(tmp_path / "nowhere"), "--log", str(notes)]) == 1
+    )
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "--log" in err
+    assert "expected a new file, found a file that exists already" in err
+    assert len(err.strip().splitlines()) == 1
+    assert notes.read_text() == "precious\n"
+
+
+def test_a_log_that_is_not_named_is_the_next_free_one(
+    model, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert drive._log_path(None) == Path("drive.h5")
+    for name in ("drive.h5", "drive-2.h5"):
+        (tmp_path / name).write_text("an earlier one")
+    assert main(["drive", "--model", str(model), "--seconds", "0.1"]) == 0
+    assert capsys.readouterr().out.startswith("log: drive-3.h5\n")
+    assert read_log(tmp_path / "drive-3.h5").setup["simulated"]
+    for name in ("drive.h5", "drive-2.h5"):
+        assert (tmp_path / name).read_text() == "an earlier one"
+
+
+@pytest.mark.parametrize("full", ["go-on", "rest"])
+def test_a_disk_that_is_full_is_told_and_the_drive_goes_on_or_rests(
+    full, model, tmp_path, capsys, caplog, monkeypatch
+):
+    def full_disk(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(log, "_reserve", full_disk)
+    path = tmp_path / "drive.h5"
+    options = [
+        "--model",
+        str(model),
+        "--seconds",
+        "2",
+        "--fence",
+        "9",
+        "--log",
+        str(path),
+    ]
+    assert main(["drive", *options, "--log-full", full]) == 0
+    out = capsys.readouterr().out
+    why = "the log could not be written any more: [Errno 28] No space left on device"
+    assert caplog.text.count("could not be written") == (
+        1 if full == "go-on" else 2
+    )  # and a rest
+    assert f"log: {path} holds the drive up to when {why}\n" in out
+    assert (f"the boom rests: {why}" in out) == (full == "rest")
+    assert not len(read_log(path).frames)
+
+
+def test_a_rehearsal_brings_the_boom_to_rest_at_each_act(capsys):
+    assert main(["drive", "--rehearse"]) == 0
+    out, err = capsys.readouterr()
+    assert "the boom rests" not in err
+    for act in (
+        "body1 is covered",
+        "SIGTERM comes",
+        "wired backwards",
+        "driver blocks",
+    ):
+        assert act in out
+    assert "!" not in out
+    assert "each act has brought the boom to rest" in out
+
+
+def test_an_act_without_its_rest_is_marked_and_gives_exit_code_1(capsys, monkeypatch):
+    def perform(geometry, limits):
+        first, second, third, *_ = rehearsal.acts(("a", "b", "c", "boom"), limits)
+        yield rehearsal.Performed(first, first.rest, 0.11, moved=False)
+        yield rehearsal.Performed(second, "", math.nan, moved=False)
+        yield rehearsal.Performed(third, third.rest, 9.0, moved=False)
+        yield rehearsal.Performed(third, third.rest, 0.11, moved=True)
+
+    monkeypatch.setattr(rehearsal, "perform", perform)
+    monkeypatch.setattr(rehearsal, "simulated_geometry", lambda: None)
+    assert main(["drive", "--rehearse"]) == 1
+    rows = capsys.readouterr().out.splitlines()[3:]
+    assert [row[0] for row in rows[:4]] == [" ", "!", "!", "!"]
+    assert rows[1].endswith("-  NO REST")
+    assert "TOO LATE, beyond 150 ms" in rows[2]
+    assert "MOVED after its rest" in rows[3]
+    assert rows[-1] == "3 acts without the rest expected: do not drive"
+
+
+def test_with_a_robot_a_rehearsal_is_a_list_of_what_to_do(model, capsys):
+    assert main(["drive", "--rehearse", "--host", "h", "--model", str(model)]) == 0
+    out = capsys.readouterr().out
+    assert "pull the cable of the cameras" in out
+    assert "cover marker body2  " in out
+    assert main(["drive", "--rehearse", "--host", "h"]) == 1
+    assert "--model: expected the folder" in capsys.readouterr().err

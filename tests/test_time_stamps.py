@@ -1,0 +1,54 @@
+"""Time stamps are restored to the grid from which they were rounded."""
+
+import numpy as np
+import pytest
+
+from hopdata.time_stamps import rate_of, settle
+
+
+@pytest.mark.parametrize("rate_hz", [50, 100, 120, 150, 180, 240, 300, 360])
+@pytest.mark.parametrize("decimals", [3, 4, 5])
+@pytest.mark.parametrize("first", [0, 1, 2, 5, 7])
+def test_rounded_stamps_of_a_part_of_a_recording(rate_hz, decimals, first):
+    number = np.arange(first, first + 2000, dtype=float)
+    stamps = np.round(number / rate_hz, decimals)
+    time, remarks = settle("a.trc", stamps, number, rate_hz)
+    assert remarks == ()
+    np.testing.assert_allclose(np.diff(time), 1 / rate_hz, rtol=1e-9)
+    np.testing.assert_allclose(time, number / rate_hz, atol=0.5001 * 10.0**-decimals)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (250, 4)]
+)
+def test_rows_that_were_cut_out_stay_out_and_leave_the_rate(rate_hz, decimals):
+    true = np.delete(np.arange(900) / rate_hz, [100, *range(300, 420), 600, 601])
+    stamps, counted = np.round(true, decimals), np.arange(len(true), dtype=float)
+    assert rate_of(stamps, counted) == rate_hz
+    time, remarks = settle("a.tsv", stamps, counted, float(rate_hz))
+    np.testing.assert_allclose(time, true, atol=0.5001 * 10.0**-decimals)
+    np.testing.assert_allclose(
+        np.diff(time) * rate_hz, np.round(np.diff(true) * rate_hz)
+    )
+    assert remarks == ()
+
+
+@pytest.mark.parametrize("rate_hz", [119.88, 179.82, 239.76, 249.7, 99.5])
+@pytest.mark.parametrize("first", [1, 4000, 70_001])
+def test_stamps_in_ms_tell_a_rate_that_is_no_whole_number(rate_hz, first):
+    number = np.arange(first, first + 3000.0)
+    stamps = np.round((number - 1) / rate_hz, 3)
+    assert rate_of(stamps, number) == rate_hz
+    time, remarks = settle("a.csv", stamps, number, rate_hz)
+    np.testing.assert_allclose(np.diff(time), 1 / rate_hz, rtol=1e-6)
+    assert remarks == ()
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (360, 3)]
+)
+def test_a_repeated_stamp_stays_as_it_is(rate_hz, decimals):
+    stamps = np.round(np.arange(40) / rate_hz, decimals)
+    stamps[9] = stamps[8]
+    time, _ = settle("a.trc", stamps, np.arange(40.0), float(rate_hz))
+    np.testing.assert_array_equal(time, stamps)
