@@ -36,8 +36,13 @@ LOADED_THRESHOLDS = 2
 #: Unit: 1. Origin: chosen.
 FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 
-BEFORE_S = 0.08  # time shown before the first external contact of the example
-AFTER_S = 0.12  # time shown after it
+#: Time shown before the first external contact of the example; it moves no answer.
+#: Unit: s. Origin: chosen.
+BEFORE_S = 0.08
+
+#: Time shown after it; it moves no answer.
+#: Unit: s. Origin: chosen.
+AFTER_S = 0.12
 
 Signals = Sequence[external.ForceSignal]
 EXAMPLE_COLUMNS = ("recording", "time_s", "kind", "name", "value", "unit")
