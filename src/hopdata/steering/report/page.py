@@ -55,12 +55,8 @@ PLANNER = "planner"  # the controller of which something is required
 def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     """Return one row for each experiment and controller."""
     columns: show.Columns = {
-        "experiment": lambda row: EXPERIMENTS.get(
-            str(row["experiment"]), str(row["experiment"])
-        ),
-        "controller": lambda row: CONTROLLERS.get(
-            str(row["controller"]), str(row["controller"])
-        ),
+        "experiment": _in_words("experiment", EXPERIMENTS),
+        "controller": _in_words("controller", CONTROLLERS),
         "worst seed": _of_seed("worst"),
         "median seed": _of_seed("median"),
         "hops": show.decimals("hops", 1),
@@ -72,10 +68,21 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
         "met": show.text("met"),
     }
     rows = show.records(outcomes)
-    note, title = NOTES["outcomes"], "Outcomes of the experiments"
+    title = "Outcomes of the experiments"
+    note = NOTES["outcomes"]
     if any(row["controller"] == PLANNER for row in rows):
         note += NOTES["outcomes_of_planner"]
     return show.table_of(title, rows, columns, text_columns=2, note=note)
+
+
+def _in_words(column: str, words: Mapping[str, str]) -> show.Cell:
+    """Return a function that shows a name in words; one without stays as it is."""
+
+    def cell(row: show.Row) -> str:
+        name = str(row[column])
+        return words.get(name, name)
+
+    return cell
 
 
 def _of_seed(name: str) -> show.Cell:
@@ -83,9 +90,8 @@ def _of_seed(name: str) -> show.Cell:
 
     def cell(row: show.Row) -> str:
         starts = row["runs"] / row["seeds"]
-        return (
-            f"{show.significant(row[name] * starts, 3)} of {show.count(round(starts))}"
-        )
+        succeeded = show.significant(row[name] * starts, 3)
+        return f"{succeeded} of {show.count(round(starts))}"
 
     return cell
 
@@ -105,7 +111,7 @@ def horizons_table(horizons: pd.DataFrame | None) -> show.Table | None:
 
 
 def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
-    """Return one row per recording: frames, stances and hops, and the number of hops used."""
+    """Return one row per recording: frames, stances, hops, and the hops used."""
     columns: show.Columns = {
         "recording": show.text("recording"),
         "frames": lambda entry: show.count(sum(entry["frames"].values())),
@@ -117,27 +123,29 @@ def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
 
 
 def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
-    """Return one row per recording and reason: frames, stances and hops that were left out."""
-    rows = tuple(
-        (str(entry["recording"]), what, reason, show.count(number))
-        for entry in counts or ()
-        for what, numbers in (
-            ("frames", {k: v for k, v in entry["frames"].items() if k != "seen"}),
-            ("stances and hops", entry["rejected"]),
-            ("hops", entry["excluded"]),
-        )
-        for reason, number in numbers.items()
-        if number
-    )
-    head, title = (
-        ("recording", "what", "reason", "number"),
-        "Left out, or relying on other frames",
-    )
-    return show.Table(title, head, rows, text_columns=3) if rows else None
+    """Return one row per recording and reason: what was left out, and how often."""
+    rows = []
+    for entry in counts or ():
+        unseen = {k: v for k, v in entry["frames"].items() if k != "seen"}
+        left_out = {
+            "frames": unseen,
+            "stances and hops": entry["rejected"],
+            "hops": entry["excluded"],
+        }
+        for what, numbers in left_out.items():
+            for reason, number in numbers.items():
+                if number:
+                    name = str(entry["recording"])
+                    rows.append((name, what, reason, show.count(number)))
+    if not rows:
+        return None
+    title = "Left out, or relying on other frames"
+    head = ("recording", "what", "reason", "number")
+    return show.Table(title, head, tuple(rows), text_columns=3)
 
 
 def model_table(scores: pd.DataFrame | None) -> show.Table | None:
-    """Return one row per set and component: how well the hops of the test set are predicted."""
+    """Return one row per set and component: how well hops to test on are predicted."""
     columns: show.Columns = {
         "frame change": show.text("component"),
         "seed": show.counted("seed"),
@@ -148,19 +156,23 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
         "hops learned": show.counted("training_hops"),
         "hops tested": show.counted("test_hops"),
     }
-    title, note = "How well the model predicts a hop", NOTES["model"]
-    return show.table_of(title, show.records(scores), columns, note=note)
+    title = "How well the model predicts a hop"
+    return show.table_of(title, show.records(scores), columns, note=NOTES["model"])
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:
-    """Build the page of the steering study: a complete HTML document that loads nothing.
+    """Build the page of the steering study: a whole HTML document that loads nothing.
 
     Raises
     ------
     ConfigError
         If a caption names a fact that does not exist.
     """
-    record, facts = inputs.provenance or {}, steering_facts(inputs)
+    record = inputs.provenance or {}
+    facts = steering_facts(inputs)
+    notes = list(inputs.notes)
+    if inputs.outcomes is None:
+        notes.append(NOTES["no_experiment"])
     return rendered(
         "steering.html.j2",
         own=_FOLDER / "templates",
@@ -176,7 +188,7 @@ def build_steering_report(inputs: SteeringInputs) -> str:
             "truth": result_tables.truth_table(inputs.truth),
             **result_tables.record_tables(record),
         },
-        notes=[*inputs.notes, *[NOTES["no_experiment"]] * (inputs.outcomes is None)],
+        notes=notes,
         config=as_yaml(record.get("config")),
     )
 
@@ -191,22 +203,27 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
         ``share``, texts by "experiment controller"; ``training_hops``; ``has_planner``
         and ``has_horizons``, whether the planner and other horizons were tried;
         ``examples``, the run shown of each experiment: None if there is none, else its
-        ``controller``, ``by`` (words), ``success`` and ``foretold`` (whether the
+        ``controller``, ``by`` (words), ``success`` and ``predicted`` (whether the
         controller predicts).
     """
     rows = show.records(inputs.outcomes)
-    hops = None if inputs.scores is None else inputs.scores["training_hops"].iloc[0]
+    starts = show.MISSING
+    seeds = show.MISSING
+    if rows:
+        starts = show.count(rows[0]["runs"] / rows[0]["seeds"])
+        seeds = show.count(rows[0]["seeds"])
+    hops = None
+    if inputs.scores is not None:
+        hops = inputs.scores["training_hops"].iloc[0]
+    median = _of_seed("median")
     return {
         "has_planner": any(row["controller"] == PLANNER for row in rows),
         "has_horizons": inputs.horizons is not None and not inputs.horizons.empty,
         "examples": {name: _example(inputs.examples, name) for name in EXPERIMENTS},
-        "starts": show.count(rows[0]["runs"] / rows[0]["seeds"])
-        if rows
-        else show.MISSING,
-        "seeds": show.count(rows[0]["seeds"]) if rows else show.MISSING,
+        "starts": starts,
+        "seeds": seeds,
         "share": {
-            f"{row['experiment']} {row['controller']}": _of_seed("median")(row)
-            for row in rows
+            f"{row['experiment']} {row['controller']}": median(row) for row in rows
         },
         "training_hops": show.count(hops),
     }
@@ -220,41 +237,48 @@ def _example(examples: pd.DataFrame | None, experiment: str) -> dict[str, Any] |
     if run.empty:
         return None
     controller = str(run["controller"].iloc[0])
+    predictions = run.loc[run["curve"] == "response", "x_m"]
     return {
         "controller": controller,
         "by": RUN_BY[controller],
         "success": bool(run["success"].iloc[0]),
-        "foretold": bool(run.loc[run["curve"] == "response", "x_m"].notna().any()),
+        "predicted": bool(predictions.notna().any()),
     }
 
 
 def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     """Return name, value and remark of each key number."""
-    cards = []
-    rows = show.records(inputs.outcomes)
-    tried = {row["controller"] for row in rows}
-    first = next((name for name in RUN_BY if name in tried), None)
-    for row in rows:
-        if first is not None and row["controller"] == first:
-            name, hops = EXPERIMENTS[row["experiment"]], show.fixed(row["hops"], 0)
-            seeds = f"worst of {row['seeds']} seeds"
-            remark = f"{RUN_BY[first]}, {seeds}; median {hops} hops; simulated"
-            cards.append((name[0].upper() + name[1:], _of_seed("worst")(row), remark))
-    used = sum(entry["used"] for entry in inputs.counts or ())
-    pairs = sum(entry["pairs"] for entry in inputs.counts or ())
-    cards.append(
-        (
-            "Hops used",
-            show.count(used),
-            f"of {show.count(pairs)}; those left out are listed below",
-        )
-    )
+    cards = _outcome_cards(show.records(inputs.outcomes))
+    counts = inputs.counts or ()
+    used = show.count(sum(entry["used"] for entry in counts))
+    pairs = show.count(sum(entry["pairs"] for entry in counts))
+    cards.append(("Hops used", used, f"of {pairs}; those left out are listed below"))
+    truth = inputs.truth or {}
     for key, name in (
         ("heading_rms", "Error of the heading"),
         ("boom_angle_rms", "Boom angle"),
     ):
-        entry = (inputs.truth or {}).get(key)
+        entry = truth.get(key)
         if entry:
             text = show.with_unit(show.fixed(entry["value"], 1), str(entry["unit"]))
             cards.append((name, text, "rms, against the simulator"))
+    return cards
+
+
+def _outcome_cards(rows: Sequence[show.Row]) -> list[tuple[str, str, str]]:
+    """Return the outcomes of the first controller that was tried."""
+    tried = {row["controller"] for row in rows}
+    shown = next((name for name in RUN_BY if name in tried), None)
+    if shown is None:
+        return []
+    worst = _of_seed("worst")
+    cards = []
+    for row in rows:
+        if row["controller"] != shown:
+            continue
+        name = EXPERIMENTS[row["experiment"]]
+        seeds = f"worst of {row['seeds']} seeds"
+        hops = f"median {show.fixed(row['hops'], 0)} hops"
+        remark = f"{RUN_BY[shown]}, {seeds}; {hops}; simulated"
+        cards.append((name[0].upper() + name[1:], worst(row), remark))
     return cards
