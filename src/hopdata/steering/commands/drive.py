@@ -333,8 +333,8 @@ def _title(options: argparse.Namespace) -> str:
 class Screen:
     """Shows pose, hop, plan, time left and faults.
 
-    It is a picture on a terminal, else a line per hop. On a terminal, Enter is the operator's stop key: the boom rests and the drive is
-    over.
+    It is a picture on a terminal, else a line per hop. On a terminal, Enter is the
+    operator's stop key: the boom rests and the drive is over.
     """
 
     def __init__(
