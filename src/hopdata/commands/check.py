@@ -28,7 +28,7 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.commands.run import bring_bundled
     from hopdata.config.consistency import feet_of, files_of, simulation_of
     from hopdata.config.loading import load_config, place_of, read_yaml
-    from hopdata.group import read_group
+    from hopdata.samples import read_group
     from hopdata.landings.floor import moving
     from hopdata.recording import extent, require_distinct
     from hopdata.recordings.importing import import_recording
@@ -87,7 +87,7 @@ def check(options: argparse.Namespace) -> int:
             else brief
         )
         sound += [recording] * (config is first)
-        remarks += [*notes(recording), *_suspects(recording, rate_hz)]
+        remarks += [*map(str, notes(recording)), *_suspects(recording, rate_hz)]
         remarks += [
             f"{recording.place}: {moves}" for moves in [moving(recording)] if moves
         ]

@@ -17,6 +17,8 @@ from hopdata.commands import terminal
 from hopdata.commands.inspect import inspected
 from hopdata.errors import AnalysisError, HopdataError, printable
 from hopdata.jobs import study_name
+from hopdata.messages import Message
+from hopdata.recordings.wording import chained
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -204,7 +206,12 @@ def init(options: argparse.Namespace) -> int:
         for key, other in roles.unsure.items()
     ]
     moves = moving(inspection.recording(roles.feet, roles.body))
-    remarks = [*roles.problems, *asked, *_remarks(inspection), *[moves] * bool(moves)]
+    remarks = [
+        *map(str, roles.problems),
+        *asked,
+        *_remarks(inspection),
+        *[moves] * bool(moves),
+    ]
     draft = _draft(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
@@ -262,7 +269,8 @@ def guessed_roles(inspection: Inspection) -> Roles:
             or not {*found.feet} < {*roles.feet}
         ):
             break
-        roles.reasons["feet"] += "; on a floor that slopes"
+        told = [roles.reasons["feet"], Message("recordings.feet_on_a_slope")]
+        roles.reasons["feet"] = chained([one for one in told if one])
         found, feet = roles, [*roles.feet]
     return found
 
@@ -296,9 +304,7 @@ def _draft(
         settings["input"]["unit"] = unit.value
         reasons["input.unit"] = f"{unit.reason}."
     if options.more and not options.vertical_axis:
-        up = replace(
-            up, value="auto", reason="of each file that along which its markers fall"
-        )
+        up = replace(up, value="auto", why=Message("recordings.up_of_each_file"))
     if up.value != "z":
         settings["input"]["vertical_axis"] = up.value
         reasons["input.vertical_axis"] = f"{up.reason}."

@@ -62,8 +62,9 @@ def view(options: argparse.Namespace) -> int:
 def inspected(options: argparse.Namespace) -> Inspection:
     """Read and measure the file given by ``file``, ``unit``, ``vertical_axis``, ``rate`` ...."""
     from hopdata.recording import extent
+    from hopdata.recordings.quality.frame_rate import guess_rate
     from hopdata.recordings.quality.inspection import inspect_recording
-    from hopdata.recordings.quality.orientation import choose_unit, guess_rate
+    from hopdata.recordings.quality.orientation import choose_unit
     from hopdata.recordings.raw import METRES_PER_UNIT, RateUnknownError
     from hopdata.recordings.readers.formats import read_raw
 

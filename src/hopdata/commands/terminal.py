@@ -15,8 +15,8 @@ from hopdata.errors import HopdataError, counted
 
 if TYPE_CHECKING:
     from hopdata.arrays import FloatArray
+    from hopdata.recordings.quality.guess import Guess
     from hopdata.recordings.quality.inspection import Inspection
-    from hopdata.recordings.quality.orientation import Guess
 
 # Exit codes of a command; argparse itself exits with 2 on a wrong command line.
 
@@ -103,8 +103,8 @@ def notes(inspection: Inspection) -> list[str]:
     return [
         *questions,
         *inspection.remarks,
-        *inspection.treated,
-        *inspection.lost,
+        *map(str, inspection.treated),
+        *map(str, inspection.lost),
         *lost,
     ]
 

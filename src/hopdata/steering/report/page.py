@@ -49,14 +49,15 @@ class SteeringInputs(PageInputs):
 
 # Tables of the steering study: outcomes, observations, and how well the model predicts.
 
-PLANNER = "planner"  # the controller of which something is required
+# The controller of which something is required.
+PLANNER = "planner"
 
 
 def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     """Return one row for each experiment and controller."""
     columns: show.Columns = {
-        "experiment": _in_words("experiment", EXPERIMENTS),
-        "controller": _in_words("controller", CONTROLLERS),
+        "experiment": _named("experiment", EXPERIMENTS),
+        "controller": _named("controller", CONTROLLERS),
         "worst seed": _of_seed("worst"),
         "median seed": _of_seed("median"),
         "hops": show.decimals("hops", 1),
@@ -75,14 +76,9 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     return show.table_of(title, rows, columns, text_columns=2, note=note)
 
 
-def _in_words(column: str, words: Mapping[str, str]) -> show.Cell:
-    """Return a function that shows a name in words; one without stays as it is."""
-
-    def cell(row: show.Row) -> str:
-        name = str(row[column])
-        return words.get(name, name)
-
-    return cell
+def _named(key: str, names: Mapping[str, str]) -> show.Cell:
+    """Return a function that shows a name as readers know it."""
+    return lambda row: names.get(str(row[key]), str(row[key]))
 
 
 def _of_seed(name: str) -> show.Cell:
@@ -123,16 +119,15 @@ def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
 
 
 def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
-    """Return one row per recording and reason: what was left out, and how often."""
+    """Return one row per recording and reason: what was left out."""
     rows = []
     for entry in counts or ():
-        unseen = {k: v for k, v in entry["frames"].items() if k != "seen"}
-        left_out = {
-            "frames": unseen,
-            "stances and hops": entry["rejected"],
-            "hops": entry["excluded"],
-        }
-        for what, numbers in left_out.items():
+        unseen = {key: n for key, n in entry["frames"].items() if key != "seen"}
+        for what, numbers in (
+            ("frames", unseen),
+            ("stances and hops", entry["rejected"]),
+            ("hops", entry["excluded"]),
+        ):
             for reason, number in numbers.items():
                 if number:
                     name = str(entry["recording"])
@@ -145,7 +140,7 @@ def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
 
 
 def model_table(scores: pd.DataFrame | None) -> show.Table | None:
-    """Return one row per set and component: how well hops to test on are predicted."""
+    """Return one row per set and component: how well other hops are predicted."""
     columns: show.Columns = {
         "frame change": show.text("component"),
         "seed": show.counted("seed"),
@@ -157,11 +152,12 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
         "hops tested": show.counted("test_hops"),
     }
     title = "How well the model predicts a hop"
-    return show.table_of(title, show.records(scores), columns, note=NOTES["model"])
+    note = NOTES["model"]
+    return show.table_of(title, show.records(scores), columns, note=note)
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:
-    """Build the page of the steering study: a whole HTML document that loads nothing.
+    """Build the page of the steering study: an HTML document that loads nothing.
 
     Raises
     ------
@@ -212,20 +208,21 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
     if rows:
         starts = show.count(rows[0]["runs"] / rows[0]["seeds"])
         seeds = show.count(rows[0]["seeds"])
-    hops = None
+    in_median_seed = _of_seed("median")
+    shares = {}
+    for row in rows:
+        shares[f"{row['experiment']} {row['controller']}"] = in_median_seed(row)
+    training_hops = None
     if inputs.scores is not None:
-        hops = inputs.scores["training_hops"].iloc[0]
-    median = _of_seed("median")
+        training_hops = inputs.scores["training_hops"].iloc[0]
     return {
         "has_planner": any(row["controller"] == PLANNER for row in rows),
         "has_horizons": inputs.horizons is not None and not inputs.horizons.empty,
         "examples": {name: _example(inputs.examples, name) for name in EXPERIMENTS},
         "starts": starts,
         "seeds": seeds,
-        "share": {
-            f"{row['experiment']} {row['controller']}": median(row) for row in rows
-        },
-        "training_hops": show.count(hops),
+        "share": shares,
+        "training_hops": show.count(training_hops),
     }
 
 
@@ -237,48 +234,41 @@ def _example(examples: pd.DataFrame | None, experiment: str) -> dict[str, Any] |
     if run.empty:
         return None
     controller = str(run["controller"].iloc[0])
-    predictions = run.loc[run["curve"] == "response", "x_m"]
     return {
         "controller": controller,
         "by": RUN_BY[controller],
         "success": bool(run["success"].iloc[0]),
-        "predicted": bool(predictions.notna().any()),
+        "predicted": bool(run.loc[run["curve"] == "response", "x_m"].notna().any()),
     }
 
 
 def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     """Return name, value and remark of each key number."""
-    cards = _outcome_cards(show.records(inputs.outcomes))
-    counts = inputs.counts or ()
-    used = show.count(sum(entry["used"] for entry in counts))
-    pairs = show.count(sum(entry["pairs"] for entry in counts))
-    cards.append(("Hops used", used, f"of {pairs}; those left out are listed below"))
-    truth = inputs.truth or {}
-    for key, name in (
-        ("heading_rms", "Error of the heading"),
-        ("boom_angle_rms", "Boom angle"),
-    ):
-        entry = truth.get(key)
-        if entry:
-            text = show.with_unit(show.fixed(entry["value"], 1), str(entry["unit"]))
-            cards.append((name, text, "rms, against the simulator"))
-    return cards
-
-
-def _outcome_cards(rows: Sequence[show.Row]) -> list[tuple[str, str, str]]:
-    """Return the outcomes of the first controller that was tried."""
-    tried = {row["controller"] for row in rows}
-    shown = next((name for name in RUN_BY if name in tried), None)
-    if shown is None:
-        return []
-    worst = _of_seed("worst")
     cards = []
+    rows = show.records(inputs.outcomes)
+    tried = {row["controller"] for row in rows}
+    first = next((name for name in RUN_BY if name in tried), None)
+    in_worst_seed = _of_seed("worst")
     for row in rows:
-        if row["controller"] != shown:
+        if first is None or row["controller"] != first:
             continue
-        name = EXPERIMENTS[row["experiment"]]
+        experiment = EXPERIMENTS[row["experiment"]]
+        name = experiment[0].upper() + experiment[1:]
         seeds = f"worst of {row['seeds']} seeds"
-        hops = f"median {show.fixed(row['hops'], 0)} hops"
-        remark = f"{RUN_BY[shown]}, {seeds}; {hops}; simulated"
-        cards.append((name[0].upper() + name[1:], worst(row), remark))
+        hops = show.fixed(row["hops"], 0)
+        remark = f"{RUN_BY[first]}, {seeds}; median {hops} hops; simulated"
+        cards.append((name, in_worst_seed(row), remark))
+
+    used = sum(entry["used"] for entry in inputs.counts or ())
+    pairs = sum(entry["pairs"] for entry in inputs.counts or ())
+    left_out = f"of {show.count(pairs)}; those left out are listed below"
+    cards.append(("Hops used", show.count(used), left_out))
+
+    truth = inputs.truth or {}
+    errors = {"heading_rms": "Error of the heading", "boom_angle_rms": "Boom angle"}
+    for key, name in errors.items():
+        if key in truth:
+            value = show.fixed(truth[key]["value"], 1)
+            text = show.with_unit(value, str(truth[key]["unit"]))
+            cards.append((name, text, "rms, against the simulator"))
     return cards
