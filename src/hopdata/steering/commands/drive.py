@@ -1,4 +1,4 @@
-"""``hopdata drive``: steer a simulated or real hopper live; ``hopdata replay``: replay its log."""
+"""``hopdata drive`` steers a hopper live; ``hopdata replay`` plays its log again."""
 
 from __future__ import annotations
 
@@ -24,27 +24,29 @@ if TYPE_CHECKING:
     from hopdata.steering.live.loop import ControlLoop, Decision
     from hopdata.steering.live.rehearsal import Performed
     from hopdata.steering.live.safety import Boom
+    from hopdata.steering.models.process import FrameChangeProcess
     from hopdata.steering.observation.geometry import HopperGeometry
 
-GEOMETRY, MODEL = "geometry.json", "model.npz"
-LEARNED_HOPS, SEED = 100, 1
-START = (1.0, 0.0, 0.0)  # pose of the simulated hopper: m, m, rad
-DRAW_S = 0.25
+GEOMETRY = "geometry.json"
+MODEL = "model.npz"
+# The simulated hopper: hops that its model is learned from, hops made beyond them since
+# some cannot be used, seed, and the pose at which it begins, m, m, rad.
+LEARNED_HOPS = 100
+SPARE_HOPS = 20
+SEED = 1
+START = (1.0, 0.0, 0.0)
+DRAW_S = 0.25  # time between pictures on a terminal
 LOG = "drive.h5"  # the first log of a folder
-ACT_WIDTH, REST_WIDTH = 50, 37  # columns of the table of a rehearsal
+# Columns of the table of a rehearsal.
+ACT_WIDTH = 50
+REST_WIDTH = 37
 
 
 def drive(options: argparse.Namespace) -> int:
     """Drive until the time is up, a fault ends it, or the operator does."""
     from hopdata.steering.live.drive import drive as driven
     from hopdata.steering.live.log import DriveLog
-    from hopdata.steering.live.safety import Limits, NoBoom, UdpBoom
-    from hopdata.steering.live.simulated import (
-        LiveHopper,
-        SimulatedBoom,
-        SimulatedStream,
-    )
-    from hopdata.steering.robot import SteeredHopper
+    from hopdata.steering.live.safety import Limits
 
     if options.rehearse:
         return _rehearse(options)
@@ -55,15 +57,62 @@ def drive(options: argparse.Namespace) -> int:
         progress("planning ahead")
         limits = Limits(swing_rad=options.swing_limit, fence_m=options.fence)
         setup = {
-            "simulated": options.host is None, "dry_run": options.dry_run, "to": options.to,
-            "adaptive": options.adaptive, "heading_deg": options.heading,
-            "rate_hz": options.rate, "limits": vars(limits),
-        }  # fmt: skip
+            "simulated": options.host is None,
+            "dry_run": options.dry_run,
+            "to": options.to,
+            "adaptive": options.adaptive,
+            "heading_deg": options.heading,
+            "rate_hz": options.rate,
+            "limits": vars(limits),
+        }
         geometry, controller = _parts(setup, files)
-    boom: Boom
+    boom, stream = _robot(options)
+    log = DriveLog(path, len(geometry.body_names) + 1, setup=setup, files=files)
+    print(f"log: {path}")
+    stop = threading.Event()
+    screen = Screen(_title(options), options.seconds, limits.command_s, log)
+    try:
+        done = driven(
+            geometry,
+            controller,
+            boom,
+            host=options.host or "",
+            port=options.port,
+            stream=stream,
+            stop=stop,
+            seconds=options.seconds,
+            rate_hz=options.rate,
+            limits=limits,
+            on_decision=screen.decided,
+            on_look=screen.look,
+            log=log,
+            rest_without_log=options.log_full == "rest",
+        )
+    finally:
+        if log.failure:
+            print(f"log: {path} holds the drive up to when {log.failure}")
+        print(f"log: {path}; hopdata replay {path} plays it again")
+    stances = counted(len(done.decisions), "stance")
+    print(f"{stances}, {counted(len(done.rests), 'rest')}:")
+    for rest in done.rests:
+        print(f"  {rest.cause}")
+    return terminal.OK
+
+
+def _robot(options: argparse.Namespace) -> tuple[Boom, Stream | None]:
+    """Return the boom, and the stream unless it is that of a camera system."""
+    from hopdata.steering.live.safety import NoBoom, UdpBoom
+    from hopdata.steering.live.simulated import (
+        LiveHopper,
+        SimulatedBoom,
+        SimulatedStream,
+    )
+    from hopdata.steering.robot import SteeredHopper
+
+    boom: Boom = NoBoom()
     stream: Stream | None = None
     if options.host is None:
-        boom = simulated = SimulatedBoom()
+        simulated = SimulatedBoom()
         hopper = LiveHopper(
             SteeredHopper(),
             simulated.newest,
@@ -72,32 +121,12 @@ def drive(options: argparse.Namespace) -> int:
             seed=SEED,
         )
         stream = SimulatedStream(hopper)
-    if options.dry_run:
-        boom = NoBoom()
-    elif options.boom is not None:
+        if not options.dry_run:
+            boom = simulated
+    elif not options.dry_run:
         host, _, port = options.boom.rpartition(":")
         boom = UdpBoom(int(port), host=host)
-    log = DriveLog(path, len(geometry.body_names) + 1, setup=setup, files=files)
-    print(f"log: {path}")
-    stop = threading.Event()
-    screen = Screen(_title(options), options.seconds, limits.command_s, log)
-    try:
-        done = driven(
-            geometry, controller, boom, host=options.host or "", port=options.port, stream=stream,
-            stop=stop, seconds=options.seconds, rate_hz=options.rate, limits=limits,
-            on_decision=screen.decided, on_look=screen.look, log=log,
-            rest_without_log=options.log_full == "rest",
-        )  # fmt: skip
-    finally:
-        if log.failure:
-            print(f"log: {path} holds the drive up to when {log.failure}")
-        print(f"log: {path}; hopdata replay {path} plays it again")
-    print(
-        f"{counted(len(done.decisions), 'stance')}, {counted(len(done.rests), 'rest')}:"
-    )
-    for rest in done.rests:
-        print(f"  {rest.cause}")
-    return terminal.OK
+    return boom, stream
 
 
 def _log_path(named: Path | None) -> Path:
@@ -114,6 +143,12 @@ def _log_path(named: Path | None) -> Path:
     return path
 
 
+BY_HAND = """\
+With the robot on a rope, and a hand on the emergency stop. Begin each act while it
+hops, or while you lift it and set it down: without a stance no swing is sent.
+"""
+
+
 def _rehearse(options: argparse.Namespace) -> int:
     """Perform each act that must bring the boom to rest, or list them for a robot."""
     from hopdata.steering.live.rehearsal import acts, perform, simulated_geometry
@@ -123,12 +158,7 @@ def _rehearse(options: argparse.Namespace) -> int:
     if options.host is not None:
         geometry = _named_geometry(options.model)
         names = (*geometry.body_names, str(geometry.boom_name))
-        print(
-            "With the robot on a rope, and a hand on the emergency stop. Begin each act while it"
-        )
-        print(
-            "hops, or while you lift it and set it down: without a stance no swing is sent.\n"
-        )
+        print(BY_HAND)
         print(f"  {'do this':{ACT_WIDTH}}  the boom must rest, and the screen must say")
         for act in acts(names, limits):
             if act.by_hand:
@@ -138,15 +168,15 @@ def _rehearse(options: argparse.Namespace) -> int:
         progress("learning the geometry of the simulated hopper")
         geometry = simulated_geometry()
     print("SIMULATED hopper; there is no robot\n")
-    print(
-        f"  {'act':{ACT_WIDTH}}  {'rest expected':{REST_WIDTH}}  {'ms':>5}  what happened"
-    )
+    expected = f"{'rest expected':{REST_WIDTH}}"
+    print(f"  {'act':{ACT_WIDTH}}  {expected}  {'ms':>5}  what happened")
     missing = 0
     logging.disable(logging.ERROR)  # the table says what the loop would log
     try:
         for done in perform(geometry, limits):
             print(_row(done), flush=True)
-            missing += not done.is_right
+            if not done.is_right:
+                missing += 1
     finally:
         logging.disable(logging.NOTSET)
     if missing:
@@ -157,7 +187,10 @@ def _rehearse(options: argparse.Namespace) -> int:
 
 
 def _row(done: Performed) -> str:
-    """Return a row of the table of a rehearsal; a "!" marks an act without the rest expected."""
+    """Return a row of the table of a rehearsal.
+
+    A "!" marks an act without the rest expected.
+    """
     act = done.act
     mark = " " if done.is_right else "!"
     after = "-" if math.isnan(done.after_s) else f"{1e3 * done.after_s:.0f}"
@@ -166,10 +199,12 @@ def _row(done: Performed) -> str:
         happened = f"MOVED after its rest: {happened}"
     elif done.after_s > act.within_s:
         happened = f"TOO LATE, beyond {1e3 * act.within_s:.0f} ms: {happened}"
-    return f"{mark} {act.name:{ACT_WIDTH}}  {act.rest:{REST_WIDTH}}  {after:>5}  {happened}"
+    named = f"{act.name:{ACT_WIDTH}}  {act.rest:{REST_WIDTH}}"
+    return f"{mark} {named}  {after:>5}  {happened}"
 
 
 def _named_geometry(folder: Path | None) -> HopperGeometry:
+    """Read the geometry in the folder that is named."""
     from hopdata.steering.observation.geometry import load_geometry
 
     if folder is None:
@@ -188,24 +223,21 @@ def replay(options: argparse.Namespace) -> int:
 
     log = read_log(options.log)
     geometry, controller = _parts(log.setup, log.files)
-    observers, limits = (
-        observers_of(geometry, log.setup["rate_hz"]),
-        Limits(**log.setup["limits"]),
-    )
+    observers = observers_of(geometry, log.setup["rate_hz"])
+    limits = Limits(**log.setup["limits"])
     plans = replayed(log, observers, controller, limits=limits)
     what = "simulated hopper" if log.setup["simulated"] else "recorded robot"
     print(f"{options.log}: {what}, {counted(len(log.frames), 'frame')}, ", end="")
     print(f"{counted(len(log.decisions), 'stance')}, {counted(len(plans), 'plan')}")
     for event in log.events[log.events["kind"] == "rest"].itertuples():
         print(f"  at rest at {event.sent_s:.3f} s: {event.text}")
-    for plan in (other := plans[~plans["same"]]).itertuples():
-        print(
-            f"  {plan.told_s:.3f} s: planned {plan.then_rad!r} then, {plan.now_rad!r} now"
-        )
-    print(
-        f"{len(plans) - len(other)} of {counted(len(plans), 'plan')} the same to the bit"
-    )
-    return terminal.PROBLEM if len(other) else terminal.OK
+    differ = plans[~plans["same"]]
+    for plan in differ.itertuples():
+        swings = f"{plan.then_rad!r} then, {plan.now_rad!r} now"
+        print(f"  {plan.told_s:.3f} s: planned {swings}")
+    n_same = len(plans) - len(differ)
+    print(f"{n_same} of {counted(len(plans), 'plan')} the same to the bit")
+    return terminal.PROBLEM if len(differ) else terminal.OK
 
 
 def _require_whole(options: argparse.Namespace) -> None:
@@ -219,21 +251,18 @@ def _require_whole(options: argparse.Namespace) -> None:
         raise ConfigError(
             "--host: expected either --boom HOST:PORT or --dry-run with it"
         )
-    if not real and options.boom is not None:
+    if options.boom is None:
+        return
+    if not real:
         raise ConfigError(
             "--boom: expected --host with it; the simulated hopper has its own boom"
         )
-    port = "" if options.boom is None else options.boom.rpartition(":")[2]
-    require(
-        options.boom is None or port.isdecimal(),
-        "--boom",
-        "HOST:PORT",
-        f"{options.boom!r}",
-    )
+    port = options.boom.rpartition(":")[2]
+    require(port.isdecimal(), "--boom", "HOST:PORT", f"{options.boom!r}")
 
 
 def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:
-    """Return the model's files; without a folder, those of a model of the simulated hopper."""
+    """Return the model's files; without a folder, those of the simulated hopper."""
     from hopdata.steering.models.process import load_process, save_process
     from hopdata.steering.observation.geometry import load_geometry
 
@@ -244,14 +273,14 @@ def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:
             folder = Path(temporary)
             geometry.save(folder / GEOMETRY)
             save_process(folder / MODEL, process)
-        load_geometry(
-            folder / GEOMETRY
-        )  # these report what is wrong, and with which file
+        # These report what is wrong, and with which file.
+        load_geometry(folder / GEOMETRY)
         load_process(folder / MODEL)
         return {name: (folder / name).read_bytes() for name in (GEOMETRY, MODEL)}
 
 
-def _learned() -> tuple[Any, Any]:
+def _learned() -> tuple[HopperGeometry, FrameChangeProcess]:
+    """Learn geometry and model of the simulated hopper from a recording of it."""
     import numpy as np
 
     from hopdata.steering.models.process import trained_process
@@ -259,13 +288,13 @@ def _learned() -> tuple[Any, Any]:
     from hopdata.steering.robot import SteeredHopper
     from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
 
-    robot, rng = SteeredHopper(), np.random.default_rng(np.random.SeedSequence(SEED))
-    swings = eulerian_excitation(ControlGrid(), rng)[: LEARNED_HOPS + 20]
+    robot = SteeredHopper()
+    rng = np.random.default_rng(np.random.SeedSequence(SEED))
+    swings = eulerian_excitation(ControlGrid(), rng)[: LEARNED_HOPS + SPARE_HOPS]
     recording = record_trial(robot, swings, seed=SEED).recording
     seen = observe_recordings([recording], swing_limit_rad=robot.swing_limit_rad)
-    return seen.geometry, trained_process(
-        seen.changes.used().rows(np.arange(LEARNED_HOPS))
-    )
+    hops = seen.changes.used().rows(np.arange(LEARNED_HOPS))
+    return seen.geometry, trained_process(hops)
 
 
 def _parts(
@@ -280,10 +309,8 @@ def _parts(
     with tempfile.TemporaryDirectory() as folder:
         for name, content in files.items():
             Path(folder, name).write_bytes(content)
-        geometry, process = (
-            load_geometry(f"{folder}/{GEOMETRY}"),
-            load_process(f"{folder}/{MODEL}"),
-        )
+        geometry = load_geometry(f"{folder}/{GEOMETRY}")
+        process = load_process(f"{folder}/{MODEL}")
     goal: ToPoint | ToHeading = ToPoint(point_m=tuple(setup["to"]))
     if setup["heading_deg"] is not None:
         goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
@@ -296,6 +323,7 @@ def _parts(
 
 
 def _title(options: argparse.Namespace) -> str:
+    """Say which hopper is seen, and where the swings go."""
     if options.host is None:
         return "SIMULATED hopper; there is no robot"
     sent = "dry run, nothing is sent" if options.dry_run else f"boom at {options.boom}"
@@ -303,38 +331,49 @@ def _title(options: argparse.Namespace) -> str:
 
 
 class Screen:
-    """Shows pose, hop, plan, time left and faults: a picture on a terminal, else a line per hop.
+    """Shows pose, hop, plan, time left and faults.
 
-    On a terminal, Enter is the operator's stop key: the boom rests and the drive is
-    over.
+    It is a picture on a terminal, else a line per hop. On a terminal, Enter is the
+    operator's stop key: the boom rests and the drive is over.
     """
 
     def __init__(
         self, title: str, seconds: float | None, command_s: float, log: DriveLog
     ) -> None:
-        self._title, self._seconds, self._command_s = title, seconds, command_s
+        self._title = title
+        self._seconds = seconds
+        self._command_s = command_s
         self._log = log
-        self._begun = self._drawn = time.monotonic()
-        self._hops, self._rests, self._last = 0, 0, "no stance yet"
-        self._live, self._lines = sys.stdout.isatty() and sys.stdin.isatty(), 0
-        print(
-            title
-            + ("\nEnter or Ctrl-C: the boom rests, and it ends" if self._live else "")
-        )
+        self._begun = time.monotonic()
+        self._drawn = self._begun
+        self._hops = 0
+        self._rests = 0  # shown so far
+        self._last = "no stance yet"
+        self._live = sys.stdout.isatty() and sys.stdin.isatty()
+        self._lines = 0  # of the last picture
+        print(title)
+        if self._live:
+            print("Enter or Ctrl-C: the boom rests, and it ends")
 
     def decided(self, decision: Decision) -> None:
         """Record the decision at a stance; called in the loop's thread."""
         self._hops += 1
         x, y, heading = decision.pose
-        spare = 1e3 * (self._command_s - decision.since_stance_s)
-        self._last = (
+        heading_deg = math.degrees(heading) % 360
+        boom_deg = math.degrees(decision.boom_angle_rad) % 360
+        planning_ms = 1e3 * decision.planning_s
+        spare_ms = 1e3 * (self._command_s - decision.since_stance_s)
+        where = (
             f"hop {self._hops:3d}  x {x:+.2f} m, y {y:+.2f} m, "
-            f"heading {math.degrees(heading) % 360:3.0f} deg, "
-            f"boom {math.degrees(decision.boom_angle_rad) % 360:3.0f} deg\n"
-            f"         {decision.outcome}: swing {decision.command_rad:+.2f} rad, plan took "
-            f"{1e3 * decision.planning_s:.1f} ms, {spare:.0f} ms to spare"
-            + (f"; {decision.reason}" if decision.reason else "")
+            f"heading {heading_deg:3.0f} deg, boom {boom_deg:3.0f} deg"
         )
+        what = (
+            f"{decision.outcome}: swing {decision.command_rad:+.2f} rad, "
+            f"plan took {planning_ms:.1f} ms, {spare_ms:.0f} ms to spare"
+        )
+        if decision.reason:
+            what += f"; {decision.reason}"
+        self._last = f"{where}\n         {what}"
         if not self._live:
             print(" ".join(self._last.split()), flush=True)
 
@@ -342,40 +381,52 @@ class Screen:
         """React to the operator's key and update the display."""
         if self._live and _enter_pressed():
             loop.rest("the operator's key")
-        rests, now = loop.watch.rests, time.monotonic()
         if not self._live:
-            for rest in rests[self._rests :]:
-                print(f"the boom rests: {rest.cause}", flush=True)
-            self._rests = len(rests)
+            self._tell_rests(loop)
             return
+        now = time.monotonic()
         if now < self._drawn + DRAW_S:
             return
-        self._drawn, passed = now, now - self._begun
-        left = (
-            ""
-            if self._seconds is None
-            else f", {max(0.0, self._seconds - passed):.0f} s left"
-        )
-        counts = stream.counts
-        lines = [
-            f"{passed:6.0f} s{left}; stream {stream.states.status.state}, {counts.frames} frames, "
-            f"{counts.missing} missing, {counts.garbled} garbled",
-            *self._last.splitlines(),
-            f"faults   {loop.watch.cause or 'none now'}; rests so far: {len(rests)}"
-            + (f", the last: {rests[-1].cause}" if rests else ""),
-        ]
-        if self._log.failure:  # otherwise the logger has said it
-            lines.append(f"log      {self._log.failure}")
+        self._drawn = now
+        lines = self._picture(loop, stream, now - self._begun)
         up = f"\033[{self._lines}A" if self._lines else ""
         width = os.get_terminal_size().columns - 1  # wrapped lines would leave remains
         print(up + "\n".join(f"\033[K{line[:width]}" for line in lines), flush=True)
         self._lines = len(lines)
 
+    def _tell_rests(self, loop: ControlLoop) -> None:
+        """Print a line for each new rest."""
+        rests = loop.watch.rests
+        for rest in rests[self._rests :]:
+            print(f"the boom rests: {rest.cause}", flush=True)
+        self._rests = len(rests)
+
+    def _picture(self, loop: ControlLoop, stream: Stream, passed_s: float) -> list[str]:
+        """Return the lines of the picture."""
+        rests = loop.watch.rests
+        counts = stream.counts
+        clock = f"{passed_s:6.0f} s"
+        if self._seconds is not None:
+            clock += f", {max(0.0, self._seconds - passed_s):.0f} s left"
+        faults = f"{loop.watch.cause or 'none now'}; rests so far: {len(rests)}"
+        if rests:
+            faults += f", the last: {rests[-1].cause}"
+        lines = [
+            f"{clock}; stream {stream.states.status.state}, {counts.frames} frames, "
+            f"{counts.missing} missing, {counts.garbled} garbled",
+            *self._last.splitlines(),
+            f"faults   {faults}",
+        ]
+        if self._log.failure:  # otherwise the logger has said it
+            lines.append(f"log      {self._log.failure}")
+        return lines
+
 
 def _enter_pressed() -> bool:
+    """Tell whether the operator has pressed Enter, without waiting."""
     import select
 
-    ready = (
-        select.select([sys.stdin], [], [], 0.0)[0] if sys.platform != "win32" else []
-    )
+    if sys.platform == "win32":
+        return False
+    ready = select.select([sys.stdin], [], [], 0.0)[0]
     return bool(ready) and sys.stdin.readline() != ""
