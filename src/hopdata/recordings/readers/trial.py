@@ -1,4 +1,4 @@
-"""A trial of HDF5 files without a seal in another process, in case the library never answers.
+"""A trial of HDF5 files without a seal, since the library may never answer.
 
 On a damaged file the HDF5 library may run for ever or end the process, and neither can
 be stopped from within. So a child process first reads the whole file, with limits on
@@ -25,24 +25,32 @@ from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings.budget import DEFLATE_MOST, seconds_to_read
 
-# Wall-clock time in units of the CPU time: a shared or slow machine gives a process a
-# part of its time, and where CPU time cannot be limited this is the only limit. 1.5
-# times larger: a hang that takes no CPU time is told 1.5 times later.
+#: Wall-clock time of a trial over its CPU time.
+#: Unit: 1. Origin: chosen. A shared or slow machine gives a process a part of its time,
+#: and where CPU time cannot be limited this is the only limit. 1.5 times larger: a hang
+#: that takes no CPU time is told 1.5 times later.
 _WALL_PER_CPU = 20
-_MEMORY_PER_BYTE = 3  # copies of the content that the child may hold
-_LEAST_MEMORY = (
-    1 << 30
-)  # bytes; what the libraries themselves reserve when they first work
 
-# Wall-clock time in which a child must start, s: it takes 0.3 s on a computer of 2020,
-# and a minute from a slow network disk. 1.5 times larger: where a child hangs at its
-# start, each file waits 1.5 times longer.
+#: Copies of a file's content that the child may hold.
+#: Unit: 1. Origin: chosen.
+_MEMORY_PER_BYTE = 3
+
+#: Memory of the child beside that, which the libraries reserve when they first work.
+#: Unit: bytes. Origin: chosen.
+_LEAST_MEMORY = 1 << 30
+
+#: Wall-clock time in which a child must start.
+#: Unit: s. Origin: chosen. It takes 0.3 s on a computer of 2020, and a minute from a
+#: slow network disk. 1.5 times larger: where a child hangs at its start, each file
+#: waits 1.5 times longer.
 _START_S = 120.0
-# Wall-clock time in which a child that is killed must end, s; the system needs some ms.
-# 1.5 times larger: a child that the system cannot end, say on a dead network disk, is
-# left 1.5 times later.
+
+#: Wall-clock time in which a child that is killed must end.
+#: Unit: s. Origin: chosen. The system needs some ms. 1.5 times larger: a child that the
+#: system cannot end, say on a dead network disk, is left 1.5 times later.
 _END_S = 10.0
 
+# What the child says.
 READY = "ready\n"
 ANSWERED = "answered\n"
 NO_MEMORY = "memory\n"
@@ -84,45 +92,56 @@ def require_answer(path: str | Path, most_unpacked_mb: float) -> None:
 
 
 def _tried(place: Path, seconds: float, most_unpacked_mb: float) -> str:
-    """Have the child read a file; return what went wrong, nothing if the library answered."""
+    """Have the child read a file; return what went wrong, or nothing."""
+    child = _own_child()
+    if child is None:  # no child can work here: the file is read without a trial
+        return ""
+    request = f"{seconds} {most_unpacked_mb} {os.fsencode(place).hex()}\n"
+    answer = _answer(child, request, _WALL_PER_CPU * seconds)
+    if answer == ANSWERED:
+        return ""
+    anew = "it is damaged, copy it anew"
+    if answer == NO_MEMORY:
+        return f"one for which the HDF5 library wants far more memory; {anew}"
+    if not answer:
+        with suppress(subprocess.TimeoutExpired):
+            child.wait(_END_S)
+    code = child.poll()
+    _end_own()
+    if code is None:  # it lives, and is of no use any more
+        said = f"the trial says {answer.strip()!r} instead of an answer"
+        return f"one on which {said}; {anew}"
+    return _ended_with(code)
+
+
+def _own_child() -> "subprocess.Popen[str] | None":
+    """Return the living child of this process; start one if it has none."""
     global _child, _owner
     if _child is None or _child.poll() is not None or _owner != os.getpid():
         _end_own()
         _child = _started()
         _owner = os.getpid()
-    if _child is None:  # no child can work here: the file is read without a trial
-        return ""
-    child = _child
-    watch = threading.Timer(_WALL_PER_CPU * seconds, child.kill)
+    return _child
+
+
+def _answer(child: "subprocess.Popen[str]", request: str, wall_s: float) -> str:
+    """Return the child's answer; nothing if it ended, or had to be ended."""
+    watch = threading.Timer(wall_s, child.kill)
     watch.start()
     try:
         assert child.stdin is not None
         assert child.stdout is not None
-        child.stdin.write(f"{seconds} {most_unpacked_mb} {os.fsencode(place).hex()}\n")
+        child.stdin.write(request)
         child.stdin.flush()
-        answer = child.stdout.readline()
+        return child.stdout.readline()
     except OSError:  # the child died before it could read the line
-        answer = ""
-    except (
-        BaseException
-    ):  # interrupted: its answer would be taken for that of the next file
+        return ""
+    except BaseException:
+        # Interrupted: its answer would be taken for that of the next file.
         _end_own()
         raise
     finally:
         watch.cancel()
-    if answer == ANSWERED:
-        return ""
-    if answer == NO_MEMORY:
-        return "one for which the HDF5 library wants far more memory; it is damaged, copy it anew"
-    if not answer:
-        with suppress(subprocess.TimeoutExpired):
-            child.wait(_END_S)
-    code = child.poll()  # None if it lives, and then it is of no use any more
-    _end_own()
-    if code is None:
-        said = f"one on which the trial says {answer.strip()!r} instead of an answer"
-        return f"{said}; it is damaged, copy it anew"
-    return _ended_with(code)
 
 
 def _ended_with(code: int) -> str:
@@ -130,16 +149,17 @@ def _ended_with(code: int) -> str:
     endless = "one on which the HDF5 library goes on and on"
     if -code in _signals("SIGXCPU"):
         return f"{endless}; it is damaged, copy it anew"
-    if -code in _signals("SIGKILL"):  # also what a system does that runs out of memory
+    if -code in _signals("SIGKILL"):
+        # So does a system end it that runs out of memory.
         crowded = "for which this computer has too little free memory"
-        return (
-            f"{endless}, or {crowded}; try again with more free memory, or copy it anew"
-        )
-    return f"one that ends the HDF5 library (exit code {code}); it is damaged, copy it anew"
+        again = "try again with more free memory, or copy it anew"
+        return f"{endless}, or {crowded}; {again}"
+    ends = f"one that ends the HDF5 library (exit code {code})"
+    return f"{ends}; it is damaged, copy it anew"
 
 
 def _started() -> "subprocess.Popen[str] | None":
-    """Start the child; return None if none can be started, or if it cannot import hopdata."""
+    """Start the child; return None if that fails, or it cannot import hopdata."""
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     try:
         child = subprocess.Popen(
@@ -171,7 +191,7 @@ def _started() -> "subprocess.Popen[str] | None":
 
 
 def _program() -> str:
-    """Return the child's program: it imports this hopdata from where this process has it.
+    """Return the child's program, which imports the hopdata of this process.
 
     -P keeps the working folder off Python's path, and with it a source tree that is not
     installed. So its folder is on the path for the first import, and only for that one.
@@ -190,7 +210,7 @@ def _program() -> str:
 
 
 def _end_own() -> None:
-    """End the child of this process, if it has one; that of a process it forked from stays."""
+    """End the child of this process, if any; that of a process it forked from stays."""
     global _child
     if _child is not None and _owner == os.getpid():
         _ended(_child)
@@ -207,9 +227,8 @@ def _ended(child: "subprocess.Popen[str]") -> None:
     with suppress(subprocess.TimeoutExpired):
         child.wait(_END_S)
     for pipe in (child.stdin, child.stdout):
-        with suppress(
-            OSError, ValueError
-        ):  # what it did not read cannot be written any more
+        # What it did not read cannot be written any more.
+        with suppress(OSError, ValueError):
             if pipe is not None:
                 pipe.close()
 
@@ -225,7 +244,7 @@ def _signals(*names: str) -> set[int]:
 
 
 def serve() -> None:
-    """Read each file that a line on standard input names, and answer each with a line."""
+    """Read each file that a line on stdin names, and answer each with a line."""
     for line in sys.stdin:
         seconds, most_unpacked_mb, place = line.split()
         path = Path(os.fsdecode(bytes.fromhex(place)))
@@ -254,10 +273,8 @@ def _limit(path: Path, seconds: float, most_unpacked_mb: float) -> None:
     with suppress(OSError, ValueError):
         most = resource.RLIM_INFINITY  # lifts the limit of an earlier file
         if most_unpacked_mb != float("inf"):
-            own = (
-                int(Path("/proc/self/statm").read_text().split()[0])
-                * resource.getpagesize()
-            )
+            n_pages = int(Path("/proc/self/statm").read_text().split()[0])
+            own = n_pages * resource.getpagesize()
             unpacked = min(1e6 * most_unpacked_mb, DEFLATE_MOST * path.stat().st_size)
             for_file = int(_MEMORY_PER_BYTE * unpacked)
             most = own + _LEAST_MEMORY + for_file
@@ -265,7 +282,7 @@ def _limit(path: Path, seconds: float, most_unpacked_mb: float) -> None:
 
 
 def _set_limit(kind: int, wanted: int) -> None:
-    """Set a limit of this process, at most the one that its user or batch system has set."""
+    """Set a limit of this process, at most that of its user or batch system."""
     import resource
 
     _, hard = resource.getrlimit(kind)
