@@ -11,7 +11,7 @@ if __name__ == "__main__" and not sys.flags.safe_path:
 import argparse
 import os
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from pkgutil import resolve_name
@@ -90,12 +90,12 @@ class _Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, message)
 
 
-def _parser(complete_files: dict[str, str] | None = None) -> argparse.ArgumentParser:
+def _parser(complete_files: Mapping[str, Any] | None = None) -> argparse.ArgumentParser:
     """Return the parser of the whole command line.
 
     Parameters
     ----------
-    complete_files : dict, optional
+    complete_files : mapping, optional
         How each shell completes the name of a file, as in `shtab.FILE`.
     """
     parser: argparse.ArgumentParser = _Parser(
@@ -125,7 +125,7 @@ def _parser(complete_files: dict[str, str] | None = None) -> argparse.ArgumentPa
 def _add_options(
     command: argparse.ArgumentParser,
     options: list[dict[str, Any]],
-    complete_files: dict[str, str] | None,
+    complete_files: Mapping[str, Any] | None,
 ) -> None:
     for option in options:
         given = dict(option)

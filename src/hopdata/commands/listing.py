@@ -57,41 +57,32 @@ def show(inspection: Inspection, file: str) -> None:
 
 def _draw(inspection: Inspection, file: str, encoding: str) -> None:
     """Print the listing on a terminal."""
+
+    def encodable(text: str) -> str:
+        return _encodable(text, encoding)
+
     head = [*_head(inspection, file), "", _legend(inspection)]
-    print(_encodable("\n".join(head), encoding))
-    of_markers: dict[str, terminal.Side] = {
-        "marker": "left",
-        "height": "left",
-        "gaps": "left",
-    }
-    rows = [
-        (gaps.marker, bar, _in_numbers(gaps, inspection))
-        for gaps, bar in zip(inspection.gaps, _bars(inspection), strict=True)
-    ]
-    _draw_table(of_markers, rows, encoding)
+    print(encodable("\n".join(head)))
+    bars = _bars(inspection)
+    terminal.draw_table(
+        {"marker": "left", "height": "left", "gaps": "left"},
+        [
+            (encodable(gaps.marker), encodable(bar), _in_numbers(gaps, inspection))
+            for gaps, bar in zip(inspection.gaps, bars, strict=True)
+        ],
+    )
     suspects = inspection.suspects()
     print(f"  {answer(inspection)}")
     if suspects:
-        of_suspects: dict[str, terminal.Side] = {
-            "kind": "left",
-            "frame": "right",
-            "s": "right",
-            "what": "left",
-        }
-        rows = [
-            (one.kind, f"{one.start + 1}", f"{one.time_s:.3f}", one.text)
-            for one in suspects[:MOST_SUSPECTS]
-        ]
-        _draw_table(of_suspects, rows, encoding)
+        terminal.draw_table(
+            {"kind": "left", "frame": "right", "s": "right", "what": "left"},
+            [
+                (one.kind, f"{one.start + 1}", f"{one.time_s:.3f}", encodable(one.text))
+                for one in suspects[:MOST_SUSPECTS]
+            ],
+        )
     for line in _further(len(suspects)):
         print(line)
-
-
-def _draw_table(
-    columns: dict[str, terminal.Side], rows: list[tuple[str, ...]], encoding: str
-) -> None:
-    encodable = [[_encodable(cell, encoding) for cell in row] for row in rows]
-    terminal.draw_table(columns, encodable)
 
 
 def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> str:

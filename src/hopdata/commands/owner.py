@@ -29,7 +29,7 @@ RECORDS = Path(".snakemake/hopdata")
 #: apart, and until then the lock has to be removed by hand.
 _CLOCK_S = 86_400.0
 
-_PROC = Path("/proc")
+PROC = Path("/proc")
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Owner:
             return False
         if not _is_alive(self.pid):
             return True
-        ticks = _ticks(self.pid)
+        ticks = ticks_of(self.pid)
         if ticks and self.ticks:
             return ticks != self.ticks
         began = _began(self.pid)
@@ -104,11 +104,11 @@ def _began(pid: int) -> float | None:
         return None
 
 
-def _ticks(pid: int) -> str:
+def ticks_of(pid: int) -> str:
     """Return when a process began, by the machine's start; nothing if not known."""
     try:
-        boot = (_PROC / "sys/kernel/random/boot_id").read_text().strip()
-        stat = (_PROC / str(pid) / "stat").read_text(errors="replace")
+        boot = (PROC / "sys/kernel/random/boot_id").read_text().strip()
+        stat = (PROC / str(pid) / "stat").read_text(errors="replace")
     except OSError:
         return ""
     # The second field is the name in parentheses, which may itself hold spaces and
@@ -130,7 +130,7 @@ def recorded(study: str, pid: int) -> Iterator[None]:
     with suppress(OSError):  # Snakemake itself complains if a folder is not writable
         if alive:
             RECORDS.mkdir(parents=True, exist_ok=True)
-            owner = Owner(study, platform.node(), pid, began, _ticks(pid))
+            owner = Owner(study, platform.node(), pid, began, ticks_of(pid))
             record.write_text(json.dumps(asdict(owner)), encoding="utf-8")
     try:
         yield

@@ -361,7 +361,7 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
         return recording
 
 
-def _require_known(key: str, values: set[str], known: Sequence[str]) -> None:
+def _require_known(key: str, values: set[str], known: Iterable[str]) -> None:
     for value in values - set(known):
         wanted = f"expected any of {', '.join(known)}"
         raise ValueError(f"{key}: {wanted}, found '{value}'")
