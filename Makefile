@@ -15,17 +15,18 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures both-sides test test-cluster benchmarks lint format docs site sample lock release clean help
+.PHONY: figures both-sides test test-cluster mutants benchmarks lint format docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
 	@echo "make test-cluster  run the sample and a group on a one-node SLURM and kill jobs (as root, with slurm-wlm)"
+	@echo "make mutants    make small wrong changes and see which of them the tests miss (takes hours; can be interrupted)"
 	@echo "make both-sides run the study of the dissertation's size: C1, not C1, half the spread, then compare them"
 	@echo "make benchmarks measure error and run time against other libraries, into results/benchmarks"
 	@echo "make lint       run ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     reformat the files with ruff and snakefmt"
-	@echo "make docs       write docs/configuration.md from the schema"
+	@echo "make docs       write docs/configuration.md from the schema and docs/constants.md from the code"
 	@echo "make site       build the documentation into build/site; runs the tutorials and checks links"
 	@echo "make sample     simulate the recordings of data/sample again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
@@ -47,6 +48,13 @@ test: $(VENV)/.dev
 test-cluster: $(VENV)/.dev
 	VENV=$(VENV) tests/cluster.sh
 
+# ROOMS="verdict states" selects, EACH and SEED draw other changes; what was tried is not tried again.
+ROOMS ?=
+EACH  ?= 8
+SEED  ?= 1
+mutants: $(VENV)/.dev
+	$(BIN)/python tests/mutants.py run $(ROOMS) --each $(EACH) --seed $(SEED)
+
 both-sides: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile config/thesis.yaml
 	$(BIN)/snakemake --cores $(CORES) --configfile config/control.yaml
@@ -60,16 +68,17 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakefmt --check Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk)
 	$(BIN)/snakemake --lint
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
-	$(BIN)/snakefmt Snakefile workflow/rules
+	$(BIN)/snakefmt Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk)
 
 docs: $(VENV)/.run
 	$(BIN)/hopdata config-docs --out docs/configuration.md
+	$(BIN)/python benchmarks/constants.py page
 
 site: $(VENV)/.docs
 	rm -rf build/site
@@ -131,7 +140,7 @@ $(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml |
 LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --no-emit-index-url
 lock:
 	$(LOCK) pyproject.toml -o requirements.lock
-	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
+	$(LOCK) pyproject.toml --extra test --extra lint --extra mutants -c requirements.lock -o requirements-dev.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 	printf 'furo>=2024.8\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
 	  $(LOCK) - -c requirements-dev.lock -o requirements-docs.lock

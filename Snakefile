@@ -6,6 +6,8 @@ snakemake --cores 2 --configfile config/runner.yaml   another study
 
 from snakemake.utils import min_version
 
+from hopdata import products
+
 min_version("9.14")
 
 # A config file given on the command line replaces the default one; it does not extend it.
@@ -27,10 +29,16 @@ include: "workflow/rules/recordings.smk"
 include: "workflow/rules/landings.smk"
 include: "workflow/rules/maps.smk"
 include: "workflow/rules/external.smk"
-include: "workflow/rules/steering.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmarks.smk"
 include: "workflow/rules/comparison.smk"
+
+
+# Products beside the study, such as steering, bring rules of their own.
+for product in products.installed():
+    if product.rules.is_file():
+
+        include: product.rules
 
 
 rule all:

@@ -20,7 +20,7 @@ from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hopdata.figures import models, style
+from hopdata.figures import style
 from hopdata.jobs import read_table
 
 # Figure 4.2: how the error of the final state falls with the step, for each method.
@@ -736,11 +736,27 @@ def frame_change_of(model: str) -> Callable[[pd.DataFrame, pd.DataFrame], Figure
     """Return the function that draws Figure 3.3 for one of the models in the tables."""
 
     def drawn(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
-        return models.frame_change_figure(
-            *(t[t["model"] == model] for t in (maps, hops))
+        from hopdata.steering.figures.models import frame_change_figure
+
+        return frame_change_figure(
+            maps[maps["model"] == model], hops[hops["model"] == model]
         )
 
     return drawn
+
+
+def learning_curve(errors: pd.DataFrame) -> Figure:
+    """Draw how the error of the models falls with the number of hops."""
+    from hopdata.steering.figures.models import learning_curve_figure
+
+    return learning_curve_figure(errors)
+
+
+def kernel_smoothness(scores: pd.DataFrame) -> Figure:
+    """Draw how well kernels of each smoothness predict."""
+    from hopdata.steering.figures.models import kernel_smoothness_figure
+
+    return kernel_smoothness_figure(scores)
 
 
 FIGURES: dict[str, Callable[..., Figure]] = {
@@ -751,8 +767,8 @@ FIGURES: dict[str, Callable[..., Figure]] = {
     "map_error": map_error_figure,
     "fig3_3_frame_change": frame_change_of("recommended"),
     "fig3_3_printed": frame_change_of("printed"),
-    "learning_curve": models.learning_curve_figure,
-    "kernel_smoothness": models.kernel_smoothness_figure,
+    "learning_curve": learning_curve,
+    "kernel_smoothness": kernel_smoothness,
     "verdict_power": verdict_power_figure,
     "foot_strikes": foot_strikes_figure,
     "study_cost": study_cost_figure,

@@ -1,6 +1,7 @@
 """The house rules that a machine can check: imports between rooms, and what modules state."""
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import hopdata
+from hopdata.products import installed
 
 PACKAGE = Path(hopdata.__file__).parent
 SHARED = {
@@ -18,6 +20,7 @@ SHARED = {
     "errors",
     "jobs",
     "messages",
+    "products",
     "recording",
     "rigid",
     "seal",
@@ -29,13 +32,16 @@ MAY_USE = {
     "synthesis": {"hybrid", "scenes", "recordings"},
     "landings": {"recordings"},
     "maps": {"landings"},
-    # The controller drives the simulated hopper if there is no robot.
-    "steering": {"recordings", "scenes", "synthesis"},
+    # A product: it may use the study's rooms, and none of them may use it.
+    "steering": {
+        *("recordings", "scenes", "synthesis", "figures", "report", "commands"),
+        "provenance",
+    },
     "figures": set(),
     "report": set(),
     "config": {"scenes", "synthesis"},
     "commands": {
-        *("config", "recordings", "landings", "figures", "maps", "report", "steering"),
+        *("config", "recordings", "landings", "figures", "maps", "report"),
         *("analysis", "group", "provenance"),  # modules beside the rooms
     },
 }
@@ -86,6 +92,19 @@ def test_rooms_import_only_what_they_may(room):
         }
         forbidden = used - MAY_USE[room] - SHARED - {room}
         assert not forbidden, f"{path.name} imports {sorted(forbidden)}"
+
+
+def test_nothing_beside_a_product_names_its_modules():
+    """A product is found by its entry point, so that its folder may be deleted."""
+    for product in installed():
+        named = re.compile(rf"\b{re.escape(product.package)}\b")
+        others = [p for p in PACKAGE.rglob("*.py") if product.folder not in p.parents]
+        others += [
+            p for p in PACKAGE.rglob("*.toml") if product.folder not in p.parents
+        ]
+        assert len(others) > 100
+        assert [path for path in others if named.search(path.read_text())] == []
+        assert named.search((product.folder / "workflow/rules.smk").read_text()) is None
 
 
 def test_every_room_is_listed():

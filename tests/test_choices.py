@@ -7,6 +7,7 @@ import numpy as np
 import order as theorem
 import pytest
 
+from choices import enumerations, without_products
 from hopdata import recording
 from hopdata.config.schema import load_schema
 from hopdata.figures import style as saving
@@ -33,9 +34,6 @@ from hopdata.recordings import (
 )
 from hopdata.recordings.quality import orientation
 from hopdata.scenes import SCENES
-from hopdata.steering import OBSERVATIONS
-from hopdata.steering.experiments import tasks
-from hopdata.steering.models import process as models
 
 answer = import_module(
     "hopdata.maps.verdict.judge"
@@ -128,13 +126,6 @@ ASKED = {
             ANY, ANY, NONE, NONE, {**FORCES, "unit": name}
         ),
     ),
-    "model.kernel": (models.KERNELS, lambda name: models.process_of({"kernel": name})),
-    "experiment": (
-        tasks.EXPERIMENTS,
-        lambda name: tasks.draw_starts(
-            name, 1, distance_m=1.0, seed=np.random.SeedSequence(0)
-        ),
-    ),
     "conclusion": (
         answer.CONCLUSIONS,
         lambda name: answer.sentence(name, ANY, "", 0.95, 0.1),
@@ -159,9 +150,6 @@ CONFIGURED = {
     "states.method": states.METHODS,
     "states.gravity": states.GRAVITIES,
     "figures.formats": FORMATS,
-    "steering.model.kernel": models.KERNELS,
-    "steering.experiments.controllers": tasks.CONTROLLERS,
-    "steering.observations": OBSERVATIONS,
     "simulation.scene": SCENES,
 }
 
@@ -190,16 +178,7 @@ def test_an_unknown_name_is_an_error_that_lists_the_known_ones(choice):
     assert "hopdata" in caught.type.__module__ or caught.type is ValueError
 
 
-def enumerations(schema, path=()):
-    """Return the choices of each key of a schema, by its path."""
-    if "enum" in schema:
-        yield ".".join(path), schema["enum"]
-    for key, inner in schema.get("properties", {}).items():
-        yield from enumerations(inner, (*path, key))
-    if "items" in schema:
-        yield from enumerations(schema["items"], path)
-
-
 def test_the_choices_of_the_configuration_are_those_of_the_tables():
-    found = {path: set(choices) for path, choices in enumerations(load_schema())}
+    schema = without_products(load_schema())
+    found = {path: set(choices) for path, choices in enumerations(schema)}
     assert found == {path: set(table) for path, table in CONFIGURED.items()}

@@ -17,7 +17,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from hopdata import __version__
+from hopdata import __version__, products
 from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM
 from hopdata.errors import HopdataError, did_you_mean
 
@@ -31,6 +31,8 @@ from hopdata.errors import HopdataError, did_you_mean
 _FILE = Path(__file__).parent / "commands" / "commands.toml"
 TABLE: dict[str, Any] = tomllib.loads(_FILE.read_text("utf-8"))
 COMMANDS: dict[str, dict[str, Any]] = TABLE["commands"]
+for product in products.installed():
+    COMMANDS |= product.commands()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

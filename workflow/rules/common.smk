@@ -33,7 +33,6 @@ for folder in ("results", RESULTS):
             f"hopdata: error: {folder}: expected a folder for the results, found a file; move it "
             "away, or give the study another name"
         )
-STEERING = f"{RESULTS}/steering"
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
 check_times((file for files in SOURCES.values() for file in files), RESULTS)
 RECORDINGS = list(SOURCES)
@@ -75,13 +74,13 @@ wildcard_constraints:
     recording="|".join(RECORDINGS),
 
 
-def code(script, *modules):
+def code(script, *modules, folder=SCRIPTS):
     """Return a function that digests a script, the given modules and the library code they use.
 
     A rule runs again when the digest changes. It is computed only for planned jobs, because reading
     all the code takes a second.
     """
-    return lambda wildcards: [code_digest(path) for path in (SCRIPTS / f"{script}.py", *modules)]
+    return lambda wildcards: [code_digest(path) for path in (folder / f"{script}.py", *modules)]
 
 
 def needs(*, minutes, mb_a_mb=0):
@@ -102,21 +101,19 @@ def needs(*, minutes, mb_a_mb=0):
     }
 
 
-def stage_times(folder):
-    """Return the files with the run times of a study's jobs, for the rules defined so far."""
+def stage_times(folder, **wildcards):
+    """Return the files with the run times of the jobs of a study, or of a product in its folder.
+
+    Rules that are defined later are left out.
+    """
     times = [strip_wildcard_constraints(one.benchmark) for one in workflow.rules if one.benchmark]
     own = [one for one in times if one.startswith(f"{folder}/benchmarks/")]
-    return sorted(set(expand(own, recording=RECORDINGS, seed=SEEDS, manoeuvre=MANOEUVRES)))
+    return sorted(set(expand(own, recording=RECORDINGS, **wildcards)))
 
 
 def each_recording(pattern):
     """Return one path per recording, in the order of the configuration."""
     return expand(pattern, recording=RECORDINGS)
-
-
-def of_first(rule_output):
-    """Return the file of the first seed, whose runs and model a steering study shows."""
-    return expand(rule_output, seed=1, allow_missing=True)[0]
 
 
 def touchdowns_by(method):

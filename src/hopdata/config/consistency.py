@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
 from inspect import signature
 from itertools import pairwise
-from math import pi
 from operator import getitem
 from pathlib import Path
 from pkgutil import resolve_name
@@ -231,58 +230,6 @@ def nearest_file(file: Path) -> str:
     return f" in {here}"
 
 
-# Mistakes in the block ``steering``.
-
-#: Angle by which a swing may pass the limit, since n steps of 2 pi / m are rounded.
-#: Unit: rad. Origin: rounding.
-ROUNDING = 1e-9
-
-
-def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
-    """Yield inconsistencies in the block ``steering``."""
-    steering = config["steering"]
-    if steering["recordings"]:
-        yield from _wrong_recordings(config)
-    else:
-        yield from _wrong_excitation(steering)
-
-
-def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
-    known = [entry["name"] for entry in config["recordings"]]
-    named = [
-        (f"steering.recordings[{i}]", name)
-        for i, name in enumerate(config["steering"]["recordings"])
-    ]
-    yield from _unknown("one of the recordings", known, named)
-    boom = config["markers"]["boom"]
-    if len(boom) != 1:
-        wanted = (
-            "one marker on the boom (markers.boom), "
-            "on whose angle the frame changes depend"
-        )
-        yield mismatch("steering.recordings", wanted, ", ".join(boom) or "none")
-
-
-def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
-    excitation = steering["excitation"]
-    angles = excitation["n_angles"]
-    steps = excitation["n_steps"]
-    limit = steering["robot"]["swing_limit_rad"]
-    largest_swing = 2 * pi * steps / angles
-    if largest_swing > limit + ROUNDING:
-        wanted = f"swings within steering.robot.swing_limit_rad ({limit:.4g} rad)"
-        found = f"{steps} steps of {2 * pi / angles:.4g} rad"
-        yield mismatch("steering.excitation.n_steps", wanted, found)
-    hops = angles * (2 * steps + 1) * excitation["repeats"]
-    training_hops = steering["model"]["training_hops"]
-    # The first stance does not end a hop, and a test needs two hops.
-    most = hops - 3
-    if training_hops > most:
-        of_all = f"at most {max(0, most)} of the {hops} hops of the excitation"
-        wanted = f"{of_all}, so that some are left to test with"
-        yield mismatch("steering.model.training_hops", wanted, training_hops)
-
-
 # Names, markers and feet.
 
 # Names under results/ whose folders hold other results already.
@@ -388,7 +335,6 @@ DEFAULT_SIGMAS = 3.0
 _IN_ORDER = (
     ("sections.pre_height_m", "more", "sections.post_height_m"),
     ("subspaces.components", "fewer", "subspaces.samples"),
-    ("steering.experiments.distance_m", "more", "steering.experiments.arrived_m"),
 )
 
 
@@ -520,5 +466,4 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _braces,
     _reserved_study,
     _enough_flips,
-    steering_mistakes,
 ]

@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from hopdata import products
 from hopdata.config.consistency import CHECKS, missing_files, nearest_file
 from hopdata.config.schema import describe, dotted, load_schema
 from hopdata.errors import ConfigError
@@ -245,6 +246,10 @@ def load_config(
     if check_files:
         checks.append(missing_files)
     mistakes = [mistake for check in checks for mistake in check(config)]
+    for product in products.installed():
+        # A product is imported only for a configuration that speaks of it.
+        if product.name in content:
+            mistakes += product.mistakes(config)
     _raise_all(place, origins, mistakes)
     return config
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import yaml
 
+from hopdata import products
 from hopdata.errors import did_you_mean, require
 from hopdata.scenes import SCENES, STANDARD, scene_class
 
@@ -47,6 +48,8 @@ def load_schema(scene: str = STANDARD) -> dict[str, Any]:
     text = SCHEMA_FILE.read_text(encoding="utf-8")
     schema: dict[str, Any] = yaml.load(text, Loader=loader)
     _take_choices(schema)
+    for product in products.installed():
+        schema["properties"] |= product.block()
     simulation = schema["properties"]["simulation"]["properties"]
     if scene != STANDARD:
         del simulation[STANDARD]
@@ -415,6 +418,10 @@ def _unknown_key(
     message = f"{whole}: expected a known key, found '{key}'"
     if whole in REMOVED:
         return f"{message}; {REMOVED[whole]}"
+    if not place and products.is_missing(key):
+        not_here = "a part of hopdata that is not installed"
+        how = f"run pip install 'hopdata[{key}]', or delete the block"
+        return f"{message}, {not_here}; {how}"
     if place == "simulation" and key in SCENES:
         return f"{message}; write 'scene: {key}' to simulate it"
     section, _, inner = key.partition(".")

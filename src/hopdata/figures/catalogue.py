@@ -2,7 +2,8 @@
 
 To add a figure, write its function in one of this package's modules and its entry in
 ``catalogue.toml``, under the job that draws it. Its caption is in
-``workflow/captions/<name>.md``.
+``workflow/captions/<name>.md``. Products (`hopdata.products`) have catalogues of their
+own, of functions in their own modules.
 """
 
 import tomllib
@@ -12,6 +13,8 @@ from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
+
+from hopdata import products
 
 # A date or library version in a file would change its bytes although the data are the
 # same.
@@ -31,6 +34,8 @@ class Drawing:
     ----------
     place
         Module and function; the function takes the contents of `files`, in order.
+    source
+        The file of the module.
     files
         CSV and JSON files, as paths relative to the folder of results.
     options
@@ -40,6 +45,7 @@ class Drawing:
     """
 
     place: str
+    source: Path
     files: Sequence[str]
     options: Mapping[str, Any] = field(default_factory=dict)
     truth: Sequence[str] = ()
@@ -48,12 +54,26 @@ class Drawing:
 #: The figure of the distances between constraint subspaces, which a study may leave
 #: out.
 OF_DISTANCES = "fig2_5_distances"
-_FILE = Path(__file__).with_suffix(".toml")
+
+
+def _drawings(file: Path, package: str) -> dict[str, dict[str, Drawing]]:
+    """Return the figures of each job in a catalogue, drawn by modules of this package."""
+    jobs: dict[str, dict[str, Drawing]] = {}
+    for job, drawings in tomllib.loads(file.read_text("utf-8")).items():
+        jobs[job] = {}
+        for name, entry in drawings.items():
+            place = f"{package}.{entry.pop('place')}"
+            module = place.partition(":")[0].rpartition(".")[2]
+            source = file.with_name(f"{module}.py")
+            jobs[job][name] = Drawing(place=place, source=source, **entry)
+    return jobs
+
+
 #: Jobs that draw, and the figures of each job by name.
-FIGURES: dict[str, dict[str, Drawing]] = {
-    job: {name: Drawing(**drawing) for name, drawing in drawings.items()}
-    for job, drawings in tomllib.loads(_FILE.read_text("utf-8")).items()
-}
+FIGURES = _drawings(Path(__file__).with_suffix(".toml"), "hopdata.figures")
+for product in products.installed():
+    if product.catalogue.is_file():
+        FIGURES |= _drawings(product.catalogue, f"{product.package}.figures")
 
 
 def tables_of(name: str, *, simulated: bool = False) -> tuple[str, ...]:
@@ -64,13 +84,13 @@ def tables_of(name: str, *, simulated: bool = False) -> tuple[str, ...]:
 
 def source_of(name: str) -> Path:
     """Return the module that draws a figure."""
-    return Path(__file__).with_name(f"{_drawing(name).place.partition(':')[0]}.py")
+    return _drawing(name).source
 
 
 def function_of(name: str) -> Callable[..., Any]:
     """Return the function that draws a figure, with its options."""
     drawing = _drawing(name)
-    return partial(resolve_name(f"hopdata.figures.{drawing.place}"), **drawing.options)
+    return partial(resolve_name(drawing.place), **drawing.options)
 
 
 def _drawing(name: str) -> Drawing:

@@ -130,30 +130,6 @@ class PageInputs:
 
 
 @dataclass(frozen=True)
-class SteeringInputs(PageInputs):
-    """Further contents of the steering page.
-
-    Parameters
-    ----------
-    outcomes, horizons : DataFrame, optional
-        ``outcomes.csv``, ``horizons.csv``.
-    counts : sequence of mappings, optional
-        ``observed.json``: for each recording, frames, stances and hops, and what was
-        left out.
-    scores : DataFrame, optional
-        ``model_scores.csv``.
-    examples : DataFrame, optional
-        ``examples.csv``: the runs that the figures show.
-    """
-
-    outcomes: pd.DataFrame | None = None
-    horizons: pd.DataFrame | None = None
-    counts: Sequence[Mapping[str, Any]] | None = None
-    scores: pd.DataFrame | None = None
-    examples: pd.DataFrame | None = None
-
-
-@dataclass(frozen=True)
 class ReportInputs(PageInputs):
     """Further contents of a study's page.
 
@@ -312,12 +288,25 @@ def placed_pictures(
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-def rendered(template: str, **content: Any) -> str:
-    """Return a page: a complete HTML document that includes its style."""
+def rendered(template: str, *, own: Path | None = None, **content: Any) -> str:
+    """Return a page: a complete HTML document that includes its style.
+
+    Parameters
+    ----------
+    template : str
+        Name of the template's file.
+    own : path, optional
+        A folder with further templates, of a product.
+    **content
+        What the template shows.
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+    folders = [TEMPLATES]
+    if own is not None:
+        folders.append(own)
     environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
+        loader=FileSystemLoader(folders),
         undefined=StrictUndefined,
         autoescape=True,
         trim_blocks=True,

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from overlaps import text_faults
 
-from hopdata.figures.models import (
+from hopdata.steering.figures.models import (
     COLUMNS,
     COMPONENTS,
     DATA,

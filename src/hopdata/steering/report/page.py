@@ -2,18 +2,53 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
-from hopdata.report.inputs import SteeringInputs, as_yaml, placed_pictures, rendered
+from hopdata.report.inputs import PageInputs, as_yaml, placed_pictures, rendered
+
+_FOLDER = Path(__file__).parent
+#: Texts that readers see in place of names.
+WORDS: dict[str, Any] = tomllib.loads((_FOLDER / "words.toml").read_text("utf-8"))
+CONTROLLERS: dict[str, str] = WORDS["controllers"]
+EXPERIMENTS: dict[str, str] = WORDS["experiments"]
+RUN_BY: dict[str, str] = WORDS["run_by"]
+PLACES: dict[str, str] = WORDS["places"]
+NOTES: dict[str, str] = WORDS["notes"]
+
+
+@dataclass(frozen=True)
+class SteeringInputs(PageInputs):
+    """Further contents of the steering page.
+
+    Parameters
+    ----------
+    outcomes, horizons : DataFrame, optional
+        ``outcomes.csv``, ``horizons.csv``.
+    counts : sequence of mappings, optional
+        ``observed.json``: for each recording, frames, stances and hops, and what was
+        left out.
+    scores : DataFrame, optional
+        ``model_scores.csv``.
+    examples : DataFrame, optional
+        ``examples.csv``: the runs that the figures show.
+    """
+
+    outcomes: pd.DataFrame | None = None
+    horizons: pd.DataFrame | None = None
+    counts: Sequence[Mapping[str, Any]] | None = None
+    scores: pd.DataFrame | None = None
+    examples: pd.DataFrame | None = None
+
 
 # Tables of the steering study: outcomes, observations, and how well the model predicts.
 
-CONTROLLERS, EXPERIMENTS = show.WORDS["controllers"], show.WORDS["experiments"]
-RUN_BY = show.WORDS["run_by"]
 PLANNER = "planner"  # the controller of which something is required
 
 
@@ -37,9 +72,9 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
         "met": show.text("met"),
     }
     rows = show.records(outcomes)
-    note, title = show.NOTES["outcomes"], "Outcomes of the experiments"
+    note, title = NOTES["outcomes"], "Outcomes of the experiments"
     if any(row["controller"] == PLANNER for row in rows):
-        note += show.NOTES["outcomes_of_planner"]
+        note += NOTES["outcomes_of_planner"]
     return show.table_of(title, rows, columns, text_columns=2, note=note)
 
 
@@ -113,11 +148,8 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
         "hops learned": show.counted("training_hops"),
         "hops tested": show.counted("test_hops"),
     }
-    title, note = "How well the model predicts a hop", show.NOTES["model"]
+    title, note = "How well the model predicts a hop", NOTES["model"]
     return show.table_of(title, show.records(scores), columns, note=note)
-
-
-NO_EXPERIMENT, PLACES = show.NOTES["no_experiment"], show.WORDS["steering_places"]
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:
@@ -131,6 +163,7 @@ def build_steering_report(inputs: SteeringInputs) -> str:
     record, facts = inputs.provenance or {}, steering_facts(inputs)
     return rendered(
         "steering.html.j2",
+        own=_FOLDER / "templates",
         study=inputs.study,
         highlights=_highlights(inputs),
         pictures=placed_pictures(inputs.figures, facts, PLACES, "model"),
@@ -143,7 +176,7 @@ def build_steering_report(inputs: SteeringInputs) -> str:
             "truth": result_tables.truth_table(inputs.truth),
             **result_tables.record_tables(record),
         },
-        notes=[*inputs.notes, *[NO_EXPERIMENT] * (inputs.outcomes is None)],
+        notes=[*inputs.notes, *[NOTES["no_experiment"]] * (inputs.outcomes is None)],
         config=as_yaml(record.get("config")),
     )
 
@@ -202,7 +235,7 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     tried = {row["controller"] for row in rows}
     first = next((name for name in RUN_BY if name in tried), None)
     for row in rows:
-        if row["controller"] == first:
+        if first is not None and row["controller"] == first:
             name, hops = EXPERIMENTS[row["experiment"]], show.fixed(row["hops"], 0)
             seeds = f"worst of {row['seeds']} seeds"
             remark = f"{RUN_BY[first]}, {seeds}; median {hops} hops; simulated"

@@ -5,8 +5,9 @@ from fake_steering import FIGURES, counts, examples, full_steering, horizons, ou
 from test_page import Page
 
 from hopdata.errors import ConfigError
-from hopdata.report.inputs import ReportFigure, SteeringInputs
-from hopdata.report.steering import (
+from hopdata.report.inputs import ReportFigure
+from hopdata.steering.report.page import (
+    SteeringInputs,
     build_steering_report,
     left_out_table,
     outcomes_table,

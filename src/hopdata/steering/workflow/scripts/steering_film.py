@@ -1,7 +1,7 @@
 """Film a typical run to the origin."""
 
-from hopdata.figures.steering import save_film
 from hopdata.jobs import read_table, reported
+from hopdata.steering.figures.runs import save_film
 
 with reported(snakemake.log[0]):
     film, example = (

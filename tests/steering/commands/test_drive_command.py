@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hopdata.__main__ import main
-from hopdata.commands import drive
+from hopdata.steering.commands import drive
 from hopdata.steering.live import log, rehearsal
 from hopdata.steering.live.log import read_log
 from hopdata.steering.models.process import FrameChangeProcess, save_process

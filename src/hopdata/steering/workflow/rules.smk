@@ -1,5 +1,11 @@
 # Chapter III: `snakemake --cores 2 steering`. The robot is simulated if no recording with a moving
 # boom is given. Only the simulated robot makes experiments.
+STEERING = f"{RESULTS}/steering"
+# This file's folder, relative to the working folder, so that a checkout can be moved.
+STEERING_FILES = Path(os.path.relpath(workflow.current_basedir.get_path_or_uri(secret_free=True)))
+STEERING_CAPTIONS = STEERING_FILES / "captions"
+# The script that draws the figures of all jobs; a rule's script is found from this file's folder.
+DRAWING = os.path.relpath(SCRIPTS / "figures.py", STEERING_FILES)
 STEERED = STUDY["steering"]["recordings"]
 STEERING_TABLES = f"{STEERING}/tables"
 # Each seed has a folder with the learned model and the experiments of each manoeuvre. A recorded
@@ -13,6 +19,16 @@ SEEDS = [
 ]
 MANOEUVRES = ["origin", "turn"]
 MODEL_FIGURES, RUN_FIGURES = map(list, (CATALOGUE["steering_model"], CATALOGUE["steering_runs"]))
+
+
+def steering_code(script):
+    """Return a function that digests a script of steering and the library code that it uses."""
+    return code(script, folder=STEERING_FILES / "scripts")
+
+
+def of_first(rule_output):
+    """Return the file of the first seed, whose runs and model a steering study shows."""
+    return expand(rule_output, seed=1, allow_missing=True)[0]
 
 
 wildcard_constraints:
@@ -54,9 +70,9 @@ rule steering_learn:
         ),
         motion_capture=STUDY["motion_capture"],
         seed=STUDY["seed"],
-        code=code("steering_learn"),
+        code=steering_code("steering_learn"),
     script:
-        "../scripts/steering_learn.py"
+        "scripts/steering_learn.py"
 
 
 rule steering_true_map:
@@ -72,9 +88,9 @@ rule steering_true_map:
     params:
         robot=STUDY["steering"]["robot"],
         motion_capture=STUDY["motion_capture"],
-        code=code("steering_true_map"),
+        code=steering_code("steering_true_map"),
     script:
-        "../scripts/steering_true_map.py"
+        "scripts/steering_true_map.py"
 
 
 rule steering_experiments:
@@ -98,9 +114,9 @@ rule steering_experiments:
         steering={key: STUDY["steering"][key] for key in ("robot", "control", "experiments")},
         motion_capture=STUDY["motion_capture"],
         seed=STUDY["seed"],
-        code=code("steering_experiments"),
+        code=steering_code("steering_experiments"),
     script:
-        "../scripts/steering_experiments.py"
+        "scripts/steering_experiments.py"
 
 
 rule steering_horizons:
@@ -121,9 +137,9 @@ rule steering_horizons:
         steering={key: STUDY["steering"][key] for key in ("robot", "control", "experiments")},
         motion_capture=STUDY["motion_capture"],
         seed=STUDY["seed"],
-        code=code("steering_horizons"),
+        code=steering_code("steering_horizons"),
     script:
-        "../scripts/steering_horizons.py"
+        "scripts/steering_horizons.py"
 
 
 rule steering_outcomes:
@@ -146,9 +162,9 @@ rule steering_outcomes:
     resources:
         **needs(minutes=10),
     params:
-        code=code("steering_outcomes"),
+        code=steering_code("steering_outcomes"),
     script:
-        "../scripts/steering_outcomes.py"
+        "scripts/steering_outcomes.py"
 
 
 rule steering_score:
@@ -169,9 +185,9 @@ rule steering_score:
     resources:
         **needs(minutes=10),
     params:
-        code=code("steering_score"),
+        code=steering_code("steering_score"),
     script:
-        "../scripts/steering_score.py"
+        "scripts/steering_score.py"
 
 
 rule steering_learning:
@@ -194,9 +210,9 @@ rule steering_learning:
         model=STUDY["steering"]["model"],
         swing_limit_rad=STUDY["steering"]["robot"]["swing_limit_rad"],
         seed=STUDY["seed"],
-        code=code("steering_learning"),
+        code=steering_code("steering_learning"),
     script:
-        "../scripts/steering_learning.py"
+        "scripts/steering_learning.py"
 
 
 for kind in ("steering_model", "steering_runs"):
@@ -218,7 +234,7 @@ for kind in ("steering_model", "steering_runs"):
         params:
             **job["params"],
         script:
-            "../scripts/figures.py"
+            DRAWING
 
 
 rule steering_film:
@@ -235,9 +251,9 @@ rule steering_film:
     resources:
         **needs(minutes=10),
     params:
-        code=code("steering_film"),
+        code=steering_code("steering_film"),
     script:
-        "../scripts/steering_film.py"
+        "scripts/steering_film.py"
 
 
 # Contents of the page. A recorded robot has neither experiments nor truth.
@@ -247,7 +263,7 @@ STEERING_PAGE = {
         *rules.figures_steering_model.output,
     ],
     "captions": expand(
-        f"{CAPTIONS}/{{name}}.md",
+        f"{STEERING_CAPTIONS}/{{name}}.md",
         name=[
             *MODEL_FIGURES,
             *([] if STEERED else [*RUN_FIGURES, "steering_film"]),
@@ -286,10 +302,10 @@ rule steering_report:
         **needs(mb_a_mb=40, minutes=10),
     params:
         study=STUDY,
-        stage_times=stage_times(STEERING),
-        code=code("steering_report"),
+        stage_times=stage_times(STEERING, seed=SEEDS, manoeuvre=MANOEUVRES),
+        code=steering_code("steering_report"),
     script:
-        "../scripts/steering_report.py"
+        "scripts/steering_report.py"
 
 
 rule steering:

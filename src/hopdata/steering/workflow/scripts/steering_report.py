@@ -5,8 +5,8 @@ from pathlib import Path
 from hopdata.jobs import read_json, read_table, reported, whole_file, write_json
 from hopdata.provenance import provenance
 from hopdata.recordings.readers.hdf5 import read_recording
-from hopdata.report.inputs import SteeringInputs, read_figures
-from hopdata.report.steering import build_steering_report
+from hopdata.report.inputs import read_figures
+from hopdata.steering.report.page import SteeringInputs, build_steering_report
 
 with reported(snakemake.log[0]):
     source = snakemake.input

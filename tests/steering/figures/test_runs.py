@@ -5,14 +5,14 @@ from overlaps import text_faults
 from steered_runs import HORIZONS, curves, film, outcomes, runs
 
 from hopdata.errors import AnalysisError
-from hopdata.figures.steering import (
+from hopdata.steering.experiments.tasks import CEILING, CONTROLLERS
+from hopdata.steering.figures.runs import (
     CURVES,
     LOOKS,
     save_film,
     steering_outcomes_figure,
     steering_run_figure,
 )
-from hopdata.steering.experiments.tasks import CEILING, CONTROLLERS
 
 
 @pytest.mark.parametrize(

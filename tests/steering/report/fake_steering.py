@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hopdata.report.inputs import ReportFigure, SteeringInputs
+import hopdata.steering
+from hopdata.report.inputs import ReportFigure
+from hopdata.steering.report.page import SteeringInputs
 
-CAPTIONS = Path(__file__).parents[2] / "workflow" / "captions"
+CAPTIONS = Path(hopdata.steering.__file__).parent / "workflow" / "captions"
 FIGURES = (
     "fig3_5_origin",
     "fig3_6_turn",

@@ -1,0 +1,1 @@
+"""The commands ``hopdata drive`` and ``hopdata replay``."""

@@ -1,0 +1,1 @@
+"""Figures of steering: the learned model, and runs of the steered hopper."""

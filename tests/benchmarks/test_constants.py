@@ -1,0 +1,107 @@
+"""The page of constants is made from the code, and a changed constant is a changed module."""
+
+import ast
+from pathlib import Path
+
+import constants
+import pytest
+
+SOURCE = '''"""A module."""
+
+#: Largest share that may be missing.
+#: Unit: 1. Origin: measured: by a benchmark | of ours.
+MOST_MISSING = 0.2
+
+#: Frames in a window, half of which lie before it.
+#: Unit: frames. Origin: chosen.
+FRAMES: int = 5
+#: No number that steers anything.
+OTHER = 3
+TWICE = 2 * MOST_MISSING
+'''
+
+
+@pytest.fixture
+def package(tmp_path):
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "module.py").write_text(SOURCE)
+    return tmp_path
+
+
+def test_constants_are_read_from_the_comments_above_them(package):
+    share, frames = constants.constants(package)
+    assert (share.name, share.value, share.unit, share.origin) == (
+        *("MOST_MISSING", "0.2", "1", "measured"),
+    )
+    assert share.why == "by a benchmark | of ours."
+    assert share.decides == "Largest share that may be missing."
+    assert (frames.unit, frames.origin, frames.why) == ("frames", "chosen", "")
+    assert frames.room == "room"
+
+
+@pytest.mark.parametrize(
+    ("factor", "share", "frames"), [(1.5, 0.3, 8), (1 / 1.5, 0.4 / 3, 3)]
+)
+def test_one_constant_is_changed_and_no_other(package, factor, share, frames):
+    both = list(constants.constants(package))
+    values = {}
+    for one in both:
+        exec(constants.changed_source(SOURCE, one, factor), found := {})
+        values[one.name] = found
+    assert values["MOST_MISSING"]["MOST_MISSING"] == pytest.approx(share)
+    assert values["MOST_MISSING"]["TWICE"] == pytest.approx(2 * share)
+    assert values["MOST_MISSING"]["FRAMES"] == 5
+    assert values["FRAMES"]["FRAMES"] == frames
+    assert values["FRAMES"]["MOST_MISSING"] == 0.2
+
+
+def test_a_row_escapes_what_would_end_a_cell(package):
+    share = next(constants.constants(package))
+    row = constants.table_row(share, [])
+    assert "by a benchmark \\| of ours." in row
+    assert row.endswith("| - |")
+
+
+def test_what_a_constant_moves_is_told_beside_what_the_study_usually_says():
+    usual = constants.Moved(
+        *("landings/a.py", "A", "x 1.5", "sample", "", "no difference"),
+        *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000"),
+    )
+    moved = constants.Moved(
+        *("landings/a.py", "B", "x 1.5", "sample", "", "cannot tell"),
+        *("0.0390", "0.2100", "1622", "+0.000", "-1.500", "0.1000"),
+    )
+    told = constants.moves(moved, [usual, usual, moved])
+    assert told == (
+        "conclusion no difference to cannot tell, bound 0.1340 to 0.2100, "
+        "post section -1.500 mm, instants 0.1000 ms"
+    )
+    assert constants.moves(usual, [usual, usual, moved]) == ""
+
+
+def test_every_origin_is_of_a_known_kind():
+    for one in constants.constants():
+        assert one.origin in constants.ORIGINS, (one.module, one.name, one.origin)
+
+
+def test_the_page_is_what_the_code_says():
+    assert constants.PAGE.read_text("utf-8") == constants.page()
+
+
+def test_numbers_of_the_detectors_and_the_verdict_state_their_origin():
+    """A number in capitals, in a room that a study reaches, has unit and origin."""
+    stated = {(one.module, one.name) for one in constants.constants()}
+    for room in constants.STUDIED:
+        for path in sorted((constants.PACKAGE / room).rglob("*.py")):
+            module = str(path.relative_to(constants.PACKAGE))
+            for name in numbers_of(path):
+                assert (module, name) in stated, f"{module}: {name}"
+
+
+def numbers_of(path: Path):
+    """Yield the names in capitals to which a module assigns a number with a fraction."""
+    for node in ast.parse(path.read_text("utf-8")).body:
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant):
+            target = node.targets[0]
+            if isinstance(target, ast.Name) and isinstance(node.value.value, float):
+                yield target.id
