@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures both-sides test test-cluster mutants benchmarks lint format docs site sample lock release clean help
+.PHONY: figures both-sides test test-cluster mutants benchmarks lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -26,6 +26,7 @@ help:
 	@echo "make benchmarks measure error and run time against other libraries, into results/benchmarks"
 	@echo "make lint       run ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     reformat the files with ruff and snakefmt"
+	@echo "make rules      write workflow/rules/line.smk, two tables and a picture from src/hopdata/stages.py"
 	@echo "make docs       write docs/configuration.md from the schema and docs/constants.md from the code"
 	@echo "make site       build the documentation into build/site; runs the tutorials and checks links"
 	@echo "make sample     simulate the recordings of data/sample again"
@@ -75,6 +76,9 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	$(BIN)/snakefmt Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk)
+
+rules: $(VENV)/.run
+	$(BIN)/python packaging/rules.py
 
 docs: $(VENV)/.run
 	$(BIN)/hopdata config-docs --out docs/configuration.md
@@ -172,4 +176,5 @@ release: $(VENV)/.dev
 	  venv/bin/hopdata run --cores $(CORES)) && rm -r $$work || exit 1; done
 
 clean:
-	rm -rf build dist $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache
+	find results -mindepth 1 -maxdepth 1 ! -name README.md -exec rm -rf {} +
+	rm -rf build dist $(VENV) .snakemake .pytest_cache .mypy_cache .ruff_cache

@@ -25,9 +25,8 @@ container: "docker://python:3.13-slim"
 include: "workflow/rules/folder.smk"
 include: "workflow/rules/common.smk"
 include: "workflow/rules/figures.smk"
-include: "workflow/rules/recordings.smk"
-include: "workflow/rules/landings.smk"
-include: "workflow/rules/maps.smk"
+include: "workflow/rules/line.smk"
+include: "workflow/rules/truth.smk"
 include: "workflow/rules/external.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmarks.smk"
@@ -44,12 +43,8 @@ for product in products.installed():
 rule all:
     default_target: True
     input:
-        f"{RESULTS}/report.html",
-        f"{RESULTS}/provenance.json",
-        f"{RESULTS}/verdict.json",
-        rules.score.output.truth if TRUTH_KNOWN else [],
+        rules.report.output,
         FIGURES,
-        rules.pairs.output,
-        rules.quality.output,
-        rules.maps.output,
-        rules.verdict.output,
+        f"{RESULTS}/verdict.json",
+        f"{RESULTS}/quality.json",
+        f"{RESULTS}/truth.json" if TRUTH_KNOWN else [],

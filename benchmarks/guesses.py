@@ -37,15 +37,13 @@ import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
 
+from hopdata.recordings.axes import DIRECTIONS, rotate_up
+from hopdata.recordings.quality.frame_rate import guess_rate
+from hopdata.recordings.quality.free_fall import UNITS_IN_M
 from hopdata.recordings.quality.inspection import inspect_recording
-from hopdata.recordings.quality.orientation import (
-    DIRECTIONS,
-    UNITS_IN_M,
-    guess_rate,
-    guess_unit_and_up,
-)
+from hopdata.recordings.quality.orientation import guess_unit_and_up
 from hopdata.recordings.quality.roles import guess_roles
-from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording, rotate_up
+from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
 from hopdata.recordings.readers.formats import read_raw
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -77,13 +77,8 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.landings.filling import fill_gaps, mark_filled
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.floor_surface import (
-    FloorModel,
-    design,
-    polynomial_terms,
-    rest_points,
-    thinned,
-)
+from hopdata.landings.floor_rests import rest_points, thinned
+from hopdata.landings.floor_surface import FloorModel, design, polynomial_terms
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
 from hopdata.landings.states.pairs import Pairs
@@ -663,7 +658,7 @@ def _on_moved(
     left = y - x @ np.linalg.lstsq(x, y, rcond=1e-6)[0]
     return {
         "refused": False,
-        "moving": "the floor moves" in floor.note,
+        "moving": floor.moves,
         "used": len(pairs) / int(np.isfinite(truth.contact_times).all(axis=1).sum()),
         "right": float(order.all(axis=1)[sure].mean()),
         "rms_ms": 1e3 * _rms(error),

@@ -50,7 +50,7 @@ import pandas as pd
 
 from hopdata.arrays import FloatArray
 from hopdata.landings.states.assemble import assemble_pairs
-from hopdata.landings.states.coefficients import SectionStates, cross
+from hopdata.landings.states.crossing import SectionStates, cross
 from hopdata.landings.states.fits import Tracks, alone, section_states
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.coordinates import output_weights, rigid_states, split_states

@@ -808,7 +808,7 @@ def judged_kinks(
 ) -> tuple[KinkFit, np.ndarray, EffectSize]:
     """Return the kinks, the root of their squared size, and the effect size that follows."""
     fit = fit_kinks(landings)
-    root = squared_size(fit, landings, *compared(landings)[:2])
+    root = squared_size(fit, landings, compared(landings))
     rng = named_generator(seed, "verdict", "signs")
     return (
         fit,

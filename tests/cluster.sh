@@ -46,8 +46,11 @@ run() { # folder, options
   (cd "$work/$1" && "$bin/snakemake" "${what[@]}" "${@:2}") >"$work/$1.log" 2>&1 ||
     stop "$work/$1.log: expected a study that ends, found: $(tail -n 3 "$work/$1.log")"
 }
-at_work() { # stage
-  until pgrep -f "$work/cluster/.snakemake/scripts/.*\.$1\.py"; do kill -0 $study || exit 1; sleep 0.2; done
+at_work() { # job: the processes that hold its log open
+  until find /proc/[0-9]*/fd -lname "$work/cluster/results/*/logs/$1.log" 2>/dev/null | cut -d/ -f3 | grep .; do
+    kill -0 $study || exit 1
+    sleep 0.2
+  done
 }
 both() { # retries, function that kills jobs
   run local --cores 2
@@ -66,7 +69,7 @@ sample() {
   scancel "$(squeue -h -o "%i %k" | sed -n 's/ rule_page.*//p')" && say "cancelled the group of the page"
 }
 group() {
-  kill -9 "$(at_work member | head -n 1)" && say "killed a subject"
+  kill -9 "$(at_work "*" | head -n 1)" && say "killed a subject"
 }
 for part in ${@:-sample group}; do
   case $part in

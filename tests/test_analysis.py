@@ -15,6 +15,7 @@ from hopdata.errors import ArgumentError, absent
 from hopdata.landings.contacts.find import METHODS
 from hopdata.maps import subspaces
 from hopdata.recordings.readers.hdf5 import read_recording
+from hopdata.stages import LINE
 
 FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
 
@@ -75,8 +76,15 @@ def test_what_is_found_does_not_depend_on_the_size_of_the_animal(short_study, si
 
 
 def test_stages_are_told_in_their_order(study):
-    assert study[1][:3] == ["reading", "levelling monday", "contacts of monday"]
-    assert study[1].index("sections") < study[1].index("verdict")
+    assert study[1][:4] == [
+        "import_recording monday",
+        "floor_compensation monday",
+        "foot_contacts monday",
+        "poincare_sections",
+    ]
+    assert study[1].index("home_frame") < study[1].index("verdict")
+    names = {one.split()[0] for one in study[1]} - {"page"}
+    assert names <= {*LINE.stages}
 
 
 def test_what_a_notebook_looks_at(study):
@@ -258,8 +266,8 @@ STATES = np.zeros((20, 18))
     [
         (lambda: hd.judge(STATES, STATES, STATES), "judge: expected .* 'seed'"),
         (
-            lambda: hd.Study.judge(None, seed=1),
-            "Study.judge: expected no arguments, .* 'seed'",
+            lambda: hd.Study.save(None, folders=1),
+            "Study.save: expected the arguments folder, .* 'folders'",
         ),
         (lambda: hd.Study.report(None, None), "file: expected a path .*, found None"),
         (
@@ -367,15 +375,24 @@ def test_steps_one_by_one_compute_no_more_than_they_need(sample_path):
     recording = whole.part(slice(4_000))
     study = hd.study(recording, progress=told.append)
     assert "no verdict yet" in repr(study)
-    assert study.read()[0] is recording
-    level = study.level()[0]
+    assert study.import_recording()["hopper"].imported is recording
+    level = study.floor_compensation()["hopper"].level
+    assert study.recordings[0] is level
     assert abs(np.nanmin(level.feet[:, :, 2])) < 0.01
-    assert told == ["reading", "levelling hopper"]
-    assert list(study.find_contacts()) == ["hopper"]
-    assert study.choose_sections().pre_height_m > study.sections.post_height_m
-    assert told[-1] == "sections"
-    assert "schedule" in study.find_touchdowns()
-    assert study.judge().sentence in repr(study)
+    assert told == ["import_recording hopper", "floor_compensation hopper"]
+    assert list(study.foot_contacts()) == ["hopper"]
+    sections = study.poincare_sections().sections
+    assert sections.pre_height_m > study.sections.post_height_m
+    assert told[-1] == "poincare_sections"
+    assert "schedule" in study.mode_schedules().schedules
+    assert len(study.home_frame().pairs) == len(study.pairs)
+    assert told[-2:] == ["home_frame", "normalisation"]
+    assert study.verdict.sentence in repr(study)
+
+
+def test_each_stage_is_a_step_of_a_study():
+    steps = {*LINE.stages} - {"simulate"}
+    assert steps <= {*dir(hd.Study)}
 
 
 def test_distances_that_are_not_asked_for_are_not_made(monkeypatch, tmp_path):
@@ -400,7 +417,7 @@ def test_distances_that_are_not_asked_for_are_not_made(monkeypatch, tmp_path):
 def test_contacts_of_a_study_are_those_of_its_method(sample_path, method):
     recording = hd.read(sample_path, feet=FEET, body=BODY).part(slice(4000))
     study = hd.study(recording, touchdowns={"method": method})
-    found, table = study.find_contacts()["hopper"], study.find_touchdowns()
+    found, table = study.contacts["hopper"], study.touchdowns
     assert set(found["method"]) == set(table["method"]) == {method}
     names = [f"contact_{foot}_s" for foot in FEET]
     same = found[names].iloc[1:].to_numpy() == table[names].iloc[1:].to_numpy()

@@ -24,6 +24,7 @@ SHARED = {
     "recording",
     "rigid",
     "seal",
+    "time_stamps",
 }
 MAY_USE = {
     "hybrid": set(),
@@ -42,8 +43,27 @@ MAY_USE = {
     "config": {"scenes", "synthesis"},
     "commands": {
         *("config", "recordings", "landings", "figures", "maps", "report"),
-        *("analysis", "group", "provenance"),  # modules beside the rooms
+        # Modules beside the rooms.
+        *("analysis", "provenance", "samples", "stages", "walk"),
     },
+}
+# Modules beside the rooms that stand above them, and what they may use besides `SHARED`.
+ABOVE = {
+    "__init__": set(),
+    "__main__": {"commands"},
+    "provenance": set(),
+    "analysis": {
+        *("config", "figures", "landings", "maps", "recordings", "report"),
+        *("synthesis", "provenance"),
+    },
+    "group": {"analysis", "config", "maps", "report"},
+}
+# Arrows back and circles that are still to go: rooms or shared modules, and modules.
+ROOMS_IN_CIRCLES = {frozenset(("recording", "recordings"))}
+MODULES_IN_CIRCLES = {
+    frozenset(("hopdata.recording", "hopdata.recordings.raw")),
+    frozenset(("hopdata.commands.init", "hopdata.commands.inspect")),
+    frozenset(f"hopdata.recordings.readers.{name}" for name in ("hdf5", "trial")),
 }
 HEAVY = {
     "pandas",
@@ -81,17 +101,97 @@ def imported(path, *, top_level_only=False):
                 yield from (f"hopdata.{alias.name}" for alias in node.names)
 
 
+def used_rooms(path):
+    """Return the rooms, and the modules beside them, that a file imports."""
+    names = [name.split(".") for name in imported(path)]
+    return {
+        name[1]
+        for name in names
+        if name[0] == "hopdata" and len(name) > 1 and name[1] != "__version__"
+    }
+
+
+def run_time_imports(path):
+    """Return the import statements of a file, in functions too, but not those for types."""
+    every = walked(path)[1]
+    for_types = {
+        inner
+        for node in every
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for statement in node.body
+        for inner in ast.walk(statement)
+    }
+    statements = [n for n in every if isinstance(n, ast.Import | ast.ImportFrom)]
+    return [statement for statement in statements if statement not in for_types]
+
+
+def module_graph(package):
+    """Return which modules of a package each of its modules imports, by their names."""
+    files = {}
+    for path in package.rglob("*.py"):
+        parts = path.relative_to(package.parent).with_suffix("").parts
+        files[".".join(parts).removesuffix(".__init__")] = path
+    graph = {}
+    for module, path in files.items():
+        graph[module] = set()
+        for statement in run_time_imports(path):
+            if isinstance(statement, ast.Import):
+                named = [alias.name for alias in statement.names]
+            else:
+                # A name that is imported is a module itself, or stands in one.
+                within = [f"{statement.module}.{one.name}" for one in statement.names]
+                named = [n if n in files else statement.module for n in within]
+            graph[module] |= {name for name in named if name in files} - {module}
+    return graph
+
+
+def circles(graph):
+    """Return the sets of nodes that reach one another in a graph of successors."""
+    reached = {node: set() for node in graph}
+    for node in graph:
+        ahead = list(graph[node])
+        while ahead:
+            following = ahead.pop()
+            if following not in reached[node]:
+                reached[node].add(following)
+                ahead.extend(graph[following])
+    return {
+        frozenset(other for other in reached[node] if node in reached[other])
+        for node in graph
+        if node in reached[node]
+    }
+
+
+def room_graph(graph):
+    """Return which rooms and modules beside them each of these imports."""
+    rooms = {}
+    for module, successors in graph.items():
+        if "." in module:
+            used = {name.split(".")[1] for name in successors if "." in name}
+            room = module.split(".")[1]
+            rooms[room] = rooms.get(room, set()) | used - {room}
+    return rooms
+
+
 @pytest.mark.parametrize("room", MAY_USE)
 def test_rooms_import_only_what_they_may(room):
     assert modules(room), f"the room {room} is empty"
     for path in modules(room):
-        used = {
-            name.split(".")[1]
-            for name in imported(path)
-            if name.startswith("hopdata.") and name.split(".")[1] != "__version__"
-        }
-        forbidden = used - MAY_USE[room] - SHARED - {room}
+        forbidden = used_rooms(path) - MAY_USE[room] - SHARED - {room}
         assert not forbidden, f"{path.name} imports {sorted(forbidden)}"
+
+
+@pytest.mark.parametrize("name", sorted(SHARED))
+def test_shared_modules_import_no_room(name):
+    listed = {room for pair in ROOMS_IN_CIRCLES if name in pair for room in pair}
+    forbidden = used_rooms(PACKAGE / f"{name}.py") - SHARED - listed
+    assert not forbidden, f"{name}.py imports {sorted(forbidden)}"
+
+
+@pytest.mark.parametrize("name", ABOVE)
+def test_modules_above_the_rooms_import_only_what_they_may(name):
+    forbidden = used_rooms(PACKAGE / f"{name}.py") - ABOVE[name] - SHARED
+    assert not forbidden, f"{name}.py imports {sorted(forbidden)}"
 
 
 def test_nothing_beside_a_product_names_its_modules():
@@ -107,11 +207,50 @@ def test_nothing_beside_a_product_names_its_modules():
         assert named.search((product.folder / "workflow/rules.smk").read_text()) is None
 
 
-def test_every_room_is_listed():
-    rooms = {
-        p.name for p in PACKAGE.iterdir() if p.is_dir() and not p.name.startswith("_")
-    }
+def test_every_room_and_every_module_beside_them_is_listed():
+    folders = [path for path in PACKAGE.iterdir() if path.is_dir()]
+    rooms = {path.name for path in folders if not path.name.startswith("_")}
     assert rooms == set(MAY_USE)
+    beside = {path.stem for path in PACKAGE.glob("*.py")}
+    assert beside == SHARED | set(ABOVE)
+
+
+def test_no_module_imports_one_that_imports_it():
+    assert circles(module_graph(PACKAGE)) == MODULES_IN_CIRCLES
+
+
+def test_no_arrow_leads_back_to_a_room():
+    assert circles(room_graph(module_graph(PACKAGE))) == ROOMS_IN_CIRCLES
+    may_use = {**MAY_USE, **ABOVE, **{name: set() for name in SHARED}}
+    assert circles(may_use) == set()
+
+
+def test_circles_of_imports_are_found(tmp_path):
+    """Three files in a circle through a function, and one that needs a type only."""
+    package = tmp_path / "house"
+    (package / "cellar").mkdir(parents=True)
+    texts = {
+        "__init__": "",
+        "roof": "from house.cellar import wine",
+        "cellar/__init__": "",
+        "cellar/wine": "def drink():\n    from house import stairs",
+        "stairs": "import house.roof",
+        "garden": "from house.stairs import steps",
+        "lamp": "import house.switch",
+        "switch": "from typing import TYPE_CHECKING\n"
+        "if TYPE_CHECKING:\n    from house.lamp import Lamp",
+    }
+    for name, text in texts.items():
+        (package / f"{name}.py").write_text(text)
+    graph = module_graph(package)
+    found = frozenset(("house.roof", "house.cellar.wine", "house.stairs"))
+    assert circles(graph) == {found}
+    assert graph["house.garden"] == {"house.stairs"}
+    arrows = frozenset(("roof", "cellar", "stairs"))
+    assert circles(room_graph(graph)) == {arrows}
+    (package / "stairs.py").write_text("import house")
+    walked.cache_clear()
+    assert circles(module_graph(package)) == set()
 
 
 def test_the_library_does_not_know_snakemake():
@@ -136,11 +275,11 @@ def test_annotations_that_would_load_pandas_are_deferred():
         if path.parent.name == "figures":
             continue
         nodes = walked(path)[1]
-        told = [
+        annotations = [
             getattr(node, "annotation", None) or getattr(node, "returns", None)
             for node in nodes
         ]
-        if any("pd." in ast.unparse(one) for one in told if one is not None):
+        if any("pd." in ast.unparse(one) for one in annotations if one is not None):
             assert "from __future__ import annotations" in path.read_text(), path
 
 

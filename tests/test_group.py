@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import re
 import shlex
 import shutil
 import signal
@@ -19,9 +18,8 @@ import yaml
 from checkouts import part_of_sample
 
 from hopdata.__main__ import main
-from hopdata.errors import ConfigError
 from hopdata.figures.verdict import group_figure
-from hopdata.group import put_together, read_group
+from hopdata.group import put_together
 from hopdata.report.verdict import build_group_page
 
 ROOT = Path(__file__).parents[1]
@@ -33,105 +31,6 @@ CONFIG = {
         "feet": ["foot1", "foot2", "foot3"],
     },
 }
-
-
-@pytest.fixture
-def group(tmp_path, monkeypatch):
-    """Return a function that writes a table of samples beside a configuration, and reads both."""
-    monkeypatch.chdir(tmp_path)
-
-    def read(table, **keys):
-        Path("samples.tsv").write_text(table)
-        Path("group.yaml").write_text(yaml.safe_dump(CONFIG | keys))
-        return read_group("group.yaml")
-
-    return read
-
-
-def test_rows_of_a_subject_and_condition_are_one_study(group):
-    read = group(
-        "subject\tsession\tcondition\tfile\tmass\n"
-        "anna\t1\tbare\ta.h5\t60\nanna\t2\tbare\tb.h5\t60\nanna\t1\tshod\tc.h5\t60\nben\t1\tbare\td.h5\t\n"
-    )
-    members = read["members"]
-    assert list(members) == ["anna_bare", "anna_shod", "ben_bare"]
-    assert members["anna_bare"]["config"]["recordings"] == [
-        {"name": "1", "file": "a.h5"}, {"name": "2", "file": "b.h5"}
-    ]  # fmt: skip
-    assert members["anna_shod"]["further"] == {"mass": "60"}
-    seeds = {member["config"]["seed"] for member in members.values()}
-    assert len(seeds) == 3
-
-
-def test_what_the_files_of_a_study_do_not_share_is_shown_of_each(group):
-    table = "subject\tfile\tshoe\tmass\nanna\ta.h5\tred\t60\nanna\tb.h5\tblue\t60\n"
-    further = group(table)["members"]["anna"]["further"]
-    assert list(further.items()) == [("shoe", "red, blue"), ("mass", "60")]
-
-
-def test_only_a_line_that_begins_with_a_hash_is_a_remark(group):
-    table = "# runs\nsubject\tfile\tmass\t\nP#1\ta#2.h5\t60\t\n#P2\tb.h5\t\nP3\tc.h5\n"
-    members = group(table)["members"].values()
-    assert [member["subject"] for member in members] == ["P#1", "P3"]
-    files = [member["config"]["recordings"][0]["file"] for member in members]
-    assert files == ["a#2.h5", "c.h5"]
-    assert [member["further"]["mass"] for member in members] == ["60", ""]
-
-
-def test_a_subject_more_leaves_the_others_alone(group):
-    few = group("subject\tfile\nanna\ta.h5\nben\tb.h5\n")["members"]
-    more = group("subject\tfile\nzoe\tz.h5\nanna\ta.h5\nben\tb.h5\n")["members"]
-    assert {name: more[name] for name in few} == few
-
-
-def test_names_are_shown_as_written_and_made_safe_for_folders(group):
-    table = "subject\tfile\tcondition\nJürgen B.\ta.h5\tslow run\nJürgen B.\tb.h5\tslow run\n"
-    members = group(table + "2.1\tc.h5\tbare\n")["members"]
-    assert list(members) == ["Jurgen-B-_slow-run", "2-1_bare"]
-    first = members["Jurgen-B-_slow-run"]
-    assert (first["subject"], first["condition"]) == ("Jürgen B.", "slow run")
-    assert len(first["config"]["recordings"]) == 2
-
-
-@pytest.mark.parametrize(
-    ("table", "told"),
-    [
-        (
-            "subject\tpath\nanna\ta.h5\n",
-            "columns subject, file, separated by tabs, found 1 rows of subject, path",
-        ),
-        ("subject\tfile\n", "found 0 rows"),
-        ("# runs\n\nsubject\tfile\n\ta.h5\n", "line 4: subject: expected a name"),
-        (
-            "subject\tfile\nanna\n",
-            "line 2: expected the 2 columns subject, file, separated by tabs",
-        ),
-        ("subject\tfile\nanna\ta.h5\tb.h5\n", "separated by tabs, found 3"),
-        (
-            "subject\tfile\nanna\ta.h5\nben\t./a.h5\n",
-            "line 3: file: expected each file once",
-        ),
-        (
-            "subject\tfile\nanna\ta.h5\nben\t\n",
-            "line 3: file: expected a value in each row",
-        ),
-        (
-            "subject\tcondition\tfile\nanna\t\ta.h5\nben\tshod\tb.h5\n",
-            "line 2: condition: expected a value in each row",
-        ),
-        ("subject\tsubject\tfile\nanna\tben\ta.h5\n", "no column twice, and"),
-        ("subject\tfile\nanna\ta.h5\nAnna\tb.h5\nben\tc.h5\n", "found 'anna', 'Anna'"),
-        ("subject\tfile\nmüde\ta.h5\nben\tc.h5\nmude\tb.h5\n", "found 'müde', 'mude'"),
-    ],
-)
-def test_a_wrong_table_is_refused(group, table, told):
-    with pytest.raises(ConfigError, match=re.escape(told)):
-        group(table)
-
-
-def test_a_mistake_common_to_all_is_told_once_with_its_line(group):
-    with pytest.raises(ConfigError, match=r"group\.yaml, line \d+: sections\.pre: "):
-        group("subject\tfile\nanna\ta.h5\nben\tb.h5\n", sections={"pre": 1})
 
 
 def row(subject, squared, reason="", conclusion="cannot tell"):
@@ -276,8 +175,12 @@ def bytes_of_all(folder):
 
 
 @pytest.mark.workflow
-def test_a_locked_folder_is_told_with_the_command_that_unlocks_it(group, capfd):
-    group("subject\tfile\nanna\t\n")
+def test_a_locked_folder_is_told_with_the_command_that_unlocks_it(
+    tmp_path, monkeypatch, capfd
+):
+    monkeypatch.chdir(tmp_path)
+    Path("samples.tsv").write_text("subject\tfile\nanna\t\n")
+    Path("group.yaml").write_text(yaml.safe_dump(CONFIG))
     lock = Path(".snakemake/locks/0.output.lock")
     lock.parent.mkdir(parents=True)
     lock.write_text("results/jumps/group.html\n")
@@ -338,15 +241,3 @@ def test_a_group_killed_at_any_time_ends_in_the_same_bytes(tmp_path):
         if done < kills:
             shutil.rmtree(killed / "results")
     print(f"{done} kills of a run of {takes_s:.0f} s, compared {rounds} times")
-
-
-@pytest.mark.parametrize("n_characters", [131_072, 131_073])
-def test_a_cell_that_is_too_long_is_refused_with_its_line(group, n_characters):
-    table = f"subject\tfile\nanna\ta.h5\nben\t{'x' * n_characters}\n"
-    if n_characters > 131_072:
-        with pytest.raises(
-            ConfigError, match=r"samples.tsv, line 3: expected cells of at most"
-        ):
-            group(table)
-    else:
-        assert list(group(table)["members"]) == ["anna", "ben"]

@@ -100,12 +100,11 @@ def numbers(recordings, change=None):
     study = hd.study(
         [change.of(one) for one in recordings][:: change.recordings], **QUICK
     )
-    effect, sections, units = study.judge().effect, study.sections, study.units
+    effect, sections, units = study.verdict.effect, study.sections, study.units
     table = study.touchdowns.sort_values(["recording", "index"])
     contacts = table[[f"contact_{foot}_s" for foot in FEET]].to_numpy() - change.later_s
-    tables, _ = study._of_maps  # without the tables of quality, which take longer
-    prediction = tables["prediction_summary"].set_index("model")
-    distances = tables["distance_summary"].set_index("kind")
+    prediction = study.prediction().prediction_summary.set_index("model")
+    distances = study.constraint_subspaces().distance_summary.set_index("kind")
     return {
         "residual of the floor": study.floors["monday"].residual_rms_m / change.length,
         "pre section": sections.pre_height_m / change.length,

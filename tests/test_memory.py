@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from hopdata.landings import schedules
-from hopdata.landings.contacts import descents, kink
+from hopdata.landings.contacts import approach, descents, kink, noise
 from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.filling import fill_gaps
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.sections import modes
+from hopdata.landings.sections import densities
 from hopdata.landings.sections.select import section_densities, select_sections
 from hopdata.landings.stability import section_stability
 from hopdata.landings.states import coefficients, fits, tracks
@@ -20,7 +20,7 @@ from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.states.pairs import DESCRIPTIONS
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.recordings.plausibility import check_plausible, notes
-from hopdata.recordings.quality import orientation, rigid, stretches, swaps
+from hopdata.recordings.quality import free_fall, rigid, surprises, timing
 from hopdata.recordings.quality.inspection import recording_tables
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
@@ -40,11 +40,11 @@ def sample():
 @pytest.fixture
 def small_blocks(monkeypatch):
     for module, name, size in (
-        (modes, "BLOCK", 997),
+        (densities, "BLOCK", 997),
         (descents, "BLOCK", 101),
-        (descents, "LANDINGS", 7),
+        (approach, "LANDINGS", 7),
         (kink, "BLOCK", 11),
-        (stretches, "BLOCK", 1_000),
+        (timing, "BLOCK", 1_000),
         (tracks, "LARGEST", 30_000),
     ):
         monkeypatch.setattr(module, name, size)
@@ -52,7 +52,7 @@ def small_blocks(monkeypatch):
 
 @pytest.fixture
 def small_samples(monkeypatch):
-    for module in (descents, orientation, rigid, swaps):
+    for module in (noise, free_fall, rigid, surprises):
         monkeypatch.setattr(module, "MOST_FRAMES", 5_000)
     monkeypatch.setattr(schedules, "CHUNK", 20)
     for module in (tracks, fits, coefficients):

@@ -3,7 +3,7 @@ import ast
 import pytest
 
 import hopdata.provenance as module
-from hopdata.provenance import code_digest, provenance
+from hopdata.provenance import code_digest, provenance, stage_digest
 
 
 def copied_script(tmp_path, text):
@@ -100,6 +100,36 @@ def test_digest_changes_with_a_library_file(tmp_path, monkeypatch):
     assert code_digest(script) == before
     (package / "landings" / "density.py").write_text("a = 2\n")
     assert code_digest(script) != before
+
+
+@pytest.mark.usefixtures("forgetful")
+def test_the_digest_of_a_stage_follows_what_its_function_imports(tmp_path, monkeypatch):
+    package = tmp_path / "hopdata"
+    (package / "landings").mkdir(parents=True)
+    files = {
+        name: package / name
+        for name in ("line.py", "landings/floor.py", "landings/density.py", "stages.py")
+    }
+    for path in (*files.values(), package / "__init__.py"):
+        path.write_text("a = 1\n")
+    files["landings/floor.py"].write_text("from hopdata.landings import density\n")
+    (package / "landings" / "__init__.py").write_text("")
+    monkeypatch.setattr(module, "PACKAGE", package)
+    script = copied_script(tmp_path, "from hopdata.stages import LINE\n")
+    text = "def level():\n    from hopdata.landings.floor import fit\n    fit()\n"
+
+    def digest(modules=()):
+        return stage_digest([text], modules, script=script)
+
+    before = digest()
+    files["stages.py"].write_text("another = 'stage'\n")
+    assert digest() == before
+    assert digest(["hopdata.stages"]) != before
+    files["landings/density.py"].write_text("a = 2\n")
+    assert digest() != before
+    changed = digest()
+    files["line.py"].write_text("a = 2\n")
+    assert digest() != changed
 
 
 def test_provenance_names_seed_inputs_versions_and_times(tmp_path):

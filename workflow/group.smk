@@ -9,8 +9,8 @@ from pathlib import Path
 
 from hopdata.config.consistency import files_of
 from hopdata.errors import HopdataError
-from hopdata.group import read_group
 from hopdata.provenance import code_digest
+from hopdata.samples import read_group
 
 try:
     GROUP = read_group(*workflow.overwrite_configfiles)

@@ -1,4 +1,4 @@
-"""Array types, late imports of pandas and h5py, the BLAS thread limit, and standard gravity."""
+"""Array types, late imports of pandas and h5py, one thread of BLAS, and gravity."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,10 +26,19 @@ else:
         def __getattr__(self, name: str) -> Any:
             return getattr(import_module(self.module), name)
 
-    h5py, pd = _Late("h5py"), _Late("pandas")
+    h5py = _Late("h5py")
+    pd = _Late("pandas")
 
-__all__ = ["GRAVITY_M_S2", "BoolArray", "FloatArray", "IntArray", "Shown", "h5py", "pd"]
-__all__ += ["one_blas_thread"]
+__all__ = [
+    "GRAVITY_M_S2",
+    "BoolArray",
+    "FloatArray",
+    "IntArray",
+    "Shown",
+    "h5py",
+    "one_blas_thread",
+    "pd",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -55,12 +64,17 @@ class Shown(Told):
         return f"<{type(self).__name__} {self.told()}>"
 
     def _repr_html_(self) -> str:
+        line = f"<p>{escape(repr(self))}</p>"
         columns = self.rows()
-        table = pd.DataFrame(columns).to_html(index=False, float_format="{:.4g}".format)
-        return f"<p>{escape(repr(self))}</p>{table if columns else ''}"
+        if not columns:
+            return line
+        table = pd.DataFrame(columns)
+        return line + table.to_html(index=False, float_format="{:.4g}".format)
 
 
-GRAVITY_M_S2 = 9.80665  # the standard acceleration of free fall (3rd CGPM, 1901)
+#: Acceleration of free fall, with which bodies in flight and weights are computed.
+#: Unit: m/s^2. Origin: convention: the standard acceleration (3rd CGPM, 1901).
+GRAVITY_M_S2 = 9.80665
 
 
 # BLAS is limited to one thread while hopdata works: its matrices are too small to be
@@ -91,7 +105,8 @@ def one_blas_thread() -> Iterator[None]:
     """
     global _inside
     with _LOCK:
-        _inside += not _depth.value
+        if _depth.value == 0:
+            _inside += 1
         _depth.value += 1
         for library in _libraries():
             _before.setdefault(library.filepath, library.get_num_threads())
@@ -101,12 +116,13 @@ def one_blas_thread() -> Iterator[None]:
     finally:
         with _LOCK:
             _depth.value -= 1
-            _inside -= not _depth.value
-            if not _depth.value:
+            if _depth.value == 0:
+                _inside -= 1
                 _give_back()
 
 
 def _give_back() -> None:
+    """Restore the number of threads where no other thread still needs the limit."""
     from threadpoolctl import OpenBLASController
 
     # Without this, only the thread that first set OpenBLAS's limit may set it again.

@@ -37,7 +37,6 @@ import numba
 import numpy as np
 from numba import NumbaError, config, njit
 from numba.core import caching
-from platformdirs import user_cache_path
 
 from hopdata.seal import Seal, seal_for, seal_of
 
@@ -46,10 +45,12 @@ DIGITS = 16
 BROUGHT = Path(__file__).parent / "_machine_code"  # included in a wheel
 _LOCK = RLock()  # guards Numba's setting of the cache folder, which all threads share
 Function = Callable[..., Any]
+# Types whose values a function's machine code may contain.
+CONSTANT = (bool, int, float, complex, str, bytes, frozenset, np.generic)
 
 
 def kept_njit(types: Any = None, **options: Any) -> Callable[[Function], Any]:
-    """Return a `numba.njit` decorator with these options that caches machine code if possible.
+    """Return a `numba.njit` decorator with these options that caches machine code.
 
     With `types` the function is compiled at once instead of at its first call; other
     threads and processes that need it wait meanwhile.
@@ -85,12 +86,12 @@ def cache_directory(function: Function, digest: str) -> Iterator[Path | None]:
         # Not Numba's own value: that may come from a file .numba_config.yaml in the
         # working folder, and what lies in a cache is run.
         chosen_by_user = os.environ.get("NUMBA_CACHE_DIR", "")
-        base = next(
-            filter(_can_be_written, _candidates(function, chosen_by_user)), None
-        )
-        folder = None if base is None else base / f"hopdata-{digest}"
-        if folder is not None:
-            config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+        folder = None
+        for base in _candidates(function, chosen_by_user):
+            if _can_be_written(base):
+                folder = base / f"hopdata-{digest}"
+                config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+                break
         numbas_own = caching.IndexDataCacheFile
         caching.IndexDataCacheFile = _SealedFiles  # type: ignore[misc]
         try:
@@ -130,7 +131,7 @@ class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
 
 
 def _is_sound(path: Path) -> bool:
-    """Tell whether a file of the cache is as it was written; remove a damaged one and say so."""
+    """Tell whether a file of the cache is as it was written; remove a damaged one."""
     try:
         if seal_of(path) is Seal.WHOLE:
             return True
@@ -153,12 +154,13 @@ def _is_sound(path: Path) -> bool:
 def compiled_in_cache(
     function: Function, digest: str, compile_it: Callable[[bool], Any]
 ) -> Any:
-    """Return the compiled function: from the wheel, from the cache, or from ``compile_it(True)``.
+    """Return the compiled function: from the wheel, the cache, or ``compile_it(True)``.
 
     Where caching fails (a full disk, a module that cannot be imported by its name),
     return ``compile_it(False)``, which compiles without a cache.
     """
-    if (brought := brought_code(function, digest)) is not None:
+    brought = brought_code(function, digest)
+    if brought is not None:
         return brought
     with (
         cache_directory(function, digest) as folder,
@@ -181,7 +183,7 @@ def made_with() -> list[str]:
 
 
 def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
-    """Return the `address` of a C function from the wheel, or None if it does not fit here.
+    """Return the `address` of a C function from the wheel, or None if it does not fit.
 
     The result also holds the `engine` that keeps the code in memory.
 
@@ -191,12 +193,13 @@ def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
     ignored if Numba is set to a certain processor.
     """
     file = BROUGHT / f"{function.__name__}-{digest}"
-    if (
-        config.CPU_NAME
-        or config.CPU_FEATURES
-        or not config.ENABLE_AVX
-        or not file.is_file()
-    ):  # type: ignore[attr-defined]
+    numba_settings: Any = config
+    for_certain_processor = (
+        numba_settings.CPU_NAME
+        or numba_settings.CPU_FEATURES
+        or not numba_settings.ENABLE_AVX
+    )
+    if for_certain_processor or not file.is_file():
         return None
     if seal_of(file) is Seal.BROKEN:
         return None
@@ -215,18 +218,16 @@ def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
 
 @contextmanager
 def _alone_in(folder: Path | None) -> Iterator[None]:
-    """Wait while another process compiles into this folder, so that its result can be loaded."""
+    """Wait while another process compiles into this folder, and load its result."""
     with ExitStack() as stack:
-        with suppress(
-            ImportError, OSError
-        ):  # Windows and some file servers lack these locks
+        # Windows and some file servers lack these locks.
+        with suppress(ImportError, OSError):
             import fcntl
 
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
-                fcntl.flock(
-                    stack.enter_context((folder / "lock").open("a")), fcntl.LOCK_EX
-                )
+                lock = stack.enter_context((folder / "lock").open("a"))
+                fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
 
@@ -249,30 +250,42 @@ def is_in_cache(function: Function, digest: str) -> bool:
 
 
 def _candidates(function: Function, chosen_by_user: str) -> Iterator[Path]:
+    """Yield the places where machine code may be kept, the best first."""
     source = Path(function.__code__.co_filename)
-    if (
-        not source.exists()
-    ):  # typed at a prompt, so Numba has no file to check the cache against
+    # What was typed at a prompt has no file for Numba to check the cache against.
+    if not source.exists():
         return
     yield Path(chosen_by_user or source.parent / "__pycache__")
-    users = user_cache_path("hopdata", appauthor=False)
-    if (
-        users.is_absolute()
-    ):  # without a home the path is relative to the working directory
-        yield users
+    yield from _users()
     yield from _temporary()
+
+
+def _users() -> Iterator[Path]:
+    """Yield the user's cache folder, if there is a home and a package that knows it."""
+    try:
+        from platformdirs import user_cache_path
+    except ModuleNotFoundError:  # the integrator on its own does not need it
+        return
+    users = user_cache_path("hopdata", appauthor=False)
+    if users.is_absolute():  # without a home it is relative to the working directory
+        yield users
 
 
 def _temporary() -> Iterator[Path]:
     """Yield a temporary folder into which no other user can have put code."""
-    user = os.getuid() if hasattr(os, "getuid") else None
     with suppress(OSError):
-        folder = Path(tempfile.gettempdir()) / (
-            "hopdata" if user is None else f"hopdata-{user}"
-        )
+        temporary = Path(tempfile.gettempdir())
+        if not hasattr(os, "getuid"):  # Windows: each user has a folder of their own
+            folder = temporary / "hopdata"
+            folder.mkdir(mode=0o700, exist_ok=True)
+            yield folder
+            return
+        user = os.getuid()
+        folder = temporary / f"hopdata-{user}"
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
-        if user is None or (found.st_uid == user and found.st_mode & 0o022 == 0):
+        others_may_write = found.st_mode & 0o022 != 0
+        if found.st_uid == user and not others_may_write:
             yield folder
 
 
@@ -309,9 +322,8 @@ def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
     function = getattr(value, "py_func", value)
     made_by = getattr(function, "__wrapped__", None)
     if isinstance(made_by, FunctionType) and not isinstance(function, FunctionType):
-        yield _source(
-            made_by.__code__.co_filename
-        )  # an intrinsic: its whole module counts
+        # An intrinsic: its whole module counts.
+        yield _source(made_by.__code__.co_filename)
     elif isinstance(value, tuple):
         yield repr(type(value)).encode()
         for item in value:
@@ -329,7 +341,9 @@ def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
 
 @cache
 def _source(path: str) -> bytes:
-    return Path(path).read_bytes() if Path(path).is_file() else b""
+    if not Path(path).is_file():
+        return b""
+    return Path(path).read_bytes()
 
 
 def _code_parts(code: CodeType) -> Iterator[bytes]:
@@ -343,12 +357,11 @@ def _code_parts(code: CodeType) -> Iterator[bytes]:
 
 
 def _references(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    names = tuple(dict.fromkeys(_names_in(function.__code__)))
+    code = function.__code__
+    names = tuple(dict.fromkeys(_names_in(code)))
     for name in names:
         yield from _reached(name, function.__globals__.get(name), names)
-    for name, cell in zip(
-        function.__code__.co_freevars, function.__closure__ or (), strict=True
-    ):
+    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         yield from _reached(name, cell.cell_contents, names)
 
 
@@ -363,16 +376,15 @@ def _names_in(code: CodeType) -> Iterator[str]:
 def _reached(
     name: str, value: Any, names: tuple[str, ...]
 ) -> Iterator[tuple[str, Any]]:
-    """Yield a value or, if it is a module, those of its attributes that have one of the names."""
+    """Yield a value or, of a module, its attributes that have one of the names."""
     if not isinstance(value, ModuleType):
         yield name, value
         return
     inside = vars(value)
     for item in names:
-        found = inside.get(item)
-        if isinstance(found, ModuleType) and found.__name__.startswith(
-            f"{value.__name__}."
-        ):
+        found: Any = inside.get(item)
+        is_module = isinstance(found, ModuleType)
+        if is_module and found.__name__.startswith(f"{value.__name__}."):
             yield from _reached(item, found, names)
         elif item in inside:
             yield item, found
@@ -381,8 +393,6 @@ def _reached(
 def _constant_bytes(value: Any) -> bytes:
     if isinstance(value, np.ndarray):
         return value.tobytes() + repr((value.dtype, value.shape)).encode()
-    if isinstance(
-        value, bool | int | float | complex | str | bytes | frozenset | np.generic
-    ):
+    if isinstance(value, CONSTANT):
         return repr(value).encode()
     return b""

@@ -1,4 +1,4 @@
-"""Errors that a user can act on: each names the place, what was expected and what was found."""
+"""Errors that a user can act on: the place, what was expected and what was found."""
 
 import difflib
 import inspect
@@ -21,19 +21,21 @@ class HopdataError(Exception):
 
     @classmethod
     def at(cls, place: object, expected: str, found: object) -> Self:
-        """Return an error that names a place, what was expected there and what was found."""
+        """Return an error about a place, what was expected there and what was found."""
         return cls(mismatch(place, expected, found))
 
     @property
     def code(self) -> str:
-        """The code of the message, if it is a `hopdata.messages.Message`; otherwise empty."""
-        return str(getattr(self.args[0], "code", "")) if self.args else ""
+        """The code of the message if it is a `hopdata.messages.Message`; else empty."""
+        if not self.args:
+            return ""
+        return str(getattr(self.args[0], "code", ""))
 
     def __str__(self) -> str:
         return "\n".join(printable(str(line)) for line in self.args)
 
     def _render_traceback_(self) -> list[str]:
-        """Show only the message in a notebook, which calls this method, and no traceback."""
+        """Show only the message, and no traceback, in a notebook, which calls this."""
         return [f"{type(self).__name__}: {self}"]
 
 
@@ -50,15 +52,17 @@ class AbsentError(HopdataError, AttributeError):
 
 
 class Told:
-    """Base of objects for notebooks: the error for a misspelt attribute suggests the nearest."""
+    """Base of objects for notebooks.
+
+    The error for a misspelt attribute suggests the nearest.
+    """
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> object:
             if name.startswith("_") or hasattr(type(self), name):
-                return object.__getattribute__(
-                    self, name
-                )  # raises the property's own error
+                # This raises the property's own error.
+                return object.__getattribute__(self, name)
             raise absent(type(self).__name__, name, dir(self))
 
 
@@ -79,21 +83,33 @@ class StorageError(HopdataError, OSError):
 
 
 def mismatch(place: object, expected: str, found: object) -> str:
-    """Return a message in the common form: the place, what was expected and what was found."""
+    """Return a message in the common form: place, what was expected, what was found."""
     return f"{place}: expected {expected}, found {found}"
 
 
 def printable(text: str) -> str:
-    """Return a user's text in a form safe for messages: one line without control characters."""
-    return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
+    """Return a user's text for a message: one line without control characters."""
+    shown = []
+    for character in text:
+        if character.isprintable():
+            shown.append(character)
+        else:
+            shown.append(" " if character.isspace() else "?")
+    return "".join(shown)
+
+
+LEAST_LIKENESS = 0.5  # of a name that is suggested, as in `difflib`
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
-    """Return ``"; did you mean 'x'?"`` for the nearest of `choices`, or an empty string."""
+    """Return ``"; did you mean 'x'?"`` for the nearest choice, or an empty string."""
     choices = list(choices)
     near = [choice for choice in choices if _plain(choice) == _plain(name)]
-    near = near or difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    if not near:
+        near = difflib.get_close_matches(name, choices, n=1, cutoff=LEAST_LIKENESS)
+    if not near:
+        return ""
+    return f"; did you mean '{near[0]}'?"
 
 
 def _plain(name: str) -> str:
@@ -102,14 +118,14 @@ def _plain(name: str) -> str:
 
 
 def absent(owner: str, name: str, choices: Iterable[str]) -> AbsentError:
-    """Return the error for a missing attribute; it suggests public names of the owner."""
+    """Return the error for a missing attribute, with public names of the owner."""
     there = [one for one in choices if not one.startswith("_")]
     near = did_you_mean(name, there) or f"; it has {', '.join(there)}"
     return AbsentError(f"{owner} has no attribute {name!r}{near}")
 
 
 def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry]:
-    """Decorate a function so that an error about its arguments lists those that it accepts."""
+    """Decorate a function: an error about its arguments lists those that it accepts."""
     known = inspect.signature(function)
     names = [name for name in known.parameters if name not in ("self", "cls")]
     title = function.__qualname__.removesuffix(".__init__")
@@ -122,13 +138,15 @@ def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry
             try:
                 known.bind(*given, **named)
             except TypeError as error:
-                unknown = [
-                    f"{n!r}{did_you_mean(n, names)}" for n in named if n not in names
-                ]
-                wanted = (
-                    f"the arguments {', '.join(names)}" if names else "no arguments"
-                )
-                found = " and ".join(unknown) or str(error)
+                wanted = "no arguments"
+                if names:
+                    wanted = f"the arguments {', '.join(names)}"
+                unknown = [name for name in named if name not in names]
+                found = str(error)
+                if unknown:
+                    found = " and ".join(
+                        f"{name!r}{did_you_mean(name, names)}" for name in unknown
+                    )
                 raise ArgumentError.at(title, wanted, found) from None
             raise
 
@@ -150,19 +168,27 @@ def require_choice(key: str, value: str, choices: Iterable[str]) -> None:
 
 
 def chosen(key: str, name: str, table: Mapping[str, Entry]) -> Entry:
-    """Return the entry of a table by name; raise a `ConfigError` that lists the names otherwise."""
+    """Return the entry of a table by name, or raise a `ConfigError` with the names."""
     require_choice(key, name, table)
     return table[name]
 
 
 def counted(number: int, word: str) -> str:
     """Write ``1 frame``, ``2 frames``."""
-    return f"{number} {word}" + ("" if number == 1 else "s")
+    if number == 1:
+        return f"{number} {word}"
+    return f"{number} {word}s"
 
 
 def with_names(reason: str, columns: Iterable[object]) -> str:
-    """Replace ``foot 2`` by the name of that foot, taken from the columns ``contact_<foot>_s``."""
-    names = dict(
-        enumerate([str(c)[8:-2] for c in columns if str(c).startswith("contact_")], 1)
-    )
-    return re.sub(r"foot (\d+)", lambda foot: names.get(int(foot[1]), foot[0]), reason)
+    """Replace ``foot 2`` by that foot's name in the columns ``contact_<foot>_s``."""
+    contacts = [str(one) for one in columns if str(one).startswith("contact_")]
+    names = [one.removeprefix("contact_").removesuffix("_s") for one in contacts]
+
+    def named(foot: re.Match[str]) -> str:
+        number = int(foot[1])
+        if 1 <= number <= len(names):
+            return names[number - 1]
+        return foot[0]
+
+    return re.sub(r"foot (\d+)", named, reason)

@@ -1,4 +1,4 @@
-"""Support for batch jobs: a log file, errors in one line, and outputs that are whole or absent."""
+"""Support for jobs: a log file, errors in one line, outputs whole or absent."""
 
 from __future__ import annotations
 
@@ -24,33 +24,40 @@ TEXT_COLUMNS = (
     *("recording", "method", "schedule", "schedule_a", "schedule_b", "reason"),
     *("foot", "first_foot", "feet", "marker", "column", "name"),
 )
-# a spreadsheet may run texts that begin with these as formulas
+# A spreadsheet may run texts that begin with these as formulas.
 RUN = "[=+\\-@\t\r\n＝＋－＠]"
-_RUN, _GUARDED = re.compile(f"'*{RUN}"), re.compile(f"'+{RUN}")
-DIGITS, MOST_DIGITS = 9, 16
-# Instants and other times, in columns whose names end in "_s", get 12 digits: 1 ns in
+_RUN = re.compile(f"'*{RUN}")
+_GUARDED = re.compile(f"'+{RUN}")
+# Digits of the numbers in a table.
+DIGITS = 9
+# Digits that return any float64, but for its last bit.
+MOST_DIGITS = 16
+# Digits of instants and other times, in columns whose names end in "_s": 1 ns in
 # 1,000 s. With 9 digits their rounding shifts a foot by 1 um, which changes an estimate
 # by one part in 10,000.
 TIME_DIGITS = 12
-LATE_S = 1e3  # s; columns with later instants than this get 16 digits
+# Columns with instants from here on get all digits, s.
+LATE_S = 1e3
+# Most characters in the name of a study, which is that of a folder.
+LONGEST_NAME = 100
 
 logger = logging.getLogger("hopdata")
 
 
 def study_name(text: str) -> str:
-    """Turn any text into the name of a study or a recording: letters, digits, ``_`` and ``-``.
+    """Turn any text into a name of a study: letters, digits, ``_`` and ``-``.
 
     Accents are removed: ``müde`` becomes ``mude``.
     """
-    plain = "".join(
-        c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c)
-    )
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:100] or "study"
+    decomposed = unicodedata.normalize("NFKD", text)
+    plain = "".join(c for c in decomposed if not unicodedata.combining(c))
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")
+    return name[:LONGEST_NAME] or "study"
 
 
 @contextmanager
 def reported(log: str | Path) -> Iterator[None]:
-    """Write the package's log to `log`; turn a user's mistake into one line and exit code 1.
+    """Write the package's log to `log`; turn a user's mistake into one line.
 
     Parameters
     ----------
@@ -68,9 +75,8 @@ def reported(log: str | Path) -> Iterator[None]:
         log, mode="w", encoding="utf-8", errors="backslashreplace"
     )
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
-    logging.raiseExceptions = (
-        False  # on a full disk the log fails; report the original error
-    )
+    # On a full disk the log fails too; the original error is the one to report.
+    logging.raiseExceptions = False
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
@@ -89,7 +95,7 @@ def reported(log: str | Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, which replaces `path` only if the block succeeds.
+    """Yield a temporary path, which replaces `path` only if the block succeeds.
 
     Temporary files that killed processes left for the same path are removed first.
 
@@ -106,12 +112,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             left.unlink(missing_ok=True)
         yield temporary
         os.replace(temporary, target)
-    except (
-        OSError,
-        RuntimeError,
-    ) as error:  # h5py gives the error number only in its message
-        told = re.search(r"errno = (\d+)", str(error))
-        code = int(told[1]) if told else getattr(error, "errno", None)
+    except (OSError, RuntimeError) as error:
+        code = _error_number(error)
         if code is None:
             raise
         wrong = f"{path}: expected a writable file, found: {os.strerror(code)}"
@@ -121,11 +123,25 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             temporary.unlink()
 
 
+def _error_number(error: Exception) -> int | None:
+    """Return the system's number of an error; h5py gives it only in its message."""
+    in_message = re.search(r"errno = (\d+)", str(error))
+    if in_message:
+        return int(in_message[1])
+    number: int | None = getattr(error, "errno", None)
+    return number
+
+
 def write_json(path: str | Path, content: Mapping[str, Any] | list[Any]) -> None:
     """Write `content` as indented JSON, whole or not at all; NaN is not allowed."""
     with whole_file(path) as temporary:
         text = json.dumps(content, indent=2, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def write_fields(path: str | Path, result: Any) -> None:
+    """Write a result as JSON, as its method ``to_dict`` returns it."""
+    write_json(path, result.to_dict())
 
 
 def read_json(path: str | Path) -> Any:
@@ -134,7 +150,7 @@ def read_json(path: str | Path) -> Any:
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write a table as CSV, whole or not at all, with 9 digits; times have 12, or 16 if late.
+    """Write a table as CSV, whole or not at all; times have more digits.
 
     Texts that a spreadsheet would run get a leading apostrophe, which `read_table`
     removes.
@@ -144,57 +160,66 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def as_stored(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table as it would be after `write_table` and `read_table`: rounded as in a file."""
+    """Return a table as it would be read again: rounded as in its file."""
     return read_table(StringIO(_csv(table)))
 
 
 def _csv(table: pd.DataFrame) -> str:
     # Numbers are formatted here because pandas takes three times as long.
-    texts = {
-        name: _printed(table[name]) for name in table if table[name].dtype.kind == "f"
+    numbers = {
+        str(guarded(name)): _printed(table[name])
+        for name in table
+        if table[name].dtype.kind == "f"
     }
-    printed = _changed(table, guarded).assign(
-        **{str(guarded(k)): v for k, v in texts.items()}
-    )
+    printed = _changed(table, guarded).assign(**numbers)
     return str(printed.to_csv(index=False, lineterminator="\n"))
 
 
 def guarded(cell: object) -> object:
-    """Put an apostrophe before a text that a spreadsheet would run; leave other cells alone."""
-    return f"'{cell}" if isinstance(cell, str) and _RUN.match(cell) else cell
+    """Put an apostrophe before a text that a spreadsheet would run."""
+    if isinstance(cell, str) and _RUN.match(cell):
+        return f"'{cell}"
+    return cell
 
 
 def _unguarded(cell: object) -> object:
-    return cell[1:] if isinstance(cell, str) and _GUARDED.match(cell) else cell
+    if isinstance(cell, str) and _GUARDED.match(cell):
+        return cell[1:]
+    return cell
 
 
 def _changed(table: pd.DataFrame, change: Callable[[object], object]) -> pd.DataFrame:
     """Apply `change` to the texts of a table and to the names of its columns."""
-    texts = [name for name in table if len(table) and table[name].dtype.kind == "O"]
     once = lru_cache(None, typed=True)(change)  # columns have few distinct texts
-    changed = {str(name): table[name].map(once) for name in texts}
+    changed = {}
+    for name in table:
+        if len(table) and table[name].dtype.kind == "O":
+            changed[str(name)] = table[name].map(once)
     return table.assign(**changed).rename(columns=change)
 
 
 def _printed(column: pd.Series) -> list[str]:
-    """Return numbers as text; columns of times get more digits (see `TIME_DIGITS`, `LATE_S`)."""
+    """Return numbers as text; times get more digits (see `TIME_DIGITS`, `LATE_S`)."""
     digits = DIGITS
     name = str(column.name)
     if name.endswith("_s") and not name.endswith("_m_s"):
-        late = column.abs().max() >= LATE_S
-        digits = MOST_DIGITS if late else TIME_DIGITS
-    return [
-        "" if value != value else f"{value:.{digits}g}" for value in column.tolist()
-    ]
+        digits = TIME_DIGITS
+        if column.abs().max() >= LATE_S:
+            digits = MOST_DIGITS
+    texts = []
+    for value in column.tolist():
+        is_missing = value != value  # NaN
+        texts.append("" if is_missing else f"{value:.{digits}g}")
+    return texts
 
 
 def read_table(path: str | Path | StringIO) -> pd.DataFrame:
-    """Read a CSV table; `TEXT_COLUMNS` stay text, and their empty cells become empty strings."""
+    """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty."""
     # A recording may be called NA, so only an empty cell is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
     table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
-    text = table.columns.intersection(TEXT_COLUMNS)
-    return _changed(table.fillna(dict.fromkeys(text, "")), _unguarded)
+    texts = table.columns.intersection(TEXT_COLUMNS)
+    return _changed(table.fillna(dict.fromkeys(texts, "")), _unguarded)
 
 
 def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:
@@ -203,5 +228,6 @@ def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:
 
 
 def stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate tables with the same columns; empty ones do not affect the column types."""
-    return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)
+    """Concatenate tables with the same columns; empty ones do not count."""
+    filled = [table for table in tables if len(table)]
+    return pd.concat(filled or tables[:1], ignore_index=True)

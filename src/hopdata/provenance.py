@@ -12,7 +12,9 @@ from typing import Any
 from hopdata import __version__
 
 PACKAGE = Path(__file__).parent
+# Suffixes of files, beside Python's, from which results follow.
 ASSETS = {".css", ".j2", ".mplstyle", ".toml", ".yaml"}
+# Packages whose versions are recorded.
 REPORTED = [
     "hopdata",
     "numpy",
@@ -28,37 +30,68 @@ MISSING = "not installed"
 # hopdata...`. Parsing all sources instead would take half as long as the shortest
 # study.
 IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+(hopdata[\w.]*)[ \t]+import[ \t]+(\((?:[^)#]|#[^\n]*)*\)|[^\n]*)"
+    r"^[ \t]*(?:from[ \t]+(hopdata[\w.]*)[ \t]+import[ \t]+"
+    r"(\((?:[^)#]|#[^\n]*)*\)|[^\n]*)"
     r"|import[ \t]+(hopdata[^\n]*))",
     re.MULTILINE,
 )
-NAMED = re.compile(
-    r'"(hopdata\.[\w.]+):\w+"'
-)  # a class named in a table and imported on demand
+# A class or function named in a table, and imported on demand.
+NAMED = re.compile(r'"(hopdata\.[\w.]+):\w+"')
 
 
 def code_digest(script: str | Path) -> str:
-    """Return a digest of a script and of every hopdata source that it imports, directly or not.
+    """Return a digest of a script and of every hopdata source that it imports.
 
-    Imports are read from the text, including those inside functions, so nothing is
-    executed. A rule that has this digest as a parameter runs again when its library
-    code changes.
+    This includes what these import in turn. Imports are read from the text, including
+    those inside functions, so nothing is executed. A rule that has this digest as a
+    parameter runs again when its library code changes.
     """
     script = Path(script).resolve()
     digest = hashlib.sha256()
     # The script comes first: sorted with the modules, its place would depend on the
     # install path.
     for source in (script, *sorted(_closure(_imports(script)))):
-        digest.update(source.name.encode())
-        digest.update(source.read_bytes())
-        for asset in _assets(source):
-            digest.update(asset.read_bytes())
+        _add(digest, source)
+    return digest.hexdigest()[:16]
+
+
+def _add(digest: Any, source: Path) -> None:
+    """Add a source to a digest, with the other files of its package if it is one."""
+    digest.update(source.name.encode())
+    digest.update(source.read_bytes())
+    for asset in _assets(source):
+        digest.update(asset.read_bytes())
+
+
+def stage_digest(
+    texts: Iterable[str], modules: Iterable[str], script: str | Path
+) -> str:
+    """Return a digest of a stage and of every hopdata source that its function imports.
+
+    Parameters
+    ----------
+    texts
+        What says what it does: the texts of the function and of its results' class.
+    modules
+        Modules that read and write its files.
+    script
+        Script that runs it; what this imports is not followed, since that is every
+        stage.
+    """
+    started = {path for name in modules for path in _module_files(name)}
+    started |= {path for text in texts for path in _imported_in(text)}
+    machinery = [Path(script), PACKAGE / "line.py"]
+    digest = hashlib.sha256()
+    for text in texts:
+        digest.update(text.encode())
+    for source in (*machinery, *sorted(_closure(started))):
+        _add(digest, source)
     return digest.hexdigest()[:16]
 
 
 @cache
 def _assets(source: Path) -> tuple[Path, ...]:
-    """Return the non-Python files of a sub-package (style sheets, templates, schemas)."""
+    """Return the other files of a sub-package (styles, templates, schemas)."""
     if source.name != "__init__.py" or source.parent == PACKAGE:
         return ()
     return tuple(
@@ -79,9 +112,12 @@ def _closure(start: Iterable[Path]) -> set[Path]:
 
 @cache
 def _imports(source: Path) -> frozenset[Path]:
-    """Return the files of this package that `source` imports, with their parent packages."""
+    """Return the files of hopdata that `source` imports, with their parent packages."""
+    return _imported_in(source.read_text(encoding="utf-8"))
+
+
+def _imported_in(text: str) -> frozenset[Path]:
     names: set[str] = set()
-    text = source.read_text(encoding="utf-8")
     names.update(NAMED.findall(text))
     for module, imported, modules in IMPORT.findall(text):
         names.update(
@@ -103,10 +139,9 @@ def _module_files(name: str) -> frozenset[Path]:
 
 @cache
 def _sources() -> frozenset[Path]:
-    """Return all modules, without the workflow's scripts that an installed package also holds."""
-    return frozenset(PACKAGE.rglob("*.py")) - frozenset(
-        PACKAGE.glob("_workflow/**/*.py")
-    )
+    """Return all modules, without the workflow's scripts, which a wheel also holds."""
+    scripts = PACKAGE.glob("_workflow/**/*.py")
+    return frozenset(PACKAGE.rglob("*.py")) - frozenset(scripts)
 
 
 def provenance(
@@ -139,14 +174,12 @@ def provenance(
 
 
 def package_digest() -> str:
-    """Return a digest of all sources of the package, which also differs within one version."""
+    """Return a digest of all sources, which also differs within a version."""
+    sources = set(_sources())
+    for room in PACKAGE.glob("*/__init__.py"):
+        sources.update(_assets(room))
     digest = hashlib.sha256()
-    assets = (
-        one
-        for folder in sorted(PACKAGE.glob("*/__init__.py"))
-        for one in _assets(folder)
-    )
-    for source in sorted(_sources().union(assets)):
+    for source in sorted(sources):
         digest.update(str(source.relative_to(PACKAGE)).encode())
         digest.update(source.read_bytes())
     return digest.hexdigest()
@@ -161,5 +194,7 @@ def version_of(name: str) -> str:
 
 
 def _seconds(path: Path) -> float:
+    """Return the time that a job took, from its benchmark file."""
     header, first = path.read_text(encoding="utf-8").splitlines()[:2]
-    return float(dict(zip(header.split("\t"), first.split("\t"), strict=True))["s"])
+    columns = dict(zip(header.split("\t"), first.split("\t"), strict=True))
+    return float(columns["s"])

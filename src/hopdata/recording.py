@@ -16,6 +16,7 @@ from hopdata.errors import (
     require_choice,
     told_call,
 )
+from hopdata.time_stamps import rate_of, settle
 
 
 @dataclass(frozen=True)
@@ -34,16 +35,12 @@ class Event:
     time_s: float
 
 
-SLOWEST_S = (
-    0.5  # longest median time between frames; longer ones suggest times in milliseconds
-)
-ROLES = (
-    "body",
-    "foot",
-    "part",
-    "boom",
-    "other",
-)  # "part": another marker of the preceding foot
+#: Longest median time between frames; a longer one suggests times in milliseconds.
+#: Unit: s. Origin: chosen.
+SLOWEST_S = 0.5
+
+# "part" is another marker of the preceding foot.
+ROLES = ("body", "foot", "part", "boom", "other")
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,7 +68,7 @@ class Recording(Shown):
         Digest of that file.
     vertical_axis : str
         Axis of the source file that pointed up, such as ``"y"`` or ``"-z"``; see
-        `hopdata.recordings.raw.FILE_AXES`.
+        `hopdata.recordings.axes.FILE_AXES`.
     events : tuple of Event
         Events marked in the file, on the same clock as `time`.
     remarks : tuple of str
@@ -95,29 +92,35 @@ class Recording(Shown):
     filled: BoolArray | None = None
 
     def __post_init__(self) -> None:
-        seen = (len(self.time), len(self.markers))
-        if len(self.roles) != seen[1]:
-            raise ArgumentError.at("roles", f"{seen[1]} entries", len(self.roles))
-        for name, shape in (
-            ("time", seen[:1]),
-            ("positions", (*seen, 3)),
-            ("filled", seen),
-        ):
+        n_frames = len(self.time)
+        n_markers = len(self.markers)
+        if len(self.roles) != n_markers:
+            raise ArgumentError.at("roles", f"{n_markers} entries", len(self.roles))
+        shapes = {
+            "time": (n_frames,),
+            "positions": (n_frames, n_markers, 3),
+            "filled": (n_frames, n_markers),
+        }
+        for name, shape in shapes.items():
             array = getattr(self, name)
-            if (
-                array is not None
-                and (found := getattr(array, "shape", type(array))) != shape
-            ):
+            if array is None:
+                continue
+            found = getattr(array, "shape", type(array))
+            if found != shape:
                 raise ArgumentError.at(name, f"an array of shape {shape}", found)
 
     def told(self) -> str:
         """Return the name, the size and the share of positions seen."""
-        seen = 100 * fraction_seen(self).mean() if self.positions.size else 0.0
-        size = f"{len(self.markers)} markers, {len(self.time):,} frames at {self.rate_hz:g} Hz"
-        return f"'{self.name}': {size}, {seen:.3g} % seen"
+        seen = 0.0
+        if self.positions.size:
+            seen = 100 * fraction_seen(self).mean()
+        return (
+            f"'{self.name}': {len(self.markers)} markers, {len(self.time):,} frames "
+            f"at {self.rate_hz:g} Hz, {seen:.3g} % seen"
+        )
 
     def rows(self) -> dict[str, Any]:
-        """Return each marker, its role and the percentage of frames in which it was seen."""
+        """Return each marker, its role and in how many of the frames it was seen, %."""
         return {
             "marker": self.markers,
             "role": self.roles,
@@ -141,17 +144,21 @@ class Recording(Shown):
         try:
             from xarray import DataArray
         except ImportError:
-            found = "none: pip install xarray"
-            raise RecordingError.at("to_xarray", "the package xarray", found) from None
-        roles = ("marker", list(self.roles))
-        axes: Any = {
+            raise RecordingError.at(
+                "to_xarray", "the package xarray", "none: pip install xarray"
+            ) from None
+        coordinates: dict[str, Any] = {
             "time": self.time,
             "marker": list(self.markers),
-            "axis": list("xyz"),
+            "axis": ["x", "y", "z"],
+            "role": ("marker", list(self.roles)),
         }
-        attributes = {"units": "m", "rate_hz": self.rate_hz, "source": self.source}
         return DataArray(
-            self.positions, {**axes, "role": roles}, list(axes), self.name, attributes
+            self.positions,
+            coords=coordinates,
+            dims=["time", "marker", "axis"],
+            name=self.name,
+            attrs={"units": "m", "rate_hz": self.rate_hz, "source": self.source},
         )
 
     @classmethod
@@ -195,39 +202,27 @@ class Recording(Shown):
         >>> Recording.from_arrays(time, still, markers, feet=["toe"], body=markers[1:])
         <Recording 'recording': 4 markers, 5 frames at 100 Hz, 100 % seen>
         """
-        from hopdata.recordings.raw import rate_of, settle
-
-        stamps, places = numbers("time", time), numbers("positions", positions)
+        stamps = numbers("time", time)
+        places = numbers("positions", positions)
         known = marker_names("markers", markers)
-        of_foot, of_body = marker_names("feet", feet), marker_names("body", body)
-        size = (*stamps.shape, len(known), 3)
-        steps = np.diff(stamps) if stamps.ndim == 1 and len(stamps) > 1 else np.empty(0)
-        if not len(steps) or not (steps > 0).all() or np.median(steps) > SLOWEST_S:
-            wrong = 1 + int(np.argmin(steps > 0)) if len(steps) else 0
-            here = f"{stamps.flat[max(wrong - 1, 0) : wrong + 1]} at frame {wrong}"
-            later = f"each later than the one before by at most {SLOWEST_S} s"
-            found = f"shape {stamps.shape}, {here}"
+        of_foot = marker_names("feet", feet)
+        of_body = marker_names("body", body)
+
+        _check_stamps(stamps)
+        shape = (len(stamps), len(known), 3)
+        if places.shape != shape:
             raise RecordingError.at(
-                "time", f"two frames or more, (N,), s, {later}", found
-            )
-        if places.shape != size:
-            raise RecordingError.at(
-                "positions", f"shape {size} (frames, markers, 3)", places.shape
+                "positions", f"shape {shape} (frames, markers, 3)", places.shape
             )
         marker_names("feet and body", (*of_foot, *of_body))
         for key, chosen in (("feet", of_foot), ("body", of_body)):
             for one in chosen:
                 require_choice(key, one, known)
-        roles = (
-            "body" if m in of_body else "foot" if m in of_foot else "other"
-            for m in known
-        )
-        number = np.arange(1.0, len(stamps) + 1)
-        whole, own = (rate_of(stamps, number, whole=w) or np.nan for w in (True, False))
-        grid, remarks = settle("time", stamps, number, whole)
-        fits = not remarks and grid is not stamps  # even except for rounding
-        kept = (grid, whole) if fits else (stamps, own)
-        return cls(name, kept[0], places, known, tuple(roles), kept[1])
+
+        role = dict.fromkeys(of_foot, "foot") | dict.fromkeys(of_body, "body")
+        roles = tuple(role.get(name, "other") for name in known)
+        settled, rate_hz = _settled(stamps)
+        return cls(name, settled, places, known, roles, rate_hz)
 
     def indices(self, role: str) -> list[int]:
         """Return the indices of the markers with this role, in order."""
@@ -241,20 +236,27 @@ class Recording(Shown):
     @property
     def place(self) -> str:
         """Origin of the recording, for messages."""
-        if more := self.source_sha256.count(","):
-            return f"{self.source.partition(', ')[0]} and {more} more"
+        n_more_files = self.source_sha256.count(",")
+        if n_more_files:
+            first_file = self.source.partition(", ")[0]
+            return f"{first_file} and {n_more_files} more"
         return self.source or f"recording '{self.name}'"
 
     def part(self, frames: slice) -> Self:
-        """Return a recording of these frames only; taking every second frame halves the rate."""
+        """Return a recording of these frames only.
+
+        The rate is that of the frames kept: half of it for every second frame.
+        """
         if not isinstance(frames, slice) or (frames.step or 1) < 0:
             raise ArgumentError.at(
                 "frames", "a slice such as slice(0, 1000)", f"{frames!r}"
             )
-        filled = None if self.filled is None else self.filled[frames]
-        kept: Any = {"time": self.time[frames], "positions": self.positions[frames]}
         return replace(
-            self, **kept, filled=filled, rate_hz=self.rate_hz / (frames.step or 1)
+            self,
+            time=self.time[frames],
+            positions=self.positions[frames],
+            filled=None if self.filled is None else self.filled[frames],
+            rate_hz=self.rate_hz / (frames.step or 1),
         )
 
     @cached_property
@@ -269,77 +271,132 @@ class Recording(Shown):
 
     @cached_property
     def body_height(self) -> FloatArray:
-        """Mean height of the body markers, (N,), m; NaN where one of them is not seen."""
+        """Mean height of the body markers, (N,), m; NaN where one is not seen."""
         return np.asarray(self.body[:, :, 2].mean(axis=1))
 
     @cached_property
     def scale(self) -> float:
         """Scale of the body and foot markers: see `scale_of`."""
-        return scale_of(
-            sampled(self.positions)[:, self.indices("body") + self.indices("foot")]
-        )
+        markers = self.indices("body") + self.indices("foot")
+        return scale_of(sampled(self.positions)[:, markers])
 
     @property
     def pace(self) -> float:
-        """Factor for times: the root of the scale, since gravity is the same at all sizes."""
+        """Factor for times: the root of the scale.
+
+        Gravity is the same at all sizes.
+        """
         return float(np.sqrt(self.scale))
 
 
+def _check_stamps(stamps: FloatArray) -> None:
+    """Require two time stamps, s, or more that increase as those of frames do."""
+    steps = np.empty(0)
+    if stamps.ndim == 1 and len(stamps) > 1:
+        steps = np.diff(stamps)
+    if len(steps) and (steps > 0).all() and not np.median(steps) > SLOWEST_S:
+        return
+    frame = 0
+    if len(steps):
+        frame = 1 + int(np.argmin(steps > 0))
+    around = stamps.flat[max(frame - 1, 0) : frame + 1]
+    raise RecordingError.at(
+        "time",
+        "two frames or more, (N,), s, each later than the one before by at most "
+        f"{SLOWEST_S} s",
+        f"shape {stamps.shape}, {around} at frame {frame}",
+    )
+
+
+def _settled(stamps: FloatArray) -> tuple[FloatArray, float]:
+    """Return the times of frames, s, and their rate, Hz.
+
+    Stamps that are even except for rounding are put back on their grid.
+    """
+    number = np.arange(1.0, len(stamps) + 1)
+    rate_hz = rate_of(stamps, number)
+    grid, remarks = settle("time", stamps, number, rate_hz or np.nan)
+    is_even = not remarks and grid is not stamps
+    if is_even:
+        return grid, rate_hz or np.nan
+    return stamps, rate_of(stamps, number, whole=False) or np.nan
+
+
 def _together(markers: list[int]) -> list[int] | slice:
-    """Return the indices of adjacent markers as a slice, which avoids a copy of the frames."""
-    side_by_side = markers and markers == list(range(markers[0], markers[-1] + 1))
-    return slice(markers[0], markers[-1] + 1) if side_by_side else markers
+    """Return the indices of adjacent markers as a slice, which copies no frames."""
+    if not markers:
+        return markers
+    side_by_side = range(markers[0], markers[-1] + 1)
+    if markers != list(side_by_side):
+        return markers
+    return slice(side_by_side.start, side_by_side.stop)
 
 
 def numbers(key: str, values: ArrayLike) -> FloatArray:
-    """Return an argument as an array of floats; raise an error with its name if it is none."""
+    """Return an argument as an array of floats.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none; the message begins with the argument's name.
+    """
     try:
         return np.ma.asarray(values, float).filled(np.nan)
     except (TypeError, ValueError) as error:
-        raise ArgumentError.at(
-            key, "an array of numbers", str(error).partition(". ")[0]
-        ) from None
+        first_sentence = str(error).partition(". ")[0]
+        raise ArgumentError.at(key, "an array of numbers", first_sentence) from None
 
 
 def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
-    """Return a list of distinct names as a tuple; raise an error with the key for anything else."""
-    listed = isinstance(names, Iterable) and not isinstance(names, str)
-    found = tuple(names) if listed else ()
-    if not listed or not all(isinstance(name, str) for name in found):
+    """Return a list of distinct names as a tuple.
+
+    Raises
+    ------
+    RecordingError
+        If it is anything else; the message begins with the key.
+    """
+    is_list = isinstance(names, Iterable) and not isinstance(names, str)
+    found = tuple(names) if is_list else ()
+    if not is_list or not all(isinstance(name, str) for name in found):
         raise RecordingError.at(key, "a list of marker names", f"{names!r}")
     if len(set(found)) < len(found):
         raise RecordingError.at(key, "each name once", ", ".join(found))
     return found
 
 
-# No landing may count twice, so the same content under two names is an error.
-
-SEPARATOR = ", "  # between the files of one recording, and between their digests
+# Between the files of one recording, and between their digests.
+SEPARATOR = ", "
 
 
 def require_distinct(recordings: Iterable[Recording]) -> None:
-    """Raise an error if two files are byte for byte the same, within or between recordings.
+    """Require that no two files, of one recording or of several, hold the same bytes.
+
+    No landing may count twice.
 
     Raises
     ------
     RecordingError
-        If so; the message names both files.
+        If two do; the message names both files.
     """
     known: dict[str, str] = {}
     for recording in recordings:
-        for number, digest in enumerate(
-            filter(None, recording.source_sha256.split(SEPARATOR))
-        ):
-            here = f"file {number + 1} of recording '{recording.name}'"
+        digests = [d for d in recording.source_sha256.split(SEPARATOR) if d]
+        for number, digest in enumerate(digests, start=1):
+            here = f"file {number} of recording '{recording.name}'"
             if digest in known:
-                same = f"the same bytes in {here} and in {known[digest]}"
-                found = f"{same}: their landings would count twice"
-                raise RecordingError.at(recording.place, "each file once", found)
+                raise RecordingError.at(
+                    recording.place,
+                    "each file once",
+                    f"the same bytes in {here} and in {known[digest]}: "
+                    "their landings would count twice",
+                )
             known[digest] = here
 
 
 # How much of a recording was seen, and how far its markers extend.
 
+#: Least number of frames, if there are as many, from which sizes are taken.
+#: Unit: frames. Origin: chosen.
 SAMPLE_FRAMES = 2000
 
 
@@ -361,24 +418,40 @@ def extent(positions: FloatArray) -> float:
     float
         In the unit of `positions`; NaN if no frame shows two markers.
     """
-    frames = np.ascontiguousarray(
-        sampled(positions).T
-    )  # (3, M, N): NumPy is slow along short axes
+    frames = _axes_first(positions)
     seen = (~np.isnan(frames).any(axis=0)).sum(axis=0) >= 2
     if not seen.any():
         return float("nan")
-    span = (np.fmax.reduce(frames, axis=1) - np.fmin.reduce(frames, axis=1))[:, seen]
+    highest = np.fmax.reduce(frames, axis=1)
+    lowest = np.fmin.reduce(frames, axis=1)
+    span = (highest - lowest)[:, seen]
     with np.errstate(over="ignore"):  # an absurd size may be infinite
         return float(np.median(np.sqrt((span**2).sum(axis=0))))
 
 
-# The lengths of the code were tuned on the simulated hopper and on runners, whose body
-# and foot markers have rms distances from their mean of 0.33 and 0.50 m. The value lies
-# between: at 0.33 contacts of runners are found some mm too high, at 0.42 those of the
-# hopper scatter by 6 % more. With 1.5 times the value all lengths and speeds are two
-# thirds of what they are.
+def _axes_first(positions: FloatArray) -> FloatArray:
+    """Return a sample of (N, M, 3) positions as (3, M, N).
+
+    NumPy is slow along short axes.
+    """
+    return np.ascontiguousarray(sampled(positions).T)
+
+
+#: Size of the animal for which the lengths of the code were tuned, as the rms distance
+#: of its body and foot markers from their mean. All lengths are in proportion to it.
+#: Unit: m. Origin: measured. The simulated hopper has 0.33 m and runners have 0.50 m;
+#: the value lies between: at 0.33 contacts of runners are found some mm too high, at
+#: 0.42 those of the hopper scatter by 6 % more. With 1.5 times the value all lengths
+#: and speeds are two thirds of what they are.
 SIZE_OF_TUNING_M = 0.36
-NO_ANIMAL_M = (1e-4, 1e4)  # smaller and larger positions are absurd, in whatever unit
+
+#: Smallest size that is scaled to; a smaller one is absurd, in whatever unit.
+#: Unit: m. Origin: chosen.
+SMALLEST_SIZE_M = 1e-4
+
+#: Largest size that is scaled to; a larger one is absurd, in whatever unit.
+#: Unit: m. Origin: chosen.
+LARGEST_SIZE_M = 1e4
 
 
 def scale_of(positions: FloatArray) -> float:
@@ -400,39 +473,45 @@ def scale_of(positions: FloatArray) -> float:
         frames, divided by `SIZE_OF_TUNING_M`. It is 1 if no frame shows two markers
         apart.
     """
-    frames = np.ascontiguousarray(
-        sampled(positions).T
-    )  # (3, M, N): NumPy is slow along short axes
+    frames = _axes_first(positions)
     seen = np.asarray(~np.isnan(frames).any(axis=0))
-    count = seen.sum(axis=0)
-    enough = count >= 2
+    n_seen = seen.sum(axis=0)
+    enough = n_seen >= 2
     if not enough.any():
         return 1.0
-    frames, seen, count = frames[:, :, enough], seen[:, enough], count[enough]
+    frames = frames[:, :, enough]
+    seen = seen[:, enough]
+    n_seen = n_seen[enough]
     with np.errstate(over="ignore"):  # the size of absurd positions may be infinite
-        middle = np.where(seen, frames, 0.0).sum(axis=1) / count
+        middle = np.where(seen, frames, 0.0).sum(axis=1) / n_seen
         squares = np.where(seen, (frames - middle[:, None]) ** 2, 0.0).sum(axis=(0, 1))
-        size_m = float(np.median(np.sqrt(squares / count)))
+        size_m = float(np.median(np.sqrt(squares / n_seen)))
     if not size_m > 0:
         return 1.0
-    return float(np.clip(size_m, *NO_ANIMAL_M)) / SIZE_OF_TUNING_M
+    size_m = float(np.clip(size_m, SMALLEST_SIZE_M, LARGEST_SIZE_M))
+    return size_m / SIZE_OF_TUNING_M
 
 
 def body_over_feet(recording: Recording) -> FloatArray:
-    """Return the median over frames of mean body position minus mean foot position, (3,), m."""
-    difference = sampled(recording.body).mean(axis=1) - sampled(recording.feet).mean(
-        axis=1
-    )
-    difference = difference[~np.isnan(difference).any(axis=1)]
-    return (
-        np.asarray(np.median(difference, axis=0))
-        if len(difference)
-        else np.full(3, np.nan)
-    )
+    """Return the mean body position minus the mean foot position, (3,), m.
+
+    It is the median over frames.
+    """
+    body = sampled(recording.body).mean(axis=1)
+    feet = sampled(recording.feet).mean(axis=1)
+    return median_offset(body - feet)
+
+
+def median_offset(offsets: FloatArray) -> FloatArray:
+    """Return the median (3,) of offsets (N, 3) that are known; NaN if none is."""
+    known = offsets[~np.isnan(offsets).any(axis=1)]
+    if not len(known):
+        return np.full(3, np.nan)
+    return np.asarray(np.median(known, axis=0))
 
 
 def sampled(positions: FloatArray) -> FloatArray:
-    """Return an evenly spaced sample of frames (N, ...), fewer than twice `SAMPLE_FRAMES`."""
+    """Return evenly spaced frames of (N, ...), fewer than twice `SAMPLE_FRAMES`."""
     return positions[:: max(1, len(positions) // SAMPLE_FRAMES)]
 
 
@@ -491,19 +570,26 @@ class Truth(Shown):
 
     def told(self) -> str:
         """Return the numbers of landings and feet."""
-        return "of {} landings on {} feet".format(*self.contact_times.shape)
+        n_landings, n_feet = self.contact_times.shape
+        return f"of {n_landings} landings on {n_feet} feet"
 
 
-# Shapes by array: letters are N frames, L landings and n feet; numbers are fixed sizes.
-_SIZES: dict[str, str] = {
-    "contact_times": "L n", "apex_times": "L", "complete": "L", "foot_down": "N n",
-    "body_height": "N", "contact_points": "L n 2", "floor_at_contacts": "L n",
-    "apex_states": "L 12", "preloads_n": "L n",
-}  # fmt: skip
+# Sizes of each array: letters are N frames, L landings and n feet; numbers are fixed.
+_SIZES: dict[str, tuple[str | int, ...]] = {
+    "contact_times": ("L", "n"),
+    "apex_times": ("L",),
+    "complete": ("L",),
+    "foot_down": ("N", "n"),
+    "body_height": ("N",),
+    "contact_points": ("L", "n", 2),
+    "floor_at_contacts": ("L", "n"),
+    "apex_states": ("L", 12),
+    "preloads_n": ("L", "n"),
+}
 
 
 def check_sizes(truth: Truth) -> None:
-    """Check that the arrays of a truth agree in their numbers of frames, landings and feet.
+    """Check that the arrays of a truth agree in their frames, landings and feet.
 
     Raises
     ------
@@ -512,12 +598,13 @@ def check_sizes(truth: Truth) -> None:
     """
     known: dict[str, int] = {}
     for name, letters in _SIZES.items():
-        shape, sizes = getattr(truth, name).shape, letters.split()
-        expected = [
-            int(letter) if letter.isdigit() else known.setdefault(letter, size)
-            for letter, size in zip(sizes, shape, strict=False)
-        ]
-        if len(shape) != len(sizes) or list(shape) != expected:
-            raise ValueError(
-                mismatch(name, f"shape ({', '.join(sizes)}) of {known}", shape)
-            )
+        shape = getattr(truth, name).shape
+        expected = []
+        for letter, size in zip(letters, shape, strict=False):
+            if isinstance(letter, int):
+                expected.append(letter)
+            else:
+                expected.append(known.setdefault(letter, size))
+        if len(shape) != len(letters) or list(shape) != expected:
+            sizes = ", ".join(str(letter) for letter in letters)
+            raise ValueError(mismatch(name, f"shape ({sizes}) of {known}", shape))

@@ -57,7 +57,9 @@ def seal_of(path: str | Path) -> Seal:
     if not end.startswith(_MARK):
         return Seal.NONE
     stated = end[len(_MARK) : -1]
-    return Seal.WHOLE if stated == _digest(path, n_bytes).encode() else Seal.BROKEN
+    if stated == _digest(path, n_bytes).encode():
+        return Seal.WHOLE
+    return Seal.BROKEN
 
 
 def _digest(path: Path, n_bytes: int) -> str:

@@ -16,6 +16,7 @@ from made_up_hopper import hopping, with_gap
 import hopdata.landings
 from hopdata.__main__ import main
 from hopdata.commands import forecast
+from hopdata.messages import Message
 
 STUDY = """study: trial
 recordings:
@@ -91,7 +92,7 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
         "sections": {"rule": "landings"},
     }
     found = forecast.Forecast(
-        touchdowns, 1.0, reason="contact orders: expected 2, found 0"
+        touchdowns, 1.0, reason="few orders", code=forecast.TOO_FEW_ORDERS
     )
     lines = forecast.describe(found, config, [])
     assert found.vain == "its verdict is out of reach"
@@ -296,3 +297,25 @@ def test_every_change_answers_a_reason_that_the_tables_give():
 def test_without_landings_no_contact_is_timed():
     none = pd.DataFrame({"reason": [], "contact_toe_s": []})
     assert forecast.Forecast(none, 1.0).timed("toe") == 0
+
+
+def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
+    """Of messages that have templates, and not for the words that they are put in."""
+    values = {"least": 10, "commonest": "1 → 2 has 9", "what_is_missing": "meet"}
+    for code in (forecast.TOO_FEW_ORDERS, forecast.NO_TWO_FEET):
+        assert Message(code, values).text()
+    columns = {"schedule": "1>2", "class": "1>2", "excluded": False, "reason": ""}
+    touchdowns = pd.DataFrame(
+        columns | {"contact_a_s": 0.0, "contact_b_s": 0.0}, index=range(30)
+    )
+    config = {
+        "markers": {"body": [], "feet": ["a", "b"]},
+        "verdict": {"margin": 0.2},
+        "feet": [],
+        "sections": {"rule": "landings"},
+    }
+    for code, varies in ((forecast.NO_TWO_FEET, 1), ("maps.outcome_constant", 0)):
+        words = "no two feet, in one contact order"
+        found = forecast.Forecast(touchdowns, 1.0, reason=words, code=code)
+        codes = [change.code for change in forecast.changes(found, config, [])]
+        assert codes.count("commands.vary_the_order") == varies

@@ -15,9 +15,10 @@ from hopdata.commands.guesses import guessed_roles
 from hopdata.commands.init import Draft, draft_config, scalar
 from hopdata.config.loading import load_config
 from hopdata.jobs import study_name
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
-from hopdata.recordings.raw import RawRecording, rotate_up
+from hopdata.recordings.raw import RawRecording
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ import pytest
 from hopdata.__main__ import main
 from hopdata.commands import owner as owning
 from hopdata.commands.owner import LOCKS, RECORDS, Owner, owners, recorded, release_dead
-from hopdata.commands.run import run_workflow
+from hopdata.commands.workflow import run_workflow
 
 HERE = platform.node()
 HOUR_S = 3600.0
@@ -229,7 +229,7 @@ rule a:
 """
 RUN = """
 from pathlib import Path
-from hopdata.commands.run import run_workflow
+from hopdata.commands.workflow import run_workflow
 run_workflow(Path("config.yaml"), "trial", "--cores", "1", snakefile=Path("Snakefile"))
 """
 

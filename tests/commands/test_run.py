@@ -15,7 +15,7 @@ from checkouts import part_of_sample
 
 from hopdata import __version__
 from hopdata.__main__ import main
-from hopdata.commands.run import run_workflow
+from hopdata.commands.workflow import run_workflow
 
 ROOT = Path(__file__).parents[2]
 CONFIG = "study: trial\nrecordings: []\n"
@@ -215,6 +215,46 @@ def test_clean_removes_one_study_and_says_so(folder, capsys):
     assert [one.name for one in Path("results").iterdir()] == ["other"]
 
 
+def test_clean_leaves_the_page_of_a_clone(folder):
+    page = Path("results/README.md")
+    page.write_text("what will be here")
+    assert main(["clean", "--all"]) == 0
+    assert [*Path("results").iterdir()] == [page]
+    page.unlink()
+    assert main(["clean", "--all"]) == 0
+    assert not Path("results").exists()
+
+
+def test_a_run_stops_after_a_stage(folder, monkeypatch, capsys):
+    ran = []
+    monkeypatch.setattr(
+        "hopdata.commands.run.run_workflow", lambda *a, **__: ran.append(a) or 0
+    )
+    for name in ("level/one.json", "level/one.h5", "verdict.json", "report.html"):
+        file = Path("results/trial", name)
+        file.parent.mkdir(exist_ok=True)
+        file.write_text("{}")
+    markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2]}\n"
+    study = f"study: trial\nrecordings: [{{name: one}}]\n{markers}"
+    Path("config.yaml").write_text(study)
+    assert main(["run", "config.yaml", "--until", "floor_compensation"]) == 0
+    assert ran[0][-2:] == ("--until", "floor_compensation")
+    assert capsys.readouterr().out.split() == [
+        "results/trial/level/one.h5",
+        "results/trial/level/one.json",
+    ]
+    assert main(["run", "config.yaml", "--until", "poincare_section"]) == 1
+    error = capsys.readouterr().err
+    assert "--until: expected one of simulate, import_recording, " in error
+    assert "found 'poincare_section'; did you mean 'poincare_sections'" in error
+    table = "subject\tfile\nanna\ta.h5\nben\tb.h5\n"
+    Path("group.tsv").write_text(table)
+    Path("group.yaml").write_text(f"study: trial\nsamples: group.tsv\n{markers}")
+    assert main(["run", "group.yaml", "--until", "verdict"]) == 1
+    assert "--until: expected the configuration of a study" in capsys.readouterr().err
+    assert len(ran) == 1
+
+
 def test_clean_spares_the_results_of_other_recordings(folder, capsys):
     record = Path("results/trial/provenance.json")
     record.write_text(
@@ -342,7 +382,7 @@ def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tm
     (folder / "k.yaml").write_text(
         f"study: odd\n{recordings}{markers}", encoding="utf-8"
     )
-    target = "results/odd/landings/sections.json"
+    target = "results/odd/sections.json"
     mark = set_traps(folder)  # nor does any job run a file of the study's folder
     result = subprocess.run(
         [sys.executable, "-P", "-m", "hopdata", "run", "k.yaml", "--cores", "1", "--", target],

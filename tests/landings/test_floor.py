@@ -9,22 +9,22 @@ from jumps import KINDS, NAMES, PELVIS, make
 from section_fakes import hopper, on_floor
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.floor import _low_surface, fit_floor, level, moving, raised_rests
+from hopdata.landings.floor import fit_floor, level, moving
+from hopdata.landings.floor_raised import low_surface, raised_rests
+from hopdata.landings.floor_rests import rest_points, vertical_speed
 from hopdata.landings.floor_surface import (
     FloorModel,
     design,
     polynomial_terms,
-    rest_points,
     robust_regression,
-    vertical_speed,
 )
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.scoring import match_landings
 from hopdata.recording import Recording
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.importing import import_recording
-from hopdata.recordings.raw import rotate_up
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis import simulate_recording
@@ -330,7 +330,7 @@ def test_regressions_are_those_of_statsmodels():
         robust_regression(columns, heights), found, rtol=0, atol=1e-12
     )
     low = sm.QuantReg(heights, columns).fit(q=0.05, max_iter=300).params
-    np.testing.assert_allclose(_low_surface(heights, columns), low, rtol=0, atol=2e-5)
+    np.testing.assert_allclose(low_surface(heights, columns), low, rtol=0, atol=2e-5)
 
 
 def test_a_perfect_fit_is_silent():

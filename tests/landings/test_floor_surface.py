@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from hopdata.landings.floor_rests import rest_points
 from hopdata.landings.floor_surface import (
     design,
     directions,
     polynomial_terms,
-    rest_points,
     robust_regression,
     within_rim,
 )

@@ -12,7 +12,7 @@ from hopdata.landings.stability import (
     BANDWIDTH_FACTORS,
     LEAST,
     QUANTITIES,
-    _rows,
+    quantity_rows,
     drift_table,
     section_stability,
 )
@@ -120,7 +120,7 @@ def test_parts_of_few_touchdowns_spread_as_they_do(touchdowns):
     for seed in range(300):
         values = np.random.default_rng(seed).normal(size=4 * touchdowns)
         table = {"contact spread": values, "part": np.repeat([*"abcd"], touchdowns)}
-        row = _rows(pd.DataFrame(table), "contact spread")[0]
+        row = quantity_rows(pd.DataFrame(table), "contact spread")[0]
         assert row[5] == pytest.approx(1.2533 * row[7] / np.sqrt(touchdowns))
         found.append(row[7])
     assert np.sqrt(np.mean(np.square(found))) == pytest.approx(1.0, abs=0.06)

@@ -8,6 +8,7 @@ from hopdata.maps import draws
 from hopdata.maps.affine import (
     affine_predictions,
     affine_test_errors,
+    errors_by,
     leave_one_out_residuals,
     mean_test_errors,
     pooled_basis,
@@ -50,6 +51,19 @@ def test_errors_are_those_of_the_libraries(oracle, noise):
     np.testing.assert_allclose(
         affine_test_errors(x, y, train, test), expected, rtol=1e-10
     )
+
+
+def test_mean_errors_are_those_of_the_library():
+    from sklearn.dummy import DummyRegressor
+
+    x, y = landings(np.random.default_rng(0))
+    train, test = splits(len(x))
+    expected = errors_by(DummyRegressor(), x, y, train, test)
+    np.testing.assert_allclose(mean_test_errors(y, train, test), expected, rtol=1e-10)
+    with pytest.raises(AssertionError):
+        np.testing.assert_allclose(
+            affine_test_errors(x, y, train, test), expected, rtol=0.1
+        )
 
 
 def test_exact_dependence_and_constant_columns_change_nothing():
@@ -190,7 +204,7 @@ def test_replicates_do_not_depend_on_each_other(monkeypatch):
     x[:50, 4] = 2.0  # so that some training sets lack a direction
     train, test = splits(60, 30, 20, count=40)
     whole = affine_test_errors(x, y, train, test)
-    monkeypatch.setattr(draws, "_CHUNK_BYTES", 1)
+    monkeypatch.setattr(draws, "CHUNK_BYTES", 1)
     assert np.array_equal(affine_test_errors(x, y, train, test), whole)
     parts = [affine_test_errors(x, y, train[[r]], test[[r]])[0] for r in range(40)]
     assert np.array_equal(parts, whole)

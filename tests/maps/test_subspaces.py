@@ -52,6 +52,32 @@ def test_a_planted_map_is_found(markers):
     assert arc_length(in_pairs, graph).max() < 0.02
 
 
+def test_components_are_those_of_the_library():
+    from sklearn.decomposition import PCA
+
+    rng = np.random.default_rng(7)
+    pairs = rng.normal(size=(60, 12)) * np.geomspace(1, 0.05, 12)
+    draws = np.array([rng.choice(60, 30, replace=False) for _ in range(5)])
+    bases, _ = leading_subspaces(pairs, draws, 4)
+    for rows, basis in zip(draws, bases, strict=True):
+        expected = PCA(n_components=4).fit(pairs[rows]).components_.T
+        assert arc_length(basis, expected) < 1e-12
+    other = PCA(n_components=4).fit(pairs[draws[1]]).components_.T
+    assert arc_length(bases[0], other) > 1e-3
+
+
+@pytest.mark.parametrize("landings", [2, 20, 36, 37, 200])
+def test_the_pooled_frame_is_complete_for_any_number_of_landings(landings):
+    x, y, _, _ = planted(np.random.default_rng(8), landings)
+    frame = pooled_frame(x, y)
+    assert frame.shape == (36, 34)
+    np.testing.assert_allclose(frame.T @ frame, np.eye(34), atol=1e-12)
+    pairs = np.hstack([x, y])
+    centred = pairs - pairs.mean(axis=0)
+    # The section conditions vary by rounding, and what is left out is no more than that.
+    np.testing.assert_allclose(centred @ frame @ frame.T, centred, atol=1e-9)
+
+
 def test_bases_are_orthonormal_and_leading():
     rng = np.random.default_rng(1)
     pairs = rng.normal(size=(50, 10)) * np.geomspace(1, 0.01, 10)

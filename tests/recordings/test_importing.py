@@ -11,11 +11,13 @@ from trc_files import trc_text
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Event
+from hopdata.recordings.axes import FILE_AXES, rotate_up
 from hopdata.recordings.importing import PER_FOOT, import_recording, join
 from hopdata.recordings.plausibility import check_plausible
-from hopdata.recordings.raw import FILE_AXES, PAUSE_S, RawRecording, rotate_up
+from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.formats import READERS, read_raw
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
+from hopdata.time_stamps import PAUSE_S
 
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
 SAMPLE_MARKERS = {

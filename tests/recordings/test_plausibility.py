@@ -7,7 +7,7 @@ from qtm_files import NAMES, standing
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen
 from hopdata.recordings.plausibility import check_plausible, notes, rounded_to
-from hopdata.recordings.raw import PAUSE_S
+from hopdata.time_stamps import PAUSE_S
 
 ROLES = ("body", "body", "body", "foot", "foot")
 
@@ -36,13 +36,17 @@ def refused(faulty):
     return message
 
 
+def told(sound):
+    return [str(note) for note in notes(sound)]
+
+
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0, 2000.0])
 @pytest.mark.parametrize("size", [0.006, 0.05, 1.0, 5.0])
 def test_a_sound_recording_passes_without_notes(rate_hz, size):
     sound = recording(rate_hz=rate_hz)
     sound = replace(sound, positions=size * sound.positions)
     check_plausible(sound)
-    assert notes(sound) == []
+    assert told(sound) == []
 
 
 def test_the_sample_is_sound(sample_path):
@@ -115,13 +119,13 @@ def test_a_marker_never_seen_is_refused_and_one_often_unseen_is_noted():
     often = recording(positions=positions)
     check_plausible(often)
     np.testing.assert_allclose(fraction_seen(often), [1, 1, 1, 1, 0.8])
-    assert notes(often) == ["trial.tsv: marker 'toe' is missing in 20.0 % of frames"]
+    assert told(often) == ["trial.tsv: marker 'toe' is missing in 20.0 % of frames"]
 
 
 def test_a_foot_that_stays_high_is_noted():
     positions = recording().positions.copy()
     positions[:, 4, 2] += 0.5 * body_over_feet(recording())[2]
-    (note,) = notes(recording(positions=positions))
+    (note,) = told(recording(positions=positions))
     assert f"foot '{NAMES[4]}' comes no nearer to the floor than" in note
     assert (
         f"above '{NAMES[3]}'; does it touch the ground, or does the floor slope?"
@@ -147,27 +151,27 @@ def hopping(offset_m, noise_m, *, n_frames=400):
 )
 def test_feet_that_move_as_one_are_noted(offset_m, said):
     copied = hopping(offset_m, 0.0)
-    (note,) = notes(copied)
+    (note,) = told(copied)
     assert f"feet '{NAMES[3]}' and '{NAMES[4]}' are always" in note
     assert said in note
     assert note.endswith("is one a copy of the other?")
 
 
 def test_feet_that_land_together_are_two_by_their_noise_or_the_flight():
-    assert notes(hopping((0.1, 0.2, 0.0), 1e-4)) == []
+    assert told(hopping((0.1, 0.2, 0.0), 1e-4)) == []
     coarse = hopping((0.1, 0.2, 0.0), 1e-3)
     coarse = replace(coarse, positions=np.round(coarse.positions, 3))
-    assert not [note for note in notes(coarse) if "copy" in note]
+    assert not [note for note in told(coarse) if "copy" in note]
 
 
 def test_dropped_frames_are_noted():
     time = np.arange(103) / 100.0
     time = np.delete(time, [10, 50, 51])
-    assert notes(recording(time=time)) == [
+    assert told(recording(time=time)) == [
         "trial.tsv: 3 frames are missing between the time stamps"
     ]
     time = np.delete(np.arange(101) / 100.0, 10)
-    assert notes(recording(time=time)) == [
+    assert told(recording(time=time)) == [
         "trial.tsv: 1 frame is missing between the time stamps"
     ]
 
@@ -175,11 +179,11 @@ def test_dropped_frames_are_noted():
 def test_pauses_are_no_missing_frames():
     time = np.arange(100) / 100.0
     time[40:] += 7200.0
-    assert notes(recording(time=time)) == [
+    assert told(recording(time=time)) == [
         "trial.tsv: 1 pause of 7200.01 s in which nothing was recorded"
     ]
     time[70:] += PAUSE_S - 0.01  # as between files that do not state when they began
-    assert notes(recording(time=time)) == [
+    assert told(recording(time=time)) == [
         "trial.tsv: 2 pauses of 7201.01 s in all in which nothing was recorded"
     ]
 
@@ -243,12 +247,12 @@ def test_whole_millimetres_are_noted(step, text, kind):
     positions[3, 2] = np.nan
     rounded = recording(positions=positions.astype(kind).astype(float))
     check_plausible(rounded)
-    assert notes(rounded) == [
+    assert told(rounded) == [
         f"trial.tsv: coordinates are rounded to {text} (standard deviation) to each; "
         "export more digits"
     ]
     positions[50, 1, 2] += 3e-4
-    assert notes(recording(positions=positions)) == []
+    assert told(recording(positions=positions)) == []
 
 
 def test_nothing_seen_is_not_rounded():

@@ -8,8 +8,8 @@ from made_up_hopper import MARKERS, hopping
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording
+from hopdata.recordings.axes import FILE_AXES
 from hopdata.recordings.plausibility import check_fall, check_plausible, check_rigid
-from hopdata.recordings.raw import FILE_AXES
 
 ROLES = ("body",) * 3 + ("foot",) * 3 + ("boom",)
 

@@ -8,7 +8,7 @@ from fake_study import CAPTIONS, full_study, touchdowns, truth, verdict
 from test_page import Page
 
 from hopdata.landings.contacts.find import METHODS
-from hopdata.report.formatting import NOTES
+from hopdata.report.language import sentence
 from hopdata.report.page import CONTROLS, PLACES, build_report
 
 # Numbers that a caption may state, since they say how a figure is drawn or a quantity
@@ -81,15 +81,15 @@ def test_the_caption_of_the_verdict_says_how_this_one_came_out(conclusion):
         assert f"{words}." not in text, words
     assert ("To the right of the dashed line" in text) == (conclusion != "different")
     assert "Jacobians" in text
-    assert NOTES["meaning_of_effect"] in text
+    assert sentence("meaning_of_effect") in text
 
 
 def test_a_jump_of_the_outcome_is_not_said_to_be_one_of_the_derivative():
     jump = {**verdict()["effect"], "detectable": 1.3}
     text = page(verdict=verdict(conclusion="different", decided_by="jump", jump=jump))
     assert "By how much the outcome jumps" in text
-    assert NOTES["meaning_of_jump"] in text
-    for words in ("Jacobians", NOTES["meaning_of_effect"], "The thin arrow begins"):
+    assert sentence("meaning_of_jump") in text
+    for words in ("Jacobians", sentence("meaning_of_effect"), "The thin arrow begins"):
         assert words not in text, words
     assert "The thin arrow begins at" in page()
 

@@ -47,7 +47,7 @@ def test_the_verdict_opens_the_page():
     assert page.text.index("Difference of the maps 4") < page.text.index("Recordings 1")
     assert page.ids.index("verdict") == page.ids.index("glance") + 1
     assert "you would need about 600 landings" in page.text
-    assert meaning(None) in page.text
+    assert str(meaning(None)) in page.text
 
 
 def test_a_study_without_an_answer_has_a_page_that_says_why():

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hopdata.hybrid import solve
-from hopdata.scenes import hopper_parameters as hp
+from hopdata.scenes import hopper_vector as at
 from hopdata.scenes.body import (
     cross,
     euler_rates,
@@ -430,7 +430,7 @@ def test_each_leg_has_its_own_preload():
         leg_wrench(leg, y, rotation_entries(0.0, 0.0, 0.0), p)[0][2] for leg in range(3)
     ]
     assert found == pytest.approx([20.0, 21.0, 23.0])
-    assert p[hp.N_LEGS] == 3
+    assert p[at.N_LEGS] == 3
 
 
 @pytest.fixture
@@ -456,7 +456,7 @@ def test_euler_rates_turn_the_body_at_its_angular_velocity(rng):
     step = 1e-6
     for _ in range(10):
         angles, w = rng.uniform(-1.2, 1.2, 3), rng.normal(size=3)
-        rates = np.array(euler_rates.py_func(*angles[1:], *w))
+        rates = np.array(euler_rates.py_func(*angles[1:], w))
         ahead, behind = (rotation_matrices(angles + s * step * rates) for s in (1, -1))
         spin = rotation_matrices(angles).T @ (ahead - behind) / (2 * step)
         np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], w, atol=1e-8)
@@ -465,12 +465,12 @@ def test_euler_rates_turn_the_body_at_its_angular_velocity(rng):
 def test_cross_product(rng):
     a, b = rng.normal(size=(2, 3))
     np.testing.assert_allclose(
-        cross.py_func(*a, *b), np.cross(a, b), rtol=1e-15, atol=1e-15
+        cross.py_func(a, b), np.cross(a, b), rtol=1e-15, atol=1e-15
     )
 
 
 def test_solve_with_point_mass_solves_the_full_matrix(rng):
     inertia, c, b = rng.uniform(0.05, 0.2, 3), rng.normal(size=3), rng.normal(size=3)
     matrix = np.diag(inertia) + 0.7 * (c @ c * np.eye(3) - np.outer(c, c))
-    found = solve_with_point_mass.py_func(*inertia, 0.7, tuple(c), tuple(b))
+    found = solve_with_point_mass.py_func(inertia, 0.7, c, b)
     np.testing.assert_allclose(found, np.linalg.solve(matrix, b), rtol=1e-12)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hopdata.errors import ConfigError
-from hopdata.scenes import hopper_parameters as hp
+from hopdata.scenes import hopper_vector as at
 from hopdata.scenes.hopper_parameters import HopperParameters
 
 
@@ -11,12 +11,12 @@ def test_every_place_of_the_vector_holds_the_parameter_of_its_name():
         counterweight_mass_kg=0.37, boom_swing_rad=0.9, friction=0.41
     )
     vector = parameters.vector()
-    assert vector[hp.COUNTERWEIGHT] == 0.37
-    assert vector[hp.BOOM_SWING] == 0.9
-    assert vector[hp.FRICTION] == 0.41
-    assert vector[hp.TILT_LIMIT] == parameters.tilt_limit_rad
-    assert vector[hp.GRAVITY] == 9.81
-    assert len(vector) == hp.LEGS + 3 * hp.LEG_STRIDE
+    assert vector[at.COUNTERWEIGHT] == 0.37
+    assert vector[at.BOOM_SWING] == 0.9
+    assert vector[at.FRICTION] == 0.41
+    assert vector[at.TILT_LIMIT] == parameters.tilt_limit_rad
+    assert vector[at.GRAVITY] == 9.81
+    assert len(vector) == at.LEGS + 3 * at.LEG_STRIDE
 
 
 @pytest.mark.parametrize("n_legs", [2, 3, 6])
@@ -31,7 +31,7 @@ def test_rest_feet_are_evenly_spaced_below_the_body(n_legs):
 
 def test_preloads_go_to_their_legs():
     vector = HopperParameters().vector(np.array([20.0, 21.0, 22.0]))
-    np.testing.assert_array_equal(vector[hp.LEGS :: hp.LEG_STRIDE], [20, 21, 22])
+    np.testing.assert_array_equal(vector[at.LEGS :: at.LEG_STRIDE], [20, 21, 22])
 
 
 def test_the_default_hopper_can_lift_off_and_a_weak_one_cannot():

@@ -186,7 +186,11 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
     # The file has no truth and the study wants no distances, so there is nothing of
     # either.
     assert "does not ask for constraint subspaces" in page
-    for name in ("truth.json", "tables/distances.csv", "landings/velocity_minimum"):
+    for name in (
+        "truth.json",
+        "tables/distances.csv",
+        "schedules/velocity_minimum.csv",
+    ):
         assert not (results / name).exists(), name
 
 

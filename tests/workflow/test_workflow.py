@@ -29,8 +29,10 @@ import hopdata
 from hopdata.commands.forecast import foretell
 from hopdata.config.loading import load_config
 from hopdata.figures.catalogue import FIGURES as CATALOGUE
+from hopdata.landings.contacts.find import METHODS
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth
+from hopdata.stages import LINE
 
 pytestmark = pytest.mark.workflow
 
@@ -54,7 +56,12 @@ def test_all_figures_and_the_report_are_there(sample):
     assert page.count("<figure") >= len(FIGURES)
     record = json.loads((results / "provenance.json").read_text())
     assert record["study"] == "sample"
-    assert len(record["stage_seconds"]) == 9
+    stages = {*LINE.stages} - {"simulate"}
+    jobs = {stage.removesuffix("_hopper") for stage in record["stage_seconds"]}
+    assert stages - jobs == {"mode_schedules"}
+    assert {one for one in jobs if one.startswith("mode_schedules")} == {
+        f"mode_schedules_{method}" for method in METHODS
+    }
     assert not any("simulate" in stage for stage in record["stage_seconds"])
 
 
@@ -65,16 +72,32 @@ def test_nothing_is_left_to_do(sample):
 @pytest.mark.parametrize(
     ("block", "key", "value", "rules"),
     [
-        ("distances", "noise_sd", 0.2, {"maps", "score"}),
-        ("verdict", "margin", 0.15, {"verdict"}),
+        (
+            "units",
+            "length_m",
+            0.03,
+            {
+                *("normalisation", "prediction", "constraint_subspaces"),
+                *("landing_maps", "score", "figures_maps"),
+            },
+        ),
+        ("verdict", "margin", 0.15, {"verdict", "figures_maps"}),
+        ("sections", "grid_nodes", 512, {"section_densities", "figures_landings"}),
     ],
 )
 def test_a_key_runs_only_its_stage_and_what_follows(sample, block, key, value, rules):
+    """Snakemake plans what `tests/workflow/test_rules.py` states for every key."""
     changed = edit_config(
         sample, lambda config: config.setdefault(block, {}).update({key: value})
     )
     planned = planned_rules(sample, "--configfile", changed)
-    assert planned == {"all", "figures_maps", "report", *rules}
+    assert planned == {"all", "report", *rules}
+
+
+def test_a_run_stops_after_a_stage(sample):
+    planned = planned_rules(sample, "--forceall", "--until", "poincare_sections")
+    chain = ["import_recording", "floor_compensation", "foot_contacts"]
+    assert planned == {*chain, "poincare_sections"}
 
 
 def test_the_verdict_on_the_sample(sample):
@@ -129,8 +152,8 @@ def test_an_edited_library_module_runs_the_stages_that_use_it(sample):
     planned = planned_rules(sample)
     shutil.rmtree(library)
     library.symlink_to(ROOT / "src")
-    assert {"pairs", "maps", "report"} <= planned
-    assert "recording" not in planned
+    assert {"home_frame", "prediction", "verdict", "report"} <= planned
+    assert not {"floor_compensation", "poincare_sections", "mode_schedules"} & planned
 
 
 def test_one_process_has_the_same_bytes(sample, tmp_path, monkeypatch):
@@ -160,9 +183,7 @@ def test_accuracy_against_truth(sample):
     assert abs(value["section_post_error"]) <= 2, "mm"
     assert value["near_below_all_below_far"]
     assert value["random_clearance"] > 0.5, "rad above the 95 % quantile of all others"
-    sections = json.loads(
-        (sample / "results/sample/landings/sections.json").read_text()
-    )
+    sections = json.loads((sample / "results/sample/sections.json").read_text())
     assert sections["pre_height_m"] - sections["post_height_m"] >= 0.14
     summary = pd.read_csv(sample / "results/sample/tables/prediction_summary.csv")
     median = summary.set_index("model")["median"]
@@ -243,7 +264,8 @@ def test_gaps_are_filled_only_where_they_can_be(tmp_path, body, filling, fills):
     printed = completed(
         folder, "--dry-run", "--configfile", edit_config(folder, simulate)
     )
-    assert ("tables/filled.csv" in printed) == fills
+    page = re.search(r"rule report:\n +input: (.*)", printed)[1]
+    assert ("tables/filled.csv" in page) == fills
 
 
 def swap_body_and_feet(config):
@@ -381,7 +403,7 @@ def test_as_a_module_of_another_workflow_on_a_machine_that_is_not_here(tmp_path)
     )
     run = snakemake(
         tmp_path, "--executor", "cluster-generic", "--cluster-generic-submit-cmd", "bash",
-        "--jobs", "1", "--until", "landing_recording", "--seconds-between-status-checks", "1",
+        "--jobs", "1", "--until", "landing_import_recording", "--seconds-between-status-checks", "1",
         cores=None,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
@@ -398,7 +420,7 @@ def test_a_job_asks_for_twice_as_much_at_a_retry(tmp_path):
         return np.array(sorted((int(time), int(memory)) for time, memory in found))
 
     first = asked(1)
-    assert first.shape == (10, 2)
+    assert first.shape == (20, 2)
     np.testing.assert_array_equal(asked(3), 4 * first)
 
 
@@ -455,7 +477,7 @@ def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sampl
     os.utime(source, (seconds, seconds - 86_400))
     os.utime(sample / made, (seconds, time.time() + 86_400))
     run = snakemake(sample, made, "--dry-run")
-    assert "rule recording:" in run.stdout + run.stderr
+    assert "rule import_recording:" in run.stdout + run.stderr
     assert f"hopdata: {made}: {told}, and Snakemake decides" in run.stderr
     completed(sample, made, "--forceall")
     assert (sample / made).read_bytes() == before

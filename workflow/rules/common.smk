@@ -5,13 +5,14 @@ from pathlib import Path
 
 from snakemake.io import strip_wildcard_constraints
 
+from hopdata import stages
 from hopdata.config import consistency
-from hopdata.config.consistency import files_of, simulation_of
+from hopdata.config.consistency import files_of
 from hopdata.config.loading import load_config
 from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
 from hopdata.figures.catalogue import FIGURES as CATALOGUE, OF_DISTANCES, source_of, tables_of
-from hopdata.provenance import code_digest
+from hopdata.provenance import code_digest, stage_digest
 
 # Snakemake writes Python's path unquoted into the shell command of each script.
 if re.search(r"[\s'\"()&;]", sys.executable):
@@ -43,7 +44,6 @@ TRUTH_KNOWN = consistency.knows_truth(STUDY)
 LABELLED_BY = METHODS if TRUTH_KNOWN else [METHOD]
 # Whether the study asks for constraint subspaces and their distances (Fig. 2.5).
 DISTANCES = STUDY["distances"]["enabled"]
-SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
 SIMULATED = consistency.is_simulated(STUDY)
 # Contacts known from other sources, for the recordings that have any.
 EXTERNAL = {
@@ -51,12 +51,8 @@ EXTERNAL = {
     for entry in STUDY["recordings"]
     if entry["contacts"]["file"] or entry["forces"]["file"]
 }
-EXCLUDED = {entry["name"]: entry["exclude"] for entry in STUDY["recordings"]}
+# Whether short gaps of the body are filled.
 FILLS = consistency.fills(STUDY)
-# Levelled recordings, with short gaps filled if the study asks for it.
-READY = f"{RESULTS}/ready/{{recording}}.h5"
-# Descents and contacts of these recordings.
-CONTACTS = f"{RESULTS}/landings/contacts/{{recording}}.csv"
 FORMATS = STUDY["figures"]["formats"]
 # Paths start from this file: if another workflow includes this one as a module, the Snakefile is its
 # own. They are relative, so that a study can run in another folder (`--directory`) and a checkout
@@ -72,6 +68,38 @@ DAMAGE_SUITE = CHECKOUT / "tests" / "recordings"  # used by the benchmark `readi
 
 wildcard_constraints:
     recording="|".join(RECORDINGS),
+    method="|".join(METHODS),
+
+
+def in_recordings(key):
+    """Return a key of ``recordings`` for each of them, by name."""
+    return {entry["name"]: entry[key] for entry in STUDY["recordings"]}
+
+
+def all_but(section, *left_out):
+    """Return a section of the configuration without some of its keys."""
+    return {key: value for key, value in section.items() if key not in left_out}
+
+
+def source_files(wildcards):
+    """Return the user's files of a recording, or the simulated one if it has none."""
+    files = SOURCES[wildcards.recording]
+    if files:
+        return files
+    return f"{RESULTS}/simulated/{wildcards.recording}.h5"
+
+
+def source_stamps(wildcards):
+    """Return sizes and times of the user's files of a recording."""
+    return stamps(SOURCES[wildcards.recording])
+
+
+def stage_code(name):
+    """Return a function that digests a stage: its text, and the library code that it uses.
+
+    See `code`. Other stages in the same file do not count.
+    """
+    return lambda wildcards: stage_digest(*stages.LINE.sources(name), script=SCRIPTS / "stage.py")
 
 
 def code(script, *modules, folder=SCRIPTS):
@@ -108,17 +136,12 @@ def stage_times(folder, **wildcards):
     """
     times = [strip_wildcard_constraints(one.benchmark) for one in workflow.rules if one.benchmark]
     own = [one for one in times if one.startswith(f"{folder}/benchmarks/")]
-    return sorted(set(expand(own, recording=RECORDINGS, **wildcards)))
+    return sorted(set(expand(own, recording=RECORDINGS, method=LABELLED_BY, **wildcards)))
 
 
 def each_recording(pattern):
     """Return one path per recording, in the order of the configuration."""
     return expand(pattern, recording=RECORDINGS)
-
-
-def touchdowns_by(method):
-    """Return the touchdown tables of one method, one per recording."""
-    return each_recording(f"{RESULTS}/landings/{method}/{{recording}}.csv")
 
 
 def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress", DAMAGE_SUITE)):

@@ -84,9 +84,9 @@ rule first_look:
 rule bundled:
     """Write a simulated recording whose truth states how far apart its exact maps are."""
     input:
-        recording=rules.simulate.output.recording,
-        maps=rules.true_sections.output.maps,
-        pairs=rules.true_sections.output.pairs,
+        recording=f"{RESULTS}/simulated/{{recording}}.h5",
+        maps=f"{RESULTS}/maps/exact_maps.json",
+        pairs=f"{RESULTS}/true_pairs.h5",
     output:
         f"{RESULTS}/bundled/{{recording}}.h5",
     log:

@@ -1,8 +1,8 @@
 rule contact_overlay:
     """Compare the contacts found with events, foot switches or forces from other sources."""
     input:
-        recordings=expand(READY, recording=list(EXTERNAL)),
-        touchdowns=rules.pairs.output.touchdowns,
+        recordings=expand(f"{RESULTS}/level/{{recording}}.h5", recording=list(EXTERNAL)),
+        touchdowns=f"{RESULTS}/tables/touchdowns.csv",
         external=[
             block["file"]
             for blocks in EXTERNAL.values()

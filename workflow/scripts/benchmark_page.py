@@ -1,4 +1,4 @@
-"""Write the page of the benchmarks: every table, and the figures above their captions."""
+"""Write the page of the benchmarks: every table, and captioned figures."""
 
 import ast
 from datetime import datetime
@@ -9,55 +9,67 @@ import pandas as pd
 from hopdata.jobs import reported, whole_file
 from hopdata.report.inputs import render_caption
 
-MOST_ROWS = 13  # rows of a table shown on the page, enough to see what it holds
+# Rows of a table that the page shows, enough to see what it holds.
+MOST_ROWS = 13
 
 
 def line(values):
     """Return a row of a table in Markdown, with empty cells for missing numbers."""
-    cells = (
-        f"{x:.4g}" if isinstance(x, float) else str(x).replace("|", "/") for x in values
-    )
-    return f"| {' | '.join('' if cell == 'nan' else cell for cell in cells)} |"
+    cells = []
+    for value in values:
+        if isinstance(value, float):
+            cell = f"{value:.4g}"
+        else:
+            cell = str(value).replace("|", "/")
+        cells.append("" if cell == "nan" else cell)
+    return f"| {' | '.join(cells)} |"
 
 
-with reported(snakemake.log[0]):
-    page, programs = Path(snakemake.output[0]), snakemake.params.programs
+def described(table):
+    """Return a table's beginning in Markdown, below a link to the whole."""
+    rows = pd.read_csv(table)
+    count = ""
+    if len(rows) > MOST_ROWS:
+        count = f", {MOST_ROWS} of {len(rows)} rows"
+    body = rows.head(MOST_ROWS).itertuples(index=False)
+    lines = [line(rows.columns), line(["---"] * len(rows.columns)), *map(line, body)]
+    return [f"[{table.name}]({table.name}){count}:", "\n".join(lines)]
+
+
+def title_of(program):
+    """Return the first line of what a program says about itself."""
+    tree = ast.parse(Path(program).read_text())
+    return ast.get_docstring(tree).splitlines()[0]
+
+
+def pictures(page, programs):
+    """Return the figures with their captions in Markdown, by the program that made them."""
     drawn = {name: [] for name in programs}
-    for figure, text in zip(
-        snakemake.input.figures, snakemake.input.captions, strict=True
-    ):
+    captions = snakemake.input.captions
+    for figure, text in zip(snakemake.input.figures, captions, strict=True):
         name = Path(figure).stem
         table = snakemake.params.drawn_from[name][0]
         program = next(p for p, about in programs.items() if table in about["tables"])
         caption = render_caption(Path(text).read_text(), {}, name=name)
         picture = f"![{caption.alt}]({Path(figure).relative_to(page.parent)})"
         drawn[program] += [f"### {caption.title}", picture, *caption.paragraphs]
-    made = [
-        datetime.fromtimestamp(Path(table).stat().st_mtime)
-        for table in snakemake.input.tables
-    ]
-    when = f"The tables were made from {min(made):%Y-%m-%d %H:%M} to {max(made):%Y-%m-%d %H:%M}."
-    parts = ["# The benchmarks' last run", when]
+    return drawn
+
+
+with reported(snakemake.log[0]):
+    page = Path(snakemake.output[0])
+    programs = snakemake.params.programs
+    drawn = pictures(page, programs)
+    times = [Path(table).stat().st_mtime for table in snakemake.input.tables]
+    first = f"{datetime.fromtimestamp(min(times)):%Y-%m-%d %H:%M}"
+    last = f"{datetime.fromtimestamp(max(times)):%Y-%m-%d %H:%M}"
+    parts = ["# The benchmarks' last run"]
+    parts.append(f"The tables were made from {first} to {last}.")
     for name, about in programs.items():
-        title = ast.get_docstring(
-            ast.parse(Path(about["file"]).read_text())
-        ).splitlines()[0]
-        parts += [
-            f"## {title}",
-            f"`{' '.join([name + '.py', *about['arguments']])}`",
-            *drawn[name],
-        ]
+        parts.append(f"## {title_of(about['file'])}")
+        parts.append(f"`{' '.join([name + '.py', *about['arguments']])}`")
+        parts += drawn[name]
         for table in about["tables"]:
-            rows = pd.read_csv(page.with_name(table))
-            count = (
-                f", {MOST_ROWS} of {len(rows)} rows" if len(rows) > MOST_ROWS else ""
-            )
-            body = rows.head(MOST_ROWS).itertuples(index=False)
-            lines = [
-                line(rows.columns),
-                line(["---"] * len(rows.columns)),
-                *map(line, body),
-            ]
-            parts += [f"[{table}]({table}){count}:", "\n".join(lines)]
+            parts += described(page.with_name(table))
     with whole_file(page) as file:
         file.write_text("\n\n".join(parts) + "\n", encoding="utf-8")

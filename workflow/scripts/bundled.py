@@ -1,4 +1,4 @@
-"""Rewrite a simulated recording with the difference of its exact maps added to its truth."""
+"""Add the difference of the exact maps to a simulated recording's truth."""
 
 from dataclasses import replace
 
@@ -9,9 +9,9 @@ from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_re
 
 with reported(snakemake.log[0]):
     source = snakemake.input
-    recording, truth = read_recording(source.recording), read_truth(source.recording)
+    recording = read_recording(source.recording)
+    truth = read_truth(source.recording)
     states = read_pairs(source.pairs).x
     effect = true_effect(read_json(source.maps), states, truth.contact_times)
-    write_recording(
-        snakemake.output[0], recording, truth=replace(truth, true_effect=effect)
-    )
+    known = replace(truth, true_effect=effect)
+    write_recording(snakemake.output[0], recording, truth=known)

@@ -14,24 +14,25 @@ from hopdata.maps.truth.scoring import state_errors, true_rows
 from hopdata.recordings.readers.hdf5 import read_truth
 
 with reported(snakemake.log[0]):
-    source, output, names = (
-        snakemake.input,
-        snakemake.output,
-        snakemake.params.recordings,
-    )
-    pairs, true = read_pairs(source.pairs), read_pairs(source.true_pairs)
+    source = snakemake.input
+    output = snakemake.output
+    pairs = read_pairs(source.pairs)
+    true_pairs = read_pairs(source.true_pairs)
+    names = snakemake.params.recordings
     contacts = {
         name: read_truth(path).contact_times
         for name, path in zip(names, source.recordings, strict=True)
     }
     feet = snakemake.params.markers["feet"]
-    rows = true_rows(pairs, read_table(source.touchdowns), true, contacts, feet)
-    estimates, maps = read_json(source.estimates), read_json(source.maps)
-    time_unit_s = read_json(source.units)["time_unit_s"]
+    touchdowns = read_table(source.touchdowns)
+    rows = true_rows(pairs, touchdowns, true_pairs, contacts, feet)
+    estimates = read_json(source.estimates)
+    maps = read_json(source.maps)
     shape = np.array(estimates["shape_m"]).reshape(-1, 3)
-    exact = exact_map(maps, true.x, shape=shape, time_unit_s=time_unit_s)
-    effect = true_effect(maps, true.x, pairs.instants)
+    time_unit_s = read_json(source.units)["time_unit_s"]
+    exact = exact_map(maps, true_pairs.x, shape=shape, time_unit_s=time_unit_s)
+    effect = true_effect(maps, true_pairs.x, pairs.instants)
     write_table(output.errors, estimate_errors(exact, estimates))
     write_table(output.exact, exact.table())
     write_table(output.verdict, verdict_errors(effect, read_json(source.verdict)))
-    write_table(output.states, state_errors(pairs, true, rows))
+    write_table(output.states, state_errors(pairs, true_pairs, rows))

@@ -11,18 +11,18 @@ from hopdata.report.inputs import read_figures
 from hopdata.report.verdict import build_group_page
 
 with reported(snakemake.log[0]):
+    output = snakemake.output
     rows = [read_json(path) for path in snakemake.input.members]
     group = put_together(rows, snakemake.params.group)
     flat = [{**row, **row["further"]} for row in rows]
     table = pd.DataFrame(flat).drop(columns=["further", "quality"], errors="ignore")
-    write_table(snakemake.output.table, table)
-    write_json(snakemake.output.answer, group)
-    save_figure(
-        group_figure(group),
-        Path(snakemake.output.figure).with_suffix(""),
-        formats=["svg"],
-    )
-    drawn = [snakemake.output.figure] * any(not row["reason"] for row in rows)
+    write_table(output.table, table)
+    write_json(output.answer, group)
+    picture = Path(output.figure).with_suffix("")
+    save_figure(group_figure(group), picture, formats=["svg"])
+    # Without an answer there is nothing to see in the figure.
+    has_answer = any(not row["reason"] for row in rows)
+    drawn = [output.figure] if has_answer else []
     figures = read_figures(drawn, [snakemake.input.captions])
-    with whole_file(snakemake.output.page) as temporary:
-        temporary.write_text(build_group_page(group, figures), encoding="utf-8")
+    with whole_file(output.page) as draft:
+        draft.write_text(build_group_page(group, figures), encoding="utf-8")

@@ -6,14 +6,9 @@ from hopdata.jobs import read_table, reported, write_table
 from hopdata.maps.prediction import error_ratios
 
 with reported(snakemake.log[0]):
-    files = zip(
-        snakemake.params.names,
-        snakemake.input.summaries,
-        snakemake.input.touchdowns,
-        strict=True,
-    )
-    rows = [
-        {"study": name} | error_ratios(read_table(summary), read_table(touchdowns))
-        for name, summary, touchdowns in files
-    ]
+    rows = []
+    for number, name in enumerate(snakemake.params.names):
+        summary = read_table(snakemake.input.summaries[number])
+        touchdowns = read_table(snakemake.input.touchdowns[number])
+        rows.append({"study": name, **error_ratios(summary, touchdowns)})
     write_table(snakemake.output[0], pd.DataFrame(rows))

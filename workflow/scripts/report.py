@@ -8,41 +8,51 @@ from hopdata.recordings.readers.hdf5 import read_recording
 from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 from hopdata.report.page import build_report
 
-TABLES = ("touchdowns", "prediction", "faults", "remarks")
-
 with reported(snakemake.log[0]):
     source = snakemake.input
-    read = map(
-        read_recording, source.recordings
-    )  # lazy, so that no recording stays in memory
-    facts = [(describe_recording(r), r.source, r.source_sha256) for r in read]
-    recordings, names = [one for one, *_ in facts], [one["name"] for one, *_ in facts]
-    stage_times = [
-        Path(path) for path in snakemake.params.stage_times if Path(path).exists()
-    ]
-    digests = {file: sha256 for _, file, sha256 in facts}
-    record = provenance(snakemake.params.study, digests, stage_times)
+    config = snakemake.params.study
+    recordings = []
+    digests = {}
+    for path in source.recordings:  # one by one, so that none stays in memory
+        recording = read_recording(path)
+        recordings.append(describe_recording(recording))
+        digests[recording.source] = recording.source_sha256
+    names = [one["name"] for one in recordings]
+    floors = [read_json(path) for path in source.floors]
+    times = [Path(path) for path in snakemake.params.stage_times]
+    record = provenance(config, digests, [path for path in times if path.exists()])
+    notes = []
+    for path in source.notes:
+        notes += read_json(path)
+    # Files that only some studies have.
+    filled = read_table(source.filled) if source.filled else None
+    truth = read_json(source.truth) if source.truth else None
+    distances = read_table(source.distances) if source.distances else None
     page = build_report(
         ReportInputs(
-            study=snakemake.params.study["study"],
+            study=config["study"],
+            language=config["report"]["language"],
             figures=read_figures(source.figures, source.captions),
             recordings=recordings,
             levelled=[read_recording(path) for path in source.levelled],
-            filled=read_table(source.filled[0]) if source.filled else None,
+            filled=filled,
             sections=read_json(source.sections),
             units=read_json(source.units),
             provenance=record,
-            floors=dict(zip(names, map(read_json, source.floors), strict=True)),
-            truth=read_json(source.truth) if source.truth else None,
-            distances=read_table(source.distances) if source.distances else None,
-            distances_asked=snakemake.params.study["distances"]["enabled"],
+            floors=dict(zip(names, floors, strict=True)),
+            truth=truth,
+            distances=distances,
+            distances_asked=config["distances"]["enabled"],
             verdict=read_json(source.verdict),
             overlay={Path(path).stem: read_table(path) for path in source.overlay},
             quality=read_json(source.quality),
-            **{name: read_table(getattr(source, name)) for name in TABLES},
-            notes=[note for path in source.notes for note in read_json(path)],
+            touchdowns=read_table(source.touchdowns),
+            prediction=read_table(source.prediction),
+            faults=read_table(source.faults),
+            remarks=read_table(source.remarks),
+            notes=notes,
         )
     )
     write_json(snakemake.output.provenance, record)
-    with whole_file(snakemake.output.report) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    with whole_file(snakemake.output.report) as draft:
+        draft.write_text(page, encoding="utf-8")

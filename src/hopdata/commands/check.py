@@ -68,7 +68,7 @@ def check(options: argparse.Namespace) -> int:
 def _configs(file: str) -> list[dict[str, Any]]:
     """Return the configuration of a study, or of each study of a group."""
     from hopdata.config.loading import load_config, read_yaml
-    from hopdata.group import read_group
+    from hopdata.samples import read_group
 
     content = read_yaml(file)
     studies: list[Any] = [file]
@@ -135,7 +135,8 @@ def _remarks(recording: Recording, rate_hz: float | None) -> list[str]:
     from hopdata.landings.floor import moving
     from hopdata.recordings.plausibility import notes
 
-    remarks = [*notes(recording), *_suspects(recording, rate_hz)]
+    remarks = [str(note) for note in notes(recording)]
+    remarks += _suspects(recording, rate_hz)
     floor_moves = moving(recording)
     if floor_moves:
         remarks.append(f"{recording.place}: {floor_moves}")
@@ -152,7 +153,7 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
     lines = []
     if not rate_hz:
         lines += listing.question("input.rate_hz", found.rate)
-    lines += found.lost
+    lines += [str(one) for one in found.lost]
     if found.faults.count or len(found.timing.irregular) or found.lost:
         suspects = {"answer": listing.answer(found)}
         lines.append(str(Message("commands.see_inspect", suspects)))

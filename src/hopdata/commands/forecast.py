@@ -22,11 +22,16 @@ from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
-from hopdata.maps.verdict.judge import TWO_KINDS
+from hopdata.maps.verdict.judge import TWO_KINDS, TWO_KINDS_CODE
 from hopdata.maps.verdict.model import LEFT
 from hopdata.messages import Message
 from hopdata.recording import Recording, fraction_seen
 from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
+
+# Codes of the errors by which landings are too alike for a comparison: of a study with
+# few feet, and of one with many.
+TOO_FEW_ORDERS = "maps.too_few_orders"
+NO_TWO_FEET = "maps.no_two_feet"
 
 # A foot in a reason of the table, counted from 1.
 FOOT = r"foot (\d+)"
@@ -94,8 +99,9 @@ class Forecast:
         it cannot show any.
     allowed
         Largest difference that is no evidence, with any number of landings.
-    reason
-        Why the verdict cannot show a difference; empty if it can.
+    reason, code
+        Why the verdict cannot show a difference, in words and as the code of a message;
+        empty if it can.
     stops
         Whether the study has too few touchdowns to run to its end.
     best
@@ -110,6 +116,7 @@ class Forecast:
     detectable: float | None = None
     allowed: float = LEFT
     reason: str = ""
+    code: str = ""
     stops: bool = False
     best: Mapping[str, float] = field(default_factory=dict)
     kinds: str = ""
@@ -207,16 +214,25 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     try:
         touchdowns = study.touchdowns
     except AnalysisError as error:
-        return Forecast(candidates, share, reason=str(error), stops=True, best=best)
+        return Forecast(
+            candidates,
+            share,
+            reason=str(error),
+            code=error.code,
+            stops=True,
+            best=best,
+        )
     verdict = study.verdict
     if verdict.effect is None:
-        reason = verdict.notes[-1]["reason"]
-        return Forecast(touchdowns, share, reason=reason, best=best)
+        note = verdict.notes[-1]
+        return Forecast(
+            touchdowns, share, reason=note["reason"], code=note["code"], best=best
+        )
     allowed = verdict.effect.allowed
     beyond_allowed = max(0.0, verdict.effect.detectable - allowed)
     # Errors fall with the root of the number of landings.
     detectable = allowed + beyond_allowed * float(np.sqrt(share))
-    kinds = [note["reason"] for note in verdict.notes if note["what"] == TWO_KINDS]
+    kinds = [note["reason"] for note in verdict.notes if note["code"] == TWO_KINDS_CODE]
     return Forecast(
         touchdowns,
         share,
@@ -429,7 +445,6 @@ def _for_one_order(forecast: Forecast) -> Iterator[Message]:
     used = forecast.touchdowns[~forecast.touchdowns["excluded"]]
     shares = used["schedule"].value_counts(normalize=True)
     are_alike = shares.max() > MOST_ALIKE
-    if ("contact order" in forecast.reason and are_alike) or (
-        "no two feet" in forecast.reason
-    ):
+    is_one_order = forecast.code == TOO_FEW_ORDERS and are_alike
+    if is_one_order or forecast.code == NO_TWO_FEET:
         yield Message("commands.vary_the_order")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from hopdata.commands import terminal
 from hopdata.errors import AnalysisError, RecordingError
+from hopdata.messages import Message
 
 if TYPE_CHECKING:
     from hopdata.landings.floor_surface import FloorModel
@@ -56,7 +57,8 @@ def inspected(options: argparse.Namespace) -> Inspection:
 
 def _with_likely_rate(error: RateUnknownError, raw: RawRecording) -> RecordingError:
     """Return the error with the two likeliest rates, by how the markers fall."""
-    from hopdata.recordings.quality.orientation import choose_unit, guess_rate
+    from hopdata.recordings.quality.frame_rate import guess_rate
+    from hopdata.recordings.quality.orientation import choose_unit
 
     unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
     rate = guess_rate(raw, unit, is_stated=False)
@@ -96,6 +98,7 @@ def guessed_roles(inspection: Inspection) -> Roles:
     from hopdata.landings.floor import level
     from hopdata.recordings.quality.part_names import part_by_name
     from hopdata.recordings.quality.roles import guess_roles
+    from hopdata.recordings.wording import also
 
     markers = inspection.markers
     roles = guess_roles(inspection)
@@ -112,7 +115,9 @@ def guessed_roles(inspection: Inspection) -> Roles:
         has_more_feet = set(roles.feet) < set(again.feet)
         if again.problems or not has_more_feet:
             return roles
-        again.reasons["feet"] += "; on a floor that slopes"
+        on_a_slope = Message("recordings.feet_on_a_slope")
+        reason = again.reasons["feet"]
+        again.reasons["feet"] = also(reason, on_a_slope) if reason else on_a_slope
         roles = again
         feet = list(roles.feet)
     return roles
@@ -125,7 +130,7 @@ def _feet_may_be_missing(
     if not feet or len(feet) == len(markers):
         return False
     not_taken = set(feet) - set(roles.feet)
-    return bool(not_taken or roles.reasons["unused"])
+    return bool(not_taken or roles.reasons.get("unused"))
 
 
 def _sloping_floor(standing: Recording) -> FloorModel | None:
@@ -137,6 +142,6 @@ def _sloping_floor(standing: Recording) -> FloorModel | None:
         floor = fit_floor(standing, degree=1, largest_error_m=largest_error_m)
     except AnalysisError:
         return None
-    if "slopes" not in floor.note:
+    if not floor.slopes:
         return None
     return replace(floor, rim_m=BEYOND_RIM * floor.rim_m)

@@ -251,7 +251,7 @@ def _print_guesses(draft: Draft, inspection: Inspection, roles: Roles) -> None:
         "home": draft.home,
         "unit": str(draft.settings.get("input", {}).get("unit", "")),
     }
-    reasons = {**roles.reasons, "unit": inspection.unit.reason}
+    reasons = {**roles.reasons, "unit": inspection.unit.why}
     for key, value in guessed.items():
         if not value:
             continue
@@ -265,7 +265,7 @@ def _remarks(inspection: Inspection, roles: Roles) -> list[str]:
     """List what needs manual attention before the study can be trusted."""
     from hopdata.landings.floor import moving
 
-    remarks = [*roles.problems]
+    remarks = [str(problem) for problem in roles.problems]
     for role, other in roles.unsure.items():
         guessed = ", ".join(getattr(roles, role))
         values = {"role": role, "guessed": guessed, "other": other}
@@ -273,7 +273,7 @@ def _remarks(inspection: Inspection, roles: Roles) -> list[str]:
     remarks += listing.notes(inspection)
     unit = inspection.unit
     if unit.value not in READABLE_UNITS:
-        values = {"unit": unit.value, "reason": unit.reason}
+        values = {"unit": unit.value, "reason": unit.why}
         remarks.append(str(Message("commands.unit_not_read", values)))
     suspects = inspection.suspects()
     if suspects:
@@ -301,11 +301,11 @@ def _draft(
     for role, what in _WHAT.items():
         if roles.reasons.get(role):
             reasons[f"markers.{role}"] = f"{what} {roles.reasons[role]}."
-    if roles.reasons["unused"]:
+    if roles.reasons.get("unused"):
         reasons["markers.unused"] = f" ({roles.reasons['unused']})"
     home = ""
     # Without a reason it is the default, which no order of markers decides.
-    if roles.reasons["home"]:
+    if roles.reasons.get("home"):
         home = roles.home
         reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, Mapping[str, object]] = {}
@@ -345,12 +345,12 @@ def _input_settings(
     if unit.is_sure and unit.value in READABLE_UNITS and holds_for_all:
         settings["unit"] = (unit.value, f"{unit.reason}.")
     up = inspection.up.value
-    why_up = f"{inspection.up.reason}."
+    why_up = inspection.up.why
     if options.more and not options.vertical_axis:
         up = "auto"
-        why_up = "of each file that along which its markers fall."
+        why_up = Message("recordings.up_of_each_file")
     if up != "z":
-        settings["vertical_axis"] = (up, why_up)
+        settings["vertical_axis"] = (up, f"{why_up}.")
     if options.rate is not None:
         settings["rate_hz"] = (options.rate, "As given.")
     return settings

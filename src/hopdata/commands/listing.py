@@ -14,8 +14,8 @@ from hopdata.messages import Message
 
 if TYPE_CHECKING:
     from hopdata.arrays import FloatArray
+    from hopdata.recordings.quality.guess import Guess
     from hopdata.recordings.quality.inspection import Inspection
-    from hopdata.recordings.quality.orientation import Guess
     from hopdata.recordings.quality.stretches import MarkerGaps
 
 # Sizes of the listing: characters of a line, columns of the picture, suspects shown.
@@ -161,8 +161,7 @@ def notes(inspection: Inspection) -> list[str]:
     found += question("input.vertical_axis", inspection.up)
     found += question("input.rate_hz", inspection.rate)
     found += inspection.remarks
-    found += inspection.treated
-    found += inspection.lost
+    found += [str(one) for one in (*inspection.treated, *inspection.lost)]
     unseen = [gaps for gaps in inspection.gaps if LONG_UNSEEN < gaps.share < 1]
     if unseen:
         markers = [f"{gaps.marker} ({100 * gaps.share:.0f} %)" for gaps in unseen]
@@ -179,7 +178,7 @@ def question(key: str, guess: Guess) -> list[str]:
         "key": key,
         "value": guess.value,
         "other": guess.other,
-        "reason": guess.reason,
+        "reason": guess.why,
     }
     return [str(Message("commands.which_value", values))]
 

@@ -1,4 +1,4 @@
-"""Every figure of the workflow: the function that draws it, and the files it is drawn from.
+"""Every figure of the workflow: the function that draws it, and its files.
 
 To add a figure, write its function in one of this package's modules and its entry in
 ``catalogue.toml``, under the job that draws it. Its caption is in
@@ -57,7 +57,7 @@ OF_DISTANCES = "fig2_5_distances"
 
 
 def _drawings(file: Path, package: str) -> dict[str, dict[str, Drawing]]:
-    """Return the figures of each job in a catalogue, drawn by modules of this package."""
+    """Return the figures of each job in a catalogue, drawn by this package."""
     jobs: dict[str, dict[str, Drawing]] = {}
     for job, drawings in tomllib.loads(file.read_text("utf-8")).items():
         jobs[job] = {}
@@ -77,7 +77,7 @@ for product in products.installed():
 
 
 def tables_of(name: str, *, simulated: bool = False) -> tuple[str, ...]:
-    """Return the files that a figure is drawn from, as paths relative to the results."""
+    """Return the files that a figure is drawn from, relative to the results."""
     drawing = _drawing(name)
     return (*drawing.files, *(drawing.truth if simulated else ()))
 

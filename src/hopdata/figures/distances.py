@@ -19,9 +19,11 @@ KINDS: dict[str, tuple[str, str, Any]] = {
     "random": ("random", style.PURPLE, (0, (5, 1.2, 1.5, 1.2))),
 }
 QUANTILES = ("q05", "q25", "median", "q75", "q95")
+# Most steps of a drawn distribution.
 MOST_STEPS = 2000
 NOT_DECIDED = (
-    "Cross-class right of in-class does not mean\ndifferent maps: noise and one map that bends\n"
+    "Cross-class right of in-class does not mean\n"
+    "different maps: noise and one map that bends\n"
     "move them, too. The verdict decides."
 )
 ONE_ORDER = (
@@ -31,7 +33,7 @@ ONE_ORDER = (
 
 @style.styled
 def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
-    """Draw Fig. 2.5: cumulative distribution and box plot of each kind of arc-length distance.
+    """Draw Fig. 2.5: distribution and box plot of each kind of arc-length distance.
 
     Parameters
     ----------
@@ -54,8 +56,10 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     figure = style.paper_figure(style.SINGLE_COLUMN_MM, 102.0)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1))
     _draw_study(upper, lower, distances, summary)
-    compared = (distances["kind"] == "cross_class").any()
-    figure.supxlabel(NOT_DECIDED if compared else ONE_ORDER, fontsize=style.pt(7))
+    explanation = ONE_ORDER
+    if (distances["kind"] == "cross_class").any():
+        explanation = NOT_DECIDED
+    figure.supxlabel(explanation, fontsize=style.pt(7))
     style.lettered(figure, (upper, lower), ncols=2)
     return figure
 
@@ -66,9 +70,8 @@ def _draw_study(
     """Draw the distributions above and the boxes below, and label the axes."""
     boxes = {str(row["kind"]): row for row in summary.to_dict("records")}
     for place, kind in enumerate(KINDS):
-        sample = (
-            distances.loc[distances["kind"] == kind, "distance_rad"].dropna().to_numpy()
-        )
+        of_kind = distances.loc[distances["kind"] == kind, "distance_rad"]
+        sample = of_kind.dropna().to_numpy()
         _draw_cumulative(upper, kind, sample)
         _draw_box(lower, place, kind, boxes.get(kind, {}))
     upper.set_ylabel("cumulative share")
@@ -81,15 +84,15 @@ def _draw_study(
 
 
 def _draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
-    """Draw the cumulative distribution of one kind, or its legend entry "none" without data."""
+    """Draw the distribution of one kind, or its legend entry "none" without data."""
     label, colour, dash = KINDS[kind]
     if not len(sample):
         axes.plot([], [], color=colour, linestyle=dash, label=f"{label} (none)")
         return
-    ordered, share = np.sort(sample), np.arange(1, len(sample) + 1) / len(sample)
-    shown = np.unique(
-        np.linspace(0, len(sample) - 1, min(len(sample), MOST_STEPS)).astype(int)
-    )
+    n = len(sample)
+    ordered = np.sort(sample)
+    share = np.arange(1, n + 1) / n
+    shown = np.unique(np.linspace(0, n - 1, min(n, MOST_STEPS)).astype(int))
     x = np.concatenate([ordered[:1], ordered[shown]])
     y = np.concatenate([[0.0], share[shown]])
     axes.plot(x, y, color=colour, linestyle=dash, label=label, drawstyle="steps-post")
@@ -133,7 +136,8 @@ def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
     )
     for column, name in enumerate(names):
         distances, summary, verdict = content[3 * column : 3 * column + 3]
-        upper, lower = rows[0, column], rows[1, column]
+        upper = rows[0, column]
+        lower = rows[1, column]
         _draw_study(upper, lower, distances, summary)
         upper.set_title(f"{name}\nverdict: {in_short(verdict)}", loc="left")
     for axes in rows[:, 1:].ravel():

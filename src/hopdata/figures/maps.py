@@ -1,5 +1,6 @@
-"""The landing map as a picture, and the scaling study of maps for ever smaller deviations."""
+"""The landing map as a picture, and the scaling study."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -27,10 +28,11 @@ OUTPUTS = {"step_x_m": "step x", "step_y_m": "step y", "turn_rad": "turn", **INP
 # Estimators needed; to first order, the errors of the printed map are those of least
 # squares.
 NEEDED = ("printed", "ols", "corrected_curved")
-SURE, UNSURE = 2.0, "#d9d9d9"
-FIRST_VELOCITY = (
-    5  # rows before this one are displacements, the others come from velocities
-)
+# Standard errors from zero within which a cell is grey, and that grey.
+SURE = 2.0
+UNSURE = "#d9d9d9"
+# Rows before this one are displacements, the others come from velocities.
+FIRST_VELOCITY = 5
 COLOURS = "RdBu_r"
 WHAT_IS_GREY = "grey: within two standard errors of zero"
 
@@ -63,7 +65,9 @@ def matrices_figure(
         return style.message_figure(
             "The landing map could not be estimated: too few landings."
         )
-    (printed, _), (_, printed_error), (best, error) = map(_matrix, tables.values())
+    printed, _ = _matrix(tables["printed"])
+    _, printed_error = _matrix(tables["ols"])
+    best, error = _matrix(tables["corrected_curved"])
     maps = {
         "least squares,\nas printed": _sure(printed, printed_error),
         "noise and curvature\ncorrected": _sure(best, error),
@@ -84,10 +88,7 @@ def matrices_figure(
         (panels[len(maps) :], differences, "differences (mm per sd;\nnote the scale)"),
     )
     for axes, matrices, label in groups:
-        limit = (
-            max(float(np.nan_to_num(abs(matrix)).max()) for matrix in matrices.values())
-            or 1.0
-        )
+        limit = _largest(matrices.values())
         for one, (title, matrix) in zip(axes, matrices.items(), strict=True):
             image = _draw_matrix(one, matrix, limit)
             one.set(title=title, xlabel="state before")
@@ -107,6 +108,12 @@ def matrices_figure(
     return figure
 
 
+def _largest(matrices: Iterable[FloatArray]) -> float:
+    """Return the largest absolute value; one if all cells are zero or unsure."""
+    largest = max(float(np.nan_to_num(abs(matrix)).max()) for matrix in matrices)
+    return largest if largest > 0 else 1.0
+
+
 def _draw_matrix(axes: Axes, matrix: FloatArray, limit: float) -> Any:
     colours = colormaps[COLOURS].with_extremes(bad=UNSURE)
     image = axes.imshow(matrix, cmap=colours, vmin=-limit, vmax=limit, aspect="auto")
@@ -122,7 +129,7 @@ def _sure(matrix: FloatArray, error: FloatArray) -> FloatArray:
 
 
 def _matrix(table: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
-    """Return outputs (11) by inputs (8), and their standard errors, zero if there are none.
+    """Return outputs (11) by inputs (8), and standard errors, zero if there are none.
 
     Both are displacements, like the column ``standardised``.
     """
@@ -131,10 +138,8 @@ def _matrix(table: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
     wide = known.pivot_table(
         index="output", columns="input", values=["standardised", "error"]
     )
-    value, error = (
-        wide[which].loc[list(OUTPUTS), list(INPUTS)].to_numpy(float)
-        for which in ("standardised", "error")
-    )
+    value = wide["standardised"].loc[list(OUTPUTS), list(INPUTS)].to_numpy(float)
+    error = wide["error"].loc[list(OUTPUTS), list(INPUTS)].to_numpy(float)
     return value, error
 
 
@@ -152,7 +157,8 @@ PANELS = {
     "pooled_over_specialised": "MSE of one map\nover one for each order",
     "map_difference": "largest difference between\nthe maps of two orders (relative)",
 }
-SEEN = 1e-6  # a smaller exact difference counts as zero
+# A smaller exact difference counts as zero.
+SEEN = 1e-6
 
 
 @style.styled
@@ -173,7 +179,8 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 78.0)
     panels = figure.subplots(1, 3)
-    cases, scales = list(dict.fromkeys(table["case"])), sorted(set(table["scale"]))
+    cases = list(dict.fromkeys(table["case"]))
+    scales = sorted(set(table["scale"]))
     for axes, (column, label) in zip(panels, PANELS.items(), strict=True):
         for case in cases:
             _draw_case(axes, table[table["case"] == case], case, column)
@@ -186,24 +193,35 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
     for case in cases:
         exact = float(table.loc[table["case"] == case, "exact_difference"].median())
         if exact > SEEN:
-            panels[2].axhline(
-                exact, color=_shown(case)[2], linestyle=(0, (4, 2)), linewidth=0.8
-            )
-    panels[2].text(0.97, 0.03, "dashed: exact maps", transform=panels[2].transAxes, ha="right",
-                   fontsize=style.pt(6), color=style.GREY)  # fmt: skip
+            _, _, colour, _ = _shown(case)
+            dashed = (0, (4, 2))
+            panels[2].axhline(exact, color=colour, linestyle=dashed, linewidth=0.8)
+    panels[2].text(
+        0.97,
+        0.03,
+        "dashed: exact maps",
+        transform=panels[2].transAxes,
+        ha="right",
+        fontsize=style.pt(6),
+        color=style.GREY,
+    )
     return figure
 
 
 def _shown(case: str) -> tuple[str, str, str, str]:
-    """Return label, strength, colour and marker of a case: a control, or the scene itself."""
+    """Return label, strength, colour and marker of a case: a control, or the scene."""
     return CASES.get(case, (case, "", style.BLUE, "o"))
 
 
 def _draw_case(axes: Axes, rows: pd.DataFrame, case: str, column: str) -> None:
     name, strength, colour, marker = _shown(case)
     slope = float(rows["slope"].iloc[0])
-    fitted = f"slope {slope:.2f}" if np.isfinite(slope) else "not between the sections"
-    size = f"{SYMBOLS[strength].format(rows[strength].iloc[0])}\n" if strength else ""
+    fitted = "not between the sections"
+    if np.isfinite(slope):
+        fitted = f"slope {slope:.2f}"
+    size = ""
+    if strength:
+        size = SYMBOLS[strength].format(rows[strength].iloc[0]) + "\n"
     look: dict[str, Any] = {"marker": marker, "markersize": 3.5, "color": colour}
     axes.loglog(rows["scale"], rows[column], label=f"{name}, {size}{fitted}", **look)
 
@@ -223,4 +241,6 @@ def _draw_guides(axes: Axes, table: pd.DataFrame) -> None:
 def _fraction(value: float) -> str:
     """Format a scale as 1/n if it is one."""
     whole = round(1 / value)
-    return f"1/{whole}" if whole > 1 and abs(whole * value - 1) < 1e-9 else f"{value:g}"
+    if whole > 1 and abs(whole * value - 1) < 1e-9:
+        return f"1/{whole}"
+    return f"{value:g}"

@@ -1,4 +1,4 @@
-"""Contacts compared with those of another device: errors, their distribution, one landing."""
+"""Contacts compared with those of another device: errors, and one landing."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,9 +18,15 @@ INSTANTS: dict[str, tuple[str, dict[str, Any], str]] = {
     "external": ("external contact", {"ls": "-", "lw": 1.2}, style.GREY),
     "found": ("contact found", {"ls": (0, (2, 1.2)), "lw": 1.0}, style.INK),
 }
-MANY = 300  # contacts: with more, the markers are small
+# Number of contacts above which the markers are small.
+MANY = 300
 UNITS = {"N": "N", "body_weight": "body weights"}
 ALL = "all"
+
+# Height in mm, panels (errors, shares, heights, force), and heights of their rows.
+Panels = tuple[float, str, tuple[float, ...]]
+WITH_FORCE: Panels = (118.0, "es;hh;ff", (1.5, 1, 0.8))
+WITHOUT_FORCE: Panels = (92.0, "es;hh", (1.5, 1))
 
 
 @style.styled
@@ -51,12 +57,14 @@ def contact_overlay_figure(
         return style.message_figure(
             "No contact could be matched with one known from elsewhere."
         )
-    force = (example["kind"] == "force").any()
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 118.0 if force else 92.0)
+    has_force = (example["kind"] == "force").any()
+    if has_force:
+        height_mm, mosaic, height_ratios = WITH_FORCE
+    else:
+        height_mm, mosaic, height_ratios = WITHOUT_FORCE
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
     panels = figure.subplot_mosaic(
-        "es;hh;ff" if force else "es;hh",
-        width_ratios=(2.6, 1),
-        height_ratios=(1.5, 1, 0.8) if force else (1.5, 1),
+        mosaic, width_ratios=(2.6, 1), height_ratios=height_ratios
     )
     columns = tuple(dict.fromkeys(contacts["column"].astype(str)))
     _draw_errors(panels["e"], contacts, columns)
@@ -69,9 +77,8 @@ def contact_overlay_figure(
 
 
 def _of(contacts: pd.DataFrame, column: str, status: str) -> pd.DataFrame:
-    return contacts[
-        (contacts["column"].astype(str) == column) & (contacts["status"] == status)
-    ]
+    of_column = contacts["column"].astype(str) == column
+    return contacts[of_column & (contacts["status"] == status)]
 
 
 def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -> None:
@@ -80,27 +87,45 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
         look = {"ms": 1.3, "mew": 0.3, "elinewidth": 0.25, "capsize": 0.0, "alpha": 0.6}
     for number, column in enumerate(columns):
         matched = _of(contacts, column, "matched")
-        left_out = matched["excluded"].astype(bool)
+        is_excluded = matched["excluded"].astype(bool)
+        used = matched[~is_excluded]
+        excluded = matched[is_excluded]
         colour = style.foot_colour(number)
-        for rows, face in ((matched[~left_out], colour), (matched[left_out], "white")):
+        label: str | None = style.label_of(column)
+        for rows, face in ((used, colour), (excluded, "white")):
             if rows.empty:
                 continue
             axes.errorbar(
-                rows["external_s"], rows["difference_s"] * 1e3, yerr=rows["se_s"] * 1e3, **look,
-                fmt=MARKERS[number % len(MARKERS)], color=colour, markerfacecolor=face,
-                label=style.label_of(column) if face != "white" or left_out.all() else None,
-            )  # fmt: skip
+                rows["external_s"],
+                rows["difference_s"] * 1e3,
+                yerr=rows["se_s"] * 1e3,
+                fmt=MARKERS[number % len(MARKERS)],
+                color=colour,
+                markerfacecolor=face,
+                label=label,
+                **look,
+            )
+            label = None  # each column is named once
     if contacts.loc[contacts["status"] == "matched", "excluded"].astype(bool).any():
         hollow: Any = {"color": style.INK, "mfc": "white", "ms": 3, "mew": 0.7}
         axes.plot([], [], "o", label="touchdown excluded", **hollow)
     for status, (marker, label) in UNMATCHED.items():
         rows = contacts[contacts["status"] == status]
-        if len(rows):
-            times = rows["external_s" if status == "missed" else "found_s"]
-            axes.plot(
-                times, np.full(len(times), 0.06), marker, color=style.INK, ms=6, mew=1.1,
-                transform=axes.get_xaxis_transform(), label=f"{label} ({len(times)})",
-            )  # fmt: skip
+        if rows.empty:
+            continue
+        times = rows["found_s"]
+        if status == "missed":
+            times = rows["external_s"]
+        axes.plot(
+            times,
+            np.full(len(times), 0.06),
+            marker,
+            color=style.INK,
+            ms=6,
+            mew=1.1,
+            transform=axes.get_xaxis_transform(),
+            label=f"{label} ({len(times)})",
+        )
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
     axes.margins(y=0.12)
     axes.set(
@@ -112,9 +137,8 @@ def _draw_shares(
     axes: Axes, contacts: pd.DataFrame, summary: pd.DataFrame, columns: tuple[str, ...]
 ) -> None:
     for number, column in enumerate(columns):
-        errors = np.sort(
-            _of(contacts, column, "matched")["difference_s"].to_numpy() * 1e3
-        )
+        matched = _of(contacts, column, "matched")
+        errors = np.sort(matched["difference_s"].to_numpy() * 1e3)
         if not len(errors):
             continue
         share = (np.arange(len(errors)) + 0.5) / len(errors) * 100
@@ -125,18 +149,29 @@ def _draw_shares(
 
 
 def _draw_bias(axes: Axes, summary: pd.DataFrame, number: int) -> None:
-    """Draw a column's bias with its interval, over all recordings if there are several."""
-    together = summary[summary["recording"] == ALL]
-    row = (together if len(together) else summary).iloc[-1]
-    bias, low, high = (
-        1e3 * float(row[key]) for key in ("bias_s", "bias_low_s", "bias_high_s")
-    )
-    known = np.isfinite([low, high]).all()
+    """Draw a column's bias and interval, over all recordings if there are several."""
+    rows = summary[summary["recording"] == ALL]
+    if rows.empty:
+        rows = summary
+    row = rows.iloc[-1]
+    bias = 1e3 * float(row["bias_s"])
+    low = 1e3 * float(row["bias_low_s"])
+    high = 1e3 * float(row["bias_high_s"])
+    interval = None
+    if np.isfinite([low, high]).all():
+        interval = [[bias - low], [high - bias]]
     axes.errorbar(
-        50 + 3 * number, bias, yerr=[[bias - low], [high - bias]] if known else None,
-        fmt=MARKERS[number % len(MARKERS)], color=style.INK, ms=4, mew=0.7, capsize=2.5, zorder=4,
+        50 + 3 * number,
+        bias,
+        yerr=interval,
+        fmt=MARKERS[number % len(MARKERS)],
+        color=style.INK,
+        ms=4,
+        mew=0.7,
+        capsize=2.5,
+        zorder=4,
         markerfacecolor=style.foot_colour(number),
-    )  # fmt: skip
+    )
 
 
 def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
@@ -145,9 +180,13 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
     for number, foot in enumerate(feet):
         rows = example[(example["kind"] == "height") & (example["name"] == foot)]
         height.plot(
-            rows["time_s"] * 1e3, rows["value"] * 1e3, **style.foot_line(number), marker=".", ms=3,
+            rows["time_s"] * 1e3,
+            rows["value"] * 1e3,
+            **style.foot_line(number),
+            marker=".",
+            ms=3,
             label=style.label_of(foot),
-        )  # fmt: skip
+        )
     height.set_ylabel("foot height (mm)")
     lowest = panels.get("f", height)
     lowest.set_xlabel("time after the first external contact (ms)")
@@ -161,27 +200,37 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
 
 
 def _draw_instants(axes: Axes, example: pd.DataFrame, feet: list[str]) -> None:
-    """Draw a line at each instant, in its foot's colour if each foot has its own column."""
-    apart = set(example.loc[example["kind"] == "external", "name"]) <= set(feet)
+    """Draw a line at each instant, coloured if each foot has its own column."""
+    external_names = set(example.loc[example["kind"] == "external", "name"])
+    each_has_own = external_names <= set(feet)
     for kind, (label, line, shared) in INSTANTS.items():
         for row in example[example["kind"] == kind].to_dict("records"):
-            colour = style.foot_colour(feet.index(row["name"])) if apart else shared
+            colour = shared
+            if each_has_own:
+                colour = style.foot_colour(feet.index(row["name"]))
             axes.axvline(row["time_s"] * 1e3, color=colour, zorder=0, **line)
         axes.plot([], [], color=shared, label=label, **line)
 
 
 def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
     rows = example[example["kind"] == "force"]
-    for number, (column, samples) in enumerate(rows.groupby("name", sort=False)):
-        colour = (
-            style.INK if len(rows["name"].unique()) == 1 else style.foot_colour(number)
-        )
+    columns = rows.groupby("name", sort=False)
+    for number, (column, samples) in enumerate(columns):
+        colour = style.INK
+        if len(columns) > 1:
+            colour = style.foot_colour(number)
         axes.plot(
-            samples["time_s"] * 1e3, samples["value"], color=colour, marker=".", ms=2.5,
-            linestyle=style.foot_dash(number), label=style.label_of(str(column)),
-        )  # fmt: skip
+            samples["time_s"] * 1e3,
+            samples["value"],
+            color=colour,
+            marker=".",
+            ms=2.5,
+            linestyle=style.foot_dash(number),
+            label=style.label_of(str(column)),
+        )
     threshold = float(example.loc[example["kind"] == "threshold", "value"].iloc[0])
     axes.axhline(threshold, color=style.GREY, linestyle=(0, (1, 1)), linewidth=0.8)
     place: Any = {"xycoords": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}
     style.note(axes, "threshold", (1, threshold), (-2, 1.5), color=style.INK, **place)
-    axes.set_ylabel(f"force ({chosen('unit', str(rows['unit'].iloc[0]), UNITS)})")
+    unit = chosen("unit", str(rows["unit"].iloc[0]), UNITS)
+    axes.set_ylabel(f"force ({unit})")

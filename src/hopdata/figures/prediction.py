@@ -37,7 +37,7 @@ NOT_DECIDED = (
 
 @style.styled
 def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure:
-    """Draw Fig. 2.4: box plots of the bootstrapped combined mean-squared prediction error.
+    """Draw Fig. 2.4: box plots of the bootstrapped combined mean-squared error.
 
     Parameters
     ----------
@@ -65,15 +65,16 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     axes.set_yscale("log")
     axes.set_ylim(_round_limits([rows[name][q] for name in fitted for q in QUANTILES]))
     for name, place in PLACES.items():
-        if name in fitted:
-            colour, numbers = style.BLUE if name in AFFINE else style.ORANGE, rows[name]
-            style.box(
-                axes, place, [float(numbers[q]) for q in QUANTILES], colour, widths=0.5
-            )
-            _write_share(axes, place, rows[name], rows.get("mean"))
-        else:
+        if name not in fitted:
             words = "not fitted:\ntoo few\ntouchdowns"
             style.lacking(axes, place, 0.5, words, axes.get_xaxis_transform())
+            continue
+        colour = style.ORANGE
+        if name in AFFINE:
+            colour = style.BLUE
+        quantiles = [float(rows[name][q]) for q in QUANTILES]
+        style.box(axes, place, quantiles, colour, widths=0.5)
+        _write_share(axes, place, rows[name], rows.get("mean"))
     _label(axes, rows, units)
     return figure
 
@@ -86,10 +87,11 @@ def _write_share(
     axes: Axes, place: float, row: Mapping[Any, Any], mean: Mapping[Any, Any] | None
 ) -> None:
     """Write the median beside its box, relative to that of the mean if there is one."""
-    median, whole = (float((one or {}).get("median", np.nan)) for one in (row, mean))
-    text = (
-        f"{significant(100 * median / whole)} %" if whole > 0 else significant(median)
-    )
+    median = float(row.get("median", np.nan))
+    of_mean = float((mean or {}).get("median", np.nan))
+    text = significant(median)
+    if of_mean > 0:
+        text = f"{significant(100 * median / of_mean)} %"
     at = (place + 0.25, median)
     style.note(axes, text, at, (2.5, 0), va="center", bbox=style.ON_WHITE, fontsize=7)
 
@@ -115,35 +117,49 @@ def _label(
 
 
 def _round_limits(values: Sequence[float]) -> tuple[float, float]:
-    """Return the nearest ticks (1, 2 or 5 times 10^n) outside all values and a margin."""
-    low, high = min(values), max(values)
+    """Return the ticks (1, 2 or 5 times 10^n) next outside all values and a margin."""
+    low = min(values)
+    high = max(values)
     if low <= 0:
+        # A logarithmic axis has no zero.
         low = high / 1e6 if high > 0 else 1e-6
     high = max(high, low)
-    room = (high / low) ** ROOM
-    low, high = low / room, high * room
-    decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 2)
-    ticks = [step * 10.0**decade for decade in decades for step in (1, 2, 5)]
-    return max(t for t in ticks if t < low), min(t for t in ticks if t > high)
+    margin = (high / low) ** ROOM
+    bottom = low / margin
+    top = high * margin
+
+    first_decade = math.floor(math.log10(bottom)) - 1
+    last_decade = math.ceil(math.log10(top)) + 1
+    ticks: list[float] = []
+    for decade in range(first_decade, last_decade + 1):
+        ticks.extend(step * 10.0**decade for step in (1, 2, 5))
+    return max(t for t in ticks if t < bottom), min(t for t in ticks if t > top)
 
 
 def _split(row: Mapping[Any, Any] | None) -> str:
-    """Return the sizes of training and test sets, as a third line under the model's name."""
-    sizes = [(row or {}).get(key, np.nan) for key in ("n_train", "n_test")]
-    if not _is_fitted(row) or not np.all(np.isfinite(sizes)):
+    """Return the sizes of training and test sets, as a third line under the name."""
+    if row is None or not _is_fitted(row):
         return ""
-    return f"\n{sizes[0]:.0f} / {sizes[1]:.0f}"
+    n_train = row.get("n_train", np.nan)
+    n_test = row.get("n_test", np.nan)
+    if not np.isfinite([n_train, n_test]).all():
+        return ""
+    return f"\n{n_train:.0f} / {n_test:.0f}"
 
 
 def units_text(units: Mapping[str, Any]) -> str:
-    """Return the units of normalisation as in the dissertation: ``units: 29.1 mm and 27 ms``."""
-    length, time = units.get("length_unit_m"), units.get("time_unit_s")
-    if length is None or time is None:
+    """Return the units of normalisation as printed: ``units: 29.1 mm and 27 ms``."""
+    length_m = units.get("length_unit_m")
+    time_s = units.get("time_unit_s")
+    if length_m is None or time_s is None:
         return "units not determined"
-    length_mm, time_ms = float(length) * 1e3, float(time) * 1e3
+    length_mm = float(length_m) * 1e3
+    time_ms = float(time_s) * 1e3
     return f"units: {significant(length_mm)} mm and {significant(time_ms)} ms"
 
 
 def significant(value: float) -> str:
     """Format to three significant digits, without an exponent where that reads well."""
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    if abs(value) >= 1000:
+        return f"{value:.0f}"
+    return f"{value:.3g}"

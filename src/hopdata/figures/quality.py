@@ -12,9 +12,14 @@ from hopdata.figures import style
 
 # When each marker was seen, and what looks wrong, over the time of a recording.
 
-ROW_MM, BETWEEN_MM, LEGEND_MM = 4.2, 14.0, 8.0
+# Heights of a bar's row, of the space between recordings, and of the legend.
+ROW_MM = 4.2
+BETWEEN_MM = 14.0
+LEGEND_MM = 8.0
+# Height of a bar, in rows.
 BAR = 0.62
-SHORTEST = 0.0015  # of the duration: shorter gaps are drawn this long to be visible
+# Shorter gaps are drawn as long as this share of the duration, to be visible.
+SHORTEST = 0.0015
 # Kind: colour, marker, label.
 SIGNS = {
     "swap": (style.VERMILION, "v", "swapped markers"),
@@ -29,7 +34,7 @@ SIGNS = {
 def recording_gaps_figure(
     markers: pd.DataFrame, gaps: pd.DataFrame, faults: pd.DataFrame
 ) -> Figure:
-    """Draw a bar for each marker of each recording, blue where seen, with gaps and faults.
+    """Draw a bar for each marker, blue where it was seen, with gaps and faults.
 
     Parameters
     ----------
@@ -49,13 +54,15 @@ def recording_gaps_figure(
     grid = figure.subplots(len(rows), 1, squeeze=False, height_ratios=list(rows))[:, 0]
     signs = {}
     for axes, recording in zip(grid, rows.index, strict=True):
-        own, missing, wrong = (
-            t[t["recording"] == recording] for t in (markers, gaps, faults)
-        )
-        names, duration_s = list(own["marker"]), float(own["duration_s"].max())
+        own_markers = markers[markers["recording"] == recording]
+        own_gaps = gaps[gaps["recording"] == recording]
+        own_faults = faults[faults["recording"] == recording]
+        names = list(own_markers["marker"])
+        duration_s = float(own_markers["duration_s"].max())
         for row, marker in enumerate(names):
-            _draw_gaps(axes, row, missing[missing["marker"] == marker], duration_s)
-        _draw_faults(axes, wrong, names)
+            of_marker = own_gaps[own_gaps["marker"] == marker]
+            _draw_gaps(axes, row, of_marker, duration_s)
+        _draw_faults(axes, own_faults, names)
         style.name_rows(axes, [style.label_of(marker) for marker in names])
         axes.set_xlim(0.0, duration_s)
         axes.spines["left"].set_visible(False)
@@ -79,23 +86,23 @@ def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> N
         linewidth=0,
         label=label,
     )
-    stretches = [
-        (start, max(stop - start, SHORTEST * duration_s))
-        for start, stop in zip(gaps["start_s"], gaps["stop_s"], strict=True)
-    ]
+    shortest_s = SHORTEST * duration_s
+    stretches = []
+    for start, stop in zip(gaps["start_s"], gaps["stop_s"], strict=True):
+        stretches.append((start, max(stop - start, shortest_s)))
     axes.broken_barh(stretches, (row - BAR / 2, BAR), facecolors="white", linewidth=0)
 
 
 def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> None:
-    """Draw a symbol for each fault in its marker's row, and lines across for dropped frames."""
+    """Draw a symbol for each fault in its marker's row; lines for dropped frames."""
+    row_of = {name: row for row, name in enumerate(markers)}
     for kind, (colour, sign, meaning) in SIGNS.items():
         found = faults[faults["kind"] == kind]
-        if len(found):
-            rows = [list(markers).index(name) for name in found["marker"]]
-            (line,) = axes.plot(
-                found["start_s"], rows, sign, color=colour, label=meaning
-            )
-            line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
+        if found.empty:
+            continue
+        rows = [row_of[name] for name in found["marker"]]
+        (line,) = axes.plot(found["start_s"], rows, sign, color=colour, label=meaning)
+        line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
     for i, time in enumerate(faults.loc[faults["kind"] == "dropped", "start_s"]):
         label = "frames dropped" if i == 0 else ""
         axes.axvline(time, color=style.GREY, linewidth=0.7, linestyle=":", label=label)
@@ -142,7 +149,8 @@ def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
 
 
 def _draw_sections(axes: Axes, stability: pd.DataFrame) -> None:
-    chosen, others = stability.iloc[0], stability.iloc[1:]
+    chosen = stability.iloc[0]
+    others = stability.iloc[1:]
     place = np.arange(len(others))
     for column, label, colour, mark in SECTIONS:
         moved = 1e3 * (others[column].to_numpy(float) - float(chosen[column]))
@@ -172,15 +180,20 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
         beside = step * (number - (len(parts) - 1) / 2)
         place = [quantities.index(q) + beside for q in own["quantity"]]
         spread = own["spread"].to_numpy(float)
+        # Two standard errors; none where there is no spread to compare with.
         error = 2.0 * own["se"].to_numpy(float) / np.where(spread > 0, spread, np.inf)
         axes.errorbar(
-            own["deviation"], place, xerr=error, linestyle="", capsize=0, markersize=3.5,
-            marker=MARKS[number % len(MARKS)], color=style.foot_colour(number), label=part,
-        )  # fmt: skip
-    # Break long labels near the middle.
-    style.name_rows(
-        axes, ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities]
-    )
+            own["deviation"],
+            place,
+            xerr=error,
+            linestyle="",
+            capsize=0,
+            markersize=3.5,
+            marker=MARKS[number % len(MARKS)],
+            color=style.foot_colour(number),
+            label=part,
+        )
+    style.name_rows(axes, [_broken(quantity) for quantity in quantities])
     reach = max(1.0, *map(abs, axes.get_xlim()))
     told = "median of each part minus that of all\n(in spreads between touchdowns)"
     axes.set(xlim=(-reach, reach), xlabel=told)
@@ -188,3 +201,9 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
         axes.legend(
             loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2)
         )
+
+
+def _broken(label: str) -> str:
+    """Break a long label near its middle."""
+    near_half = (len(label) + 1) // 2 + 4
+    return "\n".join(wrap(label, max(12, near_half)))

@@ -1,7 +1,7 @@
 """Figure 2.3: one touchdown, from foot heights to the order of contacts."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -11,17 +11,16 @@ from matplotlib.figure import Figure
 from hopdata.errors import chosen
 from hopdata.figures import style
 
-Contacts = Mapping[
-    str, tuple[float, float]
-]  # instant and standard error for each foot, ms
+# Instant and standard error for each foot, ms.
+Contacts = Mapping[str, tuple[float, float]]
 
 ARROW = " → "
-# The method whose standard errors are those of the instants, not of rounding alone
+# The method whose standard errors are those of the instants, not of rounding alone.
 KINK = "kink"
+# Number of feet up to which the order and its probability fit in one line.
 LONGEST_IN_ONE_LINE = 4
-UNDETERMINED_MS = (
-    15.0  # UNDETERMINED_S of the kink fit: such an error means that none was seen
-)
+# `UNDETERMINED_S` of the kink fit: such an error means that none was seen.
+UNDETERMINED_MS = 15.0
 # What the probability of an order rests on, by method.
 SURE_BY = {
     KINK: "{} % sure",
@@ -31,20 +30,20 @@ SURE_BY = {
 
 
 def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, Any]:
-    """Return the touchdown that `example` shows (``recording, index``); empty if there is none."""
+    """Return the touchdown that `example` shows, by recording and index, or nothing."""
     if example.empty:
         return {}
     shown = example.iloc[0]
-    same = (touchdowns["recording"] == shown["recording"]) & (
-        touchdowns["index"] == shown["index"]
-    )
-    rows = touchdowns[same].to_dict("records")
-    return {str(key): value for key, value in rows[0].items()} if rows else {}
+    of_recording = touchdowns["recording"] == shown["recording"]
+    rows = touchdowns[of_recording & (touchdowns["index"] == shown["index"])]
+    if rows.empty:
+        return {}
+    return {str(key): value for key, value in rows.to_dict("records")[0].items()}
 
 
 @style.styled
 def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
-    """Draw Fig. 2.3: heights, vertical velocities and contact instants of one touchdown.
+    """Draw Fig. 2.3: heights, vertical velocities and contacts of one touchdown.
 
     Parameters
     ----------
@@ -62,10 +61,8 @@ def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
         (a) Heights and (b) velocities, with a plus at each contact. (c) The contacts
         with their standard errors, earliest at the top.
     """
-    names, touchdown = (
-        tuple(dict.fromkeys(example["foot"])),
-        touchdown_of(example, touchdowns),
-    )
+    names = tuple(dict.fromkeys(example["foot"]))
+    touchdown = touchdown_of(example, touchdowns)
     if not touchdown:
         return style.message_figure("No usable touchdown to show as an example.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 74.0)
@@ -96,13 +93,13 @@ def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
 
 
 def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> Contacts:
-    """Return contact time after the pre section and standard error, ms; NaN if unknown."""
-    t_pre, found = float(touchdown["t_pre_s"]), {}
+    """Return contact after the pre section and standard error, ms; NaN if unknown."""
+    t_pre_s = float(touchdown["t_pre_s"])
+    found = {}
     for foot in feet:
-        instant, error = (
-            float(touchdown.get(f"{k}_{foot}_s", np.nan)) for k in ("contact", "se")
-        )
-        found[foot] = ((instant - t_pre) * 1e3, error * 1e3)
+        instant_s = float(touchdown.get(f"contact_{foot}_s", np.nan))
+        error_s = float(touchdown.get(f"se_{foot}_s", np.nan))
+        found[foot] = ((instant_s - t_pre_s) * 1e3, error_s * 1e3)
     return found
 
 
@@ -119,10 +116,11 @@ def _draw_signal(
     scale = 1e3 if column == "height_m" else 1.0
     for number, foot in enumerate(feet):
         rows = example[example["foot"] == foot]
-        time, value = rows["time_s"].to_numpy() * 1e3, rows[column].to_numpy() * scale
+        time = rows["time_s"].to_numpy() * 1e3
+        value = rows[column].to_numpy() * scale
         axes.plot(time, value, **style.foot_line(number), label=style.label_of(foot))
         seen = np.isfinite(value)
-        instant = contacts[foot][0]
+        instant, _ = contacts[foot]
         if np.isfinite(instant) and seen.any():
             at_contact = _level_at(instant, time[seen], value[seen], at_kink)
             axes.plot(
@@ -132,7 +130,7 @@ def _draw_signal(
 
 
 def _level_at(instant: float, time: Any, value: Any, of_kink: bool) -> float:
-    """Interpolate a signal between frames; at a kink, extrapolate from the two frames before it."""
+    """Interpolate a signal; at a kink, extrapolate from the two frames before it."""
     before = int(np.searchsorted(time, instant)) - 1
     if not of_kink or before < 1:
         return float(np.interp(instant, time, value))
@@ -155,37 +153,28 @@ def _shade_transition(panels: Mapping[str, Axes], touchdown: Mapping[str, Any]) 
 def _draw_contacts(
     axes: Axes, feet: Sequence[str], contacts: Contacts, touchdown: Mapping[str, Any]
 ) -> None:
-    """Draw one row per foot, earliest contact on top, with error bars of one standard error."""
-    order = sorted(
-        range(len(feet)), key=lambda i: np.nan_to_num(contacts[feet[i]][0], nan=np.inf)
-    )
+    """Draw one row per foot, earliest contact on top, with bars of one se."""
+    instants = [contacts[foot][0] for foot in feet]
+    by_instant = np.argsort(np.nan_to_num(instants, nan=np.inf), kind="stable")
+    order = by_instant.tolist()  # feet that did not touch come last
     for row, number in enumerate(order):
         instant, error = contacts[feet[number]]
-        look: Any = {
-            "fmt": "o",
-            "color": style.foot_colour(number),
-            "ms": 2.2,
-            "capsize": 3.5,
-        }
-        undetermined = touchdown["method"] == KINK and error >= UNDETERMINED_MS
-        if undetermined:
+        colour = style.foot_colour(number)
+        look: Any = {"fmt": "o", "color": colour, "ms": 2.2, "capsize": 3.5}
+        dash: Literal["-", "--"] = "-"
+        if touchdown["method"] == KINK and error >= UNDETERMINED_MS:
             look |= {"mfc": "white", "capsize": 0, "alpha": 0.6}
+            dash = "--"
             axes.text(
                 instant, row - 0.12, "not determined", ha="center", color=style.INK
             )
         bars = axes.errorbar(instant, row, xerr=error, **look).lines[2]
-        bars[0].set_linestyle("--" if undetermined else "-")
+        bars[0].set_linestyle(dash)
         if not np.isfinite(instant):
-            axes.text(
-                0.5,
-                row,
-                "no contact",
-                transform=axes.get_yaxis_transform(),
-                ha="center",
-            )
-    axes.set_yticks(
-        range(len(feet)), [f"{style.label_of(feet[i])} ({i + 1})" for i in order]
-    )
+            across = axes.get_yaxis_transform()
+            axes.text(0.5, row, "no contact", transform=across, ha="center")
+    names = [f"{style.label_of(feet[number])} ({number + 1})" for number in order]
+    axes.set_yticks(range(len(feet)), names)
     axes.set_ylim(len(feet) - 0.4, -0.6)
     axes.margins(x=0.15)
     axes.grid(axis="x")
@@ -202,7 +191,10 @@ def _order_text(touchdown: Mapping[str, Any]) -> str:
     if probability is None or not np.isfinite(float(probability)):
         return text
     value = float(probability)
-    share = "> 99.9" if value > 0.999 else f"{100 * value:.3g}"
+    share = f"{100 * value:.3g}"
+    if value > 0.999:
+        share = "> 99.9"
     sure = chosen("touchdowns.method", touchdown["method"], SURE_BY).format(share)
-    fits = len(order) <= LONGEST_IN_ONE_LINE and touchdown["method"] == KINK
-    return f"{text} ({sure})" if fits else f"{text}\n({sure})"
+    if len(order) <= LONGEST_IN_ONE_LINE and touchdown["method"] == KINK:
+        return f"{text} ({sure})"
+    return f"{text}\n({sure})"

@@ -14,7 +14,9 @@ from matplotlib.patches import Patch
 
 from hopdata.figures import style
 
+# Decades of the density of a foot's height.
 DECADES_SHOWN = 4
+# Space around the points, as a share of their range.
 MARGIN = 0.03
 THRESHOLDS = ("min_foot_threshold_m", "max_foot_threshold_m")
 DASHED: dict[str, Any] = {"color": style.INK, "lw": 0.8, "ls": (0, (4, 2)), "zorder": 3}
@@ -23,15 +25,20 @@ DOTTED: dict[str, Any] = {**DASHED, "ls": (0, (1, 2))}
 
 @dataclass(frozen=True)
 class _Side:
-    """One half of the figure: a foot height, its threshold and the frames that it selects."""
+    """Half of the figure: a foot height, its threshold, and frames that it selects."""
 
     letter: str
     section: str
-    foot: str  # the foot height that decides
-    where: str  # position of all feet in the selected frames
-    otherwise: str  # position of some feet in the other frames
-    contact: str  # curve of the body's heights at the contact that bounds the section
-    turn: str  # curve of those at the turning point on its other side
+    # The foot height that decides.
+    foot: str
+    # Position of all feet in the selected frames.
+    where: str
+    # Position of some feet in the other frames.
+    otherwise: str
+    # Curve of the body's heights at the contact that bounds the section.
+    contact: str
+    # Curve of those at the turning point on its other side.
+    turn: str
     colour: str
 
     @property
@@ -51,7 +58,7 @@ SIDES = (
 def sections_figure(
     frames: pd.DataFrame, densities: pd.DataFrame, sections: Mapping[str, Any]
 ) -> Figure:
-    """Draw Fig. 2.2: foot height over body height, their densities, thresholds and sections.
+    """Draw Fig. 2.2: foot and body heights, their densities, thresholds and sections.
 
     Parameters
     ----------
@@ -115,14 +122,19 @@ def _draw_side(
     _draw_landing_density(landings, side, densities)
     _draw_threshold((scatter, beside), threshold)
     _draw_sections((scatter, above, landings), sections, side)
+    title = f"{side.section.capitalize()} section: {_said(sections, side)}"
     half.suptitle(
-        f"{side.letter}   {side.section.capitalize()} section: {_said(sections, side)}",
-        color=side.colour, x=0.02, ha="left", fontsize=style.pt(8), fontweight="bold",
-    )  # fmt: skip
+        f"{side.letter}   {title}",
+        color=side.colour,
+        x=0.02,
+        ha="left",
+        fontsize=style.pt(8),
+        fontweight="bold",
+    )
 
 
 def _said(sections: Mapping[str, Any], side: _Side) -> str:
-    """Say where a section lies and how many landings it holds, by count and not by intention."""
+    """Say where a section lies, and how many landings it holds by count."""
     height = _height(sections, f"{side.section}_height_m")
     if height is None:
         return "not found"
@@ -144,13 +156,17 @@ def _draw_scatter(
 ) -> None:
     body = frames["body_m"].to_numpy() * 1e3
     foot = frames[f"{side.foot}_m"].to_numpy() * 1e3
-    chosen, landing = foot != foot, frames["landing"].to_numpy(bool)
-    if threshold is not None:
-        chosen = foot > threshold if side.where == "up" else foot < threshold
-        if of_landings:
-            chosen &= landing
-        else:
-            _name_branches(axes, body, foot, landing, threshold)
+    landing = frames["landing"].to_numpy(bool)
+    if threshold is None:
+        chosen = np.zeros(len(foot), bool)
+    elif side.where == "up":
+        chosen = foot > threshold
+    else:
+        chosen = foot < threshold
+    if threshold is not None and of_landings:
+        chosen &= landing
+    if threshold is not None and not of_landings:
+        _name_branches(axes, body, foot, landing, threshold)
     look: Any = {"s": 1.2, "alpha": 0.35, "linewidths": 0, "rasterized": True}
     for mask, colour in ((~chosen, style.GREY), (chosen, side.colour)):
         axes.scatter(body[mask], foot[mask], c=colour, **look)
@@ -162,18 +178,27 @@ def _name_branches(
     axes: Axes, body: Any, foot: Any, landing: Any, threshold: float
 ) -> None:
     """Label the two branches of frames in the air as descent and ascent."""
-    low, high = threshold + np.array([0.25, 0.45]) * (foot.max() - threshold)
+    reach = foot.max() - threshold
+    low = threshold + 0.25 * reach
+    high = threshold + 0.45 * reach
     inside = (low < foot) & (foot < high)
-    branches = {"descent": inside & landing, "ascent": inside & ~landing}
-    if not all(map(np.any, branches.values())):
+    descent = inside & landing
+    ascent = inside & ~landing
+    if not descent.any() or not ascent.any():
         return
-    places = {name: float(np.median(body[branch])) for name, branch in branches.items()}
+    places = {
+        "descent": float(np.median(body[descent])),
+        "ascent": float(np.median(body[ascent])),
+    }
+    height = (low + high) / 2
     for name, place in places.items():
-        left = place == min(places.values())
-        look = {"ha": "right" if left else "left", "va": "center", "fontsize": 7}
-        style.note(
-            axes, name, (place, (low + high) / 2), (-12 if left else 12, 0), **look
-        )
+        shift = 12
+        side = "left"
+        if place == min(places.values()):
+            shift = -12
+            side = "right"
+        look = {"ha": side, "va": "center", "fontsize": 7}
+        style.note(axes, name, (place, height), (shift, 0), **look)
 
 
 def _draw_foot_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None:
@@ -193,10 +218,8 @@ def _draw_body_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
     axes.tick_params(labelbottom=False)
     axes.set_ylabel("density (1/m)")
     given = f"body_given_all_{side.where}"
-    for name, colour in (
-        (f"body_given_some_{side.otherwise}", style.GREY),
-        (given, side.colour),
-    ):
+    others = f"body_given_some_{side.otherwise}"
+    for name, colour in ((others, style.GREY), (given, side.colour)):
         height, density = _curve(densities, name)
         axes.plot(height, density, color=colour)
         axes.fill_between(height, density, color=colour, alpha=0.15, linewidth=0)
@@ -207,7 +230,7 @@ def _draw_body_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
 
 
 def _draw_landing_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None:
-    """Draw the body's heights in landings: at the contact, and at the turning point beyond."""
+    """Draw the body's heights in landings: at the contact, and at the turn beyond."""
     axes.tick_params(labelbottom=False)
     axes.set_ylabel("density (1/m)")
     for name, colour in ((side.turn, style.GREY), (side.contact, style.INK)):
@@ -224,32 +247,24 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
         return
     for axes in both:
         axes.axhline(threshold, **{**DASHED, "zorder": 0.5})
-    where: Any = ("axes fraction", "data")
-    style.note(
-        both[0],
-        f"{threshold:.1f} mm",
-        (1, threshold),
-        (2, 0),
-        xycoords=where,
-        va="center",
-    )
+    look: Any = {"xycoords": ("axes fraction", "data"), "va": "center"}
+    style.note(both[0], f"{threshold:.1f} mm", (1, threshold), (2, 0), **look)
 
 
 def _draw_sections(
     each: tuple[Axes, ...], sections: Mapping[str, Any], side: _Side
 ) -> None:
-    """Draw the section of a half, that by the other rule, and the range between both sections."""
+    """Draw a section, that by the other rule, and the range between both sections."""
     other = _height(sections.get("beside", {}), f"{side.section}_height_m")
-    heights = {name: _height(sections, f"{name}_height_m") for name in ("post", "pre")}
-    own, known = (
-        heights[side.section],
-        [one for one in heights.values() if one is not None],
-    )
+    own = _height(sections, f"{side.section}_height_m")
+    pre = _height(sections, "pre_height_m")
+    post = _height(sections, "post_height_m")
+    yellow: Any = {"color": style.YELLOW, "alpha": 0.35, "linewidth": 0, "zorder": -1}
     for axes in each:
         if other is not None:
             axes.axvline(other, **DOTTED)
-        if len(known) == len(heights):
-            axes.axvspan(*known, color=style.YELLOW, alpha=0.35, linewidth=0, zorder=-1)
+        if pre is not None and post is not None:
+            axes.axvspan(post, pre, **yellow)
         if own is not None:
             axes.axvline(own, **DASHED)
 
@@ -278,23 +293,30 @@ def _legend_handles(sections: Mapping[str, Any]) -> list[Artist]:
 def _height(sections: Mapping[str, Any], key: str) -> float | None:
     """Return a height in mm, or None if the sections could not be found."""
     value = sections.get(key)
-    return None if value is None or value != value else float(value) * 1e3
+    if value is None or np.isnan(value):
+        return None
+    return float(value) * 1e3
 
 
 def _curve(densities: pd.DataFrame, name: str) -> tuple[Any, Any]:
-    """Return heights (mm) and density (1/m) of one curve, both empty if it is missing."""
+    """Return heights (mm) and density (1/m) of a curve, both empty if it is missing."""
     curve = densities[densities["curve"] == name]
-    return curve["height_m"].to_numpy() * 1e3, curve["density_per_m"].to_numpy()
+    height_mm = curve["height_m"].to_numpy() * 1e3
+    return height_mm, curve["density_per_m"].to_numpy()
 
 
 def _span(
     heights: pd.DataFrame, sections: Mapping[str, Any], keys: tuple[str, ...]
 ) -> tuple[float, float]:
-    """Return limits in mm that include all heights and those of the sections, with a margin."""
-    marks = [
-        mark for mark in (_height(sections, key) for key in keys) if mark is not None
-    ]
-    low = min([float(heights.min().min()) * 1e3, *marks])
-    high = max([float(heights.max().max()) * 1e3, *marks])
-    margin = MARGIN * (high - low) or 1.0
+    """Return limits in mm that include all heights and the sections, with a margin."""
+    low = float(heights.min().min()) * 1e3
+    high = float(heights.max().max()) * 1e3
+    for key in keys:
+        mark = _height(sections, key)
+        if mark is not None:
+            low = min(low, mark)
+            high = max(high, mark)
+    margin = MARGIN * (high - low)
+    if margin == 0.0:
+        margin = 1.0
     return low - margin, high + margin

@@ -1,4 +1,4 @@
-"""Style shared by all figures: paper sizes, colours that colour-blind readers can tell apart."""
+"""Style shared by all figures: paper sizes, and colours that all readers can tell."""
 
 import os
 import re
@@ -34,7 +34,7 @@ from hopdata.jobs import read_json, read_table, whole_file
 def banded_line(
     axes: Axes, x: pd.Series, y: pd.Series, band: Any, line: tuple[Any, ...]
 ) -> None:
-    """Draw a line with a pale band; `line` has its label, colour, dash pattern and marker."""
+    """Draw a line with a pale band; `line` has its label, colour, dashes and marker."""
     label, colour, dash, marker = line
     axes.fill_between(x, *band, color=colour, alpha=0.15, linewidth=0)
     axes.plot(
@@ -45,15 +45,24 @@ def banded_line(
 def box(
     axes: Axes, place: float, quantiles: Sequence[float], colour: str, **options: Any
 ) -> None:
-    """Draw a box from its five quantiles; `options` are those of `Axes.bxp`, and ``alpha``."""
+    """Draw a box from five quantiles, with `options` of `Axes.bxp`, and ``alpha``."""
     line = {"color": INK, "linewidth": 0.8}
-    names = ("whislo", "q1", "med", "q3", "whishi")
+    median = {"color": INK, "linewidth": 1.2}
     face = {"facecolor": colour, "alpha": options.pop("alpha", 0.55), "edgecolor": INK}
+    names = ("whislo", "q1", "med", "q3", "whishi")
+    statistics = dict(zip(names, quantiles, strict=True))
     axes.bxp(
-        [dict(zip(names, quantiles, strict=True))], positions=[place], showfliers=False,
-        patch_artist=True, boxprops=face, medianprops={"color": INK, "linewidth": 1.2},
-        whiskerprops=line, capprops=line, manage_ticks=False, **options,
-    )  # fmt: skip
+        [statistics],
+        positions=[place],
+        showfliers=False,
+        patch_artist=True,
+        boxprops=face,
+        medianprops=median,
+        whiskerprops=line,
+        capprops=line,
+        manage_ticks=False,
+        **options,
+    )
 
 
 def name_rows(axes: Axes, labels: Sequence[str]) -> None:
@@ -66,10 +75,10 @@ def name_rows(axes: Axes, labels: Sequence[str]) -> None:
 def note(
     axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any
 ) -> None:
-    """Write a small text `offset` points from a place; `options` are those of `annotate`."""
+    """Write a small text `offset` points from a place, with `options` of `annotate`."""
     size = pt(options.pop("fontsize", 6))
-    options = {"textcoords": "offset points", "fontsize": size, **options}
-    axes.annotate(text, xy=at, xytext=offset, **options)
+    options.setdefault("textcoords", "offset points")
+    axes.annotate(text, xy=at, xytext=offset, fontsize=size, **options)
 
 
 def lacking(axes: Axes, x: float, y: float, text: str, transform: Any = None) -> None:
@@ -114,9 +123,12 @@ FOOT_DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = (
     (0, (3, 1, 1, 1, 1, 1)),
 )
 
+# Characters of a label.
 LONGEST_LABEL = 24
-SHARE_OF_AXES = 0.77  # of an axes relative to its grid cell, before the layout
-TEXT_PT = 7.0  # text size of the style file, to which sizes given to `pt` refer
+# Size of an axes relative to its grid cell, before the layout.
+SHARE_OF_AXES = 0.77
+# Text size of the style file, to which sizes given to `pt` refer.
+TEXT_PT = 7.0
 
 
 @dataclass(frozen=True)
@@ -153,18 +165,20 @@ def style_context() -> Iterator[None]:
 
 
 def _scale_text(factor: float) -> None:
-    for key in (key for key in matplotlib.rcParams if SCALED.fullmatch(key)):
+    scaled = [key for key in matplotlib.rcParams if SCALED.fullmatch(key)]
+    for key in scaled:
         if not isinstance(matplotlib.rcParams[key], str):
             matplotlib.rcParams[key] *= factor
 
 
 SCALED = re.compile(
-    r"font\.size|.*\.(label|title)size|.*(label|title)?pad|legend\.fontsize|[xy]tick.*size"
+    r"font\.size|.*\.(label|title)size|.*(label|title)?pad"
+    r"|legend\.fontsize|[xy]tick.*size"
 )
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
-    """Run a drawing function within the style, without side effects on the user's own style.
+    """Run a drawing function within the style, without effects on the user's own style.
 
     It gets two more arguments. ``ax`` is where to draw: a figure or subfigure, or an
     axes of a grid. A figure with one axes is drawn into that axes itself; otherwise it
@@ -183,27 +197,34 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
     def draw_in_style(
         *args: Any, ax: Any = None, style: str | None = None, **kwargs: Any
     ) -> Any:
-        journal = _JOURNAL.get() if style is None else chosen("style", style, STYLES)
-        is_inner = _PLACE.get() is not None
-        place = _Place(ax) if ax is not None else _PLACE.get()
-        before = _JOURNAL.set(journal), _PLACE.set(place)
-        own = (ax is not None or is_inner) and style is None
+        journal = _JOURNAL.get()
+        if style is not None:
+            journal = chosen("style", style, STYLES)
+        place = _PLACE.get()
+        if ax is not None:
+            place = _Place(ax)
+        # In the user's own place, the user's own style applies.
+        is_users = place is not None and style is None
+        context = matplotlib.rc_context() if is_users else style_context()
+
+        journal_before = _JOURNAL.set(journal)
+        place_before = _PLACE.set(place)
         try:
-            with matplotlib.rc_context() if own else style_context():
+            with context:
                 figure = draw(*args, **kwargs)
                 _write_powers(figure)
                 if style is not None:
                     _fit_lines(figure, journal)
         finally:
-            _JOURNAL.reset(before[0])
-            _PLACE.reset(before[1])
+            _JOURNAL.reset(journal_before)
+            _PLACE.reset(place_before)
         return figure if ax is None else place.drawn
 
     return draw_in_style
 
 
 class _Place:
-    """Where the user wants a figure drawn, with the methods of a figure that our functions call."""
+    """Where a user wants a figure drawn, with the methods of a figure that we call."""
 
     def __init__(self, ax: Any) -> None:
         if not isinstance(ax, Axes | FigureBase):
@@ -215,12 +236,12 @@ class _Place:
 
     def fit_text(self, width_mm: float, height_mm: float) -> None:
         """Shrink text if the place is smaller than a figure of this size."""
-        box = (
-            self.drawn.get_window_extent()
-            if isinstance(self.drawn, Axes)
-            else self.drawn.bbox
-        )
-        share = SHARE_OF_AXES if isinstance(self.drawn, Axes) else 1.0
+        if isinstance(self.drawn, Axes):
+            box = self.drawn.get_window_extent()
+            share = SHARE_OF_AXES
+        else:
+            box = self.drawn.bbox
+            share = 1.0
         dots_a_mm = self.drawn.figure.dpi * share / MM_PER_INCH
         room = min(box.width / width_mm, box.height / height_mm) / dots_a_mm
         _scale_text(min(1.0, room * TEXT_PT / matplotlib.rcParams["font.size"]))
@@ -230,21 +251,27 @@ class _Place:
                 axis.label.set_fontsize(matplotlib.rcParams["axes.labelsize"])
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the figure; for an axes, that of a subfigure in its place."""
-        if isinstance(self.drawn, Axes) and name != "axes":
-            own = {"legend": self._legend, "text": self._text}
-            if name in own:
-                return own[name]
-            ax, spec = self.drawn, self.drawn.get_subplotspec()
-            if spec is None:
-                raise ConfigError(
-                    "ax: expected an axes of a grid, or a figure, for several panels"
-                )
-            self.drawn = ax.figure.add_subfigure(spec)
-            ax.remove()
-        return (
-            [self.drawn] if isinstance(self.drawn, Axes) else getattr(self.drawn, name)
-        )
+        """Return an attribute of the figure, or of a subfigure in place of an axes."""
+        if isinstance(self.drawn, Axes):
+            if name == "axes":
+                return [self.drawn]
+            if name == "legend":
+                return self._legend
+            if name == "text":
+                return self._text
+            self._replace_axes()
+        return getattr(self.drawn, name)
+
+    def _replace_axes(self) -> None:
+        """Put a subfigure in the place of the axes."""
+        axes = self.drawn
+        spec = axes.get_subplotspec()
+        if spec is None:
+            raise ConfigError(
+                "ax: expected an axes of a grid, or a figure, for several panels"
+            )
+        self.drawn = axes.figure.add_subfigure(spec)
+        axes.remove()
 
     def subplots(self, *grid: Any, **options: Any) -> Any:
         if not grid and not options and isinstance(self.drawn, Axes):
@@ -265,28 +292,28 @@ def _fit_lines(figure: Any, journal: Journal) -> None:
         axes.tick_params(labelsize=matplotlib.rcParams["xtick.labelsize"])
     if journal.line == 1.0:
         return
+    ticks = range(4)  # the markers of ticks
     for artist in figure.findobj(
         lambda one: isinstance(one, Line2D | Patch | Collection)
     ):
         artist.set_linewidth(journal.line * np.asarray(artist.get_linewidth()))
-        if isinstance(artist, Line2D) and artist.get_marker() not in range(
-            4
-        ):  # skip ticks
+        if isinstance(artist, Line2D) and artist.get_marker() not in ticks:
             artist.set_markersize(journal.line * artist.get_markersize())
 
 
 def pt(size: float) -> float:
-    """Return a text size in points in the current style, given the size in the style file's."""
+    """Return a text size in points in this style, given that in the style file."""
     return float(size * matplotlib.rcParams["font.size"] / TEXT_PT)
 
 
 def _write_powers(figure: Figure) -> None:
-    """Write powers of ten on logarithmic axes as 10⁻³, since text is not parsed as mathematics."""
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if isinstance(axis.get_major_formatter(), ticker.LogFormatterMathtext):
-            axis.set_major_formatter(_Powers())
-        if isinstance(axis.get_minor_formatter(), ticker.LogFormatterMathtext):
-            axis.set_minor_formatter(_Powers())
+    """Write powers of ten as 10⁻³, since text is not parsed as mathematics."""
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(axis.get_major_formatter(), ticker.LogFormatterMathtext):
+                axis.set_major_formatter(_Powers())
+            if isinstance(axis.get_minor_formatter(), ticker.LogFormatterMathtext):
+                axis.set_minor_formatter(_Powers())
 
 
 class _Powers(ticker.LogFormatterSciNotation):
@@ -302,23 +329,28 @@ class _Powers(ticker.LogFormatterSciNotation):
 
 def label_of(name: str) -> str:
     """Return a name as shown in figures: one short line that a legend does not omit."""
-    plain = (
-        " ".join("".join(c if c.isprintable() else " " for c in name).split()) or "?"
-    )
-    if len(plain) > LONGEST_LABEL:
-        plain = plain[: LONGEST_LABEL - 1] + "…"
-    return f" {plain}" if plain.startswith("_") else plain
+    printable = "".join(c if c.isprintable() else " " for c in name)
+    label = " ".join(printable.split())
+    if not label:
+        return "?"
+    if len(label) > LONGEST_LABEL:
+        label = label[: LONGEST_LABEL - 1] + "…"
+    if label.startswith("_"):
+        return f" {label}"  # a legend omits names that begin with this
+    return label
 
 
 def paper_figure(width_mm: float, height_mm: float) -> Figure:
-    """Return an empty figure of this size, mm, with automatic layout, or the user's own."""
-    place, journal = _PLACE.get(), _JOURNAL.get()
+    """Return an empty figure of this size, mm, with automatic layout, or the user's."""
+    place = _PLACE.get()
     if place is not None:
         place.fit_text(width_mm, height_mm)
         return place  # type: ignore[no-any-return]
+    journal = _JOURNAL.get()
     column = {SINGLE_COLUMN_MM: journal.single_mm, DOUBLE_COLUMN_MM: journal.double_mm}
     width = column.get(width_mm, width_mm * journal.text) / MM_PER_INCH
-    return _Shown(figsize=(width, height_mm * journal.text / MM_PER_INCH))
+    height = height_mm * journal.text / MM_PER_INCH
+    return _Shown(figsize=(width, height))
 
 
 class _Shown(Figure):
@@ -350,7 +382,7 @@ def foot_dash(number: int) -> str | tuple[float, tuple[float, ...]]:
 
 
 def foot_line(number: int) -> dict[str, Any]:
-    """Return colour and line style of a foot, numbered from 0, as keywords of a line."""
+    """Return colour and line style of a foot, from 0, as keywords of a line."""
     return {"color": foot_colour(number), "linestyle": foot_dash(number)}
 
 
@@ -378,7 +410,8 @@ def lettered(figure: Figure, panels: Iterable[Axes], ncols: int) -> None:
 # Figures to files: the same data give the same bytes, and either all formats are
 # written or none.
 
-DECIMALS = 9  # of a position, as a fraction of the figure
+# Decimals of a position, as a fraction of the figure.
+DECIMALS = 9
 
 
 def save_figure(
@@ -439,10 +472,10 @@ def draw(name: str, files: Sequence[str], base: str | Path, **options: Any) -> N
     options
         Options of `save_figure`.
     """
-    content = [
-        read_json(path) if path.endswith(".json") else read_table(path)
-        for path in files
-    ]
+    content: list[Any] = []
+    for path in files:
+        read = read_json if path.endswith(".json") else read_table
+        content.append(read(path))
     save_figure(function_of(name)(*content), base, **options)
 
 
@@ -466,17 +499,15 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 
 
 def _round_positions(figure: Figure) -> None:
-    """Round the positions of the axes: the last bits of a layout differ between processes.
+    """Round the positions of the axes: a layout's last bits differ between processes.
 
     In an SVG they would change the names of clip paths, which are digests of their
     numbers.
     """
     for axes in figure.axes:
         is_in_layout = axes.get_in_layout()
-        left, bottom, width, height = (
-            round(value, DECIMALS) for value in axes.get_position(original=True).bounds
-        )
+        bounds = axes.get_position(original=True).bounds
+        left, bottom, width, height = (round(value, DECIMALS) for value in bounds)
         axes.set_position((left, bottom, width, height))
-        axes.set_in_layout(
-            is_in_layout
-        )  # `set_position` takes the axes out of the layout
+        # `set_position` takes the axes out of the layout.
+        axes.set_in_layout(is_in_layout)

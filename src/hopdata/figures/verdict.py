@@ -1,4 +1,4 @@
-"""The verdict as one picture: the answer, its certainty, and what it means for a landing."""
+"""The verdict as a picture: the answer, its certainty, what it means for a landing."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -9,17 +9,26 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
+from hopdata.errors import counted
 from hopdata.figures import style
 from hopdata.figures.schedule import ARROW
 
-ROW_MM, MEMBER_MM, TITLE_MM = 58.0, 4.2, 3.0
-SAID_WIDTH = 90  # characters of a line of the verdict in words
-LINE_MM = 3.0  # height of such a line
+# Heights of a row of two plots, of a member of a group, of a study's title, and of a
+# line of the verdict in words.
+ROW_MM = 58.0
+MEMBER_MM = 4.2
+TITLE_MM = 3.0
+LINE_MM = 3.0
+# Characters of such a line, below two plots and beside one.
+SAID_WIDTH = 90
+SAID_WIDTH_BESIDE = 48
 ASKED = "difference between the maps of the contact orders"
 # Quantity that decides the answer: its axis label.
 AXES = {
     "effect": f"{ASKED}\n(% of the map; 0: one and the same map)",
-    "jump": "jump of the outcome between contact orders\n(% of what it varies; 0: none)",
+    "jump": (
+        "jump of the outcome between contact orders\n(% of what it varies; 0: none)"
+    ),
 }
 # Conclusion: a short answer, and its colour.
 ANSWERS = {
@@ -60,21 +69,24 @@ def verdict_figure(
             _said(verdict, SAID_WIDTH), width_mm=style.DOUBLE_COLUMN_MM
         )
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, _height_mm(verdict))
-    true = None if truth is None or truth.empty else float(truth["true_effect"].iloc[0])
-    top = max(_top(verdict), 112.0 * (true or 0.0))
+    if truth is None or truth.empty:
+        _draw_row(figure, verdict, touchdowns, _top(verdict))
+        return figure
+    true = float(truth["true_effect"].iloc[0])
+    top = max(_top(verdict), ROOM * 100.0 * true)
     left = _draw_row(figure, verdict, touchdowns, top)
-    if true is not None:
-        left.plot(
-            100.0 * true,
-            0.0,
-            "^",
-            color=style.BLUE,
-            markersize=5,
-            clip_on=False,
-            zorder=5,
-        )
-        words = f"true: {_percent(true)}, estimated: {_percent(verdict['effect']['estimate'])}"
-        _write(left, words, (100.0 * true, TRUE_ROW), style.BLUE, top)
+    left.plot(
+        100.0 * true,
+        0.0,
+        "^",
+        color=style.BLUE,
+        markersize=5,
+        clip_on=False,
+        zorder=5,
+    )
+    estimated = _percent(verdict["effect"]["estimate"])
+    words = f"true: {_percent(true)}, estimated: {estimated}"
+    _write(left, words, (100.0 * true, TRUE_ROW), style.BLUE, top)
     return figure
 
 
@@ -114,12 +126,13 @@ def _draw_row(
     touchdowns: pd.DataFrame,
     top: float,
 ) -> Axes:
-    """Draw size and landings side by side; without an answer, the reason replaces the size."""
+    """Draw size and landings side by side; without an answer, the reason."""
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_landings(right, verdict["conclusion"], touchdowns)
     if verdict.get("effect") is None:
         left.set_title(in_short(verdict), fontsize=style.pt(10), fontweight="bold")
-        left.text(0.5, 0.55, _said(verdict, 48), ha="center", va="center")
+        said = _said(verdict, SAID_WIDTH_BESIDE)
+        left.text(0.5, 0.55, said, ha="center", va="center")
         left.set_axis_off()
         return left
     _draw_size(left, verdict, top)
@@ -129,42 +142,47 @@ def _draw_row(
 
 
 def _decided(verdict: Mapping[str, Any]) -> str:
-    """Return what decides the answer: the difference of the maps, or a jump of the outcome."""
+    """Return what decides the answer: a difference of maps, or a jump."""
     return str(verdict.get("decided_by", "effect"))
 
 
 def _top(verdict: Mapping[str, Any]) -> float:
-    """Return the upper end of the axis, per cent: above all points and the end of the interval."""
+    """Return the end of the axis, per cent: above all points and the interval's end."""
     effect = verdict[_decided(verdict)]
     if effect is None:
         return 0.0
     most = max(verdict["margin"], effect["estimate"], min(effect["detectable"], 1.0))
-    return 112.0 * max(most, min(_end(verdict["conclusion"], effect), LONGEST * most))
+    end = min(_end(verdict["conclusion"], effect), LONGEST * most)
+    return ROOM * 100.0 * max(most, end)
+
+
+# The axis is longer than what it has to show by this factor.
+ROOM = 1.12
 
 
 def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
-    """Return the end of what is not excluded: of the interval if different, else the bound."""
-    return float(effect["high" if conclusion == "different" else "upper_bound"])
+    """Return the end of what is not excluded: of the interval, or the bound."""
+    if conclusion == "different":
+        return float(effect["high"])
+    return float(effect["upper_bound"])
 
 
 # Rows of the plot of the size, from the axis (0) upwards. Each text has a row of its
 # own, as high as two of its lines, so that no text can cover another wherever the data
 # place them.
-TRUE_ROW, SEEN_TEXT_ROW, SEEN_ROW, BAR_ROW, BAR_TEXT_ROW, NONE_ROW = (
-    0.13,
-    0.6,
-    1.0,
-    1.4,
-    1.82,
-    2.4,
-)
+TRUE_ROW = 0.13
+SEEN_TEXT_ROW = 0.6
+SEEN_ROW = 1.0
+BAR_ROW = 1.4
+BAR_TEXT_ROW = 1.82
+NONE_ROW = 2.4
 HIGHEST_ROW = 2.65
 
 
 def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     """Draw what is known of the difference above an axis that begins at zero."""
     effect = verdict[_decided(verdict)]
-    colour = ANSWERS[verdict["conclusion"]][1]
+    _, colour = ANSWERS[verdict["conclusion"]]
     look: Any = {"fontsize": style.pt(9), "fontweight": "bold", "loc": "left"}
     axes.set_title(in_short(verdict), color=colour, **look)
     low = 100.0 * effect["low"]
@@ -190,7 +208,7 @@ def _draw_interval(
     colour: str,
     top: float,
 ) -> None:
-    """Draw the interval, per cent, as a bar; if it is cut, the bar ends in an arrowhead."""
+    """Draw the interval, per cent, as a bar, with an arrowhead if it is cut."""
     low, end = interval
     effect = verdict[_decided(verdict)]
     sure = f"{100 * float(verdict['confidence']):g} %"
@@ -224,29 +242,41 @@ def _write(
     axes: Axes, words: str, at: tuple[float, float], colour: str, top: float
 ) -> None:
     """Write in a row beside a place, on the side with more room."""
-    left = at[0] < 0.5 * top
-    look = {"ha": "left" if left else "right", "va": "center", "color": colour}
+    if at[0] < 0.5 * top:
+        side = "left"
+        shift = (3, 0)
+    else:
+        side = "right"
+        shift = (-3, 0)
     style.note(
-        axes, words, at, (3 if left else -3, 0), fontsize=7, bbox=style.ON_WHITE, **look
+        axes,
+        words,
+        at,
+        shift,
+        fontsize=7,
+        bbox=style.ON_WHITE,
+        ha=side,
+        va="center",
+        color=colour,
     )
 
 
 def in_short(verdict: Mapping[str, Any]) -> str:
     """Return the answer in a few words, with its size."""
-    answer, effect = ANSWERS[verdict["conclusion"]][0], verdict[_decided(verdict)]
+    answer, _ = ANSWERS[verdict["conclusion"]]
+    effect = verdict[_decided(verdict)]
     if effect is None:
         return answer
-    size, low, high, bound = (
-        _percent(effect[key]) for key in ("estimate", "low", "high", "upper_bound")
-    )
+    bound = _percent(effect["upper_bound"])
+    if verdict["conclusion"] == "no difference":
+        return f"{answer}: no difference above {bound}"
+    if verdict["conclusion"] == "cannot tell":
+        return f"{answer}: up to {bound} possible"
+    size = _percent(effect["estimate"])
+    low = _percent(effect["low"]).removesuffix(PER_CENT)
+    high = _percent(effect["high"])
     by = {"effect": "by", "jump": "a jump of"}[_decided(verdict)]
-    interval = f"{low.removesuffix(PER_CENT)} to {high}"
-    sizes = {
-        "different": f"{by} {size} ({interval})",
-        "no difference": f"no difference above {bound}",
-        "cannot tell": f"up to {bound} possible",
-    }
-    return f"{answer}: {sizes[verdict['conclusion']]}"
+    return f"{answer}: {by} {size} ({low} to {high})"
 
 
 PER_CENT = "\u00a0%"  # the space keeps number and sign on one line
@@ -257,16 +287,23 @@ def _percent(share: float) -> str:
 
 
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
-    """Return the sentence and the outlook, wrapped to as few, evenly long lines as possible."""
-    said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(
-        " %", PER_CENT
-    )
-    filled = [textwrap.wrap(said, width) for width in range(20, longest + 1)]
-    return "\n".join(next(lines for lines in filled if len(lines) == len(filled[-1])))
+    """Return sentence and outlook, wrapped to as few, evenly long lines as possible."""
+    said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip()
+    said = said.replace(" %", PER_CENT)
+    fewest = len(textwrap.wrap(said, longest))
+    for width in range(20, longest):
+        lines = textwrap.wrap(said, width)
+        if len(lines) == fewest:
+            return "\n".join(lines)
+    return "\n".join(textwrap.wrap(said, longest))
 
 
-# Drawing of a landing: feet that touch later are higher above the ground.
-WIDTH, STEP, HIP, ROW = 3.2, 0.32, 1.7, 3.6
+# Drawing of a landing: width of the ground, height between the feet of two ranks (feet
+# that touch later are higher), height of the hips, and distance between two landings.
+WIDTH = 3.2
+STEP = 0.32
+HIP = 1.7
+ROW = 3.6
 ORDINALS = ("1st", "2nd", "3rd", "4th", "5th", "6th")
 
 
@@ -276,19 +313,21 @@ def _used(touchdowns: pd.DataFrame) -> pd.Series:
 
 
 def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> None:
-    """Draw the two most common orders of contact, and the maps that follow from them."""
+    """Draw the two most common orders of contact, and the maps that follow."""
     counts = _used(touchdowns).value_counts()
     orders = [str(order).split(">") for order in counts.index[:2]]
     grounds = [-ROW * row for row in range(len(orders))]
-    colour, levels = ANSWERS[conclusion][1], [ground + 0.9 for ground in grounds]
+    levels = [ground + 0.9 for ground in grounds]  # of the maps
+    middle = float(np.mean(levels))
+    _, colour = ANSWERS[conclusion]
+    are_different = conclusion == "different"
     for order, ground, level in zip(orders, grounds, levels, strict=True):
-        _draw_landing(
-            axes, [order.index(foot) for foot in sorted(order, key=int)], ground
-        )
+        ranks = [order.index(foot) for foot in sorted(order, key=int)]
+        _draw_landing(axes, ranks, ground)
         number = int(counts[">".join(order)])
-        name = f"feet {ARROW.join(order)}: {number} landing{'s' if number > 1 else ''}"
+        name = f"feet {ARROW.join(order)}: {counted(number, 'landing')}"
         axes.text(0.5 * WIDTH, ground - 0.65, name, ha="center", va="top")
-        goal = level if conclusion == "different" else float(np.mean(levels))
+        goal = level if are_different else middle
         look = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4}
         axes.annotate("", (6.0, goal), (WIDTH + 0.5, level), arrowprops=look)
     words = {
@@ -298,46 +337,47 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
     }[conclusion]
     box = {"boxstyle": "round,pad=0.5", "facecolor": colour, "linewidth": 0}
     for row, text in enumerate(words):
-        level = levels[row] if conclusion == "different" else float(np.mean(levels))
+        place = levels[row] if are_different else middle
         axes.text(
-            6.2, level, text, va="center", color="white", fontweight="bold", bbox=box
+            6.2, place, text, va="center", color="white", fontweight="bold", bbox=box
         )
-    few = f"the 2 commonest of {len(counts)} orders; " if len(counts) > 2 else ""
-    what = textwrap.fill(
-        f"{few}map: from the state before a landing to the state after it", 50
-    )
-    axes.text(
-        0.0, grounds[-1] - 1.6, what, va="top", color=style.INK, fontsize=style.pt(7)
-    )
+    what = "map: from the state before a landing to the state after it"
+    if len(counts) > 2:
+        what = f"the 2 commonest of {len(counts)} orders; {what}"
+    below = grounds[-1] - 1.6
+    small: Any = {"color": style.INK, "fontsize": style.pt(7)}
+    axes.text(0.0, below, textwrap.fill(what, 50), va="top", **small)
     axes.set_xlim(-0.3, 9.2)
     axes.set_ylim(grounds[-1] - 2.2, 2.2)
     axes.set_axis_off()
 
 
 def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
-    """Draw a body above the ground on numbered legs; the foot of rank 0 touches first."""
-    hip, body, size = (
-        ground + HIP,
-        [0.1, WIDTH - 0.1],
-        style.pt(min(6.0, 24.0 / len(ranks))),
-    )
+    """Draw a body on numbered legs; the foot of rank 0 touches first."""
+    hip = ground + HIP
+    body = [0.1, WIDTH - 0.1]
     axes.plot([0.0, WIDTH], [ground, ground], color=style.INK, linewidth=1.0)
     axes.plot(body, [hip, hip], color=style.INK, linewidth=7, solid_capstyle="round")
+    size = style.pt(min(6.0, 24.0 / len(ranks)))  # smaller if there are many feet
     for number, rank in enumerate(ranks):
         place = 0.3 + (WIDTH - 0.6) * number / (len(ranks) - 1)
-        foot, colour = (
-            ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09,
-            style.foot_colour(number),
-        )
+        foot = ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09
+        colour = style.foot_colour(number)
         axes.plot([place, place], [foot, hip], color=colour, linewidth=1.6)
         axes.plot(place, foot, "o", color=colour, markersize=4)
         axes.text(
             place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=size
         )
         axes.text(
-            place, hip, f"{number + 1}", fontsize=style.pt(5), fontweight="bold", color="white",
-            ha="center", va="center_baseline",
-        )  # fmt: skip
+            place,
+            hip,
+            f"{number + 1}",
+            fontsize=style.pt(5),
+            fontweight="bold",
+            color="white",
+            ha="center",
+            va="center_baseline",
+        )
 
 
 # The verdicts of a group below each other: a forest plot.
@@ -355,57 +395,79 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     rows = [row for row in group["members"] if not row["reason"]]
     if not rows:
         return style.message_figure(group["sentence"], width_mm=style.DOUBLE_COLUMN_MM)
-    effect = group["effect"]
-    whole = (
-        [{**effect, "name": "all", "conclusion": group["conclusion"]}] if effect else []
-    )
-    height = 18.0 + MEMBER_MM * (len(rows) + 1.5 * len(whole))
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
+    places: list[float] = [float(number) for number in range(len(rows))]
+    height_mm = 18.0 + MEMBER_MM * len(rows)
+    if group["effect"]:
+        whole = {"name": "all", "conclusion": group["conclusion"], "of_all": True}
+        rows.append(group["effect"] | whole)
+        places.append(len(places) + 0.5)
+        height_mm += 1.5 * MEMBER_MM
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
     axes = figure.subplots()
-    sizes = [row["estimate"] for row in rows if "jump_low" not in row] + [
-        group["margin"]
-    ]
-    ends = [
-        0.0 if "jump_low" in row else _end(row["conclusion"], row)
-        for row in (*rows, *whole)
-    ]
-    top = min(max(ends), LONGEST * max(*sizes, sorted(ends)[len(ends) // 2]))
-    places = [*range(len(rows)), *([len(rows) + 0.5] if whole else [])]
-    for y, row, end in zip(places, (*rows, *whole), ends, strict=True):
-        of_all = y == len(rows) + 0.5
-        look: dict[str, Any] = {
-            "color": ANSWERS[row["conclusion"]][1],
-            "clip_on": False,
-        }
-        if "jump_low" in row:  # a jump is not a fraction of the map
-            size, low, high = (
-                _percent(row[f"jump_{one}"]) for one in ("estimate", "low", "high")
-            )
-            words = f"the outcome jumps, by {size} ({low} to {high}) of what it varies"
-            white = {"va": "center", "color": look["color"], "bbox": style.ON_WHITE}
-            style.note(axes, words, (0.0, y), (4, 0), **white)
-            continue
-        ends_shown = [100 * row["low"], 100 * min(end, top)]
-        axes.plot(ends_shown, [y, y], linewidth=4.0 if of_all else 1.5, **look)
-        axes.plot(
-            100 * row["estimate"], y, "D" if of_all else "s", markersize=5, **look
-        )
-        if end > top:
-            axes.plot(100 * top, y, ">", markersize=4, **look)
-    axes.axvline(
-        100 * group["margin"], color=style.INK, linewidth=0.8, linestyle=(0, (4, 2))
-    )
-    shown = [
-        (row.get("subject", row["name"]), row.get("condition"))
-        for row in (*rows, *whole)
-    ]
-    axes.set_yticks(
-        places, [style.label_of(", ".join(filter(None, one))) for one in shown]
-    )
+    top = _top_of_group(rows, group["margin"])
+    for place, row in zip(places, rows, strict=True):
+        if "jump_low" in row:
+            _write_jump(axes, row, place)
+        else:
+            _draw_member(axes, row, place, top)
+    margin = 100 * group["margin"]
+    axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
+    axes.set_yticks(places, [_name_of(row) for row in rows])
     axes.set_ylim(places[-1] + 0.8, -0.8)
     axes.set_xlim(0.0, 102.0 * max(top, group["margin"]))
     axes.set_xlabel(f"{ASKED} (% of the map)")
     return figure
+
+
+def _top_of_group(rows: Sequence[Mapping[str, Any]], margin: float) -> float:
+    """Return where long intervals are cut, as a share of the map."""
+    sizes = [margin]
+    ends = []
+    for row in rows:
+        if "jump_low" in row:  # a jump is not a share of the map
+            ends.append(0.0)
+            continue
+        ends.append(_end(row["conclusion"], row))
+        if "of_all" not in row:
+            sizes.append(row["estimate"])
+    middle = sorted(ends)[len(ends) // 2]
+    return float(min(max(ends), LONGEST * max(*sizes, middle)))
+
+
+def _draw_member(axes: Axes, row: Mapping[str, Any], place: float, top: float) -> None:
+    """Draw the size of a member, or of all; a long interval ends in an arrow."""
+    _, colour = ANSWERS[row["conclusion"]]
+    mark = "s"
+    width = 1.5
+    if "of_all" in row:
+        mark = "D"
+        width = 4.0
+    look: dict[str, Any] = {"color": colour, "clip_on": False}
+    end = _end(row["conclusion"], row)
+    interval = [100 * row["low"], 100 * min(end, top)]
+    axes.plot(interval, [place, place], linewidth=width, **look)
+    axes.plot(100 * row["estimate"], place, mark, markersize=5, **look)
+    if end > top:
+        axes.plot(100 * top, place, ">", markersize=4, **look)
+
+
+def _write_jump(axes: Axes, row: Mapping[str, Any], place: float) -> None:
+    """Write the jump of a member in its row."""
+    _, colour = ANSWERS[row["conclusion"]]
+    size = _percent(row["jump_estimate"])
+    interval = f"{_percent(row['jump_low'])} to {_percent(row['jump_high'])}"
+    words = f"the outcome jumps, by {size} ({interval}) of what it varies"
+    look = {"va": "center", "color": colour, "bbox": style.ON_WHITE}
+    style.note(axes, words, (0.0, place), (4, 0), **look)
+
+
+def _name_of(row: Mapping[str, Any]) -> str:
+    """Return the subject of a row, and its condition if it has one."""
+    name = row.get("subject", row["name"])
+    condition = row.get("condition")
+    if condition:
+        name = f"{name}, {condition}"
+    return style.label_of(name)
 
 
 # How many landings a study needs.
@@ -428,16 +490,15 @@ def plan_figure(
     """
     figure = style.paper_figure(style.SINGLE_COLUMN_MM, 60.0)
     axes = figure.subplots()
-    axes.loglog(
-        [100.0 * size for size in needed], list(needed.values()), color=style.BLUE
-    )
-    axes.plot(100.0 * pilot[1], pilot[0], "o", color=style.VERMILION, markersize=5)
-    style.note(
-        axes, "pilot", (100.0 * pilot[1], pilot[0]), (5, 4), color=style.VERMILION
-    )
+    sizes = [100.0 * size for size in needed]
+    axes.loglog(sizes, list(needed.values()), color=style.BLUE)
+    pilot_landings, pilot_size = pilot
+    at = (100.0 * pilot_size, pilot_landings)
+    axes.plot(*at, "o", color=style.VERMILION, markersize=5)
+    style.note(axes, "pilot", at, (5, 4), color=style.VERMILION)
     for axis in (axes.xaxis, axes.yaxis):
         style.plain_numbers(axis)
-    axes.set_xticks([100.0 * size for size in needed])
+    axes.set_xticks(sizes)
     axes.set_xlabel("difference between the maps (% of the map)")
     axes.set_ylabel(f"landings that show it\nin {100 * power:g} % of studies")
     axes.grid(True)

@@ -1,4 +1,4 @@
-"""Event-selected hybrid systems: stepping, event localisation and bookkeeping of modes."""
+"""Event-selected hybrid systems: stepping, localisation of events, and modes."""
 
 from hopdata.hybrid.batch import BatchSolution, solve_batch
 from hopdata.hybrid.compiled.callbacks import (
@@ -17,6 +17,19 @@ from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
 
 __all__ = [
-    "BatchSolution", "Callback", "EventLog", "SlowCallbackWarning", "Solution", "System", "affine",
-    "field", "guard", "guards", "jacobian", "on_event", "rate_bound", "solve", "solve_batch",
-]  # fmt: skip
+    "BatchSolution",
+    "Callback",
+    "EventLog",
+    "SlowCallbackWarning",
+    "Solution",
+    "System",
+    "affine",
+    "field",
+    "guard",
+    "guards",
+    "jacobian",
+    "on_event",
+    "rate_bound",
+    "solve",
+    "solve_batch",
+]

@@ -1,4 +1,4 @@
-"""Checks of a caller's arguments: fast if they are valid, with a clear message if not."""
+"""Checks of a caller's arguments: fast if they are valid, with a clear message else."""
 
 from math import inf
 from typing import Any
@@ -12,12 +12,13 @@ from hopdata.errors import ArgumentError
 # rtol, max_step, first_step, max_steps, max_events
 Limits = tuple[float, float, float | None, int, int]
 
-MOST = (
-    10_000_000  # steps and events by default: no limit in practice, but no run for ever
-)
-SMALLEST_RTOL = (
-    10 * 2.0**-52
-)  # at a smaller rtol the controller mistakes rounding for error
+#: Most steps, and most events, of an integration by default.
+#: Unit: 1. Origin: chosen: no limit in practice, but no run for ever.
+MOST = 10_000_000
+#: Smallest relative tolerance; a smaller one that is asked for is raised to it.
+#: Unit: 1. Origin: rounding: at a smaller one the controller mistakes rounding for
+#: error. Ten units in the last place.
+SMALLEST_RTOL = 10 * 2.0**-52
 _LOCKS = frozenset((-1, 0, 1))
 
 
@@ -30,12 +31,17 @@ def expect(
 
 
 def check_numbers(
-    t_span: tuple[float, float], rtol: float, max_step: float, first_step: float | None,
-    max_steps: int, max_events: int,
-) -> tuple[float, float, float, float, float, int, int]:  # fmt: skip
-    """Return start, end, rtol, largest and first step (0: to be chosen), and the two counts.
+    t_span: tuple[float, float],
+    rtol: float,
+    max_step: float,
+    first_step: float | None,
+    max_steps: int,
+    max_events: int,
+) -> tuple[float, float, float, float, float, int, int]:
+    """Return start, end, rtol, largest and first step, and the two counts.
 
-    All of them are plain numbers. `driver.loop.can_be_done` makes the same checks.
+    All of them are plain numbers; a first step of 0 is to be chosen.
+    `driver.loop.can_be_done` makes the same checks.
     """
     try:
         t_start, t_end = map(float, t_span)
@@ -44,29 +50,39 @@ def check_numbers(
             f"t_span: expected two times (start, end), found {t_span!r}"
         ) from None
     in_order = -inf < t_start < inf and t_start <= t_end
-    expect(
-        in_order, "t_span", "a finite start, and an end not before the start", t_span
-    )
+    wanted = "a finite start, and an end not before the start"
+    expect(in_order, "t_span", wanted, t_span)
     largest = _number("max_step", max_step)
-    first = 0.0 if first_step is None else _number("first_step", first_step)
+    first = 0.0
+    if first_step is not None:
+        first = _number("first_step", first_step)
     expect(largest > 0, "max_step", "> 0", max_step)
     expect(first_step is None or first > 0, "first_step", "> 0", first_step)
     relative = _number("rtol", rtol)
     expect(0 <= relative < 1, "rtol", "a number in [0, 1)", rtol)
-    counts = check_count("max_steps", max_steps), check_count("max_events", max_events)
-    return t_start, t_end, max(relative, SMALLEST_RTOL), largest, first, *counts
+    steps = check_count("max_steps", max_steps)
+    events = check_count("max_events", max_events)
+    return (
+        t_start,
+        t_end,
+        max(relative, SMALLEST_RTOL),
+        largest,
+        first,
+        steps,
+        events,
+    )
 
 
 def check_infinite_end(
     system: Any, t_end: float, max_steps: int, max_events: int
 ) -> None:
-    """Raise ValueError if the end is infinite and nothing is known that may end the integration."""
+    """Raise ValueError if the end is infinite and nothing may end the integration."""
     if t_end < inf or any(system.terminal or ()) or system.on_event is not None:
         return
     limited = max_steps < MOST or max_events < MOST
     wanted = (
-        "a finite end, or something that may end the integration: System(terminal=...), a handler "
-        "that returns 1, max_events or max_steps"
+        "a finite end, or something that may end the integration: "
+        "System(terminal=...), a handler that returns 1, max_events or max_steps"
     )
     expect(limited, "t_span", wanted, "an infinite end and none of these")
 
@@ -82,12 +98,8 @@ def _number(name: str, value: Any) -> float:
 def check_count(name: str, value: Any) -> int:
     """Return a whole number from 1 to the largest 64-bit integer."""
     number = _number(name, value)
-    expect(
-        1 <= number < 2**63 and number == int(number),
-        name,
-        "a whole number > 0",
-        repr(value),
-    )
+    fits = 1 <= number < 2**63 and number == int(number)
+    expect(fits, name, "a whole number > 0", repr(value))
     return int(value)
 
 
@@ -118,7 +130,7 @@ def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
 
 
 def check_rows(params: ArrayLike, n_runs: int) -> FloatArray:
-    """Return the parameters shared by all runs, (1, p), or those of each run, (n_runs, p)."""
+    """Return the parameters shared by all runs, (1, p), or of each run, (n_runs, p)."""
     numbers = np.atleast_2d(numbers_of("params", params))
     fits = numbers.ndim == 2 and len(numbers) in (1, n_runs)
     expect(fits, "params", f"shape (p,) or ({n_runs}, p)", np.shape(params))
@@ -132,17 +144,19 @@ def with_memory(
 
     The memory starts at zero if it is not given.
     """
-    start = (
-        np.zeros(n_memory) if memory is None else numbers_of("memory", memory).ravel()
-    )
+    start = np.zeros(n_memory)
+    if memory is not None:
+        start = numbers_of("memory", memory).ravel()
     expect(len(start) == n_memory, "memory", f"{n_memory} numbers", len(start))
-    return np.concatenate(
-        [params, np.broadcast_to(start, (*params.shape[:-1], n_memory))], axis=-1
-    )
+    of_each = np.broadcast_to(start, (*params.shape[:-1], n_memory))
+    return np.concatenate([params, of_each], axis=-1)
 
 
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
-    """Write the initial mode into `full`: all of it, or the scene's integers after locks of 0."""
+    """Write the initial mode into `full`.
+
+    It is given whole, or as the scene's integers, which follow locks of 0.
+    """
     full.fill(0)
     given = np.asarray(mode)
     if given.dtype.kind not in "iub":
@@ -165,9 +179,10 @@ def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
 
 def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
     """Write the absolute tolerance of each component into `full`."""
-    given = (
-        numbers_of("atol", atol) if np.ndim(atol) else np.asarray(_number("atol", atol))
-    )
+    if np.ndim(atol):
+        given = numbers_of("atol", atol)
+    else:
+        given = np.asarray(_number("atol", atol))
     fits = given.shape in ((), full.shape) and (given >= 0).all()
     expect(fits, "atol", f"a number or {len(full)} numbers, >= 0", repr(atol))
     full[:] = given

@@ -15,9 +15,15 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.callbacks import Caught
+from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.derived import ask_derived, goes_back
-from hopdata.hybrid.driver.loop import END_STATE, many_entry
+from hopdata.hybrid.driver.loop import (
+    END_STATE,
+    Request,
+    Results,
+    Starts,
+    many_entry,
+)
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
 
@@ -27,17 +33,22 @@ CHUNK = 64  # integrations that a thread takes at a time; results do not depend 
 # Most steps in a chunk of more than one integration: Ctrl-C takes effect only between
 # chunks.
 STEPS_AT_A_TIME = 200_000
-# Number of systems from which lanes pay off: compilation takes 0.5 s, and each system
-# saves 10 to 20 us.
+#: Number of systems from which a batch is integrated in lanes by default.
+#: Unit: 1. Origin: measured: compilation takes 0.5 s, and each system saves 10 to
+#: 20 us.
 LARGE = 50_000
 BETWEEN_S = 0.1  # interval of progress messages on stderr
 
 
 def run_in_threads(
-    run: Callable[[int, int], int], done: int, total: int, workers: int | None, progress: bool,
+    run: Callable[[int, int], int],
+    done: int,
+    total: int,
+    workers: int | None,
+    progress: bool,
     chunk: int = CHUNK,
-) -> None:  # fmt: skip
-    """Run a job on the indices from `done` up to `total`, one chunk at a time in each thread.
+) -> None:
+    """Run a job on the indices from `done` up to `total`, in chunks and threads.
 
     A single worker runs in the calling thread, because starting a thread takes as long
     as a hundred small integrations.
@@ -57,12 +68,17 @@ def run_in_threads(
         Number of indices that a thread takes at a time.
     """
     chunks = [(first, min(first + chunk, total)) for first in range(done, total, chunk)]
-    start, last = time.monotonic(), -inf
-    for count in _counts(run, chunks, min(workers or available_cores(), len(chunks))):
-        done, now = done + count, time.monotonic()
-        if progress and (done == total or now - last > BETWEEN_S):
-            last, end = now, "\n" if done == total else ""
+    n_workers = min(workers or available_cores(), len(chunks))
+    start = time.monotonic()
+    last_shown = -inf
+    for count in _counts(run, chunks, n_workers):
+        done += count
+        now = time.monotonic()
+        is_last = done == total
+        if progress and (is_last or now - last_shown > BETWEEN_S):
+            last_shown = now
             line = f"\r{done} of {total} integrations, {now - start:.1f} s"
+            end = "\n" if is_last else ""
             print(line, end=end, file=sys.stderr, flush=True)
 
 
@@ -76,14 +92,15 @@ def _counts(
     if workers <= 1:
         yield from (run(*chunk) for chunk in chunks)
         return
-    pool, rest = ThreadPoolExecutor(workers), iter(chunks)
+    pool = ThreadPoolExecutor(workers)
+    waiting = iter(chunks)
     # Queue few chunks: Ctrl-C during a submit may surface as an error of the threads'
     # lock
     try:
-        under_way = {pool.submit(run, *c) for c in islice(rest, 2 * workers)}
+        under_way = {pool.submit(run, *c) for c in islice(waiting, 2 * workers)}
         while under_way:
             ended, under_way = wait(under_way, return_when=FIRST_COMPLETED)
-            under_way |= {pool.submit(run, *c) for c in islice(rest, len(ended))}
+            under_way |= {pool.submit(run, *c) for c in islice(waiting, len(ended))}
             yield from (job.result() for job in ended)
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
@@ -166,39 +183,107 @@ class BatchSolution:
 
     @property
     def message(self) -> str:
-        """How the integrations ended: one line for each status, with the number of runs."""
-        _, places, numbers = np.unique(
+        """How the integrations ended: a line for each status, with how often."""
+        _, first_runs, counts = np.unique(
             self.status, return_index=True, return_counts=True
         )
-        return "\n".join(
-            f"{count} of {len(self)}, such as number {place}: {self._sentence(place)}"
-            for count, place in zip(numbers, places, strict=True)
-        )
+        lines = []
+        for run, count in zip(first_runs, counts, strict=True):
+            sentence = at.describe(
+                int(self.status[run]),
+                time=self.t_end[run],
+                culprit=self.culprit[run],
+                names=self.guard_names,
+                rates=self.rates[run],
+            )
+            lines.append(f"{count} of {len(self)}, such as number {run}: {sentence}")
+        return "\n".join(lines)
 
-    def _sentence(self, place: int) -> str:
-        return at.describe(
-            int(self.status[place]), time=self.t_end[place], culprit=self.culprit[place],
-            names=self.guard_names, rates=self.rates[place],
-        )  # fmt: skip
 
-
-class _Room:
+class _Output:
     """Arrays that the threads fill; each thread writes its own rows."""
 
     def __init__(
-        self, n_runs: int, system: System, n_wanted: int, jacobian: bool
+        self, n_runs: int, system: System, n_times: int, jacobian: bool
     ) -> None:
         n = system.n_states
+        n_sampled = n_runs if n_times > 0 else 0
+        n_jacobians = n_runs if jacobian else 0
         self.status = np.zeros((n_runs, 1), dtype=np.int64)
         self.ends = np.empty((n_runs, END_STATE + n))
         self.modes = np.empty((n_runs, system.n_modes), dtype=np.int64)
         self.counts = np.empty((n_runs, at.COUNT_SLOTS), dtype=np.int64)
-        self.samples = np.empty((n_runs if n_wanted else 0, n_wanted, n))
-        self.jacobians = np.empty((n_runs if jacobian else 0, n, n))
+        self.samples = np.empty((n_sampled, n_times, n))
+        self.jacobians = np.empty((n_jacobians, n, n))
         self.arrays = tuple(vars(self).values())  # in the order above
 
 
-def solve_batch(
+@dataclass(frozen=True)
+class _Batch:
+    """What all integrations of a batch share, and where their results go."""
+
+    system: System
+    method: str
+    jacobian: bool
+    states: FloatArray
+    numbers: FloatArray  # parameters and memory, one row, or one for each integration
+    modes: IntArray
+    times: FloatArray
+    atol: ArrayLike
+    options: tuple[float, float, float, float, float, int, int]
+    output: _Output
+
+    def in_lanes(self) -> tuple[Callable[[int, int], int] | None, str]:
+        """Return what integrates in lanes, or None and the reason."""
+        from hopdata.hybrid.lanes.batch import lane_runner
+
+        tolerance = np.empty(self.system.n_states)
+        arguments.set_tolerance(tolerance, self.atol)
+        inputs = (self.states, self.numbers, self.modes)
+        arrays = (*inputs, *self.output.arrays[:-1], self.times, tolerance)
+        return lane_runner(
+            self.system, self.method, self.jacobian, arrays, self.options
+        )
+
+    def run(self, first: int, last: int) -> int:
+        """Integrate from the states first <= i < last, one by one."""
+        methods = self.system.methods(self.method, self.jacobian)
+        work = self.system.take_workspace()
+        done = first
+        try:
+            times = self.times if len(self.times) > 0 else None
+            work.begin(methods, times, self.jacobian)
+            work.make_params_room(self.numbers.shape[1] - self.system.n_memory)
+            work.set_tolerance(self.atol)
+            work.block[at.PATIENCE] = np.iinfo(np.int64).max // 2  # it never pauses
+            starts = Starts(self.states, self.numbers, self.modes)
+            results = Results(*self.output.arrays)
+            request = Request(*self.options)
+            with Caught() as caught:
+                while done < last and not caught:
+                    done = many_entry()(
+                        work.block, done, last, starts, results, request
+                    )
+                    if done < last:
+                        methods.provide(int(work.counts[at.METHOD]))
+            if caught:
+                raise caught[0]
+            methods.steps += int(self.output.counts[first:last, at.STEPS].sum())
+        finally:
+            work.forget_samples()
+            work.block[at.PATIENCE] = FIRST_PATIENCE
+            self.system.idle.append(work)
+        return last - first
+
+    def run_rows(self, rows: IntArray) -> int:
+        """Integrate from the states of these rows, and return their number."""
+        gaps = np.flatnonzero(np.diff(rows) > 1)
+        for piece in np.split(rows, gaps + 1):
+            self.run(int(piece[0]), int(piece[-1]) + 1)
+        return len(rows)
+
+
+def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     system: System,
     t_span: tuple[float, float],
     y0: ArrayLike,
@@ -255,11 +340,26 @@ def solve_batch(
     states = _states(y0, system.n_states)
     if goes_back(t_span) or isinstance(jacobian, str):
         return ask_derived(
-            solve_batch, system, t_span=t_span, y0=states, params=params, t_eval=t_eval, atol=atol,
-            jacobian=jacobian, mode=mode, rtol=rtol, max_step=max_step, first_step=first_step,
-            max_steps=max_steps, max_events=max_events, method=method, memory=memory,
-            workers=workers, progress=progress, lanes=lanes,
-        )  # fmt: skip
+            solve_batch,
+            system,
+            t_span=t_span,
+            y0=states,
+            params=params,
+            t_eval=t_eval,
+            atol=atol,
+            jacobian=jacobian,
+            mode=mode,
+            rtol=rtol,
+            max_step=max_step,
+            first_step=first_step,
+            max_steps=max_steps,
+            max_events=max_events,
+            method=method,
+            memory=memory,
+            workers=workers,
+            progress=progress,
+            lanes=lanes,
+        )
     options = arguments.check_numbers(
         t_span, rtol, max_step, first_step, max_steps, max_events
     )
@@ -273,76 +373,69 @@ def solve_batch(
     modes = np.zeros((1, system.n_modes), dtype=np.int64)
     if mode is not None:
         arguments.set_mode(modes[0], system.n_guards, mode)
-    times = (
-        np.empty(0) if t_eval is None else arguments.check_times(t_eval, *options[:2])
+    times = np.empty(0)
+    if t_eval is not None:
+        times = arguments.check_times(t_eval, *options[:2])
+    if lanes is None:
+        wants_lanes = len(states) >= LARGE
+    else:
+        wants_lanes = arguments.check_flag("lanes", lanes)
+    batch = _Batch(
+        system=system,
+        method=method,
+        jacobian=jacobian,
+        states=states,
+        numbers=numbers,
+        modes=modes,
+        times=times,
+        atol=atol,
+        options=options,
+        output=_Output(len(states), system, len(times), jacobian),
     )
-    room = _Room(len(states), system, len(times), jacobian)
-    left, reason = np.arange(len(states)), "they were not requested"
-    if len(states) >= LARGE if lanes is None else arguments.check_flag("lanes", lanes):
-        from hopdata.hybrid.lanes.batch import lane_runner
-        from hopdata.hybrid.lanes.step import GIVEN_UP
+    remaining = np.arange(len(states))
+    reason = "they were not requested"
+    if wants_lanes:
+        remaining, reason = _run_in_lanes(batch, workers, progress)
+    _run_one_by_one(batch, remaining, workers, progress)
+    return _solution(batch, remaining, reason)
 
-        limits = np.empty(system.n_states)
-        arguments.set_tolerance(limits, atol)
-        arrays = (states, numbers, modes, *room.arrays[:-1], times, limits)
-        in_lanes, reason = lane_runner(system, method, jacobian, arrays, options)
-        if in_lanes is not None:
-            share = len(states) // (4 * (workers or available_cores()))
-            chunk = min(max(share, 4 * CHUNK), 64 * CHUNK)
-            run_in_threads(in_lanes, 0, len(states), workers, progress, chunk)
-            left = np.flatnonzero(room.status[:, 0] == GIVEN_UP)
-    begun = len(states) - len(left)
+
+def _run_in_lanes(
+    batch: _Batch, workers: int | None, progress: bool
+) -> tuple[IntArray, str]:
+    """Integrate in lanes, and return the rows that remain, and why if all do."""
+    from hopdata.hybrid.lanes.room import GIVEN_UP
+
+    total = len(batch.states)
+    in_lanes, reason = batch.in_lanes()
+    if in_lanes is None:
+        return np.arange(total), reason
+    share = total // (4 * (workers or available_cores()))
+    chunk = min(max(share, 4 * CHUNK), 64 * CHUNK)
+    run_in_threads(in_lanes, 0, total, workers, progress, chunk)
+    return np.flatnonzero(batch.output.status[:, 0] == GIVEN_UP), reason
+
+
+def _run_one_by_one(
+    batch: _Batch, remaining: IntArray, workers: int | None, progress: bool
+) -> None:
+    """Integrate from the states of the remaining rows."""
+    total = len(batch.states)
+    n_in_lanes = total - len(remaining)
 
     def run(first: int, last: int) -> int:
-        methods, work, done = (
-            system.methods(method, jacobian),
-            system.take_workspace(),
-            first,
-        )
-        try:
-            work.begin(methods, times if len(times) else None, jacobian)
-            work.make_params_room(numbers.shape[1] - system.n_memory)
-            work.set_tolerance(atol)
-            work.desk[at.PATIENCE] = np.iinfo(np.int64).max // 2
-            with Caught() as caught:
-                while done < last and not caught:
-                    done = many_entry()(
-                        work.desk,
-                        done,
-                        last,
-                        states,
-                        numbers,
-                        modes,
-                        *room.arrays,
-                        *options,
-                    )
-                    if done < last:
-                        methods.provide(int(work.counts[at.METHOD]))
-            if caught:
-                raise caught[0]
-            methods.steps += int(room.counts[first:last, at.STEPS].sum())
-        finally:
-            work.forget_samples()
-            work.desk[at.PATIENCE] = FIRST_PATIENCE
-            system.idle.append(work)
-        return last - first
+        return batch.run_rows(remaining[first - n_in_lanes : last - n_in_lanes])
 
-    def run_left(first: int, last: int) -> int:
-        rows = left[first - begun : last - begun]
-        for piece in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
-            run(int(piece[0]), int(piece[-1]) + 1)
-        return last - first
-
-    done, chunk = begun, CHUNK
-    if (
-        len(left) > 0
-    ):  # run the first alone, because it compiles what is not compiled yet
-        done += run_left(begun, begun + 1)
-        steps = int(room.counts[left[0], at.STEPS])
-        system.methods(method, jacobian).specialise(steps * len(left))
+    done = n_in_lanes
+    chunk = CHUNK
+    if len(remaining) > 0:
+        # The first runs alone, because it compiles what is not compiled yet.
+        done += run(done, done + 1)
+        steps = int(batch.output.counts[remaining[0], at.STEPS])
+        methods = batch.system.methods(batch.method, batch.jacobian)
+        methods.specialise(steps * len(remaining))
         chunk = min(STEPS_AT_A_TIME // (steps + 1) + 1, CHUNK)
-    run_in_threads(run_left, done, len(states), workers, progress, chunk)
-    return _solution(room, times, jacobian, system, left, reason)
+    run_in_threads(run, done, total, workers, progress, chunk)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
@@ -354,27 +447,41 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     return states
 
 
-def _solution(
-    room: _Room,
-    times: FloatArray,
-    jacobian: bool,
-    system: System,
-    left: IntArray,
-    reason: str,
-) -> BatchSolution:
-    y, shown = None, system.n_shown
-    if len(times):
-        room.samples[np.arange(len(times)) >= room.counts[:, at.SAMPLES, None]] = np.nan
-        y = np.ascontiguousarray(np.swapaxes(room.samples[..., :shown], 1, 2))
+def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
+    """Return the results, with the user's states, parameters and times only."""
+    system = batch.system
+    output = batch.output
+    counts = output.counts
+    shown = system.n_shown
+    t = None
+    y = None
+    if len(batch.times) > 0:
+        t = system.way * batch.times
+        ended = np.arange(len(batch.times)) >= counts[:, at.SAMPLES, None]
+        output.samples[ended] = np.nan
+        y = np.ascontiguousarray(np.swapaxes(output.samples[..., :shown], 1, 2))
+    jacobian = None
+    if batch.jacobian:
+        jacobian = output.jacobians[:, :shown, :shown]
+    sensitivity = None
+    if shown < system.n_states:
+        sensitivity = output.jacobians[:, :shown, shown:]
     return BatchSolution(
-        status=room.status[:, 0], t_end=system.way * room.ends[:, 0],
-        y_end=room.ends[:, END_STATE : END_STATE + shown], mode=room.modes,
-        n_events=room.counts[:, at.EVENTS], n_steps=room.counts[:, at.STEPS],
-        nfev=room.counts[:, at.NFEV], n_unproven=room.counts[:, at.UNPROVEN],
-        t=system.way * times if len(times) else None, y=y,
-        jacobian=room.jacobians[:, :shown, :shown] if jacobian else None,
-        sensitivity=room.jacobians[:, :shown, shown:] if shown < system.n_states else None,
-        culprit=room.counts[:, at.CULPRIT], rates=room.ends[:, 1:END_STATE],
-        guard_names=system.guard_names, lanes=~np.isin(np.arange(len(room.status)), left),
+        status=output.status[:, 0],
+        t_end=system.way * output.ends[:, 0],
+        y_end=output.ends[:, END_STATE : END_STATE + shown],
+        mode=output.modes,
+        n_events=counts[:, at.EVENTS],
+        n_steps=counts[:, at.STEPS],
+        nfev=counts[:, at.NFEV],
+        n_unproven=counts[:, at.UNPROVEN],
+        t=t,
+        y=y,
+        jacobian=jacobian,
+        sensitivity=sensitivity,
+        culprit=counts[:, at.CULPRIT],
+        rates=output.ends[:, 1:END_STATE],
+        guard_names=system.guard_names,
+        lanes=~np.isin(np.arange(len(output.status)), remaining),
         lanes_reason=reason,
-    )  # fmt: skip
+    )

@@ -47,17 +47,20 @@ class Around(Callback):
     """
 
     def __init__(
-        self, inner: Callback, body: list[str], n_params: int, ranged: list[str] | None = None,
+        self,
+        inner: Callback,
+        body: list[str],
+        n_params: int,
+        ranged: list[str] | None = None,
         **names: Any,
-    ) -> None:  # fmt: skip
-        self.inner, kind = inner, inner.signature
+    ) -> None:
+        kind = inner.signature
         names = {"INNER": inner.dispatcher, "np": np, **names}
-        super().__init__(
-            compose(kind.name, ", ".join(kind.arguments), body, names), kind
-        )
-        self.kept = (
-            inner.compiled
-        )  # otherwise the code contains the address of a Python function
+        function = compose(kind.name, ", ".join(kind.arguments), body, names)
+        super().__init__(function, kind)
+        self.inner = inner
+        # Otherwise the code contains the address of a Python function.
+        self.kept = inner.compiled
         self.n_params = n_params
         self._ranged = body if ranged is None else ranged
         self._names = names
@@ -74,7 +77,10 @@ class Around(Callback):
 
     @cached_property
     def constants(self) -> Constants:
-        """Nothing of its own: the system from which it is derived looks at the user's function."""
+        """Nothing of its own.
+
+        The system from which it is derived looks at the user's function.
+        """
         return Constants()
 
     @property
@@ -88,36 +94,44 @@ class Around(Callback):
 
 
 def _made(
-    system: System, key: Any, derive: Callable[[Callback], Callback | None],
-    given_too: dict[str, Any], **seen: Any,
-) -> System:  # fmt: skip
-    """Return the derived system, made once; `seen` holds the properties that differ."""
+    system: System,
+    key: Any,
+    derive: Callable[[Callback], Callback | None],
+    *,
+    n_states: int | None = None,
+    way: float | None = None,
+    n_shown: int | None = None,
+) -> System:
+    """Return the derived system, made once; what is not given is as in the system."""
     if key not in system.made:
-        names = [
-            name for name in (*SIGNATURES, "undo") if getattr(system, name) is not None
-        ]
-        functions: dict[str, Any] = {
-            name: derive(getattr(system, name)) for name in names
-        }
-        system.made[key] = replace(system, **functions, **given_too)
-        vars(system.made[key]).update(
-            {"way": system.way, "n_shown": system.n_shown, **seen}
-        )
+        functions: dict[str, Any] = {}
+        for name in (*SIGNATURES, "undo"):
+            given = getattr(system, name)
+            if given is not None:
+                functions[name] = derive(given)
+        if n_states is None:
+            n_states = system.n_states
+        made = replace(system, **functions, n_states=n_states)
+        # Set as the cached properties that they are.
+        vars(made)["way"] = system.way if way is None else way
+        vars(made)["n_shown"] = system.n_shown if n_shown is None else n_shown
+        system.made[key] = made
     derived: System = system.made[key]
     return derived
 
 
 def _backward(inner: Callback) -> Around:
+    """Return a function of the system in the time s = -t."""
     kind = inner.signature
-    # One guard of many: the others' rates may be stored there as well
-    one = "hdot[k] = -hdot[k]"
-    # a matrix by rows; lanes can do it, too
-    each = "for i in range(len({0})): {0}[i] = -{0}[i]"
-    turned = {
-        name: one if name == "hdot" and "k" in kind.arguments else each.format(name)
-        for name in kind.arguments
-        if name in RATES
-    }
+    one_by_one = "k" in kind.arguments
+    turned = {}  # the line that changes the sign of each rate
+    for name in kind.arguments:
+        if name == "hdot" and one_by_one:
+            # The other guards' rates may be stored there as well.
+            turned[name] = "hdot[k] = -hdot[k]"
+        elif name in RATES:
+            # A matrix by rows; lanes can do it, too.
+            turned[name] = f"for i in range(len({name})): {name}[i] = -{name}[i]"
     call = ", ".join("-t" if name == "t" else name for name in kind.arguments)
     before = [line for name, line in turned.items() if name not in kind.fills]
     body = [*before, f"result = INNER({call})", *turned.values(), "return result"]
@@ -134,13 +148,14 @@ def backward(system: System) -> System:
     """
     if system.on_event is not None and system.undo is None:
         raise ArgumentError(
-            "t_span: expected the end not before the start, because the effect of on_event on the "
-            "state, the mode and the memory is not known backward. Give System(undo=...), declared "
-            "by @on_event, which undoes it when the same guard is crossed from the other side; or "
-            "on_event itself, if it changes nothing that matters"
+            "t_span: expected the end not before the start, because the effect of "
+            "on_event on the state, the mode and the memory is not known backward. "
+            "Give System(undo=...), declared by @on_event, which undoes it when the "
+            "same guard is crossed from the other side; or on_event itself, if it "
+            "changes nothing that matters"
         )
     is_new = "backward" not in system.made
-    turned = _made(system, "backward", _backward, {}, way=-system.way)
+    turned = _made(system, "backward", _backward, way=-system.way)
     if is_new and system.undo is not None:
         vars(turned).update(on_event=turned.undo, undo=turned.on_event)
     return turned
@@ -165,13 +180,17 @@ for j in range(N, len(y)):
             hdot[i] += slopes[i, 0] * dy[j]
         y[j] = q
 """
-KNOWN = {"ROOT": tangent.FIFTH_ROOT_OF_EPS} | {
-    name: getattr(tangent, name) for name in ("ATTEMPTS", "SHIFTS", "SHORTER", "settle")
+KNOWN = {
+    "ROOT": tangent.FIFTH_ROOT_OF_EPS,
+    "ATTEMPTS": tangent.ATTEMPTS,
+    "SHIFTS": tangent.SHIFTS,
+    "SHORTER": tangent.SHORTER,
+    "settle": tangent.settle,
 }
 
 
 def with_parameters(system: System, n_params: int) -> System:
-    """Return the system whose states are the user's, followed by the constant parameters."""
+    """Return the system whose states are the user's, followed by the parameters."""
     wanted = "no n_memory with 'params', because params contains the memory"
     arguments.expect(system.n_memory == 0, "jacobian", wanted, system.n_memory)
     system.check_params_length(n_params)
@@ -181,38 +200,40 @@ def with_parameters(system: System, n_params: int) -> System:
         kind = inner.signature
         if kind.name in ("jacobian", "affine"):
             return None
-        taken = {"y": "y[:N]", "dy": "dy[:N]", "params": "y[N:]"}
-        call = ", ".join(taken.get(name, name) for name in kind.arguments)
-        body, ranged = [f"result = INNER({call})"], None
+        slices = {"y": "y[:N]", "dy": "dy[:N]", "params": "y[N:]"}
+        call = ", ".join(slices.get(name, name) for name in kind.arguments)
+        body = [f"result = INNER({call})"]
+        ranged = None
         if kind.name == "field":
             body.append("dy[N:] = 0.0")
         if "hdot" in kind.arguments:
             guards = "range(k, k + 1)" if "k" in kind.arguments else "range(n)"
-            taken = {
+            parts = {
                 "y": "PART(y, 0, N)",
                 "dy": "PART(dy, 0, N)",
                 "params": "PART(y, N, len(y))",
             }
-            parts = ", ".join(taken.get(name, name) for name in kind.arguments)
-            ranged = [f"return INNER({parts})"]
+            ranged_call = ", ".join(parts.get(name, name) for name in kind.arguments)
+            ranged = [f"return INNER({ranged_call})"]
             call = call.replace("hdot", "rates").replace("h, ", "values[side], ")
             body += BY_PARAMETERS.format(call=call, guards=guards).strip().splitlines()
         return Around(inner, [*body, "return result"], 0, ranged, N=n, **KNOWN)
 
-    return _made(
-        system, (WITH_PARAMS, n_params), around, {"n_states": n + n_params}, n_shown=n
-    )
+    key = (WITH_PARAMS, n_params)
+    return _made(system, key, around, n_states=n + n_params, n_shown=n)
 
 
 def in_python(system: System) -> System:
     """Return the system with all functions run by Python."""
-    return _made(
-        system, "debug", lambda one: Callback(one.function, one.signature, False), {}
-    )
+
+    def uncompiled(given: Callback) -> Callback:
+        return Callback(given.function, given.signature, compiled=False)
+
+    return _made(system, "debug", uncompiled)
 
 
 def goes_back(t_span: Any) -> bool:
-    """Return whether a time span ends before its start; False if it is not a time span."""
+    """Return whether a time span ends before its start; False if it is none."""
     try:
         start, end = t_span
         return float(end) < float(start)
@@ -221,52 +242,57 @@ def goes_back(t_span: Any) -> bool:
 
 
 def ask_derived(
-    ask: Callable[..., Answer], system: System, *, t_span: Any, y0: Any, params: Any, t_eval: Any,
-    atol: Any, jacobian: Any, debug: Any = False, **others: Any,
-) -> Answer:  # fmt: skip
+    ask: Callable[..., Answer],
+    system: System,
+    *,
+    t_span: Any,
+    t_eval: Any,
+    jacobian: Any,
+    debug: Any = False,
+    **others: Any,
+) -> Answer:
     """Solve with the derived system that the options require, and return the answer."""
     if arguments.check_flag("debug", debug):
         system = in_python(system)
     if isinstance(jacobian, str):
-        known = jacobian == WITH_PARAMS
-        arguments.expect(
-            known, "jacobian", "True or False, or 'params'", repr(jacobian)
-        )
-        states = arguments.numbers_of("y0", y0)
-        fits = states.shape[-1:] == (system.n_states,)
-        arguments.expect(
-            fits, "y0", f"{system.n_states} states", f"shape {states.shape}"
-        )
-        rows = states.shape[:-1]
-        given = arguments.numbers_of("params", params).ravel()
-        if rows:
-            given = arguments.check_rows(params, len(states))
-        arguments.expect(np.isfinite(given).all(), "params", "finite numbers", given)
-        given = np.broadcast_to(given, (*rows, given.shape[-1]))
-        full = np.zeros(system.n_states)
-        arguments.set_tolerance(full, atol)
-        atol = np.concatenate([full, np.zeros(given.shape[-1])])
-        system = with_parameters(system, given.shape[-1])
-        y0, params, jacobian = np.concatenate([states, given], axis=-1), (), True
+        wanted = "True or False, or 'params'"
+        arguments.expect(jacobian == WITH_PARAMS, "jacobian", wanted, repr(jacobian))
+        system, others = _parameters_as_states(system, others)
+        jacobian = True
     if goes_back(t_span):
-        system, whole = backward(system), t_span
-        t_span = tuple(-float(one) for one in t_span)
+        system = backward(system)
+        turned = tuple(-float(one) for one in t_span)
         if t_eval is not None:
+            times = -arguments.numbers_of("t_eval", t_eval)
             try:
-                t_eval = arguments.check_times(
-                    -arguments.numbers_of("t_eval", t_eval), *t_span
-                )
+                t_eval = arguments.check_times(times, *turned)
             except ValueError:
-                arguments.expect(
-                    False, "t_eval", f"decreasing times within {whole}", t_eval
-                )
-    return ask(
-        system,
-        t_span,
-        y0,
-        params=params,
-        t_eval=t_eval,
-        atol=atol,
-        jacobian=jacobian,
-        **others,
-    )
+                wanted = f"decreasing times within {t_span}"
+                arguments.expect(False, "t_eval", wanted, t_eval)
+        t_span = turned
+    return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)
+
+
+def _parameters_as_states(
+    system: System, options: dict[str, Any]
+) -> tuple[System, dict[str, Any]]:
+    """Return the system with its parameters as states, and the options for it."""
+    states = arguments.numbers_of("y0", options["y0"])
+    fits = states.shape[-1:] == (system.n_states,)
+    arguments.expect(fits, "y0", f"{system.n_states} states", f"shape {states.shape}")
+    rows = states.shape[:-1]
+    params = arguments.numbers_of("params", options["params"]).ravel()
+    if rows:
+        params = arguments.check_rows(options["params"], len(states))
+    arguments.expect(np.isfinite(params).all(), "params", "finite numbers", params)
+    params = np.broadcast_to(params, (*rows, params.shape[-1]))
+    tolerance = np.zeros(system.n_states)
+    arguments.set_tolerance(tolerance, options["atol"])
+    n_params = params.shape[-1]
+    extended = {
+        "y0": np.concatenate([states, params], axis=-1),
+        "params": (),
+        # Parameters are constant, so they have no error.
+        "atol": np.concatenate([tolerance, np.zeros(n_params)]),
+    }
+    return with_parameters(system, n_params), options | extended

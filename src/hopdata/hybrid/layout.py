@@ -13,7 +13,10 @@ from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, In
 
 
 def numbers(count: int, first: int = 0) -> Any:
-    """Return consecutive NumPy integers: Numba would recompile a function for each literal one."""
+    """Return consecutive NumPy integers.
+
+    Numba would recompile a function for each literal one.
+    """
     return np.arange(first, first + count, dtype=np.int64)
 
 
@@ -35,11 +38,12 @@ PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = numbers(6)
 PHI_MOTION, RATE_INPUTS = numbers(2, 6)
 # For finite differences: four rows of values, flags of the valid ones, their possible
 # errors, and the fraction of an increment that was small enough recently.
-PHI_VALUES, PHI_PART, PHI_ROWS = 8, 14, 15
-GAUSS_1, GAUSS_2 = (
-    0.5 - 3.0**0.5 / 6.0,
-    0.5 + 3.0**0.5 / 6.0,
-)  # Gauss nodes of the short tangent
+PHI_VALUES = 8
+PHI_PART = 14
+PHI_ROWS = 15
+# Gauss nodes of the short tangent.
+GAUSS_1 = 0.5 - 3.0**0.5 / 6.0
+GAUSS_2 = 0.5 + 3.0**0.5 / 6.0
 
 # Rows of `guards`: event functions and their rates at the start of a step, at up to two
 # knots inside it, at its end, and at any other place. Then: the largest |h| over the
@@ -47,9 +51,8 @@ GAUSS_1, GAUSS_2 = (
 # a guard stays from its surface over the step; its rate along one direction, which
 # reveals guards that bend (see `windows`); and the size of the terms whose sum was h at
 # its last flip.
-H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = (
-    numbers(15)
-)
+H0, RATE0, _, _, _, _, H1, RATE1 = numbers(8)
+H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(7, 8)
 GUARD_ROWS = 15
 
 # Rows of `flags`: number of the instant at which a guard last flipped or was due, its
@@ -73,18 +76,16 @@ DIRECTION, TERMINAL, WAY = numbers(3)
 # short steps, the derivative is the user's.
 STEP, INTERPOLANT, TANGENT, SHORT_TANGENT, REFRESH, DERIVATIVE = numbers(6)
 # Number of evaluations of each of them.
-EVALUATIONS, INTERPOLANT_EVALUATIONS, TANGENT_EVALUATIONS, SHORT_EVALUATIONS = numbers(
-    4, 6
-)
+EVALUATIONS, INTERPOLANT_EVALUATIONS, TANGENT_EVALUATIONS = numbers(3, 6)
+SHORT_EVALUATIONS = np.int64(9)
 # Order of the step control, error of the interpolant in units of the step's estimated
 # error, and whether the interpolant is in powers of theta.
 ORDER, INTERPOLANT_ERROR, IN_POWERS = numbers(3, 10)
 # Methods to change to where events are sparser or denser and where the field becomes
 # stiff or non-stiff (-1: none).
 SPARSER, DENSER, STIFFER, RELAXED = numbers(4, 13)
-LAST_SLOPE, STIFF_TENTHS = numbers(
-    2, 17
-)  # row of the last stage's slope; stability limit x 10
+# Row of the last stage's slope, and ten times the stability limit.
+LAST_SLOPE, STIFF_TENTHS = numbers(2, 17)
 METHOD_SLOTS = 19
 
 # Slots of `clock`: time, next step, logarithm of the last step's error, and its error
@@ -132,31 +133,30 @@ CHANGES = np.int64(35)
 COUNT_SLOTS = 36
 
 
-# Slots of the desk: addresses of the callbacks and of the driver, room for rows and
-# events, steps until control returns to Python, addresses of the code for Jacobians (0:
-# not wanted) and of the desk itself, address of the guards' code for ranges (see
-# `branches`), room for changes of the mode, and whether the end of the time span is
-# infinite. Then address and width of each array, and the request (floats stored in the
-# memory of integers; its last entries are the number of rows written per step, and
-# whether events are kept). The initial state and the parameters follow, so a caller
-# writes its whole request at once.
-FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(
-    9
-)
+# Slots of the argument block: addresses of the callbacks and of the driver, room for
+# rows and events, steps until control returns to Python, addresses of the code for
+# Jacobians (0: not wanted) and of the argument block itself, address of the guards'
+# code for ranges (see `branches`), room for changes of the mode, and whether the end of
+# the time span is infinite. Then address and width of each array, and the request
+# (floats stored in the memory of integers; its last entries are the number of rows
+# written per step, and whether events are kept). The initial state and the parameters
+# follow, so a caller writes its whole request at once.
+FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN = numbers(6)
+N_ROWS, N_LOG_ROWS, PATIENCE = numbers(3, 6)
 FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
-DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 14, 21, 9
-DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
-T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, DESK_ASKED)
-MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP, KEEP_EVENTS = numbers(4, DESK_ASKED + 5)
-DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
-DESK_PLACES = DESK_ARRAYS + 2 * numbers(N_DESK_ARRAYS)
-PARAMS, MODE, RULES, ATOL, STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = (
-    DESK_PLACES[:8]
-)
-WAKE_AT, CLOCK, COUNTS, METHOD_TABLE, TANGENT_TABLE, WANTED, SAMPLE_TABLE = DESK_PLACES[
-    8:15
-]
-ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = DESK_PLACES[15:]
+BLOCK_ARRAYS = 14  # slot of the first array
+N_BLOCK_ARRAYS = 21
+N_BLOCK_ASKED = 9
+BLOCK_ASKED = BLOCK_ARRAYS + 2 * N_BLOCK_ARRAYS
+T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, BLOCK_ASKED)
+MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP, KEEP_EVENTS = numbers(4, BLOCK_ASKED + 5)
+BLOCK_SLOTS = BLOCK_ASKED + N_BLOCK_ASKED
+BLOCK_PLACES = BLOCK_ARRAYS + 2 * numbers(N_BLOCK_ARRAYS)
+PARAMS, MODE, RULES, ATOL = BLOCK_PLACES[:4]
+STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = BLOCK_PLACES[4:8]
+WAKE_AT, CLOCK, COUNTS, METHOD_TABLE = BLOCK_PLACES[8:12]
+TANGENT_TABLE, WANTED, SAMPLE_TABLE = BLOCK_PLACES[12:15]
+ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = BLOCK_PLACES[15:]
 
 # The log (see `driver.log`). Each row of its table of events is an event: time, guard,
 # direction, number of changes of the mode up to and including it, state before and
@@ -166,12 +166,12 @@ ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = DESK_PLACES[15:]
 LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_CHANGES, LOG_STATES = numbers(5)
 CHANGE_PLACE, CHANGE_VALUE = numbers(2)
 CHANGE_WIDTH = 2
-UNKNOWN = -(
-    2**63
-)  # value of the modes before the first change; a mode of this value is right, too
+# Value of the modes before the first change; a mode of this value is right, too.
+UNKNOWN = -(2**63)
 
 # Flags of a run: it resumes where it was; the mode is given (zeros otherwise).
-RESUMED, GIVEN_MODE = 1, 2
+RESUMED = 1
+GIVEN_MODE = 2
 
 
 class Memory(NamedTuple):
@@ -189,14 +189,31 @@ class Memory(NamedTuple):
 # How an integration ended: codes as in SciPy (0 end, 1 event, negative failure), and
 # their texts.
 
-FINISHED, TERMINATED = 0, 1
-STEP_UNDERFLOW, FIELD_NOT_FINITE, GUARD_NOT_FINITE, TOO_MANY_STEPS = -1, -2, -3, -4
-TOO_MANY_EVENTS, SLIDING, ZENO, GRAZING_IN_JACOBIAN = -5, -6, -7, -8
-AFFINE_DIFFERS, JACOBIAN_NOT_FINITE, TIE_IN_JACOBIAN, RATE_DIFFERS = -9, -10, -11, -12
-RAISED, NO_LOCK, NO_END, STATE_NOT_FINITE = -13, -14, -15, -16
-RUNNING, NEEDS_ROOM, PAUSED, NEEDS_METHOD, BAD_START, BAD_NUMBERS = range(
-    2, 8
-)  # inside the driver
+FINISHED = 0
+TERMINATED = 1
+STEP_UNDERFLOW = -1
+FIELD_NOT_FINITE = -2
+GUARD_NOT_FINITE = -3
+TOO_MANY_STEPS = -4
+TOO_MANY_EVENTS = -5
+SLIDING = -6
+ZENO = -7
+GRAZING_IN_JACOBIAN = -8
+AFFINE_DIFFERS = -9
+JACOBIAN_NOT_FINITE = -10
+TIE_IN_JACOBIAN = -11
+RATE_DIFFERS = -12
+RAISED = -13
+NO_LOCK = -14
+NO_END = -15
+STATE_NOT_FINITE = -16
+# Inside the driver only: it goes on, or could not start.
+RUNNING = 2
+NEEDS_ROOM = 3
+PAUSED = 4
+NEEDS_METHOD = 5
+BAD_START = 6
+BAD_NUMBERS = 7
 
 SENTENCES = {
     FINISHED: "The integration reached the end of t_span.",
@@ -207,35 +224,41 @@ SENTENCES = {
     GUARD_NOT_FINITE: "Guard '{guard}' is NaN or infinite at, or directly after, {at}.",
     TOO_MANY_STEPS: "max_steps was reached at {at}.",
     TOO_MANY_EVENTS: "max_events was reached at {at}; the last was '{guard}'.",
-    SLIDING: "Guard '{guard}' is not live at {at}: the field points into its surface from "
-    "both sides (rates {below:+.6g} below and {above:+.6g} above, per second), so the "
-    "trajectory would slide along it. Event-selected systems cross their guards.",
-    ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
-    "below what floating-point numbers resolve (a Zeno sequence, chattering, or handlers that "
-    "push guards across without an end).",
-    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field or the "
-    "state, or one of them turns another back: the share of each guard, and therefore the Jacobian "
-    "of the flow, is unknown.",
-    JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
-    RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h, up to {at}: "
-    "correct @guards (use dy[0], say, not y[1]; they may jump and have kinks, but not everywhere).",
-    RAISED: "It was interrupted, or a function of the system raised an exception, after {at}.",
-    NO_LOCK: "on_event has set the lock of guard '{guard}' to neither -1 nor +1 at {at}: "
-    "mode[k] is the lock of guard k, and the system's own integers follow the locks.",
-    STATE_NOT_FINITE: "on_event has made the state NaN or infinite at {at}, at a flip of guard "
-    "'{guard}': correct what it writes to y.",
-    NO_END: "Nothing has ended the integration up to {at}, and t_span is infinite: no terminal "
-    "event has come, and no handler has returned 1.",
-    AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
-    "they must be the same field, in every mode.",
-    GRAZING_IN_JACOBIAN: "Guard '{guard}' is grazed at {at}: its rate is zero to within "
-    "the tolerance, and the flow has no Jacobian at a graze.",
+    SLIDING: "Guard '{guard}' is not live at {at}: the field points into its surface "
+    "from both sides (rates {below:+.6g} below and {above:+.6g} above, per second), "
+    "so the trajectory would slide along it. Event-selected systems cross their "
+    "guards.",
+    ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them "
+    "falls below what floating-point numbers resolve (a Zeno sequence, chattering, or "
+    "handlers that push guards across without an end).",
+    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the "
+    "field or the state, or one of them turns another back: the share of each guard, "
+    "and therefore the Jacobian of the flow, is unknown.",
+    JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite "
+    "near {at}.",
+    RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h, up "
+    "to {at}: correct @guards (use dy[0], say, not y[1]; they may jump and have "
+    "kinks, but not everywhere).",
+    RAISED: "It was interrupted, or a function of the system raised an exception, "
+    "after {at}.",
+    NO_LOCK: "on_event has set the lock of guard '{guard}' to neither -1 nor +1 at "
+    "{at}: mode[k] is the lock of guard k, and the system's own integers follow the "
+    "locks.",
+    STATE_NOT_FINITE: "on_event has made the state NaN or infinite at {at}, at a flip "
+    "of guard '{guard}': correct what it writes to y.",
+    NO_END: "Nothing has ended the integration up to {at}, and t_span is infinite: no "
+    "terminal event has come, and no handler has returned 1.",
+    AFFINE_DIFFERS: "The @affine function does not give the @field function's value "
+    "at {at}: they must be the same field, in every mode.",
+    GRAZING_IN_JACOBIAN: "Guard '{guard}' is grazed at {at}: its rate is zero to "
+    "within the tolerance, and the flow has no Jacobian at a graze.",
 }
 
 # Added to these where it is so.
 ONLY_SAMPLED = (
-    "In {count} steps the guards, which branch on state or time, were only sampled: a flip and its "
-    "return between two samples may be missing (docs/integrator.md, Limits)."
+    "In {count} steps the guards, which branch on state or time, were only sampled: "
+    "a flip and its return between two samples may be missing (docs/integrator.md, "
+    "Limits)."
 )
 
 
@@ -257,7 +280,8 @@ def describe(
     rates : (2,) array
         Rates of that guard's event function just before its last two flips, 1/s.
     """
-    guard, (below, above) = names[culprit] if culprit >= 0 else "", rates
+    guard = names[culprit] if culprit >= 0 else ""
+    below, above = rates
     return SENTENCES[status].format(
         at=f"t = {time:.17g}", guard=guard, below=below, above=above
     )

@@ -22,7 +22,9 @@ MOST_SHOWN = 10  # most events in the text of a log
 COUNTS = int(layout.CLOCK_SLOTS)  # index of the first counter in the end record
 MODE = COUNTS + int(layout.COUNT_SLOTS)  # index of the first entry of the mode
 BYTES = 8  # bytes of a number
-CHANGES, STATES = int(layout.LOG_CHANGES), int(layout.LOG_STATES)  # columns of the log
+# Columns of the log.
+CHANGES = int(layout.LOG_CHANGES)
+STATES = int(layout.LOG_STATES)
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,10 +54,17 @@ class EventLog(Told):
 
     @classmethod
     def of_columns(
-        cls, *, time: FloatArray, guard: IntArray, direction: IntArray, before: FloatArray,
-        after: FloatArray, mode: IntArray, guard_names: tuple[str, ...],
-    ) -> EventLog:  # fmt: skip
-        """Return the log of events that were found in another way, from its properties."""
+        cls,
+        *,
+        time: FloatArray,
+        guard: IntArray,
+        direction: IntArray,
+        before: FloatArray,
+        after: FloatArray,
+        mode: IntArray,
+        guard_names: tuple[str, ...],
+    ) -> EventLog:
+        """Return the log of events that were found in another way."""
         n_events, n_modes = np.shape(mode)
         places = np.tile(np.arange(n_modes), n_events)
         values = np.asarray(mode, dtype=np.int64).ravel()
@@ -69,15 +78,14 @@ class EventLog(Told):
         return len(self.rows)
 
     def __repr__(self) -> str:
+        lines = [f"EventLog of {len(self)} events"]
         shown = zip(self.time[:MOST_SHOWN], self.guard, self.direction, strict=False)
-        lines = [
-            f"  t = {time:.9g}: {self.guard_names[k]} {'rises' if way > 0 else 'falls'}"
-            for time, k, way in shown
-        ]
-        rest = (
-            [f"  and {len(self) - MOST_SHOWN} more"] if len(self) > MOST_SHOWN else []
-        )
-        return "\n".join([f"EventLog of {len(self)} events", *lines, *rest])
+        for time, guard, direction in shown:
+            what = "rises" if direction > 0 else "falls"
+            lines.append(f"  t = {time:.9g}: {self.guard_names[guard]} {what}")
+        if len(self) > MOST_SHOWN:
+            lines.append(f"  and {len(self) - MOST_SHOWN} more")
+        return "\n".join(lines)
 
     def _floats(self, first: int, count: int) -> FloatArray:
         return self.rows[:, first : first + count].copy()
@@ -112,30 +120,26 @@ class EventLog(Told):
 
     @cached_property
     def mode(self) -> IntArray:
-        """Mode after the event; (E, m). It omits the locks if guards are declared one by one."""
+        """Mode after the event; (E, m). Without the locks if guards come one by one."""
         totals = self._integers(CHANGES, 1).ravel()
         return modes_of(totals, self.changes, self.n_modes)
 
     @cached_property
     def records(self) -> FloatArray:
-        """All properties side by side, (E, 3 + 2 n + m); integers are stored by their bits."""
+        """All properties side by side, (E, 3 + 2 n + m); integers by their bits."""
         modes = self.mode.view(np.float64)
         return np.hstack([self.rows[:, :CHANGES], self.before, self.after, modes])
 
     def of(self, guard: str, *, direction: int = 0) -> EventLog:
-        """Return the events of one guard, in one direction only if `direction` is not 0.
+        """Return the events of one guard, in one direction unless that is 0.
 
         Raises
         ------
         ValueError
             If no guard has this name.
         """
-        expect(
-            guard in self.guard_names,
-            "guard",
-            f"one of {self.guard_names}",
-            repr(guard),
-        )
+        known = guard in self.guard_names
+        expect(known, "guard", f"one of {self.guard_names}", repr(guard))
         chosen = self.guard == self.guard_names.index(guard)
         if direction != 0:
             chosen &= self.direction == direction
@@ -155,15 +159,13 @@ def modes_of(totals: IntArray, changes: IntArray, n_modes: int) -> IntArray:
         Length of the mode, m.
     """
     modes = np.full((len(totals), n_modes), layout.UNKNOWN)
-    last = np.zeros(
-        modes.shape, dtype=np.int64
-    )  # event at which each entry changed last
+    last = np.zeros(modes.shape, dtype=np.int64)  # event of each entry's last change
     of_event = np.searchsorted(totals, np.arange(len(changes)), side="right")
     inside = of_event < len(totals)
-    events, places = of_event[inside], changes[inside, layout.CHANGE_PLACE]
-    modes[events, places] = changes[
-        inside, layout.CHANGE_VALUE
-    ]  # where several, the last stays
+    events = of_event[inside]
+    places = changes[inside, layout.CHANGE_PLACE]
+    # Of several changes at one event, the last stays.
+    modes[events, places] = changes[inside, layout.CHANGE_VALUE]
     last[events, places] = events
     np.maximum.accumulate(last, axis=0, out=last)
     return np.take_along_axis(modes, last, axis=0)
@@ -241,7 +243,9 @@ class Solution(Told):
     sensitivity: FloatArray | None = None
 
     def __call__(self, t: ArrayLike, *, side: str = "right") -> FloatArray:
-        """Return the state at times within the integration, (n,) or (n, N), from dense output.
+        """Return the state at times within the integration, (n,) or (n, N).
+
+        It takes dense output.
 
         Parameters
         ----------
@@ -259,41 +263,38 @@ class Solution(Told):
         if self.dense is None:
             raise ValueError("solution(t): expected solve(..., dense_output=True)")
         expect(side in ("left", "right"), "side", "'left' or 'right'", repr(side))
-        way, (knots, before, after, steps) = self.form.way, self._pieces
+        way = self.form.way
+        boundaries, before, after, steps = self._pieces
         times = way * np.asarray(t, dtype=np.float64)
-        outside, ends = (
-            ~((times >= knots[0]) & (times <= knots[-1])),
-            way * knots[[0, -1]],
-        )
-        expect(
-            not outside.any(),
-            "t",
-            f"times within {tuple(ends.tolist())}",
-            way * times[outside],
-        )
-        at_knots = before if (side == "left") == (way > 0.0) else after
-        place = np.searchsorted(knots, times.ravel())
-        states = at_knots[place]
-        inside = knots[place] != times.ravel()
+        outside = ~((times >= boundaries[0]) & (times <= boundaries[-1]))
+        ends = tuple((way * boundaries[[0, -1]]).tolist())
+        found = way * times[outside]
+        expect(not outside.any(), "t", f"times within {ends}", found)
+        at_boundaries = before if (side == "left") == (way > 0.0) else after
+        place = np.searchsorted(boundaries, times.ravel())
+        states = at_boundaries[place]
+        inside = boundaries[place] != times.ravel()
         states[inside] = _interpolated(
-            times.ravel()[inside], place[inside] - 1, knots, steps
+            times.ravel()[inside], place[inside] - 1, boundaries, steps
         )
         return np.ascontiguousarray(states.T).reshape(self.form.shown, *times.shape)
 
     @cached_property
     def _pieces(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Times between steps, states before and after them, and states in steps (N, K + 1, n)."""
+        """Times between steps, states before and after them, (N, K + 1, n) inside."""
         assert self.dense is not None
         count, rows = self.dense
-        table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)[
-            :, : 1 + self.form.shown
-        ]
-        knots, after = table[::count, 0], table[::count, 1:]
-        log, before = self.events, after.copy()
+        table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)
+        table = table[:, : 1 + self.form.shown]
+        boundaries = table[::count, 0]
+        after = table[::count, 1:]
+        before = after.copy()
+        log = self.events
         instants, first = np.unique(self.form.way * log.time, return_index=True)
-        before[np.searchsorted(knots, instants)] = log.before[first]
+        before[np.searchsorted(boundaries, instants)] = log.before[first]
         inside = table[:-1, 1:].reshape(-1, count, self.form.shown)
-        return knots, before, after, np.concatenate([inside, before[1:, None]], axis=1)
+        steps = np.concatenate([inside, before[1:, None]], axis=1)
+        return boundaries, before, after, steps
 
     def __repr__(self) -> str:
         return (
@@ -307,17 +308,15 @@ class Solution(Told):
         """The log of all events."""
         width = STATES + 2 * self.form.state
         rows = np.frombuffer(self.parts[2]).reshape(-1, width)
-        changes = np.frombuffer(self.parts[3], np.int64).reshape(
-            -1, layout.CHANGE_WIDTH
-        )
+        numbers = np.frombuffer(self.parts[3], np.int64)
+        changes = numbers.reshape(-1, layout.CHANGE_WIDTH)
         return event_log(rows, changes, self.form)
 
     @cached_property
     def mode(self) -> IntArray:
         """Final mode; (m,)."""
-        return np.frombuffer(
-            self.parts[0], np.int64, self.form.mode, BYTES * MODE
-        ).copy()
+        end_record = self.parts[0]
+        return np.frombuffer(end_record, np.int64, self.form.mode, BYTES * MODE).copy()
 
     @property
     def t_end(self) -> float:
@@ -331,21 +330,24 @@ class Solution(Told):
 
     @cached_property
     def y(self) -> FloatArray:
-        """States at the times `t`; (n, N). At the instant of an event, the state after it."""
+        """States at the times `t`, (n, N); at an event's instant the one after it."""
         return self._table[:, 1 : 1 + self.form.shown].T.copy()
 
     @property
     def success(self) -> bool:
-        """Whether the integration reached the end of the time span or a terminal event."""
+        """Whether it reached the end of the time span or a terminal event."""
         return self.status >= 0
 
     @property
     def message(self) -> str:
-        """How the integration ended, in words, and whether guards were only sampled in places."""
+        """How it ended, in words, and whether guards were only sampled in places."""
         ended = layout.describe(
-            self.status, time=self.t_end, culprit=int(self.counts[layout.CULPRIT]),
-            names=self.form.guard_names, rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
-        )  # fmt: skip
+            self.status,
+            time=self.t_end,
+            culprit=int(self.counts[layout.CULPRIT]),
+            names=self.form.guard_names,
+            rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
+        )
         if self.n_unproven == 0:
             return ended
         return f"{ended} {layout.ONLY_SAMPLED.format(count=self.n_unproven)}"
@@ -362,12 +364,12 @@ class Solution(Told):
 
     @property
     def n_guard_evaluations(self) -> int:
-        """Number of guard evaluations (of single guards, if they are declared one by one)."""
+        """Number of guard evaluations (of single guards, if they come one by one)."""
         return int(self.counts[layout.NGEV])
 
     @property
     def n_unproven(self) -> int:
-        """Number of steps in which guards that branch on state or time were only sampled.
+        """Number of steps in which guards that branch were only sampled.
 
         In all other steps it is proven that their code takes one branch throughout, or
         where it takes another.
@@ -400,18 +402,19 @@ class Solution(Told):
 
 
 def _interpolated(
-    times: FloatArray, piece: IntArray, knots: FloatArray, steps: FloatArray
+    times: FloatArray, piece: IntArray, boundaries: FloatArray, steps: FloatArray
 ) -> FloatArray:
     """Return the states (N, n) at times inside steps, by the barycentric formula."""
     last = steps.shape[1] - 1
+    # Chebyshev points, and their weights.
     nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(last + 1) / last)
     weights = np.where(np.arange(last + 1) % 2 == 0, 1.0, -1.0)
     weights[[0, -1]] *= 0.5
-    start = knots[piece]
-    off = ((times - start) / (knots[piece + 1] - start))[:, None] - nodes
+    start = boundaries[piece]
+    off = ((times - start) / (boundaries[piece + 1] - start))[:, None] - nodes
     shares = weights / np.where(off == 0.0, 1.0, off)
+    # At a node, the state there is the result.
     hit = (off == 0.0).any(axis=1)
     shares[hit] = off[hit] == 0.0
-    return np.einsum("mj,mjn->mn", shares, steps[piece]) / shares.sum(
-        axis=1, keepdims=True
-    )
+    total = shares.sum(axis=1, keepdims=True)
+    return np.einsum("mj,mjn->mn", shares, steps[piece]) / total

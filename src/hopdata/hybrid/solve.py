@@ -1,4 +1,4 @@
-"""`solve`: integrate an event-selected system, with a call like `scipy.integrate.solve_ivp`."""
+"""`solve`: integrate an event-selected system, with a call like SciPy's `solve_ivp`."""
 
 import sys
 from collections.abc import Sequence
@@ -13,21 +13,20 @@ from hopdata.errors import told_call
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import expect
-from hopdata.hybrid.compiled.callbacks import catch, stop_catching
+from hopdata.hybrid.compiled.caught import catch, stop_catching
 from hopdata.hybrid.derived import ask_derived, goes_back
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import PLAIN, Sink, Workspace
 
-SILENT_S, EVERY_S = (
-    5.0,
-    0.5,
-)  # first progress message on a terminal's stderr, and interval
+# Time until the first progress message on a terminal's stderr, and interval of others.
+SILENT_S = 5.0
+EVERY_S = 0.5
 UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
 
 
 @told_call
-def solve(
+def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     system: System,
     t_span: tuple[float, float],
     y0: ArrayLike,
@@ -122,11 +121,15 @@ def solve(
     --------
     >>> from hopdata.hybrid import field, guards
     >>> @field
-    ... def hopper(t, y, mode, params, dy):  # height and velocity of a mass on a springy leg
-    ...     dy[0], dy[1] = y[1], -9.81 + (params[0] * (1.0 - y[0]) if mode[0] < 0 else 0.0)
+    ... def hopper(t, y, mode, params, dy):  # a mass on a springy leg: height, velocity
+    ...     dy[0] = y[1]
+    ...     dy[1] = -9.81
+    ...     if mode[0] < 0:
+    ...         dy[1] += params[0] * (1.0 - y[0])
     >>> @guards
     ... def contact(t, y, dy, mode, params, h, hdot):
-    ...     h[0], hdot[0] = y[0] - 1.0, dy[0]
+    ...     h[0] = y[0] - 1.0
+    ...     hdot[0] = dy[0]
     >>> system = System(hopper, contact, n_states=2, guard_names=("contact",))
     >>> hops = solve(system, (0.0, 1.0), [2.0, 0.0], params=[1000.0])
     >>> hops.events.time.round(6), hops.events.direction  # touchdown, lift-off
@@ -137,6 +140,7 @@ def solve(
     work = system.take_workspace()
     try:
         keep_events = events == "all"
+        # The usual request has nothing but numbers, which are written unchecked.
         usual = (
             jacobian is dense_output is debug is False and memory is first_step is None
         )
@@ -151,17 +155,42 @@ def solve(
         ):  # fmt: skip
             if goes_back(t_span) or debug is not False or isinstance(jacobian, str):
                 return ask_derived(
-                    solve, system, t_span=t_span, y0=y0, params=params, t_eval=t_eval, atol=atol,
-                    jacobian=jacobian, debug=debug, mode=mode, rtol=rtol, max_step=max_step,
-                    first_step=first_step, max_steps=max_steps, max_events=max_events,
-                    method=method, memory=memory, dense_output=dense_output, events=events,
-                )  # fmt: skip
+                    solve,
+                    system,
+                    t_span=t_span,
+                    y0=y0,
+                    params=params,
+                    t_eval=t_eval,
+                    atol=atol,
+                    jacobian=jacobian,
+                    debug=debug,
+                    mode=mode,
+                    rtol=rtol,
+                    max_step=max_step,
+                    first_step=first_step,
+                    max_steps=max_steps,
+                    max_events=max_events,
+                    method=method,
+                    memory=memory,
+                    dense_output=dense_output,
+                    events=events,
+                )
             work.sink = _sink(events, dense_output)
             limits = rtol, max_step, first_step, max_steps, max_events
             work.ask(
-                system, t_span, y0, params, limits, atol, t_eval, method, jacobian, memory,
-                dense_output, keep_events or callable(events),
-            )  # fmt: skip
+                system,
+                t_span,
+                y0,
+                params,
+                limits,
+                atol,
+                t_eval,
+                method,
+                jacobian,
+                memory,
+                dense_output,
+                keep_events or callable(events),
+            )
         flags = 0
         if mode is not None:
             arguments.set_mode(work.mode, system.n_guards, mode)
@@ -170,12 +199,11 @@ def solve(
         caught.clear()
         token = catch(caught)
         try:
-            status = work.drive(work.desk_address, flags)
+            status = work.drive(work.block_address, flags)
             if status > at.TERMINATED:
                 status = _go_on(work, flags | at.RESUMED, status)
-        except (
-            BaseException
-        ) as error:  # an interrupt, no memory, or what the sink has raised
+        # An interrupt, no memory, or what the sink has raised.
+        except BaseException as error:
             caught.append(error)
         finally:
             stop_catching(token)
@@ -216,7 +244,7 @@ def _sink(events: Any, dense_output: bool) -> Sink | None:
 
 
 def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseException:
-    """Attach the result so far to an exception that ended the integration, and return it."""
+    """Attach the result so far to an exception that ended the integration."""
     reached = work.reached()
     with suppress(AttributeError):
         error.solution = reached  # type: ignore[attr-defined]
@@ -227,9 +255,10 @@ def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseExcepti
 
 
 def _go_on(work: Workspace, flags: int, status: int) -> int:
-    """Call the driver until it has ended, each time after giving it what it asks for."""
-    methods, started = work.methods, monotonic()
-    shown = started + SILENT_S
+    """Call the driver until it has ended, each time with what it has asked for."""
+    methods = work.methods
+    first_message = monotonic() + SILENT_S
+    next_message = first_message
     while status in UNFINISHED and not work.caught:
         if status == at.NEEDS_ROOM:
             work.enlarge()
@@ -237,13 +266,13 @@ def _go_on(work: Workspace, flags: int, status: int) -> int:
             methods.provide(int(work.counts[at.METHOD]))
         methods.specialise(int(work.counts[at.STEPS]))
         before = monotonic()
-        status = work.drive(work.desk_address, flags)
+        status = work.drive(work.block_address, flags)
         now = monotonic()
         if status == at.PAUSED:
             work.be_patient(now - before)
-        if now > shown and sys.stderr.isatty():
-            shown = now + EVERY_S
+        if now > next_message and sys.stderr.isatty():
+            next_message = now + EVERY_S
             print(f"\r{work.progress}", end="", file=sys.stderr, flush=True)
-    if shown > started + SILENT_S:
+    if next_message > first_message:
         print(file=sys.stderr)
     return status

@@ -98,40 +98,46 @@ class System(Told):
         expect(
             listed, "guard_names", "a name for each guard, in a tuple", self.guard_names
         )
-        all_at_once = self.guard_names and self.guard is None
-        needed = ("field", "guards") if all_at_once else ("field",)
-        for name in SIGNATURES:
-            if name in needed or getattr(self, name) is not None:
-                _check_callback(name, getattr(self, name))
+        self._check_callbacks()
         self._check_guards()
-        if self.undo is not None:
-            _check_callback("on_event", self.undo)
         for name, least in (("n_states", 1), ("n_extra_modes", 0), ("n_memory", 0)):
             found = getattr(self, name)
             fits = isinstance(found, int | np.integer) and found >= least
             expect(fits, name, f"a whole number, at least {least}", repr(found))
-        for name, values in (
-            ("directions", self.directions),
-            ("terminal", self.terminal),
-        ):
-            listed = values is None or isinstance(values, tuple | list)
-            expect(listed, name, "one entry for each guard", repr(values))
-            count = self.n_guards if values is None else len(values)
-            expect(count == self.n_guards, name, f"{self.n_guards} entries", count)
+        self._check_entry_for_each_guard("directions", self.directions)
+        self._check_entry_for_each_guard("terminal", self.terminal)
         known = set(self.directions or ()) <= {-1, 0, 1}
         expect(known, "directions", "-1, 0 or +1", self.directions)
         counts = all(
             one in (True, False) or int(one) == one > 0 for one in self.terminal or ()
         )
         expect(counts, "terminal", "booleans or counts", self.terminal)
-        states, guards = self.n_states, self.n_guards
+        states = self.n_states
+        guards = self.n_guards
         for one in self.callbacks:
             one.check_lengths(
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
             )
 
+    def _check_callbacks(self) -> None:
+        needs_guards = bool(self.guard_names) and self.guard is None
+        for name in SIGNATURES:
+            needed = name == "field" or (name == "guards" and needs_guards)
+            if needed or getattr(self, name) is not None:
+                _check_callback(name, getattr(self, name))
+        if self.undo is not None:
+            _check_callback("on_event", self.undo)
+
+    def _check_entry_for_each_guard(self, name: str, values: Any) -> None:
+        if values is None:
+            return
+        listed = isinstance(values, tuple | list)
+        expect(listed, name, "one entry for each guard", repr(values))
+        fits = len(values) == self.n_guards
+        expect(fits, name, f"{self.n_guards} entries", len(values))
+
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what pickle stores: the description, and nothing that is made from it."""
+        """Return what pickle stores: the description, nothing that is made from it."""
         described = {one.name: getattr(self, one.name) for one in fields(self)}
         return _described, (type(self), described)
 
@@ -142,16 +148,11 @@ class System(Told):
                 one.check_lengths(params=count)
 
     def _check_guards(self) -> None:
-        expect(
-            self.guards is None or self.guard is None,
-            "guards, guard",
-            "one of them",
-            "both",
-        )
-        one_by_one = self.rate_bound is None or self.guard is not None
-        expect(
-            one_by_one, "rate_bound", "guards declared one by one, by @guard", "@guards"
-        )
+        one_way = self.guards is None or self.guard is None
+        expect(one_way, "guards, guard", "one of them", "both")
+        suits = self.rate_bound is None or self.guard is not None
+        wanted = "guards declared one by one, by @guard"
+        expect(suits, "rate_bound", wanted, "@guards")
         names = self.guard_names
         expect(len(set(names)) == len(names), "guard_names", "different names", names)
         named = names or (self.guards or self.guard) is None
@@ -179,11 +180,12 @@ class System(Told):
 
     @cached_property
     def rules(self) -> NDArray[np.int64]:
-        """Event directions, terminal counts and the direction of time, (3, n_guards)."""
-        none, ways = (0,) * self.n_guards, (self.way,) * self.n_guards
-        return np.array(
-            [self.directions or none, self.terminal or none, ways], dtype=np.int64
-        )
+        """Event directions, terminal counts and direction of time, (3, n_guards)."""
+        none = (0,) * self.n_guards
+        directions = self.directions or none
+        terminal = self.terminal or none
+        ways = (self.way,) * self.n_guards
+        return np.array([directions, terminal, ways], dtype=np.int64)
 
     @property
     def callbacks(self) -> tuple[Callback, ...]:
@@ -193,12 +195,14 @@ class System(Told):
 
     @cached_property
     def constants(self) -> Constants:
-        """What the machine code of its functions is made from, besides their own text."""
+        """What its functions' machine code is made from, besides their own text."""
         return Constants().joined(one.constants for one in self._all_callbacks)
 
     @property
     def _all_callbacks(self) -> tuple[Callback, ...]:
-        return self.callbacks if self.undo is None else (*self.callbacks, self.undo)
+        if self.undo is None:
+            return self.callbacks
+        return (*self.callbacks, self.undo)
 
     def current(self) -> System:
         """Return the system as globals and closures of its functions are now.
@@ -209,15 +213,13 @@ class System(Told):
         latest: System = self.__dict__.get("_latest", self)
         if latest.constants.are_current():
             return latest
-        names = [
-            name for name in (*SIGNATURES, "undo") if getattr(self, name) is not None
-        ]
-        fresh = replace(
-            latest, **{name: getattr(latest, name).anew() for name in names}
-        )
-        _ = (
-            fresh.constants
-        )  # remembers them now, and compiles the functions that are called
+        anew = {}
+        for name in (*SIGNATURES, "undo"):
+            if getattr(self, name) is not None:
+                anew[name] = getattr(latest, name).anew()
+        fresh = replace(latest, **anew)
+        # Remembers them now, and compiles the functions that are called.
+        _ = fresh.constants
         vars(self)["_latest"] = fresh
         return fresh
 
@@ -236,14 +238,12 @@ class System(Told):
             self.rate_bound,
             self.on_event,
         )
-        return (
-            *(0 if one is None else one.address for one in callbacks),
-            compiled_run().address,
-        )
+        addresses = [0 if one is None else one.address for one in callbacks]
+        return (*addresses, compiled_run().address)
 
     @cached_property
     def branches(self) -> Branches:
-        """Code of the guards for ranges, by which the driver finds where they branch."""
+        """Code of the guards for ranges, by which the driver finds their branches."""
         return branches_of(self.guards or self.guard)
 
     @cached_property
@@ -282,7 +282,8 @@ class System(Told):
         ValueError
             If no method has this name, or if it does not suit the system.
         """
-        driver_entry(), many_entry()
+        driver_entry()
+        many_entry()
         if check_flag("jacobian", jacobian):
             compiled_first_order()
         latest = self.current()

@@ -1,8 +1,8 @@
 """The arrays in which an integration works, allocated once per system and reused.
 
-The driver finds them through a table of addresses (the desk), because passing an array
-from Python to machine code costs as much as a field evaluation. Its results are copied
-out.
+The driver finds them through a table of addresses (the argument block), because passing
+an array from Python to machine code costs as much as a field evaluation. Its results
+are copied out.
 """
 
 from __future__ import annotations
@@ -19,42 +19,40 @@ from numpy.typing import ArrayLike, NDArray
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import arguments, layout
 from hopdata.hybrid.arguments import Limits
-from hopdata.hybrid.compiled.callbacks import Caught
+from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.solution import EventLog, Form, Solution, event_log
 
+# Room at first, for rows of output, for events, and for changes of the mode besides one
+# whole mode; it grows when it is full.
 FIRST_ROWS = 256
 FIRST_EVENTS = 64
+FIRST_CHANGES = 256
+# Most rows of output or events that are written before they are set aside, and most
+# that a workspace keeps room for until the next integration.
 LARGEST_CHUNK = 1 << 16
-LARGEST_KEPT = 1 << 13  # most rows that a workspace keeps for the next integration
-FIRST_PATIENCE, MOST_PATIENCE = (
-    16,
-    200_000,
-)  # steps until control returns to Python: first, most
+LARGEST_KEPT = 1 << 13
+# Most numbers in a table of rows or events: long states get fewer rows.
+LARGEST_ROOM = 1 << 23
+
+# Steps until control returns to Python: at first, and at most.
+FIRST_PATIENCE = 16
+MOST_PATIENCE = 200_000
 PAUSE_S = 0.05  # intended time until control returns to Python
-LARGEST_ROOM = (
-    1 << 23
-)  # most numbers in a table of rows or events: long states get fewer rows
-FIRST_CHANGES = (
-    256  # changes of the mode for which there is room at first, besides one whole mode
-)
 
 Sink = Callable[[EventLog], object]
-PLAIN = (
-    tuple,
-    list,
-)  # types that are written without a check: others might have any shape
+# Types that are written without a check: others might have any shape.
+PLAIN = (tuple, list)
 OPTIONS = "5d4q"  # struct format of the options, in the order of `layout`
 WRITE_OPTIONS = struct.Struct(OPTIONS).pack_into
 COUNTED = struct.Struct("2q").unpack_from  # numbers of rows and events
 COUNTED_CHANGES = struct.Struct("q").unpack_from
-CHANGES_AT = 8 * int(layout.CLOCK_SLOTS + layout.CHANGES)  # byte offset
+# Offsets and lengths in bytes.
+CHANGES_AT = 8 * int(layout.CLOCK_SLOTS + layout.CHANGES)
 CHANGE_BYTES = 8 * layout.CHANGE_WIDTH
-ROWS_AT = 8 * int(
-    layout.CLOCK_SLOTS + layout.ROWS
-)  # byte offset; the events' number follows
-ASKED_AT = 8 * int(layout.DESK_ASKED)
+ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # the number of events follows
+ASKED_AT = 8 * int(layout.BLOCK_ASKED)
 UNKNOWN = -1  # number of parameters before any are given
 NOTHING = object()  # equal to no choice of methods
 
@@ -71,8 +69,8 @@ class Workspace:
     ----------
     clock, counts, mode, state : array
         The driver's times and counters, and the present mode and state.
-    desk_address : int
-        Address of the desk.
+    block_address : int
+        Address of the argument block.
     drive : callable
         The driver's entry point.
     caught : Caught
@@ -87,33 +85,40 @@ class Workspace:
     methods: MethodTable
 
     def __init__(self, system: Any) -> None:
-        n_states, n_modes, n_guards = system.n_states, system.n_modes, system.n_guards
-        n_logged = system.n_extra_modes if system.guard is not None else n_modes
-        self.desk = np.array(system.addresses, dtype=np.int64)
-        self._n_states, self._n_params, self._n_memory = (
-            n_states,
-            UNKNOWN,
-            system.n_memory,
-        )
-        self._n_modes, self._rows_per_step, self._n_shown = n_modes, 1, system.n_shown
+        n_states = system.n_states
+        n_modes = system.n_modes
+        n_guards = system.n_guards
+        # With guards one by one there may be thousands: the log leaves out their locks.
+        n_logged = n_modes if system.guard is None else system.n_extra_modes
+        self.block = np.array(system.addresses, dtype=np.int64)
+        self._n_states = n_states
+        self._n_params = UNKNOWN
+        self._n_memory = system.n_memory
+        self._n_modes = n_modes
+        self._n_shown = system.n_shown
+        self._rows_per_step = 1
         self._no_memory = (0.0,) * system.n_memory
-        self._make_desk(0)
-        self.desk[layout.PATIENCE] = FIRST_PATIENCE
-        self.desk[layout.BRANCHES] = system.branches.address
+        self._make_argument_block(0)
+        self.block[layout.PATIENCE] = FIRST_PATIENCE
+        self.block[layout.BRANCHES] = system.branches.address
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
-        self._atol, self._atol_of_all = np.zeros(n_states), 0.0
+        self._atol = np.zeros(n_states)
+        self._atol_of_all = 0.0
         self._guards = np.zeros((layout.GUARD_ROWS, n_guards))
         self._flags = np.zeros((layout.FLAG_ROWS, n_guards), dtype=np.int64)
         self._lists = np.zeros((layout.LIST_ROWS, n_guards), dtype=np.int64)
         self._wake_at = np.zeros(n_guards)
-        self.drive, self.caught = driver_entry(), Caught(self._remember)
+        self.drive = driver_entry()
+        self.caught = Caught(self._remember)
         self.ready_for: object = NOTHING
         self.tangent: FloatArray | None = None
-        self._widths = 1 + n_states, int(layout.LOG_STATES) + 2 * n_states
+        self._row_width = 1 + n_states
+        self._event_width = int(layout.LOG_STATES) + 2 * n_states
         self._make_rows(FIRST_ROWS)
         self._make_log(n_logged, FIRST_EVENTS)
-        self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
+        self._wanted = np.empty(0)
+        self._samples = np.empty((0, n_states))
         self._kept_rows: list[memoryview] = []  # full chunks
         self._kept_events: list[memoryview] = []
         self.sink: Sink | None = None
@@ -127,12 +132,13 @@ class Workspace:
         self._lay_out(layout.WANTED, self._wanted, self._samples)
 
     def _make_clockwork(self, n_modes: int) -> None:
-        """Make times, counters and mode side by side, because they are copied out together."""
+        """Make times, counters and mode side by side: they are copied out together."""
         lengths = (layout.CLOCK_SLOTS, layout.COUNT_SLOTS, n_modes)
-        block = np.zeros(sum(lengths))
-        self.clock, counts, mode = np.split(block, np.cumsum(lengths)[:-1])
-        self.counts, self.mode = counts.view(np.int64), mode.view(np.int64)
-        self._end_bytes = block.data.cast("B")
+        numbers = np.zeros(sum(lengths))
+        self.clock, counts, mode = np.split(numbers, np.cumsum(lengths)[:-1])
+        self.counts = counts.view(np.int64)
+        self.mode = mode.view(np.int64)
+        self._end_bytes = numbers.data.cast("B")
         self._lay_out(layout.MODE, self.mode)
         self._lay_out(layout.CLOCK, self.clock, self.counts)
 
@@ -143,20 +149,21 @@ class Workspace:
         self.shown = self.state[: self._n_shown]
         self._lay_out(layout.STATE_TABLE, self._states)
 
-    def _make_desk(self, n_params: int) -> None:
-        """Make a desk, followed by room for initial state, parameters and the scene's memory."""
-        n, first = self._n_states, layout.DESK_SLOTS
-        block = np.zeros(first + n + n_params + self._n_memory)
-        self._before_and_after = np.zeros(
-            2 * (self._n_modes + n_params + self._n_memory)
-        )
-        desk = block[:first].view(np.int64)
-        desk[: len(self.desk)] = self.desk
-        self.desk, self.desk_address = desk, block.ctypes.data
-        self.desk[layout.HERE] = self.desk_address
-        self._start, self._params = block[first : first + n], block[first + n :]
-        self._block = block.data.cast("B")
-        self._write = struct.Struct(f"{OPTIONS}{len(block) - first}d").pack_into
+    def _make_argument_block(self, n_params: int) -> None:
+        """Make an argument block, then room for state, parameters and memory."""
+        n_slots = layout.BLOCK_SLOTS
+        n_constants = n_params + self._n_memory
+        numbers = np.zeros(n_slots + self._n_states + n_constants)
+        self._before_and_after = np.zeros(2 * (self._n_modes + n_constants))
+        slots = numbers[:n_slots].view(np.int64)
+        slots[: len(self.block)] = self.block
+        self.block = slots
+        self.block_address = numbers.ctypes.data
+        self.block[layout.HERE] = self.block_address
+        self._start = numbers[n_slots : n_slots + self._n_states]
+        self._params = numbers[n_slots + self._n_states :]
+        self._block_bytes = numbers.data.cast("B")
+        self._write = struct.Struct(f"{OPTIONS}{len(numbers) - n_slots}d").pack_into
         self._lay_out(layout.START_STATE, self._start)
         self._lay_out(layout.PARAMS, self._params)
         self._lay_out(layout.KEPT, self._before_and_after)
@@ -164,14 +171,24 @@ class Workspace:
     def make_params_room(self, count: int) -> None:
         """Make room for `count` parameters of the caller's."""
         if count != self._n_params:
-            self._make_desk(count)
+            self._make_argument_block(count)
             self._n_params = count
 
-    def ask_again(
-        self, t_span: Any, y0: Any, params: Any, rtol: Any, atol: Any, max_step: Any,
-        max_steps: Any, max_events: Any, method: Any, rows_per_step: int, keep_events: bool,
-    ) -> bool:  # fmt: skip
-        """Write the request on the desk if it is like the last one apart from plain numbers.
+    def ask_again(  # noqa: PLR0913 (a dataclass would take as long as the request)
+        self,
+        t_span: Any,
+        y0: Any,
+        params: Any,
+        rtol: Any,
+        atol: Any,
+        max_step: Any,
+        max_steps: Any,
+        max_events: Any,
+        method: Any,
+        rows_per_step: int,
+        keep_events: bool,
+    ) -> bool:
+        """Write the request if only plain numbers differ from the last one.
 
         The numbers are written unchecked: the driver checks them in a hundredth of the
         time that Python would take. Whether steps and events are recorded are two of
@@ -181,8 +198,10 @@ class Workspace:
         ready = type(method) is str and method == self.ready_for
         if not ready or (self.methods.generic and self.methods.wants_own_code()):
             return False
-        y0 = y0.tolist() if type(y0) is ndarray else y0
-        params = params.tolist() if type(params) is ndarray else params
+        if type(y0) is ndarray:
+            y0 = y0.tolist()
+        if type(params) is ndarray:
+            params = params.tolist()
         plain = type(y0) in PLAIN and type(params) in PLAIN
         if not plain or len(y0) != self._n_states or len(params) != self._n_params:
             return False
@@ -192,28 +211,41 @@ class Workspace:
             start, end = t_span
             if not start <= end < inf:
                 return False
+            first_step = 0.0  # to be chosen
             self._write(
-                self._block, ASKED_AT, start, end, rtol, max_step, 0.0, max_steps, max_events,
-                rows_per_step, keep_events, *y0, *params, *self._no_memory,
+                self._block_bytes, ASKED_AT,
+                start, end, rtol, max_step, first_step,
+                max_steps, max_events, rows_per_step, keep_events,
+                *y0, *params, *self._no_memory,
             )  # fmt: skip
         except (struct.error, TypeError, ValueError, OverflowError):
             return False
         return True
 
-    def ask(
-        self, system: Any, t_span: tuple[float, float], y0: ArrayLike, params: ArrayLike,
-        limits: Limits, atol: ArrayLike, t_eval: ArrayLike | None, method: str,
-        jacobian: bool | str, memory: ArrayLike | None, dense_output: bool, keep_events: bool,
-    ) -> None:  # fmt: skip
-        """Prepare an integration of any kind, and write the request on the desk."""
+    def ask(  # noqa: PLR0913 (each parameter is an option of the user's)
+        self,
+        system: Any,
+        t_span: tuple[float, float],
+        y0: ArrayLike,
+        params: ArrayLike,
+        limits: Limits,
+        atol: ArrayLike,
+        t_eval: ArrayLike | None,
+        method: str,
+        jacobian: bool | str,
+        memory: ArrayLike | None,
+        dense_output: bool,
+        keep_events: bool,
+    ) -> None:
+        """Prepare an integration of any kind, and write the request."""
         options = arguments.check_numbers(t_span, *limits)
         arguments.check_infinite_end(system, options[1], *options[5:])
         as_before = type(method) is str and method == self.ready_for
         dense = arguments.check_flag("dense_output", dense_output)
         if not as_before or dense or jacobian is not False or t_eval is not None:
-            times = (
-                None if t_eval is None else arguments.check_times(t_eval, *options[:2])
-            )
+            times = None
+            if t_eval is not None:
+                times = arguments.check_times(t_eval, *options[:2])
             wanted = arguments.check_flag("jacobian", jacobian)
             self.begin(system.methods(method, wanted), times, wanted, dense)
         self.methods.specialise()
@@ -222,9 +254,13 @@ class Workspace:
         full = arguments.with_memory(given, memory, self._n_memory)
         system.check_params_length(len(full))
         self.make_params_room(len(given))
-        per_step = self.methods.degree if dense else int(t_eval is None)
-        WRITE_OPTIONS(self._block, ASKED_AT, *options, per_step, keep_events)
-        self._start[:], self._params[:] = state, full
+        if dense:
+            rows_per_step = self.methods.degree
+        else:
+            rows_per_step = 1 if t_eval is None else 0
+        WRITE_OPTIONS(self._block_bytes, ASKED_AT, *options, rows_per_step, keep_events)
+        self._start[:] = state
+        self._params[:] = full
         self.set_tolerance(atol)
 
     def set_tolerance(self, atol: ArrayLike) -> None:
@@ -241,7 +277,7 @@ class Workspace:
         jacobian: bool,
         dense: bool = False,
     ) -> None:
-        """Discard the last integration and prepare output at `t_eval` or, if None, at each step.
+        """Discard the last integration and prepare output at `t_eval`, or at each step.
 
         If `dense`, output includes as many points within each step as its polynomial
         needs.
@@ -256,7 +292,8 @@ class Workspace:
             self._begin_tangent(methods)
         elif self.tangent is not None:
             self.tangent = None
-            self.desk[layout.TANGENT_TABLE] = self.desk[layout.FIRST_ORDER] = 0
+            self.block[layout.TANGENT_TABLE] = 0
+            self.block[layout.FIRST_ORDER] = 0
         self._kept_rows = []
         self._kept_events = []
         if len(self._rows) > LARGEST_KEPT:
@@ -276,42 +313,42 @@ class Workspace:
         n = len(self.state)
         if self.tangent is None:
             self.tangent = np.zeros((methods.tangent_rows, n))
-            self.tangent[
-                3 * n + layout.RATE_INPUTS, list(methods.scene.rate_inputs)
-            ] = 1.0
+            rate_inputs = list(methods.scene.rate_inputs)
+            self.tangent[3 * n + layout.RATE_INPUTS, rate_inputs] = 1.0
             self._lay_out(layout.TANGENT_TABLE, self.tangent)
-            self.desk[layout.FIRST_ORDER] = compiled_first_order().address
+            self.block[layout.FIRST_ORDER] = compiled_first_order().address
         self.tangent[:n] = np.eye(n)
 
     def forget_samples(self) -> None:
-        """Lay out the workspace's own sample array again after another array was used."""
+        """Lay out the workspace's own sample array again after another was used."""
         self._lay_out(layout.WANTED, self._wanted, self._samples)
 
     def _take(self, methods: MethodTable) -> None:
         """Lay out the room that a new table of methods needs."""
-        self.methods, self.tangent = methods, None
-        self.desk[layout.TANGENT_TABLE] = self.desk[layout.FIRST_ORDER] = 0
+        self.methods = methods
+        self.tangent = None
+        self.block[layout.TANGENT_TABLE] = 0
+        self.block[layout.FIRST_ORDER] = 0
         self._lay_out(layout.METHOD_TABLE, methods.rows)
         needed = layout.W1 + methods.work_rows
         if len(self._states) < needed:
             self._make_states(needed, len(self.state))
 
     def enlarge(self) -> None:
-        """Set aside what the driver has written where there is no more room, and make new room.
+        """Set aside what the driver has written where room is short, and make new room.
 
         Events are handed to the sink if there is one.
         """
         self.ready_for = NOTHING
-        rows, n_logged = int(self.counts[layout.ROWS]), len(self._logged)
+        rows = int(self.counts[layout.ROWS])
+        n_logged = len(self._logged)
         if rows + self._rows_per_step > len(self._rows):
             self._kept_rows.append(self._row_bytes[: rows * self._row_size])
             self.counts[layout.ROWS] = 0
             self._make_rows(min(2 * len(self._rows), LARGEST_CHUNK))
         events, changes = self.counts[[layout.EVENT_ROWS, layout.CHANGES]].tolist()
-        has_row, has_change = (
-            events < len(self._log),
-            changes + n_logged <= len(self._changes),
-        )
+        has_row = events < len(self._log)
+        has_change = changes + n_logged <= len(self._changes)
         if has_row and has_change:
             return
         if self.sink is not None:
@@ -346,13 +383,15 @@ class Workspace:
     @property
     def progress(self) -> str:
         """Progress of the integration, in words."""
-        time, counts = self._form.way * self.clock[layout.T], self.counts
-        return f"t = {time:.6g}, {counts[layout.EVENTS]} events, {counts[layout.STEPS]} steps"
+        time = self._form.way * self.clock[layout.T]
+        n_events = self.counts[layout.EVENTS]
+        n_steps = self.counts[layout.STEPS]
+        return f"t = {time:.6g}, {n_events} events, {n_steps} steps"
 
     def be_patient(self, elapsed_s: float) -> None:
-        """Set the number of steps until the next return, from the time that the last ones took."""
-        steps = int(self.desk[layout.PATIENCE]) * PAUSE_S / max(elapsed_s, 1e-9)
-        self.desk[layout.PATIENCE] = min(max(1, int(steps)), MOST_PATIENCE)
+        """Set the steps until the next return from the time that the last ones took."""
+        steps = int(self.block[layout.PATIENCE]) * PAUSE_S / max(elapsed_s, 1e-9)
+        self.block[layout.PATIENCE] = min(max(1, int(steps)), MOST_PATIENCE)
 
     def solution(self, status: int) -> Solution:
         """Return the result of the integration.
@@ -368,39 +407,38 @@ class Workspace:
         changes = self._change_bytes[: n_changes * CHANGE_BYTES].tobytes()
         solution = object.__new__(Solution)
         fields = solution.__dict__
-        fields["status"], fields["y_end"], fields["form"] = (
-            status,
-            self.shown.copy(),
-            self._form,
-        )
+        fields["status"] = status
+        fields["y_end"] = self.shown.copy()
+        fields["form"] = self._form
         if self.ready_for is not NOTHING:
             fields["jacobian"] = None
             fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
             return solution
-        per_step, trajectory = self._rows_per_step, b"".join([*self._kept_rows, rows])
-        if per_step > 1:
-            fields["dense"] = per_step, trajectory
-            table = np.frombuffer(trajectory).reshape(-1, self._widths[0])
-            trajectory = table[::per_step].tobytes()
+        trajectory = b"".join([*self._kept_rows, rows])
+        if self._rows_per_step > 1:
+            fields["dense"] = self._rows_per_step, trajectory
+            table = np.frombuffer(trajectory).reshape(-1, self._row_width)
+            trajectory = table[:: self._rows_per_step].tobytes()
         if len(self._wanted) > 0:
             count = int(self.counts[layout.SAMPLES])
             taken = [self._wanted[:count], self._samples[:count]]
             trajectory = np.column_stack(taken).tobytes()
-        tangent, shown = self.tangent, self._n_shown
-        fields["jacobian"] = None if tangent is None else tangent[:shown, :shown].copy()
-        if tangent is not None and shown < self._n_states:
-            fields["sensitivity"] = tangent[:shown, shown:].copy()
+        fields["jacobian"] = None
+        if self.tangent is not None:
+            shown = self._n_shown
+            fields["jacobian"] = self.tangent[:shown, :shown].copy()
+            if shown < self._n_states:
+                fields["sensitivity"] = self.tangent[:shown, shown:].copy()
         fields["parts"] = end, trajectory, b"".join([*self._kept_events, log]), changes
         return solution
 
     def _make_rows(self, count: int) -> None:
         """Make and lay out room for rows, with fewer of them if the states are long."""
-        width = self._widths[0]
-        most = max(1 + self._rows_per_step, LARGEST_ROOM // width)
-        self._rows = np.empty((min(count, most), width))
+        most = max(1 + self._rows_per_step, LARGEST_ROOM // self._row_width)
+        self._rows = np.empty((min(count, most), self._row_width))
         self._row_size = self._rows.strides[0]
         self._row_bytes = self._rows.data.cast("B")
-        self.desk[layout.N_ROWS] = len(self._rows)
+        self.block[layout.N_ROWS] = len(self._rows)
         self._lay_out(layout.ROW_TABLE, self._rows)
 
     def _make_log(self, n_logged: int, n_events: int) -> None:
@@ -412,12 +450,12 @@ class Workspace:
         self._lay_out(layout.LOGGED, self._logged)
 
     def _make_event_room(self, count: int) -> None:
-        """Make and lay out room for events, with fewer of them if the states are long."""
-        width = self._widths[1]
-        self._log = np.empty((min(count, max(1, LARGEST_ROOM // width)), width))
+        """Make and lay out room for events, for fewer if the states are long."""
+        most = max(1, LARGEST_ROOM // self._event_width)
+        self._log = np.empty((min(count, most), self._event_width))
         self._log_size = self._log.strides[0]
         self._log_bytes = self._log.data.cast("B")
-        self.desk[layout.N_LOG_ROWS] = len(self._log)
+        self.block[layout.N_LOG_ROWS] = len(self._log)
         self._lay_out(layout.LOG_TABLE, self._log)
 
     def _make_change_room(self, count: int) -> None:
@@ -426,18 +464,19 @@ class Workspace:
         room[: len(self._changes)] = self._changes
         self._changes = room
         self._change_bytes = room.data.cast("B")
-        self.desk[layout.N_CHANGES] = len(room)
+        self.block[layout.N_CHANGES] = len(room)
         self._lay_out(layout.CHANGE_TABLE, room)
 
     def _lay_out(self, first: int, *arrays: NDArray[Any]) -> None:
-        """Write the address and width of each array on the desk, from slot `first` on."""
+        """Write address and width of each array to the block, from slot `first` on."""
         for slot, array in enumerate(arrays):
             place = first + 2 * slot
-            self.desk[place], self.desk[place + 1] = array.ctypes.data, array.shape[-1]
+            self.block[place] = array.ctypes.data
+            self.block[place + 1] = array.shape[-1]
 
 
 class Pool(list[Workspace]):
-    """Workspaces that are not in use. A thread takes one, or makes one, and gives it back.
+    """Workspaces not in use. A thread takes one, or makes one, and gives it back.
 
     A copy of a pool is empty, because a workspace holds the addresses of its own
     arrays.

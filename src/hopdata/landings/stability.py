@@ -1,4 +1,4 @@
-"""Stability of a study: drift between its parts, and sections from variants of the data."""
+"""Stability of a study: drift between its parts, and sections from parts of the data."""
 
 from __future__ import annotations
 
@@ -18,19 +18,37 @@ from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
 
 # How much quantities that should not change differ between recordings, or within a
-# single one.
-
-#: Quantity -> unit; each has one value per touchdown.
+# single one: each has one value per touchdown. Quantity -> unit.
 QUANTITIES = {
     "time between the sections": "s",
     "contact spread": "s",
     "height of the feet at the post section": "m",
     "distance between body markers": "m",
 }
-PARTS_OF_ONE = 4  # parts of a single recording
+
+#: Parts of a single recording that are compared.
+#: Unit: parts. Origin: chosen.
+PARTS_OF_ONE = 4
+
+#: Fewest touchdowns of a part.
+#: Unit: touchdowns. Origin: chosen.
+LEAST = 5
+
+# Standard deviation of normal values over their median absolute deviation, and standard
+# error of their median in sd / sqrt(n).
 MAD_TO_SD = 1.4826
-SE_OF_MEDIAN = 1.2533  # standard error of the median of normal values, in sd / sqrt(n)
-LEAST = 5  # fewest touchdowns of a part
+SE_OF_MEDIAN = 1.2533
+
+#: Bandwidths with which the sections are selected again, over the one chosen: half an
+#: octave apart.
+#: Unit: 1. Origin: chosen.
+BANDWIDTH_FACTORS = (0.35, 0.5, 0.71, 1.41, 2.0, 2.83)
+
+#: Half of the time that is left out about the frame farthest on the wrong side.
+#: Unit: s. Origin: chosen.
+HALF_A_SECOND = 0.5
+
+COLUMNS = ("kind", "variant", "bandwidth_m", "pre_height_m", "post_height_m", "note")
 
 
 @one_blas_thread()
@@ -60,7 +78,7 @@ def drift_table(
     )
     if len(recordings) == 1:
         values["part"] = _quarters(values["t_pre_s"].to_numpy(float))
-    rows = [row for name in QUANTITIES for row in _rows(values, name)]
+    rows = [row for name in QUANTITIES for row in quantity_rows(values, name)]
     columns = [
         "quantity",
         "unit",
@@ -70,19 +88,22 @@ def drift_table(
         "se",
         "typical",
         "spread",
+        "deviation",
     ]
-    return pd.DataFrame(rows, columns=[*columns, "deviation"])
+    return pd.DataFrame(rows, columns=columns)
 
 
 def _values(recording: Recording, touchdowns: pd.DataFrame) -> pd.DataFrame:
     """Return each quantity at each used touchdown of one recording."""
     own = touchdowns["recording"].astype(str) == recording.name
     used = touchdowns[own & ~touchdowns["excluded"].astype(bool)]
-    pre, post = used["t_pre_s"].to_numpy(float), used["t_post_s"].to_numpy(float)
+    pre = used["t_pre_s"].to_numpy(float)
+    post = used["t_post_s"].to_numpy(float)
+    feet_after = recording.feet[_frames(recording, post), :, 2]
     columns = (
         post - pre,
         used["spread_s"].to_numpy(float),
-        recording.feet[_frames(recording, post), :, 2].mean(axis=1),
+        feet_after.mean(axis=1),
         _mean_distance(recording.body[_frames(recording, pre)]),
     )
     table = pd.DataFrame(dict(zip(QUANTITIES, columns, strict=True)))
@@ -91,52 +112,49 @@ def _values(recording: Recording, touchdowns: pd.DataFrame) -> pd.DataFrame:
 
 def _frames(recording: Recording, times: FloatArray) -> NDArray[np.int64]:
     """Return the frame after each time, (n,)."""
-    return np.searchsorted(recording.time, times).clip(
-        max=max(len(recording.time) - 1, 0)
-    )
+    last = max(len(recording.time) - 1, 0)
+    return np.searchsorted(recording.time, times).clip(max=last)
 
 
 def _mean_distance(body: FloatArray) -> FloatArray:
     """Return the mean distance between the markers of (n, B, 3) bodies, (n,)."""
     a, b = np.triu_indices(body.shape[1], 1)
-    return np.asarray(np.linalg.norm(body[:, a] - body[:, b], axis=2).mean(axis=1))
+    distances = np.linalg.norm(body[:, a] - body[:, b], axis=2)
+    return np.asarray(distances.mean(axis=1))
 
 
 def _quarters(times: FloatArray) -> list[str]:
-    place = np.argsort(np.argsort(times, kind="stable"), kind="stable")
-    return [
-        f"part {k} of {PARTS_OF_ONE}"
-        for k in 1 + place * PARTS_OF_ONE // max(len(times), 1)
-    ]
+    """Name the quarter that each time (n,) belongs to, by its rank."""
+    rank = np.argsort(np.argsort(times, kind="stable"), kind="stable")
+    numbers = 1 + rank * PARTS_OF_ONE // max(len(times), 1)
+    return [f"part {k} of {PARTS_OF_ONE}" for k in numbers]
 
 
-def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
+def quantity_rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
+    """Return the rows of one quantity; none with fewer than two parts."""
     known = values[np.isfinite(values[name].to_numpy(float))]
-    parts = {
-        str(part): group[name].to_numpy(float)
-        for part, group in known.groupby("part", sort=False)
-        if len(group) >= LEAST
-    }
-    if len(parts) < 2:  # nothing to compare
+    parts = {}
+    for part, group in known.groupby("part", sort=False):
+        if len(group) >= LEAST:
+            parts[str(part)] = group[name].to_numpy(float)
+    if len(parts) < 2:
         return []
     within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
     # Each part's median is taken from its own values: with five, one deviation in five
     # is zero.
-    spread = MAD_TO_SD * float(np.median(within)) / (1 - len(parts) / len(within))
+    free = 1 - len(parts) / len(within)
+    spread = MAD_TO_SD * float(np.median(within)) / free
     typical = float(np.median(np.concatenate(list(parts.values()))))
-    told: list[tuple[object, ...]] = []
+    rows: list[tuple[object, ...]] = []
     for part, v in parts.items():
-        median, se = float(np.median(v)), SE_OF_MEDIAN * spread / np.sqrt(len(v))
-        off = (median - typical) / spread if spread > 0 else 0.0
-        told.append(
-            (name, QUANTITIES[name], part, len(v), median, se, typical, spread, off)
-        )
-    return told
-
-
-BANDWIDTH_FACTORS = (0.35, 0.5, 0.71, 1.41, 2.0, 2.83)
-HALF_A_SECOND = 0.5
-COLUMNS = ("kind", "variant", "bandwidth_m", "pre_height_m", "post_height_m", "note")
+        median = float(np.median(v))
+        se = SE_OF_MEDIAN * spread / np.sqrt(len(v))
+        deviation = 0.0
+        if spread > 0:
+            deviation = (median - typical) / spread
+        unit = QUANTITIES[name]
+        rows.append((name, unit, part, len(v), median, se, typical, spread, deviation))
+    return rows
 
 
 @one_blas_thread()
@@ -171,59 +189,65 @@ def section_stability(
         Heights set by the configuration stay as they are; if both are, there is no
         bandwidth to vary.
     """
-    landings = landings or {one.name: find_landings(one) for one in recordings}
+    if not landings:
+        landings = {one.name: find_landings(one) for one in recordings}
     rows = [_row("chosen", "all data", sections)]
     for kind, variant, part, changed in _variants(recordings, sections):
+        how = {**options, **changed}
         try:
-            found = select_sections(part, landings=landings, **{**options, **changed})
-            rows.append(_row(kind, variant, found))
+            found = select_sections(part, landings=landings, **how)
         except AnalysisError as error:
-            rows.append(
-                (kind, variant, float("nan"), float("nan"), float("nan"), str(error))
-            )
+            rows.append((kind, variant, np.nan, np.nan, np.nan, str(error)))
+        else:
+            rows.append(_row(kind, variant, found))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def _variants(
     recordings: Sequence[Recording], sections: Sections
 ) -> Iterator[tuple[str, str, Sequence[Recording], dict[str, float]]]:
+    """Yield kind and name of each variant, its recordings and its options."""
     if sections.bandwidth_m is not None:
         for factor in BANDWIDTH_FACTORS:
             changed = {"bandwidth_m": factor * sections.bandwidth_m}
             yield "bandwidth", f"bandwidth × {factor:g}", recordings, changed
     for number, frame in dict.fromkeys(_farthest_frames(recordings, sections)):
-        with _without_second(recordings, number, frame) as (told, parts):
-            yield "second", told, parts, {}
+        with _without_second(recordings, number, frame) as (name, parts):
+            yield "second", name, parts, {}
 
-    for half, name in enumerate(("first half", "second half")):
-        ends = [
-            slice(*(0, len(one.time) // 2, None)[half : half + 2]) for one in recordings
-        ]
-        yield "half", name, [*map(Recording.part, recordings, ends)], {}
-    for recording in recordings if len(recordings) > 1 else ():
-        yield "recording", recording.name, [recording], {}
+    first = [one.part(slice(0, len(one.time) // 2)) for one in recordings]
+    yield "half", "first half", first, {}
+    second = [one.part(slice(len(one.time) // 2, None)) for one in recordings]
+    yield "half", "second half", second, {}
+    if len(recordings) > 1:
+        for recording in recordings:
+            yield "recording", recording.name, [recording], {}
 
 
 def _farthest_frames(
     recordings: Sequence[Recording], sections: Sections
 ) -> Iterator[tuple[int, int]]:
-    """Find recording and frame of the highest body with a foot down and the lowest with one up."""
+    """Find recording and frame of the bodies farthest on the wrong side of a section.
+
+    They are the highest body with a foot down and the lowest with one up.
+    """
     heights = [heights_of(recording) for recording in recordings]
-    states = [sections.pooled([h]) for h in heights]
-    for sign, right_side in ((1.0, "all_up"), (-1.0, "all_down")):
-        wrong = (sign * f.body[~getattr(f, right_side)] for f in states)
-        farthest = [np.max(bodies, initial=-np.inf) for bodies in wrong]
+    states = [sections.pooled([one]) for one in heights]
+    with_a_foot_down = [frames.body[~frames.all_up] for frames in states]
+    with_a_foot_up = [frames.body[~frames.all_down] for frames in states]
+    for sign, bodies in ((1.0, with_a_foot_down), (-1.0, with_a_foot_up)):
+        farthest = [np.max(sign * body, initial=-np.inf) for body in bodies]
         number = int(np.argmax(farthest))
         if np.isfinite(farthest[number]):
-            there = sign * heights[number].body == farthest[number]
-            yield number, int(np.flatnonzero(there)[0])
+            is_there = sign * heights[number].body == farthest[number]
+            yield number, int(np.flatnonzero(is_there)[0])
 
 
 @contextmanager
 def _without_second(
     recordings: Sequence[Recording], number: int, frame: int
 ) -> Iterator[tuple[str, list[Recording]]]:
-    """Yield the name of a variant, and the recordings with the second around a frame unseen.
+    """Yield the name of a variant, and recordings with a second about a frame unseen.
 
     The second is restored afterwards, since memory may not hold a copy of a long
     recording.
@@ -231,12 +255,15 @@ def _without_second(
     bad = recordings[number]
     time = bad.time[frame]
     unseen = np.abs(bad.time - time) <= HALF_A_SECOND
-    kept, parts = bad.positions[unseen], list(recordings)
+    kept = bad.positions[unseen]
+    parts = list(recordings)
     parts[number] = replace(bad)  # a new object has no cached heights
-    of_which = f" of {bad.name}" if len(recordings) > 1 else ""
+    name = f"without {time:.1f} ± {HALF_A_SECOND:g} s"
+    if len(recordings) > 1:
+        name += f" of {bad.name}"
     bad.positions[unseen] = np.nan
     try:
-        yield f"without {time:.1f} ± {HALF_A_SECOND:g} s{of_which}", parts
+        yield name, parts
     finally:
         bad.positions[unseen] = kept
 

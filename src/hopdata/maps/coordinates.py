@@ -60,32 +60,40 @@ def rigid_states(states: FloatArray, shape: FloatArray) -> RigidStates:
         (B, 3) markers in the body, m; see `body_shape`.
     """
     positions, velocities = split_states(states)
-    centre, velocity = positions.mean(axis=1), velocities.mean(axis=1)
+    centre = positions.mean(axis=1)
+    velocity = velocities.mean(axis=1)
     rotation = kabsch(positions - centre[:, None], shape)
+
+    # The angular velocity is the angular momentum about the centre over the inertia,
+    # with a unit mass at each marker.
     arms = np.einsum("nij,bj->nbi", rotation, shape)
-    moving = velocities - velocity[:, None]
-    inertia = np.einsum("nbi,nbi->n", arms, arms)[:, None, None] * np.eye(3)
-    inertia = inertia - np.einsum("nbi,nbj->nij", arms, arms)
-    turning = np.linalg.solve(inertia, np.cross(arms, moving).sum(axis=1)[..., None])[
-        ..., 0
-    ]
-    return RigidStates(
-        centre, velocity, rotation, np.einsum("nji,nj->ni", rotation, turning)
-    )
+    relative_velocity = velocities - velocity[:, None]
+    momentum = np.cross(arms, relative_velocity).sum(axis=1)
+    squared_arms = np.einsum("nbi,nbi->n", arms, arms)
+    outer_products = np.einsum("nbi,nbj->nij", arms, arms)
+    inertia = squared_arms[:, None, None] * np.eye(3) - outer_products
+    angular_velocity = np.linalg.solve(inertia, momentum[..., None])[..., 0]
+    spin = np.einsum("nji,nj->ni", rotation, angular_velocity)
+    return RigidStates(centre, velocity, rotation, spin)
 
 
 def section_coordinates(
     pre: RigidStates, post: RigidStates
 ) -> tuple[FloatArray, FloatArray]:
-    """Return inputs (n, 8) and outputs (n, 11): see `INPUT_NAMES` and `OUTPUT_NAMES` in `rigid`.
+    """Return inputs (n, 8) and outputs (n, 11).
 
-    Steps and velocities are in the heading frame of the state at the pre section.
+    `INPUT_NAMES` and `OUTPUT_NAMES` in `hopdata.rigid` name them. Steps and velocities
+    are in the heading frame of the state at the pre section.
     """
-    yaw, after = headings(pre.rotation), headings(post.rotation)
-    step = turned(post.centre - pre.centre, yaw)[:, :2]
-    x = np.column_stack([_tilt(pre.rotation), turned(pre.velocity, yaw), pre.spin])
-    y = np.column_stack([_tilt(post.rotation), turned(post.velocity, yaw), post.spin])
-    return x, np.column_stack([step, wrapped(after - yaw), y])
+    heading = headings(pre.rotation)
+    turn = wrapped(headings(post.rotation) - heading)
+    step = turned(post.centre - pre.centre, heading)[:, :2]
+    velocity_before = turned(pre.velocity, heading)
+    velocity_after = turned(post.velocity, heading)
+
+    inputs = [_tilt(pre.rotation), velocity_before, pre.spin]
+    outputs = [step, turn, _tilt(post.rotation), velocity_after, post.spin]
+    return np.column_stack(inputs), np.column_stack(outputs)
 
 
 def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
@@ -94,14 +102,20 @@ def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
     Angles are weighted by the rms distance of the markers from the axis, velocities by
     the distance covered in the unit of time.
     """
-    about = np.sqrt(np.mean((shape**2).sum(axis=1, keepdims=True) - shape**2, axis=0))
-    position = np.concatenate([[1.0, 1.0, about[2]], about[[1, 0]]])
-    return np.concatenate([position, time_unit_s * np.ones(3), time_unit_s * about])
+    squared_distances = (shape**2).sum(axis=1, keepdims=True) - shape**2
+    about_x, about_y, about_z = np.sqrt(np.mean(squared_distances, axis=0)).tolist()
+    step = [1.0, 1.0]
+    turn = [about_z]
+    tilt = [about_y, about_x]  # pitch, then roll
+    velocity = [time_unit_s] * 3
+    spin = [time_unit_s * about_x, time_unit_s * about_y, time_unit_s * about_z]
+    return np.array([*step, *turn, *tilt, *velocity, *spin])
 
 
 def _tilt(rotation: FloatArray) -> FloatArray:
     pitch = -np.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0))
-    return np.column_stack([pitch, np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])])
+    roll = np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
+    return np.column_stack([pitch, roll])
 
 
 # Kinks: the shape of a landing map that is not C1 near a simultaneous contact.
@@ -121,7 +135,9 @@ def _tilt(rotation: FloatArray) -> FloatArray:
 
 #: Up to this many feet the kinks of all sets of feet are used; with more feet only
 #: those of pairs.
+#: Unit: feet. Origin: chosen.
 ALL_SETS_UP_TO = 3
+
 Feet = tuple[int, ...]
 
 
@@ -131,24 +147,32 @@ def foot_sets(n_feet: int) -> list[Feet]:
     >>> foot_sets(3)
     [(0, 1), (0, 2), (1, 2), (0, 1, 2)]
     """
-    sizes = range(2, 1 + (n_feet if n_feet <= ALL_SETS_UP_TO else 2))
-    return [feet for size in sizes for feet in combinations(range(n_feet), size)]
+    largest = 2
+    if n_feet <= ALL_SETS_UP_TO:
+        largest = n_feet
+    sets: list[Feet] = []
+    for size in range(2, largest + 1):
+        sets.extend(combinations(range(n_feet), size))
+    return sets
 
 
 def kinks(instants: FloatArray) -> FloatArray:
-    """Return the latest contact in each set of feet, (n, K), relative to the mean over all feet.
+    """Return the latest contact in each set of feet, (n, K).
+
+    Instants are relative to the mean over all feet.
 
     Parameters
     ----------
     instants
         (n, feet) contact instants.
     """
-    t = instants - instants.mean(axis=1, keepdims=True)
-    return np.column_stack([t[:, feet].max(axis=1) for feet in foot_sets(t.shape[1])])
+    relative = instants - instants.mean(axis=1, keepdims=True)
+    sets = foot_sets(instants.shape[1])
+    return np.column_stack([relative[:, feet].max(axis=1) for feet in sets])
 
 
 def kink_slopes(order: Feet) -> FloatArray:
-    """Return the derivatives (K, feet) of the kinks with respect to the contact instants.
+    """Return the derivatives (K, feet) of the kinks by the contact instants.
 
     They are constant on one schedule.
 
@@ -160,12 +184,13 @@ def kink_slopes(order: Feet) -> FloatArray:
     sets = foot_sets(len(order))
     slopes = np.zeros((len(sets), len(order)))
     for row, feet in enumerate(sets):
-        slopes[row, max(feet, key=order.index)] = 1.0
+        latest = max(feet, key=order.index)
+        slopes[row, latest] = 1.0
     return slopes - 1.0 / len(order)
 
 
 def time_differences(instants: FloatArray) -> FloatArray:
-    """Return the difference between the contact instants of each pair of feet, (n, pairs)."""
+    """Return the times between the contacts of each pair of feet, (n, pairs)."""
     pairs = list(combinations(range(instants.shape[1]), 2))
     return np.column_stack([instants[:, i] - instants[:, j] for i, j in pairs])
 
@@ -174,6 +199,7 @@ def time_differences(instants: FloatArray) -> FloatArray:
 # allow.
 
 #: Number of landings required for each free term.
+#: Unit: landings. Origin: chosen.
 LANDINGS_PER_TERM = 2.5
 
 
@@ -183,19 +209,26 @@ def monomials(x: FloatArray, degrees: tuple[int, ...]) -> FloatArray:
 
 
 def _products_of(x: FloatArray, degree: int) -> FloatArray:
-    chosen = list(combinations_with_replacement(range(x.shape[1]), degree))
-    factors = np.array(chosen, dtype=np.int64).reshape(-1, degree).T
-    return np.asarray(reduce(np.multiply, (x[:, factor] for factor in factors)))
+    terms = list(combinations_with_replacement(range(x.shape[1]), degree))
+    columns_of_factors = np.array(terms, dtype=np.int64).reshape(-1, degree).T
+    factors = [x[:, columns] for columns in columns_of_factors]
+    return np.asarray(reduce(np.multiply, factors))
 
 
 def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
-    """Return the number of monomials up to a degree, plus two terms for each pair of feet."""
-    return comb(n_inputs + degree, degree) + n_feet * (n_feet - 1)
+    """Return the number of free terms up to a degree.
+
+    They are the monomials of the inputs, and two terms for each pair of feet.
+    """
+    of_pairs = n_feet * (n_feet - 1)
+    return comb(n_inputs + degree, degree) + of_pairs
 
 
 def affordable_degree(
     landings: int, n_inputs: int, n_feet: int, per_term: float = LANDINGS_PER_TERM
 ) -> int:
-    """Return the highest degree of free terms that this number of landings allows: 3, 2, 1 or 0."""
-    terms = (number_of_free_terms(n_inputs, n_feet, degree) for degree in (1, 2, 3))
-    return sum(landings >= per_term * number for number in terms)
+    """Return the highest degree of free terms that the landings allow: 3, 2, 1 or 0."""
+    for degree in (3, 2, 1):
+        if landings >= per_term * number_of_free_terms(n_inputs, n_feet, degree):
+            return degree
+    return 0

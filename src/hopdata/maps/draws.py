@@ -1,15 +1,16 @@
-"""Random draws of the bootstraps, with an independent named stream for each kind of draw."""
+"""Random draws of the bootstraps, from an independent stream for each kind of draw."""
 
 import zlib
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import IntArray
 
-#: Memory that one chunk of draws may use, bytes.
-_CHUNK_BYTES = 2 * 2**20
+# Memory that one chunk of draws may use. It changes no result.
+CHUNK_BYTES = 2 * 2**20
 
 
 def named_generator(seed: int, *names: str) -> np.random.Generator:
@@ -68,55 +69,63 @@ def distinct_draws(
     total = sum(sizes)
     # The first steps of a Fisher-Yates shuffle: each step swaps in one of the remaining
     # items.
-    left = np.arange(population, population - total, -1)
-    steps = generator.integers(0, left, size=(count, total))
-    drawn = [_shuffled(steps[some], population) for some in chunks(count, population)]
-    parts = np.split(np.concatenate([steps[:0], *drawn]), np.cumsum(sizes)[:-1], axis=1)
-    return tuple(np.sort(part, axis=1) for part in parts)
+    remaining = np.arange(population, population - total, -1)
+    steps = generator.integers(0, remaining, size=(count, total))
+    drawn = np.empty_like(steps)
+    for chunk in chunks(count, population):
+        drawn[chunk] = _shuffled(steps[chunk], population)
+    ends = np.cumsum(sizes)
+    sets = np.split(drawn, ends[:-1], axis=1)
+    return tuple(np.sort(one, axis=1) for one in sets)
 
 
 def chunks(count: int, floats_each: int) -> list[slice]:
-    """Return slices of `count` draws of `floats_each` floats; each slice fits in `_CHUNK_BYTES`."""
-    step = max(1, _CHUNK_BYTES // (8 * max(1, floats_each)))
+    """Return slices of `count` draws of `floats_each` floats, within `CHUNK_BYTES`."""
+    bytes_each = 8 * max(1, floats_each)
+    step = max(1, CHUNK_BYTES // bytes_each)
     return [slice(start, min(start + step, count)) for start in range(0, count, step)]
 
 
 def _shuffled(steps: IntArray, population: int) -> IntArray:
-    """Return the (R, m) items drawn by the steps of R shuffles, which advance together."""
+    """Return the (R, m) items drawn by the steps of R shuffles at once."""
     drawn = np.empty_like(steps)
     items = np.tile(np.arange(population), (len(steps), 1))
     row = np.arange(len(steps))
     for k in range(steps.shape[1]):
-        place = k + steps[:, k]
-        drawn[:, k] = items[row, place]
-        items[row, place] = items[
-            :, k
-        ]  # half a swap suffices: column k is not read again
+        chosen = k + steps[:, k]
+        drawn[:, k] = items[row, chosen]
+        # Half a swap suffices: column k is not read again.
+        items[row, chosen] = items[:, k]
     return drawn
 
 
 # Landings by schedule, and notes on schedules with too few of them.
 
-Notes = list[dict[str, str]]
+Notes = list[dict[str, Any]]
 
 
 def grouped(
     schedule: NDArray[np.str_], least: int
 ) -> tuple[dict[str, IntArray], dict[str, int]]:
-    """Return the rows of each schedule with at least `least` landings, and the sizes of the others.
+    """Return rows of each schedule with `least` landings or more, and sizes of others.
 
     Landings without a schedule (empty) are left out.
     """
-    rows = {
-        str(name): np.flatnonzero(schedule == name)
-        for name in np.unique(schedule)
-        if name
-    }
-    rare = {name: len(own) for name, own in rows.items() if len(own) < least}
-    return {name: own for name, own in rows.items() if name not in rare}, rare
+    common = {}
+    rare = {}
+    for name in np.unique(schedule).tolist():
+        if not name:
+            continue
+        rows = np.flatnonzero(schedule == name)
+        if len(rows) < least:
+            rare[name] = len(rows)
+        else:
+            common[name] = rows
+    return common, rare
 
 
-MOST_ONE_BY_ONE = 6  # schedules; more than these share one note
+# With more schedules than this, one note tells of all of them.
+MOST_ONE_BY_ONE = 6
 
 
 def rare_notes(what: str, sizes: Mapping[str, int], wanted: str) -> Notes:
@@ -137,14 +146,13 @@ def rare_notes(what: str, sizes: Mapping[str, int], wanted: str) -> Notes:
         ``{"what", "reason"}`` for each schedule, or one note for all if there are more
         than six: six feet may show hundreds of schedules with one or two landings each.
     """
-    if len(sizes) <= MOST_ONE_BY_ONE:
-        return [
-            {
-                "what": f"{what} of schedule {name}",
-                "reason": f"{size} touchdowns, {wanted}",
-            }
-            for name, size in sizes.items()
-        ]
-    counts = sizes.values()
-    reason = f"{min(counts)} to {max(counts)} touchdowns each, {sum(counts)} in all, {wanted}"
-    return [{"what": f"{what} of {len(sizes)} schedules", "reason": reason}]
+    if len(sizes) > MOST_ONE_BY_ONE:
+        counts = sizes.values()
+        each = f"{min(counts)} to {max(counts)} touchdowns each"
+        reason = f"{each}, {sum(counts)} in all, {wanted}"
+        return [{"what": f"{what} of {len(sizes)} schedules", "reason": reason}]
+    notes = []
+    for name, size in sizes.items():
+        reason = f"{size} touchdowns, {wanted}"
+        notes.append({"what": f"{what} of schedule {name}", "reason": reason})
+    return notes

@@ -16,7 +16,6 @@ are compared at the same sample size.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +39,7 @@ from hopdata.maps.draws import (
 # The landings that each model of Fig. 2.4 draws from, and the sizes of its splits.
 
 #: Number of landings that a fit needs beyond its number of coefficients per output.
+#: Unit: landings. Origin: chosen.
 SPARE_LANDINGS = 2
 
 
@@ -75,13 +75,17 @@ def select_populations(
     landings.
     """
     classes, rare = grouped(schedule, minimum_class)
-    populations = [Population("class", name, rows) for name, rows in classes.items()]
+    populations = []
+    for name, rows in classes.items():
+        populations.append(Population("class", name, rows))
     notes = rare_notes("specialised models", rare, f"at least {minimum_class} wanted")
     if not populations:
         reason = f"no mode schedule has {minimum_class} touchdowns"
         notes.append({"what": "specialised models", "reason": reason})
     known = np.isfinite(spread)
-    median = np.median(spread[known]) if known.any() else np.nan
+    median = np.nan
+    if known.any():
+        median = np.median(spread[known])
     populations += [
         Population("near", "", np.flatnonzero(known & (spread < median))),
         Population("all", "", np.arange(len(schedule))),
@@ -91,7 +95,7 @@ def select_populations(
 
 
 def split_sizes(population: int, train: int, test: int) -> tuple[int, int]:
-    """Return the sizes of the two parts of a split, scaled down if there are few landings.
+    """Return the sizes of both parts of a split, scaled down if landings are few.
 
     >>> split_sizes(2860, 120, 41), split_sizes(80, 120, 41)
     ((120, 41), (60, 20))
@@ -102,8 +106,11 @@ def split_sizes(population: int, train: int, test: int) -> tuple[int, int]:
 
 
 def needed_training(x: FloatArray) -> int:
-    """Return the size of the smallest training set for an affine map of these inputs."""
-    return (pooled_basis(x).shape[1] if len(x) else 1) + SPARE_LANDINGS
+    """Return the least size of a training set for an affine map of these inputs."""
+    n_coefficients = 1
+    if len(x):
+        n_coefficients = pooled_basis(x).shape[1]
+    return n_coefficients + SPARE_LANDINGS
 
 
 def large_enough(
@@ -113,21 +120,27 @@ def large_enough(
 
     `all` stays for its mean predictor if it has two landings or more.
     """
-    kept, notes = [], []
-    thin: dict[str, int] = {}
+    kept = []
+    notes = []
+    too_small: dict[str, int] = {}
     wanted = f"an affine map of these inputs needs {needed}"
     for population in populations:
         size = len(population.rows)
-        fitted = split_sizes(size, train, test)[0] if size else 0
-        enough = fitted >= needed
-        if not enough and population.kind == "class":
-            thin[population.schedule] = fitted
-        elif not enough:
+        fitted = 0
+        if size:
+            fitted, _ = split_sizes(size, train, test)
+        is_enough = fitted >= needed
+        if is_enough or (population.kind == "all" and size >= 2):
+            kept.append(population)
+        if is_enough:
+            continue
+        if population.kind == "class":
+            too_small[population.schedule] = fitted
+        else:
             reason = f"{fitted} touchdowns to fit, {wanted}"
             notes.append({"what": f"affine ({population.name})", "reason": reason})
-        if enough or (population.kind == "all" and size >= 2):
-            kept.append(population)
-    return kept, rare_notes("affine models", thin, f"left to fit: {wanted}") + notes
+    of_classes = rare_notes("affine models", too_small, f"left to fit: {wanted}")
+    return kept, of_classes + notes
 
 
 def common_split(
@@ -149,9 +162,11 @@ def _fewest(smallest: Population) -> str:
     """Return words for the population whose size limits the splits."""
     size = len(smallest.rows)
     if smallest.kind == "class":
-        return f"the rarest order with a model of its own, {smallest.schedule}, has only {size}"
-    which = "" if smallest.kind == "all" else f"{smallest.kind} "
-    return f"there are only {size} {which}touchdowns"
+        rarest = f"the rarest order with a model of its own, {smallest.schedule}"
+        return f"{rarest}, has only {size}"
+    if smallest.kind == "all":
+        return f"there are only {size} touchdowns"
+    return f"there are only {size} {smallest.kind} touchdowns"
 
 
 #: Models in the order of Fig. 2.4 -> the kind of population that each draws from.
@@ -163,6 +178,9 @@ MODELS = {
     "specialised_mean": "class",
     "mean": "all",
 }
+
+#: Those that predict the mean of the training set; the others are affine maps.
+MEAN_PREDICTORS = ("specialised_mean", "mean")
 
 
 @dataclass(frozen=True)
@@ -236,31 +254,39 @@ def bootstrap_prediction(
     an error: the result may be an empty table with notes.
     """
     x, y = checked(x, y, schedule, spread)
-    landings = np.asarray(schedule, str), np.asarray(spread, float)
-    populations, notes = select_populations(*landings, minimum_class)
-    needed, units = (
-        needed_training(x),
-        np.array([length_unit_m, length_unit_m / time_unit_s]),
+    populations, notes = select_populations(
+        np.asarray(schedule, str), np.asarray(spread, float), minimum_class
     )
-    populations, more = large_enough(populations, train, test, needed)
-    sizes, scaled = common_split(populations, train, test)
-    notes += more + scaled
-    frames: dict[str, list[pd.DataFrame]] = {model: [] for model in MODELS}
+    needed = needed_training(x)
+    populations, too_small = large_enough(populations, train, test, needed)
+    sizes, scaled_down = common_split(populations, train, test)
+    notes = [*notes, *too_small, *scaled_down]
+
+    affordable = [model for model in MODELS if sizes[0] >= needed or model == "mean"]
+    units = (length_unit_m, length_unit_m / time_unit_s)
+    tables: dict[str, list[pd.DataFrame]] = {model: [] for model in MODELS}
     for population in populations:
         generator = named_generator(seed, "prediction", population.stream)
-        splits = distinct_draws(generator, len(population.rows), sizes, bootstraps)
-        inputs, outputs = x[population.rows], y[population.rows]
-        for model, kind in MODELS.items():
-            if kind != population.kind or (sizes[0] < needed and model != "mean"):
+        fitted, tested = distinct_draws(
+            generator, len(population.rows), sizes, bootstraps
+        )
+        inputs = x[population.rows]
+        outputs = y[population.rows]
+        for model in affordable:
+            if MODELS[model] != population.kind:
                 continue
-            if model in ("specialised_mean", "mean"):
-                errors = mean_test_errors(outputs, *splits)
+            if model in MEAN_PREDICTORS:
+                errors = mean_test_errors(outputs, fitted, tested)
             else:
-                errors = affine_test_errors(inputs, outputs, *splits)
-            frames[model].append(_rows(model, population, errors, sizes, units))
-    parts = [*chain(*frames.values())] or [pd.DataFrame(columns=list(_COLUMNS))]
-    table = pd.concat(parts, ignore_index=True)
-    return PredictionStudy(table, summarise_errors(table), notes)
+                errors = affine_test_errors(inputs, outputs, fitted, tested)
+            table = _rows(model, population, errors, sizes, units)
+            tables[model].append(table)
+
+    in_order = [table for of_model in tables.values() for table in of_model]
+    if not in_order:
+        in_order = [pd.DataFrame(columns=list(_COLUMNS))]
+    whole = pd.concat(in_order, ignore_index=True)
+    return PredictionStudy(whole, summarise_errors(whole), notes)
 
 
 def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
@@ -277,17 +303,26 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
         ``velocity``).
     """
     rows = []
-    for model in [name for name in MODELS if name in set(errors["model"])]:
+    fitted = set(errors["model"])
+    for model in MODELS:
+        if model not in fitted:
+            continue
         part = errors[errors["model"] == model]
         mse = np.quantile(part["mse"], [0.5, 0.25, 0.75, 0.025, 0.975])
-        worst = [np.quantile(part[column], 0.975) for column in _WORST]
-        parts = [
-            np.quantile(part[f"mse_{kind}"], [0.5, 0.025, 0.975]) for kind in _PARTS
-        ]
-        sizes = part["n_train"].iloc[0], part["n_test"].iloc[0]
-        rows.append(
-            (model, part["schedule"].nunique(), *sizes, *mse, *worst, *np.ravel(parts))
-        )
+        row = {
+            "model": model,
+            "n_classes": part["schedule"].nunique(),
+            "n_train": part["n_train"].iloc[0],
+            "n_test": part["n_test"].iloc[0],
+        }
+        row |= dict(zip(("median", "q25", "q75", "p2_5", "p97_5"), mse, strict=True))
+        for column in _WORST:
+            row[column] = np.quantile(part[column], 0.975)
+        for kind in _PARTS:
+            of_part = np.quantile(part[f"mse_{kind}"], [0.5, 0.025, 0.975])
+            for level, value in zip(_LEVELS, of_part, strict=True):
+                row[f"{kind}_{level}"] = value
+        rows.append(row)
     return pd.DataFrame(rows, columns=[*_SUMMARY_COLUMNS, *_WORST, *_PART_COLUMNS])
 
 
@@ -311,14 +346,21 @@ def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, f
     """
     rows = summary.set_index("model").reindex(list(MODELS))
     median = dict(zip(MODELS, rows["median"].to_numpy(float), strict=True))
-    own = rows.loc[["specialised"], list(_WORST)].to_numpy(float)[0]
-    used = touchdowns.loc[~touchdowns["excluded"].astype(bool), "spread_s"]
+    worst_position, worst_velocity = rows.loc[["specialised"], list(_WORST)].to_numpy(
+        float
+    )[0]
+    is_used = ~touchdowns["excluded"].astype(bool)
+    spread_s = float(touchdowns.loc[is_used, "spread_s"].median())
     return {
-        "spread_ms": 1e3 * float(used.median()),
-        **{name: median[name] for name in ("near", "all", "far", "specialised")},
+        "spread_ms": 1e3 * spread_s,
+        "near": median["near"],
+        "all": median["all"],
+        "far": median["far"],
+        "specialised": median["specialised"],
         "specialised_over_mean": median["specialised"] / median["specialised_mean"],
         "all_over_specialised": median["all"] / median["specialised"],
-        **dict(zip(_WORST, own, strict=True)),
+        "worst_position_mm": worst_position,
+        "worst_velocity_m_s": worst_velocity,
     }
 
 
@@ -335,10 +377,9 @@ _SUMMARY_COLUMNS = (
     "p97_5",
 )
 _PARTS = ("position", "velocity")
-_PART_COLUMNS = [
-    f"{part}_{level}" for part in _PARTS for level in ("median", "p2_5", "p97_5")
-]
-_ERRORS = ("mse", *(f"mse_{part}" for part in _PARTS), *_WORST)
+_LEVELS = ("median", "p2_5", "p97_5")
+_PART_COLUMNS = [f"{part}_{level}" for part in _PARTS for level in _LEVELS]
+_ERRORS = ("mse", "mse_position", "mse_velocity", *_WORST)
 _COLUMNS = ("model", "schedule", "bootstrap", *_SIZES, *_ERRORS)
 
 
@@ -347,14 +388,25 @@ def _rows(
     population: Population,
     errors: FloatArray,
     sizes: tuple[int, int],
-    unit: FloatArray,
+    units: tuple[float, float],
 ) -> pd.DataFrame:
-    """Return the table of one model and population, given its (R, 6B) squared errors."""
+    """Return the table of one model and population, given its (R, 6B) squared errors.
+
+    `units` are those of length, m, and of velocity, m/s.
+    """
+    length_unit, velocity_unit = units
     position, velocity = np.split(errors, 2, axis=1)
-    values = (
-        *(model, population.schedule, np.arange(len(errors)), *sizes),
-        *(part.mean(axis=1) for part in (errors, position, velocity)),
-        1e3 * unit[0] * np.sqrt(position.max(axis=1)),
-        unit[1] * np.sqrt(velocity.max(axis=1)),
-    )
-    return pd.DataFrame(dict(zip(_COLUMNS, values, strict=True)))
+    n_train, n_test = sizes
+    columns = {
+        "model": model,
+        "schedule": population.schedule,
+        "bootstrap": np.arange(len(errors)),
+        "n_train": n_train,
+        "n_test": n_test,
+        "mse": errors.mean(axis=1),
+        "mse_position": position.mean(axis=1),
+        "mse_velocity": velocity.mean(axis=1),
+        "worst_position_mm": 1e3 * length_unit * np.sqrt(position.max(axis=1)),
+        "worst_velocity_m_s": velocity_unit * np.sqrt(velocity.max(axis=1)),
+    }
+    return pd.DataFrame(columns)

@@ -1,4 +1,4 @@
-"""Constraint subspaces of the mode schedules, and the arc lengths between them (Fig. 2.5).
+"""Constraint subspaces of the mode schedules, and arc lengths between them (Fig. 2.5).
 
 The cosines of the principal angles are the singular values of ``a.T @ b``, and their
 sines are those of ``b - a @ (a.T @ b)`` (Björck and Golub 1973). A cosine near one
@@ -6,11 +6,14 @@ loses half the digits of a small angle, and a sine near one loses half those of 
 near a right angle, so each angle is computed from the more accurate of the two. The arc
 length is the 2-norm of the angles (Edelman, Arias and Smith 1998, Sec. 4.3), which is
 the geodesic distance on the Grassmann manifold.
+
+`scipy.linalg.subspace_angles` is not used: it decides between sine and cosine by the
+wrong angle where small and large angles meet, and then errs by up to 3e-8.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -29,9 +32,10 @@ from hopdata.maps.draws import (
     schedule_stream,
 )
 
-#: Arc lengths d below this need the sines: an error e in each cosine changes d by k e /
-#: d.
-_SMALL_ARC_LENGTH = 0.5
+#: Arc length below which the sines are needed.
+#: Unit: rad. Origin: chosen: an error e in each of k cosines changes an arc length d by
+#: about k e / d.
+SMALL_ARC_LENGTH = 0.5
 
 
 def principal_angles(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -48,14 +52,17 @@ def principal_angles(a: FloatArray, b: FloatArray) -> FloatArray:
         (..., k) angles in rad, increasing, in [0, pi/2]; absolute error a few 1e-16
         times the deviation of the bases from orthonormality.
     """
-    a, b = np.asarray(a, float), np.asarray(b, float)
+    a = np.asarray(a, float)
+    b = np.asarray(b, float)
     overlap = a.swapaxes(-1, -2) @ b
     cosines = np.linalg.svd(overlap, compute_uv=False)
     sines = np.linalg.svd(b - a @ overlap, compute_uv=False)[..., ::-1]
-    small = cosines**2 > 0.5
-    return np.where(
-        small, np.arcsin(np.minimum(sines, 1)), np.arccos(np.minimum(cosines, 1))
-    )
+
+    # Rounding may leave sines and cosines slightly above one.
+    by_sine = np.arcsin(np.minimum(sines, 1))
+    by_cosine = np.arccos(np.minimum(cosines, 1))
+    below_45_degrees = cosines**2 > 0.5
+    return np.where(below_45_degrees, by_sine, by_cosine)
 
 
 def arc_length(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -71,20 +78,23 @@ def arc_length(a: FloatArray, b: FloatArray) -> FloatArray:
     ndarray
         (...) distances in [0, sqrt(k) pi/2]; absolute error below 1e-12.
     """
-    a, b = np.asarray(a, float), np.asarray(b, float)
+    a = np.asarray(a, float)
+    b = np.asarray(b, float)
     cosines = np.linalg.svd(a.swapaxes(-1, -2) @ b, compute_uv=False)
-    lengths = np.asarray(np.linalg.norm(np.arccos(np.minimum(cosines, 1)), axis=-1))
-    close = lengths < _SMALL_ARC_LENGTH
+    angles = np.arccos(np.minimum(cosines, 1))
+    lengths = np.asarray(np.linalg.norm(angles, axis=-1))
+
+    close = lengths < SMALL_ARC_LENGTH
     if close.any():
-        a, b = (
-            np.broadcast_to(part, (*lengths.shape, *part.shape[-2:])) for part in (a, b)
-        )
-        lengths[close] = np.linalg.norm(principal_angles(a[close], b[close]), axis=-1)
+        a = np.broadcast_to(a, (*lengths.shape, *a.shape[-2:]))
+        b = np.broadcast_to(b, (*lengths.shape, *b.shape[-2:]))
+        accurate_angles = principal_angles(a[close], b[close])
+        lengths[close] = np.linalg.norm(accurate_angles, axis=-1)
     return lengths
 
 
 def orthonormalised(matrices: FloatArray) -> FloatArray:
-    """Return orthonormal bases of the column spaces of (..., D, k) matrices of full rank."""
+    """Return orthonormal bases of the columns of (..., D, k) matrices of full rank."""
     return np.linalg.qr(np.asarray(matrices, float))[0]
 
 
@@ -95,7 +105,7 @@ def orthonormalised(matrices: FloatArray) -> FloatArray:
 def noised_identity(
     generator: np.random.Generator, shape: tuple[int, int], count: int, noise_sd: float
 ) -> FloatArray:
-    """Return the arc lengths between `count` pairs of (D, k) identities with normal noise.
+    """Return arc lengths between `count` pairs of (D, k) identities with normal noise.
 
     The dissertation compares with "noised identical matrices ... with a signal-to-noise
     ratio of 10" (Sec. 2.3). It does not say what the noise is added to or how the ratio
@@ -103,14 +113,16 @@ def noised_identity(
     matrices gives distances like the printed ones.
     """
     noise = noise_sd * generator.standard_normal((2, count, *shape))
-    return arc_length(*orthonormalised(np.eye(*shape) + noise))
+    first, second = orthonormalised(np.eye(*shape) + noise)
+    return arc_length(first, second)
 
 
 def random(
     generator: np.random.Generator, shape: tuple[int, int], count: int
 ) -> FloatArray:
-    """Return the arc lengths between `count` pairs of uniform (Haar) random subspaces."""
-    return arc_length(*orthonormalised(generator.standard_normal((2, count, *shape))))
+    """Return arc lengths between `count` pairs of uniform (Haar) random subspaces."""
+    first, second = orthonormalised(generator.standard_normal((2, count, *shape)))
+    return arc_length(first, second)
 
 
 # Constraint subspaces of the landing map: bootstrapped principal components of pairs.
@@ -123,11 +135,13 @@ def random(
 # components arbitrary, so the *leading* ones are kept here. The arc length between two
 # subspaces equals that between their complements.
 
-#: Number of principal components that the two Poincaré sections use up.
+# Principal components that the two Poincaré sections use up, one each.
 SECTION_COMPONENTS = 2
+
 #: A draw lacks the components whose singular values are below this fraction of the
 #: largest.
-_RANK_TOLERANCE = 1e-10
+#: Unit: 1. Origin: chosen.
+RANK_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -155,7 +169,7 @@ class SubspaceStudy:
 
 
 def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the principal components of pairs without the two that vary least, (12B, 12B - 2).
+    """Return all but the two least principal components of pairs, (12B, 12B - 2).
 
     Those two are the section conditions.
 
@@ -164,11 +178,18 @@ def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
     x, y
         (n, 6B) normalised pairs of all usable landings.
     """
+    from sklearn.decomposition import PCA
+
     pairs = np.hstack([x, y])
-    right = np.linalg.svd(
-        np.linalg.qr(pairs - pairs.mean(0), mode="r"), full_matrices=True
-    )[2]
-    return np.asarray(right[:-SECTION_COMPONENTS].T)
+    centred = pairs - pairs.mean(0)
+    # With fewer landings than dimensions, rows of zeros make the components complete.
+    n_missing = max(0, pairs.shape[1] - len(pairs))
+    complete = np.pad(centred, ((0, n_missing), (0, 0)))
+    # SciPy, which PCA uses, may have been loaded only now, without its limit. Landings
+    # that do not vary have no variance to share out among components.
+    with one_blas_thread(), np.errstate(invalid="ignore"):
+        components = PCA(svd_solver="full").fit(complete).components_
+    return np.asarray(components[:-SECTION_COMPONENTS].T)
 
 
 @one_blas_thread()
@@ -207,32 +228,29 @@ def bootstrap_subspaces(
     AnalysisError
         If there are fewer than two landings, or if one has a value that is not finite.
     """
-    x, y = np.asarray(x, float), np.asarray(y, float)
-    unknown = np.flatnonzero(~np.isfinite(np.hstack([x, y])).all(axis=1))
-    if len(x) < 2 or unknown.size:
-        there = (
-            f"{unknown.size} others, the first in row {unknown[0]}"
-            if unknown.size
-            else len(x)
-        )
-        raise AnalysisError.at("subspaces", "at least 2 landings, all finite", there)
-    classes, rare = grouped(np.asarray(schedule, str), samples)
+    x = np.asarray(x, float)
+    y = np.asarray(y, float)
+    _require_landings(x, y)
     pairs = np.hstack([x, y]) @ pooled_frame(x, y)
-    k = components or min(x.shape[1] - 1, samples - 1)
+    of_a_map = x.shape[1] - 1
+    k = components or min(of_a_map, samples - 1)
+    notes = []
+    if not components and k < of_a_map:
+        # The markers have more dimensions than the landings of one draw span.
+        what = f"{k} components instead of {of_a_map}"
+        reason = f"{samples} landings span no more: set subspaces.samples"
+        notes.append(_note(what, reason))
+
     bases: dict[str, FloatArray] = {}
     streams: dict[str, str] = {}
-    notes = []
-    if (
-        not components and k < x.shape[1] - 1
-    ):  # the markers need more than a draw's landings span
-        what = f"{k} components instead of {x.shape[1] - 1}"
-        notes.append(
-            _note(what, f"{samples} landings span no more: set subspaces.samples")
-        )
+    classes, rare = grouped(np.asarray(schedule, str), samples)
     for name, rows in classes.items():
         what = f"subspaces of schedule {name}"
         if k >= samples or k > pairs.shape[1]:
-            span = f"{samples} landings span at most {samples - 1} of {pairs.shape[1]} dimensions"
+            span = (
+                f"{samples} landings span at most {samples - 1} of {pairs.shape[1]} "
+                "dimensions"
+            )
             wanted = f"{k} wanted: set subspaces.samples or subspaces.components"
             notes.append(_note(what, f"{span}, {wanted}"))
             continue
@@ -247,16 +265,27 @@ def bootstrap_subspaces(
                 f"{np.sum(~full)} of {bootstraps} draws have fewer than {k} components"
             )
             notes.append(_note(what, lacking))
-    notes += rare_notes(
-        "subspaces", rare, f"{samples} distinct ones wanted in each draw"
-    )
+    wanted = f"{samples} distinct ones wanted in each draw"
+    notes += rare_notes("subspaces", rare, wanted)
     return SubspaceStudy(bases, (pairs.shape[1], k), notes, streams)
+
+
+def _require_landings(x: FloatArray, y: FloatArray) -> None:
+    unknown = np.flatnonzero(~np.isfinite(np.hstack([x, y])).all(axis=1))
+    if len(x) >= 2 and not unknown.size:
+        return
+    found: object = len(x)
+    if unknown.size:
+        found = f"{unknown.size} others, the first in row {unknown[0]}"
+    raise AnalysisError.at("subspaces", "at least 2 landings, all finite", found)
 
 
 def leading_subspaces(
     pairs: FloatArray, draws: NDArray[np.integer], k: int
 ) -> tuple[FloatArray, BoolArray]:
     """Return the k leading principal components of each draw.
+
+    They are those of scikit-learn's `PCA`, of many draws at once.
 
     Parameters
     ----------
@@ -276,12 +305,12 @@ def leading_subspaces(
     """
     bases = np.empty((len(draws), pairs.shape[1], k))
     full = np.empty(len(draws), bool)
-    for some in chunks(len(draws), draws.shape[1] * pairs.shape[1]):
-        points = pairs[draws[some]]
+    for chunk in chunks(len(draws), draws.shape[1] * pairs.shape[1]):
+        points = pairs[draws[chunk]]
         points -= points.mean(axis=1, keepdims=True)
-        _, values, right = np.linalg.svd(points, full_matrices=False)
-        bases[some] = right[:, :k].swapaxes(1, 2)
-        full[some] = values[:, k - 1] > _RANK_TOLERANCE * values[:, 0]
+        _, singular, right = np.linalg.svd(points, full_matrices=False)
+        bases[chunk] = right[:, :k].swapaxes(1, 2)
+        full[chunk] = singular[:, k - 1] > RANK_TOLERANCE * singular[:, 0]
     return bases, full
 
 
@@ -298,7 +327,7 @@ def leading_subspaces(
 
 
 def pair_mean_error(values: FloatArray, first: IntArray, second: IntArray) -> float:
-    """Return the standard error of the mean over pairs of numbered draws; NaN for one pair.
+    """Return the standard error of a mean over pairs of draws; NaN for one pair.
 
     A mean over pairs is a U-statistic: pairs that share a draw are not independent. Two
     pairs are assumed to covary only if they have a draw in common (Aronow, Samii and
@@ -344,7 +373,16 @@ def _some(generator: np.random.Generator, population: int, count: int) -> IntArr
 #: Kinds of distance, in the order of Fig. 2.5.
 KINDS = ("in_class", "cross_class", "noised_identity", "random")
 _SUMMARY_COLUMNS = (
-    *("kind", "n", "mean", "mean_se", "sd", "q05", "q25", "median", "q75", "q95"),
+    "kind",
+    "n",
+    "mean",
+    "mean_se",
+    "sd",
+    "q05",
+    "q25",
+    "median",
+    "q75",
+    "q95",
     "auc_against_in_class",
 )
 
@@ -366,6 +404,31 @@ class DistanceStudy:
     distances: pd.DataFrame
     summary: pd.DataFrame
     notes: Notes
+
+
+@dataclass(frozen=True)
+class _Distances:
+    """Distances of one kind between draws of one or two schedules, or of a baseline.
+
+    `first` and `second` are the numbers of the two draws of each distance, counted over
+    all schedules; a baseline has none.
+    """
+
+    kind: str
+    schedule_a: str
+    schedule_b: str
+    lengths: FloatArray
+    first: IntArray = field(default_factory=lambda: np.zeros(0, int))
+    second: IntArray = field(default_factory=lambda: np.zeros(0, int))
+
+    def table(self) -> pd.DataFrame:
+        columns = {
+            "kind": self.kind,
+            "schedule_a": self.schedule_a,
+            "schedule_b": self.schedule_b,
+            "distance_rad": self.lengths,
+        }
+        return pd.DataFrame(columns)
 
 
 @one_blas_thread()
@@ -398,52 +461,70 @@ def measure_distances(
         Schedule -> name of its random stream, from `bootstrap_subspaces`; by default
         its own name.
     """
-    stream_of = streams or {name: name for name in bases}
-    notes = [] if bases else [_note("in-class distances", "no schedule has subspaces")]
+    notes = []
+    if not bases:
+        notes.append(_note("in-class distances", "no schedule has subspaces"))
     if len(bases) < 2:
         reason = f"{len(bases)} of the 2 schedules needed have subspaces"
         notes.append(_note("cross-class distances", reason))
-    starts = dict(
-        zip(bases, np.cumsum([0, *map(len, bases.values())]).tolist(), strict=False)
-    )
-    blocks, ends = [], {}
-    kinds: dict[
-        str, tuple[Callable[..., tuple[IntArray, IntArray]], list[tuple[str, ...]]]
-    ] = {
-        "in_class": (in_class_pairs, [(name,) for name in bases]),
-        "cross_class": (cross_class_pairs, list(combinations(bases, 2))),
-    }
-    for kind, (choose, classes) in kinds.items():
-        numbers = [np.zeros((2, 0), int)]
-        for names in classes:
-            a, b = names[0], names[-1]
-            # The draws do not depend on which of two schedules is named first.
-            in_order = sorted(names, key=stream_of.__getitem__)
-            generator = named_generator(
-                seed, kind, *(stream_of[name] for name in in_order)
-            )
-            first, second = choose(
-                generator, *(len(bases[name]) for name in in_order), pairs
-            )
-            if in_order != list(names):
-                first, second = second, first
-            blocks.append((kind, a, b, arc_length(bases[a][first], bases[b][second])))
-            numbers.append(np.array([first + starts[a], second + starts[b]]))
-        ends[kind] = np.hstack(numbers)
-    noised = noised_identity(
-        named_generator(seed, "noised_identity"), shape, pairs, noise_sd
-    )
-    unrelated = random(named_generator(seed, "random"), shape, pairs)
-    blocks += [("noised_identity", "", "", noised), ("random", "", "", unrelated)]
-    found = {kind for kind, *_ in blocks}
-    lengths = {
-        kind: np.concatenate([b[-1] for b in blocks if b[0] == kind]) for kind in found
-    }
-    errors = {
-        kind: pair_mean_error(lengths[kind], *ends[kind])
-        for kind in found & ends.keys()
-    }
-    return DistanceStudy(_table(blocks), summarise_distances(lengths, errors), notes)
+
+    stream_of = streams or {name: name for name in bases}
+    noise_generator = named_generator(seed, "noised_identity")
+    random_generator = named_generator(seed, "random")
+    noised = noised_identity(noise_generator, shape, pairs, noise_sd)
+    unrelated = random(random_generator, shape, pairs)
+    measured = [
+        *_between_draws(bases, stream_of, seed, pairs),
+        _Distances("noised_identity", "", "", noised),
+        _Distances("random", "", "", unrelated),
+    ]
+
+    lengths = {}
+    errors = {}
+    for kind in KINDS:
+        of_kind = [one for one in measured if one.kind == kind]
+        if not of_kind:
+            continue
+        lengths[kind] = np.concatenate([one.lengths for one in of_kind])
+        if kind in ("in_class", "cross_class"):
+            first = np.concatenate([one.first for one in of_kind])
+            second = np.concatenate([one.second for one in of_kind])
+            errors[kind] = pair_mean_error(lengths[kind], first, second)
+    table = pd.concat([one.table() for one in measured], ignore_index=True)
+    return DistanceStudy(table, summarise_distances(lengths, errors), notes)
+
+
+def _between_draws(
+    bases: Mapping[str, FloatArray], stream_of: Mapping[str, str], seed: int, pairs: int
+) -> Iterator[_Distances]:
+    """Yield the distances within each schedule, then those between two schedules."""
+    first_number = {}
+    n_draws = 0
+    for name, drawn in bases.items():
+        first_number[name] = n_draws
+        n_draws += len(drawn)
+
+    for name, drawn in bases.items():
+        generator = named_generator(seed, "in_class", stream_of[name])
+        i, j = in_class_pairs(generator, len(drawn), pairs)
+        lengths = arc_length(drawn[i], drawn[j])
+        start = first_number[name]
+        yield _Distances("in_class", name, name, lengths, i + start, j + start)
+
+    for a, b in combinations(bases, 2):
+        # The draws do not depend on which of two schedules is named first.
+        in_order = sorted((a, b), key=stream_of.__getitem__)
+        one, other = in_order
+        generator = named_generator(
+            seed, "cross_class", stream_of[one], stream_of[other]
+        )
+        i, j = cross_class_pairs(generator, len(bases[one]), len(bases[other]), pairs)
+        if in_order != [a, b]:
+            i, j = j, i
+        lengths = arc_length(bases[a][i], bases[b][j])
+        first = i + first_number[a]
+        second = j + first_number[b]
+        yield _Distances("cross_class", a, b, lengths, first, second)
 
 
 def summarise_distances(
@@ -466,41 +547,34 @@ def summarise_distances(
         ``auc_against_in_class``: the probability that a distance of this kind exceeds
         an in-class one (NaN if there are no in-class distances).
     """
-    own = np.sort(lengths.get("in_class", np.zeros(0)))
+    in_class = np.sort(lengths.get("in_class", np.zeros(0)))
     rows = []
-    for kind in [kind for kind in KINDS if len(lengths.get(kind, ()))]:
-        values = np.sort(lengths[kind])
-        spread = values.std(ddof=1) if len(values) > 1 else np.nan
-        error = standard_errors.get(kind, spread / np.sqrt(len(values)))
+    for kind in KINDS:
+        values = np.sort(lengths.get(kind, np.zeros(0)))
+        if not len(values):
+            continue
+        sd = np.nan
+        if len(values) > 1:
+            sd = values.std(ddof=1)
+        independent = sd / np.sqrt(len(values))
+        error = standard_errors.get(kind, independent)
         quantiles = np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95])
-        levels = (
-            len(values),
-            values.mean(),
-            error,
-            spread,
-            *quantiles,
-            auc(values, own),
-        )
-        rows.append((kind, *levels))
+        exceeds = auc(values, in_class)
+        rows.append((kind, len(values), values.mean(), error, sd, *quantiles, exceeds))
     return pd.DataFrame(rows, columns=list(_SUMMARY_COLUMNS))
 
 
 def auc(values: FloatArray, reference: FloatArray) -> float:
-    """Return the probability that a value exceeds a reference value; ties count half."""
-    if not (len(values) and len(reference)):
+    """Return the probability that a value exceeds a reference; ties count half."""
+    if not len(values) or not len(reference):
         return float("nan")
-    ordered = np.sort(reference)  # fast if it is sorted already
-    below = np.searchsorted(ordered, values, "left") + np.searchsorted(
-        ordered, values, "right"
-    )
-    return float(below.mean() / (2 * len(reference)))
+    from sklearn.metrics import roc_auc_score
+
+    of_values = np.ones(len(values))
+    of_reference = np.zeros(len(reference))
+    truth = np.concatenate([of_values, of_reference])
+    return float(roc_auc_score(truth, np.concatenate([values, reference])))
 
 
 def _note(what: str, reason: str) -> dict[str, str]:
     return {"what": what, "reason": reason}
-
-
-def _table(blocks: list[tuple[str, str, str, FloatArray]]) -> pd.DataFrame:
-    columns = ("kind", "schedule_a", "schedule_b", "distance_rad")
-    frames = [pd.DataFrame(dict(zip(columns, block, strict=True))) for block in blocks]
-    return pd.concat(frames, ignore_index=True)

@@ -20,6 +20,15 @@ from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import leave_one_out_residuals
 
+#: An affine map whose rms error is below this share of the mean's is exact, and the
+#: rest is rounding.
+#: Unit: 1. Origin: chosen.
+EXACT = 1e-9
+
+# How units are chosen, in words.
+TIME_RULE = "rms position error over rms velocity error, leave-one-out {} predictor"
+LENGTH_RULE = "rms norm of the centred post-section positions of all body markers"
+
 
 @dataclass(frozen=True)
 class Units:
@@ -56,9 +65,12 @@ class Units:
         return self.length_unit_m / self.time_unit_s
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all values and the dissertation's printed units, for ``units.json``."""
-        printed = {"printed_length_unit_m": 0.02913, "printed_time_unit_s": 0.027}
-        return {**asdict(self), "velocity_unit_m_s": self.velocity_unit_m_s, **printed}
+        """Return all values and the printed units, for ``units.json``."""
+        content = asdict(self)
+        content["velocity_unit_m_s"] = self.velocity_unit_m_s
+        content["printed_length_unit_m"] = 0.02913
+        content["printed_time_unit_s"] = 0.027
+        return content
 
 
 @one_blas_thread()
@@ -84,17 +96,31 @@ def choose_units(
     AnalysisError
         If there are fewer than three landings, or if the data do not vary at all.
     """
-    x, y = np.asarray(x, float), np.asarray(y, float)
+    x = np.asarray(x, float)
+    y = np.asarray(y, float)
     if len(x) < 3:
         raise AnalysisError.at("units", "at least 3 landings", len(x))
     errors, predictor = prediction_errors(x, y)
-    position, velocity = map(_rms, np.split(errors, 2, axis=1))
-    places = np.split(y - y.mean(0), 2, axis=1)[0]
-    spread = float(np.sqrt(np.mean(np.sum(places**2, axis=1))))
-    length = spread if length_m is None else float(length_m)
-    time = (
-        position / velocity if time_s is None and velocity > 0 else float(time_s or 0)
-    )
+    position_errors, velocity_errors = np.split(errors, 2, axis=1)
+    rms_position = _rms(position_errors)
+    rms_velocity = _rms(velocity_errors)
+
+    if length_m is None:
+        positions, _ = np.split(y - y.mean(0), 2, axis=1)
+        length = float(np.sqrt(np.mean(np.sum(positions**2, axis=1))))
+        length_rule = LENGTH_RULE
+    else:
+        length = float(length_m)
+        length_rule = "given"
+
+    if time_s is None:
+        # Landings without any error in velocity have no unit of time.
+        time = rms_position / rms_velocity if rms_velocity > 0 else 0.0
+        time_rule = TIME_RULE.format(predictor)
+    else:
+        time = float(time_s)
+        time_rule = "given"
+
     if not (np.isfinite([length, time]).all() and length > 0 and time > 0):
         found = f"a length unit of {length:g} m and a time unit of {time:g} s"
         found += "; set units.length_m and units.time_s"
@@ -102,17 +128,17 @@ def choose_units(
     return Units(
         length_unit_m=length,
         time_unit_s=time,
-        length_rule=_LENGTH_RULE if length_m is None else "given",
-        time_rule=_TIME_RULE.format(predictor) if time_s is None else "given",
-        rms_position_error_m=position,
-        rms_velocity_error_m_s=velocity,
+        length_rule=length_rule,
+        time_rule=time_rule,
+        rms_position_error_m=rms_position,
+        rms_velocity_error_m_s=rms_velocity,
         predictor=predictor,
         n_landings=len(x),
     )
 
 
 def prediction_errors(x: FloatArray, y: FloatArray) -> tuple[FloatArray, str]:
-    """Return the leave-one-out errors (n, 6B) of the unspecialised map and the predictor's name.
+    """Return leave-one-out errors (n, 6B) of the unspecialised map, and its predictor.
 
     The mean predictor is used if there are too few landings for an affine map, or if
     the affine map is exact, so that its errors are only rounding.
@@ -121,16 +147,15 @@ def prediction_errors(x: FloatArray, y: FloatArray) -> tuple[FloatArray, str]:
     # mean of all.
     of_mean = (y - y.mean(0)) * len(y) / (len(y) - 1)
     try:
-        errors = leave_one_out_residuals(x, y)
+        of_map = leave_one_out_residuals(x, y)
     except AnalysisError:
         return of_mean, "mean"
-    parts = zip(np.split(errors, 2, axis=1), np.split(of_mean, 2, axis=1), strict=True)
-    exact = any(_rms(left) < 1e-9 * _rms(whole) for left, whole in parts)
-    return (of_mean, "mean") if exact else (errors, "affine")
-
-
-_TIME_RULE = "rms position error over rms velocity error, leave-one-out {} predictor"
-_LENGTH_RULE = "rms norm of the centred post-section positions of all body markers"
+    map_parts = np.split(of_map, 2, axis=1)  # positions, then velocities
+    mean_parts = np.split(of_mean, 2, axis=1)
+    for map_errors, mean_errors in zip(map_parts, mean_parts, strict=True):
+        if _rms(map_errors) < EXACT * _rms(mean_errors):
+            return of_mean, "mean"
+    return of_map, "affine"
 
 
 def _rms(values: FloatArray) -> float:

@@ -13,6 +13,36 @@ from hopdata.errors import RecordingError, chosen, did_you_mean
 from hopdata.recordings.readers.qtm import KEYS
 from hopdata.recordings.readers.text import ColumnTable, listed, open_table
 
+SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3}
+
+# Formats whose events may be contacts; text files are recognised by their first line.
+WITH_EVENTS = (".c3d", ".mat")
+
+NEWTONS_PER_UNIT = {"N": 1.0, "kN": 1000.0, "body_weight": 1.0}
+
+# Units as C3D files spell them, in small letters; "nt" is that of older laboratories.
+FORCE_UNIT_SPELLINGS = {
+    **dict.fromkeys(("n", "nt", "newton", "newtons"), "N"),
+    **dict.fromkeys(("kn", "kilonewton", "kilonewtons"), "kN"),
+    **dict.fromkeys(
+        ("bw", "xbw", "body_weight", "body weight", "bodyweight"), "body_weight"
+    ),
+}
+
+#: Least rate of a force signal.
+#: Unit: Hz. Origin: chosen. Below it, onsets are no more precise than those of a
+#: camera.
+LEAST_RATE_HZ = 50.0
+
+#: Largest difference of the rate of the times from the stated one.
+#: Unit: 1. Origin: chosen.
+RATE_TOLERANCE = 1e-3
+
+#: Share of a force's samples that may lie outside, at either end, where its sign is
+#: judged.
+#: Unit: 1. Origin: chosen.
+SIGN_BUT_FOR = 0.02
+
 
 @dataclass(frozen=True)
 class Column:
@@ -85,7 +115,7 @@ class ForceSignal:
 def columns_of(
     entries: Sequence[Mapping[str, Any]], feet: Sequence[str]
 ) -> tuple[Column, ...]:
-    """Return the configured columns, or one column named after each foot if there are none.
+    """Return the configured columns, or one named after each foot if there are none.
 
     Parameters
     ----------
@@ -95,15 +125,17 @@ def columns_of(
     feet : sequence of str
         Feet of the recording.
     """
-    entries = entries or [{"name": foot, "feet": ()} for foot in feet]
-    return tuple(Column(e["name"], tuple(e["feet"] or [e["name"]])) for e in entries)
+    if not entries:
+        return tuple(Column(foot, (foot,)) for foot in feet)
+    columns = []
+    for entry in entries:
+        name = entry["name"]
+        columns.append(Column(name, tuple(entry["feet"] or [name])))
+    return tuple(columns)
 
 
 # Contact instants from another source: a table, or the events stored in a recording's
 # file.
-
-SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3}
-WITH_EVENTS = (".c3d", ".mat")  # text files are recognised by their first line
 
 
 def read_contact_times(
@@ -132,27 +164,26 @@ def read_contact_times(
         If the file cannot be used; names the file, the column, what was expected and
         found.
     """
-    path, unit = (
-        Path(options["file"]),
-        chosen("contacts.unit", options["unit"], SECONDS_PER_UNIT),
-    )
+    path = Path(options["file"])
+    seconds = chosen("contacts.unit", options["unit"], SECONDS_PER_UNIT)
     columns = columns_of(options["columns"], feet)
+    label_column = options["label_column"]
     if _is_recording(path):
-        found = _events(path, columns, rate_hz)
-    elif (label := options["label_column"]) is not None:  # one row per contact
+        instants = _events(path, columns, rate_hz)
+    elif label_column is not None:  # one row per contact
         table = open_table(path)
-        labels, times = (
-            np.array(table.texts(label)),
-            table.numbers(options["time_column"]),
-        )
-        found = _by_label(f"{path}, column '{label}'", columns, labels, times)
+        labels = np.array(table.texts(label_column))
+        times = table.numbers(options["time_column"])
+        place = f"{path}, column '{label_column}'"
+        instants = _by_label(place, columns, labels, times)
     else:
         table = open_table(path)
-        found = {column.name: table.numbers(column.name) for column in columns}
-    start = options["offset_s"]
-    return [
-        _contact_times(path, one, found[one.name] * unit + start) for one in columns
-    ]
+        instants = {column.name: table.numbers(column.name) for column in columns}
+    found = []
+    for column in columns:
+        on_clock = instants[column.name] * seconds + options["offset_s"]
+        found.append(_contact_times(path, column, on_clock))
+    return found
 
 
 def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactTimes:
@@ -160,9 +191,8 @@ def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactT
     if not len(instants):
         place = f"{path}: column '{column.name}'"
         raise RecordingError.at(place, "at least one contact instant", "none")
-    return ContactTimes(
-        column, instants, "contacts", (float(instants[0]), float(instants[-1]))
-    )
+    span_s = (float(instants[0]), float(instants[-1]))
+    return ContactTimes(column, instants, "contacts", span_s)
 
 
 def _events(
@@ -183,6 +213,7 @@ def _by_label(
     labels: np.ndarray[Any, Any],
     times: FloatArray,
 ) -> dict[str, FloatArray]:
+    """Return the instants (K,) of each column by its label in (K,) labels."""
     present = tuple(dict.fromkeys(labels.tolist()))
     for column in columns:
         if column.name not in present:
@@ -193,28 +224,18 @@ def _by_label(
 
 
 def _is_recording(path: Path) -> bool:
-    """Tell whether a file is motion capture with events, rather than a table of instants."""
-    if path.suffix.lower() not in (".tsv", ".txt") or not path.is_file():
-        return path.suffix.lower() in WITH_EVENTS
+    """Tell whether a file is motion capture with events, not a table of instants."""
+    suffix = path.suffix.lower()
+    if suffix not in (".tsv", ".txt") or not path.is_file():
+        return suffix in WITH_EVENTS
     with path.open("rb") as file:
-        first = file.readline().removeprefix(codecs.BOM_UTF8)
-    return first.split(b"\t")[0].strip() in [key.encode() for key in KEYS]
+        first_line = file.readline().removeprefix(codecs.BOM_UTF8)
+    first_cell = first_line.split(b"\t")[0].strip()
+    return first_cell in [key.encode() for key in KEYS]
 
 
 # Vertical forces under the feet, from a text table or the analog channels of a C3D
 # file.
-
-NEWTONS_PER_UNIT = {"N": 1.0, "kN": 1000.0, "body_weight": 1.0}
-# Units as C3D files spell them, in small letters; "nt" is that of older laboratories.
-FORCE_UNIT_SPELLINGS = {
-    **dict.fromkeys(("n", "nt", "newton", "newtons"), "N"),
-    **dict.fromkeys(("kn", "kilonewton", "kilonewtons"), "kN"),
-    **dict.fromkeys(
-        ("bw", "xbw", "body_weight", "body weight", "bodyweight"), "body_weight"
-    ),
-}
-LEAST_RATE_HZ = 50.0  # Hz; below it, onsets are no more precise than those of a camera
-RATE_TOLERANCE = 1e-3  # relative
 
 
 def read_force_signals(
@@ -246,34 +267,37 @@ def read_force_signals(
     if path.suffix.lower() == ".c3d":
         return _analog_signals(path, columns, options)
     table = open_table(path)
-    forces = {column.name: table.numbers(column.name) for column in columns}
-    time = _times(table, options, len(forces[columns[0].name])) + options["offset_s"]
-    return [
-        _signal(path, column, time, forces[column.name], options) for column in columns
-    ]
+    forces = [table.numbers(column.name) for column in columns]
+    time = _times(table, options, len(forces[0])) + options["offset_s"]
+    signals = []
+    for column, force in zip(columns, forces, strict=True):
+        signals.append(_signal(path, column, time, force, options))
+    return signals
 
 
 def _analog_signals(
     path: Path, columns: Sequence[Column], options: Mapping[str, Any]
 ) -> list[ForceSignal]:
-    """Read forces from the analog channels of a C3D file, which has its own clock and units."""
+    """Read forces from the analog channels of a C3D file.
+
+    It has its own clock and units.
+    """
     from hopdata.recordings.readers.c3d import read_analogs
 
     analogs = read_analogs(path)
     if options["rate_hz"] is not None:
         _check_times(f"{path}: analog rate", analogs.time, options["rate_hz"])
+    time = analogs.time + options["offset_s"]
     signals = []
     for column in columns:
         force, stated = analogs.channel(column.name)
         _check_force_unit(f"{path}: channel '{column.name}'", stated, options["unit"])
-        signals.append(
-            _signal(path, column, analogs.time + options["offset_s"], force, options)
-        )
+        signals.append(_signal(path, column, time, force, options))
     return signals
 
 
 def _check_force_unit(place: str, stated: str, wanted: str) -> None:
-    """Require the unit that a channel states, if it states one, to be that of `forces.unit`.
+    """Require the unit that a channel states, if any, to be that of `forces.unit`.
 
     A channel of volts, of moments or of muscle activity is not a force, whatever the
     configuration says.
@@ -288,8 +312,12 @@ def _check_force_unit(place: str, stated: str, wanted: str) -> None:
     unit = FORCE_UNIT_SPELLINGS.get(stated.lower())
     if unit is None:
         known = ", ".join(NEWTONS_PER_UNIT)
-        found = f"'{stated}'; name a channel of forces, or export the plate's forces calibrated"
-        raise RecordingError.at(place, f"a unit of force ({known})", found)
+        raise RecordingError.at(
+            place,
+            f"a unit of force ({known})",
+            f"'{stated}'; name a channel of forces, "
+            "or export the plate's forces calibrated",
+        )
     if unit != wanted:
         raise RecordingError.at(
             place, f"forces.unit: {unit} as the file states", wanted
@@ -300,40 +328,56 @@ def _times(
     table: ColumnTable, options: Mapping[str, Any], n_samples: int
 ) -> FloatArray:
     """Return the time of each sample from the start of the file's clock, (K,), s."""
-    rate, name = options["rate_hz"], options["time_column"] or table.clock
-    if name is None:
-        if rate is None:
-            wanted = "the samples' rate or forces.time_column"
-            raise RecordingError.at(
-                f"{table.rows.path}: forces.rate_hz", wanted, "neither"
-            )
-        return np.arange(n_samples) / float(rate)
-    time = table.numbers(name)
-    _check_times(
-        f"{table.rows.path}, column '{name}'", time, rate, n_lines=table.rows.n_lines
-    )
-    return time
+    path = table.rows.path
+    rate_hz = options["rate_hz"]
+    name = options["time_column"] or table.clock
+    if name is not None:
+        time = table.numbers(name)
+        place = f"{path}, column '{name}'"
+        _check_times(place, time, rate_hz, n_lines=table.rows.n_lines)
+        return time
+    if rate_hz is None:
+        raise RecordingError.at(
+            f"{path}: forces.rate_hz",
+            "the samples' rate or forces.time_column",
+            "neither",
+        )
+    return np.arange(n_samples) / float(rate_hz)
 
 
 def _check_times(
-    place: str, time: FloatArray, rate: float | None, *, n_lines: int = 1
+    place: str, time: FloatArray, rate_hz: float | None, *, n_lines: int = 1
 ) -> None:
+    """Require times (K,), s, that increase, at the stated rate and often enough."""
     steps = np.diff(time)
     if len(time) < 2 or not (steps > 0).all():
-        bad = int(np.flatnonzero(~(steps > 0))[0]) if len(time) > 1 else 0
-        wanted = "times in s that increase from row to row"
-        raise RecordingError.at(place, wanted, f"otherwise at line {n_lines + bad + 2}")
-    found, hint = 1 / float(np.median(steps)), ""
-    if found == 1:
-        hint = "; a column that counts samples is not a time: leave it out and give forces.rate_hz"
-    if rate is not None and abs(found / rate - 1) > RATE_TOLERANCE:
-        wanted = f"steps of {1 / rate:.6g} s as stated by forces.rate_hz: {rate:g}"
+        wrong = 0
+        if len(time) > 1:
+            wrong = int(np.flatnonzero(~(steps > 0))[0])
         raise RecordingError.at(
-            place, wanted, f"{1 / found:.6g} s ({found:.6g} Hz){hint}"
+            place,
+            "times in s that increase from row to row",
+            f"otherwise at line {n_lines + wrong + 2}",
         )
-    if found < LEAST_RATE_HZ:
-        wanted = f"at least {LEAST_RATE_HZ:g} samples a second"
-        raise RecordingError.at(place, wanted, f"{found:.6g}{hint}")
+    found_hz = 1 / float(np.median(steps))
+    hint = ""
+    if found_hz == 1:
+        hint = (
+            "; a column that counts samples is not a time: "
+            "leave it out and give forces.rate_hz"
+        )
+    if rate_hz is not None and abs(found_hz / rate_hz - 1) > RATE_TOLERANCE:
+        raise RecordingError.at(
+            place,
+            f"steps of {1 / rate_hz:.6g} s as stated by forces.rate_hz: {rate_hz:g}",
+            f"{1 / found_hz:.6g} s ({found_hz:.6g} Hz){hint}",
+        )
+    if found_hz < LEAST_RATE_HZ:
+        raise RecordingError.at(
+            place,
+            f"at least {LEAST_RATE_HZ:g} samples a second",
+            f"{found_hz:.6g}{hint}",
+        )
 
 
 def _signal(
@@ -343,17 +387,21 @@ def _signal(
     force: FloatArray,
     options: Mapping[str, Any],
 ) -> ForceSignal:
+    """Return a signal (K,) in N or body weights, and require it to point upwards."""
     newtons = chosen("forces.unit", options["unit"], NEWTONS_PER_UNIT)
-    upward = force * newtons * (-1.0 if options["inverted"] else 1.0)
+    is_inverted = options["inverted"]
+    sign = -1.0 if is_inverted else 1.0
+    upward = force * newtons * sign
     place = f"{path}: column '{column.name}'"
     if len(upward) < 2 or np.isnan(upward).all():
         raise RecordingError(f"{place}: expected a force in each row, found none")
-    low, high = np.nanquantile(upward, [0.02, 0.98])
+    low, high = np.nanquantile(upward, [SIGN_BUT_FOR, 1 - SIGN_BUT_FOR])
     if -low > high:
-        set_it = f"set forces.inverted: {str(not options['inverted']).lower()}"
-        found = f"{low:.4g} to {high:.4g}; {set_it}"
+        correct = str(not is_inverted).lower()
         raise RecordingError.at(
-            place, "the upward force on the feet to be positive", found
+            place,
+            "the upward force on the feet to be positive",
+            f"{low:.4g} to {high:.4g}; set forces.inverted: {correct}",
         )
     unit = "body_weight" if options["unit"] == "body_weight" else "N"
     return ForceSignal(column, time, upward, unit, options)

@@ -12,13 +12,35 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
-from hopdata.recordings import raw as reading
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.budget import MOST_UNPACKED_MB
 from hopdata.recordings.quality import orientation
-from hopdata.recordings.quality.rigid import recorded_frames
-from hopdata.recordings.raw import RawRecording, rotate_up, without_subject
+from hopdata.recordings.quality.processing import recorded_frames
+from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording, without_subject
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
 from hopdata.recordings.readers.text import listed
+from hopdata.time_stamps import PAUSE_S, RATE_TOLERANCE
+
+# Frames turned at a time.
+BLOCK = 50_000
+
+ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
+
+# Arrays of a truth that have a column for each foot.
+PER_FOOT = (
+    "contact_times",
+    "foot_down",
+    "contact_points",
+    "floor_at_contacts",
+    "preloads_n",
+)
+
+# Advice for a file that has none of the configured markers.
+ANOTHER_SESSION = (
+    "the file has none of the configured markers, and all files of a study name them "
+    "alike: rename them in the export (only a subject's name, as in 'Anna:toe', may be "
+    "left out of the configuration), or make a study of its own"
+)
 
 # Several files of one day are joined into one recording, frames in sequence, with a
 # pause between.
@@ -47,104 +69,111 @@ def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
     for path, raw in zip(paths[1:], raws[1:], strict=True):
         _check_alike(paths[0], first, path, raw)
     starts, remarks = _starts(paths, raws)
-    moved = [
-        (raw, start - raw.time[0]) for start, raw in zip(starts, raws, strict=True)
-    ]
-    events = tuple(
-        Event(event.label, event.time_s + s) for raw, s in moved for event in raw.events
-    )
+    shifts = [start - raw.time[0] for start, raw in zip(starts, raws, strict=True)]
+    time = [raw.time + shift for raw, shift in zip(raws, shifts, strict=True)]
+    events: list[Event] = []
+    remarks_of_files: list[str] = []
+    for raw, shift in zip(raws, shifts, strict=True):
+        events += [Event(event.label, event.time_s + shift) for event in raw.events]
+        remarks_of_files += raw.remarks
     return replace(
         first,
-        time=np.concatenate([raw.time + s for raw, s in moved]),
+        time=np.concatenate(time),
         positions=np.concatenate([raw.positions for raw in raws]),
-        events=events,
+        events=tuple(events),
         unit_is_stated=all(raw.unit_is_stated for raw in raws),
-        remarks=sum((raw.remarks for raw in raws), ()) + remarks,
+        remarks=(*remarks_of_files, *remarks),
     )
 
 
 def _check_alike(
     first_path: Path, first: RawRecording, path: Path, raw: RawRecording
 ) -> None:
-    for what, wanted, found in (
-        ("unit", first.unit, raw.unit),
-        ("markers", first.markers, raw.markers),
-        ("vertical axis", first.stated_up, raw.stated_up),
-        ("frame rate (Hz)", first.rate_hz, raw.rate_hz),
-    ):
-        apart = (
-            abs(raw.rate_hz - first.rate_hz) > reading.RATE_TOLERANCE * first.rate_hz
-        )
-        if apart if what.startswith("frame rate") else wanted != found:
-            told = f"{found}; files joined in one recording must agree"
+    """Require a file to agree with the first one."""
+
+    def require_same(what: str, wanted: object, found: object, is_same: bool) -> None:
+        if not is_same:
             raise RecordingError.at(
-                f"{path}: {what}", f"{wanted} as in {first_path.name}", told
+                f"{path}: {what}",
+                f"{wanted} as in {first_path.name}",
+                f"{found}; files joined in one recording must agree",
             )
+
+    require_same("unit", first.unit, raw.unit, first.unit == raw.unit)
+    require_same("markers", first.markers, raw.markers, first.markers == raw.markers)
+    require_same(
+        "vertical axis",
+        first.stated_up,
+        raw.stated_up,
+        first.stated_up == raw.stated_up,
+    )
+    apart_hz = abs(raw.rate_hz - first.rate_hz)
+    same_rate = not apart_hz > RATE_TOLERANCE * first.rate_hz
+    require_same("frame rate (Hz)", first.rate_hz, raw.rate_hz, same_rate)
 
 
 def _starts(
     paths: Sequence[Path], raws: Sequence[RawRecording]
 ) -> tuple[list[float], tuple[str, ...]]:
     """Return the time of each file's first frame on the clock of the first file, s."""
-    if (by_clock := _starts_by_clock(paths, raws)) is not None:
+    by_clock = _starts_by_clock(paths, raws)
+    if by_clock is not None:
         return by_clock, ()
-    starts, end = [float(raws[0].time[0])], float(raws[0].time[-1])
+    starts = [float(raws[0].time[0])]
+    end_s = float(raws[0].time[-1])
     moved = []
     for path, raw in zip(paths[1:], raws[1:], strict=True):
-        follows = raw.time[0] > end + 0.5 / raw.rate_hz
-        starts.append(float(raw.time[0]) if follows else end + reading.PAUSE_S)
-        end = starts[-1] + float(raw.time[-1] - raw.time[0])
-        if not follows:
+        follows = raw.time[0] > end_s + 0.5 / raw.rate_hz
+        if follows:
+            starts.append(float(raw.time[0]))
+        else:
+            starts.append(end_s + PAUSE_S)
             moved.append(path.name)
+        end_s = starts[-1] + float(raw.time[-1] - raw.time[0])
+    if not moved:
+        return starts, ()
     which = ", ".join(moved) if len(moved) < 4 else f"{len(moved)} of them"
-    told = f"{paths[0]}: joined with {len(paths) - 1} more; no start is known for {which}: put "
-    return starts, (f"{told}{reading.PAUSE_S:g} s after the file before",) * bool(moved)
+    remark = (
+        f"{paths[0]}: joined with {len(paths) - 1} more; no start is known for "
+        f"{which}: put {PAUSE_S:g} s after the file before"
+    )
+    return starts, (remark,)
 
 
 def _starts_by_clock(
     paths: Sequence[Path], raws: Sequence[RawRecording]
 ) -> list[float] | None:
-    """Return the times of the first frames, or None unless all files state plausible starts.
+    """Return the times of the first frames, s, as the files state their starts.
+
+    None unless all files state plausible ones.
 
     Raises
     ------
     RecordingError
         If a file began before the one it should follow.
     """
-    if any(raw.started is None for raw in raws):
+    began = [raw.started for raw in raws if raw.started is not None]
+    if len(began) < len(raws):
         return None
-    began = [(raw.started - raws[0].started).total_seconds() for raw in raws]  # type: ignore[operator]
-    starts = [at + float(raw.time[0]) for at, raw in zip(began, raws, strict=True)]
+    starts = []
+    for raw, at in zip(raws, began, strict=True):
+        starts.append((at - began[0]).total_seconds() + float(raw.time[0]))
     for i in range(1, len(raws)):
+        before = raws[i - 1]
         if starts[i] < starts[i - 1]:
-            wanted = (
-                f"a file recorded after {paths[i - 1].name} ({raws[i - 1].started})"
+            raise RecordingError.at(
+                paths[i],
+                f"a file recorded after {paths[i - 1].name} ({began[i - 1]})",
+                f"one that began {began[i]}; name the files in the order of time",
             )
-            found = (
-                f"one that began {raws[i].started}; name the files in the order of time"
-            )
-            raise RecordingError.at(paths[i], wanted, found)
-        if starts[i] <= starts[i - 1] + float(
-            raws[i - 1].time[-1] - raws[i - 1].time[0]
-        ):
+        duration_s = float(before.time[-1] - before.time[0])
+        if starts[i] <= starts[i - 1] + duration_s:
             return None  # the files share one date, so it is a placeholder
     return starts
 
 
-BLOCK = 50_000  # frames turned at a time
-ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
-
-PER_FOOT = (
-    "contact_times",
-    "foot_down",
-    "contact_points",
-    "floor_at_contacts",
-    "preloads_n",
-)
-
-
 @one_blas_thread()
-def import_recording(
+def import_recording(  # noqa: PLR0913  each option is a key of the configuration
     path: str | Path | Sequence[str | Path],
     *,
     name: str,
@@ -200,75 +229,106 @@ def import_recording(
     RecordingError
         If the file cannot be read or lacks a configured marker.
     """
-    paths = [Path(p) for p in ([path] if isinstance(path, str | Path) else path)]
+    paths = _as_paths(path)
     if not paths:
         raise RecordingError(
             f"recording '{name}': expected at least one file, found none"
         )
-    limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
-    stated, pieces = [], []
-    for p in paths:
-        file = read_raw(p, rate_hz=rate_hz, **limits)
-        stated.append(dict(zip(file.markers, file.roles, strict=False)))
-        pieces.append(_chosen(p, file, markers))
+    stated_roles = []
+    pieces = []
+    for one in paths:
+        file = read_raw(
+            one,
+            rate_hz=rate_hz,
+            most_unpacked_mb=most_unpacked_mb,
+            least_score=least_score,
+        )
+        stated_roles.append(dict(zip(file.markers, file.roles, strict=False)))
+        pieces.append(_chosen(one, file, markers))
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
-    spoken = orientation.speak_for_silent(sources, pieces, unit)
-    raw = join(paths, spoken) if len(paths) > 1 else pieces[0]
-    positions = raw.positions
-    taken = orientation.choose_unit(positions, unit=unit, nominal=raw.unit)
-    guessed = (
-        orientation.unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
-    )
-    vertical_axis, found = orientation.choose_up(
+    alike = orientation.speak_for_silent(sources, pieces, unit)
+    raw = join(paths, alike) if len(paths) > 1 else pieces[0]
+
+    taken = orientation.choose_unit(raw.positions, unit=unit, nominal=raw.unit)
+    remarks = list(raw.remarks)
+    if unit == "auto":
+        on_unit = orientation.unit_remarks(sources, pieces, raw, taken)
+        remarks += [str(remark) for remark in on_unit]
+    vertical_axis, on_up = orientation.choose_up(
         vertical_axis, sources[0], raw, taken, markers
     )
-    for first in range(0, len(positions), BLOCK):
-        block = positions[first : first + BLOCK]
-        block *= reading.METRES_PER_UNIT[taken]
-        block[:] = rotate_up(block, vertical_axis)
+    remarks += [str(remark) for remark in on_up]
+    _to_metres_and_z_up(raw.positions, taken, vertical_axis)
+    roles = []
+    for key, role in ROLE_OF_KEY.items():
+        roles += [role] * len(markers.get(key) or ())
     recording = Recording(
         name=name,
         time=raw.time,
-        positions=positions,
+        positions=raw.positions,
         markers=raw.markers,
-        roles=tuple(
-            role for key, role in ROLE_OF_KEY.items() for _ in markers.get(key) or ()
-        ),
+        roles=tuple(roles),
         rate_hz=raw.rate_hz,
         source=", ".join(sources),
         source_sha256=", ".join(sha256(p) for p in paths),
         vertical_axis=vertical_axis if vertical_axis != "z" else raw.vertical_axis,
         events=raw.events,
-        remarks=raw.remarks + guessed + found,
+        remarks=tuple(remarks),
     )
-    if (
-        np.diff(raw.time).max(initial=0.0) * raw.rate_hz < 1.5
-    ):  # only then is it every second
-        recording = recording.part(recorded_frames(recording.body))
-    halved = len(recording.time) < len(raw.time)
-    told = f"{recording.source}: every second frame is made up from its neighbours, and left out"
-    more = (told,) * halved + _unseen(recording, exclude)
-    recording = replace(recording, remarks=recording.remarks + more)
-    if len(paths) > 1 or vertical_axis != "z" or halved:
+    recording = _without_made_up_frames(recording)
+    has_all_frames = len(recording.time) == len(raw.time)
+    on_excluded = _exclude(recording, exclude)
+    recording = replace(recording, remarks=recording.remarks + on_excluded)
+    if len(paths) > 1 or vertical_axis != "z" or not has_all_frames:
         return recording, None
-    return recording, _truth(paths[0], stated[0], recording)
+    return recording, _truth(paths[0], stated_roles[0], recording)
 
 
-def _unseen(
+def _as_paths(path: str | Path | Sequence[str | Path]) -> list[Path]:
+    if isinstance(path, str | Path):
+        return [Path(path)]
+    return [Path(one) for one in path]
+
+
+def _to_metres_and_z_up(positions: FloatArray, unit: str, vertical_axis: str) -> None:
+    """Scale and turn (N, M, 3) positions in place, since memory may not hold two."""
+    for first in range(0, len(positions), BLOCK):
+        block = positions[first : first + BLOCK]
+        block *= METRES_PER_UNIT[unit]
+        block[:] = rotate_up(block, vertical_axis)
+
+
+def _without_made_up_frames(recording: Recording) -> Recording:
+    """Leave out every second frame if it was made up from its neighbours; say so."""
+    longest = np.diff(recording.time).max(initial=0.0) * recording.rate_hz
+    if not longest < 1.5:  # with missing frames it is not every second one
+        return recording
+    kept = recording.part(recorded_frames(recording.body))
+    if len(kept.time) == len(recording.time):
+        return kept
+    remark = (
+        f"{recording.source}: every second frame is made up from its neighbours, "
+        "and left out"
+    )
+    return replace(kept, remarks=(*kept.remarks, remark))
+
+
+def _exclude(
     recording: Recording, exclude: Sequence[Mapping[str, Any]]
 ) -> tuple[str, ...]:
-    """Set markers to NaN (in place) where the configuration excludes them; return remarks."""
+    """Set markers to NaN (in place) where the configuration says so; return remarks."""
+    time = recording.time
     remarks = []
     for entry in exclude:
-        begin, end = (recording.time[k] if t is None else t
-                      for k, t in ((0, entry["from_s"]), (-1, entry["to_s"])))  # fmt: skip
-        inside = (recording.time >= begin) & (recording.time <= end)
-        told = (
-            f"counts as unseen from {begin:g} to {end:g} s, by hand: {entry['reason']}"
-        )
+        begin_s = time[0] if entry["from_s"] is None else entry["from_s"]
+        end_s = time[-1] if entry["to_s"] is None else entry["to_s"]
+        inside = (time >= begin_s) & (time <= end_s)
         for name in entry["markers"]:
             recording.positions[inside, recording.markers.index(name)] = np.nan
-            remarks.append(f"{recording.source}: marker '{name}' {told}")
+            remarks.append(
+                f"{recording.source}: marker '{name}' counts as unseen from "
+                f"{begin_s:g} to {end_s:g} s, by hand: {entry['reason']}"
+            )
     return tuple(remarks)
 
 
@@ -276,14 +336,6 @@ def sha256(path: Path) -> str:
     """Return the hexadecimal SHA-256 digest of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-#: Advice for a file that has none of the configured markers.
-ANOTHER_SESSION = (
-    "; the file has none of the configured markers, and all files of a study name them alike: "
-    "rename them in the export (only a subject's name, as in 'Anna:toe', may be left out of "
-    "the configuration), or make a study of its own"
-)
 
 
 def _chosen(
@@ -297,25 +349,16 @@ def _chosen(
     for key in wanted:
         require_choice("markers", key, ROLE_OF_KEY)
     asked = [name for names in wanted.values() for name in names or ()]
-    if ":" not in "".join(asked):
+    if not any(":" in name for name in asked):
         raw = replace(raw, markers=without_subject(raw.markers))
     chosen: list[str] = []
     for key in ROLE_OF_KEY:
         for marker in wanted.get(key) or ():
             if marker not in raw.markers:
-                several = set(marker.split()) <= set(raw.markers)
-                near = (
-                    "; is a comma missing?"
-                    if several
-                    else did_you_mean(marker, raw.markers)
-                )
-                near += "".join(
-                    f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told
-                )
-                near += ANOTHER_SESSION * set(asked).isdisjoint(raw.markers)
-                place, there = f"{path}: markers.{key}", f"({listed(raw.markers)})"
                 raise RecordingError.at(
-                    place, f"a marker of the file {there}", f"{marker!r}{near}"
+                    f"{path}: markers.{key}",
+                    f"a marker of the file ({listed(raw.markers)})",
+                    f"{marker!r}{_advice(marker, asked, raw)}",
                 )
             if marker in chosen:
                 raise RecordingError.at(
@@ -328,36 +371,56 @@ def _chosen(
     )
 
 
+def _advice(marker: str, asked: Sequence[str], raw: RawRecording) -> str:
+    """Return advice on a configured marker that the file does not have."""
+    if set(marker.split()) <= set(raw.markers):
+        advice = "; is a comma missing?"
+    else:
+        advice = did_you_mean(marker, raw.markers)
+    for remark in raw.remarks:
+        if f"'{marker}' twice" in remark:
+            advice += f"; {remark}"
+    if set(asked).isdisjoint(raw.markers):
+        advice += f"; {ANOTHER_SESSION}"
+    return advice
+
+
 def _only(positions: FloatArray, order: Sequence[int]) -> FloatArray:
-    """Return some markers of (N, M, 3) positions, overwriting the memory of the input."""
-    kept = positions.reshape(-1)[: 3 * len(positions) * len(order)]
-    kept = kept.reshape(len(positions), len(order), 3)
-    for first in range(
-        0, len(positions), BLOCK
-    ):  # each block is read before it is overwritten
+    """Return some markers of (N, M, 3) positions, overwriting the input's memory."""
+    n_frames = len(positions)
+    kept = positions.reshape(-1)[: 3 * n_frames * len(order)]
+    kept = kept.reshape(n_frames, len(order), 3)
+    # Each block is read before it is overwritten.
+    for first in range(0, n_frames, BLOCK):
         block = slice(first, first + BLOCK)
         kept[block] = positions[block][:, order]
     return kept
 
 
 def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth | None:
-    """Return the truth in the file, feet in the recording's order, or None if it does not apply."""
+    """Return the truth in the file, feet in the recording's order, or None.
+
+    None if it does not apply to this recording.
+    """
     from hopdata.recordings.readers.hdf5 import is_truth_of, read_truth
 
-    if not is_truth_of(
-        roles, body=recording.names("body"), feet=recording.names("foot")
-    ):
+    body = recording.names("body")
+    feet = recording.names("foot")
+    if not is_truth_of(roles, body=body, feet=feet):
         return None
     truth = read_truth(path)
     if truth is None:
         return None
-    feet = [marker for marker, role in roles.items() if role == "foot"]
-    expected = (len(recording.time), len(feet))
+    feet_in_file = [marker for marker, role in roles.items() if role == "foot"]
+    expected = (len(recording.time), len(feet_in_file))
     if truth.foot_down.shape != expected:
-        wanted = "{} frames and {} feet as in the recording".format(*expected)
-        place = f"{path}: truth"
+        n_frames, n_feet = expected
+        found_frames, found_feet = truth.foot_down.shape
         raise RecordingError.at(
-            place, wanted, "{} and {}".format(*truth.foot_down.shape)
+            f"{path}: truth",
+            f"{n_frames} frames and {n_feet} feet as in the recording",
+            f"{found_frames} and {found_feet}",
         )
-    order = [feet.index(name) for name in recording.names("foot")]
-    return replace(truth, **{key: getattr(truth, key)[:, order] for key in PER_FOOT})
+    order = [feet_in_file.index(name) for name in feet]
+    in_order = {key: getattr(truth, key)[:, order] for key in PER_FOOT}
+    return replace(truth, **in_order)

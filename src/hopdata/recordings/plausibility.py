@@ -7,25 +7,54 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
+from hopdata.messages import Message
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
+from hopdata.recordings.axes import FILE_AXES, along_file, opposite
 from hopdata.recordings.quality import softness
-from hopdata.recordings.quality.orientation import (
-    PLAUSIBLE_EXTENT_M,
-    FreeFall,
-    free_fall,
-)
-from hopdata.recordings.quality.rigid import treated
-from hopdata.recordings.quality.stretches import check_stamps, feet_as_one, high_feet
-from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
+from hopdata.recordings.quality.free_fall import FreeFall, free_fall
+from hopdata.recordings.quality.orientation import LARGEST_M
+from hopdata.recordings.quality.processing import treated
+from hopdata.recordings.quality.rests import feet_as_one, high_feet
+from hopdata.recordings.quality.timing import check_stamps
+from hopdata.time_stamps import is_pause
 
+# Markers that a study needs.
 MIN_BODY_MARKERS = 3
 MIN_FEET = 2
-# Ratio to the height: if exceeded along another axis, the vertical axis is wrong
-TILT_LIMIT = 5.0
-SMALLEST_M = 0.003  # m; metres mistaken for millimetres are then detected from 3 m on
-STEP_TOLERANCE = 0.02  # relative to a frame
 
+#: Ratio of the body's distance from the feet along another axis to its height over
+#: them, above which the vertical axis is wrong.
+#: Unit: 1. Origin: chosen.
+TILT_LIMIT = 5.0
+
+#: Smallest size of a recording.
+#: Unit: m. Origin: chosen. Metres mistaken for millimetres are detected from 3 m on.
+SMALLEST_M = 0.003
+
+#: Largest difference of the median step of the time stamps from the stated one.
+#: Unit: frames. Origin: chosen.
+STEP_TOLERANCE = 0.02
+
+#: Free fall must be this many times as frequent in another unit as in the one taken.
+#: Unit: 1. Origin: chosen.
+CLEARLY = 5.0
+
+#: Share of frames without a marker from which on this is remarked.
+#: Unit: 1. Origin: chosen.
+MISSING_NOTE_FRACTION = 0.1
+
+#: Height of a foot over the lowest one, relative to the body's height over the feet,
+#: from which on this is remarked.
+#: Unit: 1. Origin: chosen. No mount and no floor is this uneven.
+HIGH_FOOT = 0.2
+
+# Roundings that are looked for, m, the coarser first. A finer one is lost in the noise
+# of any camera.
+ROUNDED_TO_M = (0.01, 0.001)
+
+AS_READ = "as read"
 EXPORT = "export in mm or m"
+
 # Mistakes with the unit: the factor that corrects the positions, and what to do.
 WRONG_UNITS = {
     "centimetres taken for millimetres": (10.0, EXPORT),
@@ -35,9 +64,6 @@ WRONG_UNITS = {
     "millimetres taken for metres": (1e-3, "set input.unit: mm"),
     "metres taken for millimetres": (1e3, "set input.unit: m"),
 }
-AS_READ = "as read"
-# Free fall must be this many times as frequent in another unit as in the one taken
-CLEARLY = 5.0
 
 
 def check_plausible(
@@ -72,115 +98,162 @@ def check_markers(recording: Recording) -> None:
     for role, what, least in wanted:
         names = recording.names(role)
         if len(names) < least:
-            found = f"{len(names)} ({', '.join(names) or 'none'})"
             raise RecordingError.at(
-                f"{recording.place}: {what}", f"at least {least}", found
+                f"{recording.place}: {what}",
+                f"at least {least}",
+                f"{len(names)} ({', '.join(names) or 'none'})",
             )
 
 
 def check_time(recording: Recording) -> None:
-    """Require a positive rate and strictly increasing time stamps that agree with it."""
-    place, time, rate = recording.place, recording.time, recording.rate_hz
-    if not (np.isfinite(rate) and rate > 0):
+    """Require a positive rate, and time stamps that increase and agree with it."""
+    place = recording.place
+    time = recording.time
+    rate_hz = recording.rate_hz
+    if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise RecordingError(
-            f"{place}: frame rate: expected more than 0 Hz, found {rate:g} Hz"
+            f"{place}: frame rate: expected more than 0 Hz, found {rate_hz:g} Hz"
         )
     if len(time) < 2:
         raise RecordingError(f"{place}: expected at least 2 frames, found {len(time)}")
     check_order(place, time)
-    step = float(np.median(np.diff(time)))
-    if abs(step * rate - 1) > STEP_TOLERANCE:
-        wanted = f"{1 / rate:.6g} s from frame to frame ({rate:g} Hz)"
-        found = f"{step:.6g} s ({1 / step:.6g} Hz)"
-        raise RecordingError.at(f"{place}: time stamps", wanted, found)
+    step_s = float(np.median(np.diff(time)))
+    if abs(step_s * rate_hz - 1) > STEP_TOLERANCE:
+        raise RecordingError.at(
+            f"{place}: time stamps",
+            f"{1 / rate_hz:.6g} s from frame to frame ({rate_hz:g} Hz)",
+            f"{step_s:.6g} s ({1 / step_s:.6g} Hz)",
+        )
 
 
 def check_order(place: str, time: FloatArray) -> None:
     """Require each time stamp (N,), s, to be later than the one before."""
-    bad = np.flatnonzero(~(np.diff(time) > 0))
-    if len(bad):
-        i = int(bad[0])
-        found = f"{time[i + 1]:.6g} s; if frames occur twice, remove them from the file; if "
-        found += (
-            "times have too few digits, leave the column out and give input.rate_hz"
-        )
-        raise RecordingError.at(
-            f"{place}: frame {i + 2}", f"a time after {time[i]:.6g} s", found
-        )
+    wrong = np.flatnonzero(~(np.diff(time) > 0))
+    if not len(wrong):
+        return
+    first = int(wrong[0])
+    raise RecordingError.at(
+        f"{place}: frame {first + 2}",
+        f"a time after {time[first]:.6g} s",
+        f"{time[first + 1]:.6g} s; if frames occur twice, remove them from the file; "
+        "if times have too few digits, leave the column out and give input.rate_hz",
+    )
 
 
 def check_positions(recording: Recording) -> None:
-    """Require each marker to be seen, to move, to be finite and not to duplicate another."""
+    """Require each marker to be seen, to move, to be finite and to be no copy."""
     place = recording.place
-    if np.isinf(recording.positions).any():
-        name = recording.markers[int(np.argwhere(np.isinf(recording.positions))[0, 1])]
+    is_infinite = np.isinf(recording.positions)
+    if is_infinite.any():
+        name = recording.markers[int(np.argwhere(is_infinite)[0, 1])]
         raise RecordingError(
             f"{place}: marker '{name}': expected finite positions, found infinity"
         )
     seen = fraction_seen(recording)
     tracks = np.moveaxis(recording.positions, 1, 0)
-    for name, fraction, positions in zip(recording.markers, seen, tracks, strict=True):
-        own, n = f"{place}: marker '{name}'", len(recording.time)
-        if fraction == 0:
-            raise RecordingError.at(own, "to be seen", f"in none of {n} frames")
-        known = positions[~np.isnan(positions).any(axis=1)]
-        if len(known) > 1 and not np.ptp(known, axis=0).any():
-            where = ", ".join(f"{x:.4g}" for x in known[0])
-            found = f"it at ({where}) m in all of {len(known)} frames"
-            raise RecordingError.at(own, "to move", found)
+    for name, fraction, track in zip(recording.markers, seen, tracks, strict=True):
+        _check_moves(f"{place}: marker '{name}'", fraction, track)
+    _check_no_copies(recording)
+
+
+def _check_moves(place: str, fraction_seen: float, track: FloatArray) -> None:
+    """Require a marker (N, 3) to be seen and to move."""
+    if fraction_seen == 0:
+        raise RecordingError.at(place, "to be seen", f"in none of {len(track)} frames")
+    known = track[~np.isnan(track).any(axis=1)]
+    if len(known) > 1 and not np.ptp(known, axis=0).any():
+        where = ", ".join(f"{x:.4g}" for x in known[0])
+        found = f"it at ({where}) m in all of {len(known)} frames"
+        raise RecordingError.at(place, "to move", found)
+
+
+def _check_no_copies(recording: Recording) -> None:
+    """Require that no two markers have the same positions."""
     frames = sampled(recording.positions)
     for i, name in enumerate(recording.markers):
-        for j in range(i):
+        for j, earlier in enumerate(recording.markers[:i]):
             both = ~np.isnan(frames[:, i] + frames[:, j])
             if both.any() and np.array_equal(frames[:, i][both], frames[:, j][both]):
-                pair = f"{place}: markers '{recording.markers[j]}' and '{name}'"
                 raise RecordingError.at(
-                    pair, "different positions", "the same in every frame"
+                    f"{recording.place}: markers '{earlier}' and '{name}'",
+                    "different positions",
+                    "the same in every frame",
                 )
 
 
 def check_scale(recording: Recording) -> None:
-    """Require a size plausible for an animal or a robot; catches millimetres taken for metres."""
-    size = extent(recording.positions)
-    low, high = SMALLEST_M, PLAUSIBLE_EXTENT_M[1]
-    if np.isnan(size) or low <= size <= high or _falls(recording).is_clear:
+    """Require a size plausible for an animal or a robot.
+
+    This catches millimetres taken for metres.
+    """
+    size_m = extent(recording.positions)
+    is_plausible = SMALLEST_M <= size_m <= LARGEST_M
+    if np.isnan(size_m) or is_plausible or _falls(recording).is_clear:
         return
-    looks = ""
+    found = f"{size_m:.3g} m"
     for slip in ("metres taken for millimetres", "millimetres taken for metres"):
-        if low <= size * WRONG_UNITS[slip][0] <= high:
-            looks = f"; the numbers look like {slip}: {_remedy(recording, slip)}"
-    wanted = f"the markers to span {low:g} to {high:g} m"
-    raise RecordingError.at(f"{recording.place}: scale", wanted, f"{size:.3g} m{looks}")
+        factor, _ = WRONG_UNITS[slip]
+        if SMALLEST_M <= size_m * factor <= LARGEST_M:
+            remedy = _remedy(recording, slip)
+            found = f"{size_m:.3g} m; the numbers look like {slip}: {remedy}"
+    raise RecordingError.at(
+        f"{recording.place}: scale",
+        f"the markers to span {SMALLEST_M:g} to {LARGEST_M:g} m",
+        found,
+    )
 
 
 def _remedy(recording: Recording, slip: str) -> str:
-    """Return advice on a mistaken unit; recordings made from arrays have no file or config."""
+    """Return advice on a mistaken unit."""
     factor, remedy = WRONG_UNITS[slip]
-    return remedy if recording.source else f"multiply the positions by {factor:g}"
+    if not recording.source:  # made from arrays, so there is no file and no key
+        return f"multiply the positions by {factor:g}"
+    return remedy
 
 
 def check_upright(recording: Recording) -> None:
-    """Require the body to be above the feet, and not much further beside than above them."""
+    """Require the body to be above the feet, and not much further beside than above."""
     offset = body_over_feet(recording)
-    up, best = offset[2], int(np.argmax(np.abs(offset)))
-    if np.isnan(up) or abs(offset[best]) <= TILT_LIMIT * up:
+    above_m = offset[2]
+    farthest = int(np.argmax(np.abs(offset)))
+    if np.isnan(above_m) or abs(offset[farthest]) <= TILT_LIMIT * above_m:
         return
     in_file = along_file(offset, recording.vertical_axis)
-    found = ", ".join(f"{value:+.3g} m along {axis}" for axis, value in in_file.items())
-    if offset[best] > 0:
-        hint = f"; set input.vertical_axis: {FILE_AXES[recording.vertical_axis][best]}?"
-    elif axis := _up_by_fall(recording):
-        hint = f"; the markers fall against {axis}: set input.vertical_axis: {axis}"
-    else:
-        up = opposite(FILE_AXES[recording.vertical_axis][best])
-        hint = f"; set input.vertical_axis: {up}, or are markers.body and markers.feet exchanged?"
+    offsets = ", ".join(
+        f"{value:+.3g} m along {axis}" for axis, value in in_file.items()
+    )
+    raise RecordingError.at(
+        f"{recording.place}: vertical axis {recording.vertical_axis}",
+        "the body above the feet",
+        f"the body's mean at {offsets} from the feet; "
+        f"{_advice_on_up(recording, offset, farthest)}",
+    )
+
+
+def _advice_on_up(recording: Recording, offset: FloatArray, farthest: int) -> str:
+    """Return advice on the vertical axis.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    offset : (3,) array
+        The body's place over the feet, m.
+    farthest : int
+        The axis along which it is farthest.
+    """
     if not recording.source:
-        hint = (
-            "; the last axis of positions is x, y, z with z up: reorder yours to match"
-        )
-    place = f"{recording.place}: vertical axis {recording.vertical_axis}"
-    found = f"the body's mean at {found} from the feet{hint}"
-    raise RecordingError.at(place, "the body above the feet", found)
+        return "the last axis of positions is x, y, z with z up: reorder yours to match"
+    direction = FILE_AXES[recording.vertical_axis][farthest]
+    if offset[farthest] > 0:
+        return f"set input.vertical_axis: {direction}?"
+    by_fall = _up_by_fall(recording)
+    if by_fall:
+        return f"the markers fall against {by_fall}: set input.vertical_axis: {by_fall}"
+    return (
+        f"set input.vertical_axis: {opposite(direction)}, "
+        "or are markers.body and markers.feet exchanged?"
+    )
 
 
 def _falls(recording: Recording) -> FreeFall:
@@ -188,35 +261,42 @@ def _falls(recording: Recording) -> FreeFall:
 
 
 def _up_by_fall(recording: Recording) -> str:
-    """Return the file's up direction if it is clearly against an axis of the recording; else ""."""
+    """Return the file's up direction if the markers clearly fall upwards; else ""."""
     fall = _falls(recording)
-    against = fall.is_clear and fall.up.startswith("-")
-    axis = FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[-1])]
-    return opposite(axis) if against else ""
+    if not fall.is_clear or not fall.up.startswith("-"):
+        return ""
+    axis = "xyz".index(fall.up[-1])
+    return opposite(FILE_AXES[recording.vertical_axis][axis])
 
 
 def check_fall(recording: Recording) -> None:
-    """Require freely falling markers, if any, to fall at 9.81 m/s²; catches centimetres."""
-    units = {
-        AS_READ: 1.0,
-        **{slip: factor for slip, (factor, _) in WRONG_UNITS.items()},
-    }
+    """Require freely falling markers, if any, to fall at 9.81 m/s².
+
+    This catches centimetres.
+    """
+    units = {AS_READ: 1.0}
+    for slip, (factor, _) in WRONG_UNITS.items():
+        units[slip] = factor
     fall = free_fall(recording.positions, recording.rate_hz, units=units)
     if fall.unit == AS_READ or fall.up != "z" or not fall.is_clear:
         return
-    if fall.share > CLEARLY * _falls(recording).share:
-        wanted = "markers to fall freely at 9.81 m/s²"
-        found = f"{9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames"
-        looks = f"the numbers look like {fall.unit}: {_remedy(recording, fall.unit)}"
-        raise RecordingError.at(
-            f"{recording.place}: scale", wanted, f"{found}; {looks}"
-        )
+    if fall.share <= CLEARLY * _falls(recording).share:
+        return
+    found_m_s2 = 9.81 / units[fall.unit]
+    raise RecordingError.at(
+        f"{recording.place}: scale",
+        "markers to fall freely at 9.81 m/s²",
+        f"{found_m_s2:.3g} m/s² in {100 * fall.share:.0f} % of the frames; "
+        f"the numbers look like {fall.unit}: {_remedy(recording, fall.unit)}",
+    )
 
 
 def check_rigid(
     recording: Recording, *, largest_strain: float = softness.LARGEST_STRAIN
 ) -> None:
-    """Require the body's markers to be one body: soft perhaps, but without a limb or a foot.
+    """Require the body's markers to be one body, without a limb or a foot.
+
+    It may be soft.
 
     Parameters
     ----------
@@ -231,106 +311,127 @@ def check_rigid(
     if bend is None:
         return
     names = recording.names("body")
-    i, j = bend.pair
-    share, length = f"{100 * bend.strain:.1f} %", f"{1e3 * bend.length_m:.0f} mm"
-    varies = f"'{names[i]}' to '{names[j]}' varying by {1e3 * bend.change_m:.1f} mm, {share} of"
+    one, other = bend.pair
+    varies = (
+        f"'{names[one]}' to '{names[other]}' varying by {1e3 * bend.change_m:.1f} mm, "
+        f"{100 * bend.strain:.1f} % of"
+    )
+    length = f"{1e3 * bend.length_m:.0f} mm"
+    where = "of the body's size"
     if bend.when == softness.USUALLY:
         found = f"{varies} {length}"
-        where = "of the body's size"
     elif bend.when == softness.AT_ITS_LOWEST:
         found = f"{varies} {length}, where it is lowest"
         where = "of the body's size where it is lowest"
     else:
-        found = f"{varies} the others' {length}, and '{names[bend.odd]}' coming down to the feet"
-        where = "of the body's size"
+        odd = names[bend.odd]
+        found = f"{varies} the others' {length}, and '{odd}' coming down to the feet"
     most = f"{100 * bend.limit:g} % ({_key_of(bend)}) {where}"
-    place = f"{recording.place}: markers.body"
-    found += f"; is '{names[bend.odd]}' on the body?"
-    raise RecordingError.at(place, f"distances that vary by at most {most}", found)
+    raise RecordingError.at(
+        f"{recording.place}: markers.body",
+        f"distances that vary by at most {most}",
+        f"{found}; is '{names[bend.odd]}' on the body?",
+    )
 
 
 def _key_of(bend: softness.Bend) -> str:
     """Return the key that sets the limit of a bend."""
-    often = {softness.AT_ITS_LOWEST: "twice ", softness.ON_FLOOR: "half "}
-    return f"{often.get(bend.when, '')}quality.largest_body_strain"
+    key = "quality.largest_body_strain"
+    if bend.when == softness.AT_ITS_LOWEST:
+        return f"twice {key}"
+    if bend.when == softness.ON_FLOOR:
+        return f"half {key}"
+    return key
 
 
-# Remarks on a recording that can be analysed nevertheless.
+def notes(recording: Recording) -> list[Message]:
+    """Return remarks that do not stop the analysis.
 
-MISSING_NOTE_FRACTION = 0.1
-HIGH_FOOT = (
-    0.2  # of the body's height over the feet; no mount and no floor is this uneven
-)
-ROUNDED_TO_M = (
-    0.01,
-    0.001,
-)  # coarser first; finer rounding is lost in the noise of any camera
-
-
-def notes(recording: Recording) -> list[str]:
-    """Return remarks that do not stop the analysis: reader, unseen markers, a soft body, ....
-
-    Returns
-    -------
-    list of str
-        One line each.
+    They are those of the reader, and on unseen markers, high feet, a soft body and so
+    on.
     """
-    more = [
-        f"marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
-        for name, fraction in zip(
-            recording.markers, fraction_seen(recording), strict=True
-        )
-        if 1 - fraction > MISSING_NOTE_FRACTION
+    body_names = recording.names("body")
+    foot_names = recording.names("foot")
+    heights = recording.feet[:, :, 2]
+    above_m = HIGH_FOOT * body_over_feet(recording)[2]
+    found = [
+        *_unseen(recording),
+        *high_feet(heights, foot_names, above_m=above_m),
+        *feet_as_one(heights, foot_names),
+        *_rounding(recording),
+        *_missing_times(recording),
+        *softness.softness_remark(recording.body, body_names),
+        *treated(recording.body, recording.rate_hz, scale=recording.scale),
     ]
-    feet = recording.feet[:, :, 2], recording.names("foot")
-    high = high_feet(*feet, above_m=HIGH_FOOT * body_over_feet(recording)[2])
-    more += [
-        f"{one}; does it touch the ground, or does the floor slope?" for one in high
+    of_reader = [
+        Message("recordings.as_read", {"text": remark}) for remark in recording.remarks
     ]
-    more += [f"{one}; is one a copy of the other?" for one in feet_as_one(*feet)]
-    more += [*_rounding(recording), *_missing_times(recording)]
-    more += softness.softness_remark(recording.body, recording.names("body"))
-    more += treated(recording.body, recording.rate_hz, scale=recording.scale)
-    return [*recording.remarks, *(f"{recording.place}: {remark}" for remark in more)]
+    place = recording.place
+    of_data = [
+        Message("recordings.at", {"place": place, "remark": remark}) for remark in found
+    ]
+    return [*of_reader, *of_data]
+
+
+def _unseen(recording: Recording) -> list[Message]:
+    """Report markers that are missing in many frames."""
+    remarks = []
+    missing = 1 - fraction_seen(recording)
+    for name, fraction in zip(recording.markers, missing.tolist(), strict=True):
+        if fraction > MISSING_NOTE_FRACTION:
+            values = {"marker": name, "percent": 100 * fraction}
+            remarks.append(Message("recordings.unseen", values))
+    return remarks
 
 
 def rounded_to(positions: FloatArray) -> float | None:
-    """Return the step, m, that all coordinates (N, M, 3), m, are multiples of; None if too fine.
+    """Return the step, m, that all coordinates (N, M, 3), m, are multiples of, or None.
 
-    A multiple rounded to float32 counts as one, but not so far from the origin that
-    float32 itself has steps of more than a hundredth of these.
+    None if it is too fine. A multiple rounded to float32 counts as one, but not so far
+    from the origin that float32 itself has steps of more than a hundredth of these.
     """
-
-    def all_multiples(part: FloatArray, step: float) -> bool:
-        seen = part[np.isfinite(part)]
-        off = np.abs(seen - step * np.round(seen / step))
-        rounding = np.finfo(np.float32).eps * np.abs(seen)
-        return bool(seen.size and np.all(off <= np.minimum(rounding, 0.01 * step)))
-
-    parts = (sampled(positions), positions)  # a sample rules out most files quickly
-    return next(
-        (s for s in ROUNDED_TO_M if all(all_multiples(p, s) for p in parts)), None
-    )
+    for step_m in ROUNDED_TO_M:
+        # A sample rules out most files quickly.
+        if _all_multiples(sampled(positions), step_m) and _all_multiples(
+            positions, step_m
+        ):
+            return step_m
+    return None
 
 
-def _rounding(recording: Recording) -> list[str]:
-    """Report how coarsely the file's coordinates are rounded, and the noise this adds."""
-    if not (step_mm := 1e3 * (rounded_to(recording.positions) or 0.0)):
+def _all_multiples(positions: FloatArray, step_m: float) -> bool:
+    """Tell whether all coordinates seen are multiples of a step, m."""
+    seen = positions[np.isfinite(positions)]
+    off = np.abs(seen - step_m * np.round(seen / step_m))
+    rounding = np.finfo(np.float32).eps * np.abs(seen)
+    return bool(seen.size and np.all(off <= np.minimum(rounding, 0.01 * step_m)))
+
+
+def _rounding(recording: Recording) -> list[Message]:
+    """Report how coarsely coordinates are rounded, and the noise this adds."""
+    step_m = rounded_to(recording.positions)
+    if step_m is None:
         return []
-    noise = f"noise of {step_mm / np.sqrt(12):.2g} mm (standard deviation)"
-    told = f"coordinates are rounded to {step_mm:g} mm, which adds {noise} to each"
-    return [f"{told}; export more digits"]
+    step_mm = 1e3 * step_m
+    # The standard deviation of a uniform distribution.
+    noise_mm = float(step_mm / np.sqrt(12))
+    values = {"step_mm": step_mm, "noise_mm": noise_mm}
+    return [Message("recordings.rounded", values)]
 
 
-def _missing_times(recording: Recording) -> list[str]:
+def _missing_times(recording: Recording) -> list[Message]:
     """Report how many frames are missing, and the number and length of pauses."""
-    pause = is_pause(recording.time, recording.rate_hz)
-    pauses, drops = np.diff(recording.time)[pause], check_stamps(recording.time).drops
-    dropped = int(drops[~pause[drops[:, 0]], 1].sum())
-    frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
-    remarks = [f"{frames} missing between the time stamps"] * bool(dropped)
-    if len(pauses):
-        several = len(pauses) > 1
-        told = f"{len(pauses)} pause{'s' * several} of {pauses.sum():.6g} s{' in all' * several}"
-        remarks.append(f"{told} in which nothing was recorded")
+    is_step_a_pause = is_pause(recording.time, recording.rate_hz)
+    pauses_s = np.diff(recording.time)[is_step_a_pause]
+    drops = check_stamps(recording.time).drops
+    dropped = int(drops[~is_step_a_pause[drops[:, 0]], 1].sum())
+    remarks = []
+    if dropped == 1:
+        remarks.append(Message("recordings.one_frame_missing"))
+    elif dropped:
+        remarks.append(Message("recordings.frames_missing", {"number": dropped}))
+    if len(pauses_s):
+        code = "pauses" if len(pauses_s) > 1 else "one_pause"
+        values = {"number": len(pauses_s), "duration_s": float(pauses_s.sum())}
+        remarks.append(Message(f"recordings.{code}", values))
     return remarks

@@ -1,1 +1,1 @@
-"""Report: one self-contained page with the figures, tables and provenance of a study."""
+"""One self-contained page with the figures, tables and provenance of a study."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from hopdata.arrays import pd
+from hopdata.messages import Message
 
 MISSING = "—"
 MINUS = "−"
@@ -22,7 +23,9 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 WORDS: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("words.toml").read_text("utf-8")
 )
-NOTES: dict[str, str] = WORDS["notes"]
+
+#: Captions of pictures that commands make.
+NOTES = {"seen": str(Message("report.seen"))}
 
 
 def is_missing(value: Any) -> bool:
@@ -40,22 +43,24 @@ def significant(value: Any, digits: int = 3) -> str:
     if is_missing(value):
         return MISSING
     number = float(value)
-    if (number == int(number) and abs(number) < 10**15) or abs(number) >= 10**digits:
+    is_whole = number == int(number) and abs(number) < 10**15
+    if is_whole or abs(number) >= 10**digits:
         return count(number)
-    if abs(number) < 1e-4:
-        mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
-        return (
-            f"{mantissa.replace('-', MINUS)} × 10{str(int(exponent)).translate(RAISED)}"
-        )
-    return f"{number:.{digits}g}".replace("-", MINUS)
+    if abs(number) >= 1e-4:
+        return f"{number:.{digits}g}".replace("-", MINUS)
+    mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
+    power = str(int(exponent)).translate(RAISED)
+    return f"{mantissa.replace('-', MINUS)} × 10{power}"
 
 
 def fixed(value: Any, decimals: int) -> str:
-    """Format with this many decimals, digits grouped from 10 000 on; a dash if it is missing."""
+    """Format with this many decimals, digits grouped from 10 000 on, or a dash."""
     if is_missing(value):
         return MISSING
-    separator = NARROW_SPACE if abs(value) >= 10_000 else ""
-    return f"{float(value):,.{decimals}f}".replace(",", separator).replace("-", MINUS)
+    text = f"{float(value):,.{decimals}f}".replace("-", MINUS)
+    if abs(value) >= 10_000:
+        return text.replace(",", NARROW_SPACE)
+    return text.replace(",", "")
 
 
 def count(value: Any) -> str:
@@ -64,8 +69,10 @@ def count(value: Any) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Join a formatted number and its unit without allowing a line break between them."""
-    return text if text == MISSING or not unit else f"{text}{NO_BREAK_SPACE}{unit}"
+    """Join a formatted number and its unit without a line break between them."""
+    if text == MISSING or not unit:
+        return text
+    return f"{text}{NO_BREAK_SPACE}{unit}"
 
 
 def percent(number: float) -> str:
@@ -83,67 +90,69 @@ def plain(value: Any) -> str:
         return significant(value, 4)
     if isinstance(value, int):
         return str(value)  # a seed or a version is not a quantity: no digit grouping
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    if isinstance(value, str):
+        return value
+    return json.dumps(value, ensure_ascii=False)
 
 
 def labelled(key: str, value: Any) -> tuple[str, str, str]:
     """Return words, value and displayed unit of a key in SI: ``pre_height_m`` in mm."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
     for suffix, unit, factor in WORDS["units"]:
-        if (
-            key.endswith(suffix)
-            and isinstance(value, int | float)
-            and not isinstance(value, bool)
-        ):
-            return (
-                key.removesuffix(suffix).replace("_", " "),
-                significant(value * factor),
-                unit,
-            )
-    counted = key.rpartition(" ")[2].startswith("n_") and isinstance(value, int)
-    return key.replace("_", " "), count(value) if counted else plain(value), ""
+        if is_number and key.endswith(suffix):
+            name = key.removesuffix(suffix).replace("_", " ")
+            return name, significant(value * factor), unit
+    last_level = key.rpartition(" ")[2]
+    text = plain(value)
+    if last_level.startswith("n_") and isinstance(value, int):
+        text = count(value)
+    return key.replace("_", " "), text, ""
 
 
 def common_scale(values: Sequence[float | None]) -> tuple[float, str]:
-    """Return the power of 1000 that brings the smallest value to 1 or more, and its text.
+    """Return the power of 1000 that brings all values to 1 or more, and its text.
 
     >>> common_scale([0.00195, 0.03])
     (0.001, '10⁻³ ')
     """
-    finite = [abs(v) for v in values if v and not is_missing(v)]
-    power = 3 * math.floor(math.log10(min(finite)) / 3) if finite else 0
-    if power >= 0:
+    sizes = [abs(value) for value in values if value and not is_missing(value)]
+    if not sizes or min(sizes) >= 1:
         return 1.0, ""
+    power = 3 * math.floor(math.log10(min(sizes)) / 3)
     return 10.0**power, f"10{str(power).translate(RAISED)} "
 
 
 def words(items: Sequence[str]) -> str:
     """Join words as in a sentence: ``a``, ``a and b``, ``a, b and c``."""
-    return " and ".join([part for part in (", ".join(items[:-1]), *items[-1:]) if part])
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} and {items[-1]}"
 
 
 # A table of the report: cells of text under a title.
 
-#: Length in characters above which a text needs a wide column.
+# Length in characters above which a text needs a wide column.
 PROSE = 40
 
 
 @dataclass(frozen=True)
 class Table:
-    """Cells of text under a title; all but the first `text_columns` columns are numbers."""
+    """Cells under a title; all but the first `text_columns` columns are numbers."""
 
     title: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     text_columns: int = 1
-    note: str = ""
+    note: Message | str = ""
 
     def kind(self, column: int) -> str:
-        """Return a column's class: ``text``, ``prose`` (long texts), ``number`` or ``unit``."""
+        """Return a column's class: text, prose (long texts), number or unit."""
         if self.head[column] == "unit":
             return "unit"
         if column >= self.text_columns:
             return "number"
-        return "prose" if any(len(row[column]) > PROSE for row in self.rows) else "text"
+        longest = max((len(row[column]) for row in self.rows), default=0)
+        return "prose" if longest > PROSE else "text"
 
 
 def mapping_table(
@@ -151,11 +160,13 @@ def mapping_table(
 ) -> Table | None:
     """Return a table with two columns of text: names and plain values."""
     rows = tuple((key, plain(value)) for key, value in flat(entries))
-    return Table(title, head, rows, text_columns=2) if rows else None
+    if not rows:
+        return None
+    return Table(title, head, rows, text_columns=2)
 
 
 def flat(entries: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield names and values of nested mappings; names of the levels are joined by spaces."""
+    """Yield names and values of nested mappings; spaces join the names of levels."""
     for key, value in entries.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{prefix}{key} ")
@@ -165,7 +176,9 @@ def flat(entries: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 def scaled(value: Any, factor: float) -> float | None:
     """Multiply a value by a factor; None if the value is missing."""
-    return None if is_missing(value) else float(value) * factor
+    if is_missing(value):
+        return None
+    return float(value) * factor
 
 
 # Tables built column by column: a function makes the cell of each row under a heading.
@@ -177,9 +190,14 @@ Columns: TypeAlias = Mapping[str, Cell]
 
 def text(key: str) -> Cell:
     """Return a function that shows a text, or a dash if there is none."""
-    return lambda row: (
-        MISSING if row.get(key) == "" or is_missing(row.get(key)) else str(row[key])
-    )
+
+    def cell(row: Row) -> str:
+        value = row.get(key)
+        if value == "" or is_missing(value):
+            return MISSING
+        return str(value)
+
+    return cell
 
 
 def counted(key: str) -> Cell:
@@ -198,16 +216,22 @@ def table_of(
     columns: Columns,
     *,
     text_columns: int = 1,
-    note: str = "",
+    note: Message | str = "",
 ) -> Table | None:
     """Return a table with a line for each row, or None if there are no rows."""
-    cells = tuple(tuple(cell(row) for cell in columns.values()) for row in rows)
-    return Table(title, tuple(columns), cells, text_columns, note) if cells else None
+    lines = []
+    for row in rows:
+        lines.append(tuple(cell(row) for cell in columns.values()))
+    if not lines:
+        return None
+    return Table(title, tuple(columns), tuple(lines), text_columns, note)
 
 
 def records(frame: pd.DataFrame | None) -> list[dict[Any, Any]]:
     """Return the rows of a table; none if it is missing."""
-    return [] if frame is None else frame.to_dict("records")
+    if frame is None:
+        return []
+    return frame.to_dict("records")
 
 
 def first_rows(
@@ -218,9 +242,10 @@ def first_rows(
     name: str,
     texts: int,
 ) -> Table | None:
-    """Return a table of the first rows; its note counts the rest and names the file with all."""
-    left = 0 if frame is None else len(frame) - most
-    note = f"{count(left)} more in tables/{name}.csv." if left > 0 else ""
-    return table_of(
-        title, records(frame)[:most], columns, text_columns=texts, note=note
-    )
+    """Return a table of the first rows; a note counts the rest and names the file."""
+    rows = records(frame)
+    note: Message | str = ""
+    if len(rows) > most:
+        rest = count(len(rows) - most)
+        note = Message("report.more_rows", {"count": rest, "file": name})
+    return table_of(title, rows[:most], columns, text_columns=texts, note=note)

@@ -6,6 +6,7 @@ import base64
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +14,22 @@ import numpy as np
 
 from hopdata.arrays import pd
 from hopdata.errors import ConfigError
+from hopdata.messages import ENGLISH
 from hopdata.recording import Recording
 from hopdata.report.formatting import NO_BREAK_SPACE
+from hopdata.report.language import said, sentence
 
 # Captions: short texts in the workflow's folder, with numbers filled in from the
 # tables.
 
 PERCENT = re.compile(r"(?<=\d) %")
-SPACES = re.compile(r"[ \t\n]+")  # not the no-break space between a number and its unit
+# Not the no-break space between a number and its unit.
+SPACES = re.compile(r"[ \t\n]+")
 
 
 @dataclass(frozen=True)
 class Caption:
-    """A caption ready to print: title, paragraphs, and alternative text for the picture."""
+    """A caption ready to print: title, paragraphs, and text in place of the picture."""
 
     title: str
     paragraphs: tuple[str, ...]
@@ -61,20 +65,25 @@ def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Cap
     except TemplateError as error:
         raise ConfigError(f"caption of {name}: {error}") from error
     blocks = [_tidied(block) for block in text.split("\n\n") if block.strip()]
-    titles = [block[1:].strip() for block in blocks if block.startswith("#")]
-    alts = [
-        block.removeprefix("Alt:").strip()
-        for block in blocks
-        if block.startswith("Alt:")
-    ]
-    body = tuple(block for block in blocks if not block.startswith(("#", "Alt:")))
+    titles = []
+    alts = []
+    paragraphs = []
+    for block in blocks:
+        if block.startswith("#"):
+            titles.append(block[1:].strip())
+        elif block.startswith("Alt:"):
+            alts.append(block.removeprefix("Alt:").strip())
+        else:
+            paragraphs.append(block)
     title = titles[0] if titles else name
-    return Caption(title=title, paragraphs=body, alt=alts[0] if alts else title)
+    alt = alts[0] if alts else title
+    return Caption(title=title, paragraphs=tuple(paragraphs), alt=alt)
 
 
 def _tidied(block: str) -> str:
-    """Join a paragraph to one line, with no-break spaces between numbers and per cent signs."""
-    return PERCENT.sub(f"{NO_BREAK_SPACE}%", SPACES.sub(" ", block).strip())
+    """Join a paragraph to one line, with no-break spaces before per cent signs."""
+    line = SPACES.sub(" ", block).strip()
+    return PERCENT.sub(f"{NO_BREAK_SPACE}%", line)
 
 
 MEDIA_TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif"}
@@ -104,7 +113,7 @@ class ReportFigure:
 
 @dataclass(frozen=True)
 class PageInputs:
-    """Contents common to all pages. Only `study` is required; the page says what is missing.
+    """Contents common to all pages, of which only `study` is required.
 
     Parameters
     ----------
@@ -120,6 +129,8 @@ class PageInputs:
     notes : sequence
         Steps that could not be done, each a sentence or a mapping with ``what`` and
         ``reason``.
+    language : str
+        Language of the page; what is not translated is said in English.
     """
 
     study: str
@@ -127,6 +138,7 @@ class PageInputs:
     truth: Mapping[str, Mapping[str, Any]] | None = None
     provenance: Mapping[str, Any] | None = None
     notes: Sequence[str | Mapping[str, Any]] = ()
+    language: str = ENGLISH
 
 
 @dataclass(frozen=True)
@@ -185,26 +197,29 @@ class ReportInputs(PageInputs):
 
 
 def describe_recording(recording: Recording) -> dict[str, Any]:
-    """Describe a recording for the page: source, duration, number of markers, fraction seen."""
+    """Describe a recording for the page: source, duration, markers, fraction seen."""
     time = recording.time
+    duration_s = 0.0
+    seen = None
+    if len(time):
+        duration_s = float(time[-1] - time[0])
+        seen = float(np.isfinite(recording.positions).all(axis=2).mean())
     return {
         "name": recording.name,
         "source": ", ".join(Path(part).name for part in recording.source.split(", ")),
         "n_frames": len(time),
-        "duration_s": float(time[-1] - time[0]) if len(time) else 0.0,
+        "duration_s": duration_s,
         "rate_hz": recording.rate_hz,
         "n_feet": len(recording.names("foot")),
         "n_body": len(recording.names("body")),
-        "seen": float(np.isfinite(recording.positions).all(axis=2).mean())
-        if len(time)
-        else None,
+        "seen": seen,
     }
 
 
 def read_figures(
     images: Iterable[str | Path], captions: Iterable[str | Path]
 ) -> list[ReportFigure]:
-    """Read figures, and captions of the same names; SVG is preferred among several formats.
+    """Read figures, and captions of the same names; of several formats, SVG.
 
     Parameters
     ----------
@@ -218,24 +233,28 @@ def read_figures(
     list of ReportFigure
         In the order in which the names first appear in `images`.
     """
-    texts = {
-        Path(path).stem: Path(path).read_text(encoding="utf-8") for path in captions
-    }
+    texts = {}
+    for path in map(Path, captions):
+        texts[path.stem] = path.read_text(encoding="utf-8")
     files: dict[str, dict[str, Path]] = {}
     for path in map(Path, images):
         files.setdefault(path.stem, {})[path.suffix] = path
     figures = []
     for name, formats in files.items():
-        suffix = next((s for s in MEDIA_TYPES if s in formats), "")
-        image = formats[suffix].read_bytes() if suffix else b""
-        figures.append(
-            ReportFigure(name, image, MEDIA_TYPES.get(suffix, ""), texts.get(name, ""))
-        )
+        image = b""
+        media_type = ""
+        for suffix, kind in MEDIA_TYPES.items():
+            if suffix in formats:
+                image = formats[suffix].read_bytes()
+                media_type = kind
+                break
+        figures.append(ReportFigure(name, image, media_type, texts.get(name, "")))
     return figures
 
 
 # Figures for the page: the image within the text, its size on paper, its caption.
 
+# Width of the text of a paper.
 DOUBLE_COLUMN_PT = 496.0
 
 
@@ -262,10 +281,11 @@ def picture_of(figure: ReportFigure, facts: Mapping[str, Any]) -> Picture:
         encoded = base64.b64encode(figure.image).decode("ascii")
         source = f"data:{figure.media_type};base64,{encoded}"
     # The SVG's own width on paper; the full text width for anything else.
+    width_pt = DOUBLE_COLUMN_PT
     found = re.search(rb'<svg[^>]*?\swidth="([0-9.]+)pt"', figure.image[:4000])
-    return Picture(
-        source, float(found.group(1)) if found else DOUBLE_COLUMN_PT, caption
-    )
+    if found:
+        width_pt = float(found.group(1))
+    return Picture(source, width_pt, caption)
 
 
 def placed_pictures(
@@ -275,11 +295,12 @@ def placed_pictures(
     other: str,
 ) -> dict[str, list[Picture]]:
     """Return pictures by the section of the page they belong to."""
-    placed: dict[str, list[Picture]] = {
-        place: [] for place in (*places.values(), other)
-    }
+    placed: dict[str, list[Picture]] = {other: []}
+    for place in places.values():
+        placed[place] = []
     for figure in figures:
-        placed[places.get(figure.name, other)].append(picture_of(figure, facts))
+        place = places.get(figure.name, other)
+        placed[place].append(picture_of(figure, facts))
     return placed
 
 
@@ -288,8 +309,17 @@ def placed_pictures(
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-def rendered(template: str, *, own: Path | None = None, **content: Any) -> str:
+def rendered(
+    template: str,
+    *,
+    own: Path | None = None,
+    language: str = ENGLISH,
+    **content: Any,
+) -> str:
     """Return a page: a complete HTML document that includes its style.
+
+    In a template ``say("name")`` is a sentence of ``messages.toml``, and the filter
+    ``said`` puts a message or a word into the language of the page.
 
     Parameters
     ----------
@@ -297,6 +327,8 @@ def rendered(template: str, *, own: Path | None = None, **content: Any) -> str:
         Name of the template's file.
     own : path, optional
         A folder with further templates, of a product.
+    language : str
+        Language of the page.
     **content
         What the template shows.
     """
@@ -312,16 +344,20 @@ def rendered(template: str, *, own: Path | None = None, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    names = ("report.css", "fold.js", "scene.js")
-    style, fold, turn = (
-        (TEMPLATES / name).read_text(encoding="utf-8") for name in names
-    )
-    scripts = {"fold": fold + turn if content.get("scene") else fold}
-    return environment.get_template(template).render(**content, **scripts, style=style)
+    environment.globals["say"] = partial(sentence, language=language)
+    environment.filters["said"] = partial(said, language=language)
+    style = (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    scripts = (TEMPLATES / "fold.js").read_text(encoding="utf-8")
+    if content.get("scene"):
+        scripts += (TEMPLATES / "scene.js").read_text(encoding="utf-8")
+    page = environment.get_template(template)
+    return page.render(**content, language=language, fold=scripts, style=style)
 
 
 def as_yaml(config: Any) -> str:
     """Return a configuration as YAML; empty if there is none."""
     import yaml
 
-    return yaml.safe_dump(config, sort_keys=False, allow_unicode=True) if config else ""
+    if not config:
+        return ""
+    return yaml.safe_dump(config, sort_keys=False, allow_unicode=True)

@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from hopdata.arrays import pd
+from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report import tables, verdict
 from hopdata.report.inputs import ReportInputs, as_yaml, placed_pictures, rendered
+from hopdata.report.language import require_language
 from hopdata.report.scene import landings_scene
 
 # The key numbers at the top of the page, which captions may also use.
 
 # Cases of the scaling study other than the scene itself.
 CONTROLS = ("coupling", "impulse", "delay", "study")
-COUNTS = (
-    "n_descents",
-    "n_landings",
-    "n_not_landed",
-    "n_used",
-    "n_excluded",
-    "n_schedules",
-)
 
 
 def study_facts(inputs: ReportInputs) -> dict[str, Any]:
@@ -48,8 +43,10 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         many ``controls`` it has; ``has_forces``, whether contacts were compared with
         forces.
     """
+    truth = inputs.truth or {}
+    slopes = _by_name(truth, "scaling_slope_")
+    scenes = [case for case in slopes if case not in CONTROLS]
     rad = partial(show.fixed, decimals=2)
-    slopes = _by_name(inputs.truth or {}, "scaling_slope_")
     return {
         "study": inputs.study,
         **_counts(inputs),
@@ -57,15 +54,15 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         **_units(inputs.units or {}),
         **_models(inputs),
         "distances": _medians(inputs.distances, "kind", tables.KIND_NAMES, rad),
-        "labels_right": _labels_right(inputs.truth or {}),
+        "labels_right": _labels_right(truth),
         "slopes": slopes,
         "scaling": {
-            "scene": next((case for case in slopes if case not in CONTROLS), None),
-            "controls": sum(case in CONTROLS for case in slopes),
+            "scene": scenes[0] if scenes else None,
+            "controls": len(slopes) - len(scenes),
         },
         "method": _method(inputs.touchdowns),
         "has_forces": _has_forces(inputs.overlay),
-        "estimate_errors": _by_name(inputs.truth or {}, "map_estimate_error_"),
+        "estimate_errors": _by_name(truth, "map_estimate_error_"),
         "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
     }
 
@@ -78,45 +75,59 @@ def _method(touchdowns: pd.DataFrame | None) -> str | None:
 
 
 def _has_forces(overlay: Mapping[str, pd.DataFrame]) -> bool:
-    """Return whether contacts were compared with forces, the only ones to have thresholds."""
+    """Return whether contacts were compared with forces: only these have thresholds."""
     thresholds = overlay.get("contact_overlay_thresholds")
     return thresholds is not None and not thresholds.empty
 
 
 def _counts(inputs: ReportInputs) -> dict[str, Any]:
     names = {str(item.get("name")) for item in inputs.recordings}
-    frames = [item["n_frames"] for item in inputs.recordings if item.get("n_frames")]
+    n_frames = sum(item.get("n_frames") or 0 for item in inputs.recordings)
+    counts: dict[str, Any] = {
+        "n_recordings": len(names),
+        "n_frames": n_frames or None,
+        "n_descents": None,
+        "n_landings": None,
+        "n_not_landed": None,
+        "n_used": None,
+        "n_excluded": None,
+        "n_schedules": None,
+        "spread": None,
+    }
     table = inputs.touchdowns
-    counts: dict[str, Any] = dict.fromkeys((*COUNTS, "spread"))
-    if table is not None:
-        used = table[~tables.excluded(table)]
-        landings = int((table["reason"] != tables.NO_FOOT_LANDED).sum())
-        names |= set(table["recording"].astype(str))
-        orders = int(used["schedule"].replace("", None).nunique())
-        others = len(table) - landings, len(used), landings - len(used), orders
-        counts |= zip(COUNTS, (len(table), landings, *others), strict=True)
-        counts["spread"] = _shown(
-            used["spread_s"].median() if len(used) else None, 1e3, "ms"
-        )
-    return {"n_recordings": len(names), "n_frames": sum(frames) or None, **counts}
+    if table is None:
+        return counts
+    used = table[~tables.excluded(table)]
+    n_landings = int((table["reason"] != tables.NO_FOOT_LANDED).sum())
+    counts["n_recordings"] = len(names | set(table["recording"].astype(str)))
+    counts["n_descents"] = len(table)
+    counts["n_landings"] = n_landings
+    counts["n_not_landed"] = len(table) - n_landings
+    counts["n_used"] = len(used)
+    counts["n_excluded"] = n_landings - len(used)
+    counts["n_schedules"] = int(used["schedule"].replace("", None).nunique())
+    if len(used):
+        counts["spread"] = _shown(used["spread_s"].median(), 1e3, "ms")
+    return counts
 
 
 def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
-    pre, post = (
-        show.scaled(sections.get(f"{side}_height_m"), 1.0) for side in ("pre", "post")
-    )
+    pre_m = show.scaled(sections.get("pre_height_m"), 1.0)
+    post_m = show.scaled(sections.get("post_height_m"), 1.0)
+    travel_m = None
+    if pre_m is not None and post_m is not None:
+        travel_m = pre_m - post_m
+    lowest_m = sections.get("min_foot_threshold_m")
+    highest_m = sections.get("max_foot_threshold_m")
     decided = sections.get("decided") or {}
     held = sections.get("held") or {}
     beside = sections.get("beside") or {}
     return {
-        "pre": _shown(pre, 1e3, "mm"),
-        "post": _shown(post, 1e3, "mm"),
-        "travel": _shown(
-            None if pre is None or post is None else pre - post, 1e3, "mm"
-        ),
-        "min_threshold": _shown(
-            sections.get("min_foot_threshold_m"), 1e3, "mm", decimals=1
-        ),
+        "pre": _shown(pre_m, 1e3, "mm"),
+        "post": _shown(post_m, 1e3, "mm"),
+        "travel": _shown(travel_m, 1e3, "mm"),
+        "min_threshold": _shown(lowest_m, 1e3, "mm", decimals=1),
+        "max_threshold": _shown(highest_m, 1e3, "mm", decimals=1),
         "landings_only": sections.get("frames") == "landings",
         "printed_rule": sections.get("rule") == "printed",
         "pre_given": decided.get("pre_height_m") == "config",
@@ -126,9 +137,6 @@ def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
         "bandwidth": _shown(sections.get("bandwidth_m"), 1e3, "mm", decimals=1),
         "beside_pre": _shown(beside.get("pre_height_m"), 1e3, "mm"),
         "beside_post": _shown(beside.get("post_height_m"), 1e3, "mm"),
-        "max_threshold": _shown(
-            sections.get("max_foot_threshold_m"), 1e3, "mm", decimals=1
-        ),
     }
 
 
@@ -142,18 +150,24 @@ def _share_in_words(share: float | None) -> str | None:
 def _units(units: Mapping[str, Any]) -> dict[str, str | None]:
     length = _shown(units.get("length_unit_m"), 1e3, "mm")
     time = _shown(units.get("time_unit_s"), 1e3, "ms")
-    return {"units": f"{length} and {time}" if length and time else None}
+    if not length or not time:
+        return {"units": None}
+    return {"units": f"{length} and {time}"}
 
 
 def _models(inputs: ReportInputs) -> dict[str, Any]:
-    medians, names = (
-        _medians(inputs.prediction, "model", tables.MODEL_NAMES),
-        tables.MODEL_NAMES,
-    )
+    medians = _medians(inputs.prediction, "model", tables.MODEL_NAMES)
+    fitted = []
+    not_fitted = []
+    for model, name in tables.MODEL_NAMES.items():
+        if medians[model] is None:
+            not_fitted.append(name)
+        else:
+            fitted.append(name)
     return {
         "medians": medians,
-        "fitted": show.words([names[m] for m in names if medians[m] is not None]),
-        "not_fitted": show.words([names[m] for m in names if medians[m] is None]),
+        "fitted": show.words(fitted),
+        "not_fitted": show.words(not_fitted),
     }
 
 
@@ -163,40 +177,45 @@ def _medians(
     names: Mapping[str, str],
     shown: Callable[..., str] = show.significant,
 ) -> dict[str, str | None]:
+    """Return the median of each name as text; None if it is missing."""
     found: dict[str, Any] = {}
     if table is not None:
         found = dict(zip(table[column].astype(str), table["median"], strict=True))
-    return {
-        name: None if show.is_missing(found.get(name)) else shown(found[name])
-        for name in names
-    }
+    medians: dict[str, str | None] = {}
+    for name in names:
+        median = found.get(name)
+        medians[name] = None if show.is_missing(median) else shown(median)
+    return medians
 
 
 def _labels_right(
     truth: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, tuple[str, str | None]]:
-    """Return correct mode schedules by method, in per cent: of touchdowns used, of all landings."""
-    prefix, of_all = "labels_right_", "labels_right_of_all_"
-    methods = [
-        name.removeprefix(prefix)
-        for name in truth
-        if name.startswith(prefix)
-        and not name.startswith((of_all, "labels_right_unambiguous_"))
-    ]
-    return {
-        method.replace("_", " "): (share, _percent(truth.get(of_all + method)))
-        for method in methods
-        if (share := _percent(truth[prefix + method]))
-    }
+    """Return correct mode schedules by method, %: of those used, of all landings."""
+    prefix = "labels_right_"
+    of_all = "labels_right_of_all_"
+    others = (of_all, "labels_right_unambiguous_")
+    shares = {}
+    for name, entry in truth.items():
+        if not name.startswith(prefix) or name.startswith(others):
+            continue
+        method = name.removeprefix(prefix)
+        share = _percent(entry)
+        if share:
+            shares[method.replace("_", " ")] = (
+                share,
+                _percent(truth.get(of_all + method)),
+            )
+    return shares
 
 
 def _by_name(truth: Mapping[str, Mapping[str, Any]], prefix: str) -> dict[str, str]:
-    """Return the entries whose names begin with the prefix, by the rest of their names."""
-    return {
-        name.removeprefix(prefix): show.fixed(entry["value"], 2)
-        for name, entry in truth.items()
-        if name.startswith(prefix) and not show.is_missing(entry.get("value"))
-    }
+    """Return the entries whose names begin with the prefix, by the rest of them."""
+    found = {}
+    for name, entry in truth.items():
+        if name.startswith(prefix) and not show.is_missing(entry.get("value")):
+            found[name.removeprefix(prefix)] = show.fixed(entry["value"], 2)
+    return found
 
 
 def _percent(entry: Mapping[str, Any] | None) -> str | None:
@@ -206,12 +225,14 @@ def _percent(entry: Mapping[str, Any] | None) -> str | None:
 def _shown(
     value: Any, factor: float, unit: str, *, decimals: int | None = None
 ) -> str | None:
-    """Format with its unit, to three digits or `decimals` decimals; None if it is missing."""
-    if (number := show.scaled(value, factor)) is None:
+    """Format with the unit, to three digits or `decimals` decimals; None if missing."""
+    number = show.scaled(value, factor)
+    if number is None:
         return None
-    text = (
-        show.significant(number) if decimals is None else show.fixed(number, decimals)
-    )
+    if decimals is None:
+        text = show.significant(number)
+    else:
+        text = show.fixed(number, decimals)
     return show.with_unit(text, unit)
 
 
@@ -235,15 +256,23 @@ def build_report(inputs: ReportInputs) -> str:
     Raises
     ------
     ConfigError
-        If a caption names a fact that does not exist.
+        If a caption names a fact that does not exist, or if nothing is translated to
+        the language.
     """
-    facts, all_seen = study_facts(inputs), _all_seen(inputs)
-    shown = [f for f in inputs.figures if not (all_seen and f.name == GAPS)]
+    require_language(inputs.language)
+    facts = study_facts(inputs)
+    all_seen = _all_seen(inputs)
+    shown = [one for one in inputs.figures if not (all_seen and one.name == GAPS)]
+    known = inputs.verdict or {}
     return rendered(
         "report.html.j2",
+        language=inputs.language,
         study=inputs.study,
         facts=facts,
+        sentence=verdict.worded(known, "sentence"),
+        outlook=verdict.worded(known, "outlook"),
         highlights=_highlights(facts, inputs),
+        keys=list(KEYS.values()),
         lights=tables.lights(inputs.quality),
         scene=landings_scene(inputs.levelled, inputs.touchdowns),
         pictures=placed_pictures(shown, facts, PLACES, "others"),
@@ -252,103 +281,189 @@ def build_report(inputs: ReportInputs) -> str:
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.meaning(inputs.verdict),
         distances_asked=inputs.distances_asked,
-        verdict_notes=[_note(note) for note in (inputs.verdict or {}).get("notes", ())],
+        verdict_notes=[_note(note) for note in known.get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
     )
 
 
 def _all_seen(inputs: ReportInputs) -> bool:
-    """Return whether there are neither gaps nor faults, so that a figure of them would be empty."""
+    """Return whether there are neither gaps nor faults, so nothing to draw of them."""
     seen = [item.get("seen") == 1.0 for item in inputs.recordings]
-    return (
-        bool(seen) and all(seen) and inputs.faults is not None and inputs.faults.empty
+    no_faults = inputs.faults is not None and inputs.faults.empty
+    return bool(seen) and all(seen) and no_faults
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a key number is called, what it means, and where it is shown in full.
+
+    Attributes
+    ----------
+    place
+        Ending of the link to its explanation.
+    name, means
+        Its name and its meaning.
+    table
+        Section of the page that shows it in full.
+    file
+        File that holds it.
+    """
+
+    place: str
+    name: Message
+    means: Message
+    table: str
+    file: str
+
+
+def _key(place: str, table: str, file: str, name: str = "") -> Key:
+    title = Message(f"report.{name or place}")
+    return Key(place, title, Message(f"report.{place}_means"), table, file)
+
+
+#: Key numbers, in the order of the page.
+KEYS = {
+    key.place: key
+    for key in (
+        _key("difference", "verdict", "verdict.json"),
+        _key("quality", "quality", "quality.json", "quality_of_the_data"),
+        _key("recordings", "recordings", "tables/markers.csv"),
+        _key("touchdowns", "excluded", "tables/touchdowns.csv", "used"),
+        _key("orders", "touchdowns", "tables/touchdowns.csv"),
+        _key("travel", "sections", "sections.json"),
+        _key("units", "sections", "units.json"),
+        _key("affine", "prediction", "tables/prediction_summary.csv"),
+        _key("one", "prediction", "tables/prediction_summary.csv"),
+        _key("right", "truth", "truth.json", "right_word"),
     )
+}
 
 
-def _highlights(
-    facts: Mapping[str, Any], inputs: ReportInputs
-) -> list[tuple[str, str, str]]:
-    """Return name, value and remark of each key number; the value says so if it is unknown."""
-    frames = f"{show.count(facts['n_frames'])} frames" if facts["n_frames"] else ""
-    between = f"pre section {facts['pre']}, post section {facts['post']}"
-    feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
-    possible = f"of {show.count(math.factorial(feet))} possible, in the touchdowns used"
-    of_all = [possible] if feet > 1 else []
-    apart = [f"median spread of contacts {facts['spread']}"] if facts["spread"] else []
-    weigh = "position and velocity errors weigh the same"
+@dataclass(frozen=True)
+class Card:
+    """A key number with its value and a remark; the value says so if it is unknown."""
+
+    key: Key
+    name: Message
+    value: Message | str
+    remark: Message | str = ""
+
+
+def _card(
+    place: str,
+    value: str | None,
+    remark: Message | str | None = None,
+    name: Message | None = None,
+) -> Card:
+    known: Message | str = Message("report.not_known")
+    if value not in (None, "", show.MISSING):
+        known = str(value)
+    key = KEYS[place]
+    return Card(key, name or key.name, known, remark or "")
+
+
+def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[Card]:
+    """Return the cards of the key numbers."""
+    difference = facts["verdict"]["difference"]
+    frames = None
+    if facts["n_frames"]:
+        frames = Message("report.frames", {"frames": show.count(facts["n_frames"])})
+    between = None
+    if facts["travel"]:
+        heights = {"pre": facts["pre"], "post": facts["post"]}
+        between = Message("report.between_sections", heights)
+    weigh = None
+    if facts["units"]:
+        weigh = Message("report.weigh_the_same")
     cards = [
-        (
-            "Difference of the maps",
-            facts["verdict"]["difference"],
-            facts["verdict"]["remark"],
+        _card("difference", difference, verdict.remark(inputs.verdict, inputs.truth)),
+        _card("quality", *tables.quality_summary(inputs.quality)),
+        _card("recordings", show.count(facts["n_recordings"]), frames),
+        _card("touchdowns", show.count(facts["n_used"]), _of_landings(facts)),
+        _card(
+            "orders", show.count(facts["n_schedules"]), _orders_remark(facts, inputs)
         ),
-        ("Quality of the data", *tables.quality_summary(inputs.quality)),
-        ("Recordings", show.count(facts["n_recordings"]), frames),
-        ("Touchdowns used", show.count(facts["n_used"]), _of_landings(facts)),
-        (
-            "Contact orders seen",
-            show.count(facts["n_schedules"]),
-            "; ".join(of_all + apart),
-        ),
-        (
-            "Travel through the touchdown",
-            facts["travel"],
-            between if facts["travel"] else "",
-        ),
-        ("Units of length and time", facts["units"], weigh if facts["units"] else ""),
-        ("Affine model over mean", *_gain(inputs.prediction)),
+        _card("travel", facts["travel"], between),
+        _card("units", facts["units"], weigh),
+        _card("affine", *_gain(inputs.prediction)),
     ]
     if inputs.prediction is not None:
-        cards.append(
-            ("One model over one per order", *_price_of_one(inputs.prediction))
-        )
+        cards.append(_card("one", *_price_of_one(inputs.prediction)))
     for method, (share, of_all) in facts["labels_right"].items():
-        missed = f"; {of_all} of all true landings" if of_all else ""
-        cards.append((f"Orders right, {method}", share, f"of those used{missed}"))
-    return [(name, _known(value), remark) for name, value, remark in cards]
+        name = Message("report.right", {"method": method})
+        remark = Message("report.right_of_used")
+        if of_all:
+            remark = Message("report.right_of_all", {"of_all": of_all})
+        cards.append(_card("right", share, remark, name))
+    return cards
 
 
-def _of_landings(facts: Mapping[str, Any]) -> str:
+def _orders_remark(
+    facts: Mapping[str, Any], inputs: ReportInputs
+) -> Message | str | None:
+    """Say how many orders are possible, and how far apart the contacts are."""
+    feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
+    number = show.count(math.factorial(feet))
+    possible = Message("report.possible_orders", {"number": number})
+    spread = Message("report.spread", {"spread": facts["spread"]})
+    if feet > 1 and facts["spread"]:
+        return Message("report.both", {"one": possible, "other": spread})
+    if feet > 1:
+        return possible
+    if facts["spread"]:
+        return spread
+    return None
+
+
+def _of_landings(facts: Mapping[str, Any]) -> Message | None:
     """Say how many landings there are, and how many further descents of the body."""
     if not facts["n_descents"]:
-        return ""
-    landings, others = facts["n_landings"], facts["n_not_landed"]
-    found = f"of {show.count(landings)} landing{'' if landings == 1 else 's'}"
-    found += f", {show.count(facts['n_excluded'])} excluded"
-    of_descents = f"{show.count(others)} of {show.count(facts['n_descents'])} descents"
-    return found + (f"; no foot of the study landed in {of_descents}" if others else "")
+        return None
+    counts = {
+        "landings": show.count(facts["n_landings"]),
+        "excluded": show.count(facts["n_excluded"]),
+    }
+    name = "of_one_landing" if facts["n_landings"] == 1 else "of_landings"
+    found = Message(f"report.{name}", counts)
+    if not facts["n_not_landed"]:
+        return found
+    values = {
+        "landings": found,
+        "others": show.count(facts["n_not_landed"]),
+        "descents": show.count(facts["n_descents"]),
+    }
+    return Message("report.without_feet", values)
 
 
-def _known(value: str | None) -> str:
-    return "not known" if value in (None, "", show.MISSING) else str(value)
-
-
-def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
-    """Return the error of the unspecialised affine model over that of the specialised ones."""
+def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, Message]:
+    """Return the error of the unspecialised affine model over that of the others."""
     ratio = _ratio(prediction, "all", "specialised")
-    remark = (
-        "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
-    )
-    absent = (None, "needs an affine model of each order")
-    return absent if ratio is None else (show.significant(ratio, 3), remark)
+    if ratio is None:
+        return None, Message("report.one_absent")
+    return show.significant(ratio, 3), Message("report.one_remark")
 
 
-def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:
-    """Return the affine model's error over the mean's, specialised if those were fitted."""
-    for affine, mean, which in (("specialised", "specialised_mean", "both specialised"),
-                                ("all", "mean", "both unspecialised")):  # fmt: skip
-        ratio = None if prediction is None else _ratio(prediction, affine, mean)
-        if ratio is not None:
-            return show.significant(ratio, 2), f"ratio of median MSE, {which}"
-    return None, ""
+def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, Message | None]:
+    """Return the affine model's error over the mean's, specialised if fitted."""
+    if prediction is None:
+        return None, None
+    ratio = _ratio(prediction, "specialised", "specialised_mean")
+    if ratio is not None:
+        return show.significant(ratio, 2), Message("report.affine_specialised")
+    ratio = _ratio(prediction, "all", "mean")
+    if ratio is not None:
+        return show.significant(ratio, 2), Message("report.affine_all")
+    return None, None
 
 
 def _ratio(prediction: pd.DataFrame, model: str, other: str) -> float | None:
-    medians = dict(
-        zip(prediction["model"].astype(str), prediction["median"], strict=True)
-    )
-    one, two = medians.get(model, 0), medians.get(other, 0)
-    return one / two if one > 0 and two > 0 else None
+    models = prediction["model"].astype(str)
+    medians = dict(zip(models, prediction["median"], strict=True))
+    one = medians.get(model, 0)
+    two = medians.get(other, 0)
+    if one > 0 and two > 0:
+        return float(one / two)
+    return None
 
 
 def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
@@ -373,17 +488,32 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
     }
 
 
-def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> Sequence[Message]:
     """Say which floor models have a lower degree than requested, and why."""
-    return [
-        f"floor of {name}: degree {floor['degree']} instead of {floor['degree_wanted']}"
-        + (f" ({floor['note']})" if floor.get("note") else "")
-        for name, floor in floors.items()
-        if floor.get("degree", 0) < floor.get("degree_wanted", 0)
-    ]
+    notes = []
+    for name, floor in floors.items():
+        degree = floor.get("degree", 0)
+        wanted = floor.get("degree_wanted", 0)
+        if degree >= wanted:
+            continue
+        values = {"recording": name, "degree": degree, "wanted": wanted}
+        if floor.get("note"):
+            values["why"] = floor["note"]
+            notes.append(Message("report.lower_degree_because", values))
+        else:
+            notes.append(Message("report.lower_degree", values))
+    return notes
 
 
-def _note(note: str | Mapping[str, Any]) -> str:
-    if isinstance(note, str):
+def _note(note: str | Message | Mapping[str, Any]) -> str | Message:
+    """Return a note of a stage: in words if it has a code, else as it is."""
+    if isinstance(note, str | Message):
         return note
-    return ": ".join(str(note[key]) for key in ("what", "reason") if note.get(key))
+    what: Any = note.get("what")
+    reason: Any = note.get("reason")
+    if note.get("code"):
+        reason = Message.from_dict(note)
+        what = verdict.subject_of(note)
+    if not what or not reason:
+        return str(what or reason or "")
+    return Message("report.note", {"what": what, "reason": reason})

@@ -8,20 +8,24 @@ from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.errors import counted, with_names
+from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.report import formatting as show
 from hopdata.report.scene import small_plot
 
 # Recordings, floor, sections and touchdowns.
 
-SECTION_NAMES, DETAIL_NAMES = show.WORDS["sections"], show.WORDS["details"]
+SECTION_NAMES = show.WORDS["sections"]
+DETAIL_NAMES = show.WORDS["details"]
+
+# Most rows, or columns, of a table.
 MOST_SCHEDULES = 24
 MOST_RECORDINGS = 6
 MOST_GAPPY = 24
 
 
 def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> show.Table | None:
-    """Return one row per recording: its source, its duration and how much of it was seen."""
+    """Return one row per recording: its source, its duration and how much was seen."""
     columns: show.Columns = {
         "recording": show.text("name"),
         "source": show.text("source"),
@@ -38,7 +42,7 @@ def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> show.Table | No
 def filled_table(
     filled: pd.DataFrame | None, touchdowns: pd.DataFrame | None = None
 ) -> show.Table | None:
-    """Return one row per marker with gaps, the least seen first; None if there are no gaps."""
+    """Return one row per marker with gaps, the least seen first; None without gaps."""
     if filled is None:
         return None
     gappy = filled[filled["gaps"] > 0].sort_values(
@@ -55,22 +59,31 @@ def filled_table(
         "filled in": show.counted("filled"),
         "left": show.counted("left"),
     }
-    missing, mended = (show.count(gappy[name].sum()) for name in ("missing", "filled"))
-    left = len(gappy) - MOST_GAPPY
-    rest = f"; {left} more in tables/filled.csv" if left > 0 else ""
-    note = f"{mended} of {missing} missing positions were filled in{_resting(touchdowns)}{rest}."
+    more: Message | str = ""
+    if len(gappy) > MOST_GAPPY:
+        more = Message("report.more_gaps", {"count": len(gappy) - MOST_GAPPY})
+    values = {
+        "filled": show.count(gappy["filled"].sum()),
+        "missing": show.count(gappy["missing"].sum()),
+        "resting": _resting(touchdowns),
+        "more": more,
+    }
+    note = Message("report.filled_note", values)
     rows = show.records(gappy)[:MOST_GAPPY]
     title = "Gaps, and how much of them was filled"
     return show.table_of(title, rows, columns, text_columns=3, note=note)
 
 
-def _resting(touchdowns: pd.DataFrame | None) -> str:
+def _resting(touchdowns: pd.DataFrame | None) -> Message | str:
     """Say how many of the touchdowns used depend on positions that were filled in."""
     if touchdowns is None or "filled_share" not in touchdowns:
         return ""
     used = touchdowns[~excluded(touchdowns)]
-    resting = show.count((used["filled_share"] > 0).sum())
-    return f"; {resting} of {show.count(len(used))} used touchdowns depend on some of these"
+    values = {
+        "resting": show.count((used["filled_share"] > 0).sum()),
+        "used": show.count(len(used)),
+    }
+    return Message("report.resting", values)
 
 
 def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> show.Table | None:
@@ -83,44 +96,38 @@ def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> show.Table | None:
         "residual (mm)": show.decimals("residual_rms_m", 2, 1e3),
         "feet differ by (mm)": _spread_of_feet,
     }
-    rows = [{"recording": name, **floor} for name, floor in floors.items()]
-    notes = [
-        f"{name}: {floor['note']}"
-        for name, floor in floors.items()
-        if floor.get("note")
-    ]
+    rows = []
+    notes = []
+    for name, floor in floors.items():
+        rows.append({"recording": name, **floor})
+        if floor.get("note"):
+            notes.append(f"{name}: {floor['note']}")
     return show.table_of("Floor", rows, columns, note="; ".join(notes))
 
 
 def _spread_of_feet(floor: Mapping[str, Any]) -> str:
-    offsets = [
-        value
-        for value in floor.get("foot_offsets_m") or ()
-        if not show.is_missing(value)
-    ]
-    return (
-        show.fixed((max(offsets) - min(offsets)) * 1e3, 2) if offsets else show.MISSING
-    )
+    offsets_m = floor.get("foot_offsets_m") or ()
+    known = [offset for offset in offsets_m if not show.is_missing(offset)]
+    if not known:
+        return show.MISSING
+    return show.fixed((max(known) - min(known)) * 1e3, 2)
 
 
 def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
-    """Return thresholds, sections and the travel between them, then everything else in the file."""
+    """Return thresholds, sections and the travel between them, then all else."""
     if not sections:
         return None
     decided = sections.get("decided") or {}
-    rows = [
-        (
-            f"{name}{show.WORDS['decided'].get(decided.get(key, 'data'), '')}",
-            show.fixed(show.scaled(sections.get(key), 1e3), 2),
-            "mm",
-        )
-        for key, name in SECTION_NAMES.items()
-    ]
-    pre, post = sections.get("pre_height_m"), sections.get("post_height_m")
-    if pre is not None and post is not None:
-        rows.append(
-            ("travel from pre to post", show.fixed((pre - post) * 1e3, 2), "mm")
-        )
+    rows = []
+    for key, name in SECTION_NAMES.items():
+        decided_by = show.WORDS["decided"].get(decided.get(key, "data"), "")
+        height = show.fixed(show.scaled(sections.get(key), 1e3), 2)
+        rows.append((f"{name}{decided_by}", height, "mm"))
+    pre_m = sections.get("pre_height_m")
+    post_m = sections.get("post_height_m")
+    if pre_m is not None and post_m is not None:
+        travel = show.fixed((pre_m - post_m) * 1e3, 2)
+        rows.append(("travel from pre to post", travel, "mm"))
     for side in ("pre", "post"):
         speed_m_s = sections.get(f"{side}_speed_m_s")
         if speed_m_s is not None:
@@ -128,44 +135,54 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
             # many ms.
             name = f"time per mm of height, {side} section"
             rows.append((name, show.fixed(1 / speed_m_s, 2), "ms"))
-    shown = {*SECTION_NAMES, "decided"}
-    for key, value in show.flat(
-        {key: sections[key] for key in sections if key not in shown}
-    ):
+    others = {
+        key: value
+        for key, value in sections.items()
+        if key not in SECTION_NAMES and key != "decided"
+    }
+    for key, value in show.flat(others):
         words, text, unit = show.labelled(key, value)
         rows.append((DETAIL_NAMES.get(key, words), text, unit))
-    return show.Table(
-        "Thresholds and sections", ("quantity", "value", "unit"), tuple(rows)
-    )
+    head = ("quantity", "value", "unit")
+    return show.Table("Thresholds and sections", head, tuple(rows))
 
 
 def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
-    """Return one row per mode schedule: its used touchdowns and the spread of their contacts."""
+    """Return one row per mode schedule: its used touchdowns, and their spread."""
     if touchdowns is None or touchdowns.empty:
         return None
     used = touchdowns[~excluded(touchdowns)]
-    groups = sorted(
-        used.groupby("schedule"), key=lambda item: (-len(item[1]), str(item[0]))
-    )
-    rows = [
-        (
-            str(schedule).replace(">", " → "),
+    by_schedule = [(str(name), group) for name, group in used.groupby("schedule")]
+    by_schedule.sort(key=lambda item: (-len(item[1]), item[0]))  # commonest first
+    rows = []
+    for schedule, group in by_schedule[:MOST_SCHEDULES]:
+        row = (
+            schedule.replace(">", " → "),
             show.count(len(group)),
             show.count((group["class"] == "ambiguous").sum()),
             show.fixed(100 * len(group) / len(used), 1),
             show.fixed(1e3 * group["spread_s"].median(), 2),
             show.fixed(group["probability"].mean(), 3),
         )
-        for schedule, group in groups[:MOST_SCHEDULES]
-    ]
-    head = ("order of contacts", "touchdowns", "of them ambiguous", "share (%)")
-    rarer = [len(group) for _, group in groups[MOST_SCHEDULES:]]
-    left = f"{counted(len(rarer), 'rarer order')}, {counted(sum(rarer), 'touchdown')}"
-    note = f"Not listed: {left}, at most {max(rarer)} each." if rarer else ""
-    medians = ("median spread of contacts (ms)", "mean probability of the order")
-    return show.Table(
-        "Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note
+        rows.append(row)
+    head = (
+        "order of contacts",
+        "touchdowns",
+        "of them ambiguous",
+        "share (%)",
+        "median spread of contacts (ms)",
+        "mean probability of the order",
     )
+    rarer = [len(group) for _, group in by_schedule[MOST_SCHEDULES:]]
+    note: Message | str = ""
+    if rarer:
+        values = {
+            "orders": counted(len(rarer), "rarer order"),
+            "landings": counted(sum(rarer), "touchdown"),
+            "most": max(rarer),
+        }
+        note = Message("report.rarer", values)
+    return show.Table("Used touchdowns by mode schedule", head, tuple(rows), note=note)
 
 
 def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
@@ -174,43 +191,47 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
         return None
     out = _left_out(touchdowns)
     reasons = out["reason"].replace("", "no reason given")
-    names = [str(name) for name in dict.fromkeys(touchdowns["recording"])]
-    shown = names if 1 < len(names) <= MOST_RECORDINGS else []
-    recordings, rows = out["recording"].astype(str), []
-    parts = {
-        str(reason): recordings[reasons == reason]
-        for reason in reasons.value_counts().index
-    }
-    for reason, part in (*parts.items(), ("all reasons", recordings)):
-        each = tuple(show.count((part == name).sum()) for name in shown)
-        rows.append((reason, *each, show.count(len(part))))
-    return show.Table(
-        "Descents that are not used", ("reason", *shown, "descents"), tuple(rows)
-    )
+    columns = [str(name) for name in dict.fromkeys(touchdowns["recording"])]
+    if not 1 < len(columns) <= MOST_RECORDINGS:
+        columns = []
+    recordings = out["recording"].astype(str)
+    parts = [
+        (str(name), recordings[reasons == name])
+        for name in reasons.value_counts().index
+    ]
+    parts.append(("all reasons", recordings))
+    rows = []
+    for reason, part in parts:
+        in_each = [show.count((part == name).sum()) for name in columns]
+        rows.append((reason, *in_each, show.count(len(part))))
+    head = ("reason", *columns, "descents")
+    return show.Table("Descents that are not used", head, tuple(rows))
 
 
 def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
-    """Return the descents not used, landings first, with the feet's names in the reasons."""
-    out = touchdowns[excluded(touchdowns)]
-    out = out.iloc[(out["reason"] == NO_FOOT_LANDED).argsort(kind="stable")]
+    """Return descents not used, landings first, with names of feet in the reasons."""
+    unused = touchdowns[excluded(touchdowns)]
+    landings_first = (unused["reason"] == NO_FOOT_LANDED).argsort(kind="stable")
+    out = unused.iloc[landings_first]
     reasons = out["reason"].astype(object).fillna("").astype(str)
     return out.assign(reason=[with_names(one, touchdowns) for one in reasons])
 
 
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:
-    """Return whether each touchdown was excluded, also if CSV turned the booleans into text."""
+    """Return whether each touchdown was excluded; booleans may have become text."""
     return touchdowns["excluded"].astype(str).str.lower().isin(("true", "1", "1.0"))
 
 
 # Tables of prediction, distances, accuracy and time.
 
-MODEL_NAMES, KIND_NAMES = show.WORDS["models"], show.WORDS["kinds"]
+MODEL_NAMES = show.WORDS["models"]
+KIND_NAMES = show.WORDS["kinds"]
 COUNTED = ("landings", "touchdowns")
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
 
 def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
-    """Return one row per model, in the printed order, including models that were not fitted."""
+    """Return one row per model, in the printed order, including those not fitted."""
     rows = _in_order(summary, "model", MODEL_NAMES)
     scale, power = show.common_scale([row.get("median") for row in rows])
     columns: show.Columns = {
@@ -218,17 +239,17 @@ def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
         "classes": show.counted("n_classes"),
         "train": show.counted("n_train"),
         "test": show.counted("n_test"),
-        **{
-            head: show.decimals(key, 2, 1 / scale)
-            for head, key in _quantiles(p2_5=2.5, q25=25, median=50, q75=75, p97_5=97.5)
-        },
+        show.percent(2.5): show.decimals("p2_5", 2, 1 / scale),
+        show.percent(25): show.decimals("q25", 2, 1 / scale),
+        "median": show.decimals("median", 2, 1 / scale),
+        show.percent(75): show.decimals("q75", 2, 1 / scale),
+        show.percent(97.5): show.decimals("p97_5", 2, 1 / scale),
         "worst position (mm)": show.decimals("worst_position_mm", 1),
         "worst velocity (m/s)": show.decimals("worst_velocity_m_s", 3),
     }
-    note = show.NOTES["prediction"].format(power=power)
-    note += " A dash: not fitted, too few touchdowns." * any(
-        len(row) == 1 for row in rows
-    )
+    note: Message = Message("report.prediction_note", {"power": power})
+    if any(len(row) == 1 for row in rows):  # a model with only its name
+        note = Message("report.not_fitted", {"note": note})
     return show.table_of("Prediction errors", rows, columns, note=note)
 
 
@@ -239,13 +260,14 @@ def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
         "pairs": lambda row: show.count(row.get("n", 0)),
         "mean": show.decimals("mean", 3),
         "sd": show.decimals("sd", 3),
-        **{
-            head: show.decimals(key, 3)
-            for head, key in _quantiles(q05=5, q25=25, median=50, q75=75, q95=95)
-        },
+        show.percent(5): show.decimals("q05", 3),
+        show.percent(25): show.decimals("q25", 3),
+        "median": show.decimals("median", 3),
+        show.percent(75): show.decimals("q75", 3),
+        show.percent(95): show.decimals("q95", 3),
         "AUC": show.decimals("auc_against_in_class", 3),
     }
-    note = "Arc lengths in rad. AUC: probability that such a distance exceeds an in-class one."
+    note = Message("report.arc_lengths")
     rows = _in_order(summary, "kind", KIND_NAMES)
     return show.table_of("Arc-length distances", rows, columns, note=note)
 
@@ -253,43 +275,40 @@ def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
 def _in_order(
     summary: pd.DataFrame | None, key: str, names: Mapping[str, str]
 ) -> list[show.Row]:
-    """Return a row for each name, in the printed order; a missing one has only its name."""
+    """Return a row for each name, in the printed order; a missing one has no more."""
     found = {str(row[key]): row for row in show.records(summary)}
-    names_of_all = dict.fromkeys((*names, *found)) if found else ()
+    if not found:
+        return []
+    names_of_all = dict.fromkeys((*names, *found))
     return [{**found.get(name, {}), key: name} for name in names_of_all]
-
-
-def _quantiles(**shares: float) -> list[tuple[str, str]]:
-    """Return the heading and column of each quantile."""
-    return [
-        ("median" if key == "median" else show.percent(p), key)
-        for key, p in shares.items()
-    ]
 
 
 def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | None:
     """Return one row per measure: the result compared with what the simulator knew."""
-    rows = tuple(
-        (_capital(str(entry.get("what") or name)), *_measured(name, entry))
-        for name, entry in (truth or {}).items()
-    )
-    return (
-        show.Table("Estimates and truth", ("quantity", "value", "unit"), rows)
-        if rows
-        else None
-    )
+    rows = []
+    for name, entry in (truth or {}).items():
+        what = str(entry.get("what") or name)
+        value, unit = _measured(name, entry)
+        rows.append((_capital(what), value, unit))
+    if not rows:
+        return None
+    head = ("quantity", "value", "unit")
+    return show.Table("Estimates and truth", head, tuple(rows))
 
 
 def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
-    """Return value and unit as elsewhere on the page: lengths in mm, shares in per cent."""
-    value, unit = entry.get("value"), str(entry.get("unit") or "")
+    """Return value and unit as elsewhere on the page: lengths in mm, shares in %."""
+    value = entry.get("value")
+    unit = str(entry.get("unit") or "")
     if name.startswith("labels_right_"):
         return show.fixed(show.scaled(value, 100), 1), "%"
     if unit == "m":
         return show.plain(show.scaled(value, 1e3)), "mm"
     if unit in COUNTED:
         return show.count(value), unit
-    return show.plain(value), "" if unit in ("1", "yes/no") else unit
+    if unit in ("1", "yes/no"):
+        return show.plain(value), ""
+    return show.plain(value), unit
 
 
 def _capital(words: str) -> str:
@@ -300,13 +319,16 @@ def times_table(seconds: Mapping[str, Any]) -> show.Table | None:
     """Return the time of each job, longest first."""
     ordered = sorted(seconds.items(), key=lambda item: -float(item[1]))
     rows = tuple((name, show.fixed(value, 2)) for name, value in ordered)
-    return show.Table("Time per job", ("job", "time (s)"), rows) if rows else None
+    if not rows:
+        return None
+    return show.Table("Time per job", ("job", "time (s)"), rows)
 
 
 def record_tables(record: Mapping[str, Any]) -> dict[str, show.Table | None]:
-    """Return tables of `provenance.json`: origin of a run, inputs, versions and times."""
+    """Return tables of `provenance.json`: origin of a run, inputs, versions, times."""
     others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
-    digests, versions = record.get("inputs") or {}, record.get("versions") or {}
+    digests = record.get("inputs") or {}
+    versions = record.get("versions") or {}
     return {
         "origin": show.mapping_table("Run", ("what", "value"), others),
         "digests": show.mapping_table("Inputs", ("source file", "SHA-256"), digests),
@@ -342,14 +364,11 @@ AGREEMENT: show.Columns = {
 
 
 def agreement_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
-    """Return one row per column and recording: counts, bias with its interval, scatter."""
-    rows, note = (
-        show.records(overlay.get("contact_overlay_summary")),
-        show.NOTES["agreement"],
-    )
-    return show.table_of(
-        "Agreement of the contacts", rows, AGREEMENT, text_columns=3, note=note
-    )
+    """Return one row per column and recording: counts, bias with interval, scatter."""
+    rows = show.records(overlay.get("contact_overlay_summary"))
+    note = Message("report.agreement")
+    title = "Agreement of the contacts"
+    return show.table_of(title, rows, AGREEMENT, text_columns=3, note=note)
 
 
 def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
@@ -359,32 +378,39 @@ def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
         return None
     out = contacts[contacts["status"].isin(UNMATCHED)]
     columns: show.Columns = {
-        **{name: show.text(name) for name in ("recording", "column")},
+        "recording": show.text("recording"),
+        "column": show.text("column"),
         "contact": show.text("status"),
         "descent": show.counted("index"),
         "reason": show.text("reason"),
-        "time (s)": lambda row: show.fixed(
-            row["external_s" if row["status"] == "missed" else "found_s"], 3
-        ),
+        "time (s)": _time_of_unmatched,
     }
-    title, file = "Contacts missed or invented", "contact_overlay"
+    title = "Contacts missed or invented"
+    file = "contact_overlay"
     return show.first_rows(title, out, columns, MOST_UNMATCHED, file, texts=5)
+
+
+def _time_of_unmatched(row: show.Row) -> str:
+    if row["status"] == "missed":
+        return show.fixed(row["external_s"], 3)
+    return show.fixed(row["found_s"], 3)
 
 
 def thresholds_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
     """Return bias and scatter as functions of the force threshold."""
     columns: show.Columns = {
-        **{name: show.text(name) for name in ("recording", "column")},
+        "recording": show.text("recording"),
+        "column": show.text("column"),
         "threshold": lambda row: show.significant(row["threshold"], 3),
         "unit": lambda row: str(row["unit"]).replace("body_weight", "body weights"),
-        **{name: show.counted(f"n_{name}") for name in UNMATCHED},
+        "missed": show.counted("n_missed"),
+        "invented": show.counted("n_invented"),
         "bias (ms)": show.decimals("bias_s", 2, 1e3),
         "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
     }
     rows = show.records(overlay.get("contact_overlay_thresholds"))
-    return show.table_of(
-        "Agreement at other force thresholds", rows, columns, text_columns=2
-    )
+    title = "Agreement at other force thresholds"
+    return show.table_of(title, rows, columns, text_columns=2)
 
 
 def _ms(value: Any) -> str:
@@ -395,34 +421,39 @@ def _ms(value: Any) -> str:
 
 Checks = Sequence[Mapping[str, Any]]
 
+# Status of a check: as it is shown.
 STATUS = {
-    status: f"{sign}{show.NO_BREAK_SPACE}{status}"
-    for status, sign in {
-        "good": "●", "look": "◐", "poor": "○", "not known": "–", "not asked": "–",
-    }.items()
-}  # fmt: skip
+    "good": f"●{show.NO_BREAK_SPACE}good",
+    "look": f"◐{show.NO_BREAK_SPACE}look",
+    "poor": f"○{show.NO_BREAK_SPACE}poor",
+    "not known": f"–{show.NO_BREAK_SPACE}not known",
+    "not asked": f"–{show.NO_BREAK_SPACE}not asked",
+}
+# The statuses that are judged, from the best to the worst.
 WORSE = ("good", "not known", "look", "poor")
-NOT_ASKED = (
-    "not asked"  # nothing was configured to compare with, so there is nothing to judge
-)
-MOST_FAULTS, MOST_EXCLUDED = 30, 500
-NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
+# Nothing was configured to compare with, so there is nothing to judge.
+NOT_ASKED = "not asked"
+MOST_FAULTS = 30
+MOST_EXCLUDED = 500
+# The reason in the table of touchdowns.
+NO_FOOT_LANDED = "no foot landed"
 
 
 def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
-    """Say how many checks are good and poor, and list those that are not good, worst first."""
+    """Say how many checks are good and poor, and list those not good, worst first."""
     asked = [check for check in checks or () if check["status"] != NOT_ASKED]
     if not asked:
         return None, ""
     counts = Counter(str(check["status"]) for check in asked)
-    poor = f", {counts['poor']} poor" if counts["poor"] else ""
-    others = [
-        f"{s}: {one['what']}"
-        for s in WORSE[:0:-1]
-        for one in asked
-        if one["status"] == s
-    ]
-    return f"{counts['good']} of {len(asked)} good{poor}", "; ".join(others)
+    summary = f"{counts['good']} of {len(asked)} good"
+    if counts["poor"]:
+        summary += f", {counts['poor']} poor"
+    not_good = []
+    for status in ("poor", "look", "not known"):
+        for check in asked:
+            if check["status"] == status:
+                not_good.append(f"{status}: {check['what']}")
+    return summary, "; ".join(not_good)
 
 
 def quality_table(checks: Checks | None) -> show.Table | None:
@@ -443,16 +474,17 @@ def quality_table(checks: Checks | None) -> show.Table | None:
 
 
 def _limits(check: Mapping[str, Any]) -> tuple[str, str]:
-    good, poor = float(check["good"]), float(check["poor"])
-    signs = ("≤", ">") if good <= poor else ("≥", "<")
-    unit, none = (
-        str(check["unit"]),
-        good == 0.0 and signs[0] == "≤",
-    )  # nothing is below 0
-    return (
-        ("" if none else f"{signs[0]} ") + show.with_unit(f"{good:g}", unit),
-        f"{signs[1]} {show.with_unit(f'{poor:g}', unit)}",
-    )
+    """Return the limits for good and for poor, in words."""
+    good = float(check["good"])
+    poor = float(check["poor"])
+    unit = str(check["unit"])
+    good_limit = show.with_unit(f"{good:g}", unit)
+    poor_limit = show.with_unit(f"{poor:g}", unit)
+    if good > poor:
+        return f"≥ {good_limit}", f"< {poor_limit}"
+    if good == 0.0:  # nothing is below it
+        return good_limit, f"> {poor_limit}"
+    return f"≤ {good_limit}", f"> {poor_limit}"
 
 
 def faults_table(faults: pd.DataFrame | None) -> show.Table | None:
@@ -470,8 +502,8 @@ def faults_table(faults: pd.DataFrame | None) -> show.Table | None:
 
 
 def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
-    """Return one row per remark on a recording: what was guessed or corrected, the first thirty."""
-    columns = {name: show.text(name) for name in ("recording", "remark")}
+    """Return one row per remark: what was guessed or corrected, the first thirty."""
+    columns = {"recording": show.text("recording"), "remark": show.text("remark")}
     title = "Remarks on the recordings"
     return show.first_rows(title, remarks, columns, MOST_FAULTS, "remarks", texts=2)
 
@@ -489,14 +521,13 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
         if not own:
             continue
         worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
-        told, status = f"{worst['what']}: {worst['remark']}", str(worst["status"])
+        status = str(worst["status"])
+        told = f"{worst['what']}: {worst['remark']}"
         if status == "good":
             told = counted(len(own), "check")
-            told += "".join(
-                f"; {check['what']}: {check['remark']}"
-                for check in of_all
-                if check not in own
-            )
+            for check in of_all:
+                if check["status"] == NOT_ASKED:
+                    told += f"; {check['what']}: {check['remark']}"
         shown.append((name, status, told))
     return shown
 
@@ -504,11 +535,13 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
 def excluded_table(
     touchdowns: pd.DataFrame | None, levelled: Sequence[Recording] = ()
 ) -> show.Table | None:
-    """Return one row per descent not used, with its reason and the heights of its feet."""
+    """Return one row per descent not used, with its reason and its feet's heights."""
     from markupsafe import Markup
 
     by_name = {recording.name: recording for recording in levelled}
-    out = None if touchdowns is None else _left_out(touchdowns)
+    out = None
+    if touchdowns is not None:
+        out = _left_out(touchdowns)
     columns: dict[str, show.Cell] = {
         "recording": show.text("recording"),
         "reason": show.text("reason"),

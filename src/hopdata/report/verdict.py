@@ -1,22 +1,42 @@
-"""The verdict on the page, what it can and cannot show, and the page of a group of verdicts."""
+"""The verdict on the page, what it can and cannot show, and the page of a group."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hopdata import __version__
+from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
 
-OF_WHAT = {"effect": "the map", "jump": "the outcome's variation, as a jump"}
-ENDS = ("estimate", "low", "high", "upper_bound")
+# Of what the deciding size is a share.
+OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
 
 
-def meaning(verdict: Verdict | None) -> str:
+def meaning(verdict: Verdict | None) -> Message:
     """Return what the quantity that decided a verdict is, and what it cannot show."""
-    return str(show.NOTES[f"meaning_of_{(verdict or {}).get('decided_by', 'effect')}"])
+    decided_by = (verdict or {}).get("decided_by", "effect")
+    return Message(f"report.meaning_of_{decided_by}")
+
+
+def worded(verdict: Verdict, name: str) -> Message | str:
+    """Return the sentence or the outlook of a verdict, by its code if it has one."""
+    message = verdict.get("messages", {}).get(name)
+    if message:
+        return Message.from_dict(message)
+    return verdict.get(name) or ""
+
+
+def subject_of(note: Mapping[str, Any]) -> Message | str:
+    """Return what a note with a code is about; reasons for no answer have no name."""
+    title = Message(f"{note['code']}_what")
+    try:
+        title.text()
+    except KeyError:
+        return str(note["what"])
+    return title
 
 
 def verdict_facts(
@@ -35,7 +55,7 @@ def verdict_facts(
         ``detectable``, None if nothing could have been seen.
     """
     known: Verdict = verdict or {}
-    effect = known.get(known.get("decided_by", "effect"))
+    effect = _deciding(known)
     facts: dict[str, Any] = {
         "sentence": known.get("sentence"),
         "outlook": known.get("outlook"),
@@ -46,31 +66,62 @@ def verdict_facts(
         "detectable": None,
         "difference": None,
         "true": None,
-        "remark": str(known.get("conclusion", "")),
-        "confidence": show.percent(100 * known["confidence"]) if known else None,
-        "power": show.percent(100 * known["power"]) if known else None,
+        "remark": str(remark(verdict, truth)),
+        "confidence": None,
+        "power": None,
     }
+    if known:
+        facts["confidence"] = show.percent(100 * known["confidence"])
+        facts["power"] = show.percent(100 * known["power"])
     if effect is None:
         return facts
-    estimate, low, high, bound = (
-        show.significant(100 * effect[key], 2) for key in ENDS
-    )
-    most, none = (
-        show.with_unit(text, "%") for text in (bound, f"{100 * known['margin']:g}")
-    )
-    bounded = f"; one-sided bound {most}, less than {none} counts as none"
-    true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
-    facts["true"] = None if show.is_missing(true) else _percent(float(true))
+    facts["true"] = _true_effect(truth)
     if effect.get("allowed") is not None:
         facts["allowed"] = _percent(effect["allowed"])
     if effect["detectable"] <= 1.0:
         facts["detectable"] = _percent(effect["detectable"])
-    return facts | {
-        "difference": show.with_unit(f"{estimate} ({low} to {high})", "%"),
-        "remark": f"of {OF_WHAT[known.get('decided_by', 'effect')]}, {facts['confidence']} interval"
-        + ("" if known["conclusion"] == "different" else bounded)
-        + (f"; true in this simulation: {facts['true']}" if facts["true"] else ""),
+    estimate = show.significant(100 * effect["estimate"], 2)
+    low = show.significant(100 * effect["low"], 2)
+    high = show.significant(100 * effect["high"], 2)
+    facts["difference"] = show.with_unit(f"{estimate} ({low} to {high})", "%")
+    return facts
+
+
+def remark(
+    verdict: Verdict | None, truth: Mapping[str, Mapping[str, Any]] | None = None
+) -> Message | str:
+    """Say what the deciding size is a share of, with the bound and the true size."""
+    known: Verdict = verdict or {}
+    effect = _deciding(known)
+    if effect is None:
+        return str(known.get("conclusion", ""))
+    values: dict[str, Any] = {
+        "what": Message(OF_WHAT[known.get("decided_by", "effect")]),
+        "confidence": show.percent(100 * known["confidence"]),
     }
+    said = Message("report.difference_remark", values)
+    if known["conclusion"] != "different":
+        values["bound"] = _percent(effect["upper_bound"])
+        values["margin"] = show.with_unit(f"{100 * known['margin']:g}", "%")
+        said = Message("report.difference_bounded", values)
+    true = _true_effect(truth)
+    if true:
+        said = Message("report.with_truth", {"remark": said, "true": true})
+    return said
+
+
+def _deciding(verdict: Verdict) -> Mapping[str, Any] | None:
+    """Return the size that decided a verdict; None if it has no answer."""
+    effect: Mapping[str, Any] | None = verdict.get(verdict.get("decided_by", "effect"))
+    return effect
+
+
+def _true_effect(truth: Mapping[str, Mapping[str, Any]] | None) -> str | None:
+    """Return the true size in a simulation; None if it is not known."""
+    true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
+    if show.is_missing(true):
+        return None
+    return _percent(float(true))
 
 
 # The page of a group: answer, forest plot, conditions, and every member with its link.
@@ -114,28 +165,26 @@ def build_group_page(group: Mapping[str, Any], figures: Sequence[ReportFigure]) 
 
 
 def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    rows, effect = group["members"], group["effect"]
-    answers = Counter(
-        "no answer" if row["reason"] else row["conclusion"] for row in rows
-    )
+    """Return name, value and remark of each key number of a group."""
+    rows = group["members"]
+    effect = group["effect"]
+    answers: Counter[str] = Counter()
+    for row in rows:
+        answers["no answer" if row["reason"] else row["conclusion"]] += 1
+    judged = f"{len(rows) - answers['no answer']} of {len(rows)}"
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
-    cards = [
-        ("Studies judged", f"{len(rows) - answers['no answer']} of {len(rows)}", said)
-    ]
+    studies = ("Studies judged", judged, said)
     if effect is None:
-        return cards
+        return [studies]
     model = effect["combined"]
-    ends = f"{_percent(effect['low'])} to {_percent(effect['high'])}"
-    of_q = f"Q = {show.significant(model['q'])}, p = {show.significant(model['q_p_value'], 2)}"
+    interval = f"interval {_percent(effect['low'])} to {_percent(effect['high'])}"
+    q = show.significant(model["q"])
+    p = show.significant(model["q_p_value"], 2)
     return [
-        (
-            "Difference over subjects (rms)",
-            _percent(effect["estimate"]),
-            f"interval {ends}",
-        ),
+        ("Difference over subjects (rms)", _percent(effect["estimate"]), interval),
         ("At most", _percent(effect["upper_bound"]), "one-sided bound of the rms"),
-        *cards,
-        ("Between subjects (I²)", _percent(model["i2"]), of_q),
+        studies,
+        ("Between subjects (I²)", _percent(model["i2"]), f"Q = {q}, p = {p}"),
     ]
 
 
@@ -147,23 +196,30 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the cells of a member, and a summary of its checks."""
     checks = row.get("quality", [])
     statuses = Counter(status for _, status in checks)
-    needed, of = row.get("landings_needed") or 0, "jump_" * ("jump_low" in row)
-    is_lacking = row.get("conclusion") != "different" and needed > row.get(
-        "landings", 0
-    )
-    return {
-        **row,
-        "needed": show.count(needed) if is_lacking else "",
-        "size": None
-        if row["reason"]
-        else "a jump of " * bool(of) + _percent(row[f"{of}estimate"]),
-        "ends": " to ".join(
-            _percent(row[of + k]) for k in ("low", "high") if not row["reason"]
-        ),
-        "checks": ", ".join(
-            f"{statuses[one]} {one}"
-            for one in ("good", "look", "poor")
-            if statuses[one]
-        ),
-        "poor": "; ".join(what for what, status in checks if status == "poor"),
-    }
+    counts = []
+    for status in ("good", "look", "poor"):
+        if statuses[status]:
+            counts.append(f"{statuses[status]} {status}")
+    cells = dict(row)
+    cells["checks"] = ", ".join(counts)
+    cells["poor"] = "; ".join(what for what, status in checks if status == "poor")
+
+    needed = row.get("landings_needed") or 0
+    cells["needed"] = ""
+    if row.get("conclusion") != "different" and needed > row.get("landings", 0):
+        cells["needed"] = show.count(needed)
+
+    cells["size"] = None
+    cells["ends"] = ""
+    if row["reason"]:
+        return cells
+    if "jump_low" in row:
+        cells["size"] = f"a jump of {_percent(row['jump_estimate'])}"
+        low = row["jump_low"]
+        high = row["jump_high"]
+    else:
+        cells["size"] = _percent(row["estimate"])
+        low = row["low"]
+        high = row["high"]
+    cells["ends"] = f"{_percent(low)} to {_percent(high)}"
+    return cells

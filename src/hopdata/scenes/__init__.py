@@ -11,14 +11,14 @@ from hopdata.errors import require_choice
 if TYPE_CHECKING:
     from hopdata.scenes.scene import Scene
 
-#: Maps each name in the configuration to its parameter class. Classes are imported on
-#: demand, because they load a compiler. Installed packages add theirs by entry points
-#: (``hopdata.scenes``).
-SCENES = {
+# Maps each name in the configuration to its parameter class. Classes are imported on
+# demand, because they load a compiler. Installed packages add theirs by entry points
+# (``hopdata.scenes``), but none that has the name of one of these.
+SCENES = {entry.name: entry.value for entry in entry_points(group="hopdata.scenes")}
+SCENES |= {
     "hopper": "hopdata.scenes.hopper_parameters:HopperParameters",
     "quadruped": "hopdata.scenes.quadruped:Quadruped",
 }
-SCENES = {e.name: e.value for e in entry_points(group="hopdata.scenes")} | SCENES
 STANDARD = "hopper"
 
 

@@ -9,7 +9,8 @@ momentum balances give
     [I + mu (|c|^2 1 - c c^T)] w' = tau - w x I w - (m / m_t) c x f - mu c x beta
     v' = g + R [f / m_t - (m / m_t) (w' x c + beta)].
 
-State and modes are those of the chassis on its legs (`hopdata.scenes.body`).
+State and modes are those of the chassis on its legs (`hopdata.scenes.body`); the
+parameters p are a flat vector (`hopdata.scenes.hopper_vector`).
 
 The gap of a foot is its height at rest length above the floor, the plane z = 0. A leg
 in contact pushes with F0 - k gap - c dgap/dt. Contact begins at touchdown, gap = 0, and
@@ -28,40 +29,45 @@ import numpy as np
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, field, guards, on_event
-from hopdata.scenes import hopper_parameters as hp
+from hopdata.scenes import hopper_vector as at
 from hopdata.scenes.body import (
+    CLIMB,
+    HEIGHT,
+    PITCH,
+    ROLL,
+    YAW,
     Rotation,
     Vector,
     Wrench,
     after_event,
+    angular_velocity,
     cross,
+    dot,
     euler_rates,
     legged_system,
     rotation_entries,
+    turned,
+    turned_back,
     vertical_rate,
 )
 
 
 @kept_njit(error_model="numpy")
-def solve_with_point_mass(
-    ix: float, iy: float, iz: float, mass: float, c: Vector, b: Vector
-) -> Vector:
-    """Solve ``[diag(ix, iy, iz) + mass (|c|^2 1 - c c^T)] u = b`` for u.
+def solve_with_point_mass(inertia: Vector, mass: float, c: Vector, b: Vector) -> Vector:
+    """Solve ``[diag(inertia) + mass (|c|^2 1 - c c^T)] u = b`` for u.
 
     The matrix is a diagonal matrix minus a dyad, so the Sherman-Morrison formula
     applies.
     """
-    cx, cy, cz = c
-    swing = mass * (cx * cx + cy * cy + cz * cz)
-    dx, dy, dz = ix + swing, iy + swing, iz + swing
-    gx, gy, gz = cx / dx, cy / dy, cz / dz
-    ux, uy, uz = b[0] / dx, b[1] / dy, b[2] / dz
-    factor = (
-        mass
-        * (cx * ux + cy * uy + cz * uz)
-        / (1.0 - mass * (cx * gx + cy * gy + cz * gz))
-    )
-    return ux + factor * gx, uy + factor * gy, uz + factor * gz
+    swing = mass * dot(c, c)
+    dx = inertia[0] + swing
+    dy = inertia[1] + swing
+    dz = inertia[2] + swing
+    # The diagonal matrix's solutions for the dyad and for the right-hand side.
+    g = (c[0] / dx, c[1] / dy, c[2] / dz)
+    u = (b[0] / dx, b[1] / dy, b[2] / dz)
+    factor = mass * dot(c, u) / (1.0 - mass * dot(c, g))
+    return u[0] + factor * g[0], u[1] + factor * g[1], u[2] + factor * g[2]
 
 
 # The counterweight on its boom: a prescribed swing about a vertical body axis.
@@ -69,31 +75,44 @@ def solve_with_point_mass(
 
 @kept_njit(error_model="numpy")
 def boom_angle(t: float | FloatArray, p: FloatArray) -> tuple[Any, Any, Any]:
-    """Return the boom angle (rad) and its first two time derivatives at one or many times.
+    """Return the boom angle, rad, and its first two time derivatives, at one or many t.
 
     The boom moves along a cycloid, so its acceleration is continuous at the start and
     the end.
     """
-    s = np.minimum(np.maximum((t - p[hp.BOOM_START]) / p[hp.BOOM_DURATION], 0.0), 1.0)
-    swing, turn = p[hp.BOOM_SWING], 2.0 * np.pi
-    angle = p[hp.BOOM_ANGLE] + swing * (s - np.sin(turn * s) / turn)
-    rate = swing * (1.0 - np.cos(turn * s)) / p[hp.BOOM_DURATION]
-    return angle, rate, swing * turn * np.sin(turn * s) / p[hp.BOOM_DURATION] ** 2
+    since_start = (t - p[at.BOOM_START]) / p[at.BOOM_DURATION]
+    s = np.minimum(np.maximum(since_start, 0.0), 1.0)
+    swing = p[at.BOOM_SWING]
+    turn = 2.0 * np.pi
+    angle = p[at.BOOM_ANGLE] + swing * (s - np.sin(turn * s) / turn)
+    rate = swing * (1.0 - np.cos(turn * s)) / p[at.BOOM_DURATION]
+    growth = swing * turn * np.sin(turn * s) / p[at.BOOM_DURATION] ** 2
+    return angle, rate, growth
 
 
 @kept_njit(error_model="numpy")
 def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
-    """Return position, velocity and acceleration of the counterweight in the body frame (m, s)."""
+    """Return the counterweight's position, velocity and acceleration in the body frame.
+
+    In m, m/s and m/s^2.
+    """
     angle, rate, growth = boom_angle(t, p)
-    x, y = p[hp.BOOM_RADIUS] * np.cos(angle), p[hp.BOOM_RADIUS] * np.sin(angle)
-    return (
-        (p[hp.BOOM_OFFSET] + x, y, p[hp.BOOM_HEIGHT]),
-        (-y * rate, x * rate, 0.0),
-        (-y * growth - x * rate**2, x * growth - y * rate**2, 0.0),
-    )
+    x = p[at.BOOM_RADIUS] * np.cos(angle)
+    y = p[at.BOOM_RADIUS] * np.sin(angle)
+    position = (p[at.BOOM_OFFSET] + x, y, p[at.BOOM_HEIGHT])
+    velocity = (-y * rate, x * rate, 0.0)
+    acceleration = (-y * growth - x * rate**2, x * growth - y * rate**2, 0.0)
+    return position, velocity, acceleration
 
 
 # Springy legs: their gaps, and the floor's force on the legs in contact.
+
+
+@kept_njit(error_model="numpy")
+def rest_foot(leg: int, p: FloatArray) -> Vector:
+    """Return a leg's foot at rest length, body frame, m."""
+    first = at.LEGS + at.LEG_STRIDE * leg
+    return p[first + at.FOOT_X], p[first + at.FOOT_Y], -p[at.LEG_LENGTH]
 
 
 @kept_njit(error_model="numpy")
@@ -101,11 +120,11 @@ def foot_gap(
     leg: int, y: FloatArray, rot: Rotation, p: FloatArray
 ) -> tuple[float, float]:
     """Return the gap of a leg, m, and its rate, m/s."""
-    k = hp.LEGS + hp.LEG_STRIDE * leg
-    px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
-    sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
-    gap = y[2] + rot[6] * px + rot[7] * py + rot[8] * pz
-    return gap, y[8] + rot[6] * sx + rot[7] * sy + rot[8] * sz
+    foot = rest_foot(leg, p)
+    moved = cross(angular_velocity(y), foot)
+    gap = y[HEIGHT] + rot[6] * foot[0] + rot[7] * foot[1] + rot[8] * foot[2]
+    gap_rate = y[CLIMB] + rot[6] * moved[0] + rot[7] * moved[1] + rot[8] * moved[2]
+    return gap, gap_rate
 
 
 @kept_njit(error_model="numpy")
@@ -113,68 +132,73 @@ def foot_lift(
     leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray
 ) -> float:
     """Return the acceleration of a leg's gap, m/s^2, for the state's rate `dy`."""
-    k = hp.LEGS + hp.LEG_STRIDE * leg
-    px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
-    sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
-    ax, ay, az = cross(dy[9], dy[10], dy[11], px, py, pz)
-    tx, ty, tz = vertical_rate(y, dy, rot)
-    turned = tx * sx + ty * sy + tz * sz
-    return dy[8] + turned + rot[6] * ax + rot[7] * ay + rot[8] * az
+    foot = rest_foot(leg, p)
+    moved = cross(angular_velocity(y), foot)
+    pushed = cross(angular_velocity(dy), foot)
+    by_turning = dot(vertical_rate(y, dy, rot), moved)
+    lift = dy[CLIMB] + by_turning
+    return lift + rot[6] * pushed[0] + rot[7] * pushed[1] + rot[8] * pushed[2]
 
 
 @kept_njit(error_model="numpy")
 def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> Wrench:
-    """Return the floor's force on one leg (N) and its torque about O (N m), both in body axes.
+    """Return the floor's force on one leg, N, and its torque about O, N m, body axes.
 
     The force acts at the floor beneath the foot. The sliding speed is that of the body
     at this point, so friction dissipates energy for any motion of the body.
     """
     gap, gap_rate = foot_gap(leg, y, rot, p)
-    k = hp.LEGS + hp.LEG_STRIDE * leg
-    normal = p[k] - p[hp.STIFFNESS] * gap - p[hp.DAMPING] * gap_rate
-    # Arm from O to the floor beneath the foot, body axes: rest foot minus the gap along
-    # world z.
-    qx = p[k + 1] - gap * rot[6]
-    qy = p[k + 2] - gap * rot[7]
-    qz = -p[hp.LEG_LENGTH] - gap * rot[8]
-    sx, sy, sz = cross(y[9], y[10], y[11], qx, qy, qz)
-    vx = y[6] + rot[0] * sx + rot[1] * sy + rot[2] * sz
-    vy = y[7] + rot[3] * sx + rot[4] * sy + rot[5] * sz
-    drag = (
-        -p[hp.FRICTION]
-        * normal
-        / math.sqrt(vx * vx + vy * vy + p[hp.SLIP_VELOCITY] ** 2)
-    )
-    fx, fy = drag * vx, drag * vy
-    bx = rot[0] * fx + rot[3] * fy + rot[6] * normal
-    by = rot[1] * fx + rot[4] * fy + rot[7] * normal
-    bz = rot[2] * fx + rot[5] * fy + rot[8] * normal
-    return (bx, by, bz), cross(qx, qy, qz, bx, by, bz)
+    preload = p[at.LEGS + at.LEG_STRIDE * leg + at.PRELOAD]
+    normal = preload - p[at.STIFFNESS] * gap - p[at.DAMPING] * gap_rate
+    # Arm from O to the floor beneath the foot: rest foot minus the gap along world z.
+    foot = rest_foot(leg, p)
+    arm = (foot[0] - gap * rot[6], foot[1] - gap * rot[7], foot[2] - gap * rot[8])
+    moved = cross(angular_velocity(y), arm)
+    slide_x = y[6] + rot[0] * moved[0] + rot[1] * moved[1] + rot[2] * moved[2]
+    slide_y = y[7] + rot[3] * moved[0] + rot[4] * moved[1] + rot[5] * moved[2]
+    slip = p[at.SLIP_VELOCITY] ** 2
+    speed = math.sqrt(slide_x * slide_x + slide_y * slide_y + slip)
+    drag = -p[at.FRICTION] * normal / speed
+    force = turned_back(rot, (drag * slide_x, drag * slide_y, normal))
+    return force, cross(arm, force)
 
 
 @kept_njit(error_model="numpy")
 def total_wrench(
     y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray
 ) -> tuple[Wrench, int]:
-    """Return total force and torque of the legs in contact (body axes) and the number of legs."""
-    fx, fy, fz, tx, ty, tz, standing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
-    for leg in range(int(p[hp.N_LEGS])):
+    """Return force and torque of the legs in contact, body axes, and their number."""
+    fx = fy = fz = 0.0
+    tx = ty = tz = 0.0
+    standing = 0
+    for leg in range(int(p[at.N_LEGS])):
         if mode[leg] > 0:
             force, torque = leg_wrench(leg, y, rot, p)
-            fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
-            tx, ty, tz = tx + torque[0], ty + torque[1], tz + torque[2]
+            fx += force[0]
+            fy += force[1]
+            fz += force[2]
+            tx += torque[0]
+            ty += torque[1]
+            tz += torque[2]
             standing += 1
     return ((fx, fy, fz), (tx, ty, tz)), standing
 
 
 @kept_njit(error_model="numpy")
-def swing_acceleration(w: Vector, c: Vector, c1: Vector, c2: Vector) -> Vector:
-    """Return the counterweight's acceleration in the turning body: w x (w x c) + 2 w x c' + c''."""
-    ax, ay, az = cross(w[0], w[1], w[2], c[0], c[1], c[2])
-    nx, ny, nz = cross(
-        w[0], w[1], w[2], ax + 2.0 * c1[0], ay + 2.0 * c1[1], az + 2.0 * c1[2]
+def swing_acceleration(w: Vector, swing: tuple[Vector, Vector, Vector]) -> Vector:
+    """Return the counterweight's acceleration in the turning body.
+
+    This is w x (w x c) + 2 w x c' + c'' for its motion (c, c', c'').
+    """
+    c, velocity, acceleration = swing
+    a = cross(w, c)
+    doubled = (
+        a[0] + 2.0 * velocity[0],
+        a[1] + 2.0 * velocity[1],
+        a[2] + 2.0 * velocity[2],
     )
-    return nx + c2[0], ny + c2[1], nz + c2[2]
+    n = cross(w, doubled)
+    return n[0] + acceleration[0], n[1] + acceleration[1], n[2] + acceleration[2]
 
 
 @kept_njit(error_model="numpy")
@@ -185,27 +209,37 @@ def body_accelerations(
     swing: tuple[Vector, Vector, Vector],
     p: FloatArray,
 ) -> tuple[Vector, Vector]:
-    """Return specific force on O and angular acceleration of body and point mass, in body axes."""
-    total = p[hp.MASS] + p[hp.COUNTERWEIGHT]
-    share = p[hp.COUNTERWEIGHT] / total
+    """Return specific force on O and angular acceleration of body and point mass.
+
+    Both are in body axes.
+    """
+    total = p[at.MASS] + p[at.COUNTERWEIGHT]
+    share = p[at.COUNTERWEIGHT] / total
+    reduced = p[at.COUNTERWEIGHT] * (1.0 - share)
+    inertia = (p[at.INERTIA_X], p[at.INERTIA_Y], p[at.INERTIA_Z])
     c = swing[0]
-    beta = swing_acceleration(w, c, swing[1], swing[2])
-    ix, iy, iz = p[hp.INERTIA_X], p[hp.INERTIA_Y], p[hp.INERTIA_Z]
-    gx, gy, gz = cross(w[0], w[1], w[2], ix * w[0], iy * w[1], iz * w[2])
-    reduced = p[hp.COUNTERWEIGHT] * (1.0 - share)
-    lx = share * force[0] + reduced * beta[0]
-    ly = share * force[1] + reduced * beta[1]
-    lz = share * force[2] + reduced * beta[2]
-    ax, ay, az = cross(c[0], c[1], c[2], lx, ly, lz)
-    right = (torque[0] - gx - ax, torque[1] - gy - ay, torque[2] - gz - az)
-    turn = solve_with_point_mass(ix, iy, iz, reduced, c, right)
-    sx, sy, sz = cross(turn[0], turn[1], turn[2], c[0], c[1], c[2])
-    specific = (
-        force[0] / total - share * (sx + beta[0]),
-        force[1] / total - share * (sy + beta[1]),
-        force[2] / total - share * (sz + beta[2]),
+    beta = swing_acceleration(w, swing)
+    spin = (inertia[0] * w[0], inertia[1] * w[1], inertia[2] * w[2])
+    gyroscopic = cross(w, spin)
+    load = (
+        share * force[0] + reduced * beta[0],
+        share * force[1] + reduced * beta[1],
+        share * force[2] + reduced * beta[2],
     )
-    return specific, turn
+    moment = cross(c, load)
+    right = (
+        torque[0] - gyroscopic[0] - moment[0],
+        torque[1] - gyroscopic[1] - moment[1],
+        torque[2] - gyroscopic[2] - moment[2],
+    )
+    turning = solve_with_point_mass(inertia, reduced, c, right)
+    s = cross(turning, c)
+    specific = (
+        force[0] / total - share * (s[0] + beta[0]),
+        force[1] / total - share * (s[1] + beta[1]),
+        force[2] / total - share * (s[2] + beta[2]),
+    )
+    return specific, turning
 
 
 @kept_njit(error_model="numpy")
@@ -218,23 +252,25 @@ def fill_rates(
     dy: FloatArray,
 ) -> None:
     """Fill `dy` with the state's rate under a force and a torque in body axes."""
-    w = (y[9], y[10], y[11])
-    a, turn = body_accelerations(w, wrench[0], wrench[1], boom_motion(t, p), p)
-    dy[0], dy[1], dy[2] = y[6], y[7], y[8]
-    dy[3], dy[4], dy[5] = euler_rates(y[4], y[5], y[9], y[10], y[11])
-    dy[6] = rot[0] * a[0] + rot[1] * a[1] + rot[2] * a[2]
-    dy[7] = rot[3] * a[0] + rot[4] * a[1] + rot[5] * a[2]
-    dy[8] = rot[6] * a[0] + rot[7] * a[1] + rot[8] * a[2] - p[hp.GRAVITY]
-    dy[9], dy[10], dy[11] = turn
+    w = angular_velocity(y)
+    force, torque = wrench
+    specific, turning = body_accelerations(w, force, torque, boom_motion(t, p), p)
+    for axis in range(3):
+        dy[axis] = y[6 + axis]
+    dy[YAW], dy[PITCH], dy[ROLL] = euler_rates(y[PITCH], y[ROLL], w)
+    dy[6], dy[7], climbing = turned(rot, specific)
+    dy[CLIMB] = climbing - p[at.GRAVITY]
+    dy[9], dy[10], dy[11] = turning
 
 
 @field
 def hopper_field(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
 ) -> None:
-    """Fill `dy` with the state's rate (Newton-Euler equations, see the module docstring)."""
-    rot = rotation_entries(y[3], y[4], y[5])
-    fill_rates(t, y, rot, total_wrench(y, mode, rot, p)[0], p, dy)
+    """Fill `dy` with the state's rate by the Newton-Euler equations above."""
+    rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
+    wrench, _standing = total_wrench(y, mode, rot, p)
+    fill_rates(t, y, rot, wrench, p, dy)
 
 
 @guards
@@ -247,25 +283,32 @@ def hopper_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot`: each leg's reach minus its gap, climb rate, tilt beyond its limit."""
-    n = int(p[hp.N_LEGS])
-    rot = rotation_entries(y[3], y[4], y[5])
+    """Fill `h` and `hdot`: each leg's reach minus its gap, climb rate, excess tilt."""
+    n = int(p[at.N_LEGS])
+    apex = n
+    fallen = n + 1
+    released = n + 2
+    rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
     tx, ty, tz = vertical_rate(y, dy, rot)
     for leg in range(n):
-        k = hp.LEGS + hp.LEG_STRIDE * leg
-        reach = p[hp.RELEASE_EXTENSION] if mode[n + 2 + leg] > 0 else 0.0
+        foot_x, foot_y, _below = rest_foot(leg, p)
+        reach = 0.0
+        if mode[released + leg] > 0:
+            reach = p[at.RELEASE_EXTENSION]
         h[leg] = reach - foot_gap(leg, y, rot, p)[0]
-        hdot[leg] = -(dy[2] + tx * p[k + 1] + ty * p[k + 2] - tz * p[hp.LEG_LENGTH])
-    h[n], hdot[n] = y[8], dy[8]
-    h[n + 1], hdot[n + 1] = math.cos(p[hp.TILT_LIMIT]) - rot[8], -tz
+        hdot[leg] = -(dy[HEIGHT] + tx * foot_x + ty * foot_y - tz * p[at.LEG_LENGTH])
+    h[apex] = y[CLIMB]
+    hdot[apex] = dy[CLIMB]
+    h[fallen] = math.cos(p[at.TILT_LIMIT]) - rot[8]
+    hdot[fallen] = -tz
 
 
 @on_event
 def hopper_event(
     _t: float, _y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Release the legs once all stand, re-arm a leg that lifts off, stop at an apex or a fall."""
-    return int(after_event(mode, int(p[hp.N_LEGS]), guard, direction))
+    """Release the legs once all stand, re-arm one that lifts off, stop if due."""
+    return int(after_event(mode, int(p[at.N_LEGS]), guard, direction))
 
 
 @cache

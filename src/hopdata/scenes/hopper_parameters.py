@@ -1,4 +1,8 @@
-"""Parameters of the legged hopper, in SI units, and the flat vector that its field reads."""
+"""The scene of the legged hopper: its parameters in SI units, and where its boom is.
+
+Loading it takes no compiler: the field (`hopdata.scenes.hopper`) and the control
+(`hopdata.scenes.hopper_control`) are imported by the functions that need them.
+"""
 
 from __future__ import annotations
 
@@ -9,31 +13,21 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.scenes import hopper_vector as at
 from hopdata.scenes.scene import Scene, Variant
 
 if TYPE_CHECKING:
     from hopdata.hybrid import System
 
-# Indices into the flat vector: scalars first, then (preload, x, y) of each leg's rest
-# foot.
-N_LEGS, GRAVITY, MASS, COUNTERWEIGHT, INERTIA_X, INERTIA_Y, INERTIA_Z = range(7)
-STIFFNESS, DAMPING, FRICTION, SLIP_VELOCITY, RELEASE_EXTENSION, LEG_LENGTH = range(
-    7, 13
-)
-BOOM_RADIUS, BOOM_OFFSET, BOOM_HEIGHT, BOOM_ANGLE, BOOM_SWING, BOOM_START = range(
-    13, 19
-)
-BOOM_DURATION, TILT_LIMIT, LEGS = range(19, 22)
-LEG_STRIDE = 3
-
 
 @dataclass(frozen=True, kw_only=True)
 class HopperParameters(Scene):
-    """A rigid chassis on evenly spaced, preloaded springy legs, with a counterweight on a boom.
+    """A rigid chassis on evenly spaced, preloaded springy legs, with a boom.
 
-    With the defaults it hops like the dissertation's robot: 0.63 s per hop, 0.24 m
-    high, with contacts some 10 ms apart. The origin of the body axes is the chassis'
-    centre of mass; z points up and x towards the first leg.
+    A counterweight is at the end of the boom. With the defaults it hops like the
+    dissertation's robot: 0.63 s per hop, 0.24 m high, with contacts some 10 ms apart.
+    The origin of the body axes is the chassis' centre of mass; z points up and x
+    towards the first leg.
 
     Parameters
     ----------
@@ -109,34 +103,27 @@ class HopperParameters(Scene):
     def rest_feet(self) -> FloatArray:
         """Return the feet at rest length, (n, 3), body frame, m."""
         angle = 2 * np.pi * np.arange(self.n_legs) / self.n_legs
-        below = np.full(self.n_legs, -self.leg_length_m)
-        return np.column_stack(
-            [
-                self.foot_radius_m * np.cos(angle),
-                self.foot_radius_m * np.sin(angle),
-                below,
-            ]
-        )
+        x = self.foot_radius_m * np.cos(angle)
+        y = self.foot_radius_m * np.sin(angle)
+        z = np.full(self.n_legs, -self.leg_length_m)
+        return np.column_stack([x, y, z])
 
     def system(self, variant: Variant | None = None) -> System:
-        """Return the hybrid system of the hopper, of its control, or with a `HopperDrag`."""
-        from hopdata.scenes import (
-            hopper_control,
-        )  # imported here: it imports this module
+        """Return the system of the hopper, of its control, or with a `HopperDrag`."""
+        from hopdata.scenes.hopper_control import system_of
 
-        return hopper_control.system_of(self.n_legs, variant)
+        return system_of(self.n_legs, variant)
 
     def vector(
         self, preloads_n: FloatArray | None = None, variant: Variant | None = None
     ) -> FloatArray:
         """Return the flat parameter vector; the numbers of a variant come last."""
-        legs = np.empty((self.n_legs, LEG_STRIDE))
-        legs[:, 0] = self.preload_n if preloads_n is None else preloads_n
-        legs[:, 1:] = self.rest_feet()[:, :2]
-        scalars = [float(getattr(self, one.name)) for one in fields(self)[:LEGS]]
-        return np.array(
-            [*scalars, *legs.ravel(), *(variant.numbers if variant else ())]
-        )
+        scalars = [float(getattr(self, one.name)) for one in fields(self)[: at.LEGS]]
+        legs = np.empty((self.n_legs, at.LEG_STRIDE))
+        legs[:, at.PRELOAD] = self.preload_n if preloads_n is None else preloads_n
+        legs[:, at.FOOT_X :] = self.rest_feet()[:, :2]
+        numbers = () if variant is None else variant.numbers
+        return np.array([*scalars, *legs.ravel(), *numbers])
 
     def vectors(
         self,
@@ -144,10 +131,11 @@ class HopperParameters(Scene):
         variant: Variant | None,
         since_apex_s: FloatArray | float,
     ) -> FloatArray:
-        """Return the parameter vectors (L, p) for a boom that has already swung for some time."""
+        """Return the parameter vectors (L, p); the boom has swung since the apex."""
         vectors = np.tile(self.vector(None, variant), (len(preloads_n), 1))
-        vectors[:, LEGS + LEG_STRIDE * np.arange(self.n_legs)] = preloads_n
-        vectors[:, BOOM_START] -= since_apex_s
+        first_entries = at.LEGS + at.LEG_STRIDE * np.arange(self.n_legs)
+        vectors[:, first_entries + at.PRELOAD] = preloads_n
+        vectors[:, at.BOOM_START] -= since_apex_s
         return vectors
 
     def boom_places(self, times_s: FloatArray) -> FloatArray:
@@ -158,7 +146,7 @@ class HopperParameters(Scene):
         return np.column_stack([x, y, np.full(len(times_s), self.boom_height_m)])
 
     def after(self, time_s: float) -> Self:
-        """Return the hopper with its boom where it is at `time_s`, about to swing back."""
+        """Return the hopper with its boom where it is at `time_s`, to swing back."""
         angle = float(self._boom_angles(time_s))
         return replace(self, boom_angle_rad=angle, boom_swing_rad=-self.boom_swing_rad)
 
@@ -167,20 +155,17 @@ class HopperParameters(Scene):
         return replace(self, boom_swing_rad=0.0)
 
     def by_hop(self, count: int) -> Iterator[tuple[Self, IntArray]]:
-        """Yield, for each starting angle of the boom, the hopper and the indices of its hops."""
+        """Yield, for each starting angle of the boom, the hopper and its hops."""
         if self.boom_swing_rad == 0:
             yield from super().by_hop(count)
             return
-        hops, back = np.arange(count), self.boom_angle_rad + self.boom_swing_rad
+        hops = np.arange(count)
         yield self, hops[::2]
-        yield (
-            replace(self, boom_angle_rad=back, boom_swing_rad=-self.boom_swing_rad),
-            hops[1::2],
-        )
+        swung = self.boom_angle_rad + self.boom_swing_rad
+        back = replace(self, boom_angle_rad=swung, boom_swing_rad=-self.boom_swing_rad)
+        yield back, hops[1::2]
 
     def _boom_angles(self, times_s: FloatArray | float) -> FloatArray:
-        from hopdata.scenes.hopper import (
-            boom_angle,
-        )  # imported here: it imports this module
+        from hopdata.scenes.hopper import boom_angle
 
         return np.asarray(boom_angle.py_func(times_s, self.vector())[0])

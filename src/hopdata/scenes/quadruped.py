@@ -1,4 +1,4 @@
-"""Quadruped that pronks: a rigid body on four compliant legs whose feet stay where they touch.
+"""Quadruped that pronks: a rigid body on four legs whose feet stay where they touch.
 
 Let r be the position of a leg's rest foot, v its velocity, and d its displacement since
 the foot touched. The floor pushes a leg in contact, at r, with the force
@@ -29,103 +29,136 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes.body import (
+    CLIMB,
+    HEIGHT,
     N_STATES,
+    PITCH,
+    ROLL,
+    YAW,
     Rotation,
     Vector,
     after_event,
+    angular_velocity,
     cross,
     euler_rates,
     legged_system,
     rotation_entries,
+    turned,
+    turned_back,
     vertical_rate,
 )
 from hopdata.scenes.scene import Scene, Variant, parameter
 
 N_LEGS = 4
-APEX, FALLEN, RELEASED = N_LEGS, N_LEGS + 1, N_LEGS + 2
+
+# Indices of the guards after the feet, and of the first leg's release in the mode.
+APEX = N_LEGS
+FALLEN = N_LEGS + 1
+RELEASED = N_LEGS + 2
 
 # Indices into the flat vector: the fields of `Quadruped` in order, then the preloads
 # and kappa.
-(
-    MASS,
-    INERTIA_X,
-    INERTIA_Y,
-    INERTIA_Z,
-    STIFFNESS,
-    DAMPING,
-    SIDE_STIFFNESS,
-    SIDE_DAMPING,
-) = range(8)
-HALF_LENGTH, HALF_WIDTH, LEG_LENGTH, RELEASE_EXTENSION, TILT_LIMIT, GRAVITY = range(
-    9, 15
-)
-PRELOADS, COUPLING = 15, 15 + N_LEGS
+MASS = 0
+INERTIA_X = 1
+INERTIA_Y = 2
+INERTIA_Z = 3
+STIFFNESS = 4
+DAMPING = 5
+SIDE_STIFFNESS = 6
+SIDE_DAMPING = 7
+HALF_LENGTH = 9
+HALF_WIDTH = 10
+LEG_LENGTH = 11
+RELEASE_EXTENSION = 12
+TILT_LIMIT = 13
+GRAVITY = 14
+PRELOADS = 15
+COUPLING = PRELOADS + N_LEGS
 
 
 @kept_njit(error_model="numpy")
 def rest_place(leg: int, p: FloatArray) -> Vector:
-    """Return a leg's foot at rest length, body frame, m: left and right in front, then behind."""
-    x = p[HALF_LENGTH] if leg < 2 else -p[HALF_LENGTH]
-    return x, p[HALF_WIDTH] if leg % 2 == 0 else -p[HALF_WIDTH], -p[LEG_LENGTH]
+    """Return a leg's foot at rest length, body frame, m.
 
-
-@kept_njit(error_model="numpy")
-def turned(rot: Rotation, x: float, y: float, z: float) -> Vector:
-    """Return the vector R (x, y, z)."""
-    return (
-        rot[0] * x + rot[1] * y + rot[2] * z,
-        rot[3] * x + rot[4] * y + rot[5] * z,
-        rot[6] * x + rot[7] * y + rot[8] * z,
-    )
+    Left and right in front come first, then left and right behind.
+    """
+    x = p[HALF_LENGTH]
+    if leg >= 2:
+        x = -x
+    y = p[HALF_WIDTH]
+    if leg % 2 == 1:
+        y = -y
+    return x, y, -p[LEG_LENGTH]
 
 
 @kept_njit(error_model="numpy")
 def rest_motion(
     leg: int, y: FloatArray, rot: Rotation, p: FloatArray
 ) -> tuple[Vector, Vector]:
-    """Return a rest foot's position relative to O, m, and its velocity, m/s, in world axes."""
-    bx, by, bz = rest_place(leg, p)
-    sx, sy, sz = cross(y[9], y[10], y[11], bx, by, bz)
-    ux, uy, uz = turned(rot, sx, sy, sz)
-    return turned(rot, bx, by, bz), (y[6] + ux, y[7] + uy, y[8] + uz)
+    """Return a rest foot's place relative to O, m, and velocity, m/s, world axes."""
+    foot = rest_place(leg, p)
+    moved = turned(rot, cross(angular_velocity(y), foot))
+    velocity = (y[6] + moved[0], y[7] + moved[1], y[8] + moved[2])
+    return turned(rot, foot), velocity
+
+
+@kept_njit(error_model="numpy")
+def leg_force(
+    leg: int, y: FloatArray, place: Vector, velocity: Vector, p: FloatArray
+) -> Vector:
+    """Return the floor's force on a leg in contact, world axes, N.
+
+    The two states of the leg are its foot's way aside since touchdown.
+    """
+    aside = N_STATES + 2 * leg
+    return (
+        -p[SIDE_STIFFNESS] * y[aside] - p[SIDE_DAMPING] * velocity[0],
+        -p[SIDE_STIFFNESS] * y[aside + 1] - p[SIDE_DAMPING] * velocity[1],
+        p[PRELOADS + leg]
+        - p[STIFFNESS] * (y[HEIGHT] + place[2])
+        - p[DAMPING] * velocity[2],
+    )
 
 
 @field
 def quadruped_field(
     _t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
 ) -> None:
-    """Fill `dy` with the state's rate (Newton-Euler equations, see the module docstring)."""
-    rot = rotation_entries(y[3], y[4], y[5])
-    fx, fy, fz, tx, ty, tz, standing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
+    """Fill `dy` with the state's rate by the Newton-Euler equations above."""
+    rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
     dy[N_STATES:] = 0.0
+    fx = fy = fz = 0.0
+    tx = ty = tz = 0.0
+    standing = 0
     for leg in range(N_LEGS):
         if mode[leg] > 0:
-            k = N_STATES + 2 * leg
-            (rx, ry, rz), (vx, vy, vz) = rest_motion(leg, y, rot, p)
-            px = -p[SIDE_STIFFNESS] * y[k] - p[SIDE_DAMPING] * vx
-            py = -p[SIDE_STIFFNESS] * y[k + 1] - p[SIDE_DAMPING] * vy
-            pz = p[PRELOADS + leg] - p[STIFFNESS] * (y[2] + rz) - p[DAMPING] * vz
-            qx, qy, qz = cross(rx, ry, rz, px, py, pz)
-            fx, fy, fz, tx, ty, tz = (
-                fx + px,
-                fy + py,
-                fz + pz,
-                tx + qx,
-                ty + qy,
-                tz + qz,
-            )
-            dy[k], dy[k + 1] = vx, vy
+            place, velocity = rest_motion(leg, y, rot, p)
+            force = leg_force(leg, y, place, velocity, p)
+            torque = cross(place, force)
+            fx += force[0]
+            fy += force[1]
+            fz += force[2]
+            tx += torque[0]
+            ty += torque[1]
+            tz += torque[2]
+            dy[N_STATES + 2 * leg] = velocity[0]
+            dy[N_STATES + 2 * leg + 1] = velocity[1]
             standing += 1
     share = 1.0 + p[COUPLING] * (standing - N_LEGS)
     per_mass = share / p[MASS]
-    ix, iy, iz = p[INERTIA_X], p[INERTIA_Y], p[INERTIA_Z]
-    gx, gy, gz = cross(y[9], y[10], y[11], ix * y[9], iy * y[10], iz * y[11])
-    dy[0], dy[1], dy[2] = y[6], y[7], y[8]
-    dy[3], dy[4], dy[5] = euler_rates(y[4], y[5], y[9], y[10], y[11])
-    dy[6], dy[7], dy[8] = per_mass * fx, per_mass * fy, per_mass * fz - p[GRAVITY]
-    dy[9] = (share * (rot[0] * tx + rot[3] * ty + rot[6] * tz) - gx) / ix
-    dy[10] = (share * (rot[1] * tx + rot[4] * ty + rot[7] * tz) - gy) / iy
-    dy[11] = (share * (rot[2] * tx + rot[5] * ty + rot[8] * tz) - gz) / iz
+    w = angular_velocity(y)
+    spin = (p[INERTIA_X] * w[0], p[INERTIA_Y] * w[1], p[INERTIA_Z] * w[2])
+    gyroscopic = cross(w, spin)
+    torque = turned_back(rot, (tx, ty, tz))
+    for axis in range(3):
+        dy[axis] = y[6 + axis]
+    dy[YAW], dy[PITCH], dy[ROLL] = euler_rates(y[PITCH], y[ROLL], w)
+    dy[6] = per_mass * fx
+    dy[7] = per_mass * fy
+    dy[CLIMB] = per_mass * fz - p[GRAVITY]
+    for axis in range(3):
+        moment = share * torque[axis] - gyroscopic[axis]
+        dy[9 + axis] = moment / p[INERTIA_X + axis]
 
 
 @guards
@@ -138,25 +171,30 @@ def quadruped_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot`: each leg's reach minus its foot's height, climb rate, tilt."""
-    rot = rotation_entries(y[3], y[4], y[5])
+    """Fill `h` and `hdot`: each leg's reach minus its height, climb rate, tilt."""
+    rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
     tx, ty, tz = vertical_rate(y, dy, rot)
     for leg in range(N_LEGS):
         bx, by, bz = rest_place(leg, p)
-        reach = p[RELEASE_EXTENSION] if mode[RELEASED + leg] > 0 else 0.0
-        h[leg] = reach - (y[2] + rot[6] * bx + rot[7] * by + rot[8] * bz)
-        hdot[leg] = -(dy[2] + tx * bx + ty * by + tz * bz)
-    h[APEX], hdot[APEX] = y[8], dy[8]
-    h[FALLEN], hdot[FALLEN] = math.cos(p[TILT_LIMIT]) - rot[8], -tz
+        reach = 0.0
+        if mode[RELEASED + leg] > 0:
+            reach = p[RELEASE_EXTENSION]
+        h[leg] = reach - (y[HEIGHT] + rot[6] * bx + rot[7] * by + rot[8] * bz)
+        hdot[leg] = -(dy[HEIGHT] + tx * bx + ty * by + tz * bz)
+    h[APEX] = y[CLIMB]
+    hdot[APEX] = dy[CLIMB]
+    h[FALLEN] = math.cos(p[TILT_LIMIT]) - rot[8]
+    hdot[FALLEN] = -tz
 
 
 @on_event
 def quadruped_event(
     _t: float, y: FloatArray, mode: IntArray, _p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Release the legs once all stand, free a foot that lifts off, stop at an apex or a fall."""
+    """Release the legs once all stand, free a foot that lifts off, stop if due."""
     if guard < N_LEGS and direction < 0:
-        y[N_STATES + 2 * guard], y[N_STATES + 2 * guard + 1] = 0.0, 0.0
+        y[N_STATES + 2 * guard] = 0.0
+        y[N_STATES + 2 * guard + 1] = 0.0
     return int(after_event(mode, N_LEGS, guard, direction))
 
 
@@ -173,7 +211,10 @@ SYSTEM = legged_system(
 
 @dataclass(frozen=True, kw_only=True)
 class Quadruped(Scene):
-    """Parameters of the quadruped, in SI units. Feet 1 and 2 are in front, 1 and 3 on the left."""
+    """Parameters of the quadruped, in SI units.
+
+    Feet 1 and 2 are in front, 1 and 3 on the left.
+    """
 
     controls: ClassVar[tuple[str, ...]] = ("coupling",)
     feet_slide: ClassVar[bool] = False
@@ -249,7 +290,7 @@ class Quadruped(Scene):
     ) -> FloatArray:
         """Return the flat parameter vector; its last entry is the coupling."""
         scalars = [getattr(self, one.name) for one in fields(self)]
-        preloads = np.broadcast_to(
-            self.preload_n if preloads_n is None else preloads_n, N_LEGS
-        )
-        return np.array([*scalars, *preloads, variant.numbers[0] if variant else 0.0])
+        if preloads_n is None:
+            preloads_n = np.full(N_LEGS, self.preload_n)
+        coupling = 0.0 if variant is None else variant.numbers[0]
+        return np.array([*scalars, *preloads_n, coupling])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Variant(Protocol):
-    """A body that replaces the plain scene; its numbers follow the scene's parameters."""
+    """A body that replaces the plain scene; its numbers follow the parameters."""
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -38,7 +38,7 @@ class Variant(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """Strengths of three effects that break the continuous differentiability of a landing.
+    """Strengths of three effects that make a landing not differentiable.
 
     With all strengths zero, the control equals the scene itself.
 
@@ -98,12 +98,15 @@ class Scene(ABC):
 
     @property
     def leg_length_m(self) -> float:
-        """Height of the level body's origin when the first foot touches the floor, m."""
+        """Height of the level body's origin when the first foot touches, m."""
         return -float(self.rest_feet()[:, 2].min())
 
     @abstractmethod
     def rest_feet(self) -> FloatArray:
-        """Return the feet at rest length, (n, 3), body frame, m; they touch at a gap of zero."""
+        """Return the feet at rest length, (n, 3), body frame, m.
+
+        They touch at a gap of zero.
+        """
 
     @abstractmethod
     def system(self, variant: Variant | None = None, /) -> System:
@@ -143,21 +146,24 @@ class Scene(ABC):
         return np.array([self.vector(row, variant) for row in preloads_n])
 
     def require_take_off(self, key: str) -> None:
-        """Raise a `ConfigError` about `key` if extended legs do not carry the weight."""
+        """Raise a `ConfigError` about `key` if extended legs cannot carry the body."""
         push = self.preload_n - self.stiffness_n_m * self.release_extension_m
         share = self.total_mass_kg * self.gravity_m_s2 / self.n_legs
-        wanted = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N"
-        found = f"{push:.2f} N: it cannot lift off"
-        require(push > share, key, f"{wanted}, the weight per leg", found)
+        least = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N"
+        wanted = f"{least}, the weight per leg"
+        require(push > share, key, wanted, f"{push:.2f} N: it cannot lift off")
 
     # Motion of a boom from hop to hop; by default there is no boom.
 
     def boom_places(self, times_s: FloatArray) -> FloatArray:
-        """Return boom positions (N, 3), body frame, m, at times since the apex; else (N, 0)."""
+        """Return boom positions, body frame, m, at N times since the apex.
+
+        (N, 3), or (N, 0) without a boom.
+        """
         return np.empty((len(times_s), 0))
 
     def after(self, _time_s: float) -> Self:
-        """Return the scene as it is when the next hop begins, a given time after this apex."""
+        """Return the scene as it is when the next hop begins, this time later."""
         return self
 
     def still(self) -> Self:
@@ -165,7 +171,7 @@ class Scene(ABC):
         return self
 
     def by_hop(self, count: int) -> Iterator[tuple[Self, IntArray]]:
-        """Yield, for each starting angle of a swinging boom, the scene and the indices of hops."""
+        """Yield, for each starting angle of a boom, the scene and its hops' indices."""
         yield self, np.arange(count)
 
 
@@ -182,5 +188,7 @@ def parameter(default: float, description: str, unit: str = "", **bounds: float)
         JSON schema bounds: ``minimum``, ``exclusiveMinimum``, ``maximum``,
         ``exclusiveMaximum``.
     """
-    told = {"description": description} | ({"x-unit": unit} if unit else {})
-    return field(default=default, metadata={**told, **bounds})
+    metadata: dict[str, Any] = {"description": description}
+    if unit:
+        metadata["x-unit"] = unit
+    return field(default=default, metadata={**metadata, **bounds})

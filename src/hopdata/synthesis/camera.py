@@ -13,7 +13,7 @@ from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Tri
 
 @dataclass(frozen=True)
 class CurvedFloor:
-    """Height of the measured floor: a bowl that levels off, plus waves; not a polynomial.
+    """Height of the measured floor: a bowl that levels off, plus waves.
 
     Parameters
     ----------
@@ -40,11 +40,11 @@ class CurvedFloor:
 def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
     """Draw the directions, lengths and phases of a floor's waves."""
     angle = rng.uniform(0.0, 2.0 * np.pi, options.waves)
-    number = (
-        2.0 * np.pi / (options.wave_length_m * rng.uniform(1.0, 1.5, options.waves))
-    )
+    length_m = options.wave_length_m * rng.uniform(1.0, 1.5, options.waves)
+    number = 2.0 * np.pi / length_m
     vectors = np.column_stack([number * np.cos(angle), number * np.sin(angle)])
-    return CurvedFloor(options, vectors, rng.uniform(0.0, 2.0 * np.pi, options.waves))
+    phases = rng.uniform(0.0, 2.0 * np.pi, options.waves)
+    return CurvedFloor(options, vectors, phases)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,19 +118,21 @@ class MotionCapture:
         for marker in range(markers):
             count = rng.poisson(expected)
             starts = rng.integers(0, max(frames, 1), count)
-            for start, length in zip(
-                starts, rng.geometric(end_probability, count), strict=True
-            ):
+            lengths = rng.geometric(end_probability, count)
+            for start, length in zip(starts, lengths, strict=True):
                 hidden[start : start + length, marker] = True
         return hidden
 
 
-RUNNING_AHEAD_S = 0.1  # s after the apex over which feet come to run ahead
+ON_FLOOR = np.array([1.0, 1.0, 0.0])  # takes a place to the floor beneath it
+#: Time after the apex over which the feet of a control with a delay come to run ahead.
+#: Unit: s. Origin: chosen.
+RUNNING_AHEAD_S = 0.1
 
 
 @dataclass(frozen=True)
 class MarkerTracks:
-    """True marker positions over a flat floor, with names, roles and contacts in each frame.
+    """True marker positions over a flat floor, with names, roles and contacts.
 
     `positions` (N, M, 3) m, world frame; body markers first, then feet, then a boom's.
     `foot_down` (N, n): whether each foot is in contact.
@@ -152,25 +154,31 @@ def track_markers(
     """
     down, feet = _follow_feet(trial, scene, options.retraction_s, delay_s)
     body = fixed_markers(trial.states, np.array(options.body_m))
+    # One place of a boom in each frame, or none.
     ends = trial.boom.reshape(len(trial.boom), trial.boom.shape[1] // 3, 3)
     boom = in_world(trial.states, ends + options.boom_m)
-    counts = {"body": body.shape[1], "foot": feet.shape[1], "boom": boom.shape[1]}
-    names = [f"{role}{i + 1}" for role in ("body", "foot") for i in range(counts[role])]
+    n_body = body.shape[1]
+    n_feet = feet.shape[1]
+    n_booms = boom.shape[1]
     return MarkerTracks(
         positions=np.concatenate([body, feet, boom], axis=1),
-        names=(*names, *["boom"] * counts["boom"]),
-        roles=tuple(role for role, count in counts.items() for _ in range(count)),
+        names=(
+            *(f"body{i + 1}" for i in range(n_body)),
+            *(f"foot{i + 1}" for i in range(n_feet)),
+            *("boom" for _ in range(n_booms)),
+        ),
+        roles=(*("body",) * n_body, *("foot",) * n_feet, *("boom",) * n_booms),
         foot_down=down,
     )
 
 
 def fixed_markers(states: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Return world positions, (N, B, 3) m, of body-fixed points (B, 3), for states (N, 12)."""
+    """Return world positions, (N, B, 3) m, of body-fixed points (B, 3)."""
     return in_world(states, np.broadcast_to(points_m, (len(states), *points_m.shape)))
 
 
 def in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Return world positions, (N, B, 3) m, of points (N, B, 3) in body axes, states (N, 12)."""
+    """Return world positions, (N, B, 3) m, of points (N, B, 3) in body axes."""
     turned = np.einsum("nij,nbj->nbi", rotation_matrices(states[:, 3:6]), points_m)
     return states[:, None, :3] + turned
 
@@ -196,7 +204,9 @@ def _follow_feet(
         flying = rest + np.einsum("nij,nj->ni", rotations, drawn)
         if delay_s != 0:
             flying[:, 2] += delay_s * _running_ahead(trial, scene, leg, since, time)
-        standing = rest * [1.0, 1.0, 0.0] if scene.feet_slide else place
+        standing = place
+        if scene.feet_slide:
+            standing = rest * ON_FLOOR
         feet[:, leg] = np.where(down[:, [leg]], standing, flying)
     return down, feet
 
@@ -204,9 +214,11 @@ def _follow_feet(
 def _running_ahead(
     trial: Trial, scene: Scene, leg: int, since: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """Return a foot's climb rate, m/s, faded in, until it touches after the apex; then 0; (N,)."""
-    falling = time - trial.apex_s[np.searchsorted(trial.apex_s, time, side="right") - 1]
-    share = np.where(since > falling, smooth_step(falling / RUNNING_AHEAD_S), 0.0)
+    """Return a foot's climb rate, (N,), m/s: faded in from apex to contact."""
+    apex = np.searchsorted(trial.apex_s, time, side="right") - 1
+    falling = time - trial.apex_s[apex]
+    has_not_touched = since > falling
+    share = np.where(has_not_touched, smooth_step(falling / RUNNING_AHEAD_S), 0.0)
     return np.asarray(share * rest_foot_climb(scene, trial.states, leg))
 
 
@@ -219,17 +231,18 @@ def _last_event(
     offset from the rest place, (N, 3), body frame, m; and whether it touched down (else
     it lifted off).
     """
-    mine = np.flatnonzero(trial.event_leg == leg)
-    states, touches = trial.event_state[mine], trial.event_down[mine]
+    own = np.flatnonzero(trial.event_leg == leg)
+    states = trial.event_state[own]
+    touches = trial.event_down[own]
     rest = rest_foot(scene, states, leg)
-    place = rest * [1.0, 1.0, 0.0]
+    place = rest * ON_FLOOR
     if not scene.feet_slide:  # place of the touchdown before the lift-off
         place[~touches] = place[np.flatnonzero(~touches) - 1]
     extension = np.einsum("nji,nj->ni", rotation_matrices(states[:, 3:6]), place - rest)
-    # Before the first event: in flight, at rest length.
-    when = np.append(trial.event_time[mine], -np.inf)
+    # Before the first event (index -1): in flight, at rest length.
+    when = np.append(trial.event_time[own], -np.inf)
+    places = np.vstack([place, np.zeros(3)])
+    extensions = np.vstack([extension, np.zeros(3)])
+    downs = np.append(touches, False)
     last = np.searchsorted(when[:-1], time, side="right") - 1
-    place, extension = (
-        np.vstack([one, np.zeros(3)])[last] for one in (place, extension)
-    )
-    return time - when[last], place, extension, np.append(touches, False)[last]
+    return time - when[last], places[last], extensions[last], downs[last]

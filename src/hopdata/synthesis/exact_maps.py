@@ -32,16 +32,22 @@ from hopdata.synthesis.hops import padded
 
 # Free components of an apex state, without place and heading.
 FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
+#: Relative tolerance of the integrations that give the exact maps.
+#: Unit: 1. Origin: chosen.
 RTOL = 1e-12
-# A single method, since code that carries the derivative takes seconds to compile for
-# each.
 EXACTLY: dict[str, Any] = {
     "rtol": RTOL,
     "atol": 1e-14,
+    # A single method, since code that carries the derivative takes seconds to compile
+    # for each.
     "method": "dop853",
     "jacobian": True,
 }
+#: Contacts that are no further apart are simultaneous.
+#: Unit: s. Origin: chosen.
 SAME_INSTANT_S = 1e-13
+#: Most corrections of a simultaneous contact before it is given up.
+#: Unit: 1. Origin: chosen.
 MOST_STEPS = 20
 
 
@@ -63,7 +69,7 @@ class SimultaneousLanding:
 
 @cache
 def flying_system(system: System) -> System:
-    """Return a scene's field without guards: all legs stay up (mode -1) or down (+1)."""
+    """Return a scene's field without guards: legs stay up (mode -1) or down (+1)."""
     return System(
         field=system.field, n_states=system.n_states, n_extra_modes=system.n_modes
     )
@@ -98,23 +104,32 @@ def simultaneous_landing(
         If it does not converge, since the landings are far from a simultaneous contact.
     """
     moved = homed(apex_states)[:, FREE]
-    mean, wide = moved.mean(axis=0), np.cov(moved.T)
-    apex, fall = np.zeros(N_STATES), 0.0
+    mean = moved.mean(axis=0)
+    covariance = np.cov(moved.T)
+    apex = np.zeros(N_STATES)
     apex[FREE] = mean
+    fall = _free_fall(scene, apex)
     for _ in range(MOST_STEPS):
         jacobian, fall, delays, instants = _contact(scene, control, apex, fall)
         if np.ptp(instants) < SAME_INSTANT_S:
             return SimultaneousLanding(apex, fall)
-        slope = (delays @ jacobian)[:, FREE]
-        slope, apart = slope - slope.mean(axis=0), instants - instants.mean()
+        slopes = (delays @ jacobian)[:, FREE]
+        slope = slopes - slopes.mean(axis=0)
+        apart = instants - instants.mean()
         # The point of the linearised set nearest to the mean, not to the last guess.
         missing = apart - slope @ (apex[FREE] - mean)
-        weights = np.linalg.lstsq(slope @ wide @ slope.T, missing, rcond=1e-10)[0]
-        apex[FREE] = mean - wide @ slope.T @ weights
-    found = (
-        f"instants {1e3 * np.ptp(instants):.3g} ms apart after {MOST_STEPS} corrections"
-    )
+        normal = slope @ covariance @ slope.T
+        weights = np.linalg.lstsq(normal, missing, rcond=1e-10)[0]
+        apex[FREE] = mean - covariance @ slope.T @ weights
+    apart_ms = 1e3 * np.ptp(instants)
+    found = f"instants {apart_ms:.3g} ms apart after {MOST_STEPS} corrections"
     raise AnalysisError.at("simultaneous contact", "one near the mean landing", found)
+
+
+def _free_fall(scene: Scene, apex: FloatArray) -> float:
+    """Return the time, s, in which a level body at rest would fall to its contact."""
+    height = apex[2] - scene.leg_length_m
+    return float(np.sqrt(2 * height / scene.gravity_m_s2))
 
 
 def _contact(
@@ -126,42 +141,40 @@ def _contact(
     instant, the derivatives of the contact instants with respect to that state, and
     these instants relative to it.
     """
-    n, system, vector = scene.n_legs, scene.system(control), scene.vector(None, control)
-    fall = fall or float(
-        np.sqrt(2 * (apex[2] - scene.leg_length_m) / scene.gravity_m_s2)
-    )
+    n = scene.n_legs
+    system = scene.system(control)
+    vector = scene.vector(None, control)
     for _ in range(MOST_STEPS):
         flight = _flown(system, vector, (0.0, fall), apex)
         start = Instant(fall, flight.y_end, flight_mode(system, -1.0), vector)
         here = linearise(system, start, np.ones(system.n_states))
-        instants = -(guards_at(system, start, here.rate)[0] / here.guard_rates)[:n]
+        h, _ = guards_at(system, start, here.rate)
+        instants = -(h / here.guard_rates)[:n]
         if abs(instants.mean()) < SAME_INSTANT_S:
             break
         fall += float(instants.mean())
-    return (
-        _slopes(flight),
-        fall,
-        -here.gradients[:n] / here.guard_rates[:n, None],
-        instants,
-    )
+    delays = -here.gradients[:n] / here.guard_rates[:n, None]
+    return _slopes(flight), fall, delays, instants
 
 
 def _flown(
     system: System, vector: FloatArray, t_span: tuple[float, float], state: FloatArray
 ) -> Solution:
     """Fly with all legs up, carrying the derivative with respect to the state."""
-    start, mode = padded(state, system), flight_mode(system, -1.0).tolist()
-    return solve(
-        flying_system(system), t_span, start, params=vector, mode=mode, **EXACTLY
-    )
+    start = padded(state, system)
+    mode = flight_mode(system, -1.0).tolist()
+    flying = flying_system(system)
+    return solve(flying, t_span, start, params=vector, mode=mode, **EXACTLY)
 
 
 def _slopes(solution: Solution) -> FloatArray:
-    """Return the derivatives of all states with respect to those of the body, (s, 12)."""
+    """Return the derivatives of all states with respect to the body's, (s, 12)."""
     return np.asarray(solution.jacobian)[:, :N_STATES]
 
 
-ALL_ORDERS_UP_TO = 3  # largest number of feet that can touch in any order
+#: Largest number of feet that can touch in any order.
+#: Unit: 1. Origin: derived: three points of a plane can have any heights.
+ALL_ORDERS_UP_TO = 3
 
 
 @dataclass(frozen=True)
@@ -198,7 +211,7 @@ def section_jacobians(
     apex_states: FloatArray,
     sections: landings.SectionHeights,
 ) -> SectionJacobians:
-    """Return each schedule's linear map at the simultaneous contact nearest to the mean.
+    """Return each schedule's map at the simultaneous contact nearest to the mean.
 
     Parameters
     ----------
@@ -220,47 +233,50 @@ def section_jacobians(
         both impulses and a delay; after the first contact the others are then later, or
         over.
     """
-    if (
-        control.impulse and control.delay_s
-    ):  # an impulse moves guards that depend on velocities
+    # An impulse moves guards that depend on velocities.
+    if control.impulse and control.delay_s:
         raise AnalysisError(
             "simultaneous contact: expected impulses or a delay, found both"
         )
     landing = simultaneous_landing(scene, control, apex_states)
     preloads = np.full((1, scene.n_legs), scene.preload_n)
-    of = (scene, control, landing.apex_state[None], preloads, sections)
-    fall = landings.true_landings(*of, rtol=RTOL, workers=1)
-    if not fall.pre_time_s[0] < landing.contact_time_s:
-        wanted = (
-            f"a simultaneous contact below the pre section ({sections.pre_m:.4g} m)"
-        )
+    fall = landings.true_landings(
+        scene,
+        control,
+        landing.apex_state[None],
+        preloads,
+        sections,
+        rtol=RTOL,
+        workers=1,
+    )
+    contact_s = landing.contact_time_s
+    pre_s = float(fall.pre_time_s[0])
+    if not pre_s < contact_s:
+        height = f"{sections.pre_m:.4g} m"
+        wanted = f"a simultaneous contact below the pre section ({height})"
         raise AnalysisError.at("sections", wanted, "it above")
-    pre, centre = fall.pre_state[0], sections.centre_m
-    system, vector = scene.system(control), scene.vector(None, control)
-    flight = _flown(
-        system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre
-    )
-    start = Instant(
-        landing.contact_time_s, flight.y_end, flight_mode(system, -1.0), vector
-    )
-    tree = BouligandDerivative(
-        system, start, range(scene.n_legs), np.ones(system.n_states)
-    )
+    pre = fall.pre_state[0]
+    centre = sections.centre_m
+    system = scene.system(control)
+    vector = scene.vector(None, control)
+    flight = _flown(system, vector, (pre_s, contact_s), pre)
+    start = Instant(contact_s, flight.y_end, flight_mode(system, -1.0), vector)
+    scale = np.ones(system.n_states)
+    tree = BouligandDerivative(system, start, range(scene.n_legs), scale)
     before = _slopes(flight) @ landings.section_tangents(pre, centre)
     orders = _orders(tree, landing, apex_states, vector)
-    maps, outcomes = [], []
+    maps = []
+    outcomes = []
     for order in orders:
         node = tree.node(order)
         flow, post = _to_post_section(scene, control, sections, node.here.instant)
-        maps.append(
-            landings.output_slopes(pre, post, centre) @ (flow @ node.product @ before)
-        )
+        slopes = landings.output_slopes(pre, post, centre)
+        maps.append(slopes @ (flow @ node.product @ before))
         outcomes.append(landings.output_coordinates(pre, post, centre))
     schedules = tuple(">".join(str(foot + 1) for foot in order) for order in orders)
     x = landings.input_coordinates(pre, centre)
-    return SectionJacobians(
-        landing, pre, schedules, np.array(maps), x, np.array(outcomes)
-    )
+    y = np.array(outcomes)
+    return SectionJacobians(landing, pre, schedules, np.array(maps), x, y)
 
 
 def _orders(
@@ -276,9 +292,8 @@ def _orders(
     """
     if len(tree.guards) <= ALL_ORDERS_UP_TO:
         return tuple(permutations(tree.guards))
-    flight = _flown(
-        tree.system, vector, (0.0, landing.contact_time_s), landing.apex_state
-    )
+    t_span = (0.0, landing.contact_time_s)
+    flight = _flown(tree.system, vector, t_span, landing.apex_state)
     apart = (homed(apex_states) - landing.apex_state) @ _slopes(flight).T
     return tuple(sorted({tree.order(deviation) for deviation in apart}))
 
@@ -286,28 +301,29 @@ def _orders(
 def _to_post_section(
     scene: Scene, control: Control, sections: landings.SectionHeights, start: Instant
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the derivative, (12, s), of the state at the post section, and that state."""
-    n, own = scene.n_legs, scene.system(control)
-    system, mode = landings.landing_system(own), start.mode.copy()
+    """Return the derivative, (12, s), of the state at the post section, and it."""
+    n = scene.n_legs
+    own = scene.system(control)
+    system = landings.landing_system(own)
+    mode = start.mode.copy()
     mode[n : n + 2] = [-1, 1]  # falling, above the section
-    vector = landings.landing_vectors(
-        scene, control, np.full((1, n), scene.preload_n),
-        point_m=sections.centre_m, height_m=sections.post_m,
-    )[0]  # fmt: skip
-    t_span, begin = (
-        (start.t, start.t + landings.LONGEST_S),
-        np.append(start.y, [start.t] * n),
+    vectors = landings.landing_vectors(
+        scene,
+        control,
+        np.full((1, n), scene.preload_n),
+        point_m=sections.centre_m,
+        height_m=sections.post_m,
     )
+    vector = vectors[0]
+    t_span = (start.t, start.t + landings.LONGEST_S)
+    begin = np.append(start.y, [start.t] * n)
     stance = solve(system, t_span, begin, params=vector, mode=mode.tolist(), **EXACTLY)
     if stance.status != TERMINATED or stance.mode[n + 1] > 0:
         wanted = f"the body to sink to the post section ({sections.post_m:.4g} m)"
         raise AnalysisError.at("sections", wanted, stance.message)
     end = Instant(stance.t_end, stance.y_end, stance.mode, vector)
-    post, flow = (
-        stance.y_end[:N_STATES],
-        np.asarray(stance.jacobian)[:N_STATES, : own.n_states],
-    )
+    post = stance.y_end[:N_STATES]
+    flow = np.asarray(stance.jacobian)[:N_STATES, : own.n_states]
     rate = field_at(system, end)[:N_STATES]
-    return project_onto_section(
-        flow, rate, landings.height_slope(post, sections.centre_m)
-    ), post
+    gradient = landings.height_slope(post, sections.centre_m)
+    return project_onto_section(flow, rate, gradient), post

@@ -9,12 +9,23 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.layout import SLIDING, TERMINATED, TOO_MANY_EVENTS, ZENO
-from hopdata.scenes.body import N_STATES, euler_rates, flight_mode, rotation_matrices
+from hopdata.scenes.body import (
+    CLIMB,
+    N_STATES,
+    PITCH,
+    ROLL,
+    euler_rates,
+    flight_mode,
+    rotation_matrices,
+)
 from hopdata.scenes.scene import Control, Scene, Variant
 
-# A foot with this many contact events in one hop is chattering: it neither stands nor
-# flies.
-OPTIONS: dict[str, Any] = {"rtol": 1e-10, "atol": 1e-12, "max_events": 100_000}
+OPTIONS: dict[str, Any] = {
+    "rtol": 1e-10,
+    "atol": 1e-12,
+    # A foot with so many contact events in one hop neither stands nor flies.
+    "max_events": 100_000,
+}
 
 
 @dataclass(frozen=True)
@@ -53,7 +64,7 @@ class Hop:
         return self.ending != "apex"
 
     def first_contacts(self) -> IntArray:
-        """Return the event index of each leg's first touchdown, (n,); -1 if it did not touch."""
+        """Return the event index of each leg's first touchdown, (n,); -1 if none."""
         first = np.full(len(self.preloads_n), -1)
         for k in np.flatnonzero(self.event_down)[::-1]:
             first[self.event_leg[k]] = k
@@ -66,9 +77,8 @@ class Hop:
 
     def all_stood(self) -> bool:
         """Tell whether all legs were in contact at once."""
-        return bool(
-            np.any(np.cumsum(np.where(self.event_down, 1, -1)) == len(self.preloads_n))
-        )
+        n_standing = np.cumsum(np.where(self.event_down, 1, -1))
+        return bool(np.any(n_standing == len(self.preloads_n)))
 
 
 def fly_hop(
@@ -104,34 +114,39 @@ def fly_hop(
         `Scene`.
     """
     n = scene.n_legs
-    preloads = np.full(n, scene.preload_n) if preloads_n is None else preloads_n
-    frames = np.empty(0) if frame_times_s is None else frame_times_s
+    if preloads_n is None:
+        preloads_n = np.full(n, scene.preload_n)
+    if frame_times_s is None:
+        frame_times_s = np.empty(0)
     system = scene.system(variant)
     wanted = [*(f"foot{leg + 1}" for leg in range(n)), "apex", "fallen"]
     if not set(wanted) <= set(system.guard_names):
-        raise AnalysisError.at(
-            "guards of the scene", ", ".join(wanted), system.guard_names
-        )
+        guards = "guards of the scene"
+        raise AnalysisError.at(guards, ", ".join(wanted), system.guard_names)
     first = system.guard_names.index("foot1")
-    mode = flight_mode(system, state[8])
-    if first and variant is not None:  # a board, which it may have passed already
+    has_board = first > 0
+    mode = flight_mode(system, state[CLIMB])
+    if has_board and variant is not None:  # it may have passed the front already
         _, x, y, front = variant.numbers
         mode[0] = 1 if x * state[0] + y * state[1] > front else -1
     solution = solve(
         system,
         (0.0, limit_s),
         padded(state, system),
-        params=scene.vector(preloads, variant),
+        params=scene.vector(preloads_n, variant),
         mode=mode.tolist(),
-        t_eval=frames[frames < limit_s],
+        t_eval=frame_times_s[frame_times_s < limit_s],
         **OPTIONS,
     )
     events = solution.events
     guard = events.guard - first
     contact = (guard >= 0) & (guard < n)
+    touched_s = np.nan
+    if has_board:
+        touched_s = _first_touch(events, contact, beyond=mode[0] > 0)
     return Hop(
         start_state=state,
-        preloads_n=preloads,
+        preloads_n=preloads_n,
         states=solution.y[:N_STATES].T,
         boom=scene.boom_places(solution.t),
         end_time_s=solution.t_end,
@@ -141,18 +156,18 @@ def fly_hop(
         event_leg=guard[contact],
         event_down=events.direction[contact] > 0,
         event_state=events.after[contact, :N_STATES],
-        touched_s=_first_touch(events, contact, beyond=mode[0] > 0)
-        if first
-        else np.nan,
+        touched_s=touched_s,
     )
 
 
 def _first_touch(events: Any, contact: BoolArray, *, beyond: bool) -> float:
-    """Return when a leg first stood while the hopper was beyond the board; NaN if never."""
+    """Return when a leg first stood beyond the board's front; NaN if never."""
     standing = np.cumsum(np.where(contact, events.direction, 0))
     past = int(beyond) + np.cumsum(np.where(events.guard == 0, events.direction, 0))
     touched = (standing > 0) & (past > 0)
-    return float(events.time[touched.argmax()]) if touched.any() else np.nan
+    if not touched.any():
+        return np.nan
+    return float(events.time[touched.argmax()])
 
 
 def padded(states: FloatArray, system: System) -> FloatArray:
@@ -162,6 +177,7 @@ def padded(states: FloatArray, system: System) -> FloatArray:
 
 
 def _ending(solution: Solution, apex: int) -> str:
+    """Return how a hop ended, given the index of the guard of the apex."""
     if solution.status in (SLIDING, ZENO, TOO_MANY_EVENTS):
         return "stuck"
     if not solution.success:
@@ -189,7 +205,7 @@ def rest_foot_climb(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
 
 
 def level_state(scene: Scene, height_m: float) -> FloatArray:
-    """Return a level state at rest with the feet at this height above the floor, (12,)."""
+    """Return a level state at rest with the feet at this height, (12,)."""
     state = np.zeros(N_STATES)
     state[2] = scene.leg_length_m + height_m
     return state
@@ -200,7 +216,10 @@ def level_state(scene: Scene, height_m: float) -> FloatArray:
 # state of the scene's gait. In the flight after its last lift-off it is led to the next
 # apex state, so that the recording continues.
 
-LEAST_FLIGHT_S = 0.05  # s; a shorter flight would visibly pull the body about
+#: Shortest flight in which a control is led to the next apex; a shorter one would
+#: visibly pull the body about.
+#: Unit: s. Origin: chosen.
+LEAST_FLIGHT_S = 0.05
 
 
 def control_hop(
@@ -247,7 +266,8 @@ def led_to(hop: Hop, end_state: FloatArray, times_s: FloatArray) -> Hop:
     flight = hop.end_time_s - take_off
     s = np.clip((times_s - take_off) / flight, 0.0, 1.0)[:, None]
     before_end = (times_s - hop.end_time_s)[:, None]
-    share, growth = smooth_step(s), smooth_step_rate(s) / flight
+    share = smooth_step(s)
+    growth = smooth_step_rate(s) / flight
     # Both fly under gravity, so to first order their difference changes at a constant
     # rate.
     rate = pose_rate(end_state) - pose_rate(hop.end_state)
@@ -261,13 +281,12 @@ def led_to(hop: Hop, end_state: FloatArray, times_s: FloatArray) -> Hop:
 
 def pose_rate(state: FloatArray) -> FloatArray:
     """Return the rates of position and of yaw, pitch and roll, (6,), m/s and rad/s."""
-    return np.concatenate(
-        [state[6:9], euler_rates.py_func(state[4], state[5], *state[9:12])]
-    )
+    turning = euler_rates.py_func(state[PITCH], state[ROLL], state[9:12])
+    return np.concatenate([state[6:9], turning])
 
 
 def smooth_step(s: FloatArray) -> FloatArray:
-    """Return a quintic from 0 to 1 on [0, 1] with zero first and second derivatives at the ends."""
+    """Return a quintic from 0 to 1 on [0, 1], with two derivatives of 0 at the ends."""
     s = np.clip(s, 0.0, 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 

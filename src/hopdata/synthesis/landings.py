@@ -1,7 +1,7 @@
 """True landings of a simulated body: states at both sections and their coordinates."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,11 @@ from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.layout import TERMINATED
 from hopdata.rigid import turned
 from hopdata.scenes.body import (
+    HEIGHT,
     N_STATES,
+    PITCH,
+    ROLL,
+    YAW,
     rotation_entries,
     rotation_matrices,
     vertical_rate,
@@ -29,7 +33,14 @@ from hopdata.synthesis.hops import padded, place_of
 # their events.
 
 NOT_YET = -1.0  # placeholder for the instant of a contact that has not happened
-SECTION = 4  # section parameters, before the scene's: point of the body and height
+
+# Indices into the parameters: the point of the body and the height of the section come
+# before the scene's own.
+POINT_X = 0
+POINT_Y = 1
+POINT_Z = 2
+SECTION_HEIGHT = 3
+SCENE = 4  # the scene's own begin here
 
 # Placeholders filled by `landing_system`: the scene's functions and its number of
 # states.
@@ -72,7 +83,7 @@ def _field(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
 ) -> None:
     """Fill `dy` as the scene does; the contact instants stay constant."""
-    scene_field(t, y, mode, p[SECTION:], dy)
+    scene_field(t, y, mode, p[SCENE:], dy)
     dy[scene_states:] = 0.0
 
 
@@ -85,12 +96,17 @@ def _guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot` as the scene does, and add the point's height over the section."""
-    scene_guards(t, y, dy, mode, p[SECTION:], h, hdot)
-    rot, last = rotation_entries(y[3], y[4], y[5]), len(h) - 1
+    """Fill `h` and `hdot` as the scene does, then the height over the section."""
+    scene_guards(t, y, dy, mode, p[SCENE:], h, hdot)
+    rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
     tx, ty, tz = vertical_rate(y, dy, rot)
-    h[last] = y[2] + rot[6] * p[0] + rot[7] * p[1] + rot[8] * p[2] - p[3]
-    hdot[last] = dy[2] + tx * p[0] + ty * p[1] + tz * p[2]
+    point_x = p[POINT_X]
+    point_y = p[POINT_Y]
+    point_z = p[POINT_Z]
+    height = y[HEIGHT] + rot[6] * point_x + rot[7] * point_y + rot[8] * point_z
+    last = len(h) - 1
+    h[last] = height - p[SECTION_HEIGHT]
+    hdot[last] = dy[HEIGHT] + tx * point_x + ty * point_y + tz * point_z
 
 
 def _event(
@@ -100,23 +116,27 @@ def _event(
     n = len(y) - scene_states
     if guard < n and direction > 0 and y[scene_states + guard] < 0.0:
         y[scene_states + guard] = t
-    return int(scene_event(t, y, mode, p[SECTION:], guard, direction))
+    return int(scene_event(t, y, mode, p[SCENE:], guard, direction))
 
 
 @cache
 def landing_system(system: System) -> System:
-    """Return the system of a landing: the scene's, with n more states for the contact instants.
+    """Return the system of a landing.
 
-    The guards are ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as in the
-    scene) and ``section`` (stops). Nothing stops a fall.
+    It is the scene's, with n more states for the contact instants. The guards are
+    ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as in the scene) and
+    ``section`` (stops). Nothing stops a fall.
     """
-    feet = system.n_guards - 2
+    n_feet = system.n_guards - 2
+    functions = _functions(
+        system.field, system.guards, system.on_event, system.n_states
+    )
     return System(
-        **_functions(system.field, system.guards, system.on_event, system.n_states),
-        n_states=system.n_states + feet,
+        **functions,
+        n_states=system.n_states + n_feet,
         guard_names=(*system.guard_names[:-1], "section"),
-        directions=(*(0 for _ in range(feet)), -1, -1),
-        terminal=(*(False for _ in range(feet + 1)), True),
+        directions=(*(0 for _ in range(n_feet)), -1, -1),
+        terminal=(*(False for _ in range(n_feet)), False, True),
         n_extra_modes=system.n_extra_modes,
     )
 
@@ -125,7 +145,7 @@ def landing_system(system: System) -> System:
 def _functions(
     own: Any, own_guards: Any, own_event: Any, n_states: int
 ) -> dict[str, Any]:
-    """Return the functions of a landing; systems that differ only in feet share them."""
+    """Return the functions of a landing; systems with other feet share them."""
     inside = {
         "scene_field": njit(error_model="numpy")(own.function),
         "scene_guards": njit(error_model="numpy")(own_guards.function),
@@ -139,13 +159,17 @@ def _functions(
     }
 
 
+#: Time after which a landing that has not reached its section is given up.
+#: Unit: s. Origin: chosen.
 LONGEST_S = 3.0
+#: Absolute tolerance of the integration of a landing, for a relative one of 1.
+#: Unit: m, rad, m/s, rad/s. Origin: chosen.
 ATOL_PER_RTOL = 1e-2
 
 
 @dataclass(frozen=True)
 class TrueLandings:
-    """States at the sections of L landings of n feet; NaN where a section is not reached.
+    """States at the sections of L landings of n feet; NaN where not reached.
 
     Parameters
     ----------
@@ -173,10 +197,12 @@ class TrueLandings:
 
     @property
     def schedule(self) -> list[str]:
-        """Return the feet in order of contact, such as ``"2>3>1"``; empty if it does not count."""
+        """Feet in order of contact, such as ``"2>3>1"``; empty if it does not count."""
         orders = np.argsort(self.contact_s, axis=1, kind="stable") + 1
-        landings = zip(orders, self.whole, strict=True)
-        return [">".join(map(str, order)) if whole else "" for order, whole in landings]
+        schedules = []
+        for order, whole in zip(orders, self.whole, strict=True):
+            schedules.append(">".join(map(str, order)) if whole else "")
+        return schedules
 
 
 @dataclass(frozen=True)
@@ -217,7 +243,7 @@ def true_landings(
     rtol: float = 1e-8,
     workers: int | None = None,
 ) -> TrueLandings:
-    """Integrate landings from their apexes to the pre section and on to the post section.
+    """Integrate landings from their apexes to the pre and on to the post section.
 
     Parameters
     ----------
@@ -240,36 +266,26 @@ def true_landings(
         Each ends at the first passage through the post section, whether or not all feet
         are down there.
     """
-    what, count = (scene, variant, sections), len(apex_states)
-    options: dict[str, Any] = {
-        "rtol": rtol,
-        "atol": ATOL_PER_RTOL * rtol,
-        "workers": workers,
-    }
-    pre_time, pre, early, fell = _fall(
-        *what, apex_states, preloads_n, sections.pre_m, 0.0, **options
-    )
-    whole = fell & (early < 0).all(axis=1)
-    post_time, post, contact = (
-        np.full(count, np.nan),
-        np.full((count, N_STATES), np.nan),
-        early,
-    )
-    go = np.flatnonzero(whole)
-    if len(go):
-        after, post[go], contact[go], fell = _fall(
-            *what, pre[go], preloads_n[go], sections.post_m, pre_time[go], **options
+    fall = partial(_fall, scene, variant, sections, rtol=rtol, workers=workers)
+    pre_time, pre, contact, fell = fall(apex_states, preloads_n, sections.pre_m, 0.0)
+    # All feet must be up at the pre section.
+    whole = fell & (contact < 0).all(axis=1)
+    post_time = np.full(len(apex_states), np.nan)
+    post = np.full((len(apex_states), N_STATES), np.nan)
+    rows = np.flatnonzero(whole)
+    if len(rows) > 0:
+        start = pre_time[rows]
+        after, post[rows], late, fell = fall(
+            pre[rows], preloads_n[rows], sections.post_m, start
         )
-        post_time[go] = after + pre_time[go]
-        contact[go] = np.where(
-            contact[go] >= 0, contact[go] + pre_time[go, None], NOT_YET
-        )
-        whole[go] = fell & (contact[go] >= 0).all(axis=1)
+        post_time[rows] = after + start
+        contact[rows] = np.where(late >= 0, late + start[:, None], NOT_YET)
+        whole[rows] = fell & (contact[rows] >= 0).all(axis=1)
     contact = np.where(contact < 0, np.nan, contact)
     return TrueLandings(pre_time, post_time, pre, post, contact, whole)
 
 
-def _fall(
+def _fall(  # noqa: PLR0913 (partly applied by its only caller)
     scene: Scene,
     variant: Variant | None,
     sections: SectionHeights,
@@ -277,42 +293,44 @@ def _fall(
     preloads_n: FloatArray,
     height_m: float,
     since_apex_s: FloatArray | float,
-    **options: Any,
+    *,
+    rtol: float,
+    workers: int | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Integrate until the body falls through a height.
 
     Returns the time taken, the states, the contact instants, and whether it fell
     through; times and states are NaN where it did not.
     """
-    own, centre = scene.system(variant), sections.centre_m
-    system, unknown = landing_system(own), np.full(preloads_n.shape, NOT_YET)
-    at: dict[str, Any] = {
-        "point_m": centre,
-        "height_m": height_m,
-        "since_apex_s": since_apex_s,
-    }
-    above = place_of(centre, states)[:, 2] > height_m
+    own = scene.system(variant)
+    system = landing_system(own)
+    no_contacts = np.full(preloads_n.shape, NOT_YET)
+    params = landing_vectors(
+        scene,
+        variant,
+        preloads_n,
+        point_m=sections.centre_m,
+        height_m=height_m,
+        since_apex_s=since_apex_s,
+    )
     solution = solve_batch(
         system,
         (0.0, LONGEST_S),
-        np.hstack([padded(states, own), unknown]),
-        params=landing_vectors(scene, variant, preloads_n, **at),
+        np.hstack([padded(states, own), no_contacts]),
+        params=params,
         mode=[0] * system.n_modes,
-        **options,
+        rtol=rtol,
+        atol=ATOL_PER_RTOL * rtol,
+        workers=workers,
     )
+    was_above = place_of(sections.centre_m, states)[:, 2] > height_m
     # Only crossing the section sets its mode to down; ending at an apex leaves it
     # unchanged.
-    fell = (
-        above
-        & (solution.status == TERMINATED)
-        & (solution.mode[:, system.n_guards - 1] < 0)
-    )
-    return (
-        np.where(fell, solution.t_end, np.nan),
-        np.where(fell[:, None], solution.y_end[:, :N_STATES], np.nan),
-        solution.y_end[:, own.n_states :],
-        fell,
-    )
+    is_below = solution.mode[:, system.n_guards - 1] < 0
+    fell = was_above & (solution.status == TERMINATED) & is_below
+    times = np.where(fell, solution.t_end, np.nan)
+    reached = np.where(fell[:, None], solution.y_end[:, :N_STATES], np.nan)
+    return times, reached, solution.y_end[:, own.n_states :], fell
 
 
 # Coordinates of a rigid body on a section, where the mean of the body markers (the
@@ -323,7 +341,7 @@ def _fall(
 # frame of the pre section.
 
 
-COMPLEX_STEP = 1e-30
+COMPLEX_STEP = 1e-30  # so small that its square is 0 beside any coordinate
 
 
 def input_coordinates(states: FloatArray, centre_m: FloatArray) -> FloatArray:
@@ -342,7 +360,7 @@ def input_coordinates(states: FloatArray, centre_m: FloatArray) -> FloatArray:
 def output_coordinates(
     pre: FloatArray, post: FloatArray, centre_m: FloatArray
 ) -> FloatArray:
-    """Return the outcome of landings, (n, 11), from their states (n, 12) at both sections."""
+    """Return the outcome of landings, (n, 11), from states (n, 12) at both sections."""
     yaw = pre[..., 3]
     step = turned(place_of(centre_m, post) - place_of(centre_m, pre), yaw)[..., :2]
     turn = (post[..., 3] - yaw)[..., None]
@@ -350,7 +368,7 @@ def output_coordinates(
 
 
 def section_tangents(pre: FloatArray, centre_m: FloatArray) -> FloatArray:
-    """Return derivatives of a state (12,) at the pre section by its coordinates, (12, 8).
+    """Return derivatives of a state (12,) at the pre section by its coordinates.
 
     Height, place and heading of the centre are held fixed.
     """
@@ -381,6 +399,7 @@ def derivative(function: Any, state: FloatArray) -> FloatArray:
 
 
 def _intrinsic(states: Any, centre_m: FloatArray, yaw: Any) -> Any:
+    """Return the eight coordinates without place and heading, seen along a heading."""
     arm = np.cross(states[..., 9:12], centre_m)
     rotation = rotation_matrices(states[..., 3:6])
     velocity = states[..., 6:9] + np.einsum("...ij,...j->...i", rotation, arm)

@@ -48,20 +48,20 @@ class KnownScene:
     body_points_m: FloatArray
 
     def points_of(self, body: Sequence[str]) -> FloatArray:
-        """Return places of the named body markers (``body1`` ...), body frame, (k, 3), m."""
-        return self.body_points_m[[int(name.removeprefix("body")) - 1 for name in body]]
+        """Return places of the named markers (``body1`` ...), body frame, (k, 3), m."""
+        rows = [int(name.removeprefix("body")) - 1 for name in body]
+        return self.body_points_m[rows]
 
 
 def known_scene(truth: Truth) -> KnownScene:
     """Read the scene from the parameters stored in a truth."""
     parameters = json.loads(truth.parameters_json)
-    simulation, camera = parameters["simulation"], parameters["motion_capture"]
+    simulation = parameters["simulation"]
     name = simulation.get("scene", STANDARD)
-    scene, control = (
-        scene_class(name)(**simulation[name]),
-        Control(**simulation.get("control", {})),
-    )
-    return KnownScene(name, scene, control, np.array(camera["markers"]["body_m"]))
+    scene = scene_class(name)(**simulation[name])
+    control = Control(**simulation.get("control", {}))
+    points = np.array(parameters["motion_capture"]["markers"]["body_m"])
+    return KnownScene(name, scene, control, points)
 
 
 def common_scene(truths: Iterable[Truth]) -> KnownScene:
@@ -81,6 +81,8 @@ def common_scene(truths: Iterable[Truth]) -> KnownScene:
     return scenes[0]
 
 
+#: Relative tolerance of the integration of scaled landings.
+#: Unit: 1. Origin: chosen.
 RTOL = 1e-10
 
 logger = logging.getLogger(__name__)
@@ -124,7 +126,7 @@ class ScaledLandings:
     exact_maps: FloatArray
 
 
-def study_landings(
+def study_landings(  # noqa: PLR0913 (the study's options)
     truths: Sequence[Truth],
     *,
     body: Sequence[str],
@@ -137,7 +139,7 @@ def study_landings(
     delay_s: float = 0.01,
     workers: int | None = None,
 ) -> Iterator[ScaledLandings]:
-    """Yield the scaled landings of a simulated study, for the scene and each kind of control.
+    """Yield the scaled landings of a simulated study, for the scene and its controls.
 
     Parameters
     ----------
@@ -160,32 +162,42 @@ def study_landings(
     every = slice(None, None, -(-len(apexes) // landings))
     cases = scaling_cases(known, coupling=coupling, impulse=impulse, delay_s=delay_s)
     sections = SectionHeights(pre_m, post_m, known.points_of(body))
-    of = (known.scene, cases, apexes[every], preloads[every], sections)
-    return scaled_landings(*of, scales=scales, workers=workers)
+    return scaled_landings(
+        known.scene,
+        cases,
+        apexes[every],
+        preloads[every],
+        sections,
+        scales=scales,
+        workers=workers,
+    )
 
 
 def _starts(truths: Sequence[Truth], scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Return apex states and preloads of all hops with the boom as in the first hop."""
-    pairs = [(truth, next(scene.by_hop(len(truth.apex_states)))[1]) for truth in truths]
-    apexes, preloads = (
-        [t.apex_states[k] for t, k in pairs],
-        [t.preloads_n[k] for t, k in pairs],
-    )
+    apexes = []
+    preloads = []
+    for truth in truths:
+        _, hops = next(scene.by_hop(len(truth.apex_states)))
+        apexes.append(truth.apex_states[hops])
+        preloads.append(truth.preloads_n[hops])
     return np.concatenate(apexes), np.concatenate(preloads)
 
 
 def scaling_cases(known: KnownScene, **strengths: float) -> dict[str, Control]:
-    """Name the scene and its controls, each with its own strength or the one given here.
+    """Name the scene and its controls, each with its own or the given strength.
 
     The study's own control replaces that of its kind, or is added last if it mixes
     kinds.
     """
-    own, cases = known.control, {known.name: Control()}
+    own = known.control
+    cases = {known.name: Control()}
     for name in known.scene.controls:
-        cases[name.removesuffix("_s")] = Control(
-            **{name: getattr(own, name) or strengths[name]}
-        )
-    return cases if own in cases.values() else {**cases, "study": own}
+        strength = getattr(own, name) or strengths[name]
+        cases[name.removesuffix("_s")] = Control(**{name: strength})
+    if own not in cases.values():
+        cases["study"] = own
+    return cases
 
 
 def scaled_landings(
@@ -222,7 +234,8 @@ def scaled_landings(
         Without landings for a case whose simultaneous contact is not between the
         sections, or that does not sink to the lower one; the log gives the reason.
     """
-    apart, still = preloads_n - scene.preload_n, scene.still()
+    apart = preloads_n - scene.preload_n
+    still = scene.still()
     for case, control in cases.items():
         try:
             exact = section_jacobians(still, control, apex_states, sections)
@@ -233,39 +246,51 @@ def scaled_landings(
         middle = exact.landing.apex_state
         deviations = homed(apex_states) - middle
         for scale in scales:
-            states, preloads = (
-                middle + scale * deviations,
-                scene.preload_n + scale * apart,
+            states = middle + scale * deviations
+            preloads = scene.preload_n + scale * apart
+            found = true_landings(
+                still, control, states, preloads, sections, rtol=RTOL, workers=workers
             )
-            of = (still, control, states, preloads, sections)
-            found = true_landings(*of, rtol=RTOL, workers=workers)
             rows = np.flatnonzero(found.whole)
-            pre, post = found.pre_state[rows], found.post_state[rows]
+            pre = found.pre_state[rows]
+            post = found.post_state[rows]
             yield ScaledLandings(
-                case, control, scale, true.input_coordinates(pre, sections.centre_m),
-                true.output_coordinates(pre, post, sections.centre_m), scale * apart[rows],
-                found.contact_s[rows], np.array(found.schedule)[rows], len(found) - len(rows),
-                exact.maps,
-            )  # fmt: skip
+                case=case,
+                control=control,
+                scale=scale,
+                x=true.input_coordinates(pre, sections.centre_m),
+                y=true.output_coordinates(pre, post, sections.centre_m),
+                preloads_n=scale * apart[rows],
+                contact_s=found.contact_s[rows],
+                schedule=np.array(found.schedule)[rows],
+                n_failed=len(found) - len(rows),
+                exact_maps=exact.maps,
+            )
 
 
 def _nothing(
     case: str, control: Control, scale: float, preloads_n: FloatArray
 ) -> ScaledLandings:
     """Return the result for a case in which no landing counts."""
-    shape, none = (
-        (len(OUTPUT_NAMES), len(INPUT_NAMES)),
-        np.empty((0, preloads_n.shape[1])),
-    )
-    x, y = np.empty((0, shape[1])), np.empty((0, shape[0]))
+    n_landings, n_legs = preloads_n.shape
     return ScaledLandings(
-        case, control, scale, x, y, none, none, np.empty(0, dtype=str), len(preloads_n),
-        np.full((1, *shape), np.nan),
-    )  # fmt: skip
+        case=case,
+        control=control,
+        scale=scale,
+        x=np.empty((0, len(INPUT_NAMES))),
+        y=np.empty((0, len(OUTPUT_NAMES))),
+        preloads_n=np.empty((0, n_legs)),
+        contact_s=np.empty((0, n_legs)),
+        schedule=np.empty(0, dtype=str),
+        n_failed=n_landings,
+        exact_maps=np.full((1, len(OUTPUT_NAMES), len(INPUT_NAMES)), np.nan),
+    )
 
 
 # Noise-free states at the sections of a simulated study, and its exact linear maps.
 
+#: Relative tolerance of the integration of true landings to the sections.
+#: Unit: 1. Origin: chosen.
 TRUE_SECTIONS_RTOL = 1e-9
 
 
@@ -310,37 +335,38 @@ def true_states(
     """
     parts = []
     for scene, rows in known.scene.by_hop(len(truth.apex_states)):
-        of = (
+        found = true_landings(
             scene,
             known.control,
             truth.apex_states[rows],
             truth.preloads_n[rows],
             sections,
+            rtol=TRUE_SECTIONS_RTOL,
+            workers=1,
         )
-        parts.append((rows, true_landings(*of, rtol=TRUE_SECTIONS_RTOL, workers=1)))
+        parts.append((rows, found))
     index = np.concatenate([rows[found.whole] for rows, found in parts])
     order = np.argsort(index)
 
     def joined(name: str) -> Any:
-        return np.concatenate([np.array(getattr(f, name))[f.whole] for _, f in parts])[
-            order
-        ]
+        """Return a property of the landings that count, in the truth's order."""
+        values = [np.array(getattr(found, name))[found.whole] for _, found in parts]
+        return np.concatenate(values)[order]
 
-    x, y = (
-        marker_states(joined(f"{side}_state"), sections.points_m)
-        for side in ("pre", "post")
-    )
     return TrueStates(
-        x, y, joined("schedule"), joined("contact_s").std(axis=1), index[order]
+        x=marker_states(joined("pre_state"), sections.points_m),
+        y=marker_states(joined("post_state"), sections.points_m),
+        schedule=joined("schedule"),
+        spread_s=joined("contact_s").std(axis=1),
+        index=index[order],
     )
 
 
 def marker_states(states: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Return positions and velocities, (n, 6B), of body points (B, 3), for states (n, 12)."""
+    """Return positions and velocities, (n, 6B), of body points (B, 3)."""
     turning = np.cross(states[:, None, 9:12], points_m[None])
-    velocities = in_world(
-        states[:, [6, 7, 8, 3, 4, 5]], turning
-    )  # turned and added like places
+    # Turned into the world and added to that of the origin, as places are.
+    velocities = in_world(states[:, [6, 7, 8, 3, 4, 5]], turning)
     both = (fixed_markers(states, points_m), velocities)
     return np.hstack([one.reshape(len(states), -1) for one in both])
 
@@ -364,5 +390,7 @@ def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, A
         "outputs": list(OUTPUT_NAMES),
         "body_points_m": sections.points_m.tolist(),
         "schedules": list(found.schedules),
-        **{name: getattr(found, name).tolist() for name in ("maps", "x", "y")},
+        "maps": found.maps.tolist(),
+        "x": found.x.tolist(),
+        "y": found.y.tolist(),
     }

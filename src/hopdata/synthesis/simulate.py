@@ -22,7 +22,7 @@ from hopdata.synthesis.hops import rest_foot
 
 @dataclass(frozen=True, kw_only=True)
 class Simulation:
-    """The block ``simulation`` of the configuration: hops, scene, disturbances and handling.
+    """The block ``simulation`` of the configuration: hops, scene and disturbances.
 
     Parameters
     ----------
@@ -51,14 +51,15 @@ class Simulation:
 
     def __post_init__(self) -> None:
         self.scene.require_take_off(f"simulation.{self.name}")
+        known = " and ".join(self.scene.controls)
+        wanted = f"0, since the scene {self.name} knows {known} only"
         for strength, value in asdict(self.control).items():
-            known = f"0, since the scene {self.name} knows {' and '.join(self.scene.controls)} only"
-            alright = value == 0 or strength in self.scene.controls
-            require(alright, f"simulation.control.{strength}", known, value)
+            fits = value == 0 or strength in self.scene.controls
+            require(fits, f"simulation.control.{strength}", wanted, value)
 
     @classmethod
     def of(cls, values: Mapping[str, Any] | None) -> Simulation:
-        """Build it from the block of the configuration; missing keys take their defaults.
+        """Build it from the block of the configuration; missing keys are default.
 
         Raises
         ------
@@ -71,12 +72,18 @@ class Simulation:
         return replace(trials.from_mapping(cls, given), name=name, scene=scene)
 
     def said(self) -> dict[str, Any]:
-        """Return the block as plain data; a control or non-standard scene only if there is one."""
+        """Return the block as plain data.
+
+        It has a control, or the name of a scene that is not the standard one, only if
+        there is one.
+        """
         said = asdict(self)
         said[said.pop("name")] = said.pop("scene")
         if not self.control.active:
             del said["control"]
-        return said if self.name == STANDARD else {"scene": self.name, **said}
+        if self.name == STANDARD:
+            return said
+        return {"scene": self.name, **said}
 
 
 @one_blas_thread()
@@ -107,9 +114,11 @@ def simulate_recording(
     """
     simulated = Simulation.of(simulation)
     camera = trials.from_mapping(cameras.MotionCapture, motion_capture)
-    scene, control = simulated.scene, simulated.control
+    scene = simulated.scene
+    control = simulated.control
+    duration_s = simulated.duration_s
     streams = np.random.SeedSequence(seed).spawn(4)
-    kicks_rng, floor_rng, *camera_rngs = map(np.random.default_rng, streams)
+    kicks_rng, floor_rng, noise_rng, gaps_rng = map(np.random.default_rng, streams)
     trial = trials.run_trial(
         scene,
         hops=simulated.hops,
@@ -118,13 +127,13 @@ def simulate_recording(
         kicks=simulated.kicks,
         operator=simulated.operator,
         control=control if control.active else None,
-        duration_s=math.inf if simulated.duration_s is None else simulated.duration_s,
+        duration_s=math.inf if duration_s is None else duration_s,
     )
     tracks = cameras.track_markers(
         trial, scene, camera.markers, delay_s=control.delay_s
     )
     floor = cameras.draw_floor(camera.floor, floor_rng)
-    recording = observed(tracks, floor, camera, name, *camera_rngs)
+    recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
     times, points = first_contacts(trial, scene)
     bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
     parameters = {
@@ -132,7 +141,7 @@ def simulate_recording(
         "simulation": simulated.said(),
         "motion_capture": asdict(camera),
     }
-    return recording, Truth(
+    truth = Truth(
         contact_times=times,
         apex_times=trial.hop_start_s,
         complete=np.array([hop.all_stood() for hop in trial.hops]),
@@ -145,6 +154,7 @@ def simulate_recording(
         noise_m=camera.noise_m,
         parameters_json=json.dumps(parameters, sort_keys=True),
     )
+    return recording, truth
 
 
 def observed(
@@ -159,14 +169,22 @@ def observed(
     frames, markers, _ = tracks.positions.shape
     hidden = camera.draw_gaps(frames, markers, gaps_rng)
     positions = camera.observe(tracks.positions, floor, hidden, noise_rng)
-    seen = (np.arange(frames) / camera.rate_hz, positions, tracks.names, tracks.roles)
-    return Recording(name, *seen, camera.rate_hz, source="simulation")
+    return Recording(
+        name,
+        np.arange(frames) / camera.rate_hz,
+        positions,
+        tracks.names,
+        tracks.roles,
+        camera.rate_hz,
+        source="simulation",
+    )
 
 
 def first_contacts(trial: trials.Trial, scene: Scene) -> tuple[FloatArray, FloatArray]:
-    """Return time (L, n), s, and place (L, n, 2), m, of each foot's first contact, or NaN."""
+    """Return time (L, n), s, and place (L, n, 2), m, of first contacts, or NaN."""
     shape = (len(trial.hops), scene.n_legs)
-    times, points = np.full(shape, np.nan), np.full((*shape, 2), np.nan)
+    times = np.full(shape, np.nan)
+    points = np.full((*shape, 2), np.nan)
     for i, hop in enumerate(trial.hops):
         for leg, k in enumerate(hop.first_contacts()):
             if k >= 0:

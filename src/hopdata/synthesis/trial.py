@@ -1,4 +1,7 @@
-"""Trials: hop after hop, each kicked at its apex, with an operator who keeps it in the arena."""
+"""Trials: hop after hop, each kicked at its apex, with an operator who carries it back.
+
+The operator acts where the body leaves the arena or falls.
+"""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -21,7 +24,9 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Kicks:
-    """Random disturbance at each apex; each value is normal with mean zero and this deviation.
+    """Random disturbance at each apex.
+
+    Each value is normal with mean zero and this deviation.
 
     Parameters
     ----------
@@ -127,27 +132,29 @@ class MarkerOptions:
 
 
 def from_mapping(kind: type[Options], values: Mapping[str, Any] | None) -> Options:
-    """Build options, including nested ones, from a mapping; missing fields keep defaults.
+    """Build options, nested ones too, from a mapping; missing ones are default.
 
     Raises
     ------
     ArgumentError
         If a key is not a field of `kind`.
     """
-    known: dict[str, Any] = {one.name: one.default_factory for one in fields(kind)}  # type: ignore[arg-type]
-    built = {
-        key: from_mapping(known[key], value)
-        if is_dataclass(known.get(key))
-        else _frozen(value)
-        for key, value in (values or {}).items()
-    }
+    options: Any = kind
+    known: dict[str, Any] = {one.name: one.default_factory for one in fields(options)}
+    built = {}
+    for key, value in (values or {}).items():
+        if is_dataclass(known.get(key)):
+            built[key] = from_mapping(known[key], value)
+        else:
+            built[key] = _frozen(value)
     return told_call(kind)(**built)
 
 
 def _frozen(value: Any) -> Any:
-    return (
-        tuple(_frozen(v) for v in value) if isinstance(value, list | tuple) else value
-    )
+    """Return a value with tuples in place of lists, at any depth."""
+    if isinstance(value, list | tuple):
+        return tuple(_frozen(one) for one in value)
+    return value
 
 
 # Record of a trial while the clock runs: frames, hops and contacts.
@@ -194,21 +201,21 @@ class Tape:
     """Collects frames, hops and contact events while the clock runs."""
 
     def __init__(self, rate_hz: float) -> None:
-        self.rate_hz, self.clock, self.n_frames = rate_hz, 0.0, 0
-        self.frames: list[
-            tuple[FloatArray, FloatArray]
-        ] = []  # states, places of the boom
+        self.rate_hz = rate_hz
+        self.clock = 0.0
+        self.n_frames = 0
+        # States and places of the boom.
+        self.frames: list[tuple[FloatArray, FloatArray]] = []
         self.hops: list[Hop] = []
         self.starts: list[float] = []
         self.events: list[tuple[FloatArray, IntArray, BoolArray, FloatArray]] = []
         self.n_carries = 0
 
     def frames_within(self, duration_s: float) -> FloatArray:
-        """Return the frame times still to come within this duration, relative to the clock, s."""
+        """Return the times, from now, of frames to come within this duration, s."""
         last = math.ceil((self.clock + duration_s) * self.rate_hz)
-        return np.maximum(
-            np.arange(self.n_frames, last) / self.rate_hz - self.clock, 0.0
-        )
+        times = np.arange(self.n_frames, last) / self.rate_hz
+        return np.maximum(times - self.clock, 0.0)
 
     def add_frames(self, states: FloatArray, boom: FloatArray) -> None:
         """Append the states and boom places of the next frames."""
@@ -228,9 +235,12 @@ class Tape:
         self, hop: Hop, release: FloatArray, carry_s: float, scene: Scene
     ) -> None:
         """Log the operator's handling after a hop; the boom does not move."""
-        frames, legs = self.frames_within(carry_s), hop.legs_down()
-        when, up = np.full(len(legs), self.clock), np.zeros(len(legs), dtype=bool)
-        self.events.append((when, legs, up, np.tile(hop.end_state, (len(legs), 1))))
+        frames = self.frames_within(carry_s)
+        legs = hop.legs_down()
+        when = np.full(len(legs), self.clock)
+        down = np.zeros(len(legs), dtype=bool)
+        lifted = np.tile(hop.end_state, (len(legs), 1))
+        self.events.append((when, legs, down, lifted))
         states = carried(hop.end_state, release, carry_s, frames)
         self.add_frames(states, scene.still().boom_places(frames))
         self.clock += carry_s
@@ -238,18 +248,28 @@ class Tape:
 
     def trial(self, duration_s: float) -> Trial:
         """Return the recorded trial, cut at this time."""
-        time, leg, down, state = (
-            np.concatenate(part) for part in zip(*self.events, strict=True)
+        event_time, event_leg, event_down, event_state = map(
+            np.concatenate, zip(*self.events, strict=True)
         )
-        states, boom = (np.concatenate(part) for part in zip(*self.frames, strict=True))
-        frames = min(
-            self.n_frames, math.ceil(min(self.clock, duration_s) * self.rate_hz)
-        )
-        ends = np.array(self.starts) + [hop.end_time_s for hop in self.hops]
+        states, boom = map(np.concatenate, zip(*self.frames, strict=True))
+        end_s = min(self.clock, duration_s)
+        n_frames = min(self.n_frames, math.ceil(end_s * self.rate_hz))
+        starts = np.array(self.starts)
+        ends = starts + [hop.end_time_s for hop in self.hops]
         n_whole = int(np.sum(ends <= duration_s))
-        starts, hops = np.array(self.starts), tuple(self.hops[:n_whole])
-        kept = (states[:frames], boom[:frames], hops, starts[:n_whole], starts)
-        return Trial(self.rate_hz, *kept, time, leg, down, state, self.n_carries)
+        return Trial(
+            rate_hz=self.rate_hz,
+            states=states[:n_frames],
+            boom=boom[:n_frames],
+            hops=tuple(self.hops[:n_whole]),
+            hop_start_s=starts[:n_whole],
+            apex_s=starts,
+            event_time=event_time,
+            event_leg=event_leg,
+            event_down=event_down,
+            event_state=event_state,
+            n_carries=self.n_carries,
+        )
 
 
 def carried(
@@ -264,12 +284,14 @@ def carried(
 
     rates = [pose_rate(state), pose_rate(release)]
     moved = CubicHermiteSpline([0.0, duration_s], [state[:6], release[:6]], rates)
-    times, states = np.minimum(times_s, duration_s), np.zeros((len(times_s), N_STATES))
-    states[:, :6], states[:, 6:9] = moved(times), moved(times, 1)[:, :3]
+    times = np.minimum(times_s, duration_s)
+    states = np.zeros((len(times_s), N_STATES))
+    states[:, :6] = moved(times)
+    states[:, 6:9] = moved(times, 1)[:, :3]
     return states
 
 
-def run_trial(
+def run_trial(  # noqa: PLR0913 (the trial's options)
     scene: Scene,
     *,
     hops: int,
@@ -308,30 +330,35 @@ def run_trial(
     preloads_n : (n,) array, optional
         Preload of each leg before random changes, N; by default that of the scene.
     """
-    kicks, operator, changes = kicks or Kicks(), operator or Operator(), iter(changes)
+    kicks = kicks or Kicks()
+    operator = operator or Operator()
+    still_to_change = iter(changes)
     preloads = scene.preload_n if preloads_n is None else preloads_n
     tape = Tape(rate_hz)
     state = _release_state(scene, operator, rng, 0.0)
     for _ in range(hops):
         if tape.clock >= duration_s:
             break
-        limit_s = operator.hop_limit_s
         frames: dict[str, Any] = {
-            "frame_times_s": tape.frames_within(limit_s),
-            "limit_s": limit_s,
+            "frame_times_s": tape.frames_within(operator.hop_limit_s),
+            "limit_s": operator.hop_limit_s,
         }
-        scene = replace(scene, **next(changes, {}))
-        own = preloads * (
-            1 + kicks.preload_fraction * rng.standard_normal(scene.n_legs)
-        )
-        hop = fly_hop(scene, kicked(state, kicks, rng), preloads_n=own, **frames)
-        shown = hop if control is None else control_hop(scene, control, hop, **frames)
+        scene = replace(scene, **next(still_to_change, {}))
+        changed = 1 + kicks.preload_fraction * rng.standard_normal(scene.n_legs)
+        start = kicked(state, kicks, rng)
+        hop = fly_hop(scene, start, preloads_n=preloads * changed, **frames)
+        shown = hop
+        if control is not None:
+            shown = control_hop(scene, control, hop, **frames)
         tape.add_hop(shown)
-        state, scene = hop.end_state, scene.after(hop.end_time_s)
-        astray = hop.fell or np.max(np.abs(state[:2])) > operator.arena_m
-        if astray:
+        state = hop.end_state
+        scene = scene.after(hop.end_time_s)
+        is_astray = hop.fell or np.max(np.abs(state[:2])) > operator.arena_m
+        if is_astray:
             state = _release_state(scene, operator, rng, hop.end_state[3])
-        if astray or (shown is not hop and not np.array_equal(shown.end_state, state)):
+        # A control may not have been led to where the gait goes on.
+        is_elsewhere = shown is not hop and not np.array_equal(shown.end_state, state)
+        if is_astray or is_elsewhere:
             tape.carry(shown, state, operator.carry_s, scene)
     return tape.trial(duration_s)
 

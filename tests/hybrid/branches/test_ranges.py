@@ -79,7 +79,7 @@ def branching_guard(t, y, dy, mode, params, h, hdot):
 
 def ranged(declared, kind):
     """Return a function of the ends of the ranges: the range of h, and whether a branch is open."""
-    made = code._compiled(declared)
+    made = code.compiled_for_ranges(declared)
     assert made.address > 0, made.reason
     call = CFUNCTYPE(None, c_double, c_double, *(12 * [c_int64]))(made.address)
 

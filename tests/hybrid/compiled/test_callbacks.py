@@ -20,7 +20,8 @@ from hybrid_systems import (
 
 from hopdata.hybrid import SlowCallbackWarning, System, field, guards, on_event, solve
 from hopdata.hybrid import layout as codes
-from hopdata.hybrid.compiled.callbacks import Callback, Caught, current
+from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.caught import Caught, current
 
 
 def test_a_callback_is_still_a_python_function():

@@ -68,7 +68,8 @@ def test_samples_are_as_good_as_the_tolerance(truth, method, tolerance):
 
 @METHODS
 def test_they_do_not_change_the_integration(method):
-    bare, sampled = swing(method=method), swing(method=method, t_eval=TIMES)
+    bare = swing(method=method)
+    sampled = swing(method=method, t_eval=TIMES)
     assert sampled.y_end.tobytes() == bare.y_end.tobytes()
     assert sampled.events.records.tobytes() == bare.events.records.tobytes()
     assert sampled.n_steps == bare.n_steps
@@ -123,24 +124,24 @@ def test_a_swing_by_taylor():
 @pytest.mark.parametrize("method", ["auto", "rosenbrock"])
 def test_in_a_stiff_mode(method):
     """The mass creeps on a damper of 1e6; samples lie between steps of a tenth of a second."""
-    damping, stiffness = 1e6, 2e6
+    damping = 1e6
+    stiffness = 2e6
     times = np.linspace(0.6, 2.4, 200)
     found = solve(
         landing(), (0, 2.4), [1.0, 0.0], params=(damping, stiffness, 9.0), method=method,
         atol=[1e-14, 1e-12], t_eval=times,
     )  # fmt: skip
     fall = np.sqrt(2 / 9.81)
-    rest, rate = (
-        -9.81 / stiffness,
-        stiffness / damping,
-    )  # of the creep, to a relative 1e-6
+    rest = -9.81 / stiffness  # of the creep, to a relative 1e-6
+    rate = stiffness / damping
     start = -9.81 * fall / damping
     creep = rest + (start - rest) * np.exp(-rate * (times - fall))
     assert np.abs(found.y[0] - creep).max() < 1e-5 * abs(rest)
 
 
 def test_at_the_instant_of_a_jump_the_state_is_that_after_it():
-    system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 0.5)}
+    system = ball(directions=(1,))
+    options = {"params": (2.0, 0.0, 0.5)}
     time = solve(system, (0, 1.5), [1.0, 0.0], **options).events.time[0]
     around = [np.nextafter(time, 0), time, np.nextafter(time, 9)]
     found = solve(system, (0, 1.5), [1.0, 0.0], t_eval=around, **options)

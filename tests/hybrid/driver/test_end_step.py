@@ -13,22 +13,28 @@ from hopdata.hybrid import System, affine, field, guards, solve
 
 @field
 def turning(t, y, mode, params, dy):
-    dy[0], dy[1] = y[1], -y[0]
+    dy[0] = y[1]
+    dy[1] = -y[0]
 
 
 @affine
 def turning_affine(mode, params, a, b):
-    a[0, 1], a[1, 0] = 1.0, -1.0
+    a[0, 1] = 1.0
+    a[1, 0] = -1.0
     b[:] = 0.0
 
 
 @guards
 def one_crossing_and_a_dip(t, y, dy, mode, params, h, hdot):
     """Fill in sin(t - params[0]) and cos(params[2]) - cos(t - params[1]); y = (cos t, -sin t)."""
-    s, c = np.sin(params[0]), np.cos(params[0])
-    h[0], hdot[0] = -s * y[0] - c * y[1], -s * dy[0] - c * dy[1]
-    s, c = np.sin(params[1]), np.cos(params[1])
-    h[1], hdot[1] = np.cos(params[2]) - c * y[0] + s * y[1], -c * dy[0] + s * dy[1]
+    s = np.sin(params[0])
+    c = np.cos(params[0])
+    h[0] = -s * y[0] - c * y[1]
+    hdot[0] = -s * dy[0] - c * dy[1]
+    s = np.sin(params[1])
+    c = np.cos(params[1])
+    h[1] = np.cos(params[2]) - c * y[0] + s * y[1]
+    hdot[1] = -c * dy[0] + s * dy[1]
 
 
 SYSTEM = System(
@@ -82,7 +88,8 @@ def test_impacts_of_a_parabola_are_exact_at_any_tolerance():
 
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6, 1e9])
 def test_lengths_do_not_matter(scale):
-    rungs, gains = np.array([0.5, 0.7]), np.array([0.5, -0.2])
+    rungs = np.array([0.5, 0.7])
+    gains = np.array([0.5, -0.2])
     instants, end = ladder_solution(rungs, gains, 1.0)
     solution = solve(
         ladder(2),
@@ -157,7 +164,8 @@ def test_an_event_function_that_jumps_while_it_falls_is_landed_on_where_it_jumps
     rng = np.random.default_rng(4)
     for _ in range(300):
         place = rng.uniform(0.3, 2.7)
-        margins, slopes = 10.0 ** rng.uniform(-6, 0, 2), 10.0 ** rng.uniform(-3, 1, 2)
+        margins = 10.0 ** rng.uniform(-6, 0, 2)
+        slopes = 10.0 ** rng.uniform(-3, 1, 2)
         params = [place, margins[0], slopes[0], margins[1], slopes[1]]
         solution = solve(
             clock, (0, 3), [0.0], params=params, rtol=1e-9, atol=1e-12, method=method

@@ -55,7 +55,8 @@ def test_apart_they_do_not():
 
 def test_many_events_in_one_step():
     rng = np.random.default_rng(3)
-    rungs, gains = rng.uniform(0, 1, 35), rng.uniform(-0.02, 0.05, 35)
+    rungs = rng.uniform(0, 1, 35)
+    gains = rng.uniform(-0.02, 0.05, 35)
     instants, end = ladder_solution(rungs, gains, 2.0)
     solution = solve(
         ladder(35), (0, 2), [0.0, 0.0], params=(*rungs, *gains), first_step=2.0
@@ -194,7 +195,8 @@ def root_field(t, y, mode, params, dy):
 
 @guards
 def root_guard(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0], dy[0]
+    h[0] = y[0]
+    hdot[0] = dy[0]
 
 
 @pytest.mark.parametrize("side", [-1, 1])

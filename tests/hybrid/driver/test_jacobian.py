@@ -18,7 +18,9 @@ from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 
-PLACES, TILTS, GAINS = [0.5, 0.7, 1.0], [0.2, -0.3, 0.4], [0.4, -0.8, -0.5]
+PLACES = [0.5, 0.7, 1.0]
+TILTS = [0.2, -0.3, 0.4]
+GAINS = [0.4, -0.8, -0.5]
 STEADY = bent_params(PLACES, drive=0.3, tilts=TILTS, gains=GAINS)
 MOVING = bent_params(
     PLACES, drive=0.3, tilts=TILTS, sways=[0.1, 0.2, -0.3], gains=GAINS
@@ -40,7 +42,9 @@ def test_through_jumps_of_the_field(make, params, method):
 
 @field
 def pushed(t, y, mode, params, dy):
-    dy[0], dy[1], dy[2] = y[2], -0.4 * y[0], -y[1] + 0.3 * np.cos(t)
+    dy[0] = y[2]
+    dy[1] = -0.4 * y[0]
+    dy[2] = -y[1] + 0.3 * np.cos(t)
     if mode[0] > 0:
         dy[1], dy[2] = dy[1] + 0.7, dy[2] - 0.5
 
@@ -96,7 +100,8 @@ def drifting(t, y, mode, params, dy):
 
 @guards
 def by_offset_and_turns(t, y, dy, mode, params, h, hdot):
-    offset, turns = params[0], params[1]
+    offset = params[0]
+    turns = params[1]
     h[0] = np.sin(turns * ((y[0] + offset) - offset - 0.5))
     hdot[0] = turns * np.cos(turns * ((y[0] + offset) - offset - 0.5)) * dy[0]
 
@@ -162,7 +167,8 @@ def test_guards_at_one_instant(tilt, method):
 
 def test_the_order_does_not_matter_where_the_flow_is_c1():
     """The guards depend on the angle alone and torques jump, so no guard feels another's jump."""
-    places, sways = np.full(3, 0.5), np.array([0.0, 0.1, -0.1])
+    places = np.full(3, 0.5)
+    sways = np.array([0.0, 0.1, -0.1])
     instant = carried(bent(3), (0, 2), START, params=bent_params(places)).events.time[0]
     places = places - sways * np.sin(
         instant
@@ -184,7 +190,8 @@ def test_where_the_order_matters_it_is_that_of_the_log():
     params = bent_params(
         [0.5 + 0.9 * 0.2, 0.5 - 0.9 * 0.3, 9.0], tilts=TILTS, gains=[0.4, -2.8, 0]
     )
-    state, locks = [0.5, 0.9], [-1, -1, -1]
+    state = [0.5, 0.9]
+    locks = [-1, -1, -1]
     there = solve(bent(3), (0, 1e-13), state, params=params, mode=locks, jacobian=True)
     assert there.events.guard.tolist() == [0, 1]
     of_log = saltation_product(bent(3), state, [0, 1], params=params, mode=locks)
@@ -240,7 +247,8 @@ def test_the_impact_state_at_a_terminal_event(params):
     assert found.status == 1
     rate = np.empty(2)
     system.field.function(found.t_end, found.y_end, found.mode, params, rate)
-    tilt, sway = params[1 + 3 + 1], params[1 + 6 + 1]
+    tilt = params[1 + 3 + 1]
+    sway = params[1 + 6 + 1]
     impact = project_onto_section(
         found.jacobian, rate, [1.0, tilt], time_rate=-sway * np.cos(found.t_end)
     )
@@ -279,7 +287,8 @@ def test_a_handler_that_resets_nothing_is_no_reset():
 
 def test_vertical_hopper():
     hopper = VerticalHopper()
-    system, options = hopper.system(), {"params": hopper.params, "method": "taylor"}
+    system = hopper.system()
+    options = {"params": hopper.params, "method": "taylor"}
     found = carried(system, (0, 1.2), [1.5, 0.0], **options)
     assert len(found.events) >= 2
     assert (
@@ -389,7 +398,8 @@ def plate_jacobian_of(form):
 
 @field
 def turning(t, y, mode, params, dy):
-    dy[0], dy[1] = y[1], -np.sin(y[0])
+    dy[0] = y[1]
+    dy[1] = -np.sin(y[0])
 
 
 @pytest.mark.parametrize(("turns", "method"), [(160, "dopri5"), (1600, "dop853")])
@@ -427,12 +437,14 @@ def test_the_frequency_of_a_drive_after_many_periods(frequency, start):
 
 @field
 def with_spin(t, y, mode, params, dy):
-    dy[0], dy[1] = params[0] * y[1] * y[2], -params[0] * y[0] * y[2]
+    dy[0] = params[0] * y[1] * y[2]
+    dy[1] = -params[0] * y[0] * y[2]
     dy[2] = ((0.1 + params[1]) - params[1] - 0.1) * y[0] * y[1]  # only rounding
 
 
 def test_rounding_costs_no_digits():
-    top, options = System(with_spin, n_states=3), {"params": (0.7, 0.3)}
+    top = System(with_spin, n_states=3)
+    options = {"params": (0.7, 0.3)}
     found = carried(top, (0, 5), [1.0, 0.2, 3.0], **options)
     assert (
         gap(found.jacobian, differences(top, (0, 5), [1.0, 0.2, 3.0], **options)) < 1e-9

@@ -89,7 +89,8 @@ def test_turning_points_of_parabolas(b):
 
 def test_root(rng):
     for _ in range(100):
-        a, c = rng.uniform(0.1, 0.9), rng.uniform(1.1, 3.0)
+        a = rng.uniform(0.1, 0.9)
+        c = rng.uniform(1.1, 3.0)
         polynomial = np.polynomial.Polynomial.fromroots([a, c, -c]) * rng.uniform(
             0.1, 10
         )
@@ -121,16 +122,23 @@ NEARLY_GRAZING = [
 
 def memory_of(guards):
     """Return the part of the driver's memory that a search reads: a one-piece step from 0 s."""
-    clock, counts = np.zeros(CLOCK_SLOTS), np.zeros(COUNT_SLOTS, dtype=int)
-    clock[PIECE], counts[PIECES] = 1.0, 1
+    clock = np.zeros(CLOCK_SLOTS)
+    counts = np.zeros(COUNT_SLOTS, dtype=int)
+    clock[PIECE] = 1.0
+    counts[PIECES] = 1
     return SimpleNamespace(guards=guards, clock=clock, counts=counts)
+
+
+def interpret(monkeypatch):
+    """Let `crossing` call what it uses as Python, so that the guards may be functions."""
+    for name in ("leave", "just_left", "check_point", "margin_of"):
+        monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
 
 
 @pytest.fixture
 def search(monkeypatch):
     """Return `crossing` for a margin and its slope, as functions of the fraction of the step."""
-    for name in ("leave", "just_left", "knot"):
-        monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
+    interpret(monkeypatch)
 
     def found(margin, slope, guess):
         guards = np.zeros((GUARD_ROWS, 1))
@@ -139,7 +147,8 @@ def search(monkeypatch):
         memory = memory_of(guards)
 
         def probe(p, m, dt, theta):
-            guards[H], guards[RATE] = margin(theta), slope(theta)
+            guards[H] = margin(theta)
+            guards[RATE] = slope(theta)
 
         monkeypatch.setattr(localisation, "probe", probe)
         problem = SimpleNamespace(mode=np.array([1]))
@@ -150,27 +159,31 @@ def search(monkeypatch):
     return found
 
 
-@pytest.mark.parametrize("place", [0.1, 0.3, 0.7155111958385192, 0.95])
+@pytest.mark.parametrize("location", [0.1, 0.3, 0.7155111958385192, 0.95])
 @pytest.mark.parametrize(
     ("above", "below"), [(0.33122, 3.4427e-6), (1e-3, 1e-3), (1e-6, 0.3)]
 )
 def test_an_event_function_that_jumps_is_past_its_surface_there(
-    search, place, above, below
+    search, location, above, below
 ):
     def margin(x):
         return (
-            above - 0.0734 * (x - place) if x < place else -below - 4.999 * (x - place)
+            above - 0.0734 * (x - location)
+            if x < location
+            else -below - 4.999 * (x - location)
         )
 
     def slope(x):
-        return -0.0734 if x < place else -4.999
+        return -0.0734 if x < location else -4.999
 
     for guess in np.linspace(0.05, 0.95, 19):
-        assert search(margin, slope, guess) == pytest.approx(place, abs=1e-12)
+        assert search(margin, slope, guess) == pytest.approx(location, abs=1e-12)
 
 
 def test_two_roots_that_nearly_meet_are_told_apart(search):
-    a, b, e = 0.9376424853, 0.9376424853 - 2.2e-6, 0.95377
+    a = 0.9376424853
+    b = 0.9376424853 - 2.2e-6
+    e = 0.95377
 
     def margin(x):
         return -(x - a) * (x - b) * (x - e)
@@ -179,21 +192,23 @@ def test_two_roots_that_nearly_meet_are_told_apart(search):
         return -((x - b) * (x - e) + (x - a) * (x - e) + (x - a) * (x - b))
 
     for guess in (0.93, 0.936, 0.9376, 0.94):
-        place = search(margin, slope, guess)
-        assert min(abs(place - root) for root in (a, b, e)) < 1e-8
+        location = search(margin, slope, guess)
+        assert min(abs(location - root) for root in (a, b, e)) < 1e-8
 
 
-def test_rates_that_contradict_the_function_lead_to_no_place_before_its_surface(search):
-    place = 0.1388553
+def test_rates_that_contradict_the_function_lead_to_no_location_before_its_surface(
+    search,
+):
+    location = 0.1388553
 
     def margin(x):
-        return 2.0130e-7 if x < place else -2.9208e-5
+        return 2.0130e-7 if x < location else -2.9208e-5
 
     def slope(x):
-        return 0.0760 if x < place else -0.00266
+        return 0.0760 if x < location else -0.00266
 
     for guess in (0.1, 0.5, 0.9):
-        assert place <= search(margin, slope, guess) <= 1.0
+        assert location <= search(margin, slope, guess) <= 1.0
 
 
 @pytest.fixture
@@ -204,7 +219,9 @@ def interpreted(monkeypatch):
     there.
     """
     guards = np.zeros((GUARD_ROWS, 1))
-    guards[H0], guards[RATE0], guards[SIZE] = -ROUNDING, -0.5, 1.0
+    guards[H0] = -ROUNDING
+    guards[RATE0] = -0.5
+    guards[SIZE] = 1.0
     memory = memory_of(guards)
     problem = SimpleNamespace(mode=np.array([-1]))
 
@@ -214,8 +231,7 @@ def interpreted(monkeypatch):
         guards[RATE] = -(0.5 - 2.0 * theta)
 
     monkeypatch.setattr(localisation, "probe", probe)
-    for name in ("leave", "just_left", "knot"):
-        monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
+    interpret(monkeypatch)
     return lambda guess: localisation.crossing.py_func(
         problem, memory, 1.0, 0, guess, 0.0, 0, 1.0
     )
@@ -232,16 +248,19 @@ def swing(x):
 
 
 @pytest.mark.parametrize("far", [0.2, 0.1, 0.05, -0.05, -0.1])
-def test_the_way_to_the_root_is_as_exact_as_two_places_allow(far):
+def test_the_way_to_the_root_is_as_exact_as_two_locations_allow(far):
     for near in (1e-2, -1e-2, 1e-3, -1e-3):
-        x, x1 = 0.7 + near, 0.7 + far
+        x = 0.7 + near
+        x1 = 0.7 + far
         way, exact = way_to_root(x, *swing(x), x1, *swing(x1))
         assert abs(x + way - 0.7) < 10.0 * (near * far) ** 2
         assert not exact or abs(x + way - 0.7) < 1e-15
 
 
 def test_where_the_cubic_turns_newton_shows_the_way():
-    x, g, d = 0.5, 0.1, -0.1
+    x = 0.5
+    g = 0.1
+    d = -0.1
     assert way_to_root(x, g, d, 0.6, 0.2, 1.0) == (pytest.approx(1.0), False)
 
 
@@ -270,12 +289,15 @@ def test_a_spring_that_is_met_again_soon_is_no_zeno_sequence(
 @pytest.mark.parametrize("seed", range(4))
 def test_a_ball_that_comes_to_rest_on_a_shaking_table_never_falls_through_it(seed):
     """Its last flights are lower than the rounding of h, as terms cancel: Zeno, or no event yet."""
-    rng, statuses, end = np.random.default_rng(seed), set(), 3.0
+    rng = np.random.default_rng(seed)
+    statuses = set()
+    end = 3.0
     for _ in range(50):
         size, rate, rtol = (
             10.0 ** rng.uniform(*span) for span in ((-3, -1), (0.5, 2), (-11, -5))
         )
-        height, bounce = rng.choice([0.0, 1.0, -30.0]), rng.uniform(0.2, 0.8)
+        height = rng.choice([0.0, 1.0, -30.0])
+        bounce = rng.uniform(0.2, 0.8)
         ball = solve(
             table_ball(), (0.0, end), [height + size + 0.3, 0.0],
             params=[9.81, height, size, rate, bounce], rtol=rtol, t_eval=np.linspace(0.0, end, 301),
@@ -290,20 +312,22 @@ def test_a_ball_that_comes_to_rest_on_a_shaking_table_never_falls_through_it(see
 @pytest.mark.parametrize("seed", range(4))
 def test_bodies_that_come_to_rest_on_each_other_anywhere_and_on_the_way_are_told(seed):
     """The attraction between them is small compared with their positions and speeds."""
-    rng, statuses = np.random.default_rng(seed), set()
+    rng = np.random.default_rng(seed)
+    statuses = set()
     for _ in range(50):
-        place, speed = rng.choice([0.0, 1.0, 1e3, -1e5]), rng.choice([0.0, 0.3, -20.0])
-        pull, bounce, rtol = (
-            10.0 ** rng.uniform(-1, 1),
-            rng.uniform(0.1, 0.9),
-            10.0 ** rng.uniform(-11, -5),
-        )
+        location = rng.choice([0.0, 1.0, 1e3, -1e5])
+        speed = rng.choice([0.0, 0.3, -20.0])
+        pull = 10.0 ** rng.uniform(-1, 1)
+        bounce = rng.uniform(0.1, 0.9)
+        rtol = 10.0 ** rng.uniform(-11, -5)
         pair = solve(
-            bumping_pair(), (0.0, 4.0), [place, place + rng.uniform(0.1, 1.0), speed, speed],
+            bumping_pair(), (0.0, 4.0), [location, location + rng.uniform(0.1, 1.0), speed, speed],
             params=[pull, bounce], rtol=rtol, t_eval=np.linspace(0.0, 4.0, 201),
         )  # fmt: skip
         statuses.add(pair.status)
-        assert (pair.y[0] - pair.y[1]).max() < 1e-9 * max(1.0, abs(place)), pair.message
+        assert (pair.y[0] - pair.y[1]).max() < 1e-9 * max(1.0, abs(location)), (
+            pair.message
+        )
     assert statuses == {0, ZENO}
 
 
@@ -316,12 +340,10 @@ def test_a_guard_that_stays_clear_is_not_suspect():
     kinds = {PASS: 0, CROSSING: 0, DIP: 0}
     grid = np.linspace(0, 1, 401)
     for _ in range(3000):
-        g0, d0, g1, d1 = (
-            rng.uniform(0, 1),
-            rng.normal() * 2,
-            rng.uniform(-0.1, 1),
-            rng.normal() * 2,
-        )
+        g0 = rng.uniform(0, 1)
+        d0 = rng.normal() * 2
+        g1 = rng.uniform(-0.1, 1)
+        d1 = rng.normal() * 2
         kind = suspect(g0, d0, g1, d1, 0.0)[0]
         kinds[kind] += 1
         lowest = cubic(g0, d0, g1, d1, grid).min()
@@ -335,5 +357,5 @@ def test_a_guard_that_stays_clear_is_not_suspect():
 
 @pytest.mark.parametrize("size", [1.0, 1e3, 1e9])
 def test_what_does_not_turn_is_no_dip_whatever_its_size(size):
-    """An inclined guard is far from its surface, so there is no place in the step to examine."""
+    """An inclined guard is far from its surface, so there is no location in the step to examine."""
     assert suspect(1.0 * size, -0.6 * size, 0.3 * size, -0.8 * size, 0.0)[0] == PASS

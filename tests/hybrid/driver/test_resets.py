@@ -24,7 +24,8 @@ COUNT = sum(int(np.prod(size)) for size in SIZES.values())
 A0, B0, A1, B1, PLANE, WAVE, R, BY_TIME, BY_SQUARE = (
     int(PLACES[name]) for name in SIZES
 )
-END, EPS = 1.5, 1e-30
+END = 1.5
+EPS = 1e-30
 
 
 @field
@@ -38,8 +39,11 @@ def drift(t, y, mode, params, dy):
 
 @guards
 def moving_plane(t, y, dy, mode, params, h, hdot):
-    shift, size, rate = params[WAVE], params[WAVE + 1], params[WAVE + 2]
-    h[0], hdot[0] = -shift - size * np.sin(rate * t), -size * rate * np.cos(rate * t)
+    shift = params[WAVE]
+    size = params[WAVE + 1]
+    rate = params[WAVE + 2]
+    h[0] = -shift - size * np.sin(rate * t)
+    hdot[0] = -size * rate * np.cos(rate * t)
     for i in range(N):
         h[0] += params[PLANE + i] * y[i]
         hdot[0] += params[PLANE + i] * dy[i]
@@ -47,8 +51,11 @@ def moving_plane(t, y, dy, mode, params, h, hdot):
 
 @guard
 def moving_plane_alone(t, y, dy, mode, params, k, h, hdot):
-    shift, size, rate = params[WAVE], params[WAVE + 1], params[WAVE + 2]
-    h[k], hdot[k] = -shift - size * np.sin(rate * t), -size * rate * np.cos(rate * t)
+    shift = params[WAVE]
+    size = params[WAVE + 1]
+    rate = params[WAVE + 2]
+    h[k] = -shift - size * np.sin(rate * t)
+    hdot[k] = -size * rate * np.cos(rate * t)
     for i in range(N):
         h[k] += params[PLANE + i] * y[i]
         hdot[k] += params[PLANE + i] * dy[i]
@@ -86,7 +93,8 @@ def exact_end(y0, params, instant):
 
     def flow(a, b, y, span):
         whole = np.zeros((N + 1, N + 1), dtype=complex)
-        whole[:N, :N], whole[:N, N] = a * span, b * span
+        whole[:N, :N] = a * span
+        whole[:N, N] = b * span
         return expm(whole)[:N] @ np.append(y, 1.0)
 
     shift, size, rate = part["wave"]
@@ -105,12 +113,15 @@ def exact_end(y0, params, instant):
 def random_kicked(rng):
     """Draw a start and parameters with exactly one reset, not too close to a tangent crossing."""
     while True:
-        y0, params = rng.normal(size=N), rng.normal(size=COUNT)
+        y0 = rng.normal(size=N)
+        params = rng.normal(size=COUNT)
         params[WAVE] = params[PLANE : PLANE + N] @ y0 + rng.uniform(0.1, 1.0)
         log = solve(KICKED, (0, END), y0, params=params, rtol=1e-9).events
         if len(log) == 0 or not 0.1 < log.time[0] < END - 0.1:
             continue
-        h, rate, slope = np.zeros(1), np.zeros(1), np.zeros(N)
+        h = np.zeros(1)
+        rate = np.zeros(1)
+        slope = np.zeros(N)
         mode = np.array([-1, 0])
         KICKED.field.function(log.time[0], log.before[0], mode, params, slope)
         KICKED.guards.function(log.time[0], log.before[0], slope, mode, params, h, rate)
@@ -132,7 +143,8 @@ def by_complex_steps(y0, params, instant, chosen):
 @pytest.mark.parametrize("method", ["dop853", "dopri5"])
 @pytest.mark.parametrize("system", [KICKED, KICKED_ALONE], ids=["guards", "guard"])
 def test_random_resets_agree_with_complex_steps(system, method):
-    rng, worst = np.random.default_rng(27), 0.0
+    rng = np.random.default_rng(27)
+    worst = 0.0
     for _ in range(100):
         y0, params, instant = random_kicked(rng)
         found = carried(system, (0, END), y0, params=params, method=method)
@@ -142,7 +154,8 @@ def test_random_resets_agree_with_complex_steps(system, method):
 
 
 def test_random_resets_by_all_parameters_agree_with_complex_steps():
-    rng, worst = np.random.default_rng(28), 0.0
+    rng = np.random.default_rng(28)
+    worst = 0.0
     for _ in range(100):
         y0, params, instant = random_kicked(rng)
         chosen = rng.choice(COUNT, size=6, replace=False)
@@ -174,7 +187,8 @@ def test_random_resets_agree_with_differences():
 
 def test_a_bouncing_ball():
     """The lock flips there and back at each bounce."""
-    system, options = ball(), {"params": (2.0, 0.0, 0.5), "method": "dop853"}
+    system = ball()
+    options = {"params": (2.0, 0.0, 0.5), "method": "dop853"}
     found = carried(system, (0, 2.6), [1.0, 0.3], **options)
     assert len(found.events) == 4
     assert (
@@ -200,7 +214,8 @@ def test_a_bouncing_ball():
 
 @field
 def fall_on(t, y, mode, params, dy):
-    dy[0], dy[1] = y[1], -9.81
+    dy[0] = y[1]
+    dy[1] = -9.81
 
 
 @guards
@@ -208,7 +223,8 @@ def shaking_table(t, y, dy, mode, params, h, hdot):
     phase = params[1] * t
     h[0] = params[0] * np.sin(phase) - y[0]
     hdot[0] = params[0] * params[1] * np.cos(phase) - dy[0]
-    h[1], hdot[1] = params[2] - y[0], -dy[0]
+    h[1] = params[2] - y[0]
+    hdot[1] = -dy[0]
 
 
 @on_event
@@ -222,7 +238,9 @@ def off_the_table(t, y, mode, params, guard, direction):
 @pytest.mark.parametrize("frequency", [5.0, 157.0, 600.0])
 def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
     """Another guard lies just above it; neither fall nor gap has the time scale of the table."""
-    size, start, end = 1e-3, np.array([500.0, 0.0]), 12.0
+    size = 1e-3
+    start = np.array([500.0, 0.0])
+    end = 12.0
     table = System(
         fall_on,
         shaking_table,
@@ -233,7 +251,8 @@ def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
     params = (size, frequency, above_m)
     options = {"params": params, "jacobian": "params", "method": "dopri5", **TIGHT}
     found = solve(table, (0, end), start, **options)
-    t, before = found.events.of("table").time[0], found.events.of("table").before[0]
+    t = found.events.of("table").time[0]
+    before = found.events.of("table").before[0]
     speed = size * frequency * np.cos(frequency * t)
     changes = np.array(
         [1.0, t, size * t * np.cos(frequency * t)]
@@ -247,7 +266,8 @@ def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
     )
     hit = np.array([1.0, t, 0.0]) + before[1] * dt
     after = 1.8 * (bend * dt + [0, 0, by_frequency]) - 0.8 * (fall - 9.81 * dt)
-    left, speed_after = end - t, 1.8 * speed - 0.8 * before[1]
+    left = end - t
+    speed_after = 1.8 * speed - 0.8 * before[1]
     ends = [hit + after * left - speed_after * dt + 9.81 * left * dt, after + 9.81 * dt]
     got = np.column_stack([found.jacobian, found.sensitivity[:, 1]])
     assert got == pytest.approx(np.array(ends), rel=1e-6, abs=1e-7)
@@ -255,12 +275,14 @@ def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
 
 @field
 def wheel_field(t, y, mode, params, dy):
-    dy[0], dy[1] = y[1], np.sin(y[0])
+    dy[0] = y[1]
+    dy[1] = np.sin(y[0])
 
 
 @guards
 def next_spoke(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0] - params[0] - params[1], dy[0]
+    h[0] = y[0] - params[0] - params[1]
+    hdot[0] = dy[0]
 
 
 @on_event
@@ -293,13 +315,16 @@ def push(t, y, mode, params, guard, direction):
 
 @guards
 def two_planes(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0] - params[0], dy[0]
-    h[1], hdot[1] = y[0] - params[1], dy[0]
+    h[0] = y[0] - params[0]
+    hdot[0] = dy[0]
+    h[1] = y[0] - params[1]
+    hdot[1] = dy[0]
 
 
 @field
 def faster(t, y, mode, params, dy):
-    dy[0], dy[1] = y[1] + 0.2 * np.sin(t), 0.1 * y[0]
+    dy[0] = y[1] + 0.2 * np.sin(t)
+    dy[1] = 0.1 * y[0]
     if mode[1] > 0:
         dy[0], dy[1] = dy[0] + 1.0, dy[1] - 0.7 * y[0]
 
@@ -319,12 +344,15 @@ def test_a_reset_that_pushes_another_guard():
 
 @guards
 def one_plane(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0] - params[0], dy[0]
+    h[0] = y[0] - params[0]
+    hdot[0] = dy[0]
 
 
 @field
 def add_up(t, y, mode, params, dy):
-    dy[0], dy[1], dy[2] = 1.0, 0.0, y[1]
+    dy[0] = 1.0
+    dy[1] = 0.0
+    dy[2] = y[1]
 
 
 @on_event

@@ -36,7 +36,8 @@ def meeting(kind, rng):
             place - v * time + 1e-16 * rng.integers(-4, 5, n)
         ), v
     if kind == "two groups":  # each meets at t = 0.5, and later they mix
-        left, right = rng.uniform(0, 4, n // 2), rng.uniform(-4, 0, n - n // 2)
+        left = rng.uniform(0, 4, n // 2)
+        right = rng.uniform(-4, 0, n - n // 2)
         v = np.concatenate([np.sort(left)[::-1], np.sort(right)[::-1]])
         return np.repeat([0.0, 2.0], [len(left), len(right)]) - 0.5 * v, v
     if kind == "touching":  # some touch at the start
@@ -108,7 +109,8 @@ def test_slow_and_fast_gaps_far_from_the_origin():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_unequal_balls_keep_order_momentum_and_energy(kind):
-    rng, instants = np.random.default_rng([2, KINDS.index(kind)]), 0
+    rng = np.random.default_rng([2, KINDS.index(kind)])
+    instants = 0
     for _ in range(100):
         x, v = meeting(kind, rng)
         masses = 10 ** rng.uniform(-2, 2, len(x))
@@ -159,7 +161,8 @@ def test_backward_in_time(kind):
 
 @guard
 def one_gap(t, y, dy, mode, params, k, h, hdot):
-    h[k], hdot[k] = y[k + 1] - y[k], dy[k + 1] - dy[k]
+    h[k] = y[k + 1] - y[k]
+    hdot[k] = dy[k + 1] - dy[k]
 
 
 @rate_bound
@@ -216,7 +219,8 @@ def test_inelastic_collapse(restitution, status):
     They then rest on each other. A handler that sets the lock says so, and the run goes
     on.
     """
-    x, v = np.array([-1.0, 0.0, 1.0]), [1.0, 0.0, -1.0]
+    x = np.array([-1.0, 0.0, 1.0])
+    v = [1.0, 0.0, -1.0]
     found = run(x, v, np.ones(3), restitution)
     assert found.status == status, found.message
     assert status == 0 or "push guards across without an end" in found.message
@@ -230,13 +234,18 @@ def test_inelastic_collapse(restitution, status):
 
 @field
 def two_fly(t, y, mode, params, dy):
-    dy[0], dy[1], dy[2], dy[3] = y[2], y[3], 0.0, 0.0
+    dy[0] = y[2]
+    dy[1] = y[3]
+    dy[2] = 0.0
+    dy[3] = 0.0
 
 
 @guards
 def wall_and_gap(t, y, dy, mode, params, h, hdot):
-    h[0], h[1] = y[0], y[1] - y[0]
-    hdot[0], hdot[1] = dy[0], dy[1] - dy[0]
+    h[0] = y[0]
+    h[1] = y[1] - y[0]
+    hdot[0] = dy[0]
+    hdot[1] = dy[1] - dy[0]
 
 
 @on_event
@@ -284,7 +293,8 @@ def test_impacts_count_the_digits_of_pi(ratio, impacts, dense):
 
 
 def test_a_log_that_fills_up_within_an_instant_is_handed_over():
-    start, pieces = [0.0, 1.0, 0.0, -1.0], []
+    start = [0.0, 1.0, 0.0, -1.0]
+    pieces = []
     given = {"params": [1e4], "mode": [1, 1], "t_eval": [0.5, 1.0, 1.5]}
     system = at_wall()
     plain = solve(system, (0, 2.0), start, **given)
@@ -308,7 +318,8 @@ def test_a_log_that_fills_up_within_an_instant_is_handed_over():
 @on_event
 def throw_back(t, y, mode, params, guard, direction):
     if direction < 0:
-        y[2], y[3] = (1.0 if guard == 0 else -1.0), 0.0  # towards the other guard
+        y[2] = 1.0 if guard == 0 else -1.0  # towards the other guard
+        y[3] = 0.0
     return 0
 
 
@@ -328,13 +339,16 @@ def test_a_cascade_that_does_not_end_says_so():
 
 @field
 def passing(t, y, mode, params, dy):
-    dy[0], dy[1], dy[2] = 1.0, 0.0, 0.0
+    dy[0] = 1.0
+    dy[1] = 0.0
+    dy[2] = 0.0
 
 
 @guards
 def planes(t, y, dy, mode, params, h, hdot):
     for k in range(len(h)):
-        h[k], hdot[k] = y[0] - params[k], dy[0]
+        h[k] = y[0] - params[k]
+        hdot[k] = dy[0]
 
 
 @on_event
@@ -349,8 +363,12 @@ def turn(t, y, mode, params, guard, direction):
 @on_event
 def turn_back(t, y, mode, params, guard, direction):
     first = len(mode) + 4 * guard
-    a, b, c, d = params[first], params[first + 1], params[first + 2], params[first + 3]
-    old, det = y[1], a * d - b * c
+    a = params[first]
+    b = params[first + 1]
+    c = params[first + 2]
+    d = params[first + 3]
+    old = y[1]
+    det = a * d - b * c
     y[1] = (d * old - b * y[2]) / det
     y[2] = (a * y[2] - c * old) / det
     return 0
@@ -366,7 +384,8 @@ def turned(n):
 @pytest.mark.parametrize("gap", [0.0, 1e-17, 1e-16, 1e-15, 1e-13])
 def test_resets_at_coincident_planes(gap, commuting):
     """By number where the planes coincide; by time where they are apart by more than rounding."""
-    rng, differ = np.random.default_rng([7, int(-np.log10(gap + 1e-18))]), 0
+    rng = np.random.default_rng([7, int(-np.log10(gap + 1e-18))])
+    differ = 0
     for _ in range(30):
         n = int(rng.integers(2, 6))
         places = rng.uniform(0.2, 1.5) + gap * rng.integers(-3, 4, n)
@@ -374,16 +393,19 @@ def test_resets_at_coincident_planes(gap, commuting):
         if commuting:
             matrices = matrices * np.eye(2)
         system = turned(n)
-        start, params = [0.0, *rng.normal(size=2)], [*places, *matrices.ravel()]
+        start = [0.0, *rng.normal(size=2)]
+        params = [*places, *matrices.ravel()]
         found = solve(system, (0, 2.0), start, params=params)
         assert found.success, found.message
         order = found.events.guard.tolist()
         assert sorted(order) == list(range(n))
         assert gap > 0.0 or order == list(range(n))
         assert gap < 1e-13 or order == np.argsort(places, kind="stable").tolist()
-        expected, by_number = np.array(start[1:]), np.array(start[1:])
+        expected = np.array(start[1:])
+        by_number = np.array(start[1:])
         for k in range(n):
-            expected, by_number = matrices[order[k]] @ expected, matrices[k] @ by_number
+            expected = matrices[order[k]] @ expected
+            by_number = matrices[k] @ by_number
         assert found.y_end[1:] == pytest.approx(expected, rel=1e-11, abs=1e-13)
         differ += not np.allclose(expected, by_number, rtol=1e-9)
         back = solve(system, (2.0, 0.0), found.y_end, params=params)
@@ -404,8 +426,10 @@ def turning(t, y, mode, params, dy):
 
 @guards
 def two_zeros(t, y, dy, mode, params, h, hdot):
-    h[0], h[1] = y[0], y[1]
-    hdot[0], hdot[1] = dy[0], dy[1]
+    h[0] = y[0]
+    h[1] = y[1]
+    hdot[0] = dy[0]
+    hdot[1] = dy[1]
 
 
 @field
@@ -462,7 +486,8 @@ def test_what_is_due_at_a_terminal_event_is_an_event_still(speed, crossed):
 @on_event
 def collide_once(t, y, mode, params, guard, direction):
     swapped = y[3 + guard]
-    y[3 + guard], y[4 + guard] = y[4 + guard], swapped
+    y[3 + guard] = y[4 + guard]
+    y[4 + guard] = swapped
     return 1
 
 
@@ -480,7 +505,8 @@ def test_nothing_new_follows_a_terminal_event():
 
 @pytest.mark.parametrize("shift", [0.0, 0.1])
 def test_impacts_at_one_point_have_no_jacobian_of_one_order(shift):
-    x, v = np.array([-1.0, 0.0, 1.0 + shift]), [1.0, 0.0, -1.0]
+    x = np.array([-1.0, 0.0, 1.0 + shift])
+    v = [1.0, 0.0, -1.0]
     found = run(x, v, np.ones(3), jacobian=True)
     if shift == 0.0:
         assert found.status == TIE_IN_JACOBIAN

@@ -35,7 +35,8 @@ GAINS = 0.01 * np.sin(np.arange(300))
 
 
 def both(params, *, start=FROM, until=20.0, **options):
-    n, sparse = (len(params) - 1) // 4, {}
+    n = (len(params) - 1) // 4
+    sparse = {}
     if "rate_bound" in options:
         sparse["rate_bound"] = options.pop("rate_bound")
     return (
@@ -177,12 +178,14 @@ def burst_field(t, y, mode, params, dy):
 
 @guards
 def burst_guards(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0] - params[1], dy[0]
+    h[0] = y[0] - params[1]
+    hdot[0] = dy[0]
 
 
 @guard
 def burst_guard(t, y, dy, mode, params, k, h, hdot):
-    h[k], hdot[k] = y[0] - params[1], dy[0]
+    h[k] = y[0] - params[1]
+    hdot[k] = dy[0]
 
 
 @rate_bound
@@ -206,7 +209,8 @@ def test_a_burst_of_speed_within_a_step():
 
 
 def test_a_plate_on_fifty_springs():
-    plate, start = Plate(50), np.array([0.0, 2.4, 0.06, 0.0, 0.0, 0.0])
+    plate = Plate(50)
+    start = np.array([0.0, 2.4, 0.06, 0.0, 0.0, 0.0])
     plain = solve(plate.system(), (0, 2), start, params=plate.params)
     sparse = solve(plate.system(sparse=True), (0, 2), start, params=plate.params)
     assert_same(plain, sparse, tolerance=1e-7)
@@ -216,7 +220,8 @@ def test_a_plate_on_fifty_springs():
 
 @pytest.mark.parametrize("form", ["sums", "sparse"])
 def test_two_runs_begin_with_the_same_memory(form):
-    plate, start = Plate(12), np.array([0.0, 1.4, 0.06, 0.0, 0.0, 0.0])
+    plate = Plate(12)
+    start = np.array([0.0, 1.4, 0.06, 0.0, 0.0, 0.0])
     system = plate.system(**{form: True})
     first, second = (
         solve(system, (0, 1), start, params=plate.params) for _ in range(2)
@@ -229,7 +234,8 @@ def test_two_runs_begin_with_the_same_memory(form):
 
 def test_a_memory_of_the_wrong_length_is_named():
     plate = Plate(12)
-    system, start = plate.system(sums=True), np.zeros(6)
+    system = plate.system(sums=True)
+    start = np.zeros(6)
     with pytest.raises(ValueError, match="memory: expected 3 numbers, found 2"):
         solve(system, (0, 1), start, params=plate.params, memory=[0.0, 0.0])
     with pytest.raises(ValueError, match="memory: expected 0 numbers, found 1"):
@@ -257,7 +263,8 @@ SIZE = 64
 
 
 def memory_views(lists, wake_at, counts):
-    table, empty = float_table(0, 0), float_vector(0, 0)
+    table = float_table(0, 0)
+    empty = float_vector(0, 0)
     return layout.Memory(
         table, table, int_table(0, 0), int_table(lists, SIZE), float_vector(wake_at, SIZE), empty,
         int_vector(counts, layout.COUNT_SLOTS),
@@ -325,7 +332,9 @@ class Heap:
 @given(first=KEYS, second=KEYS, part=st.floats(0, 1))
 def test_guards_come_out_by_their_keys(first, second, part):
     """Each comes out once, with its own key, whatever is inserted in between."""
-    ours, expected, keys = Heap(), sorted(first), first + second
+    ours = Heap()
+    expected = sorted(first)
+    keys = first + second
     ours.push(first, 0)
     out = ours.pop(int(part * len(first)))
     assert [keys[k] for k in out] == expected[: len(out)]
@@ -343,7 +352,8 @@ def test_guards_come_out_by_their_keys(first, second, part):
 @settings(deadline=None, max_examples=100)
 @given(keys=KEYS.filter(len), later=KEYS)
 def test_the_first_may_sleep_on(keys, later):
-    ours, expected = Heap(), [(key, k) for k, key in enumerate(keys)]
+    ours = Heap()
+    expected = [(key, k) for k, key in enumerate(keys)]
     ours.push(keys, 0)
     heapq.heapify(expected)
     for key in later:

@@ -33,7 +33,8 @@ def test_high_order_where_events_are_sparse(rtol):
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9])
 def test_the_cheap_one_where_they_are_dense(rtol):
-    system, options = bent(300), {"params": DENSE, "rtol": rtol, "atol": rtol}
+    system = bent(300)
+    options = {"params": DENSE, "rtol": rtol, "atol": rtol}
     found = solve(system, (0, 1.5), [-0.9, 1.0], **options)
     high = solve(system, (0, 1.5), [-0.9, 1.0], method="dop853", **options)
     assert last_method(found) == "dopri5"
@@ -96,7 +97,8 @@ def test_explicit_again_when_the_damper_is_gone():
     assert found.events.guard.tolist() == [0, 1]
     assert found.n_steps < 500
     freed = solve(landing(), (0, 2.0), [1.0, 0.0], **options).y_end
-    rest, swing = np.array([-9.81 / 400.0, 0.0]), 20.0 * (6.0 - 2.0)
+    rest = np.array([-9.81 / 400.0, 0.0])
+    swing = 20.0 * (6.0 - 2.0)
     turn = [[np.cos(swing), np.sin(swing) / 20], [-20 * np.sin(swing), np.cos(swing)]]
     assert found.y_end == pytest.approx(rest + turn @ (freed - rest), abs=2e-8)
 

@@ -14,20 +14,25 @@ from hopdata.hybrid.driver.watch import flip_time
 
 @field
 def swings(t, y, mode, params, dy):
-    dy[0], dy[1] = y[1], -(params[0] ** 2) * y[0]
-    dy[2], dy[3] = y[3], -(params[1] ** 2) * y[2]
+    dy[0] = y[1]
+    dy[1] = -(params[0] ** 2) * y[0]
+    dy[2] = y[3]
+    dy[3] = -(params[1] ** 2) * y[2]
 
 
 @affine
 def swings_affine(mode, params, a, b):
-    a[0, 1], a[1, 0] = 1.0, -(params[0] ** 2)
-    a[2, 3], a[3, 2] = 1.0, -(params[1] ** 2)
+    a[0, 1] = 1.0
+    a[1, 0] = -(params[0] ** 2)
+    a[2, 3] = 1.0
+    a[3, 2] = -(params[1] ** 2)
     b[:] = 0.0
 
 
 @guards
 def level(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0] + params[2] * y[2] - params[3], dy[0] + params[2] * dy[2]
+    h[0] = y[0] + params[2] * y[2] - params[3]
+    hdot[0] = dy[0] + params[2] * dy[2]
 
 
 SWINGS = System(swings, level, affine=swings_affine, n_states=4, guard_names=("level",))
@@ -64,11 +69,9 @@ def test_every_swing_that_reaches_the_level_is_seen(rate, height):
 def test_a_fast_swing_upon_a_slow_one_is_seen():
     rng = np.random.default_rng(2)
     for _ in range(100):
-        slow, fast, size = (
-            rng.uniform(0.5, 2.0),
-            rng.uniform(5.0, 30.0),
-            rng.uniform(0.05, 0.5),
-        )
+        slow = rng.uniform(0.5, 2.0)
+        fast = rng.uniform(5.0, 30.0)
+        size = rng.uniform(0.05, 0.5)
         params = (slow, fast, size, rng.uniform(-0.8, 0.8))
         start = [1.0, 0.0, 1.0, rng.normal()]
         found = [
@@ -142,7 +145,8 @@ def test_a_step_reaches_a_known_event_with_little_to_spare():
 
 def test_the_step_is_as_long_as_before_once_the_event_is_past():
     """Steps of 1, then one clipped to reach the event at 9.97; the following are no shorter."""
-    system, end = throw(), 21.0
+    system = throw()
+    end = 21.0
     free = solve(system, (0, end), [0.0, 2.0], params=(2.0, 1e9), max_step=1.0)
     solution = solve(system, (0, end), [0.0, 2.0], params=(2.0, -79.5), max_step=1.0)
     assert len(solution.events) == 1
@@ -159,12 +163,14 @@ def test_a_bounce_takes_one_step():
 
 @field
 def turns(t, y, mode, params, dy):
-    dy[0], dy[1] = y[1], -y[0]
+    dy[0] = y[1]
+    dy[1] = -y[0]
 
 
 @guards
 def without_the_time(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0] - 0.3 * np.cos(2.0 * t), dy[0]
+    h[0] = y[0] - 0.3 * np.cos(2.0 * t)
+    hdot[0] = dy[0]
 
 
 @on_event
@@ -185,7 +191,8 @@ def test_rates_that_leave_out_the_time_end_soon():
 
 @field
 def two_sines_field(t, y, mode, params, dy):
-    dy[0], dy[1] = -y[1], y[0]
+    dy[0] = -y[1]
+    dy[1] = y[0]
 
 
 @guards

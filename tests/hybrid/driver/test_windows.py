@@ -19,7 +19,8 @@ def advance(t, y, mode, params, dy):
 def steep(t, y, dy, mode, params, h, hdot):
     """Exponential less a level; far away it is the level, to all digits, and its rate is 0."""
     power = params[2] * math.exp(params[0] * (y[0] - 1))
-    h[0], hdot[0] = power - params[1], params[3] * params[0] * power * dy[0]
+    h[0] = power - params[1]
+    hdot[0] = params[3] * params[0] * power * dy[0]
 
 
 SYSTEM = System(advance, steep, n_states=1, guard_names=("g",))

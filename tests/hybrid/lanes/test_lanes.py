@@ -18,7 +18,8 @@ from hopdata.hybrid import System, field, guards, on_event, solve_batch
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.layout import NO_LOCK, SLIDING, STATE_NOT_FINITE
 
-SPAN, COUNT = (0.0, 6.0), 200
+SPAN = (0.0, 6.0)
+COUNT = 200
 OPTIONS = {"method": "dop853", "workers": 1}
 
 
@@ -33,9 +34,11 @@ def swings():
         )
         for _ in range(2 * COUNT)
     ]  # fmt: skip
-    y0, params = rng.uniform(-2.0, 2.0, (2 * COUNT, 2)), np.array(params)
+    y0 = rng.uniform(-2.0, 2.0, (2 * COUNT, 2))
+    params = np.array(params)
     status = solve_batch(bent(3), SPAN, y0, params=params, **OPTIONS).status
-    ends, slides = status == 0, status == SLIDING
+    ends = status == 0
+    slides = status == SLIDING
     return y0[ends][:COUNT], params[ends][:COUNT], y0[slides], params[slides]
 
 
@@ -63,7 +66,8 @@ def assert_same(found, wanted, rows):
 def test_as_good_as_the_driver(rtol):
     tolerance = {"rtol": rtol, "atol": 1e-3 * rtol}
     best = swung(rtol=SMALLEST_RTOL, atol=1e-15, lanes=False)
-    plain, here = swung(lanes=False, **tolerance), swung(lanes=True, **tolerance)
+    plain = swung(lanes=False, **tolerance)
+    here = swung(lanes=True, **tolerance)
     assert here.success
     assert here.lanes_reason == ""
     assert here.lanes.mean() > 0.97
@@ -104,7 +108,8 @@ def test_wanted_times():
 
 @field
 def driven(t, y, mode, params, dy):
-    dy[0], dy[1] = y[1], -np.sin(y[0]) + 0.2 * mode[0]
+    dy[0] = y[1]
+    dy[1] = -np.sin(y[0]) + 0.2 * mode[0]
 
 
 @guards
@@ -121,8 +126,10 @@ def test_where_most_steps_end_in_flips(rtol):
     system = System(
         driven, levels, n_states=2, guard_names=[f"level {g}" for g in range(45)]
     )
-    rng, times = np.random.default_rng(8), np.linspace(*SPAN, 40)
-    y0, params = rng.uniform(-1.5, 1.5, (COUNT, 2)), rng.uniform(0.0, 0.2, (COUNT, 1))
+    rng = np.random.default_rng(8)
+    times = np.linspace(*SPAN, 40)
+    y0 = rng.uniform(-1.5, 1.5, (COUNT, 2))
+    params = rng.uniform(0.0, 0.2, (COUNT, 1))
 
     def ends(rtol, lanes, rows=slice(None)):
         return solve_batch(
@@ -130,7 +137,9 @@ def test_where_most_steps_end_in_flips(rtol):
             lanes=lanes, **OPTIONS,
         )  # fmt: skip
 
-    best, plain, here = ends(1e-13, False), ends(rtol, False), ends(rtol, True)
+    best = ends(1e-13, False)
+    plain = ends(rtol, False)
+    here = ends(rtol, True)
     assert here.lanes.mean() > 0.9  # a few turn round at a level
     assert here.n_events.tolist() == best.n_events.tolist()
     assert (
@@ -228,7 +237,8 @@ def plain_python(t, y, mode, params, dy):
 
 @guards
 def far_away(t, y, dy, mode, params, h, hdot):
-    h[:], hdot[:] = 1.0, 0.0
+    h[:] = 1.0
+    hdot[:] = 0.0
 
 
 @pytest.mark.parametrize(
@@ -265,8 +275,10 @@ def pulled(t, y, mode, params, dy):
 
 @guards
 def both_axes(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0], dy[0]
-    h[1], hdot[1] = y[1] + (params[4] if mode[2] > 0 else -params[4]), dy[1]
+    h[0] = y[0]
+    hdot[0] = dy[0]
+    h[1] = y[1] + (params[4] if mode[2] > 0 else -params[4])
+    hdot[1] = dy[1]
 
 
 def point(handler=None):
@@ -281,7 +293,8 @@ def start_again(t, y, mode, params, guard, direction):
     if t > 2.95:
         raise OverflowError("too late")
     if direction > 0:
-        y[0], params[0] = -1.0, 0.5 * params[0]
+        y[0] = -1.0
+        params[0] = 0.5 * params[0]
     return 0
 
 
@@ -290,7 +303,8 @@ def test_handlers_that_raise_or_change_parameters():
 
     `test_quick_lanes` has the same for parameters that all systems share.
     """
-    system, y0 = point(start_again), [[-1.0, -1.0], [-0.9, -1.0], [-0.8, -1.0]]
+    system = point(start_again)
+    y0 = [[-1.0, -1.0], [-0.9, -1.0], [-0.8, -1.0]]
     options = {"params": [[1.0, 0.0, 0.0, 0.0, 0.0]] * 3, "workers": 1, "lanes": True}
     here = solve_batch(system, (0.0, 2.95), y0, **options)
     assert here.success, here.message
@@ -311,7 +325,8 @@ def no_lock(t, y, mode, params, guard, direction):
 @pytest.mark.parametrize("lock", [0, 7, -7])
 def test_a_lock_that_is_none_is_named(lock):
     """Else its guard would never flip again, or flip to a lock that the field does not know."""
-    system, y0 = point(no_lock), [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
+    system = point(no_lock)
+    y0 = [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
     params = [[1.0, 0.0, 0.0, lock, 0.0]] * 3
     batch = solve_batch(system, (0.0, 2.0), y0, params=params, lanes=True)
     assert batch.status.tolist() == [NO_LOCK, NO_LOCK, 0]
@@ -327,7 +342,8 @@ def spoil(t, y, mode, params, guard, direction):
 
 
 def test_a_state_spoilt_at_a_terminal_event_is_no_success():
-    system, y0 = point(spoil), [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
+    system = point(spoil)
+    y0 = [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
     params = [
         [1.0, 0.0, 0.0, np.nan, 0.0],
         [1.0, 0.0, 0.0, -50.0, 0.0],

@@ -22,7 +22,11 @@ SMOOTH = [name for name in quick.FAMILIES if name not in ("abs", "max", "table")
 @njit(error_model="numpy")
 def height(q, t, u, v, du, dv, after):
     """Return what `stress_quick.height` returns for the smooth kinds."""
-    kind, a, b, c, d = int(q[0]), q[1], q[2], q[3], q[4]
+    kind = int(q[0])
+    a = q[1]
+    b = q[2]
+    c = q[3]
+    d = q[4]
     if kind == quick.SINE:
         return np.sin(b * u + c) - d, b * np.cos(b * u + c) * du
     if kind == quick.BUMP:
@@ -91,12 +95,17 @@ def test_no_contact_of_a_family_is_missed(family):
 
 @field
 def turning(t, y, mode, params, dy):
-    dy[0], dy[1] = -y[1], y[0]
+    dy[0] = -y[1]
+    dy[1] = y[0]
 
 
 @guards
 def two_sines(t, y, dy, mode, params, h, hdot):
-    a, b, c, d, e = params[0], params[1], params[2], params[3], params[4]
+    a = params[0]
+    b = params[1]
+    c = params[2]
+    d = params[3]
+    e = params[4]
     h[0] = np.sin(a * t) + b * np.sin(c * t + d) + e
     hdot[0] = a * np.cos(a * t) + b * c * np.cos(c * t + d)
 
@@ -104,8 +113,10 @@ def two_sines(t, y, dy, mode, params, h, hdot):
 @pytest.mark.parametrize("lanes", [True, False])
 def test_no_dip_of_a_second_faster_sine_is_missed(lanes):
     """With one look inside a step, lanes lost dips in 22 of 200 such systems, the driver in one."""
-    rng, n = np.random.default_rng(7), 200
-    slow, share = rng.uniform(5, 80, n), rng.uniform(0.05, 0.5, n)
+    rng = np.random.default_rng(7)
+    n = 200
+    slow = rng.uniform(5, 80, n)
+    share = rng.uniform(0.05, 0.5, n)
     columns = (
         slow,
         share,
@@ -141,7 +152,8 @@ def test_no_contact_with_a_shaking_table_is_missed(rtol):
 
 
 def test_no_ball_falls_through_a_table_on_which_it_comes_to_rest():
-    rng, n = np.random.default_rng(0), 1200
+    rng = np.random.default_rng(0)
+    n = 1200
     y0 = np.column_stack([rng.uniform(0.1, 0.5, n), rng.uniform(-0.5, 0.5, n)])
     ranges = ((0.3, 0.5), (1e-4, 1e-3), (5.0, 20.0), (0.0, 0.0))
     params = np.column_stack([rng.uniform(*one, n) for one in ranges])
@@ -156,7 +168,9 @@ def start_again(t, y, mode, params, guard, direction):
     if t > 2.95:
         raise OverflowError("too late")
     if direction > 0:
-        y[0], y[1], params[0] = -1.0, 0.0, 0.5 * params[0]
+        y[0] = -1.0
+        y[1] = 0.0
+        params[0] = 0.5 * params[0]
     return 0
 
 
@@ -165,10 +179,8 @@ def test_a_handler_that_changes_parameters_which_all_systems_share():
     params = np.zeros(quick.FIXED + 2 * quick.WIDTH)
     params[[0, quick.FIXED, quick.FIXED + quick.WIDTH]] = -2.0, quick.PLANE, quick.PLANE
     params[quick.FIXED + quick.WIDTH + 1] = 99.0  # where nothing is
-    system, heights = (
-        replace(SYSTEM, on_event=start_again),
-        np.array([-1.0, -0.9, -0.8]),
-    )
+    system = replace(SYSTEM, on_event=start_again)
+    heights = np.array([-1.0, -0.9, -0.8])
     y0 = np.column_stack([heights, *np.zeros((4, 3))])
     options = {"params": params, "workers": 1, "lanes": True}
     here = solve_batch(system, (0.0, 2.95), y0, **options)

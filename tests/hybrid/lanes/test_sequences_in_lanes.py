@@ -35,7 +35,8 @@ def test_balls_that_meet_at_a_point(n):
 
 def test_slow_and_fast_gaps_far_from_the_origin():
     """Where a slow gap's rounding makes the instant unsure, the driver goes on."""
-    rng, n = np.random.default_rng(5), 3
+    rng = np.random.default_rng(5)
+    n = 3
     v = -np.sort(-rng.uniform(-4, 4, (COUNT, n)), axis=1) * 10.0 ** rng.integers(
         -6, 1, (COUNT, 1)
     )
@@ -45,10 +46,8 @@ def test_slow_and_fast_gaps_far_from_the_origin():
     given = {"mode": [1, 1], "params": [1.0, 1.0, 1.0, 1.0, 0.0], "lanes": True}
     found = solve_batch(row_of_balls(n), (0, 3.0), np.hstack([x, v]), **given)
     assert found.success, found.message
-    right, size = (
-        np.sort(x + 3.0 * v, axis=1),
-        np.abs(x).max(axis=1) + np.abs(v).max(axis=1),
-    )
+    right = np.sort(x + 3.0 * v, axis=1)
+    size = np.abs(x).max(axis=1) + np.abs(v).max(axis=1)
     assert (np.abs(found.y_end[:, :n] - right).max(axis=1) < 1e-12 * size).all()
 
 
@@ -69,8 +68,10 @@ def helped_across(t, y, mode, params, dy):
 
 @guards
 def two_zeros(t, y, dy, mode, params, h, hdot):
-    h[0], h[1] = y[0], y[1]
-    hdot[0], hdot[1] = dy[0], dy[1]
+    h[0] = y[0]
+    h[1] = y[1]
+    hdot[0] = dy[0]
+    hdot[1] = dy[1]
 
 
 def test_a_guard_waits_for_others_before_it_flips_back():
@@ -101,7 +102,8 @@ def test_coincident_rungs_stay_in_lanes():
     rng = np.random.default_rng(3)
     rungs = np.repeat(rng.uniform(0.1, 0.5, (COUNT, 1)), 5, axis=1)
     gains = rng.uniform(-0.1, 0.3, (COUNT, 5))
-    params, start = np.hstack([rungs, gains]), np.zeros((COUNT, 2))
+    params = np.hstack([rungs, gains])
+    start = np.zeros((COUNT, 2))
     found = solve_batch(ladder(5), (0, 1), start, params=params, lanes=True)
     assert found.success
     assert found.lanes.all()
@@ -112,13 +114,15 @@ def test_coincident_rungs_stay_in_lanes():
 
 @field
 def passing(t, y, mode, params, dy):
-    dy[0], dy[1] = 1.0, 0.0
+    dy[0] = 1.0
+    dy[1] = 0.0
 
 
 @guards
 def three_planes(t, y, dy, mode, params, h, hdot):
     for k in range(3):
-        h[k], hdot[k] = y[0] - 0.5, dy[0]
+        h[k] = y[0] - 0.5
+        hdot[k] = dy[0]
 
 
 @on_event
@@ -135,7 +139,8 @@ def test_resets_in_the_order_of_the_guards(terminal):
         terminal=terminal,
     )  # fmt: skip
     rng = np.random.default_rng(4)
-    start, params = np.zeros((COUNT, 2)), rng.normal(size=(COUNT, 3))
+    start = np.zeros((COUNT, 2))
+    params = rng.normal(size=(COUNT, 3))
     start[:, 1] = rng.normal(size=COUNT)
     expected = 8.0 * start[:, 1] + params @ [4.0, 2.0, 1.0]
     for lanes in (True, False):

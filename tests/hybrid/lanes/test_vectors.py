@@ -32,7 +32,8 @@ def compiled(function):
 
     @njit(error_model="numpy")
     def call(given, result):
-        numbers, out = two(given, 0), two(result, 0)
+        numbers = two(given, 0)
+        out = two(result, 0)
         out[0] = inner(numbers[0], numbers[-1])
 
     return call
@@ -40,8 +41,10 @@ def compiled(function):
 
 def outcome(function, x, y):
     """Return the result of a function of two numbers in all lanes."""
-    given, result = aligned(2), aligned(2)
-    given[:WIDTH], given[WIDTH:] = x, y
+    given = aligned(2)
+    result = aligned(2)
+    given[:WIDTH] = x
+    given[WIDTH:] = y
     compiled(function)(given, result)
     return result[:WIDTH].copy()
 

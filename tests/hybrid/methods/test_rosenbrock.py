@@ -48,7 +48,8 @@ def test_the_coefficients_are_consistent():
 
 def order_conditions(weights, theta):
     """Return the residuals of the eight conditions of order 4 at a fraction of the step."""
-    a, b = ALPHAS.sum(axis=1), BETAS.sum(axis=1)
+    a = ALPHAS.sum(axis=1)
+    b = BETAS.sum(axis=1)
     of_trees = [
         np.ones(STAGES), b, a**2, BETAS @ b,
         a**3, a * (ALPHAS @ b), BETAS @ a**2, BETAS @ BETAS @ b,
@@ -128,7 +129,8 @@ def test_stiffness_does_not_limit_the_step(given):
 @pytest.mark.parametrize("rate", [1e2, 1e6, 1e9, 1e12])
 def test_a_landing_on_a_strong_damper(rate, given):
     """The test covers the impact of the landing, which lasts 1 / rate, and the creep after it."""
-    weight, stiffness = 9.81, 2.0 * rate
+    weight = 9.81
+    stiffness = 2.0 * rate
     one = stepper(
         (CONTACT, rate, weight, stiffness, 0.0), 0.0, [0.0, -3.0], given=given
     )
@@ -141,7 +143,8 @@ def test_a_landing_on_a_strong_damper(rate, given):
 
 @BOTH
 def test_the_interpolant_is_fourth_order(given):
-    params, sizes = (SMOOTH, 0.0), 0.2 / 2.0 ** np.arange(4)
+    params = (SMOOTH, 0.0)
+    sizes = 0.2 / 2.0 ** np.arange(4)
     one = stepper(params, 0.5, exact(params, 0.5), given=given)
     errors = []
     for dt in sizes:
@@ -198,9 +201,14 @@ def test_a_field_that_is_not_finite_is_rejected():
 @BOTH
 @pytest.mark.parametrize("scale", [2.0**-40, 2.0**40])
 def test_units_of_length_change_nothing(scale, given):
-    weight, rate, spring, square, y = 9.81, 1e4, 1e5, 1e6, np.array([-0.01, -3.0])
+    weight = 9.81
+    rate = 1e4
+    spring = 1e5
+    square = 1e6
+    y = np.array([-0.01, -3.0])
     one = stepper((CONTACT, rate, weight, spring, square), 0.0, y, given=given)
-    plain, end = one.step(1e-3), one.s[END].copy()
+    plain = one.step(1e-3)
+    end = one.s[END].copy()
     scaled = (CONTACT, rate, weight * scale, spring, square / scale)
     one = stepper(scaled, 0.0, y * scale, given=given, atol=1e-12 * scale)
     assert one.step(1e-3) == plain
@@ -211,9 +219,14 @@ def test_units_of_length_change_nothing(scale, given):
 @pytest.mark.parametrize("scale", [2.0**-20, 2.0**20])
 def test_units_of_time_change_nothing(scale, given):
     """Only rounding differs, because pivots may be chosen in another order."""
-    weight, rate, spring, square, y = 9.81, 1e4, 1e5, 1e6, np.array([-0.01, -3.0])
+    weight = 9.81
+    rate = 1e4
+    spring = 1e5
+    square = 1e6
+    y = np.array([-0.01, -3.0])
     one = stepper((CONTACT, rate, weight, spring, square), 0.0, y, given=given)
-    plain, end = one.step(1e-3), one.s[END].copy()
+    plain = one.step(1e-3)
+    end = one.s[END].copy()
     faster = (
         CONTACT,
         rate * scale,

@@ -30,7 +30,8 @@ DOPRI5_LIMIT, DOP853_LIMIT = (
 def solution(matrix, right):
     n = len(right)
     s = np.full((TABLE_ROWS, n), np.nan)
-    s[LU : LU + n], s[X] = matrix, right
+    s[LU : LU + n] = matrix
+    s[X] = right
     factorise(s, LU, PIVOTS, n)
     solve_factorised(s, LU, PIVOTS, X, n)
     return s[X]
@@ -40,7 +41,8 @@ def solution(matrix, right):
 def test_random_systems(n):
     rng = np.random.default_rng(n)
     for _ in range(20):
-        matrix, right = rng.normal(size=(n, n)), rng.normal(size=n)
+        matrix = rng.normal(size=(n, n))
+        right = rng.normal(size=n)
         x = solution(matrix, right)
         size = np.linalg.norm(matrix) * np.linalg.norm(x)
         assert np.linalg.norm(matrix @ x - right) < 1e-14 * n * size
@@ -65,7 +67,8 @@ def test_a_singular_matrix_gives_no_finite_solution():
 
 # Derivatives of the field by differences, in arbitrary units.
 
-JAC, RATE = W1, W1 + 2
+JAC = W1
+RATE = W1 + 2
 CODES = {}
 
 
@@ -122,7 +125,8 @@ def test_at_rest_at_the_origin(atol):
 
 def test_a_state_below_its_tolerance_counts_as_zero():
     """An increment in proportion to 1e-30 would vanish in the rounding of the weight."""
-    params, y = (CONTACT, 10.0, 9.81, 1e3, 0.0), (1e-30, 1e-30)
+    params = (CONTACT, 10.0, 9.81, 1e3, 0.0)
+    y = (1e-30, 1e-30)
     found, _ = by("jacobian_by_differences", params, 0.0, 1e-3, y)
     assert found == pytest.approx(
         np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-4, abs=1e-12
@@ -131,7 +135,11 @@ def test_a_state_below_its_tolerance_counts_as_zero():
 
 @pytest.mark.parametrize("scale", [2.0**-40, 2.0**40])
 def test_units_of_length_change_nothing(scale):
-    weight, rate, spring, square, y = 9.81, 1e3, 1e4, 1e6, np.array([-0.01, -3.0])
+    weight = 9.81
+    rate = 1e3
+    spring = 1e4
+    square = 1e6
+    y = np.array([-0.01, -3.0])
     plain, _ = by(
         "jacobian_by_differences", (CONTACT, rate, weight, spring, square), 0.0, 1e-3, y
     )
@@ -149,7 +157,9 @@ def rate_of(params, t, dt, y):
 
 
 def test_the_time_derivative():
-    rate, t, y = 1e3, 0.7, (0.2, 1.5)
+    rate = 1e3
+    t = 0.7
+    y = (0.2, 1.5)
     found, count = rate_of((FOLLOWER, rate), t, 1e-2, y)
     assert count == 3
     assert found[0] == pytest.approx(rate * np.cos(t) - np.sin(t), rel=1e-9)
@@ -165,7 +175,8 @@ def test_a_field_that_does_not_depend_on_time_costs_one_evaluation(t):
 
 def test_late_in_time_the_increment_is_still_felt():
     """The step is 1e-9 at 1e6 seconds: 2^-9 of it would vanish in the rounding of the time."""
-    t, rate = 1e6, 1.0
+    t = 1e6
+    rate = 1.0
     found, count = rate_of((FOLLOWER, rate), t, 1e-9, (0.2, 1.5))
     assert count == 3
     assert found[0] == pytest.approx(rate * np.cos(t) - np.sin(t), abs=1e-3)
@@ -179,9 +190,13 @@ RTOL = 1e-6
 def table_after(solver, start):
     """Return the rows that the test needs from a step that SciPy took, and the step's length."""
     before, y = start
-    dt, s = solver.t - before, np.zeros((W1 + 4, solver.n))
+    dt = solver.t - before
+    s = np.zeros((W1 + 4, solver.n))
     last = len(solver.A) - 1
-    s[Y], s[END], s[KEND], s[W1] = y, solver.y, solver.f, solver.K[last]
+    s[Y] = y
+    s[END] = solver.y
+    s[KEND] = solver.f
+    s[W1] = solver.K[last]
     s[SCRATCH] = y + dt * (solver.K[:last].T @ solver.A[last, :last])
     return s, dt
 
@@ -227,9 +242,12 @@ def linear_table(matrix, y, dt):
     """Return a table after a step of y' = A y whose last stage is slightly off the new state."""
     n = len(y)
     s = np.zeros((W1 + 2 + n, n))
-    s[Y], s[END], s[SCRATCH] = y, y, np.asarray(y) + 1e-3 * np.arange(1, n + 1)
+    s[Y] = y
+    s[END] = y
+    s[SCRATCH] = np.asarray(y) + 1e-3 * np.arange(1, n + 1)
     s[KEND], s[W1] = matrix @ s[END], matrix @ s[SCRATCH]
-    s[W1 + 1], s[W1 + 2 :] = np.nan, matrix
+    s[W1 + 1] = np.nan
+    s[W1 + 2 :] = matrix
     return s
 
 
@@ -257,7 +275,8 @@ def test_two_equal_states_tell_nothing():
 )
 @pytest.mark.parametrize("units", [(1.0, 1.0, 1.0), (1.0, 1e-6, 1e6)])
 def test_the_spectral_radius_of_the_jacobian(matrix, units):
-    matrix, units = np.array(matrix), np.array(units)
+    matrix = np.array(matrix)
+    units = np.array(units)
     s = linear_table(matrix * units[:, None] / units, units, 1.0)
     found = implicit_stiffness(s, 0.5, RTOL, 1e-9 * units, W1 + 2, W1 + 1, 3)
     radius = np.abs(np.linalg.eigvals(matrix)).max()

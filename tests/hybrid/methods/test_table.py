@@ -140,10 +140,8 @@ def test_same_bytes(monkeypatch, method, n):
 
 
 def test_same_bytes_with_tolerances_of_zero_and_dense_output(monkeypatch):
-    system, options = (
-        ring(3),
-        {"atol": 0.0, "rtol": 1e-5, "t_eval": np.linspace(0.0, 6.0, 77)},
-    )
+    system = ring(3)
+    options = {"atol": 0.0, "rtol": 1e-5, "t_eval": np.linspace(0.0, 6.0, 77)}
     generic = outcome(system, "auto", **options)
     monkeypatch.setattr(table, "WORTH_COMPILING", 1)
     assert outcome(system, "auto", **options).y.tobytes() == generic.y.tobytes()
@@ -151,9 +149,11 @@ def test_same_bytes_with_tolerances_of_zero_and_dense_output(monkeypatch):
 
 
 def test_a_field_in_python_never_has_code_of_its_own(monkeypatch):
-    plain, compiled = ring(2, compiled=False), ring(2)
+    plain = ring(2, compiled=False)
+    compiled = ring(2)
     monkeypatch.setattr(table, "WORTH_COMPILING", 1)
-    first, second = outcome(plain, "dopri5"), outcome(plain, "dopri5")
+    first = outcome(plain, "dopri5")
+    second = outcome(plain, "dopri5")
     assert tiers(plain, "dopri5") == {0}
     other = outcome(compiled, "dopri5")
     assert first.y.tobytes() == second.y.tobytes()
@@ -162,7 +162,8 @@ def test_a_field_in_python_never_has_code_of_its_own(monkeypatch):
 
 def test_changes_within_an_integration(monkeypatch):
     """The driver returns for more room, and continues with the scene's own code."""
-    system, whole = ring(2), outcome(ring(2), "dopri5", max_step=0.01)
+    system = ring(2)
+    whole = outcome(ring(2), "dopri5", max_step=0.01)
     monkeypatch.setattr(table, "WORTH_COMPILING", 100)
     changed = outcome(system, "dopri5", max_step=0.01)
     assert not tiers(system, "dopri5")

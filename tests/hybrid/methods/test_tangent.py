@@ -163,7 +163,8 @@ def at_rest(t, y, mode, params, dy):
 
 @jacobian
 def turning(t, y, mode, params, jac):
-    jac[0, 1], jac[1, 0] = params[0], -params[0]
+    jac[0, 1] = params[0]
+    jac[1, 0] = -params[0]
 
 
 def test_steps_too_short_for_the_time_to_go_on_end_in_a_status():
@@ -180,7 +181,8 @@ def test_steps_too_short_for_the_time_to_go_on_end_in_a_status():
 
 @jacobian
 def odd_jacobian(t, y, mode, params, jac):
-    jac[0, 1], jac[1, 0] = 1.0, np.nan
+    jac[0, 1] = 1.0
+    jac[1, 0] = np.nan
     if params[0] > 0.0:
         raise ValueError("no derivative with a drive")
 
@@ -214,7 +216,9 @@ def derivative(t):
     return CONSTANT + np.sin(3.0 * t) * VARYING
 
 
-def stage_jacobian(t, dt, rtol, s, mode, params, atol, phi, field, jacobian):
+def stage_jacobian(  # noqa: PLR0913 (the arguments of a tangent)
+    t, dt, rtol, s, mode, params, atol, phi, field, jacobian
+):
     phi[N : 2 * N] = derivative(t)
 
 
@@ -285,7 +289,8 @@ def test_it_judges_its_error_by_the_fastest_motion():
 @pytest.mark.parametrize("form", [{}, {"sums": True}])
 def test_dense_events_need_few_more_evaluations_of_the_field(form):
     """If steps were repeated for their Jacobian, evaluations would double."""
-    plate, start = Plate(20), [0.0, 2.2, 0.07, 0.0, 0.0, 0.0]
+    plate = Plate(20)
+    start = [0.0, 2.2, 0.07, 0.0, 0.0, 0.0]
     options = {"params": plate.params, "rtol": 1e-6, "atol": 1e-6, "method": "dopri5"}
     state = solve(plate.system(**form), (0, 1), start, **options)
     both = solve(plate.system(**form), (0, 1), start, jacobian=True, **options)

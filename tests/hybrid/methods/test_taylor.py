@@ -56,16 +56,15 @@ def fastest_motion(table, first):
 
 def stepper(a, b, y, **options):
     """Return a stepper at t = 0 for y' = a y + b."""
-    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    a = np.asarray(a, dtype=float)
+    b = np.asarray(b, dtype=float)
     n = len(b)
     method = SimpleNamespace(**{**vars(taylor), "step": taylor.step_function(n)})
     made = CODES.setdefault(n, Stepper(method, affine_field, n, AFFINE=affine))
     made.s[:] = np.nan
     made.params = np.concatenate([a.ravel(), b])
-    made.rtol, made.atol = (
-        options.get("rtol", 1e-9),
-        np.full(n, options.get("atol", 1e-12)),
-    )
+    made.rtol = options.get("rtol", 1e-9)
+    made.atol = np.full(n, options.get("atol", 1e-12))
     names = {"AFFINE": affine, "N": n, "fastest_motion": fastest_motion}
     refresh = CODES.setdefault((n, "refresh"), specialised(taylor.refresh, **names))
     refresh(made.s, made.mode, made.params)
@@ -110,7 +109,8 @@ def test_a_step_is_exact_but_for_rounding(n, dt):
 @pytest.mark.parametrize("z", [2.0, 4.0])
 def test_where_a_mode_decays_terms_that_alternate_cost_no_digits(z):
     """Rounding each term once gives at most exp(z) / 2 eps, of which the mean is a small part."""
-    rng, errors = np.random.default_rng(3), []
+    rng = np.random.default_rng(3)
+    errors = []
     for dt in z * (1.0 + 0.01 * rng.random(100)):
         one = stepper([[-1.0]], [0.0], [1.0])
         one.step(dt)
@@ -222,7 +222,8 @@ def test_the_slope_at_the_end_is_the_field():
 
 def test_a_field_that_is_not_the_affine_one_is_found():
     a, b, y = random_mode(3)
-    one, refresh = stepper(a, b, y), CODES[3, "refresh"]
+    one = stepper(a, b, y)
+    refresh = CODES[3, "refresh"]
     assert refresh(one.s, one.mode, one.params) < 4 * EPS
     one.s[K1, 1] *= 1.0 + 1e-9
     assert refresh(one.s, one.mode, one.params) > 1e-11
@@ -230,7 +231,9 @@ def test_a_field_that_is_not_the_affine_one_is_found():
 
 @pytest.mark.parametrize("turn", [1e3, 1e6, 1e9])
 def test_a_step_far_too_long_is_cut_to_size_at_once(turn):
-    one, dt, rejected = stepper(*SPRING), turn / OMEGA, 0
+    one = stepper(*SPRING)
+    dt = turn / OMEGA
+    rejected = 0
     while not (error := one.step(dt)) <= 1.0:
         dt *= 0.9 / error ** (1.0 / taylor.ORDER)
         rejected += 1
@@ -271,7 +274,8 @@ def test_the_interpolant_is_as_long_as_the_series():
 def test_units_of_length_change_nothing(scale):
     a, b, y = SPRING
     one = stepper(a, b, y)
-    plain, end = one.step(0.1), one.s[END].copy()
+    plain = one.step(0.1)
+    end = one.s[END].copy()
     one = stepper(a, np.multiply(b, scale), np.multiply(y, scale), atol=1e-12 * scale)
     assert one.step(0.1) == plain
     assert one.s[END].tolist() == (scale * end).tolist()
@@ -281,7 +285,8 @@ def test_units_of_time_change_nothing():
     """Positions and speeds have tolerances in their own units."""
     a, b, y = SPRING
     one = stepper(a, b, y)
-    plain, end = one.step(0.1), one.s[END].copy()
+    plain = one.step(0.1)
+    end = one.s[END].copy()
     rate = 2.0**20
     faster = np.multiply(a, [[1.0, 1.0], [rate**2, rate]])
     one = stepper(faster, np.multiply(b, [1.0, rate**2]), np.multiply(y, [1.0, rate]))

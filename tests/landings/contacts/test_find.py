@@ -1,7 +1,6 @@
 """Contact instants and orders against the truth of a springy-legged scene."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +14,8 @@ from hopdata.landings.contacts.descents import (
     MISSING,
     POOR_FIT,
     RISES,
-    THIN,
 )
 from hopdata.landings.contacts.find import (
-    _hidden,
-    _judged,
     contacts_of,
     find_contacts,
     find_landings,
@@ -112,23 +108,6 @@ def test_missing_frames_and_feet_that_do_not_keep_to_the_law(scene):
     assert contacts.status[1, 0] in (MISSING, POOR_FIT)
     assert contacts.status[2, 1] == POOR_FIT
     assert (contacts.status[3:] == LANDED).all()
-
-
-def test_a_landing_with_few_frames_and_none_missing_is_told_so():
-    made = falls(40, seed=1)
-    fits = SimpleNamespace(
-        n_before=np.full((40, 3), 2), n_after=np.full((40, 3), 9), dof=np.ones((40, 3)),
-        unit_se=np.ones((40, 3)), misfit=np.ones((40, 3)), velocity=-np.ones((40, 3)),
-        instant=made.contacts,
-    )  # fmt: skip
-    heights = made.heights.copy()
-    at = np.searchsorted(made.time, made.contacts)
-    heights[at[5, 1] - 3 : at[5, 1], 1] = np.nan
-    hidden = _hidden(made.time, heights, made.contacts, (0.05, 0.02))
-    judged = _judged(fits, np.full((40, 3), LANDED), hidden, 1.0, 3.0)
-    assert np.argwhere(judged.status == MISSING).tolist() == [[5, 1]]
-    assert (judged.status == THIN).sum() == 119
-    assert np.isnan(judged.instant).all()
 
 
 def test_toes_that_sink_on_while_their_heel_comes_down_do_not_rise():

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopdata.landings.contacts.descents import LEAST_NOISE_M
 from hopdata.landings.contacts.kink import FlightPriors, kink_fits
-from hopdata.landings.contacts.kink_law import learn, pooled_noise
+from hopdata.landings.contacts.learning import learn, pooled_noise
+from hopdata.landings.contacts.noise import LEAST_NOISE_M
 
 RATE, SPEED, GRAVITY, NOISE = 100.0, 1.0, 9.81, 6e-4
 WINDOWS = (0.08, 0.05)

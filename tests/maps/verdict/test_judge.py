@@ -14,13 +14,14 @@ from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import two_kinds
 from hopdata.maps.verdict.judge import (
     CANNOT_TELL,
-    NOT_FORETOLD,
-    TWO_KINDS,
+    NOT_FORETOLD_CODE,
+    TWO_KINDS_CODE,
     conclude,
     outlook,
     sentence,
 )
 from hopdata.maps.verdict.model import LEFT
+from hopdata.messages import Message
 
 OPTIONS = {"seed": 3, "flips": 199}
 
@@ -123,8 +124,8 @@ def test_landings_of_two_speeds_are_told(of_these):
         verdict(landings(strength=0.3, faster=f, of_these=of_these)) for f in (0.0, 8.0)
     )
     assert one.notes == []
-    assert [(note["what"], note["reason"][:20]) for note in two.notes] == [
-        (TWO_KINDS, "by their velocity be")
+    assert [(note["code"], note["reason"][:20]) for note in two.notes] == [
+        (TWO_KINDS_CODE, "by their velocity be")
     ]
     assert two.effect.estimate < 0.85 * one.effect.estimate
     for seed in range(5):  # uniform values with a few outliers are of one kind
@@ -167,12 +168,12 @@ def test_the_three_conclusions():
 
 def test_what_could_have_been_seen_is_said():
     size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
-    said = outlook(size, 2_312, 1_617, 0.8)
+    said = str(outlook(size, 2_312, 1_617, 0.8))
     assert "shows as 15 % would be found in 80 %" in said
     assert "you would need about 2,300 landings" in said
-    assert "cannot be seen with any number" in outlook(size, None, 1_617, 0.8)
+    assert "cannot be seen with any number" in str(outlook(size, None, 1_617, 0.8))
     none = replace(size, detectable=1.2)
-    assert "Nothing could have been seen" in outlook(none, 144_000, 1_617, 0.8)
+    assert "Nothing could have been seen" in str(outlook(none, 144_000, 1_617, 0.8))
 
 
 @pytest.mark.parametrize(
@@ -180,7 +181,7 @@ def test_what_could_have_been_seen_is_said():
 )
 def test_no_study_is_told_to_have_what_it_has(landings, enough):
     size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
-    said = outlook(size, 990, landings, 0.8)
+    said = str(outlook(size, 990, landings, 0.8))
     assert ("you would need about 990 landings" in said) == (not enough)
     assert ("to see 20 %, about 990 of these landings are enough" in said) == enough
 
@@ -465,7 +466,7 @@ def test_memory_does_not_grow_with_the_square_of_the_landings():
 
 def test_a_bound_that_rounds_to_the_margin_is_said_to_be_above_it():
     said = [
-        sentence(CANNOT_TELL, (0, 0, 0, b), "two orders", 0.95, 0.2)
+        str(sentence(CANNOT_TELL, (0, 0, 0, b), "two orders", 0.95, 0.2))
         for b in (0.2004, 0.21)
     ]
     assert (
@@ -480,7 +481,7 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     data = landings(seed=seed)
     rigid = verdict(data)
     assert rigid.foretold > 0.995
-    assert NOT_FORETOLD not in [note["what"] for note in rigid.notes]
+    assert NOT_FORETOLD_CODE not in [note["code"] for note in rigid.notes]
     scatter_s = 0.0015  # of when each leg touches, beside what the body's state decides
     posture = np.random.default_rng(seed).normal(0.0, scatter_s, data.instants.shape)
     moved = replace(data, instants=data.instants + posture)
@@ -488,12 +489,12 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     varied = np.mean((data.instants - data.instants.mean(axis=1, keepdims=True)) ** 2)
     expected = varied / (varied + scatter_s**2 * (1 - 1 / 3))
     assert answer.foretold == pytest.approx(expected, abs=0.01)
-    (note,) = [note for note in answer.notes if note["what"] == NOT_FORETOLD]
+    (note,) = [note for note in answer.notes if note["code"] == NOT_FORETOLD_CODE]
     assert f"{100 * answer.foretold:.1f} %" in note["reason"]
     # The same scatter as an error of measurement says nothing of the animal.
     known = verdict(moved, instants_se=np.full(data.instants.shape, scatter_s))
     assert known.foretold > 0.99
-    assert NOT_FORETOLD not in [note["what"] for note in known.notes]
+    assert NOT_FORETOLD_CODE not in [note["code"] for note in known.notes]
 
 
 def test_standard_errors_have_the_shape_of_the_instants():
@@ -502,3 +503,25 @@ def test_standard_errors_have_the_shape_of_the_instants():
         ConfigError, match=r"instants_se: expected a standard error .*\(300, 3\)"
     ):
         verdict(data, instants_se=np.zeros((300, 2)))
+
+
+def test_words_are_messages_of_the_same_text():
+    for data in (landings(strength=0.3), landings(), landings(n=40)):
+        answer = verdict(data)
+        content = json.loads(json.dumps(answer.to_dict()))
+        for name, message in content["messages"].items():
+            assert str(Message.from_dict(message)) == content[name]
+        for note in content["notes"]:
+            reason = Message.from_dict(note)
+            assert str(reason) == note["reason"]
+            assert reason.code.startswith("maps.")
+
+
+def test_what_is_missing_has_a_code():
+    data = landings()
+    first = replace(data, instants=data.instants + np.array([0.0, 1.0, 2.0]))
+    (note,) = verdict(first).notes
+    assert note["code"] == "maps.too_few_orders"
+    (note,) = verdict(data, blurred="they are smoothed").notes
+    assert note["code"] == "maps.no_answer"
+    assert note["values"] == {"reason": "they are smoothed"}

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from hopdata.arrays import GRAVITY_M_S2
-from hopdata.recordings.quality import orientation as free_fall
-from hopdata.recordings.quality.orientation import DIRECTIONS, UNITS_IN_M, WITHIN
+from hopdata.recordings.axes import DIRECTIONS
+from hopdata.recordings.quality.free_fall import (
+    UNITS_IN_M,
+    WITHIN,
+    shares_in_free_fall,
+)
 
 
 def falling(n=400, n_markers=3, seed=0):
@@ -33,7 +37,8 @@ def by_definition(measured, up):
 
 def check(measured):
     found = {
-        unit: free_fall._shares(measured, metres) for unit, metres in UNITS_IN_M.items()
+        unit: shares_in_free_fall(measured, metres)
+        for unit, metres in UNITS_IN_M.items()
     }
     for unit, metres in UNITS_IN_M.items():
         for up in DIRECTIONS:

@@ -22,8 +22,9 @@ from hopdata.recordings.quality.inspection import (
     inspect_recording,
     recording_tables,
 )
+from hopdata.recordings.quality.repeats import straight_stretches
 from hopdata.recordings.quality.roles import guess_roles
-from hopdata.recordings.quality.stretches import lost_frames, straight_stretches
+from hopdata.recordings.quality.timing import lost_frames
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
@@ -257,10 +258,11 @@ def test_frames_that_no_time_stamp_misses_are_told_with_their_number(seed):
     assert np.count_nonzero(off) <= 6
     assert {one.kind for one in inspection.suspects()} == {"dropped"}
     (told,) = inspection.lost
-    assert told.startswith(
+    assert told.code == "recordings.lost"
+    assert str(told).startswith(
         f"about {sum(found.values())} frames missing in {len(found)} places"
     )
-    assert told in listing(inspection, "file").replace("\n" + " " * 10, "")
+    assert str(told) in listing(inspection, "file").replace("\n" + " " * 10, "")
 
 
 @pytest.mark.parametrize("rate_hz", [30, 60])

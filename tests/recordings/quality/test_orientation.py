@@ -9,17 +9,18 @@ from written_files import write_c3d
 
 from hopdata.errors import RecordingError
 from hopdata.recording import extent
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import notes
+from hopdata.recordings.quality.frame_rate import guess_rate
+from hopdata.recordings.quality.free_fall import free_fall
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.orientation import (
     body_over_feet_in_file,
     choose_unit,
-    free_fall,
-    guess_rate,
     guess_unit_and_up,
 )
-from hopdata.recordings.raw import RawRecording, rotate_up
+from hopdata.recordings.raw import RawRecording
 
 UNITS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inch": 1 / 0.0254}
 
@@ -290,7 +291,7 @@ def test_a_guess_is_said_until_the_unit_is_given(tmp_path, silent, scale, unit):
         f"{path}: unit: expected the file to state it, found none; taken for {unit}, in which the "
         f"markers span {extent(guessed.positions):.3g} m; input.unit: {unit} makes it certain"
     )
-    assert remark in notes(guessed)
+    assert remark in map(str, notes(guessed))
 
 
 def test_what_the_file_states_or_its_format_prescribes_is_no_guess(tmp_path):

@@ -2,15 +2,13 @@ import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping
 
-from hopdata.recordings.quality.rigid import (
+from hopdata.recordings.quality.processing import (
     cut_off,
-    frame_noise,
     frames_of_pattern,
     low_pass,
-    pair_distances,
-    rigid_clusters,
     treated,
 )
+from hopdata.recordings.quality.rigid import frame_noise, pair_distances, rigid_clusters
 
 
 def clusters(positions):
@@ -69,7 +67,8 @@ def test_positions_brought_to_another_rate_are_told(how, times, frames):
     changed = np.round(at_another_rate(body[800:], times, how), 6)
     assert np.round(frames_of_pattern(changed), 2) in (frames, frames / 2)
     (told,) = treated(changed, 100.0 * times)
-    assert f"{100 * times:g} Hz from another rate" in told
+    assert told.code == "recordings.resampled"
+    assert f"{100 * times:g} Hz from another rate" in str(told)
 
 
 @pytest.mark.parametrize("poles", [2, 4])
@@ -84,8 +83,9 @@ def test_a_low_pass_is_told_with_its_cut_off(hz, rate_hz, poles):
     assert cut_off(smooth) * rate_hz == pytest.approx(hz, rel=0.15)
     assert low_pass(smooth) == cut_off(smooth)
     (told,) = treated(smooth, rate_hz)
-    assert "by a low-pass of some" in told
-    assert "export them unfiltered" in told
+    assert told.code == "recordings.low_pass"
+    assert told.values["cut_off_hz"] == pytest.approx(hz, rel=0.15)
+    assert "export them unfiltered" in str(told)
     assert (
         treated(0.02 * body, rate_hz, scale=1 / 64) == []
     )  # an insect under better cameras

@@ -6,13 +6,13 @@ from made_up_hopper import MARKERS, hopping, with_gap, with_spike, with_swap
 from made_up_jumps import STYLES, jumping
 
 from hopdata.recordings.quality.inspection import inspect_recording
-from hopdata.recordings.quality.roles import (
-    feet_between,
-    guess_roles,
+from hopdata.recordings.quality.landing_markers import feet_between
+from hopdata.recordings.quality.part_names import (
     part_by_name,
     place_by_name,
     subject_prefixes,
 )
+from hopdata.recordings.quality.roles import guess_roles
 from hopdata.recordings.raw import RawRecording
 
 
@@ -92,7 +92,7 @@ def test_jumps_on_two_feet_with_heels_and_toes(style, jumps):
         assert feet > heels_and_toes
         assert feet <= {*range(4, 8), *range(10, 14)}, "no ankle"
         assert set(found.body) == set(names[:4])
-        assert "one rigid part" not in found.reasons["feet"]
+        assert "one rigid part" not in str(found.reasons["feet"])
         assert {n: {*of} for n, of in found.joined.items()} == {
             "left": {name for name in found.feet if names.index(name) < 10},
             "right": {name for name in found.feet if names.index(name) >= 10},
@@ -136,11 +136,12 @@ def test_where_all_stand_still_no_marker_is_a_boom():
 def test_named_feet_that_never_land_are_named_in_the_problem():
     standing = jumping(4)[:60]
     (problem,) = roles(standing, STYLES["opensim"]).problems
-    assert "leave it and land, found none" in problem
-    assert "named as feet: " in problem
-    assert "L.Heel" in problem
+    assert problem.code == "recordings.no_feet"
+    assert "leave it and land, found none" in str(problem)
+    assert "named as feet: " in str(problem)
+    assert "L.Heel" in str(problem)
     (problem,) = roles(standing, STYLES["numbers"]).problems
-    assert "nearest to the floor: " in problem
+    assert "nearest to the floor: " in str(problem)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +159,7 @@ def test_the_home_marker_is_one_that_inspect_calls_good(spoilt):
     found = roles(spoilt(positions))
     assert found.body[0] == "hip1"
     assert found.home == "hip2"
-    assert "without fault; hip1: " in found.reasons["home"]
+    assert "without fault; hip1: " in str(found.reasons["home"])
 
 
 def test_of_body_markers_that_are_all_suspected_home_is_the_least_bad():
@@ -172,9 +173,8 @@ def test_of_body_markers_that_are_all_suspected_home_is_the_least_bad():
             positions = with_spike(positions, name, frame, 0.05)
     found = roles(positions)
     assert found.home == "hip3"
-    assert (
-        "the best of the body's, none of them without fault: 1 susp"
-        in found.reasons["home"]
+    assert "the best of the body's, none of them without fault: 1 susp" in str(
+        found.reasons["home"]
     )
 
 
@@ -187,20 +187,22 @@ def test_roles_by_motion_alone(seed):
     assert set(found.body) == {part[f"hip{i}"] for i in (1, 2, 3)}
     assert set(found.feet) == {part[f"toe{i}"] for i in (1, 2, 3)}
     assert found.boom == (part["post"],)
-    assert "fixed in the world" in found.reasons["boom"]
-    assert "rest near the floor" in found.reasons["feet"]
+    assert "fixed in the world" in str(found.reasons["boom"])
+    assert "rest near the floor" in str(found.reasons["feet"])
     assert found.problems == ()
 
 
 def test_feet_on_one_shoe_at_different_heights_are_told_apart():
     positions = hopping(1)[1]
-    assert "one rigid part" not in roles(positions).reasons["feet"]
+    assert "one rigid part" not in str(roles(positions).reasons["feet"])
     positions[:, 3, 2] += 0.02
-    assert "one rigid part; 20 mm apart in height" in roles(positions).reasons["feet"]
+    assert "one rigid part; 20 mm apart in height" in str(
+        roles(positions).reasons["feet"]
+    )
     positions[:, 3, 2] += 0.02
     found = roles(positions)
     assert found.feet == ("toe2", "toe3")
-    assert "left out, higher on it: toe1" in found.reasons["feet"]
+    assert "left out, higher on it: toe1" in str(found.reasons["feet"])
 
 
 def test_feet_that_land_in_between_are_named():
@@ -236,7 +238,7 @@ def test_of_eight_feet_it_is_said_which_are_left_out():
     found = roles(np.concatenate([positions, more], axis=1), names)
     assert len(found.feet) == 6
     left = sorted({f"toe{k}" for k in range(1, 9)} - set(found.feet))
-    assert f"6 at most, left out: {', '.join(left)}" in found.reasons["feet"]
+    assert f"6 at most, left out: {', '.join(left)}" in str(found.reasons["feet"])
     assert found.problems == ()
 
 
@@ -275,7 +277,7 @@ def test_of_the_heel_of_a_shoe_one_marker_is_taken(quick_runner):
     found = guess_roles(inspect_recording(read_raw(quick_runner)))
     assert found.feet == ("R.Heel.Bottom", "R.MT1", "R.MT5")
     left = "R.Heel.Top, R.Heel.Lateral, R.ASY (of a shoe's heel one marker is enough)"
-    assert f"left out: {left}" in found.reasons["feet"]
+    assert f"left out: {left}" in str(found.reasons["feet"])
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -297,15 +299,13 @@ def test_without_feet_it_says_what_is_missing():
     assert found.feet == ()
     assert found.body == ("hip1", "hip2", "hip3")
     (problem,) = found.problems
-    assert problem.startswith("markers.feet: expected two markers or more")
+    assert str(problem).startswith("markers.feet: expected two markers or more")
 
 
 def test_without_a_body_it_says_what_is_missing():
     found = roles(hopping(3)[1][:, 3:6], MARKERS[3:6])
     assert found.body == ()
-    assert any(
-        problem.startswith("markers.body: expected") for problem in found.problems
-    )
+    assert "recordings.no_body" in [problem.code for problem in found.problems]
 
 
 def test_a_body_marker_that_is_often_unseen_gives_way_to_others():
@@ -315,7 +315,7 @@ def test_a_body_marker_that_is_often_unseen_gives_way_to_others():
     positions[100:300, 0] = np.nan
     found = roles(positions, (*MARKERS, "hip4"))
     assert found.body == ("hip2", "hip3", "hip4")
-    assert "since they are seen less: hip1" in found.reasons["body"]
+    assert "since they are seen less: hip1" in str(found.reasons["body"])
     assert roles(positions[:, :7]).body == (
         "hip1",
         "hip2",
@@ -329,13 +329,13 @@ def test_a_body_marker_that_is_often_unseen_gives_way_to_others():
 
 def test_what_rests_near_the_floor_and_is_no_foot_is_told():
     positions = hopping(1)[1]
-    assert roles(positions).reasons["unused"] == ""
+    assert roles(positions).reasons["unused"] is None
     ankle, dragged = (
         positions[:, [3]] + [0.0, 0.0, 0.06],
         positions[:, [4]] * [1.0, 1.0, 0.0],
     )
     more = np.concatenate([positions, ankle, dragged], axis=1)
-    told = roles(more, (*MARKERS, "RANK", "tip")).reasons["unused"]
+    told = str(roles(more, (*MARKERS, "RANK", "tip")).reasons["unused"])
     assert "RANK rests" in told
     assert "times, 6" in told
     assert "tip hardly ever leaves the floor" in told
@@ -349,13 +349,15 @@ def test_a_second_rigid_part_makes_the_body_unsure_where_names_say_nothing():
     plain = tuple(f"m{k}" for k in range(10))
     found = roles(np.concatenate([positions, arm], axis=1), plain)
     assert found.body == plain[:3]
-    assert found.unsure == {"body": "m7, m8, m9"}
+    assert {role: str(doubt) for role, doubt in found.unsure.items()} == {
+        "body": "m7, m8, m9"
+    }
 
 
 def test_a_marker_named_as_the_feet_that_stays_higher_makes_them_unsure():
     positions = hopping(1)[1]
     positions[:, MARKERS.index("toe1"), 2] += 0.09  # it sits on the shank
-    assert "toe1, which stays 9" in roles(positions).unsure["feet"]
+    assert "toe1, which stays 9" in str(roles(positions).unsure["feet"])
     positions[:, MARKERS.index("toe1")] = np.nan  # a name without a marker
     assert "feet" not in roles(positions).unsure
 
@@ -363,7 +365,7 @@ def test_a_marker_named_as_the_feet_that_stays_higher_makes_them_unsure():
 def test_feet_that_land_once_are_not_sure():
     found = roles(hopping(1)[1][:100])
     assert set(found.unsure) == {"body", "feet"}
-    assert "less than three times" in found.unsure["feet"]
+    assert found.unsure["feet"].code == "recordings.doubt_few_rests"
 
 
 @pytest.mark.parametrize("mark", [":", "_"])
@@ -378,7 +380,7 @@ def test_of_two_subjects_the_first_is_taken_and_the_other_named(mark):
     )
     assert found.feet == tuple(f"cat{mark}toe{k}" for k in (1, 2, 3))
     assert {name[:4] for name in (*found.body, *found.boom)} == {f"cat{mark}"}
-    assert "of cat alone, a study of its own for dog" in found.reasons["body"]
+    assert "of cat alone, a study of its own for dog" in str(found.reasons["body"])
 
 
 @pytest.mark.parametrize("begin", [("LF", "RH"), ("front", "hind"), ("R", "L")])

@@ -2,14 +2,10 @@ import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping, with_gap
 
-from hopdata.recordings.quality.stretches import (
-    at_rest,
-    check_stamps,
-    copied_frames,
-    lasting,
-    marker_gaps,
-    runs,
-)
+from hopdata.recordings.quality.repeats import copied_frames
+from hopdata.recordings.quality.rests import at_rest
+from hopdata.recordings.quality.stretches import marker_gaps, runs
+from hopdata.recordings.quality.timing import check_stamps, lasting
 
 
 @pytest.mark.parametrize(

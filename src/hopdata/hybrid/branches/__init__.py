@@ -1,1 +1,1 @@
-"""Where a guard's code takes another branch: found by ranges of values, not by samples."""
+"""Where a guard's code takes another branch, found by ranges of values."""

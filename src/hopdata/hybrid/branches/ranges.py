@@ -42,9 +42,14 @@ from hopdata.hybrid.compiled.memory import (
 Function = Callable[..., Any]
 
 EPS = 2.0**-52
-LIBM = 4.0 * EPS  # relative error of an elementary function
+#: Relative error by which the range of an elementary function is widened.
+#: Unit: 1. Origin: rounding: 4 units in the last place, which is assumed of the C
+#: library (docs/integrator.md, Limits).
+LIBM = 4.0 * EPS
 INF = math.inf
+TURN = 2.0 * math.pi
 BYTES = 8  # of a number
+LARGEST_WHOLE = 2.0**53  # floats below it hold every whole number
 
 
 class _Range(NumberLike):
@@ -52,15 +57,24 @@ class _Range(NumberLike):
 
 
 class _Rows(types.Type):
-    """The type of `n` ranges by address; each upper end is `stride` numbers after the lower."""
+    """The type of `n` ranges by address.
+
+    Each upper end is `stride` numbers after the lower.
+    """
 
 
 class _Sink(types.Type):
-    """The type of an array that forgets what is written to it, so that it need not be computed."""
+    """The type of an array that forgets what is written to it.
+
+    So it need not be computed.
+    """
 
 
-RANGE, ROWS, SINK = _Range("Range"), _Rows("RangeRows"), _Sink("RangeSink")
-INT, FLOAT = types.int64, types.float64
+RANGE = _Range("Range")
+ROWS = _Rows("RangeRows")
+SINK = _Sink("RangeSink")
+INT = types.int64
+FLOAT = types.float64
 MEMBERS: dict[Any, dict[str, Any]] = {
     RANGE: {"lo": FLOAT, "hi": FLOAT, "at": INT},
     ROWS: {"data": INT, "n": INT, "stride": INT, "at": INT},
@@ -90,7 +104,7 @@ def _packed(context: Any, builder: Any, kind: Any, values: Any) -> Any:
 
 
 def _maker(kind: Any) -> Any:
-    """Return a function for compiled code that makes a value of this type from its members."""
+    """Return a function for compiled code that makes a value from its members."""
     members = tuple(MEMBERS[kind].values())
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -99,15 +113,16 @@ def _maker(kind: Any) -> Any:
     return built(len(members), lambda *_: (kind(*members), generate))
 
 
-make, rows_at, sink = _maker(RANGE), _maker(ROWS), _maker(SINK)
+make = _maker(RANGE)
+rows_at = _maker(ROWS)
+sink = _maker(SINK)
 
 
 def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
-    """Build the range of a number; it has no place to note an open branch, and needs none."""
+    """Build the range of a number; it needs no place to note an open branch."""
     number = context.cast(builder, value, types.unliteral(given), FLOAT)
-    return _packed(
-        context, builder, RANGE, (number, number, ir.Constant(ir.IntType(64), 0))
-    )
+    nowhere = ir.Constant(ir.IntType(64), 0)
+    return _packed(context, builder, RANGE, (number, number, nowhere))
 
 
 for _number in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean):
@@ -120,7 +135,10 @@ def wide(x: Any) -> Any:
 
 
 def _is_scalar(kind: Any) -> bool:
-    """Return whether a type is that of a number, or of an array without axes, as of `np.where`."""
+    """Return whether a type is that of a number, or of an array without axes.
+
+    `np.where` returns such arrays.
+    """
     return is_number(kind) or (isinstance(kind, types.Array) and kind.ndim == 0)
 
 
@@ -131,7 +149,9 @@ def _wide(x: Any) -> Any:
         return lambda x: make(1.0, 1.0, 0) if x else make(0.0, 0.0, 0)
     if is_number(x):
         return lambda x: make(float(x), float(x), 0)
-    return (lambda x: make(float(x[()]), float(x[()]), 0)) if _is_scalar(x) else None
+    if _is_scalar(x):
+        return lambda x: make(float(x[()]), float(x[()]), 0)
+    return None
 
 
 overload(wide)(lambda x: _wide(x))
@@ -152,7 +172,8 @@ def _forgotten(rows: Any, i: int) -> Any:
 
 def _put(rows: Any, i: int, x: Any) -> None:
     place = i if i >= 0 else i + rows.n
-    ends, one = float_vector(rows.data, 2 * rows.stride), wide(x)
+    ends = float_vector(rows.data, 2 * rows.stride)
+    one = wide(x)
     ends[place] = one.lo
     ends[place + rows.stride] = one.hi
 
@@ -162,17 +183,17 @@ def _forget(rows: Any, i: int, x: Any) -> None:
 
 
 def _typed_get(owner: Any, i: Any) -> Any:
-    return (
-        RANGE(owner, INT)
-        if owner in (ROWS, SINK) and isinstance(i, types.Integer)
-        else None
-    )
+    if owner in (ROWS, SINK) and isinstance(i, types.Integer):
+        return RANGE(owner, INT)
+    return None
 
 
 def _typed_set(owner: Any, i: Any, x: Any) -> Any:
     kind = types.unliteral(x)
     fits = isinstance(i, types.Integer) and (kind == RANGE or _is_scalar(kind))
-    return types.none(owner, INT, kind) if owner in (ROWS, SINK) and fits else None
+    if owner in (ROWS, SINK) and fits:
+        return types.none(owner, INT, kind)
+    return None
 
 
 def _lower(key: Any, kinds: tuple[Any, ...], function: Function) -> None:
@@ -197,7 +218,9 @@ def part(rows: Any, first: int, last: int) -> Any:
 
 
 def _length(owner: Any) -> Any:
-    return (lambda owner: owner.n) if owner in (ROWS, SINK) else None
+    if owner in (ROWS, SINK):
+        return lambda owner: owner.n
+    return None
 
 
 overload(len)(lambda owner: _length(owner))
@@ -219,7 +242,9 @@ def is_below(x: Any, y: Any) -> bool:
     """Return whether x < y."""
     if x.hi < y.lo:
         return True
-    return False if x.lo >= y.hi else note(x.at | y.at)
+    if x.lo >= y.hi:
+        return False
+    return note(x.at | y.at)
 
 
 @njit
@@ -227,7 +252,9 @@ def is_at_most(x: Any, y: Any) -> bool:
     """Return whether x <= y."""
     if x.hi <= y.lo:
         return True
-    return False if x.lo > y.hi else note(x.at | y.at)
+    if x.lo > y.hi:
+        return False
+    return note(x.at | y.at)
 
 
 @njit
@@ -269,7 +296,7 @@ def subtract(x: Any, y: Any) -> Any:
 
 @njit
 def hull(a: float, b: float, c: float, d: float, error: float, at: int) -> Any:
-    """Return the range of four numbers, widened; all numbers where one is not a number."""
+    """Return the range of four numbers, widened; that of all numbers if one is NaN."""
     if math.isnan(a + b + c + d):
         return make(-INF, INF, at)
     return rounded(min(a, b, c, d), max(a, b, c, d), error, at)
@@ -295,7 +322,8 @@ def whole_power(x: Any, n: int) -> Any:
     """Return x to an integer power."""
     if n < 0:
         return divide(make(1.0, 1.0, x.at), whole_power(x, -n))
-    a, b = x.lo**n, x.hi**n
+    a = x.lo**n
+    b = x.hi**n
     if n % 2 == 0 and n > 0 and x.lo < 0.0 < x.hi:
         return rounded(0.0, max(a, b), (n + 4) * EPS, x.at)
     return rounded(min(a, b), max(a, b), (n + 4) * EPS, x.at)
@@ -307,7 +335,10 @@ def power(x: Any, y: Any) -> Any:
     if not x.lo > 0.0:
         note(x.at | y.at)
         return make(-INF, INF, x.at | y.at)
-    a, b, c, d = x.lo**y.lo, x.lo**y.hi, x.hi**y.lo, x.hi**y.hi
+    a = x.lo**y.lo
+    b = x.lo**y.hi
+    c = x.hi**y.lo
+    d = x.hi**y.hi
     return hull(a, b, c, d, LIBM, x.at | y.at)
 
 
@@ -341,7 +372,8 @@ def absolute(x: Any) -> Any:
 def sign(x: Any) -> Any:
     """Return the sign of x, -1, 0 or 1."""
     if x.lo > 0.0 or x.hi < 0.0:
-        return make(math.copysign(1.0, x.lo), math.copysign(1.0, x.lo), x.at)
+        one = math.copysign(1.0, x.lo)
+        return make(one, one, x.at)
     if x.lo == 0.0 and x.hi == 0.0:
         return make(0.0, 0.0, x.at)
     note(x.at)
@@ -359,7 +391,8 @@ def _stair(whole: Function) -> Any:
 
     @njit
     def stair(x: Any) -> Any:
-        lo, hi = float(whole(x.lo)), float(whole(x.hi))
+        lo = float(whole(x.lo))
+        hi = float(whole(x.hi))
         if lo != hi:
             note(x.at)
         return make(lo, hi, x.at)
@@ -367,7 +400,10 @@ def _stair(whole: Function) -> Any:
     return stair
 
 
-floor, ceil, trunc, rint = map(_stair, (np.floor, np.ceil, np.trunc, np.rint))
+floor = _stair(np.floor)
+ceil = _stair(np.ceil)
+trunc = _stair(np.trunc)
+rint = _stair(np.rint)
 
 
 @njit
@@ -391,18 +427,24 @@ def whole_quotient(x: Any, y: Any) -> Any:
 @njit
 def integer(x: Any) -> int:
     """Return int(x)."""
-    return int(trunc(x).lo) if abs(x.lo) < 2.0**53 else 0
+    if abs(x.lo) < LARGEST_WHOLE:
+        return int(trunc(x).lo)
+    return 0
 
 
 @njit
 def table(x: Any, places: Any, values: Any) -> Any:
     """Return the piecewise linear interpolation of a table, as `np.interp`."""
-    first, last = np.searchsorted(places, x.lo), np.searchsorted(places, x.hi)
-    a, b = np.interp(x.lo, places, values), np.interp(x.hi, places, values)
-    lo, hi = min(a, b), max(a, b)
+    first = np.searchsorted(places, x.lo)
+    last = np.searchsorted(places, x.hi)
+    a = np.interp(x.lo, places, values)
+    b = np.interp(x.hi, places, values)
+    lo = min(a, b)
+    hi = max(a, b)
     for k in range(first, last):  # the kinks in between
         note(x.at)
-        lo, hi = min(lo, values[k]), max(hi, values[k])
+        lo = min(lo, values[k])
+        hi = max(hi, values[k])
     return rounded(lo, hi, 2.0 * LIBM, x.at)
 
 
@@ -410,33 +452,44 @@ def table(x: Any, places: Any, values: Any) -> Any:
 
 
 def _rising(function: Function, low: float, high: float) -> Any:
-    """Return a rising function, defined between two numbers; beyond them the branch is open."""
+    """Return a rising function between two numbers; beyond them the branch is open."""
 
     @njit
     def rising(x: Any) -> Any:
         if not (x.lo >= low and x.hi <= high):
             note(x.at)
-        a, b = function(max(x.lo, low)), function(min(x.hi, high))
-        return rounded(a, b, LIBM, x.at) if a <= b else make(-INF, INF, x.at)
+        a = function(max(x.lo, low))
+        b = function(min(x.hi, high))
+        if a <= b:
+            return rounded(a, b, LIBM, x.at)
+        return make(-INF, INF, x.at)
 
     return rising
 
 
-RISING: dict[str, tuple[float, float]] = {
-    **dict.fromkeys(
-        ("exp", "expm1", "sinh", "tanh", "atan", "asinh", "erf"), (-INF, INF)
-    ),
-    **dict.fromkeys(("log", "log2", "log10", "sqrt"), (0.0, INF)),
-    **{
-        "log1p": (-1.0, INF),
-        "asin": (-1.0, 1.0),
-        "acosh": (1.0, INF),
-        "atanh": (-1.0, 1.0),
-    },
+# Between which numbers each rising function is defined.
+RISING = {
+    "exp": (-INF, INF),
+    "expm1": (-INF, INF),
+    "sinh": (-INF, INF),
+    "tanh": (-INF, INF),
+    "atan": (-INF, INF),
+    "asinh": (-INF, INF),
+    "erf": (-INF, INF),
+    "log": (0.0, INF),
+    "log2": (0.0, INF),
+    "log10": (0.0, INF),
+    "sqrt": (0.0, INF),
+    "log1p": (-1.0, INF),
+    "asin": (-1.0, 1.0),
+    "acosh": (1.0, INF),
+    "atanh": (-1.0, 1.0),
 }
 MADE = {name: _rising(getattr(math, name), *ends) for name, ends in RISING.items()}
-_asin, _cosh, _tan = MADE["asin"], math.cosh, math.tan
-TURN = 2.0 * math.pi
+_asin = MADE["asin"]
+_sqrt = MADE["sqrt"]
+_cosh = math.cosh
+_tan = math.tan
 
 
 @njit
@@ -448,8 +501,11 @@ def arc_cosine(x: Any) -> Any:
 @njit
 def hyperbolic_cosine(x: Any) -> Any:
     """Return cosh(x)."""
-    a, b = _cosh(x.lo), _cosh(x.hi)
-    lo = 1.0 if x.lo < 0.0 < x.hi else min(a, b)
+    a = _cosh(x.lo)
+    b = _cosh(x.hi)
+    lo = min(a, b)
+    if x.lo < 0.0 < x.hi:
+        lo = 1.0
     return rounded(lo, max(a, b), LIBM, x.at)
 
 
@@ -459,9 +515,13 @@ def wave(x: Any, shift: float) -> Any:
     if not x.hi - x.lo < TURN:
         return make(-1.0, 1.0, x.at)
     error = 2.0 * LIBM * (1.0 + abs(x.lo) + abs(x.hi))
-    first, last = (x.lo - shift) / TURN, (x.hi - shift) / TURN
-    a, b = math.cos(x.lo - shift), math.cos(x.hi - shift)
-    lo, hi = max(min(a, b) - error, -1.0), min(max(a, b) + error, 1.0)
+    first = (x.lo - shift) / TURN
+    last = (x.hi - shift) / TURN
+    a = math.cos(x.lo - shift)
+    b = math.cos(x.hi - shift)
+    lo = max(min(a, b) - error, -1.0)
+    hi = min(max(a, b) + error, 1.0)
+    # A trough or a crest in between?
     if math.floor(last + 0.5 + error) > math.floor(first + 0.5 - error):
         lo = -1.0
     if math.floor(last + error) > math.floor(first - error):
@@ -485,7 +545,8 @@ def cosine(x: Any) -> Any:
 def tangent(x: Any) -> Any:
     """Return tan(x); across a pole the branch is open."""
     error = 2.0 * LIBM * (1.0 + abs(x.lo) + abs(x.hi))
-    first, last = x.lo / math.pi + 0.5 - error, x.hi / math.pi + 0.5 + error
+    first = x.lo / math.pi + 0.5 - error
+    last = x.hi / math.pi + 0.5 + error
     if math.floor(first) != math.floor(last):
         note(x.at)
         return make(-INF, INF, x.at)
@@ -494,37 +555,50 @@ def tangent(x: Any) -> Any:
 
 @njit
 def angle(y: Any, x: Any) -> Any:
-    """Return atan2(y, x); across the negative half of the x axis the branch is open."""
+    """Return atan2(y, x); across the negative x axis the branch is open."""
     if not (x.lo > 0.0 or y.lo > 0.0 or y.hi < 0.0):
         note(x.at | y.at)
         return make(-math.pi, math.pi, x.at | y.at)
-    a, b = math.atan2(y.lo, x.lo), math.atan2(y.lo, x.hi)
-    c, d = math.atan2(y.hi, x.lo), math.atan2(y.hi, x.hi)
+    a = math.atan2(y.lo, x.lo)
+    b = math.atan2(y.lo, x.hi)
+    c = math.atan2(y.hi, x.lo)
+    d = math.atan2(y.hi, x.hi)
     return hull(a, b, c, d, LIBM, x.at | y.at)
 
 
 @njit
 def length(x: Any, y: Any) -> Any:
     """Return the hypotenuse of x and y."""
-    return MADE_ROOT(add(whole_power(x, 2), whole_power(y, 2)))
-
-
-MADE_ROOT = MADE["sqrt"]
+    return _sqrt(add(whole_power(x, 2), whole_power(y, 2)))
 
 
 # What the operators and functions of Python and NumPy mean for ranges.
 
 
 def _one(made: Any) -> Function:
-    return lambda x: (lambda x: made(x)) if x == RANGE else None
+    """Return what a function of one argument is for ranges: `made`."""
+
+    def typed(x: Any) -> Any:
+        if x == RANGE:
+            return lambda x: made(x)
+        return None
+
+    return lambda x: typed(x)  # without annotations, which Numba would compare
 
 
 def _two(made: Any) -> Function:
-    return lambda x, y: (lambda x, y: made(wide(x), wide(y))) if _fit(x, y) else None
+    """Return what a function of two arguments is for ranges: `made`."""
+
+    def typed(x: Any, y: Any) -> Any:
+        if _fit(x, y):
+            return lambda x, y: made(wide(x), wide(y))
+        return None
+
+    return lambda x, y: typed(x, y)
 
 
 def _fit(x: Any, y: Any) -> bool:
-    """Return whether at least one of these types is a range, and the other one or a number."""
+    """Return whether one of two types is a range, and the other a range or a number."""
     return RANGE in (x, y) and all(one == RANGE or _is_scalar(one) for one in (x, y))
 
 
@@ -585,15 +659,18 @@ _register(_one(cosine), math.cos, np.cos)
 _register(_one(tangent), math.tan, np.tan)
 _register(_one(arc_cosine), math.acos, np.arccos)
 _register(_one(hyperbolic_cosine), math.cosh, np.cosh)
+_NAMES_IN_NUMPY = {
+    "asin": "arcsin",
+    "asinh": "arcsinh",
+    "acosh": "arccosh",
+    "atan": "arctan",
+    "atanh": "arctanh",
+}
 for _name, _function in MADE.items():
-    _of_numpy = getattr(
-        np,
-        _name.replace("a", "arc", 1) if _name[:2] in ("as", "ac", "at") else _name,
-        None,
-    )
-    _register(
-        _one(_function), getattr(math, _name), *([_of_numpy] if _of_numpy else [])
-    )
+    _register(_one(_function), getattr(math, _name))
+    _in_numpy = _NAMES_IN_NUMPY.get(_name, _name)
+    if hasattr(np, _in_numpy):  # it has no erf
+        _register(_one(_function), getattr(np, _in_numpy))
 
 
 def _typed_power(x: Any, y: Any) -> Any:
@@ -617,7 +694,9 @@ overload(np.where)(lambda m, x, y: _where(m, x, y))
 
 
 def _interp(x: Any, xp: Any, fp: Any) -> Any:
-    return (lambda x, xp, fp: table(x, xp, fp)) if x == RANGE else None
+    if x == RANGE:
+        return lambda x, xp, fp: table(x, xp, fp)
+    return None
 
 
 overload(np.interp)(lambda x, xp, fp: _interp(x, xp, fp))

@@ -1,4 +1,4 @@
-"""What machine code was made from besides the function's text, and whether it is still so.
+"""What machine code was made from besides the function's text, and if it is still so.
 
 Numba turns the globals, closures and attributes of modules that a function reads into
 constants, and a call of another compiled function into a call of its machine code at
@@ -23,9 +23,8 @@ from numba.extending import is_jitted
 
 Function = Callable[..., Any]
 ABSENT = object()
-UNCHANGING = frozenset(
-    {"math", "cmath", "numpy", "numba"}
-)  # modules whose attributes stay
+# Modules whose attributes stay.
+UNCHANGING = frozenset({"math", "cmath", "numpy", "numba"})
 SCALARS = (bool, int, float, complex, str, bytes, np.generic)
 
 
@@ -69,30 +68,27 @@ class Constants:
         """Return whether all are as they were; takes some 40 ns for each name."""
         for names, name, value in self._names:
             found = names.get(name, ABSENT)
+            # Identity first, because a call takes longer.
             if found is not value and not _same(found, value):
                 return False
         for cell, _, value in self._cells:
             found = _content(cell)
             if found is not value and not _same(found, value):
                 return False
-        return not self._arrays or all(
-            array.tobytes() == kept for array, _, kept in self._arrays
-        )
+        return all(array.tobytes() == kept for array, _, kept in self._arrays)
 
     def changed(self) -> tuple[str, ...]:
         """Return the names whose values have changed."""
-        found = [
-            (name, names.get(name, ABSENT), value) for names, name, value in self._names
-        ]
-        found += [(name, _content(cell), value) for cell, name, value in self._cells]
-        changed = [
-            name
-            for name, now, then in found
-            if now is not then and not _same(now, then)
-        ]
-        changed += [
-            name for array, name, kept in self._arrays if array.tobytes() != kept
-        ]
+        changed = []
+        for names, name, then in self._names:
+            if not _same(names.get(name, ABSENT), then):
+                changed.append(name)
+        for cell, name, then in self._cells:
+            if not _same(_content(cell), then):
+                changed.append(name)
+        for array, name, kept in self._arrays:
+            if array.tobytes() != kept:
+                changed.append(name)
         return tuple(dict.fromkeys(changed))
 
     def values(self) -> dict[str, Any]:
@@ -137,7 +133,7 @@ class Constants:
 
 
 def _scalars_in(name: str, value: Any) -> dict[str, Any]:
-    """Return a number, text or array by its name, and those in a tuple by their places."""
+    """Return a number, text or array by its name, those in a tuple by their places."""
     if isinstance(value, SCALARS):
         return {name: value}
     if isinstance(value, np.ndarray):
@@ -157,31 +153,32 @@ def _once(entries: Iterable[tuple[Any, str, Any]]) -> list[tuple[Any, str, Any]]
 
 
 def _references(function: FunctionType) -> Iterator[tuple[Any, str, Any]]:
-    """Yield holder (a dictionary of names or a cell), name and value of what a function reads."""
-    cells = dict(
-        zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    )
+    """Yield holder, name and value of what a function reads.
+
+    The holder is a dictionary of names or a cell.
+    """
+    names = function.__code__.co_freevars
+    cells = dict(zip(names, function.__closure__ or (), strict=True))
     for code in _codes(function.__code__):
         holder: Any = None  # of the value that the instruction before has read
         value: Any = None
         for step in dis.get_instructions(code):
-            attribute = step.opname in ("LOAD_ATTR", "LOAD_METHOD")
+            reads_attribute = step.opname in ("LOAD_ATTR", "LOAD_METHOD")
+            reads_cell = step.opname in ("LOAD_DEREF", "LOAD_CLASSDEREF")
             if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
                 holder = function.__globals__
                 value = holder.get(step.argval, ABSENT)
-            elif (
-                step.opname in ("LOAD_DEREF", "LOAD_CLASSDEREF")
-                and step.argval in cells
-            ):
+            elif reads_cell and step.argval in cells:
                 holder = cells[step.argval]
                 value = _content(holder)
-            elif attribute and isinstance(value, ModuleType) and _may_vary(value):
+            elif reads_attribute and _may_vary(value):
                 holder = vars(value)
                 value = holder.get(step.argval, ABSENT)
             elif step.opname in ("CACHE", "PUSH_NULL", "NOP"):
                 continue
             else:
-                holder, value = None, None
+                holder = None
+                value = None
                 continue
             yield holder, step.argval, value
 
@@ -194,13 +191,15 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
             yield from _codes(constant)
 
 
-def _may_vary(module: ModuleType) -> bool:
-    """Return whether attributes of a module may be given another value."""
-    return module.__name__.partition(".")[0] not in UNCHANGING
+def _may_vary(value: Any) -> bool:
+    """Return whether a value is a module whose attributes may be given other values."""
+    if not isinstance(value, ModuleType):
+        return False
+    return value.__name__.partition(".")[0] not in UNCHANGING
 
 
 def _may_change(array: np.ndarray[Any, Any]) -> bool:
-    """Return whether an array can be written to, by itself or as part of another one."""
+    """Return whether an array can be written to, itself or as part of another."""
     return array.flags.writeable or array.base is not None
 
 
@@ -214,11 +213,13 @@ def _content(cell: CellType) -> Any:
 
 def _same(one: Any, other: Any) -> bool:
     """Return whether two objects are the same constant to compiled code."""
+    if one is other:
+        return True
     if type(one) is not type(other):
         return False
     if isinstance(one, tuple):
         pairs = zip(one, other, strict=False)
-        return len(one) == len(other) and all(a is b or _same(a, b) for a, b in pairs)
+        return len(one) == len(other) and all(_same(a, b) for a, b in pairs)
     return isinstance(one, SCALARS) and repr(one) == repr(other)
 
 
@@ -230,7 +231,7 @@ MADE_FROM = "_hopdata_made_from"
 
 
 def renew_called(constants: Constants) -> None:
-    """Compile the functions that are called anew if what they were made from has changed."""
+    """Compile called functions anew if what they were made from has changed."""
     for dispatcher in dict.fromkeys(constants.dispatchers):
         known = getattr(dispatcher, MADE_FROM, None)
         if known is not None and known.are_current():

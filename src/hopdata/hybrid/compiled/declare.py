@@ -1,4 +1,4 @@
-"""Checks of a user's function when it is declared: its arguments and the arrays it fills."""
+"""Checks of a user's function when it is declared: its arguments, what it fills."""
 
 import builtins
 import dis
@@ -59,33 +59,33 @@ def return_error(function: Function, signature: Signature, found: str) -> TypeEr
     else:
         wanted = WANTED_RESULT.get(signature.name, "return nothing")
     words = {"none": "None", "NoneType": "None", "ndarray": "an array"}
-    what = "an array" if found.startswith("array(") else words.get(found, found)
+    what = words.get(found, found)
+    if found.startswith("array("):
+        what = "an array"
     return TypeError(f"{place(function, signature)} returns {what}; {wanted}")
 
 
 def _check_arguments(
     function: Function, signature: Signature, parameters: list[inspect.Parameter]
 ) -> None:
-    """Check the number of arguments, and that their names are not those of another decorator."""
-    taken = [one for one in parameters if one.kind in _POSITIONAL]
-    needed = sum(one.default is one.empty for one in taken)
-    n, wanted = len(taken), len(signature.arguments)
+    """Check the number of arguments, and that they are not another decorator's."""
+    positional = [one for one in parameters if one.kind in _POSITIONAL]
+    n_needed = sum(one.default is one.empty for one in positional)
+    n_taken = len(positional)
+    n_wanted = len(signature.arguments)
     open_ended = any(one.kind == one.VAR_POSITIONAL for one in parameters)
     names = tuple(one.name for one in parameters)
     theirs = [kind.name for kind in SIGNATURES.values() if kind.arguments == names]
-    found = ""
-    if needed > wanted or (n < wanted and not open_ended):
-        found = f"takes {n} argument{'s' * (n != 1)}"
+    call = signature.call(function_name(function))
+    if n_needed > n_wanted or (n_taken < n_wanted and not open_ended):
+        found = "takes 1 argument" if n_taken == 1 else f"takes {n_taken} arguments"
+        hint = f" (its arguments are those of @{theirs[0]})" if theirs else ""
     elif theirs and signature.name not in theirs:
         found = f"has the arguments of @{theirs[0]}"
-    if found:
-        hint = (
-            f" (its arguments are those of @{theirs[0]})"
-            if theirs and "takes" in found
-            else ""
-        )
-        call = signature.call(function_name(function))
-        raise TypeError(f"{place(function, signature)} {found}; expected {call}{hint}")
+        hint = ""
+    else:
+        return
+    raise TypeError(f"{place(function, signature)} {found}; expected {call}{hint}")
 
 
 def _check_arrays(
@@ -143,9 +143,10 @@ def warn_slow(
 ) -> None:
     """Warn, at the function's source location, that it runs as plain Python."""
     code = getattr(function, "__code__", None)
+    where = place(function, signature)
     text = (
-        f"{place(function, signature)} runs as plain Python, many times slower, because "
-        f"Numba cannot compile it: {reason}. To fix it, {advice}, or declare it by "
+        f"{where} runs as plain Python, many times slower, because Numba cannot "
+        f"compile it: {reason}. To fix it, {advice}, or declare it by "
         f"@{signature.name}(compiled=False) to silence this warning."
     )
     if code is None:
@@ -180,37 +181,38 @@ def reason_and_advice(error: Exception) -> tuple[str, str]:
     """Return why Numba failed, in one line, and advice to the user."""
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines()]
-    told = [
-        one
-        for one in lines
-        if one and not one.startswith(("Failed in", "During", "File "))
-    ]
-    reason = told[0] if told else f"{type(error).__name__} inside Numba"
+    frame = ("Failed in", "During", "File ")
+    told = [one for one in lines if one and not one.startswith(frame)]
+    reason = f"{type(error).__name__} inside Numba"
+    if told:
+        reason = told[0]
     call = _CALL.search(text)
     if reason.startswith("No implementation of function") and call:
         reason = f"it does not know {call[1]}"
     elif "opcode (FORMAT_" in reason:  # Numba's words on Python 3.13
         reason = "it does not support format specifications in f-strings"
     reason = reason.split(". Raised from")[0].rstrip(".: ")
-    reason = reason if len(reason) <= LONGEST else reason[:LONGEST].rstrip() + " ..."
+    if len(reason) > LONGEST:
+        reason = reason[:LONGEST].rstrip() + " ..."
     number = _LINE.search(text)
+    if number:
+        reason = f"{reason} (line {number[1]})"
     helper = _UNTYPED.search(text)
     advice = f"decorate {helper[1]!r} with @numba.njit" if helper else _ADVICE
-    return f"{reason} (line {number[1]})" if number else reason, advice
+    return reason, advice
 
 
 _ADVICE = "use only numbers, NumPy and functions decorated with @numba.njit in it"
 
 
 def _undefined(function: Function) -> list[str]:
-    """Return the global names that the function's own code reads but that are not defined."""
+    """Return the global names that the function's own code reads but nobody defines."""
     if not hasattr(function, "__code__"):
         return []
     known = {**vars(builtins), **function.__globals__}
     steps = dis.get_instructions(function)
-    return [
-        x.argval for x in steps if x.opname == "LOAD_GLOBAL" and x.argval not in known
-    ]
+    read = [step.argval for step in steps if step.opname == "LOAD_GLOBAL"]
+    return [name for name in read if name not in known]
 
 
 # Find the elements that a function's code accesses by literal indices.
@@ -221,7 +223,7 @@ def _undefined(function: Function) -> list[str]:
 
 
 def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
-    """Return the largest literal index into each argument that the code indexes by literals.
+    """Return the largest literal index into each argument that is indexed by literals.
 
     Parameters
     ----------
@@ -231,12 +233,13 @@ def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
     """
     if not isinstance(function, FunctionType) or "len" in function.__code__.co_names:
         return {}
-    code, largest = function.__code__, dict[str, int]()
+    code = function.__code__
     steps = list(dis.get_instructions(code))
-    stored = {
-        name for step in steps if "STORE_FAST" in step.opname for name in _names(step)
-    }
-    arguments = set(code.co_varnames[: code.co_argcount]) - stored
+    arguments = set(code.co_varnames[: code.co_argcount])
+    for step in steps:
+        if "STORE_FAST" in step.opname:
+            arguments -= set(_names(step))
+    largest: dict[str, int] = {}
     for name, number in _literal_subscripts(steps):
         if name in arguments:
             largest[name] = max(number, largest.get(name, -1))
@@ -246,7 +249,7 @@ def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
 def elements_named(
     function: Callable[..., Any], position: int
 ) -> frozenset[int] | None:
-    """Return the elements of an argument that a function accesses, if all indices are literal.
+    """Return the elements of an argument that a function accesses by literal indices.
 
     None if the argument is used in another way (indexed by a variable or from the end,
     passed on), so that any element may matter.
@@ -258,43 +261,38 @@ def elements_named(
     position : int
         Position of the argument among the positional ones.
     """
-    if (
-        not isinstance(function, FunctionType)
-        or position >= function.__code__.co_argcount
-    ):
+    if not isinstance(function, FunctionType):
         return None
-    argument, steps = (
-        function.__code__.co_varnames[position],
-        list(dis.get_instructions(function)),
-    )
-    numbers = [
-        number for name, number in _literal_subscripts(steps) if name == argument
-    ]
-    mentions = sum(_names(step).count(argument) for step in steps)
-    return (
-        frozenset(numbers)
-        if mentions == len(numbers) and min(numbers, default=0) >= 0
-        else None
-    )
+    if position >= function.__code__.co_argcount:
+        return None
+    argument = function.__code__.co_varnames[position]
+    steps = list(dis.get_instructions(function))
+    subscripts = _literal_subscripts(steps)
+    numbers = [number for name, number in subscripts if name == argument]
+    n_mentions = sum(_names(step).count(argument) for step in steps)
+    if n_mentions == len(numbers) and min(numbers, default=0) >= 0:
+        return frozenset(numbers)
+    return None
 
 
 def _literal_subscripts(steps: list[dis.Instruction]) -> list[tuple[Any, int]]:
     """Return name and index at each place where an object is indexed by a literal."""
-    return [
-        (_names(array)[-1], index.argval)
-        for array, index, use in zip(steps, steps[1:], steps[2:], strict=False)
-        if index.opname.startswith("LOAD_")
-        and type(index.argval) is int
-        and _is_subscript(use)
-    ]
+    found = []
+    for array, index, use in zip(steps, steps[1:], steps[2:], strict=False):
+        is_literal = index.opname.startswith("LOAD_") and type(index.argval) is int
+        if is_literal and _is_subscript(use):
+            found.append((_names(array)[-1], index.argval))
+    return found
 
 
 def _is_subscript(step: dis.Instruction) -> bool:
-    """Return whether an instruction indexes, or (COPY) keeps array and index to do so twice."""
+    """Return whether an instruction indexes, or (COPY) prepares to do so twice."""
     if step.opname == "BINARY_OP":  # Python 3.14
         return step.argrepr == "[]"
     return step.opname in ("BINARY_SUBSCR", "STORE_SUBSCR", "COPY")
 
 
 def _names(step: dis.Instruction) -> tuple[str, ...]:
-    return step.argval if isinstance(step.argval, tuple) else (step.argval,)
+    if isinstance(step.argval, tuple):
+        return step.argval
+    return (step.argval,)

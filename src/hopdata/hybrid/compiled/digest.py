@@ -33,7 +33,7 @@ def sources_digest(package: Path, folder: str = "driver") -> str:
 
 
 def driver_sources(package: Path, folder: str = "driver") -> dict[str, bytes]:
-    """Return the sources of the driver, or of another folder, by their paths in the package."""
+    """Return the sources of the driver, or of another folder, by their paths."""
     found: dict[str, bytes] = {}
     waiting = [f"{folder}/{path.name}" for path in (package / folder).glob("*.py")]
     while waiting:
@@ -54,7 +54,7 @@ def _imported(source: str) -> Iterator[str]:
 
 
 def with_digest(function: Any, **names: Any) -> FunctionType:
-    """Return a copy of a function with its digest in its name and these global names added.
+    """Return a copy of a function with its digest in its name and global names added.
 
     Cached machine code is linked by name, so two functions with the same name, such as
     those of a factory, would be confused. Names are added as globals, because Numba
@@ -68,6 +68,7 @@ def with_digest(function: Any, **names: Any) -> FunctionType:
         function.__defaults__,
         function.__closure__,
     )
-    copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, function.__module__
+    copy.__kwdefaults__ = function.__kwdefaults__
+    copy.__module__ = function.__module__
     copy.__qualname__ = f"{function.__qualname__}_{function_digest(copy)}"
     return copy

@@ -18,15 +18,7 @@ from typing import Any, NamedTuple
 
 from numba import njit, types
 
-from hopdata.hybrid.compiled.memory import (
-    ADDRESS,
-    ROW,
-    SPAN,
-    VALUE,
-    VECTOR,
-    View,
-    caller,
-)
+from hopdata.hybrid.compiled.memory import Passed, View, caller
 
 # Signatures of the user's functions, in Python and in machine code.
 #
@@ -65,10 +57,18 @@ class Signature:
 
 TYPES = {
     "t": types.float64,
-    **dict.fromkeys(("y", "dy", "params", "h", "hdot", "b"), STATE),
+    "y": STATE,
+    "dy": STATE,
+    "params": STATE,
+    "h": STATE,
+    "hdot": STATE,
+    "b": STATE,
     "mode": MODE,
-    **dict.fromkeys(("k", "guard", "direction"), types.int64),
-    **dict.fromkeys(("jac", "a"), MATRIX),
+    "k": types.int64,
+    "guard": types.int64,
+    "direction": types.int64,
+    "jac": MATRIX,
+    "a": MATRIX,
 }
 
 
@@ -76,9 +76,8 @@ def _kind(
     name: str, arguments: str, *, fills: str = "", returns: Any = types.void
 ) -> Signature:
     names = tuple(arguments.split())
-    return Signature(
-        name, names, returns(*(TYPES[n] for n in names)), tuple(fills.split())
-    )
+    native = returns(*(TYPES[one] for one in names))
+    return Signature(name, names, native, tuple(fills.split()))
 
 
 FIELD = _kind("field", "t y mode params dy", fills="dy")
@@ -103,28 +102,28 @@ SIGNATURES = {
 # The driver passes views. The functions called take arrays (the user's functions) or
 # the addresses and widths of views (steps, interpolants and tangents of a method).
 
-FLOATS, INTEGERS = View(types.float64, 1), View(types.int64, 1)
+FLOATS = View(types.float64, 1)
+INTEGERS = View(types.int64, 1)
 TABLE = View(types.float64, 2)
 
-_T = (types.float64, VALUE)
-_STATE, _GUARDS, _MODE, _PARAMS = (
-    (TABLE, ROW),
-    (TABLE, ROW),
-    (INTEGERS, VECTOR),
-    (FLOATS, VECTOR),
-)
-_NUMBER = (types.int64, VALUE)
+_T = (types.float64, Passed.AS_IT_IS)
+_NUMBER = (types.int64, Passed.AS_IT_IS)
+_STATE = (TABLE, Passed.ROW)
+_GUARDS = (TABLE, Passed.ROW)
+_MODE = (INTEGERS, Passed.VECTOR)
+_PARAMS = (FLOATS, Passed.VECTOR)
+_MODE_ARRAY = (MODE, Passed.AS_IT_IS)
+_PARAMS_ARRAY = (STATE, Passed.AS_IT_IS)
+_MATRIX = (MATRIX, Passed.AS_IT_IS)
 
 # call_field(address, t, s, y, mode, params, s, dy): y and dy are rows of the table s.
 call_field = caller(FIELD.native, _T, _STATE, _MODE, _PARAMS, _STATE)
 # The same with mode and params as arrays.
 call_field_on_arrays = caller(
-    FIELD.native, _T, _STATE, (MODE, VALUE), (STATE, VALUE), _STATE
+    FIELD.native, _T, _STATE, _MODE_ARRAY, _PARAMS_ARRAY, _STATE
 )
 # call_jacobian(address, t, s, y, mode, params, jac)
-call_jacobian = caller(
-    JACOBIAN.native, _T, _STATE, (MODE, VALUE), (STATE, VALUE), (MATRIX, VALUE)
-)
+call_jacobian = caller(JACOBIAN.native, _T, _STATE, _MODE_ARRAY, _PARAMS_ARRAY, _MATRIX)
 # call_guards(address, t, s, y, s, dy, mode, params, g, h, g, hdot)
 call_guards = caller(
     GUARDS.native, _T, _STATE, _STATE, _MODE, _PARAMS, _GUARDS, _GUARDS
@@ -143,14 +142,25 @@ call_on_event = caller(ON_EVENT.native, _T, _STATE, _MODE, _PARAMS, _NUMBER, _NU
 # addresses.
 
 _HANDED = {
-    **dict.fromkeys(("t", "dt", "rtol"), _T), **dict.fromkeys(("field", "jacobian"), _NUMBER),
-    "s": (TABLE, SPAN), "mode": (INTEGERS, SPAN), "params": (FLOATS, SPAN),
-    "atol": (FLOATS, ADDRESS), "phi": (TABLE, ADDRESS),
-}  # fmt: skip
+    "t": _T,
+    "dt": _T,
+    "rtol": _T,
+    "field": _NUMBER,
+    "jacobian": _NUMBER,
+    "s": (TABLE, Passed.SPAN),
+    "mode": (INTEGERS, Passed.SPAN),
+    "params": (FLOATS, Passed.SPAN),
+    "atol": (FLOATS, Passed.ADDRESS),
+    "phi": (TABLE, Passed.ADDRESS),
+}
+_N_INTEGERS = {Passed.SPAN: 2, Passed.ADDRESS: 1}  # that the machine code takes
 
 
 class Part(NamedTuple):
-    """Arguments of a part, the signature of its machine code, and ``call(address, *arguments)``."""
+    """Arguments of a part, the signature of its machine code, and how to call it.
+
+    It is called by ``call(address, *arguments)``.
+    """
 
     arguments: str
     native: Any
@@ -158,9 +168,13 @@ class Part(NamedTuple):
 
 
 def _part(arguments: str, returns: Any = types.float64) -> Part:
-    plan, taken = [_HANDED[name] for name in arguments.split(", ")], list[Any]()
-    for kind, way in plan:
-        taken += [kind] if way == VALUE else [types.int64] * (2 if way == SPAN else 1)
+    plan = [_HANDED[name] for name in arguments.split(", ")]
+    taken: list[Any] = []
+    for kind, passed in plan:
+        if passed is Passed.AS_IT_IS:
+            taken.append(kind)
+        else:
+            taken += [types.int64] * _N_INTEGERS[passed]
     native = returns(*taken)
     return Part(arguments, native, caller(native, *plan))
 
@@ -173,17 +187,18 @@ PARTS = {
     "interpolant": _part("t, dt, s, mode, params, field", types.int64),
     "step": _part("t, dt, rtol, s, mode, params, atol, field"),
 }
-call_step, call_interpolant = PARTS["step"].call, PARTS["interpolant"].call
-call_tangent, call_refresh = _TANGENT.call, PARTS["refresh"].call
+call_step = PARTS["step"].call
+call_interpolant = PARTS["interpolant"].call
+call_tangent = _TANGENT.call
+call_refresh = PARTS["refresh"].call
 
 
 ENTRY: dict[str, Any] = {"error_model": "numpy"}
 
 try:
     from hopdata.hybrid.compiled.linking import Apart, Entry, Kernel, linked
-except (
-    ImportError
-):  # another Numba version: the result is the same, in five times as long
+# Another Numba version: the result is the same, in five times as long.
+except ImportError:
     kernel: Any = njit(error_model="numpy")
     kernel_apart: Any = kernel
     kernel_in_loop: Any = njit(error_model="numpy", forceinline=True)

@@ -1,4 +1,4 @@
-"""Kernels are translated one by one; linking and optimisation happen once, for their entry.
+"""Kernels are translated one by one; they are linked and optimised for their entry.
 
 By default, Numba does all of this for each function and everything it calls, and again
 for each caller: nearly the same code repeatedly, five sixths of the time. Here a kernel
@@ -28,10 +28,8 @@ from numba.core.untyped_passes import InlineClosureLikes
 
 Function = Callable[..., Any]
 
-NOT_NEEDED = (
-    NopythonRewrites,
-    InlineClosureLikes,
-)  # rewrites of array sums, and of closures
+# Rewrites of array sums, and of closures.
+NOT_NEEDED = (NopythonRewrites, InlineClosureLikes)
 
 _MADE = {"_final_module", "_linking_libraries", "_shared_module"}
 _NEEDED = (
@@ -64,7 +62,7 @@ class _Library(JITCodeLibrary):
             self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code for a library of Numba's, which links only its direct callees."""
+        """Return the code for a library of Numba's, which links direct callees only."""
         if self._linking_libraries:
             self._link()
             self._shared_module = None
@@ -78,14 +76,17 @@ class _Library(JITCodeLibrary):
 
 
 def _callers_first(root: _Library) -> Iterator[Any]:
-    """Yield the libraries that one reaches, callers first: LLVM drops unreferenced functions."""
+    """Yield the libraries that one reaches, callers first.
+
+    LLVM drops functions that nothing refers to yet.
+    """
     seen: set[Any] = set()
     order: list[Any] = []
 
     def visit(library: Any) -> None:
-        for called in (
-            library._linking_libraries if isinstance(library, _Library) else ()
-        ):
+        if not isinstance(library, _Library):
+            return
+        for called in library._linking_libraries:
             if called not in seen:
                 seen.add(called)
                 visit(called)
@@ -118,9 +119,8 @@ class _LowerKernel(NativeLowering):
         name, module = made.fndesc.qualname, made.fndesc.lookup_module()
         callee = _dynfunc.make_function(module, name, "", 0, made.env, (state.library,))
         state.targetctx.insert_user_function(callee, made.fndesc, [state.library])
-        state["cr"] = type(made)(
-            made.fndesc, made.call_helper, cfunc=callee, env=made.env
-        )
+        result = type(made)
+        state["cr"] = result(made.fndesc, made.call_helper, cfunc=callee, env=made.env)
         return True
 
 
@@ -133,7 +133,8 @@ class _Apart(Lower):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _LowerApart(_LowerKernel):
-    _name, lowering_class = "kernel_apart", _Apart
+    _name = "kernel_apart"
+    lowering_class = _Apart
 
 
 class Entry(CompilerBase):
@@ -145,9 +146,10 @@ class Entry(CompilerBase):
         """Return Numba's passes that are needed, with the last but one replaced."""
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes = [one for one in manager.passes if one[0] not in NOT_NEEDED]
-        manager.passes = [
-            (self.lowering if p is NativeLowering else p, why) for p, why in passes
-        ]
+        manager.passes = []
+        for one, why in passes:
+            chosen = self.lowering if one is NativeLowering else one
+            manager.passes.append((chosen, why))
         manager.finalize()
         return [manager]
 
@@ -184,7 +186,7 @@ def _compiled_alone(function: Function) -> Any:
 
 
 def linked(compiler: type[Entry], function: Function, **options: Any) -> Any:
-    """Return a function as a kernel of this compiler, without the code for calls from Python."""
+    """Return a function as a kernel, without the code for calls from Python."""
     options |= {
         "no_cpython_wrapper": True,
         "no_cfunc_wrapper": True,

@@ -16,6 +16,7 @@ an address); the public API cannot define a type without an owner.
 
 import operator
 from collections.abc import Callable, Mapping
+from enum import Enum, auto
 from typing import Any, Protocol, TypeVar, get_type_hints
 
 import numpy as np
@@ -68,7 +69,9 @@ class NumberLike(types.Type):
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
         """Return whether another type converts to this one."""
-        return Conversion.safe if is_number(other) else None
+        if is_number(other):
+            return Conversion.safe
+        return None
 
     def unify(self, context: Any, other: Any) -> Any:
         """Return the type of a variable that holds values of both types."""
@@ -84,21 +87,23 @@ class View(types.Type):
     """The Numba type of an array without an owner."""
 
     def __init__(self, dtype: Any, ndim: int) -> None:
-        self.dtype, self.ndim = dtype, ndim
+        self.dtype = dtype
+        self.ndim = ndim
         super().__init__(name=f"View({dtype}, {ndim})")
 
     @property
     def index(self) -> Any:
         """Type of its index."""
-        return INDEX if self.ndim == 1 else types.UniTuple(INDEX, 2)
+        if self.ndim == 1:
+            return INDEX
+        return types.UniTuple(INDEX, 2)
 
 
 @extending.register_model(View)
 class _ViewModel(models.StructModel):
     def __init__(self, manager: Any, kind: View) -> None:
-        super().__init__(
-            manager, kind, [("data", types.CPointer(kind.dtype)), ("width", INDEX)]
-        )
+        members = [("data", types.CPointer(kind.dtype)), ("width", INDEX)]
+        super().__init__(manager, kind, members)
 
 
 extending.make_attribute_wrapper(View, "width", "width")
@@ -111,9 +116,8 @@ def built(count: int, typed: Callable[..., Any]) -> Any:
     that builds the code, or None.
     """
     names = ", ".join(f"a{k}" for k in range(count))
-    return extending.intrinsic(
-        eval(f"lambda typing, {names}: typed({names})", {"typed": typed})
-    )
+    function = eval(f"lambda typing, {names}: typed({names})", {"typed": typed})
+    return extending.intrinsic(function)
 
 
 def _view_at(kind: View) -> Any:
@@ -138,18 +142,23 @@ def _view(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 
 
 view = built(1, lambda array: (View(array.dtype, array.ndim)(array), _view))
-float_vector, float_table = (_view_at(View(types.float64, ndim)) for ndim in (1, 2))
-int_vector, int_table = (_view_at(View(types.int64, ndim)) for ndim in (1, 2))
+float_vector = _view_at(View(types.float64, 1))
+float_table = _view_at(View(types.float64, 2))
+int_vector = _view_at(View(types.int64, 1))
+int_table = _view_at(View(types.int64, 2))
 
 
 class FirstTried(AbstractTemplate):
-    """Meaning of an operator for our types, tried before all that Numba defines for it."""
+    """Meaning of an operator for our types, tried before all that Numba defines."""
 
     metadata = {"target": "cpu"}  # noqa: RUF012
 
 
 def tried_first(key: Any, typed: Callable[..., Any]) -> None:
-    """Give an operator a meaning for our types: `typed(*types)` returns its signature, or None."""
+    """Give an operator a meaning for our types.
+
+    `typed(*types)` returns its signature, or None.
+    """
 
     class Template(FirstTried):
         def generic(self, args: Any, kws: Any) -> Any:
@@ -163,9 +172,9 @@ def tried_first(key: Any, typed: Callable[..., Any]) -> None:
 class _GetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = args[0]
-        return (
-            signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
-        )
+        if not isinstance(kind, View):
+            return None
+        return signature(kind.dtype, kind, kind.index)
 
 
 @infer_global(operator.setitem)
@@ -199,7 +208,7 @@ def _set_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 def lower_array(
     context: Any, builder: Any, kind: View, value: Any, row: Any = None, ndim: int = 1
 ) -> Any:
-    """Build, within an intrinsic, an array from a vector, a row of a table, or a square block."""
+    """Build, within an intrinsic, an array from a vector, a row, or a square block."""
     proxy = cgutils.create_struct_proxy(kind)(context, builder, value)
     start = proxy.data
     if row is not None:
@@ -212,15 +221,15 @@ def lower_array(
 
 
 def _from_row_on(ndim: int) -> Any:
-    """Return a function that makes an array from a row of a table, or a square from there on."""
+    """Return a function that makes an array from a table's row, or a square block."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         return lower_array(context, builder, sign.args[0], values[0], values[1], ndim)
 
-    return built(
-        2,
-        lambda table, i: (types.Array(table.dtype, ndim, "C")(table, INDEX), generate),
-    )
+    def typed(table: Any, _row: Any) -> Any:
+        return types.Array(table.dtype, ndim, "C")(table, INDEX), generate
+
+    return built(2, typed)
 
 
 def _array(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -231,7 +240,8 @@ def _address(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return _as_span(context, builder, sign.args[0], values)[0]
 
 
-row, square = _from_row_on(1), _from_row_on(2)
+row = _from_row_on(1)
+square = _from_row_on(2)
 array_of = built(1, lambda vector: (types.Array(vector.dtype, 1, "C")(vector), _array))
 address_of = built(1, lambda owner: (INDEX(owner), _address))
 
@@ -258,7 +268,10 @@ KINDS = {
 
 
 class Record(types.Type):
-    """The Numba type of a named tuple by address; `items` holds each item's type and slot."""
+    """The Numba type of a named tuple by address.
+
+    `items` holds each item's type and slot.
+    """
 
     def __init__(self, name: str, items: Mapping[str, tuple[Any, int]]) -> None:
         self.items = dict(items)
@@ -277,7 +290,9 @@ class _Items(AttributeTemplate):
     key = Record
 
     def generic_resolve(self, kind: Record, name: str) -> Any:  # type: ignore[override]
-        return kind.items[name][0] if name in kind.items else None
+        if name not in kind.items:
+            return None
+        return kind.items[name][0]
 
 
 def _slot(context: Any, builder: Any, address: Any, slot: int) -> Any:
@@ -301,51 +316,54 @@ def _item(context: Any, builder: Any, kind: Record, address: Any, name: str) -> 
     if item == types.boolean:
         return builder.icmp_unsigned("!=", value, value.type(0))
     native = context.get_value_type(item)
-    return (
-        builder.inttoptr(value, native) if isinstance(native, ir.PointerType) else value
-    )
+    if isinstance(native, ir.PointerType):
+        return builder.inttoptr(value, native)
+    return value
 
 
 def reader(
     slots: Mapping[str, int], kind: type[Tuple], **others: int
 ) -> Callable[[IntVector], Tuple]:
-    """Return a function for compiled code that reads a named tuple from a desk.
+    """Return a function for compiled code that reads a named tuple from a block.
 
     Parameters
     ----------
     slots : mapping
-        Slot of each item on the desk, by its name in capitals: a number or flag takes
-        one slot, a view takes two (address and width).
+        Slot of each item in the argument block, by its name in capitals: a number or
+        flag takes one slot, a view takes two (address and width).
     kind : type
         Class of the named tuple, which gives the types of its items.
     **others : int
-        Slots of the items with another name on the desk.
+        Slots of the items with another name on the argument block.
     """
-    places = {**slots, **{name.upper(): slot for name, slot in others.items()}}
-    items = {
-        k: (KINDS[hint], int(places[k.upper()]))
-        for k, hint in get_type_hints(kind).items()
-    }
+    items = {}
+    for name, hint in get_type_hints(kind).items():
+        slot = others[name] if name in others else slots[name.upper()]
+        items[name] = (KINDS[hint], int(slot))
     return reader_of(Record(kind.__name__, items))
 
 
 def reader_of(record: Record) -> Any:
-    """Return a function for compiled code that reads a record from a desk."""
+    """Return a function for compiled code that reads a record from a block."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return cgutils.create_struct_proxy(sign.args[0])(
-            context, builder, values[0]
-        ).data
+        proxy = cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0])
+        return proxy.data
 
-    return built(1, lambda desk: (record(desk), generate))
+    return built(1, lambda block: (record(block), generate))
 
 
 # Calls of machine code by address, and the conversion of views to its arguments.
 
-# How an argument is passed: as it is; a row of a table (which takes two arguments) as
-# an array; a vector as an array; a view as its address; a vector as its address and
-# width.
-VALUE, ROW, VECTOR, ADDRESS, SPAN = range(5)
+
+class Passed(Enum):
+    """How an argument is passed."""
+
+    AS_IT_IS = auto()
+    ROW = auto()  # a row of a table, which takes two arguments, as an array
+    VECTOR = auto()  # a vector, as an array
+    ADDRESS = auto()  # a view, as its address
+    SPAN = auto()  # a vector, as its address and width
 
 
 def _as_span(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
@@ -354,17 +372,21 @@ def _as_span(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[A
 
 
 def _handed_over(
-    context: Any, builder: Any, way: int, kind: Any, values: list[Any]
+    context: Any, builder: Any, passed: Passed, kind: Any, values: list[Any]
 ) -> list[Any]:
-    if way == VALUE:
+    """Build what the machine code takes for an argument."""
+    if passed is Passed.AS_IT_IS:
         return values
-    if way in (ROW, VECTOR):
+    if passed in (Passed.ROW, Passed.VECTOR):
         return [lower_array(context, builder, kind, *values)]
-    return _as_span(context, builder, kind, values)[: 1 if way == ADDRESS else 2]
+    address, width = _as_span(context, builder, kind, values)
+    if passed is Passed.ADDRESS:
+        return [address]
+    return [address, width]
 
 
-def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
-    """Return a function for compiled code that takes an address and the planned arguments.
+def caller(native: Any, *plan: tuple[Any, Passed]) -> Callable[..., Any]:
+    """Return a function for compiled code that takes an address and planned arguments.
 
     Parameters
     ----------
@@ -374,25 +396,33 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
         Numba type of each argument, and how it is passed; by default all are passed as
         they are.
     """
-    plan = plan or tuple((kind, VALUE) for kind in native.args)
-    kinds = [
-        k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))
-    ]
+    if not plan:
+        plan = tuple((kind, Passed.AS_IT_IS) for kind in native.args)
+    kinds: list[Any] = []
+    for kind, passed in plan:
+        kinds.append(kind)
+        if passed is Passed.ROW:
+            kinds.append(INDEX)
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        rest, arguments = list(values[1:]), []
-        for kind, way in plan:
-            count = 2 if way == ROW else 1
-            arguments += _handed_over(context, builder, way, kind, rest[:count])
-            rest = rest[count:]
+        address, *remaining = values
+        arguments: list[Any] = []
+        for kind, passed in plan:
+            count = 2 if passed is Passed.ROW else 1
+            own = remaining[:count]
+            arguments += _handed_over(context, builder, passed, kind, own)
+            remaining = remaining[count:]
         taken = [context.get_value_type(kind) for kind in native.args]
-        given = context.get_value_type(native.return_type)
-        target = builder.inttoptr(values[0], ir.FunctionType(given, taken).as_pointer())
-        result = builder.call(target, arguments)
-        return context.get_dummy_value() if native.return_type == types.void else result
+        returned = context.get_value_type(native.return_type)
+        function = ir.FunctionType(returned, taken).as_pointer()
+        result = builder.call(builder.inttoptr(address, function), arguments)
+        if native.return_type == types.void:
+            return context.get_dummy_value()
+        return result
 
     sign = native.return_type(INDEX, *kinds)
-    return built(1 + len(kinds), lambda *_: (sign, generate))  # type: ignore[no-any-return]
+    made: Callable[..., Any] = built(1 + len(kinds), lambda *_: (sign, generate))
+    return made
 
 
 # A product and a sum, rounded once.
@@ -419,16 +449,19 @@ DTYPES = {types.float64: np.dtype(np.float64), types.int64: np.dtype(np.int64)}
 
 
 def lower_call_of_python(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the code generator of a call to a Python function that prints its exceptions."""
+    """Return the code generator of a call to a Python function.
+
+    The code prints the function's exceptions.
+    """
 
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         python = context.get_python_api(builder)
         lock = python.gil_ensure()
-        pairs = zip(sign.args, values, strict=True)
-        boxed = [_boxed(context, builder, python, kind, value) for kind, value in pairs]
-        result = python.call_function_objargs(
-            _object(context, builder, python, function), boxed
-        )
+        boxed = []
+        for kind, value in zip(sign.args, values, strict=True):
+            boxed.append(_boxed(context, builder, python, kind, value))
+        called = _object(context, builder, python, function)
+        result = python.call_function_objargs(called, boxed)
         native = _unboxed(context, builder, python, sign.return_type, result)
         for item in boxed:
             python.decref(item)
@@ -452,15 +485,15 @@ def _boxed(context: Any, builder: Any, python: Any, kind: Any, value: Any) -> An
 
 
 def _unboxed(context: Any, builder: Any, python: Any, kind: Any, result: Any) -> Any:
-    """Return the number in a Python result, or 0 with the exception printed if there is none."""
+    """Return the number in a Python result.
+
+    If there is none, the exception is printed, and the number is 0.
+    """
     native_type = context.get_value_type(kind)
-    slot = cgutils.alloca_once_value(
-        builder, native_type(None) if kind == types.none else native_type(0)
-    )
-    with builder.if_else(cgutils.is_null(builder, result), likely=False) as (
-        failed,
-        returned,
-    ):
+    nothing = native_type(None) if kind == types.none else native_type(0)
+    slot = cgutils.alloca_once_value(builder, nothing)
+    is_missing = cgutils.is_null(builder, result)
+    with builder.if_else(is_missing, likely=False) as (failed, returned):
         with failed:
             name = context.insert_const_string(builder.module, "hopdata callback")
             label = python.string_from_string(name)
@@ -472,4 +505,6 @@ def _unboxed(context: Any, builder: Any, python: Any, kind: Any, result: Any) ->
             elif kind == types.int64:
                 builder.store(python.long_as_longlong(result), slot)
             python.decref(result)
-    return context.get_dummy_value() if kind == types.none else builder.load(slot)
+    if kind == types.none:
+        return context.get_dummy_value()
+    return builder.load(slot)

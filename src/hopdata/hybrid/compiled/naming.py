@@ -9,91 +9,71 @@ process has others, its results would differ.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from hashlib import sha256
-from importlib import import_module
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hopdata.errors import ArgumentError, NotPicklableError
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.declare import place
-from hopdata.hybrid.compiled.kernel import SIGNATURES
-
-if TYPE_CHECKING:
-    from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.kernel import Signature
 
 ADVICE = "define it at the top level of a module, and give it what varies as params"
 
 
-def name_of(callback: Callback) -> tuple[str, str, str, bool, dict[str, str]]:
-    """Return module, name, kind, whether it is to be compiled, and the values of its constants.
+def name_of(
+    function: Callable[..., Any],
+    signature: Signature,
+    *,
+    compiled: bool,
+    holder: object,
+) -> tuple[str, str, str, bool, dict[str, str]]:
+    """Return what stands for a function when it is pickled.
+
+    Parameters
+    ----------
+    function, signature
+        The function and its kind.
+    compiled : bool
+        Whether it is to be compiled.
+    holder : object
+        The callback made from it, which a module may hold in its place.
+
+    Returns
+    -------
+    module, name, kind : str
+        The module that holds the function, the name that it has there, and its kind.
+    compiled : bool
+    constants : dict
+        The values of its constants.
 
     Raises
     ------
     NotPicklableError
         If no module holds the function by its name.
     """
-    function = callback.function
-    module, name = (
-        getattr(function, "__module__", None),
-        getattr(function, "__qualname__", ""),
-    )
-    where = place(function, callback.signature)
+    module = getattr(function, "__module__", None)
+    name = getattr(function, "__qualname__", "")
+    where = place(function, signature)
     if not module or "<" in name or not name:
         raise NotPicklableError(
-            f"{where} cannot be pickled: it is a lambda, or is defined inside another function "
-            f"({name or type(function).__name__}), and pickle stores a function by the name that "
-            f"a module has for it; {ADVICE}"
+            f"{where} cannot be pickled: it is a lambda, or is defined inside another "
+            f"function ({name or type(function).__name__}), and pickle stores a "
+            f"function by the name that a module has for it; {ADVICE}"
         )
-    held = _held(sys.modules.get(module), name)
-    if held is not callback and _function_of(held) is not function:
+    found = held(sys.modules.get(module), name)
+    if found is not holder and _function_of(found) is not function:
+        instead = "not there" if found is None else "now another object"
         raise NotPicklableError(
-            f"{where} cannot be pickled: pickle stores a function by its name, and {module}.{name} "
-            f"is {'now another object' if held is not None else 'not there'}; {ADVICE}"
+            f"{where} cannot be pickled: pickle stores a function by its name, and "
+            f"{module}.{name} is {instead}; {ADVICE}"
         )
-    constants = _values(function) if callback.wanted else {}
-    return module, name, callback.signature.name, callback.wanted, constants
+    constants = _constants_of(function) if compiled else {}
+    return module, name, signature.name, compiled, constants
 
 
-def callback_by_name(
-    module: str, name: str, kind: str, compiled: bool, constants: Mapping[str, str]
-) -> Callback:
-    """Return the callback of a function that a module holds; see `name_of`.
-
-    Raises
-    ------
-    ArgumentError
-        If the module holds no such function, or if its constants have other values
-        here.
-    """
-    from hopdata.hybrid.compiled.callbacks import Callback
-
-    full = f"{module}.{name}"
-    held = _held(import_module(module), name)
-    found = held
-    if not (isinstance(held, Callback) and held.signature.name == kind):
-        if not callable(held) or isinstance(held, Callback):
-            raise ArgumentError.at(
-                full,
-                f"a function declared by @{kind}, as in the process that pickled it",
-                held,
-            )
-        found = Callback(held, SIGNATURES[kind], compiled)
-    here = _values(_function_of(found)) if compiled else {}
-    for constant, value in constants.items():
-        found_here = here.get(constant, "no number, text or array of this name")
-        if found_here != value:
-            raise ArgumentError.at(
-                full,
-                f"{constant} = {value}, as in the process that pickled it (give what varies as "
-                "params)",
-                found_here,
-            )
-    return found
-
-
-def _held(module: Any, name: str) -> Any:
+def held(module: Any, name: str) -> Any:
     """Return what a module holds by a dotted name; None if it holds nothing."""
     found = module
     for part in name.split("."):
@@ -101,13 +81,29 @@ def _held(module: Any, name: str) -> Any:
     return found
 
 
-def _function_of(held: Any) -> Any:
-    """Return the Python function in a callback, a function decorated by Numba, or a function."""
-    inner = getattr(held, "function", held)
+def require_same_constants(
+    full_name: str, function: Callable[..., Any], constants: Mapping[str, str]
+) -> None:
+    """Raise `ArgumentError` if a constant of a function has another value here."""
+    here = _constants_of(function)
+    for name, value in constants.items():
+        found = here.get(name, "no number, text or array of this name")
+        if found != value:
+            raise ArgumentError.at(
+                full_name,
+                f"{name} = {value}, as in the process that pickled it (give what "
+                "varies as params)",
+                found,
+            )
+
+
+def _function_of(holder: Any) -> Any:
+    """Return the Python function in a callback or dispatcher, or itself."""
+    inner = getattr(holder, "function", holder)
     return getattr(inner, "py_func", inner)
 
 
-def _values(function: Any) -> dict[str, str]:
+def _constants_of(function: Any) -> dict[str, str]:
     """Return the numbers, texts and arrays that a function reads, as text."""
     if not isinstance(function, FunctionType):
         return {}
@@ -116,7 +112,7 @@ def _values(function: Any) -> dict[str, str]:
 
 
 def _as_text(value: Any) -> str:
-    """Return a number or a text as it is written, and the bytes of an array by their digest."""
+    """Return a number or a text as it is written, and an array's bytes by a digest."""
     if isinstance(value, bytes):
         return f"bytes with the SHA-256 {sha256(value).hexdigest()[:16]}..."
     return repr(value)

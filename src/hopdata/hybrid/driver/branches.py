@@ -1,4 +1,4 @@
-"""End a step before a guard's code takes another branch, and step across that place by itself.
+"""End a step before a guard's code takes another branch, and step across separately.
 
 Within a step the guards then follow one smooth formula, as the search for flips
 assumes. The states of the step's interpolant are enclosed in ranges over a piece of the
@@ -23,28 +23,43 @@ from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.layout import Memory
 
 AT_BRANCH = 3  # value of WATCHED: the step crosses a branch
-GRAIN = 64.0 * EPS  # fraction of a state: bound on the rounding of its interpolant
-SHORTEST = (
-    8.0  # time resolutions: length of a step across a branch, and of the shortest piece
-)
-SURE = (
-    2.0**12
-)  # multiples of that length: a longer step across a branch counts as not proven
-MOST_DOUBLED = 60  # doublings of that length: it then exceeds any run
-MOST_LOOKS = 500  # pieces examined in one step; a branch takes some 100
-MOST_RETAKES = (
-    8  # the step is taken again up to the branch, which moves by the step's error
-)
-# Steps across branches, since the last event, after which guards are sampled for the
-# rest of the run: they branch all the time, as noise made by `%` does, and not where
-# they flip. If 1.5 times larger, a run with such a guard takes some 10 ms more before
-# it is sampled.
-MOST_BARREN = 500
-# Fraction of the run between two samples of guards that branch and have no code for
-# ranges.
-SAMPLED = 2.0**-8
 BYTES = 8  # of a number
 Pair = tuple[float, float]
+
+#: Bound on the rounding of a step's interpolant, as a fraction of the state.
+#: Unit: 1. Origin: rounding: 64 units in the last place of a double.
+GRAIN = 64.0 * EPS
+
+#: Length of a step across a branch, and of the shortest piece that is examined.
+#: Unit: time resolutions. Origin: chosen.
+SHORTEST = 8.0
+
+#: A step across a branch that is longer than SHORTEST by this factor counts as not
+#: proven.
+#: Unit: 1. Origin: chosen.
+SURE = 2.0**12
+
+MOST_DOUBLED = 60  # doublings of that length: it then exceeds any run
+
+#: Pieces examined in one step; a branch takes some 100.
+#: Unit: 1. Origin: chosen.
+MOST_LOOKS = 500
+
+#: How often a step is taken again up to the branch, which moves by the step's error.
+#: Unit: 1. Origin: chosen.
+MOST_RETAKES = 8
+
+#: Steps across branches, since the last event, after which guards are sampled for the
+#: rest of the run: they branch all the time, as noise made by `%` does, and not where
+#: they flip. If 1.5 times larger, a run with such a guard takes some 10 ms more before
+#: it is sampled.
+#: Unit: 1. Origin: chosen.
+MOST_BARREN = 500
+
+#: Fraction of the run between two samples of guards that branch and have no code for
+#: ranges.
+#: Unit: 1. Origin: chosen.
+SAMPLED = 2.0**-8
 
 call_ranges = caller(RANGES_NATIVE)
 
@@ -61,11 +76,16 @@ def times(lo: float, hi: float, a: float, b: float) -> Pair:
 def range_of(
     m: Memory, i: int, a: float, b: float, in_powers: bool
 ) -> tuple[Pair, Pair]:
-    """Return ranges of state i and of its slope per step on [a, b], by Horner's scheme."""
-    s, last = m.states, m.counts[at.DEGREE] - 1
+    """Return ranges of state i and its slope per step on [a, b].
+
+    They are found by Horner's scheme.
+    """
+    s = m.states
+    last = m.counts[at.DEGREE] - 1
     lo = s[at.P1 + last, i]
     hi = lo
-    slope_lo, slope_hi = 0.0, 0.0
+    slope_lo = 0.0
+    slope_hi = 0.0
     for j in range(last - 1, -1, -1):
         falls = j % 2 == 0 and not in_powers  # the factor is 1 - x
         first = 1.0 - b if falls else a
@@ -85,12 +105,15 @@ def range_of(
 
 @kernel_apart
 def enclose(p: Problem, m: Memory, dt: float, a: float, b: float) -> None:
-    """Write ranges of states and slopes over a piece of the step into LEAST ... MOST_SLOPE.
+    """Write ranges of states and slopes over a piece of the step.
 
-    The range by Horner's scheme is narrowed by the value in the middle and the range of
-    the slope, whose error falls with the square of the piece.
+    They are written to the rows LEAST to MOST_SLOPE. The range by Horner's scheme is
+    narrowed by the value in the middle and the range of the slope, whose error falls
+    with the square of the piece.
     """
-    s, half, middle = m.states, 0.5 * (b - a), 0.5 * (a + b)
+    s = m.states
+    half = 0.5 * (b - a)
+    middle = 0.5 * (a + b)
     in_powers = p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0
     for i in range(s.width):
         (lo, hi), (slope_lo, slope_hi) = range_of(m, i, a, b, in_powers)
@@ -111,14 +134,17 @@ def is_open(p: Problem, m: Memory, dt: float, a: float, b: float) -> bool:
     Overwrites the rows H and RATE of the guards.
     """
     enclose(p, m, dt, a, b)
-    n, t = m.states.width, m.clock[at.T]
-    first, guards = address_of(m.states), address_of(m.guards)
-    n_guards, lists = m.guards.width, address_of(m.lists)
+    t = m.clock[at.T]
+    n = m.states.width
+    n_guards = m.guards.width
+    states = address_of(m.states)
+    guards = address_of(m.guards)
+    lists = address_of(m.lists)
     m.counts[at.BRANCHED] = 0
     m.counts[at.NGEV] += 1
     call_ranges(
         p.branches, t + a * dt, t + b * dt,
-        first + BYTES * n * at.LEAST, first + BYTES * n * at.LEAST_SLOPE, n,
+        states + BYTES * n * at.LEAST, states + BYTES * n * at.LEAST_SLOPE, n,
         address_of(p.mode), p.mode.width, address_of(p.params), p.params.width,
         guards + BYTES * n_guards * at.H, n_guards,
         lists + BYTES * n_guards * at.AWAKE, m.counts[at.N_AWAKE],
@@ -129,11 +155,13 @@ def is_open(p: Problem, m: Memory, dt: float, a: float, b: float) -> bool:
 
 @kernel_apart
 def clear_until(p: Problem, m: Memory, dt: float, shortest: float) -> float:
-    """Return the fraction of the step up to which no branch is open, to within `shortest`.
+    """Return the fraction of the step up to which no branch is open.
 
-    Pieces are halves of halves, so that their places are exact.
+    It is found to within `shortest`. Pieces are halves of halves, so that their ends
+    are exact.
     """
-    low, width = 0.0, 1.0
+    low = 0.0
+    width = 1.0
     for _ in range(MOST_LOOKS):
         if low >= 1.0:
             break

@@ -27,19 +27,26 @@ LAST_OF_DOPRI5 = 3
 
 @kernel
 def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
-    """Compute the interpolant of the step of length `dt`, unless it is already available."""
+    """Compute the interpolant of the step of length `dt`, unless it is available."""
     if m.clock[at.SPAN] > 0.0:
         return
     m.clock[at.SPAN] = dt
-    s, t, method = m.states, m.clock[at.T], m.counts[at.METHOD]
-    address = p.methods[method, at.INTERPOLANT]
+    method = m.counts[at.METHOD]
     m.counts[at.NFEV] += p.methods[method, at.INTERPOLANT_EVALUATIONS]
-    m.counts[at.DEGREE] = call_interpolant(address, t, dt, s, p.mode, p.params, p.field)
+    m.counts[at.DEGREE] = call_interpolant(
+        p.methods[method, at.INTERPOLANT],
+        m.clock[at.T],
+        dt,
+        m.states,
+        p.mode,
+        p.params,
+        p.field,
+    )
 
 
 @kernel
 def interpolate(p: Problem, m: Memory, theta: float, target: int, per_s: float) -> None:
-    """Write the state at the fraction `theta` of the step into row `target` of the states.
+    """Write the state at the fraction `theta` of the step into row `target`.
 
     If `per_s` (one over the step's length) is not 0, write its time derivative into
     SLOPE as well.
@@ -57,22 +64,28 @@ def interpolate(p: Problem, m: Memory, theta: float, target: int, per_s: float) 
 def sum_up(
     m: Memory, x: float, r: float, turn: float, per_s: float, last: int, target: int
 ) -> None:
-    """Sum an interpolant and its derivative for r = x or r = 1 - x, with the derivative `turn`.
+    """Sum an interpolant for r = x or r = 1 - x, and its derivative.
 
-    The result is Y + x V, where V is a polynomial in x r whose coefficients are pairs:
-    one coefficient plus r times the next. This halves the chain of operations of
-    Horner's scheme, and it is as accurate where the coefficients alternate in sign.
+    The derivative of r is `turn`. The result is Y + x V, where V is a polynomial in x r
+    whose coefficients are pairs: one coefficient plus r times the next. This halves the
+    chain of operations of Horner's scheme, and it is as accurate where the coefficients
+    alternate in sign.
     """
-    s, top, square, bend = m.states, last | 1, x * r, r + turn * x
-    full = last == top
+    s = m.states
+    top = last | 1  # the odd coefficient of the highest pair
+    has_top = last == top
+    square = x * r
+    square_slope = r + turn * x
     for i in range(s.width):
-        odd = s[at.P1 + top, i] if full else 0.0  # sum of every second coefficient
-        value, value_slope = fma(r, odd, s[at.P1 + top - 1, i]), 0.0  # d(value)/d(x r)
+        odd = s[at.P1 + top, i] if has_top else 0.0  # sum of every second coefficient
+        value = fma(r, odd, s[at.P1 + top - 1, i])
+        value_slope = 0.0  # d(value) / d(x r)
         for j in range(top - 2, 0, -2):
+            pair = fma(r, s[at.P1 + j, i], s[at.P1 + j - 1, i])
             value_slope = fma(square, value_slope, value)
-            value = fma(square, value, fma(r, s[at.P1 + j, i], s[at.P1 + j - 1, i]))
+            value = fma(square, value, pair)
             odd = fma(square, odd, s[at.P1 + j, i])
-        slope = fma(bend, value_slope, turn * odd)
+        slope = fma(square_slope, value_slope, turn * odd)
         s[target, i] = fma(x, value, s[at.Y, i])
         if per_s != 0.0:
             s[at.SLOPE, i] = fma(x, slope, value) * per_s
@@ -102,17 +115,19 @@ def write_row(m: Memory, out: Output, t: float, source: int) -> None:
 
 @kernel_apart
 def write_inside(p: Problem, m: Memory, out: Output, dt: float) -> None:
-    """Write rows at Chebyshev points within the step of length `dt` to store its polynomial."""
+    """Write rows at Chebyshev points within the step, which hold its polynomial."""
     prepare_interpolant(p, m, dt)
     for j in range(1, out.per_step):
-        part = 0.5 - 0.5 * cos(pi * j / out.per_step) if 2 * j != out.per_step else 0.5
+        part = 0.5  # exactly, where the cosine would leave its rounding
+        if 2 * j != out.per_step:
+            part = 0.5 - 0.5 * cos(pi * j / out.per_step)
         interpolate(p, m, part * dt / m.clock[at.SPAN], at.SCRATCH, 0.0)
         write_row(m, out, m.clock[at.T] + part * dt, at.SCRATCH)
 
 
 @kernel
 def take_back_row(m: Memory, out: Output) -> None:
-    """Remove the last row, which `write_row` will write again: more room is needed before that."""
+    """Remove the last row, which `write_row` writes again once there is more room."""
     if out.per_step > 0:
         m.counts[at.ROWS] -= 1
 
@@ -137,15 +152,15 @@ def sample_start(m: Memory, out: Output) -> None:
 
 @kernel
 def sample_step(p: Problem, m: Memory, out: Output, t_new: float, dt: float) -> None:
-    """Write samples at the requested times within the step of length `dt` that ends at `t_new`."""
-    j, n = m.counts[at.SAMPLES], out.wanted.width
+    """Write samples at the requested times within the step, which ends at `t_new`."""
+    j = m.counts[at.SAMPLES]
+    n = out.wanted.width
     if j == n or out.wanted[j] > t_new:
         return
     prepare_interpolant(p, m, dt)
     while j < n and out.wanted[j] < t_new:
-        interpolate(
-            p, m, (out.wanted[j] - m.clock[at.T]) / m.clock[at.SPAN], at.SCRATCH, 0.0
-        )
+        theta = (out.wanted[j] - m.clock[at.T]) / m.clock[at.SPAN]
+        interpolate(p, m, theta, at.SCRATCH, 0.0)
         copy_row(m.states, at.SCRATCH, out.samples, j)
         j += 1
     if j < n and out.wanted[j] == t_new:

@@ -18,28 +18,30 @@ from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.windows import BY_WINDOWS, NONE_NEAR, leave_out_bent
 from hopdata.hybrid.layout import Memory
 
+#: Most corrections of a step's end by Newton's method.
+#: Unit: 1. Origin: chosen.
 MAX_POLISH = 8
-SPARED = 5e-2  # tolerances: interpolant error below which the step need not be repeated
-FARTHEST = 0.1  # fraction of the step: if the interpolant errs by more, h is not smooth
-HOVER = 1e-8  # fraction of the step by which rounding of h may move its end
-RETAKE_ABOVE = 1e-4  # fraction of the step: largest move of its end by a midpoint step
+
+#: Error of the interpolant below which the step need not be repeated.
+#: Unit: tolerances. Origin: chosen.
+SPARED = 5e-2
+
+#: Fraction of the step by which the interpolant may err: if it errs by more, h is not
+#: smooth.
+#: Unit: 1. Origin: chosen.
+FARTHEST = 0.1
+
+#: Fraction of the step by which rounding of h may move its end.
+#: Unit: 1. Origin: chosen.
+HOVER = 1e-8
+
+#: Largest move of the step's end by a midpoint step, as a fraction of the step: for
+#: larger ones the step is taken again.
+#: Unit: 1. Origin: chosen.
+RETAKE_ABOVE = 1e-4
 
 
-@kernel
-def nearest_surface(p: problem.Problem, m: Memory, k: int) -> tuple[float, int]:
-    """Return the time, s, from the step's end to the surface of guard k or a rival, and the guard.
-
-    A rival is a guard past its surface; the one that was passed first counts.
-    """
-    shift, nearest = 0.0, k
-    if p.mode[k] * m.guards[at.RATE1, k] < 0.0:
-        shift = -m.guards[at.H1, k] / m.guards[at.RATE1, k]
-    for a in range(m.counts[at.N_NEAR]):
-        j = m.lists[at.NEAR, a]
-        value, rate = p.mode[j] * m.guards[at.H1, j], p.mode[j] * m.guards[at.RATE1, j]
-        if rate < 0.0 and value < 0.0 and -value / rate < shift:
-            shift, nearest = -value / rate, j
-    return shift, nearest
+# The end of a step, at a given length.
 
 
 @kernel
@@ -68,14 +70,18 @@ def take_part(
 
 @kernel
 def look_at_end(p: problem.Problem, m: Memory, t: float, resolution: float) -> None:
-    """Evaluate the guards at the step's end, at time t, and put those it has reached into NEAR."""
+    """Evaluate the guards at the step's end, at time t.
+
+    Those that have reached their surface are put into NEAR.
+    """
     problem.guards_at_end(p, m, t)
     watch.gather_reached(p, m, at.H1, at.RATE1, resolution)
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
-        left, rate = -p.mode[k] * m.guards[at.H1, k], p.mode[k] * m.guards[at.RATE1, k]
+        residual = -problem.margin_of(p, m, k, at.H1)
+        rate = problem.margin_of(p, m, k, at.RATE1)
         if problem.is_leaving(m, k, rate, t - m.clock[at.T], resolution):
-            problem.count_as_rounding(p, m, k, t, at.END, left, rate, resolution)
+            problem.count_as_rounding(p, m, k, t, at.END, residual, rate, resolution)
 
 
 @kernel_apart
@@ -87,10 +93,34 @@ def end_at(
     resolution: float,
     k: int,
 ) -> float:
-    """Take the first part of the step and evaluate the guards; return the margin of guard k."""
+    """Take the first part of the step; return the margin of guard k at its end."""
     take_part(p, m, m.clock[at.T], span, on_interpolant)
     look_at_end(p, m, m.clock[at.T] + span, resolution)
-    return p.mode[k] * m.guards[at.H1, k]
+    return problem.margin_of(p, m, k, at.H1)
+
+
+# Landing: the length of the step at which it ends on a surface.
+
+
+@kernel
+def nearest_surface(p: problem.Problem, m: Memory, k: int) -> tuple[float, int]:
+    """Return the time, s, from the step's end to the first surface, and its guard.
+
+    It is the surface of guard k or of a rival. A rival is a guard past its surface; the
+    one that was passed first counts.
+    """
+    shift = 0.0
+    nearest = k
+    if problem.margin_of(p, m, k, at.RATE1) < 0.0:
+        shift = -m.guards[at.H1, k] / m.guards[at.RATE1, k]
+    for a in range(m.counts[at.N_NEAR]):
+        j = m.lists[at.NEAR, a]
+        value = problem.margin_of(p, m, j, at.H1)
+        rate = problem.margin_of(p, m, j, at.RATE1)
+        if rate < 0.0 and value < 0.0 and -value / rate < shift:
+            shift = -value / rate
+            nearest = j
+    return shift, nearest
 
 
 @kernel_apart
@@ -102,16 +132,24 @@ def end_behind_jump(
     on_interpolant: bool,
     resolution: float,
 ) -> float:
-    """Make the step end just past the jump of guard k near `span`, and return its length.
+    """Make the step end just past the jump of guard k near `span`; return its length.
 
     If there is no jump nearby, the step ends at `span`.
     """
     past = end_at(p, m, span, on_interpolant, resolution, k) <= 0.0
-    clear, behind, reach = span, span, resolution
+    clear = span
+    behind = span
+    reach = resolution
     while clear == behind and reach < FARTHEST * span:
-        there = span - reach if past else min(span + reach, p.t_end - m.clock[at.T])
+        if past:
+            there = span - reach
+        else:
+            there = min(span + reach, p.t_end - m.clock[at.T])
         if (end_at(p, m, there, on_interpolant, resolution, k) <= 0.0) != past:
-            clear, behind = (there, span) if past else (span, there)
+            if past:
+                clear = there
+            else:
+                behind = there
         reach *= 2.0
     while behind - clear > resolution:
         middle = 0.5 * (clear + behind)
@@ -123,41 +161,55 @@ def end_behind_jump(
     return behind
 
 
+@kernel
+def interpolant_suffices(p: problem.Problem, m: Memory, span: float) -> bool:
+    """Return whether the interpolant adds almost nothing to the step's error at `span`.
+
+    It is worst in the middle of a step and as good as the step at both ends.
+    """
+    theta = span / m.clock[at.SPAN]
+    error = p.methods[m.counts[at.METHOD], at.INTERPOLANT_ERROR] * m.clock[at.ERROR]
+    if not error * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED:
+        return False
+    return not p.first_order or has_short_tangent(p, m, span)
+
+
 @kernel_apart
 def land(
     p: problem.Problem, m: Memory, k: int, span: float, resolution: float
 ) -> tuple[float, int]:
-    """Make the step end on guard k, about `span` from its start.
+    """Make the step end on guard k, about `span` from its start, by Newton's method.
 
-    The step is repeated up to there unless the interpolant adds almost nothing to the
-    step's error. The interpolant is worst in the middle and as good as the step at both
-    ends. Where Newton's method increases the distance, the event function jumps.
+    The step is repeated up to there unless the interpolant is accurate enough. Where
+    Newton's method increases the distance, the event function jumps.
 
     Returns the step's length and the guard on which it ends: a rival if one flips
     earlier.
     """
-    t, whole = m.clock[at.T], m.clock[at.SPAN]
-    last, theta = FARTHEST * span, span / whole
-    error = p.methods[m.counts[at.METHOD], at.INTERPOLANT_ERROR] * m.clock[at.ERROR]
-    on_interpolant = error * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED and (
-        not p.first_order or has_short_tangent(p, m, span)
-    )
+    t = m.clock[at.T]
+    largest_shift = FARTHEST * span
+    on_interpolant = interpolant_suffices(p, m, span)
     end_at(p, m, span, on_interpolant, resolution, k)
-    place, aim, left = span, k, np.inf
+    located = span  # where the search for this guard began
+    aim = k
+    least_value = np.inf
     for _ in range(MAX_POLISH):
         shift, k = nearest_surface(p, m, k)
         if k != aim:
-            place, aim, left = span, k, np.inf
+            located = span
+            aim = k
+            least_value = np.inf
         if not abs(shift) > resolution:
             break
-        if not (abs(shift) < last and abs(m.guards[at.H1, k]) < left):
-            noise = problem.blur(
-                m.guards[at.SIZE, k], m.guards[at.RATE1, k], resolution
-            )
-            if abs(shift) > HOVER * span and abs(m.guards[at.H1, k]) > noise:
-                span = end_behind_jump(p, m, k, place, on_interpolant, resolution)
+        value = abs(m.guards[at.H1, k])
+        if not (abs(shift) < largest_shift and value < least_value):
+            rate = m.guards[at.RATE1, k]
+            noise = problem.blur(m.guards[at.SIZE, k], rate, resolution)
+            if abs(shift) > HOVER * span and value > noise:
+                span = end_behind_jump(p, m, k, located, on_interpolant, resolution)
             break
-        last, left = abs(shift), abs(m.guards[at.H1, k])
+        largest_shift = abs(shift)
+        least_value = value
         if on_interpolant or p.first_order or abs(shift) > RETAKE_ABOVE * span:
             take_part(p, m, t, span + shift, on_interpolant)
         else:
@@ -173,25 +225,25 @@ def land(
 
 @kernel_in_loop
 def gather(p: problem.Problem, m: Memory, dt: float) -> int:
-    """Put the guards that may flip within the step into NEAR, and return their number."""
-    watch.set_knots(p, m, dt)
-    count = (
-        watch.gather_near_by_pieces(p, m, dt)
-        if m.counts[at.PIECES] > 1
-        else watch.gather_near(p, m, dt)
-    )
-    return (
-        leave_out_bent(m) if count > 0 and m.counts[at.WATCHED] == BY_WINDOWS else count
-    )
+    """Put the guards that may flip within the step into NEAR; return their number."""
+    watch.set_check_points(p, m, dt)
+    if m.counts[at.PIECES] > 1:
+        count = watch.gather_near_by_pieces(p, m, dt)
+    else:
+        count = watch.gather_near(p, m, dt)
+    if count > 0 and m.counts[at.WATCHED] == BY_WINDOWS:
+        return leave_out_bent(m)
+    return count
 
 
 @kernel_apart
 def end_at_dips(
     p: problem.Problem, m: Memory, dt: float, kind: int, k: int, theta: float
 ) -> tuple[float, int, int, float]:
-    """End the step at its first cut as long as this is a dip, where the sign of h decides.
+    """End the step at its first cut as long as this is a dip.
 
-    Returns the step's length, and kind, guard and place of the remaining cut.
+    At a dip the sign of h decides. Returns the step's length, and kind, guard and
+    location of the remaining cut.
     """
     for _ in range(2 * m.counts[at.N_AWAKE] + 4):
         if kind != DIP or theta * dt <= problem.time_resolution(m.clock[at.T], dt):
@@ -208,12 +260,14 @@ def end_at_dips(
 def flips_by_rounding(
     p: problem.Problem, m: Memory, k: int, t: float, resolution: float
 ) -> bool:
-    """Return whether guard k, on which the step ends at time t, flips although h has a rest.
+    """Return whether guard k, on which the step ends, flips although h is not 0.
 
-    Its rest must be explained by rounding. If it is not, h jumps there, and the step
-    has ended before the jump: the next step begins before it, and finds it.
+    The step ends at time t. Its residual must be explained by rounding. If it is not, h
+    jumps there, and the step has ended before the jump: the next step begins before it,
+    and finds it.
     """
-    margin, rate = p.mode[k] * m.guards[at.H1, k], p.mode[k] * m.guards[at.RATE1, k]
+    margin = problem.margin_of(p, m, k, at.H1)
+    rate = problem.margin_of(p, m, k, at.RATE1)
     if not rate < 0.0:
         return False
     return margin <= problem.most_rounding(p, m, k, t, at.END, rate, resolution)
@@ -221,13 +275,13 @@ def flips_by_rounding(
 
 @kernel
 def set_sizes(p: problem.Problem, m: Memory, which: int) -> None:
-    """Set the rounding scale of the guards in a list by their values at the ends of the step."""
+    """Set the rounding scale of listed guards by their values at the step's ends."""
     for a in range(m.counts[at.N_AWAKE + which]):
         k = m.lists[which, a]
         # What counts as rounding remains so until the guard has left its surface.
-        left = p.mode[k] * m.guards[at.H0, k] > 0.0
+        has_left = problem.margin_of(p, m, k, at.H0) > 0.0
         size = max(abs(m.guards[at.H0, k]), abs(m.guards[at.H1, k]))
-        m.guards[at.SIZE, k] = max(size, m.guards[at.PARTS if left else at.SIZE, k])
+        m.guards[at.SIZE, k] = max(size, m.guards[at.PARTS if has_left else at.SIZE, k])
 
 
 @kernel_apart
@@ -238,11 +292,26 @@ def flips_by_sign(p: problem.Problem, m: Memory, dt: float) -> int:
     """
     set_sizes(p, m, at.AWAKE)
     resolution = problem.time_resolution(m.clock[at.T], dt)
-    look_at_end(p, m, m.clock[at.T] + dt, resolution)
-    total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
     t = m.clock[at.T] + dt
+    look_at_end(p, m, t, resolution)
+    total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
     problem.remember_residuals(p, m, t, at.END, at.H1, at.RATE1, resolution)
     return total
+
+
+@kernel
+def flips_at_start(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
+    """Mark guard k and return True if it is at its surface at the start of the step.
+
+    Where it is not, its event function jumps there.
+    """
+    h = m.guards[at.H0, k]
+    noise = problem.blur(h, m.guards[at.RATE0, k], resolution)
+    if not p.mode[k] * h <= noise:
+        return False
+    problem.mark_one(m, k)
+    problem.remember_residuals(p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution)
+    return True
 
 
 @kernel
@@ -265,14 +334,9 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
     set_sizes(p, m, at.NEAR)
     resolution = problem.time_resolution(m.clock[at.T], dt)
     if theta * dt <= resolution:
-        h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]
-        if p.mode[k] * h <= problem.blur(h, rate, resolution):
-            problem.mark_one(m, k)
-            problem.remember_residuals(
-                p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution
-            )
+        if flips_at_start(p, m, k, resolution):
             return 0.0, 1
-        dt = min(resolution, dt)  # an event function that jumps: end just past the jump
+        dt = min(resolution, dt)  # just past the jump
         take_step(p, m, m.clock[at.T], dt)
         look_at_end(p, m, m.clock[at.T] + dt, resolution)
     else:

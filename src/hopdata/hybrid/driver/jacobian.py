@@ -1,4 +1,4 @@
-"""The flow's Jacobian across an instant: one saltation matrix for each guard that flips.
+"""The flow's Jacobian across an instant: a saltation matrix for each guard that flips.
 
 At a crossing of h, Phi becomes DR Phi + (f+ - DR f- - dR/dt) (Dh Phi) / (Dh f- +
 dh/dt), with the fields f- before and f+ after it, and the reset R of the handler
@@ -28,12 +28,20 @@ from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.methods import tangent as differences
 
 # The driver calls this code by address, so it is compiled only when a Jacobian is first
-# requested.
-CARRY, RESET, SALTATE, HANDLERS = range(4)
+# requested. Its parts:
+CARRY = 0
+RESET = 1
+SALTATE = 2
+HANDLERS = 3
+
 # How a guard comes to flip: alone; together with others that met their surfaces at this
 # instant; pushed across by a handler; or at the start, because it is past its surface
 # there.
-ALONE, TOGETHER, PUSHED, PAST_AT_START = range(4)
+ALONE = 0
+TOGETHER = 1
+PUSHED = 2
+PAST_AT_START = 3
+
 FIRST_ORDER_NATIVE = types.float64(
     types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
 )
@@ -50,33 +58,47 @@ def first_order(
 
 # The flow's Jacobian over a step: by the method's own tangent, or by the short tangent.
 
-EASY = 0.2  # tolerances: step error below which the short tangent may be used
-SHORT = 300.0  # multiple of rtol: largest (step times fastest motion)^5 of a short step
-SMALL = (
-    0.1  # tolerances: error of the Jacobian below which it does not limit the next step
-)
-LOOK, LEAST_LOOK = (
-    1e-6,
-    1e-9,
-)  # fractions of a piece and of t_span: look-ahead for a guard's rate
-ASIDE = (
-    1e-7,
-    1e-5,
-    1e-3,
-    1e-9,
-)  # fractions of a state's size: displacements that are tried
-SAME_SLOPE = (
-    1e-3  # largest relative difference of a guard's slopes by its rates and its values
-)
+#: Error of the step below which the short tangent may be used.
+#: Unit: tolerances. Origin: chosen.
+EASY = 0.2
+
+#: Largest (step times fastest motion)^5 of a short step, as a multiple of the relative
+#: tolerance.
+#: Unit: 1. Origin: chosen.
+SHORT = 300.0
+
+#: Error of the Jacobian below which it does not limit the next step.
+#: Unit: tolerances. Origin: chosen.
+SMALL = 0.1
+
+#: How far ahead a guard's rate is evaluated for its bend, as a fraction of the time
+#: since the last event.
+#: Unit: 1. Origin: chosen.
+LOOK = 1e-6
+
+#: The least that it is evaluated ahead, as a fraction of the time span.
+#: Unit: 1. Origin: chosen.
+LEAST_LOOK = 1e-9
+
+#: Displacements of a state that are tried in turn, as fractions of its size: at small
+#: ones values may coincide by rounding, and at large ones a guard may bend.
+#: Unit: 1. Origin: chosen.
+ASIDE = (1e-7, 1e-5, 1e-3, 1e-9)
+
+#: Largest relative difference of a guard's slopes by its rates and by its values.
+#: Unit: 1. Origin: chosen.
+SAME_SLOPE = 1e-3
 
 
 @kernel
 def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
-    """Return whether the short tangent suffices for a step of `dt`, by the last step's motion."""
-    if (
-        p.methods[m.counts[at.METHOD], at.SHORT_TANGENT] == 0
-        or m.clock[at.ERROR] > EASY
-    ):
+    """Return whether the short tangent suffices for a step of length `dt`.
+
+    The fastest motion is that of the last step.
+    """
+    if p.methods[m.counts[at.METHOD], at.SHORT_TANGENT] == 0:
+        return False
+    if m.clock[at.ERROR] > EASY:
         return False
     turn = dt * dt * m.clock[at.MOTION]
     return turn * turn * sqrt(turn) <= SHORT * p.rtol
@@ -84,22 +106,33 @@ def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
 
 @kernel_apart
 def tangent(p: Problem, m: Memory, dt: float) -> float:
-    """Write the new Jacobian after the old one; return its error in units of the tolerance.
+    """Write the new Jacobian after the old one; return its error in tolerances.
 
     A step that ends on the interpolant of a longer step has no stages of its own.
     """
-    method, t = m.counts[at.METHOD], m.clock[at.T]
-    which, evaluations = at.TANGENT, p.methods[method, at.TANGENT_EVALUATIONS]
+    method = m.counts[at.METHOD]
+    which = at.TANGENT
+    evaluations = p.methods[method, at.TANGENT_EVALUATIONS]
     if m.clock[at.SPAN] > dt or has_short_tangent(p, m, dt):
-        which, evaluations = at.SHORT_TANGENT, p.methods[method, at.SHORT_EVALUATIONS]
+        which = at.SHORT_TANGENT
+        evaluations = p.methods[method, at.SHORT_EVALUATIONS]
         prepare_interpolant(p, m, dt)
         interpolate(p, m, at.GAUSS_1 * dt / m.clock[at.SPAN], at.SCRATCH, 0.0)
         interpolate(p, m, at.GAUSS_2 * dt / m.clock[at.SPAN], at.SLOPE, 0.0)
     m.counts[at.NFEV] += evaluations
     return code.call_tangent(
-        p.methods[method, which], t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent,
-        p.field, p.methods[method, at.DERIVATIVE],
-    )  # fmt: skip
+        p.methods[method, which],
+        m.clock[at.T],
+        dt,
+        p.rtol,
+        m.states,
+        p.mode,
+        p.params,
+        p.atol,
+        p.tangent,
+        p.field,
+        p.methods[method, at.DERIVATIVE],
+    )
 
 
 @kernel_apart
@@ -110,17 +143,16 @@ def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
     error is too large, 1 if it is acceptable, and NaN if it is not finite. A smaller
     error may still limit the next step.
     """
-    phi, n = p.tangent, m.states.width
+    phi = p.tangent
+    n = m.states.width
     error = tangent(p, m, dt)
     m.clock[at.MOTION] = phi[3 * n + at.PHI_MOTION, 0]
     if error > SMALL:
-        part = max(
-            SHRINK_MOST,
-            SAFETY / error ** (1.0 / p.methods[m.counts[at.METHOD], at.ORDER]),
-        )
+        order = p.methods[m.counts[at.METHOD], at.ORDER]
+        fraction = max(SHRINK_MOST, SAFETY / error ** (1.0 / order))
         if error > 1.0:
-            return part
-        m.clock[at.NEXT_DT] = min(m.clock[at.NEXT_DT], part * dt)
+            return fraction
+        m.clock[at.NEXT_DT] = min(m.clock[at.NEXT_DT], fraction * dt)
     wrong = 0
     for e in range(n * n):
         wrong += 0 if abs(phi[n, e]) < inf else 1
@@ -138,8 +170,12 @@ def single(m: Memory, row: int) -> int:
 def rate_along(
     p: Problem, m: Memory, k: int, row: int, t: float, states: FloatTable, y: int
 ) -> float:
-    """Return guard k's rate at row `y` of `states` for the state's rate in row `row` of phi."""
-    phi, g = p.tangent, m.guards
+    """Return guard k's rate at row `y` of `states`.
+
+    The state's rate is in row `row` of phi.
+    """
+    phi = p.tangent
+    g = m.guards
     if p.guards != 0:
         code.call_guards(
             p.guards, t, states, y, phi, row, p.mode, p.params, g, at.H, g, at.RATE
@@ -161,50 +197,58 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> float:
     other by the size of the largest. Only components that the guards' code may use are
     changed.
     """
-    phi, n, unknown, change = p.tangent, m.states.width, 0.0, 0.0
-    moved, before = single(m, at.COLUMN), single(m, at.F_BEFORE)
+    phi = p.tangent
+    n = m.states.width
+    moved = single(m, at.COLUMN)
+    before = single(m, at.F_BEFORE)
+    along = single(m, at.ALONG)
     inputs = single(m, at.RATE_INPUTS)
+    change = 0.0
     for i in range(n):
         phi[moved, i] = phi[before, i]
-        phi[single(m, at.ALONG), i] = 0.0
+        phi[along, i] = 0.0
         change = max(change, phi[inputs, i] * abs(phi[before, i]))
-    change = change if change > 0.0 else 1.0
+    if not change > 0.0:
+        change = 1.0
+    unknown = 0.0
     for i in range(n):
-        if phi[inputs, i] != 0.0:
-            phi[moved, i] += change
-            moved_rate = rate_along(p, m, k, moved, m.clock[at.T], m.states, at.Y)
-            part = (moved_rate - rate) / (phi[moved, i] - phi[before, i]) / rate
-            phi[moved, i] = phi[before, i]
-            for j in range(n):
-                phi[single(m, at.ALONG), j] += part * phi[i, j]
-            unknown += abs(part) * tolerance(p, i, abs(m.states[at.Y, i]))
+        if phi[inputs, i] == 0.0:
+            continue
+        phi[moved, i] += change
+        moved_rate = rate_along(p, m, k, moved, m.clock[at.T], m.states, at.Y)
+        slope = (moved_rate - rate) / (phi[moved, i] - phi[before, i])
+        time_per_state = slope / rate
+        phi[moved, i] = phi[before, i]
+        for j in range(n):
+            phi[along, j] += time_per_state * phi[i, j]
+        unknown += abs(time_per_state) * tolerance(p, i, abs(m.states[at.Y, i]))
     return unknown
 
 
 @kernel_apart
 def bend_of(p: Problem, m: Memory, k: int, rate: float) -> float:
     """Return the second time derivative of guard k, with the field before its flip."""
-    ahead, n = LOOK * (m.clock[at.T] - m.clock[at.SEGMENT]), m.states.width
-    ahead = max(ahead, LEAST_LOOK * (p.t_end - p.t_start))
-    moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
-    for i in range(n):
-        p.tangent[moved, i] = (
-            m.states[at.Y, i] + ahead * p.tangent[single(m, at.F_BEFORE), i]
-        )
+    phi = p.tangent
+    since_event = m.clock[at.T] - m.clock[at.SEGMENT]
+    ahead = max(LOOK * since_event, LEAST_LOOK * (p.t_end - p.t_start))
+    before = single(m, at.F_BEFORE)
+    moved = single(m, at.PHI_SHIFTED)
+    slope = single(m, at.PHI_SLOPE)
+    for i in range(m.states.width):
+        phi[moved, i] = m.states[at.Y, i] + ahead * phi[before, i]
     t = m.clock[at.T] + ahead
-    code.call_field(p.field, t, p.tangent, moved, p.mode, p.params, p.tangent, slope)
-    return (rate_along(p, m, k, slope, t, p.tangent, moved) - rate) / ahead
+    code.call_field(p.field, t, phi, moved, p.mode, p.params, phi, slope)
+    return (rate_along(p, m, k, slope, t, phi, moved) - rate) / ahead
 
 
 @kernel
 def add_jump(p: Problem, m: Memory) -> None:
-    """Add (f_after - f_before) times ALONG to the Jacobian; f_after becomes f_before."""
-    phi, n = p.tangent, m.states.width
-    before, after, along = (
-        single(m, at.F_BEFORE),
-        single(m, at.F_AFTER),
-        single(m, at.ALONG),
-    )
+    """Add (f_after - f_before) ALONG to the Jacobian; f_after becomes f_before."""
+    phi = p.tangent
+    n = m.states.width
+    before = single(m, at.F_BEFORE)
+    after = single(m, at.F_AFTER)
+    along = single(m, at.ALONG)
     for i in range(n):
         jump = phi[after, i] - phi[before, i]
         phi[before, i] = phi[after, i]
@@ -215,42 +259,50 @@ def add_jump(p: Problem, m: Memory) -> None:
 
 @kernel
 def size_of(p: Problem, m: Memory, i: int, value: float) -> float:
-    """Return the size of state i: its value, its change since the last event, or its tolerance."""
-    change = (m.clock[at.T] - m.clock[at.SEGMENT]) * abs(
-        p.tangent[single(m, at.F_BEFORE), i]
-    )
+    """Return the size of state i: the largest of three.
+
+    They are its value, its change since the last event, and where its absolute
+    tolerance takes over from the relative one.
+    """
+    since_event = m.clock[at.T] - m.clock[at.SEGMENT]
+    change = since_event * abs(p.tangent[single(m, at.F_BEFORE), i])
     return max(abs(value), change, p.atol[i] / p.rtol)
 
 
 @kernel
 def look_beside(p: Problem, m: Memory, side: float, aside: float) -> None:
-    """Write a displaced state into two rows, and the direction of the displacement into a third."""
-    moved, slope, given = (
-        single(m, at.PHI_SHIFTED),
-        single(m, at.PHI_SLOPE),
-        single(m, at.COLUMN),
-    )
+    """Write a displaced state into PHI_SHIFTED and COLUMN.
+
+    The direction of the displacement is written into PHI_SLOPE.
+    """
+    phi = p.tangent
+    moved = single(m, at.PHI_SHIFTED)
+    given = single(m, at.COLUMN)
+    slope = single(m, at.PHI_SLOPE)
     for i in range(m.states.width):
         y = m.states[at.Y, i]
-        p.tangent[slope, i] = side * some_way(i) * size_of(p, m, i, y)
-        p.tangent[moved, i] = p.tangent[given, i] = y + aside * p.tangent[slope, i]
+        phi[slope, i] = side * some_way(i) * size_of(p, m, i, y)
+        phi[moved, i] = y + aside * phi[slope, i]
+        phi[given, i] = phi[moved, i]
 
 
 @kernel_apart
 def has_slope_of_rate(p: Problem, m: Memory, k: int) -> bool:
-    """Return whether guard k's rate agrees with its values for another motion of the state.
+    """Return whether guard k's rate agrees with its values for a motion of the state.
 
-    Several displacements are tried: at small ones values may coincide by rounding, and
-    at large ones a guard may bend.
+    The motion is along one direction and back. Several displacements are tried.
     """
-    moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
+    moved = single(m, at.PHI_SHIFTED)
+    slope = single(m, at.PHI_SLOPE)
     for aside in ASIDE:
-        told, seen = 0.0, 0.0
+        by_rate = 0.0
+        by_value = 0.0
         for side in (1.0, -1.0):
             look_beside(p, m, side, aside)
-            told += side * rate_along(p, m, k, slope, m.clock[at.T], p.tangent, moved)
-            seen += side * m.guards[at.H, k] / aside
-        if abs(told - seen) <= SAME_SLOPE * max(abs(told), abs(seen)):
+            rate = rate_along(p, m, k, slope, m.clock[at.T], p.tangent, moved)
+            by_rate += side * rate
+            by_value += side * m.guards[at.H, k] / aside
+        if abs(by_rate - by_value) <= SAME_SLOPE * max(abs(by_rate), abs(by_value)):
             return True
     return False
 
@@ -261,9 +313,13 @@ def passes(p: Problem, m: Memory, k: int, rate: float) -> int:
 
     The guard grazes if its rate may be zero within the uncertainty of its instant.
     """
-    if not project(p, m, k, rate) * abs(bend_of(p, m, k, rate)) <= 0.5 * abs(rate):
+    unsure_s = project(p, m, k, rate)
+    bend = abs(bend_of(p, m, k, rate))
+    if not unsure_s * bend <= 0.5 * abs(rate):
         return at.GRAZING_IN_JACOBIAN
-    return at.RUNNING if has_slope_of_rate(p, m, k) else at.RATE_DIFFERS
+    if not has_slope_of_rate(p, m, k):
+        return at.RATE_DIFFERS
+    return at.RUNNING
 
 
 @kernel
@@ -275,7 +331,7 @@ def on_surface(m: Memory, k: int, resolution: float) -> bool:
 
 @kernel
 def on_another(m: Memory, resolution: float) -> bool:
-    """Return whether a due guard is on its surface and has not flipped at this instant."""
+    """Return whether a due guard is on its surface and has not flipped there yet."""
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
         if not has_flipped(m, k) and on_surface(m, k, resolution):
@@ -293,8 +349,8 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
     Neighbours of a start past a surface start past it as well, so the instant does not
     depend on the state.
     """
-    phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
-    copy_row(m.states, at.K1, phi, before)
+    phi = p.tangent
+    copy_row(m.states, at.K1, phi, single(m, at.F_BEFORE))
     if kind == PAST_AT_START:
         fill_row(phi, single(m, at.ALONG), 0.0)
     if kind in (PUSHED, PAST_AT_START):
@@ -303,9 +359,9 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
     if kind == TOGETHER:
         p.mode[k] = -p.mode[k]  # a trial: the guard flips later
         m.counts[at.NFEV] += 1
-        code.call_field(
-            p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after
-        )
+        t = m.clock[at.T]
+        after = single(m, at.F_AFTER)
+        code.call_field(p.field, t, m.states, at.Y, p.mode, p.params, phi, after)
         add_jump(p, m)
         p.mode[k] = -p.mode[k]
     return status
@@ -314,7 +370,8 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
 @kernel
 def keep(p: Problem, part: int) -> None:
     """Store mode and parameters as those before (0) or after (1) a handler."""
-    first, n_modes = part * (p.mode.width + p.params.width), p.mode.width
+    n_modes = p.mode.width
+    first = part * (n_modes + p.params.width)
     for i in range(n_modes):
         p.kept[first + i] = p.mode[i]
     for i in range(p.params.width):
@@ -324,7 +381,8 @@ def keep(p: Problem, part: int) -> None:
 @kernel
 def bring_back(p: Problem, part: int) -> None:
     """Restore the stored mode and parameters."""
-    first, n_modes = part * (p.mode.width + p.params.width), p.mode.width
+    n_modes = p.mode.width
+    first = part * (n_modes + p.params.width)
     for i in range(n_modes):
         p.mode[i] = int(p.kept[first + i])
     for i in range(p.params.width):
@@ -335,49 +393,75 @@ def bring_back(p: Problem, part: int) -> None:
 def reset_by(
     p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, way: int
 ) -> None:
-    """Compute the derivative of the reset with respect to state j, or to time if j is n.
+    """Compute the derivative of the reset by state j, or by time if j is n.
 
     Differences as in `methods.tangent`; the result goes into the first column of the
     third block.
     """
-    phi, n, t = p.tangent, m.states.width, m.clock[at.T]
-    values, before = single(m, at.PHI_VALUES), at.LOG_STATES
-    size = size_of(p, m, j, log[row, before + j]) if j < n else p.t_end - p.t_start
-    step = differences.FIFTH_ROOT_OF_EPS * (
-        size if size > differences.ABSOLUTELY_TINY else 1.0
-    )
+    phi = p.tangent
+    n = m.states.width
+    values = single(m, at.PHI_VALUES)
+    size = p.t_end - p.t_start
+    if j < n:
+        size = size_of(p, m, j, log[row, at.LOG_STATES + j])
+    if not size > differences.ABSOLUTELY_TINY:
+        size = 1.0
+    step = differences.FIFTH_ROOT_OF_EPS * size
     for i in range(n):
         phi[values + 5, i] = differences.NOISE * abs(m.states[at.Y, i])
     for attempt in range(differences.ATTEMPTS):
         for side in range(4):
             shift = differences.SHIFTS[side] * step
-            for i in range(n):
-                phi[values + side, i] = log[row, before + i] + (
-                    shift if i == j else 0.0
-                )
-            bring_back(p, 0)
-            then = t + shift if j == n else t
-            code.call_on_event(
-                p.on_event, then, phi, values + side, p.mode, p.params, k, way
-            )
+            reset_beside(p, m, log, row, values + side, j, shift, k, way)
         if differences.settle(phi, values, attempt, step, phi, 2 * n, 0, n):
             break
         step *= differences.SHORTER
 
 
 @kernel
+def reset_beside(  # noqa: PLR0913 (the handler's arguments, and their places)
+    p: Problem,
+    m: Memory,
+    log: FloatTable,
+    row: int,
+    into: int,
+    j: int,
+    shift: float,
+    k: int,
+    way: int,
+) -> None:
+    """Write the state after the handler into row `into` of phi, for a shifted start.
+
+    State j, or the time if j is n, is shifted before the handler of guard k is called.
+    """
+    phi = p.tangent
+    n = m.states.width
+    for i in range(n):
+        y = log[row, at.LOG_STATES + i]
+        phi[into, i] = y + (shift if i == j else 0.0)
+    t = m.clock[at.T]
+    if j == n:
+        t = t + shift
+    bring_back(p, 0)
+    code.call_on_event(p.on_event, t, phi, into, p.mode, p.params, k, way)
+
+
+@kernel
 def resets(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -> bool:
-    """Return whether a handler has changed the state, or would change a neighbouring one."""
-    phi, t, changed = p.tangent, m.clock[at.T], False
-    moved, given = single(m, at.PHI_SHIFTED), single(m, at.COLUMN)
+    """Return whether a handler has changed the state, or would change one beside it."""
     for i in range(m.states.width):
-        changed = changed or m.states[at.Y, i] != log[row, at.LOG_STATES + i]
-    if not changed:
-        look_beside(p, m, 1.0, ASIDE[0])
-        bring_back(p, 0)
-        code.call_on_event(p.on_event, t, phi, moved, p.mode, p.params, k, way)
-        for i in range(m.states.width):
-            changed = changed or phi[moved, i] != phi[given, i]
+        if m.states[at.Y, i] != log[row, at.LOG_STATES + i]:
+            return True
+    phi = p.tangent
+    moved = single(m, at.PHI_SHIFTED)
+    given = single(m, at.COLUMN)
+    look_beside(p, m, 1.0, ASIDE[0])
+    bring_back(p, 0)
+    t = m.clock[at.T]
+    code.call_on_event(p.on_event, t, phi, moved, p.mode, p.params, k, way)
+    changed = False
+    for i in range(m.states.width):
+        changed = changed or phi[moved, i] != phi[given, i]
     return changed
 
 
@@ -385,12 +469,15 @@ def resets(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -
 def carry_reset(
     p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int
 ) -> bool:
-    """Multiply Phi and f- by the derivative of the reset in row `row` of the log, if there is one.
+    """Multiply Phi and f- by the derivative of the reset, if there is one.
 
-    Its time derivative is added to f-, so that `saltate_handlers` subtracts it.
+    The state before it is in row `row` of the log. Its time derivative is added to f-,
+    so that `saltate_handlers` subtracts it.
     """
-    phi, n = p.tangent, m.states.width
-    before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
+    phi = p.tangent
+    n = m.states.width
+    before = single(m, at.F_BEFORE)
+    after = single(m, at.F_AFTER)
     keep(p, 1)
     if not resets(p, m, log, row, k, way):
         bring_back(p, 1)
@@ -401,9 +488,11 @@ def carry_reset(
         reset_by(p, m, log, row, j, k, way)
         for i in range(n):
             slope = phi[2 * n + i, 0]
-            phi[after, i] += slope * (phi[before, j] if j < n else 1.0)
-            for c in range(n if j < n and slope != 0.0 else 0):
-                phi[n + i, c] += slope * phi[j, c]
+            rate = phi[before, j] if j < n else 1.0  # of state j, or of time
+            phi[after, i] += slope * rate
+            if j < n and slope != 0.0:
+                for column in range(n):
+                    phi[n + i, column] += slope * phi[j, column]
     for i in range(n):
         copy_row(phi, n + i, phi, i)
     copy_row(phi, after, phi, before)
@@ -418,7 +507,8 @@ def saltate_handlers(p: Problem, m: Memory, alone: bool) -> bool:
     Returns whether that is correct. It is not if several guards flip together, because
     their shares are unknown.
     """
-    before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
+    before = single(m, at.F_BEFORE)
+    after = single(m, at.F_AFTER)
     changed = False
     for i in range(m.states.width):
         p.tangent[after, i] = m.states[at.K1, i]

@@ -14,13 +14,14 @@ from hopdata.hybrid.driver.problem import (
     blur,
     eval_listed,
     is_leaving,
+    margin_of,
     time_resolution,
 )
 from hopdata.hybrid.driver.watch import (
     GRAZE,
+    check_point,
     clearance,
     ends_between,
-    knot,
     piece_before,
 )
 from hopdata.hybrid.layout import Memory
@@ -30,23 +31,28 @@ from hopdata.hybrid.layout import Memory
 #
 # All functions work on the unit interval: slopes are per step, not per second.
 
-NOWHERE = 2.0
-ITERATIONS, ACCURACY = (
-    40,
-    1e-4,
-)  # accuracy of the last root but one; Newton doubles the digits
+NOWHERE = 2.0  # outside the unit interval: there is no such location
+
+#: Most iterations for a root of a cubic.
+#: Unit: 1. Origin: chosen.
+ITERATIONS = 40
+
+#: Relative accuracy of the last approximation but one of a cubic's root; Newton's
+#: method doubles the digits.
+#: Unit: 1. Origin: chosen.
+ACCURACY = 1e-4
 
 
 @kernel
 def cubic(g0: float, d0: float, g1: float, d1: float, x: float) -> float:
-    """Return the value at `x` of the cubic with values g0, g1 and slopes d0, d1 at 0 and 1."""
+    """Return the value at `x` of the cubic with these values and slopes at 0 and 1."""
     rise = g1 - g0
     return g0 + x * (d0 + x * (3.0 * rise - 2.0 * d0 - d1 + x * (d0 + d1 - 2.0 * rise)))
 
 
 @kernel
 def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, float]:
-    """Return the places in (0, 1) of the cubic's maximum and minimum, NOWHERE where absent."""
+    """Return where in (0, 1) the cubic has its maximum and its minimum, or NOWHERE."""
     rise = g1 - g0
     a = 3.0 * (d0 + d1 - 2.0 * rise)
     b = 3.0 * rise - 2.0 * d0 - d1  # slope = d0 + 2 b x + a x^2
@@ -56,10 +62,19 @@ def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, f
     # At the minimum the slope rises, 2 b + 2 a x = +2 sqrt(root); at the maximum it
     # falls.
     q = -(b + sqrt(root)) if b >= 0.0 else sqrt(root) - b
-    near, far = d0 / q, q / a if a != 0.0 else NOWHERE
-    minimum, maximum = (near, far) if b >= 0.0 else (far, near)
-    minimum = minimum if 0.0 < minimum < 1.0 else NOWHERE
-    return maximum if 0.0 < maximum < 1.0 else NOWHERE, minimum
+    near = d0 / q
+    far = q / a if a != 0.0 else NOWHERE
+    if b >= 0.0:
+        minimum = near
+        maximum = far
+    else:
+        minimum = far
+        maximum = near
+    if not 0.0 < minimum < 1.0:
+        minimum = NOWHERE
+    if not 0.0 < maximum < 1.0:
+        maximum = NOWHERE
+    return maximum, minimum
 
 
 @kernel
@@ -71,21 +86,24 @@ def cubic_root(
     The first guess comes from the cubic interpolant of the inverse function, if there
     is one.
     """
-    rise, x = g1 - g0, NOWHERE
-    b, a = 3.0 * rise - 2.0 * d0 - d1, 3.0 * (d0 + d1 - 2.0 * rise)
+    rise = g1 - g0
+    a = 3.0 * (d0 + d1 - 2.0 * rise)
+    b = 3.0 * rise - 2.0 * d0 - d1
+    x = NOWHERE
     if d0 < 0.0 and d1 < 0.0 and g1 < 0.0 < g0:
         x = cubic(0.0, rise / d0, 1.0, rise / d1, -g0 / rise)
     if not low < x < high:
         x = 0.5 * (low + high)
     for _ in range(ITERATIONS):
-        value, slope = cubic(g0, d0, g1, d1, x), d0 + x * (2.0 * b + x * a)
+        value = cubic(g0, d0, g1, d1, x)
+        slope = d0 + x * (2.0 * b + x * a)
         if value > 0.0:
             low = x
         else:
             high = x
-        new = (
-            x - value / slope if slope < 0.0 else NOWHERE
-        )  # a rise leads away from the root
+        new = NOWHERE  # a rise leads away from the root
+        if slope < 0.0:
+            new = x - value / slope
         inside = low < new < high
         if abs(new - x) <= ACCURACY * x:
             return new if inside else x
@@ -94,28 +112,35 @@ def cubic_root(
 
 
 # Guards that may flip within a step, and roughly where: judged by the cubics between
-# its knots.
+# its check points.
 #
 # A cubic matches values and rates at both ends of its piece of the step. Where it falls
 # through zero, the guard is past its surface; where it only comes near, the interpolant
 # decides.
 
-PASS, CROSSING, DIP = 0, 1, 2
+PASS = 0
+CROSSING = 1
+DIP = 2
 NONE = -1  # no guard
-Suspicion = tuple[
-    int, int, float, float, int
-]  # kind, guard, guess, a place before it, piece
+Suspicion = tuple[int, int, float, float, int]  # kind, guard, guess, low end, piece
 
-EDGE = 1e-6  # fraction of a piece: a dip this close to an end counts as that end
-STEEPEST = (
-    0.34  # rise over slope above which a cubic cannot turn back (1/3, rounded up)
-)
-UNSURE = 0.5  # fraction of a dip's depth by which its cubic may be wrong
+#: A dip this close to an end of a piece, as a fraction of the piece, counts as that
+#: end.
+#: Unit: 1. Origin: chosen.
+EDGE = 1e-6
+
+#: Rise over slope above which a cubic cannot turn back.
+#: Unit: 1. Origin: derived: 1/3 (Fritsch and Carlson), rounded up.
+STEEPEST = 0.34
+
+#: Fraction of a dip's depth by which its cubic may be wrong.
+#: Unit: 1. Origin: chosen.
+UNSURE = 0.5
 
 
 @kernel
 def is_monotone(rise: float, d0: float, d1: float) -> bool:
-    """Return whether a cubic with these slopes is certainly monotone (Fritsch and Carlson)."""
+    """Return whether a cubic is certainly monotone (Fritsch and Carlson)."""
     if d0 >= 0.0:
         return d1 >= 0.0 and rise >= STEEPEST * max(d0, d1)
     return d1 <= 0.0 and rise <= STEEPEST * min(d0, d1)
@@ -153,7 +178,7 @@ def suspect(
 def suspect_before(
     m: Memory, k: int, lock: int, dt: float, end: float, resolution: float
 ) -> tuple[int, float, float, int]:
-    """Judge a guard between consecutive knots of the step that ends at its fraction `end`.
+    """Judge a guard between check points of the step that ends at its fraction `end`.
 
     Returns the result of `suspect` for the first piece in which the guard does not stay
     clear, and the piece.
@@ -177,7 +202,7 @@ def suspect_before(
 
 @kernel
 def first_suspect(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspicion:
-    """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
+    """Return the suspect guard with the earliest guess (see `Suspicion`).
 
     The first call, with k = NONE, checks all guards in NEAR and sets the clearance of
     suspects to -inf. Later calls check only these and the guards past their surface in
@@ -200,39 +225,67 @@ def first_suspect(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspi
     return best
 
 
-LEAVING = (
-    1e-12  # fraction of the step by which a guard has left its surface, if it ever does
-)
-SURELY_BACK = 1000.0  # multiple of the rate at which a guard has left
-ROOT_ACCURACY = (
-    1e-8  # accuracy of the last approximation but one; Newton doubles the digits
-)
-JUMP_ACCURACY = 4 * EPS  # relative accuracy at a discontinuous event function
-MOST_PUT_RIGHT = (
-    0.5  # fraction of Newton's step: the cubic is useless for larger corrections
-)
-LITTLE_PUT_RIGHT = (
-    1e-3  # fraction of Newton's step: the series is exact for smaller corrections
-)
-MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
+# The location itself, on the interpolant.
+
+#: Fraction of the step by which a guard has left its surface, if it ever does.
+#: Unit: 1. Origin: chosen.
+LEAVING = 1e-12
+
+#: Multiple of its rate at the start at which a guard that returns has clearly left.
+#: Unit: 1. Origin: chosen.
+SURELY_BACK = 1000.0
+
+#: Relative accuracy of the last approximation but one of a location; Newton's method
+#: doubles the digits.
+#: Unit: 1. Origin: chosen.
+ROOT_ACCURACY = 1e-8
+
+#: Relative accuracy at a discontinuous event function.
+#: Unit: 1. Origin: rounding: four units in the last place of a double.
+JUMP_ACCURACY = 4 * EPS
+
+#: Largest correction of Newton's step by the cubic, as its fraction: for larger ones
+#: the cubic is useless.
+#: Unit: 1. Origin: chosen.
+MOST_PUT_RIGHT = 0.5
+
+#: Correction of Newton's step, as its fraction, below which the series is exact.
+#: Unit: 1. Origin: chosen.
+LITTLE_PUT_RIGHT = 1e-3
+
+#: Most iterations for a location on the interpolant.
+#: Unit: 1. Origin: chosen.
+MAX_ROOT = 120
+
+#: Most iterations for the minimum of a guard on the interpolant.
+#: Unit: 1. Origin: chosen.
+MAX_DIP = 40
+
+#: Iterations for a minimum after which the bracket is halved.
+#: Unit: 1. Origin: chosen.
+PATIENCE = 8
+
+#: Searches for an earlier cut, for each guard that may flip within the step.
+#: Unit: 1. Origin: chosen.
+MOST_RIVALS = 2
 
 
 @kernel_apart
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards in NEAR on the interpolant at `theta`, into H and RATE."""
     interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
-    eval_listed(
-        p, m, at.NEAR, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE
-    )
+    t = m.clock[at.T] + theta * dt
+    eval_listed(p, m, at.NEAR, t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 
 @kernel_apart
 def lowest_point(
     p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int, end: float
 ) -> float:
-    """Refine the minimum of guard k on the interpolant: a root of its rate, by bisection at worst.
+    """Return the location of the minimum of guard k on the interpolant, near `theta`.
 
-    It lies in the piece `piece` of the step that ends at `end`.
+    It is a root of the guard's rate, found by bisection at worst, in the piece `piece`
+    of the step that ends at `end`.
     """
     lock = p.mode[k]
     last, low, part = piece_before(m, piece, end)
@@ -240,11 +293,13 @@ def lowest_point(
     _, slope_low, _, slope_high = ends_between(m, k, lock, at.H0 + 2 * piece, last, 1.0)
     for tries in range(MAX_DIP):
         probe(p, m, dt, theta)
-        slope = lock * m.guards[at.RATE, k]
+        slope = margin_of(p, m, k, at.RATE)
         if slope < 0.0:
-            low, slope_low = theta, slope
+            low = theta
+            slope_low = slope
         else:
-            high, slope_high = theta, slope
+            high = theta
+            slope_high = slope
         if not slope_low < 0.0 <= slope_high:
             return theta
         guess = low - slope_low * (high - low) / (slope_high - slope_low)
@@ -252,9 +307,8 @@ def lowest_point(
             return guess
         if tries >= PATIENCE or not low < guess < high:
             guess = 0.5 * (low + high)
-        elif (
-            abs(guess - theta) < EDGE
-        ):  # converged, unless the rate is flat: bracket it
+        elif abs(guess - theta) < EDGE:
+            # It has converged, unless the rate is flat: bracket it.
             guess += EDGE if slope < 0.0 else -EDGE
         theta = guess
     return theta
@@ -262,14 +316,16 @@ def lowest_point(
 
 @kernel_apart
 def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
-    """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none.
+    """Return a theta, at most `low`, where guard k is clear of its surface, or 0.
 
     Clear means by more than rounding: a lower flight cannot be distinguished from none.
     """
-    g, resolution = m.guards, time_resolution(m.clock[at.T], dt)
+    g = m.guards
+    resolution = time_resolution(m.clock[at.T], dt)
     while low > LEAVING:
         probe(p, m, dt, low)
-        if p.mode[k] * g[at.H, k] > blur(g[at.SIZE, k], g[at.RATE, k], resolution):
+        noise = blur(g[at.SIZE, k], g[at.RATE, k], resolution)
+        if margin_of(p, m, k, at.H) > noise:
             return low
         low *= 0.25
     return 0.0
@@ -277,27 +333,32 @@ def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
 
 @kernel_apart
 def back(p: Problem, m: Memory, dt: float, k: int, end: float) -> float:
-    """Return where guard k, whose departure is below its rounding, is back at its surface.
+    """Return where guard k is back at its surface.
 
-    It returns as fast as it left. Its mean acceleration is taken up to a place at which
-    the interpolant resolves it.
+    Its departure from there is below its rounding. It returns as fast as it left. Its
+    mean acceleration is taken up to a location at which the interpolant resolves it.
     """
-    left, x, rate = abs(m.guards[at.RATE0, k]), 0.25 * LEAVING, 0.0
-    while rate > -SURELY_BACK * left and x < end:
+    first_rate = abs(m.guards[at.RATE0, k])
+    rate = 0.0
+    x = 0.25 * LEAVING
+    while rate > -SURELY_BACK * first_rate and x < end:
         x = min(4.0 * x, end)
         probe(p, m, dt, x)
-        rate = p.mode[k] * m.guards[at.RATE, k]
-    return min(2.0 * x * left / (left - rate), end) if rate < left else end
+        rate = margin_of(p, m, k, at.RATE)
+    if rate < first_rate:
+        return min(2.0 * x * first_rate / (first_rate - rate), end)
+    return end
 
 
 @kernel
 def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
-    """Return whether guard k is, to within rounding, still at the surface of its last flip.
+    """Return whether guard k is, to within rounding, still where it last flipped.
 
     At the start of such a step the sign of h is meaningless: acting on it would flip
     the guard back.
     """
-    margin, rate = p.mode[k] * m.guards[at.H0, k], p.mode[k] * m.guards[at.RATE0, k]
+    margin = margin_of(p, m, k, at.H0)
+    rate = margin_of(p, m, k, at.RATE0)
     noise = blur(m.guards[at.SIZE, k], rate, time_resolution(m.clock[at.T], dt))
     return margin <= 0.0 or (margin <= noise and rate > 0.0)
 
@@ -306,23 +367,29 @@ def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
 def way_to_root(
     x: float, g: float, d: float, x1: float, g1: float, d1: float
 ) -> tuple[float, bool]:
-    """Return the distance from x to a falling function's root, and whether it is nearly exact.
+    """Return the distance from x to a falling function's root, and whether it is final.
 
-    Newton's method from x is corrected by the cubic through both places, values and
+    Newton's method from x is corrected by the cubic through both points, values and
     slopes, whose root is taken as a series. The error is Newton's times the square of
     the distance to x1.
     """
-    way, run, rise = -g / d, x1 - x, g1 - g
-    if abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
-        return way, True
-    per = 1.0 / (d * run)
-    u, ahead, mean = -g * per, d1 * run * per, rise * per
-    bend, twist = 3.0 * mean - 2.0 - ahead, 1.0 + ahead - 2.0 * mean
-    right = u * (bend - u * (2.0 * bend * bend - twist))
-    if not abs(right) <= MOST_PUT_RIGHT:
-        return way, False
-    close = abs(way) <= abs(run) and abs(way * run) <= ROOT_ACCURACY * x * x
-    return way - way * right, close and abs(right) <= LITTLE_PUT_RIGHT
+    newton = -g / d
+    run = x1 - x
+    rise = g1 - g
+    if abs(newton) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
+        return newton, True
+    per = 1.0 / (d * run)  # the cubic in units of the run, with the slope 1 at x
+    u = -g * per
+    slope_ahead = d1 * run * per
+    mean = rise * per
+    bend = 3.0 * mean - 2.0 - slope_ahead
+    twist = 1.0 + slope_ahead - 2.0 * mean
+    correction = u * (bend - u * (2.0 * bend * bend - twist))
+    if not abs(correction) <= MOST_PUT_RIGHT:
+        return newton, False
+    close = abs(newton) <= abs(run) and abs(newton * run) <= ROOT_ACCURACY * x * x
+    final = close and abs(correction) <= LITTLE_PUT_RIGHT
+    return newton - newton * correction, final
 
 
 @kernel_apart
@@ -336,61 +403,76 @@ def crossing(
     piece: int,
     end: float,
 ) -> float:
-    """Return where guard k falls through zero on the interpolant, by a bracketed iteration.
+    """Return where guard k falls through zero on the interpolant.
 
-    The guard is past its surface at `end` or at the end of the piece. Its cubic is
-    clear at `low`. If it is still at the surface of its last flip, the interpolant
-    decides where it is clear.
+    The iteration is bracketed. The guard is past its surface at `end` or at the end of
+    the piece. Its cubic is clear at `low`. If it is still at the surface of its last
+    flip, the interpolant decides where it is clear.
     """
-    lock, x1, last = p.mode[k], (piece + 1) * m.clock[at.PIECE], knot(m, piece + 1)
-    g1, d1 = lock * m.guards[last, k], lock * m.guards[last + 1, k] * dt
+    x1 = (piece + 1) * m.clock[at.PIECE]
+    last = check_point(m, piece + 1)
+    g1 = margin_of(p, m, k, last)
+    d1 = margin_of(p, m, k, last + 1) * dt
     end = min(end, x1)
     if just_left(p, m, dt, k):
         low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * end)
         if low == 0.0:
             m.counts[at.LOW] = 1
-            return back(p, m, dt, k, end) if lock * m.guards[at.RATE0, k] > 0.0 else 0.0
-    x, high = guess, end
+            if margin_of(p, m, k, at.RATE0) > 0.0:
+                return back(p, m, dt, k, end)
+            return 0.0
+    x = guess
+    high = end
     for _ in range(MAX_ROOT):
-        x = x if low < x < high else 0.5 * (low + high)
+        if not low < x < high:
+            x = 0.5 * (low + high)
         probe(p, m, dt, x)
-        g, d = lock * m.guards[at.H, k], lock * m.guards[at.RATE, k] * dt
+        g = margin_of(p, m, k, at.H)
+        d = margin_of(p, m, k, at.RATE) * dt
         if g > 0.0:
             low = x
         else:
             high = x
-        way, exact = way_to_root(x, g, d, x1, g1, d1) if d < 0.0 else (-x, False)
-        new, x1, g1, d1 = x + way, x, g, d
-        if exact and low < new < high:
-            return new
-        if exact and abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
-            return x
-        if (
-            high - low <= JUMP_ACCURACY * high
-        ):  # the event function jumps: end just past it
-            break
-        x = new
+        way = -x  # a rise leads away from the root: halve the bracket
+        final = False
+        if d < 0.0:
+            way, final = way_to_root(x, g, d, x1, g1, d1)
+        if final:
+            if low < x + way < high:
+                return x + way
+            if abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
+                return x
+        if high - low <= JUMP_ACCURACY * high:
+            break  # the event function jumps: end just past it
+        x1 = x
+        g1 = g
+        d1 = d
+        x = x + way
     return high
 
 
 @kernel_apart
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
-    """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why.
+    """Return (kind, guard, theta): where the step must end, and why.
 
-    The earliest guess need not be the earliest place, so each place found is checked
-    for rivals before it.
+    It must end there for a guard in NEAR. The earliest guess need not be the earliest
+    location, so each location is checked for rivals before it.
     """
-    kind, k, theta = PASS, NONE, 1.0
+    kind = PASS
+    k = NONE
+    theta = 1.0
     for _ in range(MOST_RIVALS * m.counts[at.N_NEAR]):
         rival, other, guess, low, piece = first_suspect(p, m, dt, k, theta)
         if rival == PASS:
             break
         prepare_interpolant(p, m, dt)
         if rival == DIP:
-            place = lowest_point(p, m, dt, other, guess, piece, theta)
+            location = lowest_point(p, m, dt, other, guess, piece, theta)
         else:
-            place = crossing(p, m, dt, other, guess, low, piece, theta)
-        if k != NONE and not place < theta:
+            location = crossing(p, m, dt, other, guess, low, piece, theta)
+        if k != NONE and not location < theta:
             break
-        kind, k, theta = rival, other, place
+        kind = rival
+        k = other
+        theta = location
     return kind, k, theta

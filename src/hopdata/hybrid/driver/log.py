@@ -29,7 +29,7 @@ class Log(NamedTuple):
 
 @kernel
 def is_full(m: Memory, log: Log) -> bool:
-    """Return whether there is no room for one more event, which may change the whole mode."""
+    """Return whether the log has no room for an event that changes the whole mode."""
     no_row = m.counts[at.EVENT_ROWS] >= log.n_rows
     no_change = m.counts[at.CHANGES] + log.logged.width > log.n_changes
     return log.keep_events != 0 and (no_row or no_change)
@@ -38,7 +38,9 @@ def is_full(m: Memory, log: Log) -> bool:
 @kernel
 def forget_mode(log: Log) -> None:
     """Have the next event log the whole mode."""
-    for i in range(log.logged.width if log.keep_events != 0 else 0):
+    if log.keep_events == 0:
+        return
+    for i in range(log.logged.width):
         log.logged[i] = at.UNKNOWN
 
 
@@ -54,7 +56,10 @@ def begin_event(m: Memory, log: Log) -> int:
 def end_event(
     p: problem.Problem, m: Memory, log: Log, row: int, k: int, direction: int
 ) -> bool:
-    """Log an event of guard k after its handler; return whether the handler changed the state."""
+    """Log an event of guard k after its handler.
+
+    Returns whether the handler has changed the state.
+    """
     n = m.states.width
     jumped = False
     for i in range(n):
@@ -71,8 +76,12 @@ def end_event(
 
 @kernel
 def log_changes(p: problem.Problem, m: Memory, log: Log) -> int:
-    """Log what has changed in the mode since the last event; return the number of all changes."""
-    total, first = m.counts[at.CHANGES], p.mode.width - log.logged.width
+    """Log what has changed in the mode since the last event.
+
+    Returns the number of all changes in the log.
+    """
+    total = m.counts[at.CHANGES]
+    first = p.mode.width - log.logged.width
     for i in range(log.logged.width):
         value = p.mode[first + i]
         if value != log.logged[i]:

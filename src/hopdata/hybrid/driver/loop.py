@@ -3,7 +3,7 @@
 `run` keeps all its memory in the arrays it is given. It can therefore return whenever
 the output arrays are full or Python should handle Ctrl-C, and be called again. It takes
 the callbacks by address and is compiled once per install (see `compiled`). It receives
-arrays through the desk (see `workspace`).
+arrays through the argument block (see `workspace`).
 """
 
 import sys
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from functools import cache, partial
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba import cfunc, config, njit, types
 
@@ -35,23 +35,22 @@ from hopdata.hybrid.driver.watch import carry_guards, gather_reached
 from hopdata.hybrid.driver.windows import LONGEST, measure, watched
 from hopdata.hybrid.layout import Memory
 
-# The desk: a table of addresses where the driver finds its callbacks and arrays.
+# The argument block: a table of addresses where the driver finds its callbacks and
+# arrays. Each of these functions reads one group of them from it.
 
 reader = partial(memory.reader, vars(at))
-desk_problem = reader(
-    problem.Problem, methods=at.METHOD_TABLE, tangent=at.TANGENT_TABLE
-)
-desk_memory = reader(
+problem_of = reader(problem.Problem, methods=at.METHOD_TABLE, tangent=at.TANGENT_TABLE)
+memory_of = reader(
     Memory,
     states=at.STATE_TABLE,
     guards=at.GUARD_TABLE,
     flags=at.FLAG_TABLE,
     lists=at.LIST_TABLE,
 )
-desk_output = reader(
+output_of = reader(
     dense.Output, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, per_step=at.ROWS_PER_STEP
 )
-desk_log = reader(
+log_of = reader(
     Log,
     floats=at.LOG_TABLE,
     integers=at.LOG_TABLE,
@@ -63,7 +62,9 @@ desk_log = reader(
 @kernel
 def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None:
     """Make the end of the step the start of the next, and record it."""
-    t_new = p.t_end if dt >= p.t_end - m.clock[at.T] else m.clock[at.T] + dt
+    t_new = m.clock[at.T] + dt
+    if dt >= p.t_end - m.clock[at.T]:
+        t_new = p.t_end
     dense.sample_step(p, m, out, t_new, dt)
     if out.per_step > 1:
         dense.write_inside(p, m, out, dt)
@@ -90,9 +91,28 @@ def fire(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     return status
 
 
+@kernel
+def try_shorter_step(m: Memory, dt: float, shrink: float) -> int:
+    """Discard the step of length `dt`, whose Jacobian is too inexact; return a status.
+
+    The next one has the fraction `shrink` of its length, which is NaN where the
+    Jacobian is not finite.
+    """
+    m.clock[at.NEXT_DT] = shrink * dt
+    m.counts[at.REJECTED] += 1
+    if not shrink > 0.0:
+        return at.JACOBIAN_NOT_FINITE
+    if shrink * dt <= stepping.STEP_FLOOR * abs(m.clock[at.T]):
+        return at.STEP_UNDERFLOW
+    return at.RUNNING
+
+
 @kernel_in_loop
 def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
-    """Take one step, to its end or its first flip, and process the flips."""
+    """Take one step, to its end or its first flip, and process the flips.
+
+    What shortens the step returns its new length, or a status, which is negative.
+    """
     dt = stepping.accepted_step(p, m)
     if dt < 0.0:
         return int(dt)
@@ -106,13 +126,8 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     if dt > 0.0:
         if p.first_order:
             shrink = jacobian.first_order(p, jacobian.CARRY, dt, 0, 0, 0)
-            if not shrink >= 1.0:  # the Jacobian requires a shorter step
-                m.clock[at.NEXT_DT] = shrink * dt
-                m.counts[at.REJECTED] += 1
-                if not shrink > 0.0:
-                    return at.JACOBIAN_NOT_FINITE
-                too_short = shrink * dt <= stepping.STEP_FLOOR * abs(m.clock[at.T])
-                return at.STEP_UNDERFLOW if too_short else at.RUNNING
+            if not shrink >= 1.0:
+                return try_shorter_step(m, dt, shrink)
         move_on(p, m, out, dt)
     if n_due > 0:
         if m.counts[at.BARREN] <= MOST_BARREN:
@@ -124,25 +139,32 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
 
 @kernel_apart
 def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
-    """Reset the memory to the start of an integration; return whether the start is finite."""
+    """Reset the memory to the start of an integration.
+
+    Returns whether the initial state is finite.
+    """
     for row in range(at.GUARD_ROWS):
         problem.fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
-        m.flags[at.LAST_FLIP, k], m.flags[at.BENT, k], m.flags[at.FIRED, k] = 0, 0, 0
+        m.flags[at.LAST_FLIP, k] = 0
+        m.flags[at.BENT, k] = 0
+        m.flags[at.FIRED, k] = 0
         m.flags[at.FLIPS, k] = 0
         m.flags[at.AT_JUMP, k] = 0
         m.flags[at.BOUNCED, k] = 0
         m.lists[at.AWAKE, k] = k
     memory.array_of(m.counts)[:] = 0
-    m.counts[at.CULPRIT], m.counts[at.N_AWAKE] = -1, m.flags.width
+    m.counts[at.CULPRIT] = -1
+    m.counts[at.N_AWAKE] = m.flags.width
     memory.array_of(m.clock)[:] = 0.0
+    m.clock[at.T] = p.t_start
+    m.clock[at.SEGMENT] = p.t_start
+    m.clock[at.INSTANT] = -inf
+    m.clock[at.MOTION] = inf
+    m.clock[at.WINDOW] = LONGEST * (p.t_end - p.t_start)
+    m.clock[at.NEXT_DT] = p.first_step
+    m.clock[at.LAST_LOG_ERROR] = stepping.LOG_ERROR_FLOOR
     forget_mode(log)
-    m.clock[at.T], m.clock[at.SEGMENT], m.clock[at.INSTANT] = p.t_start, p.t_start, -inf
-    m.clock[at.MOTION], m.clock[at.WINDOW] = inf, LONGEST * (p.t_end - p.t_start)
-    m.clock[at.NEXT_DT], m.clock[at.LAST_LOG_ERROR] = (
-        p.first_step,
-        stepping.LOG_ERROR_FLOOR,
-    )
     for i in range(m.states.width):
         m.states[at.Y, i] = p.start_state[i]
         if p.first_order != 0:
@@ -152,7 +174,7 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
 
 @kernel_apart
 def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
-    """Settle the locks at t0, choose the first step, and fire guards already past their surface."""
+    """Settle the mode at t0, choose a step, and fire guards past their surface."""
     m.counts[at.METHOD] = stepping.first_method(p)
     status = settle_locks(p, m)
     if status != at.RUNNING:
@@ -172,23 +194,32 @@ def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
 
 
 @kernel
-def run(desk: IntVector, flags: int) -> int:
-    """Integrate until the run ends or needs room, and return a status."""
-    p, m, out, log = (
-        desk_problem(desk),
-        desk_memory(desk),
-        desk_output(desk),
-        desk_log(desk),
-    )
-    status = at.RUNNING
+def begin(
+    p: problem.Problem, m: Memory, out: dense.Output, log: Log, flags: int
+) -> int:
+    """Begin an integration, or go on with one that was interrupted; return a status."""
     if flags & at.RESUMED == 0:
-        for k in range(p.mode.width if flags & at.GIVEN_MODE == 0 else 0):
-            p.mode[k] = 0
-        status = start(p, m, out, log) if clear(p, m, log) else at.BAD_START
-    elif m.counts[at.BEGUN] != 0:
+        if flags & at.GIVEN_MODE == 0:
+            for k in range(p.mode.width):
+                p.mode[k] = 0
+        if not clear(p, m, log):
+            return at.BAD_START
+        return start(p, m, out, log)
+    if m.counts[at.BEGUN] != 0:  # the log was full within an instant
         dense.write_row(m, out, m.clock[at.T], at.Y)
-        status = fire(p, m, out, log)
-    pause = m.counts[at.STEPS] + desk[at.PATIENCE]  # then return to Python briefly
+        return fire(p, m, out, log)
+    return at.RUNNING
+
+
+@kernel
+def run(block: IntVector, flags: int) -> int:
+    """Integrate until the run ends or needs room, and return a status."""
+    p = problem_of(block)
+    m = memory_of(block)
+    out = output_of(block)
+    log = log_of(block)
+    status = begin(p, m, out, log, flags)
+    pause = m.counts[at.STEPS] + block[at.PATIENCE]  # then return to Python briefly
     while status == at.RUNNING:
         if m.clock[at.T] >= p.t_end:
             return at.FINISHED
@@ -211,7 +242,8 @@ def run(desk: IntVector, flags: int) -> int:
 # The driver itself is compiled once per install, as a C function; its callers are
 # small.
 
-_INT, _FLOAT = types.int64, types.float64
+_INT = types.int64
+_FLOAT = types.float64
 
 RUN_NATIVE = _INT(_INT, _INT)
 NOT_KEPT = "no cache folder is writable: set NUMBA_CACHE_DIR to one that is"
@@ -220,95 +252,110 @@ call_run = code.caller(RUN_NATIVE)
 
 
 @kernel
-def can_be_done(desk: IntVector, numbers: FloatVector) -> bool:
-    """Return whether the numbers on the desk are valid; same checks as `arguments.check_numbers`.
+def can_be_done(block: IntVector, numbers: FloatVector) -> bool:
+    """Return whether the numbers in the block are valid.
 
-    A relative tolerance below rounding is raised to it.
+    The checks are those of `arguments.check_numbers`. A relative tolerance below
+    rounding is raised to it.
     """
     in_order = -inf < numbers[at.T_START] <= numbers[at.T_END]
     positive = (
         numbers[at.MAX_STEP] > 0.0
-        and desk[at.MAX_STEPS] >= 1
-        and desk[at.MAX_EVENTS] >= 1
+        and block[at.MAX_STEPS] >= 1
+        and block[at.MAX_EVENTS] >= 1
     )
     rtol_is_right = 0.0 <= numbers[at.RTOL] < 1.0
     numbers[at.RTOL] = max(numbers[at.RTOL], SMALLEST_RTOL)
     return in_order and positive and rtol_is_right
 
 
-# An infinite time span is a sequence of finite ones, each of twice the length: the
-# driver judges by the length of the time span how densely it looks at the guards. The
-# first is this fraction of a second or, if it starts far from zero, of its start. If it
-# were 1.5 times longer, nothing shorter than a microsecond would be looked for less
-# densely.
+#: Length of the first finite time span that is tried where the end is infinite, as a
+#: fraction of a second or, if the span starts far from zero, of its start. Each further
+#: one has twice the length. The driver judges by the length of the time span how
+#: densely it looks at the guards: if the first were 1.5 times longer, nothing shorter
+#: than a microsecond would be looked for less densely.
+#: Unit: s, or 1. Origin: chosen.
 FIRST_SPAN = 2.0**-20
 
 
 @kernel
-def run_to_the_end(desk: IntVector, numbers: FloatVector, here: int, flags: int) -> int:
-    """Run the driver to the end of the time span; if that is infinite, until something ends it."""
+def run_to_the_end(
+    block: IntVector, numbers: FloatVector, here: int, flags: int
+) -> int:
+    """Run the driver to the end of the time span.
+
+    An infinite span is a sequence of finite ones, until something ends the integration.
+    """
     start = numbers[at.T_START]
     if flags & at.RESUMED == 0:
-        desk[at.ENDLESS] = 1 if numbers[at.T_END] == inf else 0
-        if desk[at.ENDLESS] != 0:
+        block[at.ENDLESS] = 0
+        if numbers[at.T_END] == inf:
+            block[at.ENDLESS] = 1
             numbers[at.T_END] = start + FIRST_SPAN * max(1.0, abs(start))
-    status = call_run(desk[at.RUN], here, flags)
-    while status == at.FINISHED and desk[at.ENDLESS] != 0:
+    status = call_run(block[at.RUN], here, flags)
+    while status == at.FINISHED and block[at.ENDLESS] != 0:
         farther = start + 2.0 * (numbers[at.T_END] - start)
         if not farther < inf:
             return at.NO_END
         numbers[at.T_END] = farther
-        status = call_run(desk[at.RUN], here, at.RESUMED)
+        status = call_run(block[at.RUN], here, at.RESUMED)
     return status
 
 
-def _run(desk: int, flags: int) -> int:
-    """Run the driver on the desk at this address."""
-    return run(memory.int_vector(desk, at.DESK_SLOTS), flags)
+def _run(block: int, flags: int) -> int:
+    """Run the driver with the argument block at this address."""
+    return run(memory.int_vector(block, at.BLOCK_SLOTS), flags)
 
 
 def _first_order(
-    desk: int, part: int, dt: float, which: int, k: int, way: int
+    block: int, part: int, dt: float, which: int, k: int, way: int
 ) -> float:
-    """Run a part of the flow's Jacobian; `which` is a row of the log, a flag, or a kind of flip."""
-    slots = memory.int_vector(desk, at.DESK_SLOTS)
-    p, m = desk_problem(slots), desk_memory(slots)
+    """Run a part of the flow's Jacobian (see `jacobian`).
+
+    `which` is a row of the log, a flag, or a kind of flip.
+    """
+    slots = memory.int_vector(block, at.BLOCK_SLOTS)
+    p = problem_of(slots)
+    m = memory_of(slots)
     if part == jacobian.CARRY:
         return jacobian.carry_jacobian(p, m, dt)
     if part == jacobian.SALTATE:
         return float(jacobian.saltate(p, m, k, which))
     if part == jacobian.RESET:
-        return (
-            1.0
-            if jacobian.carry_reset(p, m, desk_log(slots).floats, which, k, way)
-            else 0.0
-        )
-    return 1.0 if jacobian.saltate_handlers(p, m, which != 0) else 0.0
+        jumped = jacobian.carry_reset(p, m, log_of(slots).floats, which, k, way)
+        return 1.0 if jumped else 0.0
+    known = jacobian.saltate_handlers(p, m, which != 0)
+    return 1.0 if known else 0.0
 
 
-def _enter(desk: int, flags: int) -> int:
-    """Run the driver on the desk at this address if the request there is valid."""
-    slots = memory.int_vector(desk, at.DESK_SLOTS)
-    numbers = memory.float_vector(desk, at.DESK_SLOTS)
+def _enter(block: int, flags: int) -> int:
+    """Run the driver with the block at this address if the request in it is valid."""
+    slots = memory.int_vector(block, at.BLOCK_SLOTS)
+    numbers = memory.float_vector(block, at.BLOCK_SLOTS)
     if flags & at.RESUMED == 0 and not can_be_done(slots, numbers):
         return at.BAD_NUMBERS
-    return run_to_the_end(slots, numbers, desk, flags)
+    return run_to_the_end(slots, numbers, block, flags)
 
 
 @cache
 def compiled_run() -> Any:
-    """Return the driver's machine code, from the cache or compiled now with a note on stderr."""
+    """Return the driver's machine code, from the cache or compiled now.
+
+    Compiling it is announced on stderr.
+    """
 
     def compile_it(cached: bool) -> Any:
         compiler = cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)
-        folder = Path(config.CACHE_DIR) if cached else None  # type: ignore[attr-defined]
-        if folder and any(
-            folder.glob(f"*/*{_run.__name__}-*.nbi")
-        ):  # compiled meanwhile
-            return compiler(_run)
+        folder = None
+        if cached:
+            folder = Path(config.CACHE_DIR)  # type: ignore[attr-defined]
+            by_another = folder.glob(f"*/*{_run.__name__}-*.nbi")
+            if any(by_another):  # compiled meanwhile
+                return compiler(_run)
         _say("compiling the integrator, some 15 s of one core; later processes load it")
-        started, driver = time.monotonic(), compiler(_run)
-        where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
+        started = time.monotonic()
+        driver = compiler(_run)
+        where = NOT_KEPT if folder is None else f"it is kept in {folder.parent}"
         _say(f"compiled in {time.monotonic() - started:.0f} s; {where}")
         return driver
 
@@ -321,7 +368,7 @@ def _say(what: str) -> None:
 
 @cache
 def compiled_first_order() -> Any:
-    """Return the machine code that carries Jacobians, which the driver calls by address."""
+    """Return the machine code of Jacobians, which the driver calls by address."""
     return _compiled(
         _first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.ENTRY)
     )
@@ -352,70 +399,149 @@ def driver_entry() -> Callable[..., int]:
 
 # Many integrations in a row, without returning to Python.
 
-_INTS, _FLOATS = types.int64[:, ::1], types.float64[:, ::1]
-BYTES = 8
+BYTES = 8  # of a number
 END_STATE = 3  # first column of the state in `ends`, after time and the culprit's rates
 
+
+class Starts(NamedTuple):
+    """Where many integrations start.
+
+    Their rows are taken in turn; a single row serves all.
+    """
+
+    y0: FloatArray
+    params: FloatArray
+    modes: IntArray
+
+
+class Results(NamedTuple):
+    """Room for the results of many integrations, a row for each."""
+
+    status: IntArray
+    ends: FloatArray  # time, the culprit's rates, and the state
+    modes: IntArray
+    counts: IntArray  # the driver's counters
+    samples: FloatArray  # states at the requested times; empty if there are none
+    jacobians: FloatArray  # of the flow; empty if they are not wanted
+
+
+class Request(NamedTuple):
+    """The numbers that all of many integrations share."""
+
+    t_start: float
+    t_end: float
+    rtol: float
+    max_step: float
+    first_step: float
+    max_steps: int
+    max_events: int
+
+
+_INTS = types.int64[:, ::1]
+_FLOATS = types.float64[:, ::1]
+_MATRICES = types.float64[:, :, ::1]
+STARTS_NATIVE = types.NamedTuple((_FLOATS, _FLOATS, _INTS), Starts)
+RESULTS_NATIVE = types.NamedTuple(
+    (_INTS, _FLOATS, _INTS, _INTS, _MATRICES, _MATRICES), Results
+)
+REQUEST_NATIVE = types.NamedTuple(
+    (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT), Request
+)
 MANY_NATIVE = _INT(
-    types.int64[::1], _INT, _INT, _FLOATS, _FLOATS, _INTS,
-    _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1], types.float64[:, :, ::1],
-    _FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT,
-)  # fmt: skip
+    types.int64[::1], _INT, _INT, STARTS_NATIVE, RESULTS_NATIVE, REQUEST_NATIVE
+)
+
+
+@kernel
+def write_request(block: Any, numbers: FloatVector, request: Any) -> None:
+    """Write what all integrations share into the block.
+
+    The end of the time span is written for each of them. Neither rows of steps nor
+    events are kept.
+    """
+    numbers[at.T_START] = request.t_start
+    numbers[at.RTOL] = request.rtol
+    numbers[at.MAX_STEP] = request.max_step
+    numbers[at.FIRST_STEP] = request.first_step
+    block[at.MAX_STEPS] = request.max_steps
+    block[at.MAX_EVENTS] = request.max_events
+    block[at.ROWS_PER_STEP] = 0
+    block[at.KEEP_EVENTS] = 0
+
+
+@kernel
+def write_start(block: Any, number: int, starts: Any) -> None:
+    """Write state, parameters and mode of one of many integrations into its memory."""
+    n = starts.y0.shape[1]
+    n_params = starts.params.shape[1]
+    n_modes = starts.modes.shape[1]
+    state = memory.array_of(memory.float_vector(block[at.START_STATE], n))
+    params = memory.array_of(memory.float_vector(block[at.PARAMS], n_params))
+    mode = memory.array_of(memory.int_vector(block[at.MODE], n_modes))
+    copy(starts.params[number % len(starts.params)], params)
+    copy(starts.modes[number % len(starts.modes)], mode)
+    copy(starts.y0[number], state)
+
+
+@kernel
+def set_to_identity(block: Any, n: int) -> None:
+    """Set the flow's Jacobian, of `n` states, to that of no motion."""
+    phi = memory.square(memory.float_table(block[at.TANGENT_TABLE], n), 0)
+    for i in range(n):
+        for j in range(n):
+            phi[i, j] = 1.0 if i == j else 0.0
+
+
+@kernel
+def read_result(block: Any, number: int, n: int, status: int, results: Any) -> None:
+    """Copy the end of one of many integrations, of `n` states, into its row."""
+    clock = memory.float_vector(block[at.CLOCK], 0)
+    mode = memory.int_vector(block[at.MODE], results.modes.shape[1])
+    counts = memory.int_vector(block[at.COUNTS], results.counts.shape[1])
+    results.status[number, 0] = status
+    results.ends[number, 0] = clock[at.T]
+    results.ends[number, 1] = clock[at.RATE_BELOW]
+    results.ends[number, 2] = clock[at.RATE_ABOVE]
+    state = memory.row(memory.float_table(block[at.STATE_TABLE], n), at.Y)
+    copy(state, results.ends[number, END_STATE:])
+    copy(memory.array_of(mode), results.modes[number])
+    copy(memory.array_of(counts), results.counts[number])
+    if len(results.jacobians) > 0:
+        phi = memory.square(memory.float_table(block[at.TANGENT_TABLE], n), 0)
+        for i in range(n):
+            copy(phi[i], results.jacobians[number, i])
 
 
 def _enter_many(
-    desk: IntArray, first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray,
-    status: IntArray, ends: FloatArray, end_modes: IntArray,
-    counts: IntArray, samples: FloatArray, jacobians: FloatArray,
-    t_start: float, t_end: float, rtol: float, max_step: float, step: float,
-    max_steps: int, max_events: int,
-) -> int:  # fmt: skip
-    """Integrate from the rows `first` to `last` of y0; return the first row not done.
-
-    Rows of `params` and `modes` are taken in turn; a single row serves all. `ends`
-    receives time, rates and state, and `counts` the driver's counters. `samples` and
-    `jacobians`, unless empty, receive the states at the requested times and the flow's
-    Jacobians.
-    """
-    n, n_wanted = y0.shape[1], desk[at.WANTED + 1]
-    clock = memory.float_vector(desk[at.CLOCK], 0)
-    mode = memory.array_of(memory.int_vector(desk[at.MODE], modes.shape[1]))
-    count = memory.array_of(memory.int_vector(desk[at.COUNTS], counts.shape[1]))
-    state = memory.row(memory.float_table(desk[at.STATE_TABLE], n), at.Y)
-    start = memory.array_of(memory.float_vector(desk[at.START_STATE], n))
-    phi = memory.square(memory.float_table(desk[at.TANGENT_TABLE], n), 0)
-    own = memory.array_of(memory.float_vector(desk[at.PARAMS], params.shape[1]))
-    here, room = address_of(view(desk)), address_of(view(samples))
-    numbers = memory.float_vector(here, len(desk))
-    slots = memory.int_vector(here, len(desk))
-    numbers[at.T_START], numbers[at.RTOL] = t_start, rtol
-    numbers[at.MAX_STEP], numbers[at.FIRST_STEP] = max_step, step
-    desk[at.MAX_STEPS], desk[at.MAX_EVENTS] = max_steps, max_events
-    desk[at.ROWS_PER_STEP] = 0
-    desk[at.KEEP_EVENTS] = 0
-    for b in range(first, last):
-        copy(params[b % len(params)], own)
-        copy(modes[b % len(modes)], mode)
-        copy(y0[b], start)
+    block: IntArray,
+    first: int,
+    last: int,
+    starts: Starts,
+    results: Results,
+    request: Request,
+) -> int:
+    """Integrate from rows `first` to `last` of y0; return the first row not done."""
+    n = starts.y0.shape[1]
+    n_wanted = block[at.WANTED + 1]
+    here = address_of(view(block))
+    samples = address_of(view(results.samples))
+    numbers = memory.float_vector(here, len(block))
+    slots = memory.int_vector(here, len(block))
+    write_request(block, numbers, request)
+    for number in range(first, last):
+        write_start(block, number, starts)
         if n_wanted > 0:
-            desk[at.SAMPLE_TABLE] = room + b * n_wanted * n * BYTES
-        for k in range(n * n if len(jacobians) > 0 else 0):
-            phi[k // n, k % n] = 1.0 if k // n == k % n else 0.0
-        numbers[at.T_END] = (
-            t_end  # of each: an infinite one is replaced by a finite one
-        )
-        ended = run_to_the_end(slots, numbers, here, at.GIVEN_MODE)
-        while ended == at.PAUSED:
-            ended = run_to_the_end(slots, numbers, here, at.RESUMED)
-        if ended == at.NEEDS_METHOD:
-            return b
-        status[b, 0], ends[b, 0] = ended, clock[at.T]
-        ends[b, 1], ends[b, 2] = clock[at.RATE_BELOW], clock[at.RATE_ABOVE]
-        copy(state, ends[b, END_STATE:])
-        copy(mode, end_modes[b])
-        copy(count, counts[b])
-        for i in range(n if len(jacobians) > 0 else 0):
-            copy(phi[i], jacobians[b, i])
+            block[at.SAMPLE_TABLE] = samples + number * n_wanted * n * BYTES
+        if len(results.jacobians) > 0:
+            set_to_identity(block, n)
+        # Written for each of them: an infinite end is replaced by finite ones.
+        numbers[at.T_END] = request.t_end
+        status = run_to_the_end(slots, numbers, here, at.GIVEN_MODE)
+        while status == at.PAUSED:
+            status = run_to_the_end(slots, numbers, here, at.RESUMED)
+        if status == at.NEEDS_METHOD:
+            return number
+        read_result(block, number, n, status, results)
     return last
 
 

@@ -1,4 +1,10 @@
-"""The problem that is integrated, and the evaluation of its field and guards."""
+"""The problem that is integrated, and the evaluation of its field and guards.
+
+Throughout the driver, `p` is the problem, `m` the memory, `out` the output and `log`
+the log of events; k is the number of a guard. The names from `layout` are rows of their
+tables: ``m.guards[at.H1, k]`` is guard k at the end of the step, and a parameter such
+as `y`, `h` or `rate` is the number of a row.
+"""
 
 from typing import NamedTuple
 
@@ -35,7 +41,7 @@ class Problem(NamedTuple):
     t_end: float
     tangent: FloatTable  # the flow's Jacobian, and room for it
     first_order: int  # address of the code that carries it; 0 if not wanted
-    here: int  # address of the desk
+    here: int  # address of the argument block
     t_start: float
     first_step: float  # 0: to be chosen
     max_steps: int
@@ -48,9 +54,10 @@ class Problem(NamedTuple):
 
 @kernel
 def awake(p: Problem, m: Memory, a: int) -> int:
-    """Return guard number `a` in the list AWAKE, which is `a` itself if guards never sleep.
+    """Return guard number `a` in the list AWAKE.
 
-    A loop over all guards then compiles without the list, into vector instructions.
+    It is `a` itself if guards never sleep. A loop over all guards then compiles without
+    the list, into vector instructions.
     """
     return a if p.rate_bound == 0 else m.lists[at.AWAKE, a]
 
@@ -70,7 +77,7 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
 def eval_guards(
     p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int
 ) -> None:
-    """Evaluate the guards that are awake at rows `y` and `dy` into rows `h` and `rate`."""
+    """Evaluate the guards that are awake at rows `y`, `dy` into rows `h`, `rate`."""
     eval_listed(p, m, at.AWAKE, t, y, dy, h, rate)
 
 
@@ -78,13 +85,18 @@ def eval_guards(
 def eval_listed(
     p: Problem, m: Memory, which: int, t: float, y: int, dy: int, h: int, rate: int
 ) -> None:
-    """Evaluate the guards in a list one by one, or all guards if the system gives them at once."""
-    s, g, count = m.states, m.guards, m.counts[at.N_AWAKE + which]
+    """Evaluate the guards in a list one by one.
+
+    If the system gives all guards at once, all are evaluated.
+    """
+    s = m.states
+    g = m.guards
     if p.guards != 0:
         g[h, 0] = np.nan
         m.counts[at.NGEV] += 1
         code.call_guards(p.guards, t, s, y, s, dy, p.mode, p.params, g, h, g, rate)
         return
+    count = m.counts[at.N_AWAKE + which]
     m.counts[at.NGEV] += count
     for a in range(count):
         eval_guard(p, m, t, y, dy, m.lists[which, a], h, rate)
@@ -94,15 +106,23 @@ def eval_listed(
 def eval_guard(
     p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int, rate: int
 ) -> None:
-    """Evaluate one of many guards; entries that the user's function does not fill remain NaN."""
-    s, g = m.states, m.guards
-    g[h, k], g[rate, k] = np.nan, np.nan
+    """Evaluate one of many guards.
+
+    Entries that the user's function does not fill remain NaN.
+    """
+    s = m.states
+    g = m.guards
+    g[h, k] = np.nan
+    g[rate, k] = np.nan
     code.call_guard(p.guard, t, s, y, s, dy, p.mode, p.params, k, g, h, g, rate)
 
 
 @kernel
 def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
-    """Evaluate the guards at the start of the step; return whether all are filled and finite."""
+    """Evaluate the guards at the start of the step.
+
+    Returns whether all are filled and finite.
+    """
     if p.guards != 0:
         fill_row(m.guards, at.H0, np.nan)
         fill_row(m.guards, at.RATE0, np.nan)
@@ -119,17 +139,25 @@ def guards_at_end(p: Problem, m: Memory, t: float) -> bool:
 
 @kernel_apart
 def guards_are_finite(p: Problem, m: Memory, h: int, rate: int) -> bool:
-    """Return whether rows `h` and `rate` are finite; if not, report the guard as culprit."""
-    g, wrong = m.guards, 0
+    """Return whether the values in rows `h` and `rate` are finite.
+
+    If not, the first guard that is not finite is reported. The usual loop, over finite
+    guards, counts without a branch so that it vectorises.
+    """
+    g = m.guards
+    wrong = 0
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
-        wrong += 0 if (abs(g[h, k]) < np.inf) & (abs(g[rate, k]) < np.inf) else 1
-    for a in range(m.counts[at.N_AWAKE] if wrong > 0 else 0):
+        finite = (abs(g[h, k]) < np.inf) & (abs(g[rate, k]) < np.inf)
+        wrong += 0 if finite else 1
+    if wrong == 0:
+        return True
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         if not (np.isfinite(g[h, k]) and np.isfinite(g[rate, k])):
             m.counts[at.CULPRIT] = k
             break
-    return wrong == 0
+    return False
 
 
 @kernel
@@ -145,7 +173,7 @@ def first_not_finite(table: FloatTable, row: int) -> int:
 def copy_row(
     source: FloatTable, which: int, into: FloatTable, target: int, first: int = 0
 ) -> None:
-    """Copy a row of a table to row `target` of this or another one, from column `first` on."""
+    """Copy row `which` of a table to row `target` of another, from column `first`."""
     for i in range(source.width):
         into[target, first + i] = source[which, i]
 
@@ -163,31 +191,61 @@ def fill_row(table: FloatTable, target: int, value: float) -> None:
 # that has just flipped is on its new side by definition, whatever rounding does to h.
 
 EPS = 2.0**-52
-ROUNDING = 4 * EPS  # rounding error of h, relative to its largest value over the step
-TIME_ROUNDING = 4 * EPS  # relative rounding error of an event's time
-SHARE = 0.25  # average fraction of a term that shows in a rate along `way`
-GOLDEN, MASK, PER_MASK = (
-    40503,
-    0xFFFF,
-    2.0**-16,
-)  # fractional parts of golden-section multiples
-CROWDED = 1000  # time resolutions: instants closer than this are a crowd
-# Most roundings of the terms of h, and most time resolutions, that count as rounding
-# where h should be zero. The sine of a large angle, or a sum of many terms, leaves some
-# tens of them; a jump by the size of the terms has 1e15. If 1.5 times larger, a jump by
-# 1.3e-12 of the terms passes for rounding, instead of one by 0.9e-12.
+
+#: Rounding error of h, as a fraction of its largest value over the step.
+#: Unit: 1. Origin: rounding: four units in the last place of a double.
+ROUNDING = 4 * EPS
+
+#: Rounding error of an event's time, as a fraction of the time.
+#: Unit: 1. Origin: rounding: four units in the last place of a double.
+TIME_ROUNDING = 4 * EPS
+
+#: Share of a term of h that is taken to show in a rate along `way`, from which the size
+#: of the terms is estimated.
+#: Unit: 1. Origin: derived: the mean size of a component of `way`, whose values spread
+#: evenly from -0.43 to 0.57.
+SHARE = 0.25
+
+# The golden section of 2^16, whose multiples spread evenly over the 16-bit numbers.
+GOLDEN = 40503
+MASK = 0xFFFF
+PER_MASK = 2.0**-16
+
+#: Instants closer to each other than this are a crowd: rounding may hide what a guard
+#: does between them.
+#: Unit: time resolutions. Origin: chosen.
+CROWDED = 1000
+
+#: Most roundings of the terms of h, and most time resolutions, that count as rounding
+#: where h should be zero. The sine of a large angle, or a sum of many terms, leaves
+#: some tens of them; a jump by the size of the terms has 1e15. If 1.5 times larger, a
+#: jump by 1.3e-12 of the terms passes for rounding, instead of one by 0.9e-12.
+#: Unit: roundings. Origin: chosen.
 MOST_ROUNDINGS = 1000.0
+
+
+@kernel
+def margin_of(p: Problem, m: Memory, k: int, row: int) -> float:
+    """Return the margin of guard k, or its rate, from a row of the guards."""
+    return p.mode[k] * m.guards[row, k]
 
 
 @kernel_in_loop
 def way(i: int) -> float:
-    """Return component i of a fixed direction to which no guard is likely to be insensitive."""
+    """Return component i of a fixed direction that shows in nearly all guards.
+
+    It is the fractional part of a multiple of the golden section, shifted so that both
+    signs occur and none is zero.
+    """
     return ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
 
 
 @kernel
 def time_resolution(t: float, dt: float) -> float:
-    """Return the interval below which two instants coincide: rounding, not a tolerance."""
+    """Return the interval, s, below which two instants coincide.
+
+    It is the rounding of time, not a tolerance.
+    """
     return TIME_ROUNDING * max(abs(t), abs(t + dt), dt)
 
 
@@ -216,12 +274,16 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
 
 @kernel_apart
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
-    """Put the guards in NEAR that flip now, by rows `h` and `rate`, into DUE; return how many."""
-    g, total = m.guards, 0
+    """Put the guards in NEAR that flip now into DUE; return how many.
+
+    Their values and rates are in rows `h` and `rate`.
+    """
+    total = 0
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
-        lock = p.mode[k]
-        if is_due(lock * g[h, k], lock * g[rate, k], g[at.SIZE, k], resolution):
+        margin = margin_of(p, m, k, h)
+        margin_rate = margin_of(p, m, k, rate)
+        if is_due(margin, margin_rate, m.guards[at.SIZE, k], resolution):
             m.lists[at.DUE, total] = k
             total += 1
     m.counts[at.N_DUE] = total
@@ -238,11 +300,11 @@ def mark_one(m: Memory, k: int) -> int:
 
 @kernel_in_loop
 def size_of_terms(moving: float, still: float, t: float) -> float:
-    """Return the size of the terms whose sum is h, by its rates for a moving and a resting state.
+    """Return the size of the terms whose sum is h, from two of its rates.
 
-    On a moving surface, or far from the origin, the terms cancel and leave their
-    rounding: that of the state by its share in h, along one direction, and that of time
-    by the surface's speed.
+    They are the rates for a moving and for a resting state. On a moving surface, or far
+    from the origin, the terms cancel and leave their rounding: that of the state by its
+    share in h, along one direction, and that of time by the surface's speed.
     """
     return abs(moving - still) / SHARE + abs(still * t)
 
@@ -253,8 +315,10 @@ def terms_at(p: Problem, m: Memory, k: int, t: float, y: int) -> float:
 
     Overwrites SLOPE, H and RATE.
     """
-    s, still, moving = m.states, 0.0, 0.0
-    for turn in range(2):
+    s = m.states
+    still = 0.0
+    moving = 0.0
+    for turn in range(2):  # the state at rest, then in motion
         for i in range(s.width):
             s[at.SLOPE, i] = turn * way(i) * s[y, i]
         if p.guards != 0:
@@ -271,10 +335,10 @@ def terms_at(p: Problem, m: Memory, k: int, t: float, y: int) -> float:
 def most_rounding(
     p: Problem, m: Memory, k: int, t: float, y: int, rate: float, resolution: float
 ) -> float:
-    """Return the largest rest of guard k, which should be zero, that rounding can explain.
+    """Return the largest value of guard k, where it should be zero, that is rounding.
 
     It is bounded by the terms of h at time t and row `y` of the states, whatever h
-    itself is. A larger rest is a jump of h: if it counted as rounding, the guard would
+    itself is. A larger value is a jump of h: if it counted as rounding, the guard would
     not be seen again.
     """
     terms = max(terms_at(p, m, k, t, y), m.guards[at.PARTS, k])
@@ -282,15 +346,21 @@ def most_rounding(
 
 
 @kernel
-def raise_scale(m: Memory, k: int, left: float) -> None:
-    """Raise the rounding scale of guard k so that a rest, bounded by the caller, is rounding."""
-    m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], 2.0 * left / ROUNDING)
+def raise_scale(m: Memory, k: int, residual: float) -> None:
+    """Raise the scale of guard k so that this residual of h counts as rounding.
+
+    The caller bounds the residual.
+    """
+    m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], 2.0 * residual / ROUNDING)
 
 
 @kernel
-def scale_of_rest(left: float, most: float) -> float:
-    """Return the rounding scale at which a rest counts as rounding, if it is at most `most`."""
-    return min(2.0 * left, most) / ROUNDING
+def scale_of_residual(residual: float, most: float) -> float:
+    """Return the rounding scale at which a residual of h counts as rounding.
+
+    It does so only up to `most`.
+    """
+    return min(2.0 * residual, most) / ROUNDING
 
 
 @kernel_apart
@@ -300,52 +370,68 @@ def count_as_rounding(
     k: int,
     t: float,
     y: int,
-    left: float,
+    residual: float,
     rate: float,
     resolution: float,
 ) -> None:
-    """Raise the rounding scale of guard k so that a positive `left` counts as rounding.
+    """Raise the scale of guard k so that a residual of h counts as rounding.
 
-    It is raised no further than the terms of h allow; see `most_rounding`.
+    A negative residual changes nothing. It is raised no further than the terms of h
+    allow; see `most_rounding`.
     """
-    if 2.0 * left > ROUNDING * m.guards[at.SIZE, k]:
+    if 2.0 * residual > ROUNDING * m.guards[at.SIZE, k]:
         most = most_rounding(p, m, k, t, y, rate, resolution)
-        m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], scale_of_rest(left, most))
+        scale = scale_of_residual(residual, most)
+        m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], scale)
+
+
+@kernel
+def evaluate_due_along(p: Problem, m: Memory, factor: float) -> None:
+    """Write the rates of the guards in DUE for a motion of the state into RATE.
+
+    The motion is `factor` times the state, component by component times `way`.
+    """
+    s = m.states
+    for i in range(s.width):
+        s[at.SLOPE, i] = factor * way(i) * s[at.Y, i]
+    eval_listed(p, m, at.DUE, m.clock[at.T], at.Y, at.SLOPE, at.H, at.RATE)
 
 
 @kernel_apart
 def remember_parts(p: Problem, m: Memory) -> None:
     """Measure the size of the terms whose sum is h, for the guards that flip now."""
-    s, g, t = m.states, m.guards, m.clock[at.T]
-    for turn in range(2):
-        for i in range(s.width):
-            s[at.SLOPE, i] = turn * way(i) * s[at.Y, i]
-        eval_listed(p, m, at.DUE, t, at.Y, at.SLOPE, at.H, at.RATE)
-        for a in range(m.counts[at.N_DUE]):
-            k = m.lists[at.DUE, a]
-            still = g[at.PARTS, k]  # rate for a state at rest
-            moved = size_of_terms(g[at.RATE, k], still, t)
-            g[at.PARTS, k] = moved if turn == 1 else g[at.RATE, k]
-            g[at.SIZE, k] = max(g[at.SIZE, k], turn * g[at.PARTS, k])
+    g = m.guards
+    evaluate_due_along(p, m, 0.0)
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
+        g[at.PARTS, k] = g[at.RATE, k]  # kept until the terms are known
+    evaluate_due_along(p, m, 1.0)
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
+        still = g[at.PARTS, k]
+        g[at.PARTS, k] = size_of_terms(g[at.RATE, k], still, m.clock[at.T])
+        g[at.SIZE, k] = max(g[at.SIZE, k], g[at.PARTS, k])
 
 
 @kernel
 def remember_residuals(
     p: Problem, m: Memory, t: float, y: int, h: int, rate: int, resolution: float
 ) -> None:
-    """Treat the rest of h as rounding for guards that flip now but are on their old side.
+    """Treat the residual of h as rounding where a guard flips from its old side.
 
     Time t and row `y` of the states belong to rows `h` and `rate` of the guards.
     """
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
-        left, speed = p.mode[k] * m.guards[h, k], m.guards[rate, k]
-        count_as_rounding(p, m, k, t, y, left, speed, resolution)
+        residual = margin_of(p, m, k, h)
+        count_as_rounding(p, m, k, t, y, residual, m.guards[rate, k], resolution)
 
 
 @kernel
 def is_leaving(m: Memory, k: int, rate: float, ahead: float, resolution: float) -> bool:
-    """Return whether guard k, by its rate `ahead` from now, leaves the surface of its last flip.
+    """Return whether guard k leaves the surface of its last flip.
+
+    Its rate is given at the time `ahead` from now.
 
     This close to that instant, in the same crowd, rounding of state and h exceeds their
     motion.
@@ -375,14 +461,16 @@ def is_marked(m: Memory, k: int) -> bool:
 
 @kernel
 def next_due(p: Problem, m: Memory, last: int) -> int:
-    """Return the first guard by number after `last` that flips now, or -1: DUE is not sorted.
+    """Return the first guard by number after `last` that flips now, or -1.
 
-    Where time runs backward, so does the order: what was done last is undone first.
+    DUE is not sorted. Where time runs backward, so does the order: what was done last
+    is undone first.
     """
     found = -1
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
-        place, way = p.rules[at.WAY, k] * k, p.rules[at.WAY, k]
-        if (last < 0 or place > way * last) and (found < 0 or place < way * found):
+        sense = p.rules[at.WAY, k]  # of time
+        after_last = last < 0 or sense * k > sense * last
+        if after_last and (found < 0 or sense * k < sense * found):
             found = k
     return found

@@ -16,54 +16,60 @@ from hopdata.hybrid.layout import Memory
 # Each node has four children, side by side. This makes the heap flat, and the least of
 # four is found without branches that a processor would have to predict.
 
-WIDTH = 4
+WIDTH = 4  # children of a node
 
 
 @kernel
-def put(m: Memory, place: int, k: int, wake_at: float) -> None:
-    """Put guard k at one place of the heap."""
-    m.lists[at.HEAP, place], m.wake_at[place] = k, wake_at
+def put(m: Memory, node: int, k: int, wake_at: float) -> None:
+    """Put guard k at a node of the heap."""
+    m.lists[at.HEAP, node] = k
+    m.wake_at[node] = wake_at
 
 
 @kernel
 def push(m: Memory, k: int, wake_at: float) -> None:
     """Put guard k into the heap."""
-    place = m.counts[at.N_ASLEEP]
+    node = m.counts[at.N_ASLEEP]
     m.counts[at.N_ASLEEP] += 1
-    while place > 0:
-        above = (place - 1) // WIDTH
+    while node > 0:
+        above = (node - 1) // WIDTH
         if m.wake_at[above] <= wake_at:
             break
-        put(m, place, m.lists[at.HEAP, above], m.wake_at[above])
-        place = above
-    put(m, place, k, wake_at)
+        put(m, node, m.lists[at.HEAP, above], m.wake_at[above])
+        node = above
+    put(m, node, k, wake_at)
 
 
 @kernel
 def least_below(m: Memory, first: int, size: int) -> int:
-    """Return the least of up to four places from `first` on: the guard that must wake first."""
+    """Return the node that must wake first, of up to four from `first` on."""
     w = m.wake_at
     if first + WIDTH <= size:
+        # A tournament of four, whose additions need no branches.
         left = first + (1 if w[first + 1] < w[first] else 0)
         right = first + 2 + (1 if w[first + 3] < w[first + 2] else 0)
         return right if w[right] < w[left] else left
     least = first
-    for place in range(first + 1, size):
-        least = place if w[place] < w[least] else least
+    for node in range(first + 1, size):
+        if w[node] < w[least]:
+            least = node
     return least
 
 
 @kernel
 def replace_first(m: Memory, k: int, wake_at: float) -> None:
     """Replace the guard at the top of the heap by guard k."""
-    size, place, below = m.counts[at.N_ASLEEP], 0, 1
+    size = m.counts[at.N_ASLEEP]
+    node = 0
+    below = 1  # first of its children
     while below < size:
         least = least_below(m, below, size)
         if wake_at <= m.wake_at[least]:
             break
-        put(m, place, m.lists[at.HEAP, least], m.wake_at[least])
-        place, below = least, WIDTH * least + 1
-    put(m, place, k, wake_at)
+        put(m, node, m.lists[at.HEAP, least], m.wake_at[least])
+        node = least
+        below = WIDTH * least + 1
+    put(m, node, k, wake_at)
 
 
 @kernel
@@ -77,9 +83,13 @@ def pop(m: Memory) -> int:
     return first
 
 
-# Factor by which the bound within a step may exceed that at its ends and middle
+#: Factor by which the rate bound within a step may exceed that at its ends and middle.
+#: Unit: 1. Origin: chosen.
 MARGIN = 1.25
-REST = 4.0  # steps like the last one: distance at which a guard goes to sleep
+
+#: Distance at which a guard goes to sleep, in the travel of steps like the last one.
+#: Unit: 1. Origin: chosen.
+REST = 4.0
 
 
 @kernel
@@ -93,28 +103,25 @@ def speed_at(p: Problem, m: Memory, t: float, y: int, dy: int) -> float:
 
 @kernel
 def step_travel(p: Problem, m: Memory, dt: float) -> float:
-    """Return the travel of the step from Y to END, by the bound at its ends and its middle.
+    """Return the travel of the step from Y to END, by the bound at its ends and middle.
 
     The middle is evaluated on the cubic through states and slopes at both ends.
     """
-    s, t = m.states, m.clock[at.T]
+    s = m.states
+    t = m.clock[at.T]
     for i in range(s.width):
         rise = s[at.END, i] - s[at.Y, i]
-        s[at.SCRATCH, i] = (
-            s[at.Y, i] + 0.5 * rise + 0.125 * dt * (s[at.K1, i] - s[at.KEND, i])
-        )
+        bulge = 0.125 * dt * (s[at.K1, i] - s[at.KEND, i])
+        s[at.SCRATCH, i] = s[at.Y, i] + 0.5 * rise + bulge
         s[at.SLOPE, i] = 1.5 * rise / dt - 0.25 * (s[at.K1, i] + s[at.KEND, i])
     middle = speed_at(p, m, t + 0.5 * dt, at.SCRATCH, at.SLOPE)
-    return (
-        MARGIN
-        * dt
-        * max(m.clock[at.SPEED], middle, speed_at(p, m, t + dt, at.END, at.KEND))
-    )
+    end = speed_at(p, m, t + dt, at.END, at.KEND)
+    return MARGIN * dt * max(m.clock[at.SPEED], middle, end)
 
 
 @kernel
 def wake_first(p: Problem, m: Memory, limit: float) -> int:
-    """Check the guard that must wake first, and wake it unless it is beyond the travel `limit`.
+    """Wake the guard that must wake first, unless it is beyond the travel `limit`.
 
     Returns its number, or -1 if it sleeps on.
     """
@@ -125,7 +132,8 @@ def wake_first(p: Problem, m: Memory, limit: float) -> int:
     if m.clock[at.TRAVEL] + distance > limit:
         replace_first(m, k, m.clock[at.TRAVEL] + distance)
         return -1
-    m.guards[at.SIZE, k], m.guards[at.BEND, k] = distance, 0.0
+    m.guards[at.SIZE, k] = distance
+    m.guards[at.BEND, k] = 0.0
     m.lists[at.AWAKE, m.counts[at.N_AWAKE]] = k
     m.counts[at.N_AWAKE] += 1
     return pop(m)
@@ -133,11 +141,12 @@ def wake_first(p: Problem, m: Memory, limit: float) -> int:
 
 @kernel
 def wake_for(p: Problem, m: Memory, dt: float) -> int:
-    """Wake the nearest guard that may flip within `dt` at present rates; return it, or -1.
+    """Wake the nearest guard that may flip within `dt` at present rates, and return it.
 
-    Guards that turn out to be far away sleep on.
+    The result is -1 if there is none. Guards that turn out to be far away sleep on.
     """
-    travel, bound = m.clock[at.TRAVEL], MARGIN * m.clock[at.SPEED] * dt
+    travel = m.clock[at.TRAVEL]
+    bound = MARGIN * m.clock[at.SPEED] * dt
     k = -1
     while k < 0 and m.counts[at.N_ASLEEP] > 0 and not m.wake_at[0] > travel + bound:
         k = wake_first(p, m, travel + REST * bound)
@@ -146,7 +155,7 @@ def wake_for(p: Problem, m: Memory, dt: float) -> int:
 
 @kernel
 def wake(p: Problem, m: Memory, dt: float) -> None:
-    """Wake all guards that may flip within the step taken, and evaluate them at its end."""
+    """Wake all guards that may flip within the step, and evaluate them at its end."""
     if p.rate_bound == 0:
         return
     limit = m.clock[at.TRAVEL] + step_travel(p, m, dt)
@@ -159,7 +168,7 @@ def wake(p: Problem, m: Memory, dt: float) -> None:
 
 @kernel
 def travel_on(p: Problem, m: Memory, dt: float) -> None:
-    """Add the travel of the step from Y to END, and put guards that are far away to sleep."""
+    """Add the travel of the step from Y to END, and put distant guards to sleep."""
     if p.rate_bound == 0:
         return
     travel = step_travel(p, m, dt)
@@ -180,9 +189,11 @@ def travel_on(p: Problem, m: Memory, dt: float) -> None:
 @kernel
 def wake_all(m: Memory) -> None:
     """Wake all guards, because the state has jumped."""
-    for place in range(m.counts[at.N_ASLEEP]):
-        k = m.lists[at.HEAP, place]
-        m.guards[at.SIZE, k], m.guards[at.BEND, k] = 0.0, 0.0
-    m.counts[at.N_ASLEEP], m.counts[at.N_AWAKE] = 0, m.guards.width
+    for node in range(m.counts[at.N_ASLEEP]):
+        k = m.lists[at.HEAP, node]
+        m.guards[at.SIZE, k] = 0.0
+        m.guards[at.BEND, k] = 0.0
+    m.counts[at.N_ASLEEP] = 0
+    m.counts[at.N_AWAKE] = m.guards.width
     for k in range(m.guards.width):
         m.lists[at.AWAKE, k] = k

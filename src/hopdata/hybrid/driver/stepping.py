@@ -1,4 +1,4 @@
-"""One step that meets the tolerance, and the size of the next."""
+"""One step that meets the tolerance; the size and the method of the next."""
 
 from math import exp, isfinite, log
 
@@ -24,15 +24,34 @@ from hopdata.hybrid.methods.taylor import LONGEST
 # Where events follow each other closely, each cuts a step short, and a cheap step is
 # best. Where they are sparse, a method of high order goes farther per evaluation.
 
-TIGHT = 1e-7  # largest rtol at which the method of highest order takes the first step
-LONG = 4.0  # steps without an event after which a method of higher order pays off
-SHORT = 2.5  # steps of the cheaper method: events closer than this are dense
-EVERY = 16  # steps between tests for stiffness while there is no sign of it
-MANY = 1e3  # time resolutions: shortest first step in an affine mode
-VERY_HIGH_ORDER = (
-    16.0  # from here the error obeys its power over many decades: no limits
-)
-# Dt times the fastest rate, below which an explicit step of this length suffices
+#: Largest relative tolerance at which the method of highest order takes the first step.
+#: Unit: 1. Origin: chosen.
+TIGHT = 1e-7
+
+#: Steps without an event after which a method of higher order pays off.
+#: Unit: 1. Origin: chosen.
+LONG = 4.0
+
+#: Events closer than this many steps of the cheaper method are dense: that method takes
+#: over.
+#: Unit: 1. Origin: chosen.
+SHORT = 2.5
+
+#: Steps between two tests for stiffness while there is no sign of it.
+#: Unit: 1. Origin: chosen.
+EVERY = 16
+
+#: Shortest first step in an affine mode.
+#: Unit: time resolutions. Origin: chosen.
+MANY = 1e3
+
+#: Order from which on the controller has no limits: the error obeys its power over many
+#: decades.
+#: Unit: 1. Origin: chosen.
+VERY_HIGH_ORDER = 16.0
+
+#: Dt times the fastest rate, below which an explicit step of this length suffices.
+#: Unit: 1. Origin: chosen.
 RELIEVED = 1.0
 
 
@@ -45,11 +64,11 @@ def watch_stiffness(p: Problem, m: Memory, dt: float) -> None:
     score = m.clock[at.STIFF_SCORE]
     if score == 0.0 and m.counts[at.STEPS] % EVERY != 0:
         return
-    last, limit = (
-        p.methods[method, at.LAST_SLOPE],
-        0.1 * p.methods[method, at.STIFF_TENTHS],
+    last_slope = p.methods[method, at.LAST_SLOPE]
+    limit = 0.1 * p.methods[method, at.STIFF_TENTHS]
+    found = stiff.explicit_stiffness(
+        m.states, dt, p.rtol, p.atol, last_slope, m.states.width
     )
-    found = stiff.explicit_stiffness(m.states, dt, p.rtol, p.atol, last, m.states.width)
     m.clock[at.STIFF_SCORE] = stiff.stiffness_score(score, found, limit)
 
 
@@ -67,19 +86,21 @@ def relieved(p: Problem, m: Memory) -> bool:
 
 @kernel
 def first_method(p: Problem) -> int:
-    """Return the first method: the highest order, or one less if the tolerance is loose."""
+    """Return the first method: the highest order, or one less at a loose tolerance."""
     method = 0
     while p.methods[method, at.SPARSER] >= 0:
         method = p.methods[method, at.SPARSER]
-    return method - 1 if method > 0 and p.rtol > TIGHT else method
+    if method > 0 and p.rtol > TIGHT:
+        return method - 1
+    return method
 
 
 @kernel
 def step_ratio(p: Problem, method: int, other: int) -> float:
     """Return the ratio of the other method's step to this method's, by their orders."""
-    return p.rtol ** (
-        1.0 / p.methods[other, at.ORDER] - 1.0 / p.methods[method, at.ORDER]
-    )
+    order = p.methods[method, at.ORDER]
+    other_order = p.methods[other, at.ORDER]
+    return p.rtol ** (1.0 / other_order - 1.0 / order)
 
 
 @kernel
@@ -91,62 +112,96 @@ def change_method(p: Problem, m: Memory, other: int) -> None:
 
 @kernel
 def choose_after_step(p: Problem, m: Memory) -> None:
-    """Change to or from a stiff method, or to a method of high order where events are sparse."""
+    """Change the method where that pays.
+
+    The mode has become stiff or is no longer so, or events are sparse.
+    """
     method = m.counts[at.METHOD]
-    stiffer, relaxed = p.methods[method, at.STIFFER], p.methods[method, at.RELAXED]
+    stiffer = p.methods[method, at.STIFFER]
     if stiffer >= 0 and m.clock[at.STIFF_SCORE] >= stiff.STIFF:
         m.clock[at.STIFF_SCORE] = 0.0
         m.counts[at.METHOD] = stiffer
         return
+    relaxed = p.methods[method, at.RELAXED]
     if relaxed >= 0 and relieved(p, m):
         m.counts[at.METHOD] = relaxed
         return
     sparser = p.methods[method, at.SPARSER]
-    if (
-        sparser >= 0
-        and m.clock[at.T] - m.clock[at.SEGMENT] > LONG * m.clock[at.NEXT_DT]
-    ):
+    since_event = m.clock[at.T] - m.clock[at.SEGMENT]
+    if sparser >= 0 and since_event > LONG * m.clock[at.NEXT_DT]:
         change_method(p, m, sparser)
 
 
 @kernel
 def affine_step(p: Problem, m: Memory) -> float:
-    """Return the first step in an affine mode: to the end, if its fastest motion allows."""
-    left, shortest = p.t_end - m.clock[at.T], MANY * time_resolution(m.clock[at.T], 0.0)
-    return min(left, max(m.states[LONGEST, 0], shortest))
+    """Return the first step in an affine mode: to the end, if its motion allows."""
+    remaining = p.t_end - m.clock[at.T]
+    shortest = MANY * time_resolution(m.clock[at.T], 0.0)
+    return min(remaining, max(m.states[LONGEST, 0], shortest))
 
 
 @kernel
 def choose_after_event(p: Problem, m: Memory) -> None:
     """Change to a cheaper method if the last event is only a few of its steps ago."""
     method = m.counts[at.METHOD]
-    denser, apart = p.methods[method, at.DENSER], m.clock[at.T] - m.clock[at.SEGMENT]
-    m.clock[at.SEGMENT], m.clock[at.GAP] = m.clock[at.T], apart
-    if (
-        p.methods[method, at.ORDER] >= VERY_HIGH_ORDER
-    ):  # the last mode says nothing about this one
+    since_event = m.clock[at.T] - m.clock[at.SEGMENT]
+    m.clock[at.SEGMENT] = m.clock[at.T]
+    m.clock[at.GAP] = since_event
+    if p.methods[method, at.ORDER] >= VERY_HIGH_ORDER:
+        # The step in the last mode says nothing about this one.
         m.clock[at.NEXT_DT] = affine_step(p, m)
-    if denser >= 0 and apart < SHORT * m.clock[at.NEXT_DT] * step_ratio(
-        p, method, denser
-    ):
+    denser = p.methods[method, at.DENSER]
+    if denser < 0:
+        return
+    ratio = step_ratio(p, method, denser)
+    if since_event < SHORT * m.clock[at.NEXT_DT] * ratio:
         change_method(p, m, denser)
 
 
-# PI controller of Hairer and Wanner's DOPRI5 and DOP853; its exponents are divided by
-# the order.
+# The step size: the PI controller of Hairer and Wanner's DOPRI5 and DOP853.
+
+#: Weight of the last step's error in the growth of a step; divided by the order, it is
+#: the exponent.
+#: Unit: 1. Origin: convention: that of DOPRI5, 0.04, times its order.
 BETA = 0.2
+
+#: Weight of this step's error in the growth of a step; divided by the order, it is the
+#: exponent.
+#: Unit: 1. Origin: derived: from BETA as in DOPRI5.
 ALPHA = 1.0 - 0.75 * BETA
+
+#: Fraction of the step at which the expected error equals the tolerance.
+#: Unit: 1. Origin: convention: as in Hairer and Wanner's codes.
 SAFETY = 0.9
-SHRINK_MOST, GROW_MOST = 0.2, 10.0
+
+#: Least factor between two steps.
+#: Unit: 1. Origin: convention: as in Hairer and Wanner's DOPRI5.
+SHRINK_MOST = 0.2
+
+#: Largest factor between two steps.
+#: Unit: 1. Origin: convention: as in Hairer and Wanner's DOPRI5.
+GROW_MOST = 10.0
+
+#: Factor by which a step is shortened if it reaches where field or guards are not
+#: finite.
+#: Unit: 1. Origin: chosen.
 SHRINK_AT_NAN = 0.1
+
+#: Least error of the last step, in tolerances, that the controller remembers, as its
+#: logarithm.
+#: Unit: 1. Origin: convention: as in Hairer and Wanner's codes.
 LOG_ERROR_FLOOR = log(1e-4)
 
 EPS = 2.0**-52
-TINY = 1e-300
-STEP_FLOOR = 4 * EPS  # smallest step, relative to the time to which it is added
-ALMOST_THERE = (
-    1.01  # factor by which the last step may be stretched to avoid a tiny one
-)
+TINY = 1e-300  # avoids divisions by zero and the logarithm of zero
+
+#: Smallest step, relative to the time to which it is added.
+#: Unit: 1. Origin: rounding: four units in the last place of a double.
+STEP_FLOOR = 4 * EPS
+
+#: Factor by which the last step may be stretched to avoid a tiny one after it.
+#: Unit: 1. Origin: convention: as in Hairer and Wanner's codes.
+ALMOST_THERE = 1.01
 
 
 @kernel
@@ -156,13 +211,16 @@ def take_step(p: Problem, m: Memory, t: float, dt: float) -> float:
     Returns the error in units of the tolerance; NaN if the field is not finite or has
     raised.
     """
-    s, method = m.states, m.counts[at.METHOD]
+    s = m.states
+    method = m.counts[at.METHOD]
     m.clock[at.SPAN] = 0.0
     m.counts[at.NFEV] += p.methods[method, at.EVALUATIONS]
     s[at.KEND, 0] = np.nan  # remains if the user's function raises
     address = p.methods[method, at.STEP]
     error = call_step(address, t, dt, p.rtol, s, p.mode, p.params, p.atol, p.field)
-    return error if first_not_finite(s, at.KEND) < 0 else np.nan
+    if first_not_finite(s, at.KEND) >= 0:
+        return np.nan
+    return error
 
 
 @kernel
@@ -175,12 +233,14 @@ def tolerance(p: Problem, i: int, size: float) -> float:
 def shrink_factor(error: float, order: float) -> float:
     """Return the factor by which to shorten a step rejected for its error."""
     factor = SAFETY / error ** (1.0 / order)
-    return factor if order >= VERY_HIGH_ORDER else max(SHRINK_MOST, factor)
+    if order >= VERY_HIGH_ORDER:
+        return factor
+    return max(SHRINK_MOST, factor)
 
 
 @kernel
 def growth(log_error: float, last_log_error: float, order: float) -> float:
-    """Return the growth factor of an accepted step, from the logarithms of two errors."""
+    """Return the growth factor of an accepted step, from the logarithms of errors."""
     factor = SAFETY * exp((BETA * last_log_error - ALPHA * log_error) / order)
     if order >= VERY_HIGH_ORDER:
         return factor
@@ -216,24 +276,29 @@ def accepted_step(p: Problem, m: Memory) -> float:
     NEXT_DT. Returns the size of the step, or a negative status on failure.
     """
     t = m.clock[at.T]
-    left = p.t_end - t
+    remaining = p.t_end - t
     order = float(p.methods[m.counts[at.METHOD], at.ORDER])
     proposed = min(m.clock[at.NEXT_DT], p.max_step)
     dt = clipped(p, m, proposed)
-    shrink, reason = 1.0, float(at.STEP_UNDERFLOW)
+    shrink = 1.0
+    reason = float(at.STEP_UNDERFLOW)
     while True:
-        dt = left if dt * ALMOST_THERE >= left else dt
+        if dt * ALMOST_THERE >= remaining:
+            dt = remaining
         if shrink < 1.0 and dt <= STEP_FLOOR * abs(t):
             return reason
         error = take_step(p, m, t, dt)
         if not isfinite(error):
-            shrink, reason = SHRINK_AT_NAN, float(at.FIELD_NOT_FINITE)
+            shrink = SHRINK_AT_NAN
+            reason = float(at.FIELD_NOT_FINITE)
         elif error > 1.0:
-            shrink, reason = shrink_factor(error, order), float(at.STEP_UNDERFLOW)
+            shrink = shrink_factor(error, order)
+            reason = float(at.STEP_UNDERFLOW)
         elif guards_at_end(p, m, t + dt):
             break
         else:
-            shrink, reason = SHRINK_AT_NAN, float(at.GUARD_NOT_FINITE)
+            shrink = SHRINK_AT_NAN
+            reason = float(at.GUARD_NOT_FINITE)
         m.counts[at.REJECTED] += 1
         dt *= shrink
     watch_stiffness(p, m, dt)
@@ -249,28 +314,39 @@ def first_step(p: Problem, m: Memory) -> float:
 
     At a very high order, a step that is too long costs less than this estimate.
     """
-    s, t = m.states, m.clock[at.T]
-    longest = min(p.t_end - t, p.max_step)
+    longest = min(p.t_end - m.clock[at.T], p.max_step)
     if p.methods[m.counts[at.METHOD], at.ORDER] >= VERY_HIGH_ORDER:
         return min(longest, affine_step(p, m))
-    size, slope, bend = 0.0, 0.0, 0.0
+    s = m.states
+    size = 0.0
+    slope = 0.0
     for i in range(s.width):
         scale = tolerance(p, i, abs(s[at.Y, i]))
         size = max(size, abs(s[at.Y, i]) / scale)
         slope = max(slope, abs(s[at.K1, i]) / scale)
-    trial = 0.01 * size / slope if size > 0.0 and slope > 0.0 else 1e-3 * longest
+    trial = 1e-3 * longest
+    if size > 0.0 and slope > 0.0:
+        trial = 0.01 * size / slope
     trial = min(trial, longest)
     if trial == 0.0:
         return longest
+    steepest = max(slope, bend_over(p, m, trial))
+    step = longest
+    if isfinite(steepest) and steepest > 0.0:
+        power = 1.0 / p.methods[m.counts[at.METHOD], at.ORDER]
+        step = (0.01 / steepest) ** power
+    return min(100.0 * trial, step, longest)
+
+
+@kernel
+def bend_over(p: Problem, m: Memory, trial: float) -> float:
+    """Return the change of the slopes over a trial step, per second, in tolerances."""
+    s = m.states
     for i in range(s.width):
         s[at.SCRATCH, i] = s[at.Y, i] + trial * s[at.K1, i]
-    eval_field(p, m, t + trial, at.SCRATCH, at.SLOPE)
+    eval_field(p, m, m.clock[at.T] + trial, at.SCRATCH, at.SLOPE)
+    bend = 0.0
     for i in range(s.width):
         allowed = trial * tolerance(p, i, abs(s[at.Y, i]))
         bend = max(bend, abs(s[at.SLOPE, i] - s[at.K1, i]) / allowed)
-    steepest = max(slope, bend)
-    power = 1.0 / p.methods[m.counts[at.METHOD], at.ORDER]
-    step = (
-        (0.01 / steepest) ** power if isfinite(steepest) and steepest > 0.0 else longest
-    )
-    return min(100.0 * trial, step, longest)
+    return bend

@@ -17,41 +17,52 @@ from hopdata.hybrid.driver.problem import (
     awake,
     blur,
     eval_guards,
+    margin_of,
     time_resolution,
 )
 from hopdata.hybrid.driver.sleep import wake_for
 from hopdata.hybrid.layout import Memory
 
-# The knots of a step: the places where guards are known, with a cubic between
-# consecutive ones.
+# The check points of a step: where guards are known, with a cubic between consecutive
+# ones.
 #
 # Usually these are the step's two ends. A Taylor step may span most of an oscillation,
-# in which a guard can fall and rise again unseen from the ends; such a step has knots
-# inside, too.
+# in which a guard can fall and rise again unseen from the ends; such a step has check
+# points inside, too.
 
-# Degrees that a series needs for 1.5 and 3 radians of the fastest motion that shows in
-# it.
-ONE_PIECE, TWO_PIECES = 22, 28
+#: Degree of a series up to which the step's two ends suffice.
+#: Unit: 1. Origin: derived: the degree that 1.5 radians of its fastest motion need.
+ONE_PIECE = 22
+
+#: Degree of a series up to which one check point inside suffices.
+#: Unit: 1. Origin: derived: the degree that 3 radians of its fastest motion need.
+TWO_PIECES = 28
+
 THIRD = 1.0 / 3.0
-Ends = tuple[
-    float, float, float, float
-]  # margin and slope at the start, then at the end
+
+# Margin and slope at the start of an interval, then at its end.
+Ends = tuple[float, float, float, float]
 
 
 @kernel
-def knot(m: Memory, number: int) -> int:
-    """Return the row of the guards at a knot; the row of their rates is the next."""
-    return at.H1 if number == m.counts[at.PIECES] else at.H0 + 2 * number
+def check_point(m: Memory, number: int) -> int:
+    """Return the guards' row at a check point; the row of their rates is the next."""
+    if number == m.counts[at.PIECES]:
+        return at.H1
+    return at.H0 + 2 * number
 
 
 @kernel
 def ends_between(
     m: Memory, k: int, lock: int, start: int, end: int, span: float
 ) -> Ends:
-    """Return margins and slopes (per `span`) of guard k, from the rows of two places."""
+    """Return margins and slopes (per `span`) of guard k, from the rows of both."""
     g = m.guards
-    g0, d0 = lock * g[start, k], lock * g[start + 1, k] * span
-    return g0, d0, lock * g[end, k], lock * g[end + 1, k] * span
+    g0 = lock * g[start, k]
+    d0 = lock * g[start + 1, k] * span
+    g1 = lock * g[end, k]
+    d1 = lock * g[end + 1, k] * span
+    return g0, d0, g1, d1
 
 
 @kernel
@@ -63,58 +74,69 @@ def piece_before(m: Memory, piece: int, end: float) -> tuple[int, float, float]:
     part = m.clock[at.PIECE]
     start = piece * part
     if (piece + 1) * part <= end:
-        return knot(m, piece + 1), start, part
+        return check_point(m, piece + 1), start, part
     return at.H, start, end - start
 
 
 @kernel
 def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
-    """Evaluate the guards on the interpolant at `theta` into a row, their rates into the next."""
+    """Evaluate the guards on the interpolant at `theta` into a row.
+
+    Their rates are written into the next row.
+    """
     interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
     eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, row, row + 1)
 
 
 @kernel
-def set_knots(p: Problem, m: Memory, dt: float) -> None:
-    """Choose the knots of a step, and evaluate the guards at the inner ones."""
-    m.counts[at.PIECES], m.clock[at.PIECE] = 1, 1.0
+def set_check_points(p: Problem, m: Memory, dt: float) -> None:
+    """Choose the check points of a step, and evaluate the guards at the inner ones."""
+    m.counts[at.PIECES] = 1
+    m.clock[at.PIECE] = 1.0
     if p.methods[m.counts[at.METHOD], at.IN_POWERS] == 0:
         return
     prepare_interpolant(p, m, dt)
     if m.counts[at.DEGREE] <= ONE_PIECE:
         return
     if m.counts[at.DEGREE] <= TWO_PIECES:
-        m.counts[at.PIECES], m.clock[at.PIECE] = 2, 0.5
+        m.counts[at.PIECES] = 2
+        m.clock[at.PIECE] = 0.5
     else:
-        m.counts[at.PIECES], m.clock[at.PIECE] = 3, THIRD
+        m.counts[at.PIECES] = 3
+        m.clock[at.PIECE] = THIRD
     for number in range(1, m.counts[at.PIECES]):
         look(p, m, dt, number * m.clock[at.PIECE], at.H0 + 2 * number)
 
 
-GRAZE = (
-    1e-2  # fraction of the step's margins: a dip that comes nearer is examined closely
-)
+# The guards that a step may concern: those that have no clearance.
+
+#: Fraction of the step's margins: a dip that comes nearer is examined closely.
+#: Unit: 1. Origin: chosen.
+GRAZE = 1e-2
 
 
 @kernel
 def clearance(g0: float, d0: float, g1: float, d1: float) -> float:
-    """Return a number that is positive if the cubic with these margins and slopes stays clear.
+    """Return a number that is positive if a cubic stays clear.
 
-    Slopes are per step. The number is the least Bezier point, a lower bound of the
-    cubic.
+    It has these margins and slopes. Slopes are per step. The number is the least Bezier
+    point, a lower bound of the cubic.
     """
     return min(g0, g0 + THIRD * d0, g1 - THIRD * d1, g1) - GRAZE * max(g0, g1)
 
 
 @kernel
 def after(g: float, d: float, c: float, dt: float) -> float:
-    """Return the least possible margin within `dt`, from a margin, its rate and its bend."""
+    """Return the least possible margin within `dt`, from margin, rate and bend."""
     return g + dt * (min(d, 0.0) + 0.5 * dt * min(c, 0.0))
 
 
 @kernel
 def facing(lock: int, value: float) -> float:
-    """Return the value as seen from the lock's side: ``lock * value`` without a conversion."""
+    """Return the value as seen from the lock's side.
+
+    It is ``lock * value`` without a conversion.
+    """
     return value if lock > 0 else -value
 
 
@@ -126,46 +148,57 @@ def gather_unclear(p: Problem, m: Memory) -> int:
     one. The second loop is not vectorised, but usually it has nothing to do or a single
     guard to record.
     """
-    unclear, first = 0, m.counts[at.N_AWAKE]
-    for place in range(m.counts[at.N_AWAKE]):
-        clear = m.guards[at.CLEARANCE, awake(p, m, place)] > 0.0
+    n_awake = m.counts[at.N_AWAKE]
+    unclear = 0
+    first = n_awake
+    for position in range(n_awake):
+        clear = m.guards[at.CLEARANCE, awake(p, m, position)] > 0.0
         unclear += 0 if clear else 1
-        first = min(first, m.counts[at.N_AWAKE] if clear else place)
-    count, a = 0, first
+        first = min(first, n_awake if clear else position)
+    count = 0
+    position = first
     while count < unclear:
-        k = awake(p, m, a)
-        m.lists[at.NEAR, count] = k
+        k = awake(p, m, position)
+        m.lists[at.NEAR, count] = k  # overwritten by the next one if it is clear
         count += 0 if m.guards[at.CLEARANCE, k] > 0.0 else 1
-        a += 1
+        position += 1
     m.counts[at.N_NEAR] = count
     return count
 
 
 @kernel_apart
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
-    """Put the guards that may flip within the step, by its ends, into NEAR; return their number."""
+    """Put the guards that may flip within the step into NEAR; return their number.
+
+    They are judged by the ends of the step.
+    """
     g = m.guards
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
-        g[at.CLEARANCE, k] = clearance(
-            facing(lock, g[at.H0, k]), facing(lock, g[at.RATE0, k]) * dt,
-            facing(lock, g[at.H1, k]), facing(lock, g[at.RATE1, k]) * dt,
-        )  # fmt: skip
+        g0 = facing(lock, g[at.H0, k])
+        d0 = facing(lock, g[at.RATE0, k]) * dt
+        g1 = facing(lock, g[at.H1, k])
+        d1 = facing(lock, g[at.RATE1, k]) * dt
+        g[at.CLEARANCE, k] = clearance(g0, d0, g1, d1)
     return gather_unclear(p, m)
 
 
 @kernel_apart
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
-    """Do the same by all knots of the step: a guard must stay clear between consecutive knots."""
+    """Do the same by all check points of the step.
+
+    A guard must stay clear between each two consecutive ones.
+    """
     span = dt * m.clock[at.PIECE]
     for a in range(m.counts[at.N_AWAKE]):
-        k, least = awake(p, m, a), np.inf
+        k = awake(p, m, a)
+        least = np.inf
         for piece in range(m.counts[at.PIECES]):
-            start, end = at.H0 + 2 * piece, knot(m, piece + 1)
-            least = min(
-                least, clearance(*ends_between(m, k, p.mode[k], start, end, span))
-            )
+            start = at.H0 + 2 * piece
+            end = check_point(m, piece + 1)
+            g0, d0, g1, d1 = ends_between(m, k, p.mode[k], start, end, span)
+            least = min(least, clearance(g0, d0, g1, d1))
         m.guards[at.CLEARANCE, k] = least
     return gather_unclear(p, m)
 
@@ -183,17 +216,18 @@ def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) 
 
 @kernel_apart
 def gather_coming(p: Problem, m: Memory, dt: float) -> int:
-    """Put the guards that may reach their surface within `dt`, by rate and bend, into NEAR."""
+    """Put the guards that may reach their surface within `dt` into NEAR.
+
+    They are judged by their rate and bend.
+    """
     g = m.guards
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
-        g[at.CLEARANCE, k] = after(
-            facing(lock, g[at.H0, k]),
-            facing(lock, g[at.RATE0, k]),
-            facing(lock, g[at.BEND, k]),
-            dt,
-        )
+        margin = facing(lock, g[at.H0, k])
+        rate = facing(lock, g[at.RATE0, k])
+        bend = facing(lock, g[at.BEND, k])
+        g[at.CLEARANCE, k] = after(margin, rate, bend, dt)
     return gather_unclear(p, m)
 
 
@@ -204,35 +238,44 @@ def gather_coming(p: Problem, m: Memory, dt: float) -> int:
 # therefore clipped to slightly more than the time to the nearest flip, predicted from
 # the guard's value, its rate, and its bend in the last step.
 
-# Times the interval of the last two events: the next flip is first sought within this
+# The shortest lengths are in time resolutions. The step that the field allows is no
+# measure here: in a landing on thousands of springs it is a million times longer than
+# the time between two of their events.
+
+#: The next flip is first sought within this many intervals of the last two events.
+#: Unit: 1. Origin: chosen.
 SOON = 4.0
-OVERSHOOT = 1.2  # factor past the predicted flip, so that the step contains it
-# Multiples of the time resolution. The step that the field allows is no measure here:
-# in a landing on thousands of springs it is a million times longer than the time
-# between two of their events.
-CLIP_MOST = 1e3  # events closer than this are left to localisation
-TOO_SHORT = 1e6  # steps shorter than this say nothing about the bend
+
+#: Factor past the predicted flip, so that the step contains it.
+#: Unit: 1. Origin: chosen.
+OVERSHOOT = 1.2
+
+#: Events closer than this are left to localisation.
+#: Unit: time resolutions. Origin: chosen.
+CLIP_MOST = 1e3
+
+#: Steps shorter than this say nothing about the bend of a guard.
+#: Unit: time resolutions. Origin: chosen.
+TOO_SHORT = 1e6
 
 
 @kernel_apart
 def carry_guards(p: Problem, m: Memory, dt: float) -> None:
-    """Carry the guards at the step's end over to its start, and store their second derivatives.
+    """Carry the guards at the step's end over to its start, with their bends.
 
-    These are secants over the step. For a guard that bends, those of longer steps are
-    useless.
+    These are secants over the step, unless it is too short to show them: then those of
+    the last step remain, except for guards that bend, for which they are useless.
     """
-    g, tells, per_s = (
-        m.guards,
-        dt > TOO_SHORT * time_resolution(m.clock[at.T], dt),
-        1.0 / dt,
-    )
+    g = m.guards
+    shows_bend = dt > TOO_SHORT * time_resolution(m.clock[at.T], dt)
+    per_s = 1.0 / dt
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
-        g[at.BEND, k] = (
-            (g[at.RATE1, k] - g[at.RATE0, k]) * per_s if tells else g[at.BEND, k]
-        )
-        g[at.H0, k], g[at.RATE0, k] = g[at.H1, k], g[at.RATE1, k]
-    if not tells and m.counts[at.N_BENT] > 0:
+        bend = (g[at.RATE1, k] - g[at.RATE0, k]) * per_s
+        g[at.BEND, k] = bend if shows_bend else g[at.BEND, k]
+        g[at.H0, k] = g[at.H1, k]
+        g[at.RATE0, k] = g[at.RATE1, k]
+    if not shows_bend and m.counts[at.N_BENT] > 0:
         for k in range(m.flags.width):
             g[at.BEND, k] = g[at.BEND, k] if m.flags[at.BENT, k] == 0 else 0.0
 
@@ -240,13 +283,15 @@ def carry_guards(p: Problem, m: Memory, dt: float) -> None:
 @kernel
 def flip_time(g: float, d: float, c: float) -> float:
     """Return when g + d t + c t^2 / 2 falls through zero; 0 if it does not."""
-    room = d * d - 2.0 * g * c
-    if room <= 0.0:
+    discriminant = d * d - 2.0 * g * c
+    if discriminant <= 0.0:
         return 0.0
-    root = sqrt(room)
+    root = sqrt(discriminant)
     if d < 0.0:
         return 2.0 * g / (root - d)
-    return -(d + root) / c if c < 0.0 else 0.0
+    if c < 0.0:
+        return -(d + root) / c
+    return 0.0
 
 
 @kernel
@@ -256,8 +301,13 @@ def clipped(p: Problem, m: Memory, dt: float) -> float:
     Sleeping guards that might flip by then wake, the nearest first.
     """
     soon = SOON * m.clock[at.GAP]
-    first = clipped_by_coming(p, m, soon) if soon < dt else dt
-    dt = first if first < min(soon, dt) else clipped_by_coming(p, m, dt)
+    soonest = dt
+    if soon < dt:
+        soonest = clipped_by_coming(p, m, soon)
+    if soonest < min(soon, dt):
+        dt = soonest
+    else:
+        dt = clipped_by_coming(p, m, dt)
     k = wake_for(p, m, dt)
     while k >= 0:
         dt = clipped_by(p, m, k, dt)
@@ -275,10 +325,14 @@ def clipped_by_coming(p: Problem, m: Memory, dt: float) -> float:
 
 @kernel
 def clipped_by(p: Problem, m: Memory, k: int, dt: float) -> float:
-    """Return `dt`, or slightly more than the time to the flip of guard k if that is earlier."""
-    g, lock = m.guards, p.mode[k]
-    value, rate, bend = lock * g[at.H0, k], lock * g[at.RATE0, k], lock * g[at.BEND, k]
-    if after(value, rate, bend, dt) > 0.0:
+    """Return `dt`, or slightly more than the time to the flip of guard k if earlier."""
+    margin = margin_of(p, m, k, at.H0)
+    rate = margin_of(p, m, k, at.RATE0)
+    bend = margin_of(p, m, k, at.BEND)
+    if after(margin, rate, bend, dt) > 0.0:
         return dt
-    time = OVERSHOOT * flip_time(max(value, 0.0), rate, bend)
-    return time if CLIP_MOST * time_resolution(m.clock[at.T], 0.0) < time < dt else dt
+    time = OVERSHOOT * flip_time(max(margin, 0.0), rate, bend)
+    shortest = CLIP_MOST * time_resolution(m.clock[at.T], 0.0)
+    if shortest < time < dt:
+        return time
+    return dt

@@ -72,7 +72,10 @@ def set_way(m: Memory) -> None:
 
 @kernel_in_loop
 def measure(p: Problem, m: Memory) -> None:
-    """Store the guards' rates along one direction: for an affine guard, constant in a mode."""
+    """Store the guards' rates along one direction.
+
+    For an affine guard they are constant in a mode.
+    """
     m.counts[at.MEASURED] = m.counts[at.INSTANTS]
     set_way(m)
     eval_guards(p, m, m.clock[at.T], at.Y, at.SLOPE, at.H, at.RATE_ALONG)
@@ -80,9 +83,10 @@ def measure(p: Problem, m: Memory) -> None:
 
 @kernel_in_loop
 def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -> None:
-    """Evaluate the guards at `theta` on the states' cubic over the step, into H and RATE.
+    """Evaluate the guards at `theta` on the states' cubic over the step.
 
-    Rates are along the cubic or, if `along`, along the direction of `measure`.
+    They are written into H and RATE. Rates are along the cubic or, if `along`, along
+    the direction of `measure`.
     """
     s, per_s = m.states, 1.0 / dt
     for i in range(s.width):
@@ -98,10 +102,10 @@ def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -
 def mark_bent(
     p: Problem, m: Memory, dt: float, theta: float, mark: bool, by_rate: bool
 ) -> int:
-    """Count the guards that were straight but are not at `theta`; if `mark`, mark them as bent.
+    """Count the guards that were straight but are not at `theta`.
 
-    The criteria are their rates along the direction of `measure` and, unless `by_rate`,
-    their values.
+    If `mark`, they are marked as bent. The criteria are their rates along the direction
+    of `measure` and, unless `by_rate`, their values.
     """
     g, found, resolution = m.guards, 0, INSTANTS * time_resolution(m.clock[at.T], dt)
     state = 0.0  # its rounding exceeds that of time soon after t = 0
@@ -127,7 +131,10 @@ def mark_bent(
 
 @kernel_apart
 def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
-    """Mark the guards that bend somewhere on a step much longer than its cubic is valid for."""
+    """Mark the guards that bend somewhere on a long step.
+
+    It is much longer than its cubic is valid for.
+    """
     found, parts = 0, max(1, int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))))
     prepare_interpolant(p, m, dt)
     for part in range(parts):
@@ -167,8 +174,9 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
 
 @kernel
 def by_ends(p: Problem, m: Memory, dt: float) -> int:
-    """Judge the step by its ends: AFAR if no guard can reach its surface, EVEN if all move evenly.
+    """Judge the step by its ends.
 
+    The result is AFAR if no guard can reach its surface, EVEN if all move evenly.
     Otherwise the result is UNEVEN.
     """
     g, near, fast = m.guards, 0, 0
@@ -188,7 +196,10 @@ def by_ends(p: Problem, m: Memory, dt: float) -> int:
 
 @kernel
 def leave_out_bent(m: Memory) -> int:
-    """Remove the guards already examined in windows from NEAR, and return how many remain."""
+    """Remove the guards already examined in windows from NEAR.
+
+    Returns how many remain.
+    """
     count = 0
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
@@ -206,14 +217,15 @@ def lowest(g0: float, d0: float, g1: float, d1: float) -> float:
 
 
 @kernel_in_loop
-def judge(
-    g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float,
-    slack: float,
+def judge(  # noqa: PLR0913 (three ends of two cubics, in a compiled loop)
+    g0: float, d0: float, gc: float, dc: float, g1: float, d1: float,
+    leaving: bool, noise: float, slack: float,
 ) -> tuple[int, float, float, float]:  # fmt: skip
-    """Judge a guard in a window by margins and slopes (per window) at its ends and middle.
+    """Judge a guard in a window by its ends and its middle.
 
-    A margin must exceed the error plus `slack` times the change. Returns the judgement,
-    the error in the middle, the error that is allowed anywhere, and the change.
+    Margins and slopes (per window) are given. A margin must exceed the error plus
+    `slack` times the change. Returns the judgement, the error in the middle, the error
+    that is allowed anywhere, and the change.
     """
     error = abs(gc - 0.5 * (g0 + g1) - 0.125 * (d0 - d1))
     error += 0.25 * abs(dc - 1.5 * (g1 - g0) + 0.25 * (d0 + d1))
@@ -239,7 +251,7 @@ def judge(
 
 
 @kernel_in_loop
-def judge_all(
+def judge_all(  # noqa: PLR0913 (a window, its ends and its rows, in a compiled loop)
     p: Problem,
     m: Memory,
     dt: float,
@@ -250,10 +262,11 @@ def judge_all(
     b: int,
     slack: float,
 ) -> tuple[int, float, bool]:
-    """Judge the bending guards in a window, by rows: the worst judgement and the least room.
+    """Judge the bending guards in a window, by rows.
 
-    Room is the ratio of allowed error to error; below 1, rates and values disagree. The
-    last result is whether all guards follow their cubics.
+    Returns the worst judgement and the least room. Room is the ratio of allowed error
+    to error; below 1, rates and values disagree. The last result is whether all guards
+    follow their cubics.
     """
     g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, MOST_ROOM, True
     resolution, longest = (
@@ -290,10 +303,10 @@ def judge_all(
 
 @kernel_in_loop
 def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
-    """Return whether ends and middle suffice, because the step is short and its cubic is the path.
+    """Return whether ends and middle suffice.
 
-    In a longer step they would not: a sum of two sines may meet its cubic there by
-    accident.
+    They do if the step is short and its cubic is the path. In a longer step they would
+    not: a sum of two sines may meet its cubic there by accident.
     """
     longest = FINE * LONGEST * (p.t_end - p.t_start)
     if dt > longest or p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
@@ -308,7 +321,10 @@ def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
 
 @kernel
 def any_past(p: Problem, m: Memory, row: int) -> int:
-    """Return the first bending guard that is past its surface in a row; -1 if there is none."""
+    """Return the first bending guard that is past its surface in a row.
+
+    The result is -1 if there is none.
+    """
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         if m.flags[at.BENT, k] != 0 and p.mode[k] * m.guards[row, k] < 0.0:
@@ -327,10 +343,10 @@ def unused(a: int, b: int) -> int:
 
 @kernel_apart
 def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
-    """Return the time, s, from the step's start that is free of flips of bending guards.
+    """Return the time, s, from the step's start that is free of flips.
 
-    If one may flip in the very first window, return that window: WATCHED then says that
-    its ends suffice.
+    Only bending guards are examined. If one may flip in the very first window, return
+    that window: WATCHED then says that its ends suffice.
     """
     prepare_interpolant(p, m, dt)
     run = (p.t_end - p.t_start) / dt
@@ -399,7 +415,10 @@ def watch(p: Problem, m: Memory, dt: float) -> float:
 
 @kernel_in_loop
 def watched(p: Problem, m: Memory, dt: float) -> float:
-    """Do the same; usually the step is no longer than a window and no guard moves fast in it."""
+    """Do the same as `watch`, if that is necessary.
+
+    Usually the step is no longer than a window and no guard moves fast in it.
+    """
     m.counts[at.WATCHED] = BY_ENDS
     if m.flags.width == 0:
         return dt

@@ -1,4 +1,4 @@
-"""First-order analysis: saltation matrices, Bouligand derivatives, and tests of smoothness."""
+"""First-order analysis: saltation matrices, Bouligand derivatives, smoothness."""
 
 from hopdata.hybrid.first_order.saltation import (
     NotTransversalError,
@@ -9,6 +9,9 @@ from hopdata.hybrid.first_order.saltation import (
 from hopdata.hybrid.first_order.smoothness import check_c1
 
 __all__ = [
-    "NotTransversalError", "bouligand_derivative", "check_c1", "project_onto_section",
+    "NotTransversalError",
+    "bouligand_derivative",
+    "check_c1",
+    "project_onto_section",
     "saltation_matrix",
-]  # fmt: skip
+]

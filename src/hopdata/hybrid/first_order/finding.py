@@ -36,34 +36,29 @@ class Finding:
         cls, condition: str, value: float, bound: float, detail: str
     ) -> Finding:
         """Return a finding that passes if the value does not exceed a bound."""
-        return cls(
-            condition, bool(value <= bound), float(value), f"<= {bound:g}", detail
-        )
+        passed = bool(value <= bound)
+        return cls(condition, passed, float(value), f"<= {bound:g}", detail)
 
     @classmethod
     def above(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
         """Return a finding that passes if the value exceeds a bound."""
-        return cls(condition, bool(value > bound), float(value), f"> {bound:g}", detail)
+        passed = bool(value > bound)
+        return cls(condition, passed, float(value), f"> {bound:g}", detail)
 
     def cells(self) -> tuple[str, ...]:
         """Return one row of a table."""
+        passed = "yes" if self.passed else "NO"
         value = "-" if isnan(self.value) else f"{self.value:.3g}"
-        return (
-            "yes" if self.passed else "NO",
-            self.condition,
-            value,
-            self.needed,
-            self.detail,
-        )
+        return (passed, self.condition, value, self.needed, self.detail)
 
     @staticmethod
     def table(findings: Sequence[Finding]) -> str:
         """Return the findings as aligned lines."""
-        head = "", "condition", "found", "needed", "the number is"
+        head = ("", "condition", "found", "needed", "the number is")
         rows = [head, *(finding.cells() for finding in findings)]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        lines = (
-            "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True))
-            for row in rows
-        )
-        return "\n".join(line.rstrip() for line in lines)
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = []
+        for row in rows:
+            cells = [one.ljust(width) for one, width in zip(row, widths, strict=True)]
+            lines.append("  ".join(cells).rstrip())
+        return "\n".join(lines)

@@ -18,14 +18,15 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.system import System
 
-# Difference step in units of a coordinate's size; extrapolated, the error is STEP^4
+#: Step of the differences that give derivatives; extrapolated, their error is STEP^4.
+#: Unit: 1, of a coordinate's size. Origin: chosen.
 STEP = 1e-3
-SAME_SLOPE = (
-    1e-6  # tolerance within which differences and rates along unit vectors agree
-)
-ON_GUARD = (
-    1e-9  # fraction of the guard's scale: a state this close to a surface lies on it
-)
+#: Difference within which slopes by differences and by the guards' rates agree.
+#: Unit: 1. Origin: chosen.
+SAME_SLOPE = 1e-6
+#: A state this close to a guard's surface lies on it.
+#: Unit: 1, of the guard's scale. Origin: chosen.
+ON_GUARD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Linearisation:
 
     @property
     def guard_scales(self) -> FloatArray:
-        """Sums |Dh_i f_i| + |dh/dt| that bound the rates, (n_guards,); always non-negative."""
+        """Sums |Dh_i f_i| + |dh/dt| that bound the rates, (n_guards,)."""
         return np.abs(self.gradients) @ np.abs(self.rate) + np.abs(self.time_rates)
 
 
@@ -87,15 +88,10 @@ def instant(
         system.current()  # compiles called functions anew if their globals have changed
     y = np.array(state, dtype=np.float64)
     locks = np.array(mode, dtype=np.int64)
-    expect(
-        y.shape == (system.n_states,), "state", f"shape ({system.n_states},)", y.shape
-    )
-    expect(
-        locks.shape == (system.n_modes,),
-        "mode",
-        f"{system.n_modes} integers",
-        locks.shape,
-    )
+    fits = y.shape == (system.n_states,)
+    expect(fits, "state", f"shape ({system.n_states},)", y.shape)
+    fits = locks.shape == (system.n_modes,)
+    expect(fits, "mode", f"{system.n_modes} integers", locks.shape)
     given = locks[: system.n_guards]
     expect(np.isin(given, (-1, 1)).all(), "mode", "locks -1 or +1", given)
     memory = np.zeros(getattr(system, "n_memory", 0))
@@ -105,9 +101,8 @@ def instant(
 
 def state_scale(system: System, scale: ArrayLike | None) -> FloatArray:
     """Return the size of each state coordinate, (n,); 1 unless given."""
-    sizes = np.broadcast_to(
-        np.asarray(1.0 if scale is None else scale), (system.n_states,)
-    )
+    given = np.asarray(1.0 if scale is None else scale)
+    sizes = np.broadcast_to(given, (system.n_states,))
     expect((sizes > 0).all(), "scale", "numbers > 0", repr(scale))
     return sizes.astype(np.float64)
 
@@ -123,7 +118,8 @@ def guards_at(
     system: System, at: Instant, dy: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the event functions, and their rates for the state's rate `dy`."""
-    h, rates = np.zeros(system.n_guards), np.zeros(system.n_guards)
+    h = np.zeros(system.n_guards)
+    rates = np.zeros(system.n_guards)
     if system.guards is not None:
         system.guards.function(at.t, at.y, dy, at.mode, at.params, h, rates)
     elif system.guard is not None:
@@ -140,15 +136,19 @@ def differentiate(
     Central differences at two steps are extrapolated (Richardson).
     """
     steps = STEP * np.maximum(scale, np.abs(at.y))
-    columns = [
-        _extrapolated(lambda s, e=e: function(at.moved(at.y + s * e, at.t)), step)  # type: ignore[misc]
-        for step, e in zip(steps, np.eye(len(at.y)), strict=True)
-    ]
+    columns = []
+    for step, axis in zip(steps, np.eye(len(at.y)), strict=True):
+
+        def along(s: float, axis: FloatArray = axis) -> FloatArray:
+            return function(at.moved(at.y + s * axis, at.t))
+
+        columns.append(_extrapolated(along, step))
     in_time = _extrapolated(lambda s: function(at.moved(at.y, at.t + s)), STEP)
     return np.array(columns).T, in_time
 
 
 def _extrapolated(along: Callable[[float], FloatArray], step: float) -> FloatArray:
+    """Return the derivative at 0 from differences over a step and its half."""
     wide = (along(step) - along(-step)) / (2 * step)
     narrow = (along(step / 2) - along(-step / 2)) / step
     return narrow + (narrow - wide) / 3
@@ -164,12 +164,13 @@ def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
     """
     nothing = np.zeros(system.n_states)
     h, in_time = guards_at(system, at, nothing)
-    exact = np.array(
-        [guards_at(system, at, e)[1] - in_time for e in np.eye(system.n_states)]
-    ).T
-    slopes, slopes_in_time = differentiate(
-        lambda p: guards_at(system, p, nothing)[0], at, scale
-    )
+    axes = np.eye(system.n_states)
+    exact = np.array([guards_at(system, at, axis)[1] - in_time for axis in axes]).T
+
+    def surfaces(p: Instant) -> FloatArray:
+        return guards_at(system, p, nothing)[0]
+
+    slopes, slopes_in_time = differentiate(surfaces, at, scale)
     off = np.abs(exact - slopes) @ scale + np.abs(in_time - slopes_in_time)
     size = np.abs(slopes) @ scale + np.abs(slopes_in_time)
     rounding = 4 * (system.n_states + 1) * np.finfo(float).eps * np.abs(h) / STEP
@@ -180,8 +181,10 @@ def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
 
 
 def cross(system: System, at: Instant, guard: int) -> Instant:
-    """Return the hybrid state after one guard is crossed: lock flipped and handler run."""
-    y, mode, params = at.y.copy(), at.mode.copy(), at.params.copy()
+    """Return the hybrid state after a guard is crossed and its handler has run."""
+    y = at.y.copy()
+    mode = at.mode.copy()
+    params = at.params.copy()
     mode[guard] = -mode[guard]
     if system.on_event is not None:
         system.on_event.function(at.t, y, mode, params, guard, int(mode[guard]))
@@ -194,7 +197,7 @@ def active_guards(
     guards: Sequence[int | str] | None,
     scale: FloatArray,
 ) -> tuple[int, ...]:
-    """Return the indices of the guards named, or of those on whose surface the state lies."""
+    """Return the indices of the guards named, or of those on whose surface it lies."""
     if guards is None:
         h = guards_at(system, here.instant, here.rate)[0]
         on_surface = np.abs(h) <= ON_GUARD * (np.abs(here.gradients) @ scale)
@@ -208,6 +211,8 @@ def active_guards(
 
 # The system for each combination of the locks of some guards.
 
+#: Number of guards up to which all combinations of their locks are checked.
+#: Unit: 1. Origin: chosen: 256 combinations.
 ALL_COMBINATIONS_UP_TO = 8
 Combination = tuple[int, ...]
 
@@ -239,7 +244,7 @@ def mode_fields(
     scale: FloatArray,
     seed: int = 0,
 ) -> dict[Combination, Linearisation]:
-    """Return field and guards for each combination of locks, keyed by the guards crossed."""
+    """Return field and guards for each combination of locks, by the guards crossed."""
 
     def after(crossed: Combination) -> Linearisation:
         return linearise(system, reduce(partial(cross, system), crossed, start), scale)

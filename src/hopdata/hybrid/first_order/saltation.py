@@ -1,4 +1,4 @@
-"""Saltation matrices: the effect of a guard's crossing on a small deviation of the state."""
+"""Saltation matrices: what a guard's crossing does to a small deviation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from hopdata.hybrid.system import System
 
 
 class NotTransversalError(ValueError):
-    """A guard is not crossed transversally: its event function has no rate along the field."""
+    """A guard is not crossed transversally: it has no rate along the field."""
 
 
 def saltation_matrix(
@@ -55,16 +55,21 @@ def saltation_matrix(
     NotTransversalError
         If the event function does not change along f-.
     """
-    f, g, slope = (np.asarray(v, dtype=np.float64) for v in (before, after, gradient))
+    f = np.asarray(before, dtype=np.float64)
+    g = np.asarray(after, dtype=np.float64)
+    slope = np.asarray(gradient, dtype=np.float64)
     rate = _rate(f, slope, time_rate)
-    kept = np.eye(len(f)) if reset is None else np.asarray(reset, dtype=np.float64)
-    moved = kept @ f + (
-        0.0 if reset_rate is None else np.asarray(reset_rate, dtype=np.float64)
-    )
+    if reset is None:
+        reset = np.eye(len(f))
+    if reset_rate is None:
+        reset_rate = 0.0
+    kept = np.asarray(reset, dtype=np.float64)
+    moved = kept @ f + np.asarray(reset_rate, dtype=np.float64)
     return kept + np.outer(g - moved, slope) / rate
 
 
 def _rate(f: FloatArray, slope: FloatArray, time_rate: float) -> float:
+    """Return the rate of an event function along a field; raise if there is none."""
     rate = float(slope @ f) + time_rate
     if rate == 0 or not np.isfinite(rate):
         raise NotTransversalError(
@@ -73,35 +78,38 @@ def _rate(f: FloatArray, slope: FloatArray, time_rate: float) -> float:
     return rate
 
 
-BESIDE = 1e-7  # displacement that reveals a reset, as a fraction of a coordinate's size
+#: Displacement of the state at which a handler is tried, to see whether it changes the
+#: state beside the one that is checked.
+#: Unit: 1, of a coordinate's size. Origin: chosen.
+BESIDE = 1e-7
 
 
 def crossing(
     system: System, here: Linearisation, guard: int, scale: FloatArray
 ) -> tuple[FloatArray, Linearisation]:
-    """Return the saltation matrix of a guard's crossing, and the linearisation after it.
+    """Return the saltation matrix of a crossing, and the linearisation after it.
 
     If the handler changes this state or a neighbouring one, differences give its
     derivative.
     """
     at = here.instant
     there = local.linearise(system, local.cross(system, at, guard), scale)
-    reset = reset_rate = None
 
     def after(p: Instant) -> FloatArray:
         return local.cross(system, p, guard).y
 
-    beside = at.moved(
-        at.y + BESIDE * scale * np.sqrt(1.0 + np.arange(len(scale))), at.t
-    )
+    # Each coordinate by another share, so that no sum of them stays as it is.
+    shares = np.sqrt(1.0 + np.arange(len(scale)))
+    beside = at.moved(at.y + BESIDE * scale * shares, at.t)
+    reset = None
+    reset_rate = None
     if any((after(p) != p.y).any() for p in (at, beside)):
         reset, reset_rate = local.differentiate(after, at, scale)
-    slope, in_time = here.gradients[guard], float(here.time_rates[guard])
     matrix = saltation_matrix(
         here.rate,
         there.rate,
-        slope,
-        time_rate=in_time,
+        here.gradients[guard],
+        time_rate=float(here.time_rates[guard]),
         reset=reset,
         reset_rate=reset_rate,
     )
@@ -111,7 +119,11 @@ def crossing(
 # The orders in which guards that meet at one state may be crossed, each with its
 # matrix.
 
-NARROW = 1e-9  # a cone of deviations thinner than this counts as a plane
+#: A cone of deviations that is thinner counts as a plane: its order does not occur.
+#: Unit: 1. Origin: chosen.
+NARROW = 1e-9
+#: Most orders of crossing that are all tried; with more, as many random deviations.
+#: Unit: 1. Origin: derived: 6!, all orders of six guards.
 MOST_ORDERS = 720
 
 
@@ -129,10 +141,9 @@ class Node:
     @property
     def delays(self) -> FloatArray:
         """Functionals that map a deviation to the times of crossing, (n_guards, n)."""
+        changes = self.here.gradients @ self.product
         with np.errstate(divide="ignore", invalid="ignore"):
-            return (
-                -(self.here.gradients @ self.product) / self.here.guard_rates[:, None]
-            )
+            return -changes / self.here.guard_rates[:, None]
 
 
 @dataclass(frozen=True)
@@ -160,7 +171,7 @@ class CrossingOrder:
 
 
 class BouligandDerivative:
-    """The crossings of some guards in any order from one state, each computed on demand.
+    """The crossings of some guards in any order from a state, computed on demand.
 
     It is called with deviations v from that state, (n,) or (n, m), at the instant at
     which the nominal trajectory meets the guards. It returns D_v, of the same shape:
@@ -174,11 +185,12 @@ class BouligandDerivative:
     def __init__(
         self, system: System, start: Instant, guards: Sequence[int], scale: FloatArray
     ) -> None:
-        self.system, self.guards, self.scale = system, tuple(guards), scale
+        self.system = system
+        self.guards = tuple(guards)
+        self.scale = scale
         here = local.linearise(system, start, scale)
-        self._nodes: dict[tuple[int, ...], Node] = {
-            (): Node(here, np.eye(system.n_states))
-        }
+        root = Node(here, np.eye(system.n_states))
+        self._nodes: dict[tuple[int, ...], Node] = {(): root}
 
     def __call__(self, deviations: ArrayLike) -> FloatArray:
         """Return the directional derivatives D_v."""
@@ -191,22 +203,30 @@ class BouligandDerivative:
         return np.array([self(column) for column in v.T]).reshape(v.T.shape).T
 
     def node(self, order: tuple[int, ...]) -> Node:
-        """Return the node after the crossings in this order; raise if one is not transversal."""
+        """Return the node after the crossings in this order.
+
+        Raises
+        ------
+        NotTransversalError
+            If a guard is not approached.
+        """
         if order not in self._nodes:
-            before, guard = self.node(order[:-1]), order[-1]
-            rate, mode = before.here.guard_rates[guard], before.here.instant.mode
+            guard = order[-1]
+            before = self.node(order[:-1])
+            rate = before.here.guard_rates[guard]
+            mode = before.here.instant.mode
             if not -mode[guard] * rate > 0:  # not approached from its lock's side
                 name = self.system.guard_names[guard]
                 raise NotTransversalError(
-                    f"guard {name}: expected to be approached, found a rate of {rate:.3g} on the "
-                    f"side {mode[guard]:+d} in mode {mode.tolist()}"
+                    f"guard {name}: expected to be approached, found a rate of "
+                    f"{rate:.3g} on the side {mode[guard]:+d} in mode {mode.tolist()}"
                 )
             matrix, here = crossing(self.system, before.here, guard, self.scale)
             self._nodes[order] = Node(here, matrix @ before.product)
         return self._nodes[order]
 
     def order(self, deviation: ArrayLike) -> tuple[int, ...]:
-        """Return the order in which the neighbour at a deviation (n,) crosses the guards.
+        """Return the order in which the neighbour at a deviation (n,) crosses guards.
 
         The order is exact to first order: the neighbour follows one constant field
         after another. Guards crossed simultaneously keep the order in which they are
@@ -226,34 +246,38 @@ class BouligandDerivative:
         six guards all orders are tried; with more, those in which 720 random deviations
         cross.
         """
+        inside: dict[tuple[int, ...], FloatArray | None] = {}
         if factorial(len(self.guards)) <= MOST_ORDERS:
-            inside = {
-                guards: self._inside(guards) for guards in permutations(self.guards)
-            }
+            for order in permutations(self.guards):
+                inside[order] = self._inside(order)
         else:
-            draws = np.random.default_rng(seed).normal(
-                size=(MOST_ORDERS, self.system.n_states)
-            )
-            inside = {self.order(v): v for v in draws * self.scale}
+            rng = np.random.default_rng(seed)
+            draws = rng.normal(size=(MOST_ORDERS, self.system.n_states))
+            for v in draws * self.scale:
+                inside[self.order(v)] = v
         found = []
-        for order, v in inside.items():
+        for order, deviation in inside.items():
             last = self.node(order)
-            if v is not None:
-                direction, state = v / np.linalg.norm(v), last.here.instant.y
+            if deviation is not None:
+                direction = deviation / np.linalg.norm(deviation)
+                state = last.here.instant.y
                 found.append(CrossingOrder(order, last.product, direction, state))
         return tuple(found)
 
     def _inside(self, guards: tuple[int, ...]) -> FloatArray | None:
-        """Return a deviation that crosses in this order and stays clear of others, if any."""
+        """Return a deviation that crosses in this order and stays clear of others."""
         delays = [self.node(guards[:i]).delays[guard] for i, guard in enumerate(guards)]
         scaled = np.array(delays) * self.scale
         found = _inside_cone(np.diff(scaled, axis=0), float(np.abs(scaled).max()))
-        return None if found is None else found * self.scale
+        if found is None:
+            return None
+        return found * self.scale
 
 
 def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
-    """Return v with rows @ v > 0, or None: then rows sum to zero with weights >= 0 (Gordan 1873).
+    """Return v with rows @ v > 0, or None if there is none.
 
+    Then the rows sum to zero with weights >= 0 (Gordan 1873).
     The minimum of |rows.T w|^2 + (1 - sum w)^2 over w >= 0 is positive in the first
     case, and its minimiser gives v = rows.T w. Rows negligible beside `size` belong to
     guards that share a surface, which all deviations cross together; they impose no
@@ -269,7 +293,9 @@ def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
     sums = np.vstack([unit.T, np.ones(len(unit))])
     weights, _ = nnls(sums, np.append(np.zeros(rows.shape[1]), 1.0))
     inside = unit.T @ weights
-    return inside if np.linalg.norm(inside) > NARROW else None
+    if np.linalg.norm(inside) > NARROW:
+        return inside
+    return None
 
 
 def bouligand_derivative(
@@ -282,7 +308,7 @@ def bouligand_derivative(
     guards: Sequence[int | str] | None = None,
     scale: ArrayLike | None = None,
 ) -> BouligandDerivative:
-    """Return the Bouligand derivative of the flow at a state on the surfaces of several guards.
+    """Return the Bouligand derivative of the flow at a state on several surfaces.
 
     Parameters
     ----------
@@ -305,9 +331,8 @@ def bouligand_derivative(
     """
     sizes = local.state_scale(system, scale)
     start = local.instant(system, state, params=params, mode=mode, t=t)
-    chosen = local.active_guards(
-        system, local.linearise(system, start, sizes), guards, sizes
-    )
+    here = local.linearise(system, start, sizes)
+    chosen = local.active_guards(system, here, guards, sizes)
     return BouligandDerivative(system, start, chosen, sizes)
 
 
@@ -344,5 +369,7 @@ def project_onto_section(
     NotTransversalError
         If the event function does not change along f.
     """
-    phi, f, slope = (np.asarray(v, dtype=np.float64) for v in (flow, rate, gradient))
+    phi = np.asarray(flow, dtype=np.float64)
+    f = np.asarray(rate, dtype=np.float64)
+    slope = np.asarray(gradient, dtype=np.float64)
     return phi - np.outer(f, slope @ phi) / _rate(f, slope, time_rate)

@@ -31,20 +31,28 @@ from hopdata.hybrid.system import System
 GROUPED = "coordinates are positions and velocities"
 BY_POSITION = "guards depend on position alone"
 ADDITIVE = "contacts add accelerations (additive)"
-BESIDE = 8  # states beside the one that is checked; more would find rarer exceptions
-# Condition number from which rates of positions do not determine the velocities
+#: Number of states beside the one that is checked; more would find rarer exceptions.
+#: Unit: 1. Origin: chosen.
+BESIDE = 8
+#: Condition number from which rates of positions do not determine the velocities.
+#: Unit: 1. Origin: chosen.
 SINGULAR = 1e8
-ROUNDING = (
-    64 * np.finfo(float).eps
-)  # of a sum of accelerations, relative to the largest
+#: Error of a sum of accelerations that is left out of account.
+#: Unit: 1, of the largest. Origin: rounding: 64 units in the last place.
+ROUNDING = 64 * np.finfo(float).eps
 Fields = Sequence[Mapping[Combination, FloatArray]]
 
 
 def second_order_form(
-    system: System, start: Instant, active: Sequence[int], scale: FloatArray, seed: int,
-    tolerance: float, positions: Sequence[int] | None,
-) -> tuple[Finding, ...]:  # fmt: skip
-    """Return findings on positions and velocities, guards of position, and added accelerations.
+    system: System,
+    start: Instant,
+    active: Sequence[int],
+    scale: FloatArray,
+    seed: int,
+    tolerance: float,
+    positions: Sequence[int] | None,
+) -> tuple[Finding, ...]:
+    """Return findings on positions and velocities, on guards, and on accelerations.
 
     Parameters
     ----------
@@ -79,11 +87,9 @@ def second_order_form(
 def _beside(start: Instant, scale: FloatArray, seed: int) -> list[Instant]:
     """Return an instant and some beside it, by a small step in a random direction."""
     steps = local.STEP * np.maximum(scale, np.abs(start.y))
-    directions = np.random.default_rng(seed).uniform(-1.0, 1.0, (BESIDE, len(start.y)))
-    moved = [
-        start.moved(start.y + steps * direction, start.t) for direction in directions
-    ]
-    return [start, *moved]
+    rng = np.random.default_rng(seed)
+    directions = rng.uniform(-1.0, 1.0, (BESIDE, len(start.y)))
+    return [start, *(start.moved(start.y + steps * one, start.t) for one in directions)]
 
 
 def _fields(
@@ -106,7 +112,7 @@ def _fields(
 def position_pairs(
     places: Sequence[Instant], fields: Fields, scale: FloatArray, tolerance: float
 ) -> dict[int, int]:
-    """Return the coordinates whose rate is another one in every mode, each with the other."""
+    """Return the coordinates whose rate is another one in every mode, with that."""
     n = len(scale)
     agree = np.ones((n, n), dtype=bool)  # rate of the first is the second
     for place, field in zip(places, fields, strict=True):
@@ -119,15 +125,19 @@ def position_pairs(
 
 
 def why_not_positions(
-    system: System, places: Sequence[Instant], fields: Fields, scale: FloatArray,
-    tolerance: float, positions: Sequence[int],
-) -> str:  # fmt: skip
-    """Return why the other coordinates are not the velocities of these; empty if they are."""
-    n, chosen = len(scale), list(positions)
-    if 2 * len(set(chosen)) != n or not set(chosen) <= set(range(n)):
-        return (
-            f"{len(set(chosen))} positions among {n} coordinates are not half of them"
-        )
+    system: System,
+    places: Sequence[Instant],
+    fields: Fields,
+    scale: FloatArray,
+    tolerance: float,
+    positions: Sequence[int],
+) -> str:
+    """Return why the others are not the velocities of these; empty if they are."""
+    n = len(scale)
+    chosen = list(positions)
+    n_chosen = len(set(chosen))
+    if 2 * n_chosen != n or not set(chosen) <= set(range(n)):
+        return f"{n_chosen} positions among {n} coordinates are not half of them"
     others = np.setdiff1d(np.arange(n), chosen)
     for place, field in zip(places, fields, strict=True):
         rates = np.array([rate[chosen] for rate in field.values()])
@@ -144,34 +154,43 @@ def why_not_positions(
 
 
 def _grouped(
-    system: System, places: Sequence[Instant], fields: Fields, scale: FloatArray,
-    tolerance: float, positions: Sequence[int] | None,
-) -> tuple[Finding, list[int]]:  # fmt: skip
-    """Return the finding on positions and velocities, and the positions, none if it fails."""
-    n, pairs = len(scale), position_pairs(places, fields, scale, tolerance)
-    chosen, listed = (
-        list(range(n // 2)),
-        "the first half, and the others their velocities",
-    )
+    system: System,
+    places: Sequence[Instant],
+    fields: Fields,
+    scale: FloatArray,
+    tolerance: float,
+    positions: Sequence[int] | None,
+) -> tuple[Finding, list[int]]:
+    """Return the finding on positions and velocities, and the positions if it holds."""
+    n = len(scale)
+    pairs = position_pairs(places, fields, scale, tolerance)
     if positions is not None:
-        chosen, listed = list(positions), f"{list(positions)}, as given"
+        chosen = list(positions)
+        listed = f"{chosen}, as given"
     elif 2 * len(pairs) == n and set(pairs.values()).isdisjoint(pairs):
         chosen = list(pairs)
         listed = ", ".join(f"{i} with its velocity {k}" for i, k in pairs.items())
+    else:
+        chosen = list(range(n // 2))
+        listed = "the first half, and the others their velocities"
+    needed = f"= {n // 2}"
+    what = "coordinates that are positions"
     why = why_not_positions(system, places, fields, scale, tolerance, chosen)
     if why:
-        detail = (
-            f"coordinates that are positions: {why} (others may be given as positions=)"
-        )
-        return Finding(GROUPED, False, 0.0, f"= {n // 2}", detail), []
-    detail = f"coordinates that are positions: {listed}"
-    return Finding(GROUPED, True, float(len(chosen)), f"= {n // 2}", detail), chosen
+        detail = f"{what}: {why} (others may be given as positions=)"
+        return Finding(GROUPED, False, 0.0, needed, detail), []
+    detail = f"{what}: {listed}"
+    return Finding(GROUPED, True, float(len(chosen)), needed, detail), chosen
 
 
 def _by_position(
-    system: System, places: Sequence[Instant], active: Sequence[int], scale: FloatArray,
-    positions: Sequence[int], tolerance: float,
-) -> Finding:  # fmt: skip
+    system: System,
+    places: Sequence[Instant],
+    active: Sequence[int],
+    scale: FloatArray,
+    positions: Sequence[int],
+    tolerance: float,
+) -> Finding:
     """Return the finding on whether guards change with anything but the positions."""
     detail = "largest share of velocities and time in the change of a guard"
     if not positions:
@@ -192,29 +211,31 @@ def _by_position(
 def _additive(
     fields: Fields, scale: FloatArray, positions: Sequence[int], tolerance: float
 ) -> Finding:
-    """Return the finding on whether crossed guards add to the rates what each adds alone.
+    """Return the finding on whether crossed guards add to the rates what each adds.
 
     What they add to the rates of positions counts in full: contacts may change
     velocities only by accelerations.
     """
     is_position = np.isin(np.arange(len(scale)), positions)
-    apart, effect = 0.0, 0.0
+    apart = 0.0
+    effect = 0.0
     for field in fields:
         free = field[()]
-        alone = {
-            crossed[0]: rate - free
-            for crossed, rate in field.items()
-            if len(crossed) == 1
-        }
-        rounding = ROUNDING * max(
-            float(np.max(np.abs(rate) / scale)) for rate in field.values()
-        )
+        alone = {}
+        for crossed, rate in field.items():
+            if len(crossed) == 1:
+                alone[crossed[0]] = rate - free
+        largest = max(float(np.max(np.abs(rate) / scale)) for rate in field.values())
+        rounding = ROUNDING * largest
         for crossed, rate in field.items():
             added = rate - free
-            left = added - np.sum([alone[guard] for guard in crossed], axis=0)
-            left = np.where(is_position, added, left)
-            apart = max(apart, float(np.max(np.abs(left) / scale)) - rounding)
+            beyond_sum = added - np.sum([alone[guard] for guard in crossed], axis=0)
+            wrong = np.where(is_position, added, beyond_sum)
+            apart = max(apart, float(np.max(np.abs(wrong) / scale)) - rounding)
             effect = max(effect, float(np.max(np.abs(added) / scale)))
     value = apart / effect if effect > 0 else 0.0
-    detail = "largest deviation from the sum of what each contact adds alone, over the largest sum"
+    detail = (
+        "largest deviation from the sum of what each contact adds alone, over the "
+        "largest sum"
+    )
     return Finding.at_most(ADDITIVE, value, tolerance, detail)

@@ -33,47 +33,53 @@ from hopdata.hybrid.system import System
 # Event-selection: how the active guards are crossed, for all combinations of their
 # locks.
 
-CONTINUOUS, CROSSED = "trajectories are continuous", "each guard is crossed"
-ONCE, KEPT = "each guard is crossed only once", "contact keeps penetration velocity"
+CONTINUOUS = "trajectories are continuous"
+CROSSED = "each guard is crossed"
+ONCE = "each guard is crossed only once"
+KEPT = "contact keeps penetration velocity"
+#: Normalised rate above which a guard is approached.
+#: Unit: 1, of the sum of the sizes of the rate's terms. Origin: chosen.
 LIVE = 1e-6
+#: Largest change of a coordinate, or step against a lock, that is no change.
+#: Unit: 1, of a coordinate's or guard's size. Origin: chosen.
 UNCHANGED = 1e-12
 
 
 def event_selection(
     system: System, start: Instant, active: Sequence[int], scale: FloatArray, seed: int
 ) -> tuple[Finding, ...]:
-    """Return findings on jumps of the state, and on guards being crossed, once, and not held up.
+    """Return findings on jumps of the state, and on guards being crossed, and once.
 
     All 2^n combinations of locks are checked up to n = 8 active guards, and 256 beyond.
     Rates are normalised by the sums |Dh_i f_i| + |dh/dt|: 1 means that all terms act
     together, and a negative value that a guard runs back. They do not depend on the
     units of state, guard or time.
     """
-    guards, views = list(active), local.mode_fields(system, start, active, scale, seed)
+    guards = list(active)
+    views = local.mode_fields(system, start, active, scale, seed)
     ways = -start.mode[guards]  # directions of crossing
-    rates = {
-        crossed: ways * view.guard_rates[guards] for crossed, view in views.items()
-    }
-    shares = [_share(rates[c], view.guard_scales[guards]) for c, view in views.items()]
     size = np.maximum(scale, np.abs(start.y))
-    jump = max(
-        float(np.max(np.abs(v.instant.y - start.y) / size)) for v in views.values()
-    )
+    rates = {}
+    shares = []
+    jumps = []
+    for crossed, view in views.items():
+        rates[crossed] = ways * view.guard_rates[guards]
+        shares.append(_share(rates[crossed], view.guard_scales[guards]))
+        jumps.append(float(np.max(np.abs(view.instant.y - start.y) / size)))
+    slowest = float(np.min(shares))
+    back = _pushed_back(system, views, guards, ways, scale)
+    ratio = _kept(rates, guards)
+    of_rates = "smallest normalised rate of a guard in any mode"
+    of_steps = "largest step of a handler against a lock"
+    of_ratios = "smallest ratio of a guard's rate after its crossing to that before"
     return (
-        Finding.at_most(CONTINUOUS, jump, UNCHANGED, "largest jump of a coordinate"),
-        Finding.above(
-            CROSSED, float(np.min(shares)), LIVE,
-            "smallest normalised rate of a guard in any mode",
-        ),
         Finding.at_most(
-            ONCE, _pushed_back(system, views, guards, ways, scale), UNCHANGED,
-            "largest step of a handler against a lock",
+            CONTINUOUS, max(jumps), UNCHANGED, "largest jump of a coordinate"
         ),
-        Finding.above(
-            KEPT, _kept(rates, guards), LIVE,
-            "smallest ratio of a guard's rate after its crossing to that before",
-        ),
-    )  # fmt: skip
+        Finding.above(CROSSED, slowest, LIVE, of_rates),
+        Finding.at_most(ONCE, back, UNCHANGED, of_steps),
+        Finding.above(KEPT, ratio, LIVE, of_ratios),
+    )
 
 
 def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
@@ -82,7 +88,10 @@ def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
 
 
 def _kept(rates: Mapping[Combination, FloatArray], guards: Sequence[int]) -> float:
-    """Return the smallest ratio of a guard's rate after its crossing to that before; 0 if none."""
+    """Return the smallest ratio of a guard's rate after its crossing to that before.
+
+    0 if there is none.
+    """
     ratios = []
     for before, rate in rates.items():
         for i, guard in enumerate(guards):
@@ -93,49 +102,51 @@ def _kept(rates: Mapping[Combination, FloatArray], guards: Sequence[int]) -> flo
 
 
 def _pushed_back(
-    system: System, views: Mapping[Combination, Linearisation], guards: list[int], ways: IntArray,
+    system: System,
+    views: Mapping[Combination, Linearisation],
+    guards: list[int],
+    ways: IntArray,
     scale: FloatArray,
-) -> float:  # fmt: skip
-    """Return the largest step of a handler against a guard's lock, in units of its scale."""
-    surfaces = {
-        crossed: local.guards_at(system, view.instant, view.rate)[0][guards]
-        for crossed, view in views.items()
-    }
+) -> float:
+    """Return the largest step of a handler against a lock, in units of its scale."""
+    surfaces = {}
+    for crossed, view in views.items():
+        h, _ = local.guards_at(system, view.instant, view.rate)
+        surfaces[crossed] = h[guards]
     worst = 0.0
     for crossed, view in views.items():
         is_over = np.isin(guards, crossed)
-        if not np.array_equal(
-            view.instant.mode[guards], np.where(is_over, ways, -ways)
-        ):
-            return np.inf
+        locks = np.where(is_over, ways, -ways)
+        if not np.array_equal(view.instant.mode[guards], locks):
+            return np.inf  # a handler has set a lock itself
         size = np.maximum(np.abs(view.gradients[guards]) @ scale, np.finfo(float).tiny)
-        moved = (
-            np.where(is_over, -ways, ways) * (surfaces[crossed] - surfaces[()]) / size
-        )
+        against = np.where(is_over, -ways, ways)
+        moved = against * (surfaces[crossed] - surfaces[()]) / size
         worst = max(worst, float(moved.max()))
     return worst
 
 
 # Tests of smooth guards, and of crossings that commute.
 
+#: How much finer the second step is by which kinks of a guard are found.
+#: Unit: 1. Origin: chosen.
 REFINEMENT = 8.0
 
 
 def one_sided_gaps(
     system: System, here: Linearisation, guards: list[int], scale: FloatArray
 ) -> tuple[float, float]:
-    """Return the difference of the guards' one-sided gradients, for a step and an eighth of it.
+    """Return the difference of the guards' one-sided gradients, for two steps.
 
-    It is relative to the gradient. The difference shrinks with the step for a smooth
-    guard, and remains for a kink.
+    The second step is an eighth of the first. The difference is relative to the
+    gradient. It shrinks with the step for a smooth guard, and remains for a kink.
     """
-    coarse, fine = (
-        _gap(system, here, guards, scale, local.STEP / r) for r in (1.0, REFINEMENT)
-    )
     size = np.abs(here.gradients[guards]) @ scale
-    return tuple(
-        float(np.max(gap / size)) if size.all() else np.inf for gap in (coarse, fine)
-    )  # type: ignore[return-value]
+    if not size.all():
+        return np.inf, np.inf
+    coarse = _gap(system, here, guards, scale, local.STEP)
+    fine = _gap(system, here, guards, scale, local.STEP / REFINEMENT)
+    return float(np.max(coarse / size)), float(np.max(fine / size))
 
 
 def _gap(
@@ -158,14 +169,17 @@ def _gap(
 
 
 def rates_agree(system: System, here: Linearisation, guards: list[int]) -> float:
-    """Return the difference of the reported rates from Dh f + dh/dt, relative to their size."""
+    """Return the difference of the reported rates from Dh f + dh/dt.
+
+    It is relative to their size.
+    """
     reported = local.guards_at(system, here.instant, here.rate)[1][guards]
     off = np.abs(reported - here.guard_rates[guards])
     return float(np.max(_share(off, here.guard_scales[guards])))
 
 
 def spread(products: Sequence[FloatArray]) -> float:
-    """Return the largest distance of two saltation products over the largest effect of one.
+    """Return the largest distance of two products over the largest effect of one.
 
     The distance is the Frobenius norm in units of the coordinates' sizes; the effect of
     a product is its distance from 1.
@@ -173,12 +187,18 @@ def spread(products: Sequence[FloatArray]) -> float:
     stack = np.array(products)
     effect = np.linalg.norm(stack - np.eye(stack.shape[-1]), axis=(1, 2)).max()
     apart = max(float(np.linalg.norm(stack - one, axis=(1, 2)).max()) for one in stack)
-    return apart / float(effect) if effect > 0 else 0.0
+    if effect > 0:
+        return apart / float(effect)
+    return 0.0
 
 
+#: Relative difference below which two numbers count as equal: slopes, rates, products.
+#: Unit: 1. Origin: chosen.
 EQUAL = 1e-8
 ONE_PRODUCT = "all orders have one saltation product"
-NOT_SELECTED, SELECTED, C1 = "not event-selected", "event-selected, not C1", "C1"
+NOT_SELECTED = "not event-selected"
+SELECTED = "event-selected, not C1"
+C1 = "C1"
 
 
 def smooth_guards(
@@ -188,22 +208,22 @@ def smooth_guards(
     scale: FloatArray,
     tolerance: float,
 ) -> tuple[Finding, ...]:
-    """Return findings on equal one-sided gradients, and on reported rates that agree with them."""
+    """Return findings on equal one-sided gradients, and on the reported rates."""
     coarse, fine = one_sided_gaps(system, here, active, scale)
+    needed = max(0.5 * coarse, tolerance)
+    off = rates_agree(system, here, active)
+    of_slopes = (
+        "difference of slopes from both sides; needed: half of that at 8 times the step"
+    )
+    of_rates = "difference of hdot and Dh f + dh/dt"
     return (
-        Finding.at_most(
-            "guards are smooth surfaces", fine, max(0.5 * coarse, tolerance),
-            "difference of slopes from both sides; needed: half of that at 8 times the step",
-        ),
-        Finding.at_most(
-            "guards report their rates", rates_agree(system, here, active), tolerance,
-            "difference of hdot and Dh f + dh/dt",
-        ),
-    )  # fmt: skip
+        Finding.at_most("guards are smooth surfaces", fine, needed, of_slopes),
+        Finding.at_most("guards report their rates", off, tolerance, of_rates),
+    )
 
 
 def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Finding:
-    """Return the finding on whether all orders that occur have the same saltation product."""
+    """Return the finding on whether all orders that occur have one product."""
     scale = flow.scale
     try:
         orders = flow.pieces(seed=seed)
@@ -213,14 +233,11 @@ def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Findi
     detail = (
         f"largest distance of two of {len(orders)} products, over that of one from 1"
     )
-    ends, start = (
-        np.array([order.state for order in orders]),
-        flow.node(()).here.instant.y,
-    )
+    ends = np.array([order.state for order in orders])
+    start = flow.node(()).here.instant.y
     if (ends != start).any():
-        apart = max(
-            float(np.linalg.norm((ends - end) / scale, axis=1).max()) for end in ends
-        )
+        distances = [np.linalg.norm((ends - end) / scale, axis=1).max() for end in ends]
+        apart = max(map(float, distances))
         detail += f"; the states after them differ by {apart:.3g}"
     return Finding.at_most(ONE_PRODUCT, spread(matrices), tolerance, detail)
 
@@ -265,26 +282,33 @@ class SmoothnessReport:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Conditions that do not hold, without those of the second-order form."""
-        return tuple(
-            f.condition for f in (*self.selection, self.products) if not f.passed
-        )
+        findings = (*self.selection, self.products)
+        return tuple(one.condition for one in findings if not one.passed)
 
     def __str__(self) -> str:
-        why = f" (does not hold: {'; '.join(self.reasons)})" if self.reasons else ""
+        title = self.verdict
+        if self.reasons:
+            title += f" (does not hold: {'; '.join(self.reasons)})"
         findings = (*self.selection, self.products, *self.second_order)
         head, *rows = Finding.table(findings).split("\n")
-        count = len(self.selection)
+        n_first = len(self.selection)
         form = "holds" if self.has_second_order_form else "does not hold"
-        return "\n".join([
-            f"{self.verdict}{why}", f"guards {', '.join(self.guards)}", head,
-            "event-selected if", *rows[:count], "C1 if moreover", rows[count],
-            f"second-order form (additive accelerations; sufficient for C1, and {form}) if it is "
-            "event-selected and",
-            *rows[count + 1 :],
-        ])  # fmt: skip
+        lines = [
+            title,
+            f"guards {', '.join(self.guards)}",
+            head,
+            "event-selected if",
+            *rows[:n_first],
+            "C1 if moreover",
+            rows[n_first],
+            "second-order form (additive accelerations; sufficient for C1, and "
+            f"{form}) if it is event-selected and",
+            *rows[n_first + 1 :],
+        ]
+        return "\n".join(lines)
 
 
-def check_c1(
+def check_c1(  # noqa: PLR0913 (each parameter is an option of the user's)
     system: System,
     state: ArrayLike,
     *,
@@ -338,9 +362,8 @@ def check_c1(
     expect(active, "guards", "at least one, as the state lies on no surface", active)
     continuous, *others = event_selection(system, start, active, sizes, seed)
     smooth = smooth_guards(system, here, list(active), sizes, tolerance)
-    products = one_product(
-        BouligandDerivative(system, start, active, sizes), seed, tolerance
-    )
+    flow = BouligandDerivative(system, start, active, sizes)
+    products = one_product(flow, seed, tolerance)
     form = second_order_form(system, start, active, sizes, seed, tolerance, positions)
     names = tuple(system.guard_names[k] for k in active)
     return SmoothnessReport(names, (continuous, *smooth, *others), products, form)

@@ -1,1 +1,1 @@
-"""Many systems side by side, one per lane of the processor's vectors, for `solve_batch`."""
+"""Many systems side by side, one per lane of the processor's vectors."""

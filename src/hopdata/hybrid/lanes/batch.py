@@ -1,4 +1,4 @@
-"""Lanes for one system: whether they can integrate it, and the machine code of its functions."""
+"""Lanes for one system: whether they can integrate it, and its functions' code."""
 
 import re
 from collections.abc import Callable
@@ -14,11 +14,12 @@ from numba import NumbaError, cfunc, types
 from hopdata.arrays import IntArray
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.callbacks import Caught
+from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import row
+from hopdata.hybrid.lanes import room as layout
 from hopdata.hybrid.lanes import step as code
 from hopdata.hybrid.lanes.vectors import WIDTH, Rows, aligned, mask_of, part, where
 from hopdata.hybrid.methods.explicit import compose
@@ -26,12 +27,23 @@ from hopdata.hybrid.methods.method import put_in
 from hopdata.hybrid.system import System
 
 MOST_GUARDS = 62  # their indices are bits of an integer
-MOST_READ = 12  # most integers of the mode: with more, lanes would seldom agree
-BRANCH = "it branches on the state or the time: choose between values by np.where, min or max"
+
+#: Most integers of the mode that field and guards may read: with more, lanes would
+#: seldom agree, and each group of them is evaluated apart.
+#: Unit: 1. Origin: chosen.
+MOST_READ = 12
+
+BRANCH = (
+    "it branches on the state or the time: choose between values by np.where, min or "
+    "max"
+)
 
 
 def reason_against(system: System, method: str, jacobian: bool) -> str:
-    """Return why lanes cannot integrate a system, as far as known without compiling; "" if none."""
+    """Return why lanes cannot integrate a system, as far as known without compiling.
+
+    The reason is "" if there is none.
+    """
     if jacobian:
         return "only the driver carries the Jacobian of the flow"
     if method not in ("auto", "dop853"):
@@ -42,13 +54,18 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
         return "a later event than a guard's first ends the integration"
     if system.n_guards > MOST_GUARDS:
         return f"there are {system.n_guards} guards, and lanes keep {MOST_GUARDS}"
-    if len(read_modes(system)) > MOST_READ:
-        return f"they read {len(read_modes(system))} integers of the mode: few lanes would agree"
+    n_read = len(read_modes(system))
+    if n_read > MOST_READ:
+        return f"they read {n_read} integers of the mode: few lanes would agree"
     if system.branches.address != 0:
-        return "the guards branch on the state or the time, and only the driver finds where"
+        return (
+            "the guards branch on the state or the time, and only the driver finds "
+            "where"
+        )
     for one in (system.field, system.guards, system.guard, system.on_event):
         if one is not None and not (one.address and one.compiled):
-            return f"{one.signature.name} {function_name(one.function)!r} runs as plain Python"
+            kind = one.signature.name
+            return f"{kind} {function_name(one.function)!r} runs as plain Python"
     return ""
 
 
@@ -72,23 +89,25 @@ def lane_runner(
         Start, end, relative tolerance, largest and first step, most steps and events.
     """
     reason = reason_against(system, method, jacobian)
-    if options[1] == inf:
-        reason = reason or "the end of t_span is infinite"
+    if not reason and options[1] == inf:
+        reason = "the end of t_span is infinite"
     if reason:
         return None, reason
     params = arrays[1]
-    key = lane_functions, params.shape[1], len(params) > 1 or system.n_memory > 0
+    n_params = params.shape[1]
+    in_lanes = len(params) > 1 or system.n_memory > 0
+    key = (lane_functions, n_params, in_lanes)
     if key not in system.made:
-        system.made[key] = lane_functions(system, *key[1:])
+        system.made[key] = lane_functions(system, n_params, in_lanes)
     functions, reason = system.made[key]
     if reason:
         return None, reason
     integrate = CFUNCTYPE(c_int64, c_int64, c_int64, c_int64)(compiled_loop().address)
 
     def run(first: int, last: int) -> int:
-        desk, _kept = _desk(system, arrays, options, key[2], functions)
+        block, _kept = _argument_block(system, arrays, options, in_lanes, functions)
         with Caught() as caught:
-            integrate(first, last, desk.ctypes.data)
+            integrate(first, last, block.ctypes.data)
         if caught:
             raise caught[0]
         return last - first
@@ -98,40 +117,35 @@ def lane_runner(
 
 # The system's functions, compiled for lanes and called by their address.
 
-CALL: Any = None  # inserted, as are the following
-states = margins = params_of = CALL
+# These names are inserted: the system's function, and what gives its arguments.
+CALL: Any = None
+states: Any = None
+margins: Any = None
+params_of: Any = None
 
 
 def field_of_groups(t: Any, y: Any, r: Any, dy: Any) -> None:
     """Evaluate the field for each group of lanes."""
-    other, params = states(r.other, 0), params_of(r)
-    CALL(t, y, row(r.modes, r.book[code.LEAD, 0]), params, dy)
-    for group in range(1, r.book[code.N_GROUPS, 0]):
-        CALL(t, y, row(r.modes, r.book[code.LEAD, group]), params, other)
-        mine = mask_of(r.book[code.MEMBERS, group])
+    other = states(r.other, 0)
+    params = params_of(r)
+    CALL(t, y, row(r.modes, r.book[layout.LEAD, 0]), params, dy)
+    for group in range(1, r.book[layout.N_GROUPS, 0]):
+        CALL(t, y, row(r.modes, r.book[layout.LEAD, group]), params, other)
+        mine = mask_of(r.book[layout.MEMBERS, group])
         for i in range(len(dy)):
             dy[i] = where(mine, other[i], dy[i])
 
 
 def guards_of_groups(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None:
     """Evaluate the guards for each group of lanes."""
-    other_h, other_rate, params = (
-        margins(r.other_h, 0),
-        margins(r.other_rate, 0),
-        params_of(r),
-    )
-    CALL(t, y, dy, row(r.modes, r.book[code.LEAD, 0]), params, h, rate)
-    for group in range(1, r.book[code.N_GROUPS, 0]):
-        CALL(
-            t,
-            y,
-            dy,
-            row(r.modes, r.book[code.LEAD, group]),
-            params,
-            other_h,
-            other_rate,
-        )
-        mine = mask_of(r.book[code.MEMBERS, group])
+    other_h = margins(r.other_h, 0)
+    other_rate = margins(r.other_rate, 0)
+    params = params_of(r)
+    CALL(t, y, dy, row(r.modes, r.book[layout.LEAD, 0]), params, h, rate)
+    for group in range(1, r.book[layout.N_GROUPS, 0]):
+        mode = row(r.modes, r.book[layout.LEAD, group])
+        CALL(t, y, dy, mode, params, other_h, other_rate)
+        mine = mask_of(r.book[layout.MEMBERS, group])
         for g in range(len(h)):
             h[g] = where(mine, other_h[g], h[g])
             rate[g] = where(mine, other_rate[g], rate[g])
@@ -154,7 +168,7 @@ def no_guards(
 def lane_functions(
     system: System, n_params: int, in_lanes: bool
 ) -> tuple[list[Any], str]:
-    """Return the machine code of field and guards, and why there is none; empty if there is.
+    """Return the machine code of field and guards, and "" or why there is none.
 
     Parameters
     ----------
@@ -165,59 +179,84 @@ def lane_functions(
     in_lanes : bool
         Whether each lane has its own parameters.
     """
-    n, n_guards, own = system.n_states, system.n_guards, f"part_{n_params}"
-    body, known = (
-        [f"return {own if in_lanes else 'row'}(r.params, 0)"],
-        {own: part(n_params)},
-    )
-    params_of = put_in(compose("params_of", "r", body, {**known, "row": row}))
-    names = {"states": part(n), "margins": part(n_guards), "params_of": params_of}
+    states = part(system.n_states)
+    margins = part(system.n_guards)
+    names = {
+        "states": states,
+        "margins": margins,
+        "params_of": _params_of(n_params, in_lanes),
+    }
     field = with_digest(field_of_groups, **names, CALL=system.field.dispatcher)
     guards = with_digest(guards_of_groups, **names, CALL=_guards_of(system))
-    natives = code.natives(Rows(n), Rows(n_guards))
+    field_native, guards_native = layout.natives(
+        Rows(system.n_states), Rows(system.n_guards)
+    )
     try:
-        return list(map(_compiled, (field, guards), natives)), ""
+        return [_compiled(field, field_native), _compiled(guards, guards_native)], ""
     except NumbaError as error:
         return [], _sentence(error)
+
+
+def _params_of(n_params: int, in_lanes: bool) -> Any:
+    """Return a function that gives the parameters: of all lanes, or a row for all.
+
+    The length is in its name, because cached code is linked by name.
+    """
+    own = f"part_{n_params}"
+    source = own if in_lanes else "row"
+    known = {own: part(n_params), "row": row}
+    return put_in(compose("params_of", "r", [f"return {source}(r.params, 0)"], known))
 
 
 def _guards_of(system: System) -> Any:
     if system.guard is not None:
         return put_in(guards_one_by_one, CALL=system.guard.dispatcher)
-    return put_in(no_guards) if system.guards is None else system.guards.dispatcher
+    if system.guards is None:
+        return put_in(no_guards)
+    return system.guards.dispatcher
 
 
-def _desk(
-    system: System, arrays: tuple[Any, ...], options: tuple[Any, ...], in_lanes: bool, made: Any,
-) -> tuple[IntArray, tuple[Any, ...]]:  # fmt: skip
-    """Return the desk of one thread (see `step.ITEMS`), and the arrays to which it points."""
-    n, n_guards, params = system.n_states, system.n_guards, arrays[1]
-    n_own, first = params.shape[1] * in_lanes, code.first_rows(n, n_guards)
+def _argument_block(
+    system: System,
+    arrays: tuple[Any, ...],
+    options: tuple[Any, ...],
+    in_lanes: bool,
+    functions: list[Any],
+) -> tuple[IntArray, tuple[Any, ...]]:
+    """Return the argument block of one thread, and the arrays to which it points.
+
+    Its entries are those of `room.ITEMS`, in this order.
+    """
+    n = system.n_states
+    n_guards = system.n_guards
+    params = arrays[1]
+    n_own = params.shape[1] if in_lanes else 0
+    first = layout.first_rows(n, n_guards)
     table = np.asarray(aligned(first["params"] + n_own).reshape(-1, WIDTH))
-    own = table[first["params"] :] if in_lanes else params
-    modes = np.zeros((WIDTH, system.n_modes), dtype=np.int64)
-    book = np.zeros((code.BOOK_ROWS, WIDTH), dtype=np.int64)
-    read, rules = np.array(read_modes(system), dtype=np.int64), system.rules
-    handled = np.empty(n), np.empty_like(params[0])
     views = (
         table,
         table[first["lock"] :],
-        own,
-        *handled,
-        modes,
-        book,
-        read,
-        rules,
+        table[first["params"] :] if in_lanes else params,
+        np.empty(n),  # state and parameters of one lane, for the handler
+        np.empty_like(params[0]),
+        np.zeros((WIDTH, system.n_modes), dtype=np.int64),
+        np.zeros((layout.BOOK_ROWS, WIDTH), dtype=np.int64),
+        np.array(read_modes(system), dtype=np.int64),
+        system.rules,
         *arrays,
     )
-    desk = [table[row:].ctypes.data for row in list(first.values())[:-1]]
-    desk += [
-        number for array in views for number in (array.ctypes.data, array.shape[-1])
-    ]
-    handler = 0 if system.on_event is None else system.on_event.address
-    desk += np.array(options[:5]).view(np.int64).tolist()
-    desk += [*options[5:], n, n_guards, n_own, len(params), handler]
-    return np.array([*desk, *(one.address for one in made)], dtype=np.int64), views
+    block = []
+    for name, row_number in first.items():
+        if name != "params":
+            block.append(table[row_number:].ctypes.data)
+    for array in views:
+        block += [array.ctypes.data, array.shape[-1]]
+    floats = np.array(options[:5])  # kept in the memory of integers
+    block += floats.view(np.int64).tolist()
+    block += [*options[5:], n, n_guards, n_own, len(params)]
+    block.append(0 if system.on_event is None else system.on_event.address)
+    block += [one.address for one in functions]
+    return np.array(block, dtype=np.int64), views
 
 
 @cache

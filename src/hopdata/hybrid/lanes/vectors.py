@@ -1,11 +1,12 @@
 # ruff: noqa: ARG001, ARG002, ARG005, PLW0108 (Numba prescribes signatures and their names)
-"""A Numba type for the processor's vectors, for which a user's scalar function compiles as it is.
+"""A Numba type for the processor's vectors, in which scalar functions compile.
 
-A `Lanes` holds one number for each of `WIDTH` systems, and a `Mask` one truth value for
-each. `Rows` is an array of `Lanes` by its address, with its length in the type.
-Operators, elementary functions, `min`, `max`, `np.where` and lengths are those that
-fields and guards use. Operations without a vector instruction run lane by lane. A
-branch on a mask has no type, which Numba and this package report as an error.
+A user's function of numbers compiles for it as it is. A `Lanes` holds one number for
+each of `WIDTH` systems, and a `Mask` one truth value for each. `Rows` is an array of
+`Lanes` by its address, with its length in the type. Operators, elementary functions,
+`min`, `max`, `np.where` and lengths are those that fields and guards use. Operations
+without a vector instruction run lane by lane. A branch on a mask has no type, which
+Numba and this package report as an error.
 
 Products and sums are fused only where `fma` is written, so a lane's bytes depend
 neither on the processor nor on the width.
@@ -43,14 +44,28 @@ def _features() -> str:
         return ""
 
 
-# Two of the processor's vectors: while one waits for its result, the other is
-# processed.
-WIDTH = 16 if "+avx512f" in _features() else 8 if "+avx" in _features() else 4
+def _width() -> int:
+    """Return the number of lanes: two of the processor's vectors.
+
+    While one waits for its result, the other is processed.
+    """
+    features = _features()
+    if "+avx512f" in features:
+        return 16
+    if "+avx" in features:
+        return 8
+    return 4
+
+
+WIDTH = _width()
 ALL = (1 << WIDTH) - 1
 ALIGNMENT = 64
-DOUBLE, LONG = ir.DoubleType(), ir.IntType(64)
-VECTOR, LONGS = ir.VectorType(DOUBLE, WIDTH), ir.VectorType(LONG, WIDTH)
-TRUTHS, BITS = ir.VectorType(ir.IntType(1), WIDTH), ir.IntType(WIDTH)
+DOUBLE = ir.DoubleType()
+LONG = ir.IntType(64)
+VECTOR = ir.VectorType(DOUBLE, WIDTH)
+LONGS = ir.VectorType(LONG, WIDTH)
+TRUTHS = ir.VectorType(ir.IntType(1), WIDTH)
+BITS = ir.IntType(WIDTH)
 
 
 class _Lanes(types.Type):
@@ -66,18 +81,24 @@ class _Mask(types.Type):
 
 
 class Rows(types.Type):
-    """The type of `length` consecutive lanes, stored by their address; None: any number."""
+    """The type of `length` consecutive lanes, stored by their address.
+
+    A length of None stands for any number.
+    """
 
     def __init__(self, length: int | None) -> None:
         self.length = length
         super().__init__(name=f"Rows{WIDTH}({length})")
 
 
-lanes, mask = _Lanes(f"Lanes{WIDTH}"), _Mask(f"Mask{WIDTH}")
+lanes = _Lanes(f"Lanes{WIDTH}")
+mask = _Mask(f"Mask{WIDTH}")
 INDEX = types.intp
 
 
 def _model(native: ir.Type) -> Any:
+    """Return the class of a data model that holds one value of this native type."""
+
     def make(self: Any, manager: Any, kind: Any) -> None:
         models.PrimitiveModel.__init__(self, manager, kind, native)
 
@@ -93,7 +114,7 @@ def _is_number(kind: Any) -> bool:
 
 
 def _fits(*kinds: Any) -> bool:
-    """Return whether at least one of these is lanes, and the others are lanes or numbers."""
+    """Return whether at least one of these is lanes, the others lanes or numbers."""
     return lanes in kinds and all(one == lanes or _is_number(one) for one in kinds)
 
 
@@ -107,11 +128,11 @@ def _spread(builder: Any, kind: Any, value: Any) -> Any:
         value = builder.sitofp(value, DOUBLE)
     elif kind != types.float64:
         value = builder.fpext(value, DOUBLE)
-    none, first = ir.Constant(VECTOR, ir.Undefined), ir.Constant(ir.IntType(32), 0)
-    places = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
-    return builder.shuffle_vector(
-        builder.insert_element(none, value, first), none, places
-    )
+    none = ir.Constant(VECTOR, ir.Undefined)
+    first = ir.Constant(ir.IntType(32), 0)
+    all_first = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+    one = builder.insert_element(none, value, first)
+    return builder.shuffle_vector(one, none, all_first)
 
 
 def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
@@ -128,37 +149,37 @@ for _number in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean)
 def _operator(
     key: Any, count: int, fits: Function, result: Any, emit: Function
 ) -> None:
-    """Register an operator for arguments that fit; `emit(builder, *lanes)` builds it."""
+    """Register an operator for arguments that fit.
+
+    It is built by `emit(builder, *lanes)`.
+    """
 
     class Template(FirstTried):
         def generic(self, args: Any, kws: Any) -> Any:
             plain = tuple(map(types.unliteral, args))
-            return (
-                signature(result, *plain)
-                if len(plain) == count and fits(*plain)
-                else None
-            )
+            if len(plain) == count and fits(*plain):
+                return signature(result, *plain)
+            return None
 
     Template.key = key  # type: ignore[attr-defined]
     infer_global(key)(Template)
 
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        pairs = zip(sign.args, values, strict=True)
-        return emit(
-            builder, *(v if k == mask else _spread(builder, k, v) for k, v in pairs)
-        )
+        given = []
+        for kind, value in zip(sign.args, values, strict=True):
+            given.append(value if kind == mask else _spread(builder, kind, value))
+        return emit(builder, *given)
 
-    choices = (
-        [_Mask]
-        if fits is _are_masks
-        else [_Lanes, types.Float, types.Integer, types.Boolean]
-    )
+    choices: list[Any] = [_Mask]
+    if fits is not _are_masks:
+        choices = [_Lanes, types.Float, types.Integer, types.Boolean]
     if count == 1:
         lower_builtin(key, choices[0])(lower)
         return
     for one in choices:
-        for other in choices if one in (_Lanes, _Mask) else choices[:1]:
-            lower_builtin(key, one, other)(lower)
+        for other in choices:
+            if one in (_Lanes, _Mask) or other == choices[0]:
+                lower_builtin(key, one, other)(lower)
 
 
 def _are_masks(*kinds: Any) -> bool:
@@ -166,28 +187,29 @@ def _are_masks(*kinds: Any) -> bool:
 
 
 def _compare(sign: str) -> Function:
-    ordered = sign != "!="
-    return lambda b, x, y: (b.fcmp_ordered if ordered else b.fcmp_unordered)(sign, x, y)
+    """Return the builder of a comparison.
+
+    With NaN, only the one for inequality is true.
+    """
+    if sign == "!=":
+        return lambda b, x, y: b.fcmp_unordered(sign, x, y)
+    return lambda b, x, y: b.fcmp_ordered(sign, x, y)
 
 
-for _name in ("add", "sub", "mul", "truediv"):
-    for _key in (_name, f"i{_name}"):
-        _made = f"f{_name.removeprefix('true')}"
-        _operator(
-            getattr(operator, _key), 2, _fits, lanes,
-            lambda b, x, y, made=_made: getattr(b, made)(x, y),
-        )  # fmt: skip
-for _name, _sign in zip(
-    ("lt", "le", "gt", "ge", "eq", "ne"),
-    ["<", "<=", ">", ">=", "==", "!="],
-    strict=True,
-):
+def _method(name: str) -> Function:
+    """Return the builder of an operation by the method of this name."""
+    return lambda b, x, y: getattr(b, name)(x, y)
+
+
+_ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "truediv": "fdiv"}
+_COMPARISONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
+for _name, _made in _ARITHMETIC.items():
+    for _key in (_name, f"i{_name}"):  # in place, too
+        _operator(getattr(operator, _key), 2, _fits, lanes, _method(_made))
+for _name, _sign in _COMPARISONS.items():
     _operator(getattr(operator, _name), 2, _fits, mask, _compare(_sign))
 for _name in ("and_", "or_", "xor"):
-    _operator(
-        getattr(operator, _name), 2, _are_masks, mask,
-        lambda b, x, y, made=_name: getattr(b, made)(x, y),
-    )  # fmt: skip
+    _operator(getattr(operator, _name), 2, _are_masks, mask, _method(_name))
 _operator(operator.neg, 1, _fits, lanes, lambda b, x: b.fneg(x))
 _operator(operator.pos, 1, _fits, lanes, lambda b, x: x)
 _operator(operator.invert, 1, _are_masks, mask, lambda b, x: b.not_(x))
@@ -199,8 +221,9 @@ _operator(operator.invert, 1, _are_masks, mask, lambda b, x: b.not_(x))
 @infer_global(operator.getitem)
 class _GetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
-        fits = isinstance(args[0], Rows) and isinstance(args[1], types.Integer)
-        return signature(lanes, args[0], INDEX) if fits else None
+        if isinstance(args[0], Rows) and isinstance(args[1], types.Integer):
+            return signature(lanes, args[0], INDEX)
+        return None
 
 
 @infer_global(operator.setitem)
@@ -213,7 +236,8 @@ class _SetItem(FirstTried):
         return None
 
 
-def _place(builder: Any, rows: Any, address: Any, index: Any) -> Any:
+def _row_address(builder: Any, rows: Any, address: Any, index: Any) -> Any:
+    """Build the address of a row; negative indices count from the end, if known."""
     if rows.length is not None:
         length = ir.Constant(index.type, rows.length)
         negative = builder.icmp_signed("<", index, ir.Constant(index.type, 0))
@@ -223,7 +247,7 @@ def _place(builder: Any, rows: Any, address: Any, index: Any) -> Any:
 
 @lower_builtin(operator.getitem, Rows, types.Integer)
 def _get_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-    value = builder.load(_place(builder, sign.args[0], *values))
+    value = builder.load(_row_address(builder, sign.args[0], *values))
     value.align = ALIGNMENT // 2
     return value
 
@@ -231,15 +255,17 @@ def _get_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 @lower_builtin(operator.setitem, Rows, types.Integer, types.Any)
 def _set_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     value = _spread(builder, sign.args[2], values[2])
-    builder.store(value, _place(builder, sign.args[0], *values[:2])).align = (
-        ALIGNMENT // 2
-    )
+    stored = builder.store(value, _row_address(builder, sign.args[0], *values[:2]))
+    stored.align = ALIGNMENT // 2
     return context.get_dummy_value()
 
 
 def _length(rows: Any) -> Any:
-    count = rows.length if isinstance(rows, Rows) else 0
-    return (lambda rows: count) if isinstance(rows, Rows) else None
+    """Return a function that gives the length of rows, which is in their type."""
+    if not isinstance(rows, Rows):
+        return None
+    count = rows.length
+    return lambda rows: count
 
 
 overload(len)(lambda rows: _length(rows))
@@ -247,7 +273,7 @@ overload_attribute(Rows, "size")(lambda rows: _length(rows))
 
 
 def part(length: int | None) -> Any:
-    """Return a function for compiled code that gives `length` lanes of an array or of `Rows`.
+    """Return a function for compiled code that gives `length` lanes of a longer array.
 
     ``made(array, first)`` starts at row `first` of other `Rows`, or of an aligned float
     array (see `aligned`), or a view of one, whose rows have the length `WIDTH`.
@@ -264,9 +290,10 @@ def part(length: int | None) -> Any:
 
 
 def aligned(count: int) -> Any:
-    """Return `count` lanes of zeros, aligned so that the processor can load them at once."""
-    room = np.zeros(count * WIDTH + ALIGNMENT // 8)
-    first = -(room.ctypes.data // 8) % (ALIGNMENT // 8)
+    """Return `count` lanes of zeros, aligned so that each can be loaded at once."""
+    per_alignment = ALIGNMENT // 8  # numbers of 8 bytes
+    room = np.zeros(count * WIDTH + per_alignment)
+    first = -(room.ctypes.data // 8) % per_alignment
     return room[first : first + count * WIDTH]
 
 
@@ -274,38 +301,41 @@ def aligned(count: int) -> Any:
 
 
 def _function(result: Any, taken: tuple[Any, ...], emit: Function) -> Any:
-    """Return an intrinsic built by `emit(builder, *values)`; numbers may stand for lanes."""
+    """Return an intrinsic built by `emit(builder, *values)`.
+
+    Numbers may stand for lanes.
+    """
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        triples = zip(taken, sign.args, values, strict=True)
-        return emit(
-            builder,
-            *(_spread(builder, k, v) if w == lanes else v for w, k, v in triples),
-        )
+        given = []
+        for wanted, kind, value in zip(taken, sign.args, values, strict=True):
+            given.append(_spread(builder, kind, value) if wanted == lanes else value)
+        return emit(builder, *given)
 
     def typed(*kinds: Any) -> Any:
         plain = tuple(map(types.unliteral, kinds))
-        same = (
-            w == k or (w == lanes and _is_number(k))
-            for w, k in zip(taken, plain, strict=True)
+        pairs = list(zip(taken, plain, strict=True))
+        suits = all(
+            wanted == kind or (wanted == lanes and _is_number(kind))
+            for wanted, kind in pairs
         )
-        given = tuple(k if w == lanes else w for w, k in zip(taken, plain, strict=True))
-        return (
-            (result(*given), generate)
-            if all(same) or not {lanes, mask} & set(plain)
-            else None
-        )
+        of_lanes = lanes in plain or mask in plain
+        if of_lanes and not suits:
+            return None  # else plain numbers are converted, as Numba does
+        given = (kind if wanted == lanes else wanted for wanted, kind in pairs)
+        return result(*given), generate
 
     return built(len(taken), typed)
 
 
 def _llvm(name: str, count: int) -> Any:
+    """Return LLVM's intrinsic of this name, for `count` lanes."""
+
     def emit(builder: Any, *values: Any) -> Any:
         kind = ir.FunctionType(VECTOR, [VECTOR] * count)
         full = f"llvm.{name}.v{WIDTH}f64"
-        return builder.call(
-            cgutils.get_or_insert_function(builder.module, kind, full), values
-        )
+        function = cgutils.get_or_insert_function(builder.module, kind, full)
+        return builder.call(function, values)
 
     return _function(lanes, (lanes,) * count, emit)
 
@@ -315,25 +345,33 @@ def _bits_of(builder: Any, value: Any) -> Any:
 
 
 def _odd_flips(builder: Any, value: Any, whole: Any) -> Any:
-    """Build a change of sign where an integer is odd: its last bit becomes the sign bit."""
+    """Build a change of sign where `whole` is odd.
+
+    Its last bit becomes the sign bit.
+    """
     number = builder.fptosi(whole, LONGS)
     sign = builder.shl(number, ir.Constant(LONGS, [63] * WIDTH))
     return builder.bitcast(builder.xor(builder.bitcast(value, LONGS), sign), VECTOR)
 
 
 def _rough_power(builder: Any, value: Any, power: Any) -> Any:
-    """Build a power from the bits, because doubles read as integers approximate their logarithm."""
+    """Build a power from the bits.
+
+    Doubles read as integers approximate their logarithm.
+    """
     one = ir.Constant(VECTOR, [float(0x3FF0_0000_0000_0000)] * WIDTH)
     number = builder.sitofp(builder.bitcast(value, LONGS), VECTOR)
     scaled = builder.fmul(builder.fsub(number, one), power)
     return builder.bitcast(builder.fptosi(builder.fadd(scaled, one), LONGS), VECTOR)
 
 
-INT, FLOAT = types.int64, types.float64
-fma, square_root, absolute, nearest, floor = (
-    _llvm(name, count) for name, count in
-    (("fma", 3), ("sqrt", 1), ("fabs", 1), ("rint", 1), ("floor", 1))
-)  # fmt: skip
+INT = types.int64
+FLOAT = types.float64
+fma = _llvm("fma", 3)
+square_root = _llvm("sqrt", 1)
+absolute = _llvm("fabs", 1)
+nearest = _llvm("rint", 1)
+floor = _llvm("floor", 1)
 least = _function(
     lanes, (lanes, lanes), lambda b, x, y: b.select(_compare("<")(b, x, y), x, y)
 )
@@ -349,27 +387,36 @@ with_lane = _function(
     lanes, (lanes, INDEX, FLOAT), lambda b, x, i, v: b.insert_element(x, v, i)
 )
 flip_if_odd = _function(lanes, (lanes, lanes), _odd_flips)
-rough_power = _function(
-    lanes, (lanes, lanes), _rough_power
-)  # to some per cent, for positive x
+# To some per cent, for positive numbers.
+rough_power = _function(lanes, (lanes, lanes), _rough_power)
 
 
 # Elementary functions.
 
-PER_PI, PI, PI_REST = (
-    1.0 / math.pi,
-    math.pi,
-    1.2246467991473532e-16,
-)  # pi to twice the digits
-FARTHEST = 1e9  # beyond this the reduction runs out of digits
-S3, S5, S7, S9, S11, S13, S15, S17, S19, S21 = (
-    (-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 11)
-)
+PER_PI = 1.0 / math.pi
+PI = math.pi
+PI_REST = 1.2246467991473532e-16  # the next digits of pi: with PI, twice as many
+FARTHEST = 1e9  # rad: beyond this the reduction runs out of digits
+
+# Coefficients of the sine's series, by the power.
+S3 = -1.0 / math.factorial(3)
+S5 = 1.0 / math.factorial(5)
+S7 = -1.0 / math.factorial(7)
+S9 = 1.0 / math.factorial(9)
+S11 = -1.0 / math.factorial(11)
+S13 = 1.0 / math.factorial(13)
+S15 = -1.0 / math.factorial(15)
+S17 = 1.0 / math.factorial(17)
+S19 = -1.0 / math.factorial(19)
+S21 = 1.0 / math.factorial(21)
 
 
 @njit(inline="always")
 def _short_sine(x: Any, turns: Any) -> Any:
-    """Return the sine of x - turns pi, up to a right angle, by its series, to less than 2 ulp."""
+    """Return the sine of x - turns pi, up to a right angle, by its series.
+
+    It errs by less than 2 ulp.
+    """
     r = fma(turns, -PI_REST, fma(turns, -PI, x))
     s = r * r
     p = fma(s, fma(s, fma(s, S21, S19), S17), S15)
@@ -389,7 +436,8 @@ def _one_by_one(function: Function) -> Any:
     return through
 
 
-_far_sine, _far_cosine = _one_by_one(math.sin), _one_by_one(math.cos)
+_far_sine = _one_by_one(math.sin)
+_far_cosine = _one_by_one(math.cos)
 
 
 @njit
@@ -397,10 +445,11 @@ def sine(x: Any) -> Any:
     """Return the sine of lanes."""
     n = nearest(x * PER_PI)
     far = ~(absolute(x) <= FARTHEST)
-    near = flip_if_odd(
-        _short_sine(where(far, 0.0, x), where(far, 0.0, n)), where(far, 0.0, n)
-    )
-    return where(far, _far_sine(x), near) if bits(far) != 0 else near
+    n = where(far, 0.0, n)
+    near = flip_if_odd(_short_sine(where(far, 0.0, x), n), n)
+    if bits(far) != 0:
+        return where(far, _far_sine(x), near)
+    return near
 
 
 @njit
@@ -410,7 +459,9 @@ def cosine(x: Any) -> Any:
     far = ~(absolute(x) <= FARTHEST)
     n = where(far, 0.0, n)
     near = -flip_if_odd(_short_sine(where(far, 0.0, x), n + 0.5), n)
-    return where(far, _far_cosine(x), near) if bits(far) != 0 else near
+    if bits(far) != 0:
+        return where(far, _far_cosine(x), near)
+    return near
 
 
 @njit
@@ -421,18 +472,28 @@ def _tangent(x: Any) -> Any:
 @njit
 def _power(x: Any, n: int) -> Any:
     """Return an integer power by repeated squaring."""
-    left, result = abs(n), spread(1.0)
+    left = abs(n)
+    result = spread(1.0)
     while left > 0:
         if left & 1:
             result = result * x
-        x, left = x * x, left >> 1
-    return 1.0 / result if n < 0 else result
+        x = x * x
+        left = left >> 1
+    if n < 0:
+        return 1.0 / result
+    return result
 
 
 def _pairs_one_by_one(function: Function) -> Any:
+    """Return a function for pairs of lanes.
+
+    It calls the function for numbers in each lane.
+    """
+
     @njit
     def through(x: Any, y: Any) -> Any:
-        x, y = spread(x), spread(y)
+        x = spread(x)
+        y = spread(y)
         for i in range(WIDTH):
             x = with_lane(x, i, function(lane(x, i), lane(y, i)))
         return x
@@ -445,18 +506,30 @@ _raised = _pairs_one_by_one(math.pow)
 
 def _overload(function: Any, taken: int, made: Any) -> None:
     """Let `made` replace a function where its arguments are lanes."""
+
+    def of_one(x: Any) -> Any:
+        if x == lanes:
+            return lambda x: made(x)
+        return None
+
+    def of_two(x: Any, y: Any) -> Any:
+        if _fits(x, y):
+            return lambda x, y: made(x, y)
+        return None
+
+    # Lambdas, because Numba compares signatures with their annotations.
     if taken == 1:
-        overload(function)(lambda x: (lambda x: made(x)) if x == lanes else None)
+        overload(function)(lambda x: of_one(x))
     else:
-        overload(function)(
-            lambda x, y: (lambda x, y: made(x, y)) if _fits(x, y) else None
-        )
+        overload(function)(lambda x, y: of_two(x, y))
 
 
 def _typed_power(x: Any, y: Any) -> Any:
     if x == lanes and isinstance(y, types.Integer):
         return lambda x, y: _power(x, y)
-    return (lambda x, y: _raised(x, y)) if _fits(x, y) else None
+    if _fits(x, y):
+        return lambda x, y: _raised(x, y)
+    return None
 
 
 for _raise in (operator.pow, operator.ipow, pow, math.pow):
@@ -471,30 +544,29 @@ VECTORISED = {
     "fabs": absolute,
 }
 OTHERS = (
-    "exp", "log", "log2", "log10", "log1p", "expm1", "sinh", "cosh", "tanh", "asin", "acos", "atan",
-    "asinh", "acosh", "atanh", "erf",
+    "exp", "log", "log2", "log10", "log1p", "expm1", "sinh", "cosh", "tanh",
+    "asin", "acos", "atan", "asinh", "acosh", "atanh", "erf",
 )  # fmt: skip
 for _name in (*VECTORISED, *OTHERS):
     _made = VECTORISED.get(_name) or _one_by_one(getattr(math, _name))
-    _known = (
-        getattr(math, _name),
-        getattr(np, re.sub("^a(?=[sct])", "arc", _name), None),
-    )
-    for _one in filter(None, _known):
-        _overload(_one, 1, _made)
+    _overload(getattr(math, _name), 1, _made)
+    _of_numpy = getattr(np, re.sub("^a(?=[sct])", "arc", _name), None)
+    if _of_numpy is not None:
+        _overload(_of_numpy, 1, _made)
 _overload(abs, 1, absolute)
 _overload(np.abs, 1, absolute)
-for _two, _made in (
-    (builtins.min, least), (np.minimum, least), (builtins.max, largest), (np.maximum, largest),
-    (math.atan2, _pairs_one_by_one(math.atan2)), (math.hypot, _pairs_one_by_one(math.hypot)),
-):  # fmt: skip
-    _overload(_two, 2, _made)
+_overload(builtins.min, 2, least)
+_overload(np.minimum, 2, least)
+_overload(builtins.max, 2, largest)
+_overload(np.maximum, 2, largest)
+_overload(math.atan2, 2, _pairs_one_by_one(math.atan2))
+_overload(math.hypot, 2, _pairs_one_by_one(math.hypot))
 
 
 def _typed_where(m: Any, x: Any, y: Any) -> Any:
-    return (
-        (lambda m, x, y: where(m, x, y)) if m == mask and _fits(lanes, x, y) else None
-    )
+    if m == mask and _fits(lanes, x, y):
+        return lambda m, x, y: where(m, x, y)
+    return None
 
 
 def _typed_negative(x: Any, out: Any) -> Any:

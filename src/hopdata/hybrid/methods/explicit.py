@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta methods: generate the code of a step and its interpolant from a tableau.
+"""Explicit Runge-Kutta methods: the code of a step and its interpolant, from a tableau.
 
 The code is unrolled, stage by stage, with literal coefficients: for a small system, a
 loop over stages would cost several times the field evaluations.
@@ -23,9 +23,8 @@ STANDARD_ROWS = 3  # rows of an interpolant that value and slope at both ends de
 INDENT = "    "
 TINY = 1e-300  # floor of the tolerance, to avoid division by zero
 
-Evaluation = Callable[
-    [str, int, int], list[str]
-]  # code from a time, a state row, a slope row
+# Code of an evaluation of the field, from a time, a state row and a slope row.
+Evaluation = Callable[[str, int, int], list[str]]
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class Tableau:
 
     @property
     def slope_rows(self) -> tuple[int, ...]:
-        """Rows of the slopes: those of the weights, the end's, and the dense stages'."""
+        """Rows of the slopes: of the weights, of the end, and of the dense stages."""
         inner = len(self.weights) - 1
         work = [int(W1) + k for k in range(self.work_rows)]
         return (int(K1), *work[:inner], int(KEND), *work[inner:])
@@ -90,17 +89,23 @@ class Tableau:
 
 
 def combination(weights: Sequence[float], rows: Sequence[int | str]) -> str:
-    """Return code for the weighted sum of rows at column i: a balanced tree of additions."""
-    terms = [
-        f"{w!r} * s[{r}, i]" for w, r in zip(weights, rows, strict=False) if w != 0.0
-    ]
+    """Return code for the weighted sum of rows at column i: a balanced tree of sums."""
+    terms = []
+    for weight, row in zip(weights, rows, strict=False):  # later rows have no weight
+        if weight != 0.0:
+            terms.append(f"{weight!r} * s[{row}, i]")
     while len(terms) > 1:
-        pairs = [f"({a} + {b})" for a, b in zip(terms[::2], terms[1::2], strict=False)]
-        terms = pairs + terms[len(pairs) * 2 :]
-    return terms[0] if terms else "0.0"
+        pairs = zip(terms[::2], terms[1::2], strict=False)
+        sums = [f"({one} + {other})" for one, other in pairs]
+        odd_one = terms[len(sums) * 2 :]
+        terms = sums + odd_one
+    if not terms:
+        return "0.0"
+    return terms[0]
 
 
 def _loop(*lines: str) -> list[str]:
+    """Return code that does this for each state i."""
     return ["for i in range(N):", *(INDENT + line for line in lines)]
 
 
@@ -110,7 +115,10 @@ def inlined(time: str, state: int, slope: int) -> list[str]:
 
 
 def by_address(time: str, state: int, slope: int) -> list[str]:
-    """Return code that evaluates a field by its address; NaN remains if it raises."""
+    """Return code that evaluates a field by its address.
+
+    NaN remains if it raises.
+    """
     return [
         f"s[{slope}, 0] = nan",
         f"call_field(field, {time}, s, {state}, mode, params, s, {slope})",
@@ -124,6 +132,7 @@ def _stage(
     rows: Sequence[int],
     target: int,
 ) -> list[str]:
+    """Return code for a stage: its state in SCRATCH, and its slope in row `target`."""
     return [
         *_loop(f"s[{SCRATCH}, i] = s[{Y}, i] + dt * ({combination(weights, rows)})"),
         *evaluation(f"t + {node!r} * dt", int(SCRATCH), target),
@@ -131,16 +140,18 @@ def _stage(
 
 
 def _error(tableau: Tableau) -> list[str]:
+    """Return code for the error of a step in tolerances, from one or two estimates."""
     rows = tableau.slope_rows
     lines = [
-        f"weight = dt / max(atol[i] + rtol * max(abs(s[{Y}, i]), abs(s[{END}, i])), TINY)"
+        f"size = max(abs(s[{Y}, i]), abs(s[{END}, i]))",
+        "weight = dt / max(atol[i] + rtol * size, TINY)",
     ]
+    code = []
     for k, weights in enumerate(tableau.errors):
-        lines += [
-            f"e{k} = weight * ({combination(weights, rows)})",
-            f"total{k} += e{k} * e{k}",
-        ]
-    code = [f"total{k} = 0.0" for k in range(len(tableau.errors))] + _loop(*lines)
+        code.append(f"total{k} = 0.0")
+        lines.append(f"e{k} = weight * ({combination(weights, rows)})")
+        lines.append(f"total{k} += e{k} * e{k}")
+    code += _loop(*lines)
     if len(tableau.errors) == 1:
         return [*code, "return sqrt(total0 / N)"]
     return [
@@ -153,34 +164,34 @@ def _error(tableau: Tableau) -> list[str]:
 
 def step_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
     """Return the body of a method's step function."""
-    rows, code = tableau.slope_rows, []
-    for k, (node, weights) in enumerate(
-        zip(tableau.nodes, tableau.stages, strict=True)
-    ):
-        code += _stage(evaluation, node, weights, rows, rows[k + 1])
-    code += _loop(
-        f"s[{END}, i] = s[{Y}, i] + dt * ({combination(tableau.weights, rows)})"
-    )
+    rows = tableau.slope_rows
+    code = []
+    stages = zip(tableau.nodes, tableau.stages, strict=True)
+    for k, (node, weights) in enumerate(stages, start=1):
+        code += _stage(evaluation, node, weights, rows, rows[k])
+    slope = combination(tableau.weights, rows)
+    code += _loop(f"s[{END}, i] = s[{Y}, i] + dt * ({slope})")
     code += evaluation("t + dt", int(END), int(KEND))
     return code + _error(tableau)
 
 
 def interpolant_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
     """Return the body of the function that prepares a method's interpolant."""
-    rows, code = tableau.slope_rows, []
+    rows = tableau.slope_rows
+    code = []
     stages = zip(tableau.dense_nodes, tableau.dense_stages, strict=True)
     for k, (node, weights) in enumerate(stages, start=len(tableau.weights) + 1):
         code += _stage(evaluation, node, weights, rows, rows[k])
+    higher = []
+    for k, weights in enumerate(tableau.dense, start=P1 + STANDARD_ROWS):
+        higher.append(f"s[{k}, i] = dt * ({combination(weights, rows)})")
     code += _loop(
         f"rise = s[{END}, i] - s[{Y}, i]",
         f"bend = dt * s[{K1}, i] - rise",
         f"s[{P1}, i] = rise",
         f"s[{P1 + 1}, i] = bend",
         f"s[{P1 + 2}, i] = rise - dt * s[{KEND}, i] - bend",
-        *(
-            f"s[{P1 + STANDARD_ROWS + k}, i] = dt * ({combination(weights, rows)})"
-            for k, weights in enumerate(tableau.dense)
-        ),
+        *higher,
     )
     return [*code, f"return {tableau.degree}"]
 
@@ -214,10 +225,13 @@ def coefficients(method: str) -> dict[str, Any]:
 
 
 def _numbers(value: Any) -> Any:
+    """Return a value of the file with fractions as numbers, and lists as tuples."""
     if isinstance(value, str):
         above, below = value.split("/")
         return int(above) / int(below)
-    return tuple(map(_numbers, value)) if isinstance(value, list) else value
+    if isinstance(value, list):
+        return tuple(map(_numbers, value))
+    return value
 
 
 DOPRI5 = Tableau(**coefficients("dopri5"))

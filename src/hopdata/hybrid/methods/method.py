@@ -112,11 +112,10 @@ def compiled_part(
 ) -> Any:
     """Return a compiled part of a method, from the cache if `cache` allows."""
     entry, digest = _entry(part, method, n_states)
+    native = code.PARTS[part].native
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(code.PARTS[part].native, cache=cache and cached, **code.ENTRY)(
-            entry
-        )
+        return cfunc(native, cache=cache and cached, **code.ENTRY)(entry)
 
     return compiled_in_cache(entry, digest, compile_it)
 
@@ -128,19 +127,21 @@ def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
     N is 0 in generic code, which works for any number of states.
     """
     inner = code.kernel_in_loop(with_digest(getattr(method, part)))
-    pairs = [
-        HANDED.get(name, (name, name))
-        for name in code.PARTS[part].arguments.split(", ")
-    ]
-    taken, given = map(", ".join, zip(*pairs, strict=True))
-    body = ["width = n if N == 0 else N", f"return FUNCTION({given})"]
+    taken = []
+    given = []
+    for name in code.PARTS[part].arguments.split(", "):
+        as_taken, as_given = HANDED.get(name, (name, name))
+        taken.append(as_taken)
+        given.append(as_given)
+    body = ["width = n if N == 0 else N", f"return FUNCTION({', '.join(given)})"]
     known = {**vars(memory), "__name__": __name__, "FUNCTION": inner, "N": n_states}
-    entry = with_digest(explicit.compose(f"enter_{part}", taken, body, known))
+    made = explicit.compose(f"enter_{part}", ", ".join(taken), body, known)
+    entry = with_digest(made)
     return entry, f"{function_digest(entry)}-{driver_digest()}"
 
 
 def is_compiled(method: Method, n_states: int) -> bool:
-    """Return whether a method's step and interpolant have been compiled for this scene."""
+    """Return whether a method's step and interpolant are compiled for this scene."""
     return all(
         is_in_cache(*_entry(part, method, n_states)) for part in ("step", "interpolant")
     )
@@ -175,42 +176,52 @@ class Scene:
     @property
     def rate_inputs(self) -> tuple[int, ...]:
         """Components of the state's rate on which the guards' rates may depend."""
-        return (
-            () if self.guards is None else self.guards.elements_of("dy", self.n_states)
-        )
+        if self.guards is None:
+            return ()
+        return self.guards.elements_of("dy", self.n_states)
 
     @property
     def cacheable(self) -> bool:
-        """Whether all functions are machine code that may be cached for other processes."""
+        """Whether all functions are machine code that other processes may load."""
         given = (self.field, self.jacobian, self.affine)
         return all(one.compiled for one in given if one is not None)
 
 
 def put_in(template: Any, **names: Any) -> Any:
-    """Return a template with these names inserted, callable from other compiled code."""
+    """Return a template with these names inserted, callable from compiled code."""
     return code.kernel(with_digest(template, **names))
 
 
 def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Method:
-    """Return the method of a tableau for a scene, or with generic code if there is none."""
-    known, body, n, of_stage = {"TINY": explicit.TINY, "sqrt": sqrt}, [], 0, 0
+    """Return the method of a tableau for a scene.
+
+    Without a scene, its code is generic.
+    """
+    known: dict[str, Any] = {"TINY": explicit.TINY, "sqrt": sqrt}
     if scene is None:
-        evaluation, body = explicit.by_address, ["N = s.width"]
-        known |= {"nan": nan, "call_field": code.call_field_on_arrays}
+        n = 0
+        per_derivative = 0
+        body = ["N = s.width"]
+        evaluation = explicit.by_address
+        known["nan"] = nan
+        known["call_field"] = code.call_field_on_arrays
     else:
-        n, of_stage = scene.n_states, 0 if scene.jacobian else 4 * scene.n_states
+        n = scene.n_states
+        per_derivative = 0 if scene.jacobian else 4 * n  # by differences
+        body = []
         evaluation = explicit.inlined
-        known |= {"FIELD": scene.field.dispatcher, "N": n, "row": memory.row}
+        known["FIELD"] = scene.field.dispatcher
+        known["N"] = n
+        known["row"] = memory.row
     step = body + explicit.step_code(tableau, evaluation)
     interpolant = body + explicit.interpolant_code(tableau, evaluation)
+    stages = len(tableau.weights)
     short = tangent.short_tangent if tableau.order <= tangent.HIGHEST_ORDER else None
     return Method(
         order=tableau.order,
         step=explicit.compose_part("step", step, known),
         interpolant=explicit.compose_part("interpolant", interpolant, known),
-        evaluations=len(
-            tableau.weights
-        ),  # the first slope is known, the end's is evaluated
+        evaluations=stages,  # the first slope is known, the end's is evaluated
         interpolant_evaluations=len(tableau.dense_nodes),
         interpolant_error=tableau.dense_error,
         work_rows=tableau.work_rows,
@@ -218,10 +229,10 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
             "tangent", tangent.tangent_code(tableau), vars(tangent)
         ),
         short_tangent=short,
-        tangent_evaluations=of_stage * len(tableau.weights),
-        short_evaluations=2 * of_stage,
-        tangent_rows=3 * n + PHI_ROWS + n * len(tableau.weights),
-        last_slope=tableau.slope_rows[len(tableau.weights) - 1],
+        tangent_evaluations=per_derivative * stages,
+        short_evaluations=2 * per_derivative,
+        tangent_rows=3 * n + PHI_ROWS + n * stages,
+        last_slope=tableau.slope_rows[stages - 1],
         stiff_tenths=tableau.stiff_tenths,
     )
 
@@ -249,9 +260,12 @@ def rosenbrock_method(scene: Scene) -> Method:
     """Return the Rosenbrock method for a scene."""
     n = scene.n_states
     names = {"FIELD": scene.field.dispatcher, "N": n}
-    fill, evaluations = stiff.jacobian_by_differences, stiff.EVALUATIONS + 2 * n
-    if scene.jacobian is not None:
-        fill, evaluations = stiff.jacobian_by_user, stiff.EVALUATIONS
+    if scene.jacobian is None:
+        fill = stiff.jacobian_by_differences
+        evaluations = stiff.EVALUATIONS + 2 * n
+    else:
+        fill = stiff.jacobian_by_user
+        evaluations = stiff.EVALUATIONS
         names["JACOBIAN"] = scene.jacobian.dispatcher
     made = {
         "FILL_JACOBIAN": put_in(fill, **names),

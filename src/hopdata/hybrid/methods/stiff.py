@@ -27,10 +27,11 @@ from hopdata.hybrid.methods.explicit import coefficients
 
 @kernel
 def factorise(s: FloatTable, lu: int, pivots: int, n: int) -> None:
-    """Replace the (n, n) matrix in the rows from `lu` on by its LU factors, with partial pivoting.
+    """Replace the (n, n) matrix in the rows from `lu` on by its LU factors.
 
-    The diagonal is replaced by its reciprocal; row `pivots` receives the row exchanges.
-    A singular matrix gives infinities, and therefore a solution that is not finite.
+    Pivoting is partial. The diagonal is replaced by its reciprocal; row `pivots`
+    receives the row exchanges. A singular matrix gives infinities, and therefore a
+    solution that is not finite.
     """
     for k in range(n):
         best = k
@@ -77,12 +78,20 @@ FIELD: Any = None
 JACOBIAN: Any = None
 N: int = 0
 
+#: Increment for central differences, as a fraction of the size of a state.
+#: Unit: 1. Origin: derived: the cube root of the rounding error balances rounding and
+#: truncation.
 CUBE_ROOT_OF_EPS = 2.0 ** (-52 / 3)
-TINY, SMALLEST = 1e-290, 1e-300  # smallest increment, and smallest tolerance
-# Fraction of the step for three values ahead in time; it balances rounding and
-# truncation.
+TINY = 1e-290  # smallest increment
+SMALLEST = 1e-300  # smallest tolerance
+
+#: Distance of three values ahead in time, as a fraction of the step.
+#: Unit: 1. Origin: chosen: it balances rounding and truncation.
 TIME_INCREMENT = 2.0**-9
-LEAST_INCREMENT = 2.0**-40  # smallest increment, relative to the time itself
+
+#: Smallest such distance, as a fraction of the time itself.
+#: Unit: 1. Origin: chosen.
+LEAST_INCREMENT = 2.0**-40
 
 
 def jacobian_by_user(
@@ -94,7 +103,10 @@ def jacobian_by_user(
     atol: FloatVector,
     first: int,
 ) -> int:
-    """Get the user's derivative (entries not filled are zero); return 0 field evaluations."""
+    """Get the user's derivative; return 0, the field evaluations.
+
+    Entries that the user does not fill are zero.
+    """
     square(s, first)[:] = 0.0
     JACOBIAN(t, row(s, Y), mode, params, square(s, first))
     return 0
@@ -119,8 +131,12 @@ def jacobian_by_differences(
     copy(row(s, Y), row(s, SCRATCH))
     for j in range(N):
         size = max(abs(s[Y, j]), dt * abs(s[K1, j]))
-        increment = CUBE_ROOT_OF_EPS * size if size > atol[j] else max(atol[j], TINY)
-        above, below = s[Y, j] + increment, s[Y, j] - increment
+        if size > atol[j]:
+            increment = CUBE_ROOT_OF_EPS * size
+        else:
+            increment = max(atol[j], TINY)
+        above = s[Y, j] + increment
+        below = s[Y, j] - increment
         s[SCRATCH, j] = above
         FIELD(t, row(s, SCRATCH), mode, params, row(s, SLOPE))
         for i in range(N):
@@ -136,11 +152,11 @@ def jacobian_by_differences(
 def time_derivative(
     t: float, dt: float, s: FloatTable, mode: Any, params: Any, into: int
 ) -> int:
-    """Fill row `into` with df/dt at (t, Y), where K1 is the field; return field evaluations.
+    """Fill row `into` with df/dt at (t, Y), where K1 is the field.
 
-    The differences are forward, of third order, and stay inside the step. If the field
-    does not change at all, it is assumed not to depend on time, at the cost of one
-    evaluation.
+    Returns the number of field evaluations. The differences are forward, of third
+    order, and stay inside the step. If the field does not change at all, it is assumed
+    not to depend on time, at the cost of one evaluation.
     """
     increment = max(TIME_INCREMENT * dt, LEAST_INCREMENT * abs(t))
     FIELD(t + increment, row(s, Y), mode, params, row(s, SLOPE))
@@ -168,7 +184,10 @@ GAMMA: float = _RODAS["gamma"]
 
 
 def lower_triangle(rows: tuple[tuple[float, ...], ...]) -> np.ndarray:
-    """Return the strictly lower triangular matrix (STAGES, STAGES) with these rows from row 2."""
+    """Return the strictly lower triangular matrix (STAGES, STAGES).
+
+    Its rows are given from row 2 on.
+    """
     matrix = np.zeros((STAGES, STAGES))
     for i, values in enumerate(rows, start=1):
         matrix[i, :i] = values
@@ -178,10 +197,12 @@ def lower_triangle(rows: tuple[tuple[float, ...], ...]) -> np.ndarray:
 # Stage i is at the state y + sum_j A[i, j] u_j. The new state is the last one plus u_8,
 # and u_8 alone is the difference from the embedded solution. u_i solves (1 / (GAMMA dt)
 # - J) u_i = f_i + sum_j C[i, j] / dt u_j + D[i] dt df/dt.
-A, C = lower_triangle(_RODAS["a"]), lower_triangle(_RODAS["c"])
+A = lower_triangle(_RODAS["a"])
+C = lower_triangle(_RODAS["c"])
 
 # Times of the stages in units of the step, and weights of the field's time derivative.
-TIME, D = np.array(_RODAS["time"]), np.array(_RODAS["d"])
+TIME = np.array(_RODAS["time"])
+D = np.array(_RODAS["d"])
 
 # Dense output of order 4: y + theta (rise + (1 - theta) (h_1 + theta h_2 + theta^2
 # h_3)), where h_i = sum_j H[i, j] u_j.
@@ -198,31 +219,40 @@ H = np.array(_RODAS["h"])
 # of field evaluations of a step, which varies, is left in INFO, and the Jacobian at its
 # start in the rows from JAC on.
 
-EVALUATIONS = (
-    STAGES + 1
-)  # for a given Jacobian and a field that does not depend on time
+# Evaluations for a given Jacobian and a field that does not depend on time.
+EVALUATIONS = STAGES + 1
 DEGREE = 4
 DENSE_ERROR = 1  # interpolant's error in units of the step's estimated error
 ORDER = 5
 FILL_JACOBIAN: Any = None
 TIME_DERIVATIVE: Any = None
 
-U, PIVOTS, INFO, JAC = W1, W1 + STAGES, W1 + STAGES + 1, W1 + STAGES + 2
+# Work rows: stages, row exchanges, number of evaluations, and two matrices.
+U = W1
+PIVOTS = W1 + STAGES
+INFO = W1 + STAGES + 1
+JAC = W1 + STAGES + 2
 
 
 def work_rows(n: int) -> int:
-    """Return the number of work rows for `n` states: stages, exchanges, count, two matrices."""
+    """Return the number of work rows for `n` states."""
     return STAGES + 2 + 2 * n
 
 
 def step(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector,
+    t: float,
+    dt: float,
+    rtol: float,
+    s: FloatTable,
+    mode: Any,
+    params: Any,
+    atol: FloatVector,
     field: int,
-) -> float:  # fmt: skip
-    """Take one step; return the embedded error in units of the tolerance (root mean square)."""
-    lu = JAC + N
+) -> float:
+    """Take one step; return the embedded error in tolerances (root mean square)."""
     s[INFO, 0] = FILL_JACOBIAN(t, dt, s, mode, params, atol, JAC)
     s[INFO, 0] += TIME_DERIVATIVE(t, dt, s, mode, params, KEND) + STAGES
+    lu = JAC + N  # the matrix 1 / (GAMMA dt) - J, and its factors
     for i in range(N):
         for j in range(N):
             s[lu + i, j] = -s[JAC + i, j]
@@ -230,7 +260,8 @@ def step(
     factorise(s, lu, PIVOTS, N)
     for k in range(STAGES):
         for i in range(N):
-            state, bend = s[Y, i], 0.0
+            state = s[Y, i]
+            bend = 0.0
             for m in range(k):
                 state += A[k, m] * s[U + m, i]
                 bend += C[k, m] * s[U + m, i]
@@ -255,9 +286,14 @@ def step(
 def interpolant(
     t: float, dt: float, s: FloatTable, mode: Any, params: Any, field: int
 ) -> int:
-    """Write the coefficients of the dense output of order 4, in the alternating basis."""
+    """Write the coefficients of the dense output of order 4.
+
+    They are in the alternating basis.
+    """
     for i in range(N):
-        first, second, third = 0.0, 0.0, 0.0
+        first = 0.0
+        second = 0.0
+        third = 0.0
         for m in range(STAGES):
             first += H[0, m] * s[U + m, i]
             second += H[1, m] * s[U + m, i]
@@ -269,8 +305,13 @@ def interpolant(
     return DEGREE
 
 
-STIFF = 15.0  # score at which a mode is stiff: steps beyond the limit, net of relief
-RELIEF = 2.5  # decrease of the score at each step within the limit
+#: Score at which a mode is stiff: steps beyond the stability limit, net of relief.
+#: Unit: 1. Origin: convention: as in Hairer and Wanner's codes.
+STIFF = 15.0
+
+#: Decrease of the score at each step within the limit.
+#: Unit: 1. Origin: chosen.
+RELIEF = 2.5
 
 
 @kernel
@@ -287,9 +328,9 @@ def explicit_stiffness(
 
     Row `last_slope` holds the slope of the last stage, SCRATCH the state where it was
     taken. The result is NaN, which exceeds no limit, if that state equals the new one.
-    result is NaN, which exceeds no limit, if that state is the new one.
     """
-    slopes, states = 0.0, 0.0
+    slopes = 0.0
+    states = 0.0
     for i in range(n):
         allowed = tolerance(s, i, rtol, atol)
         slopes += ((s[KEND, i] - s[last_slope, i]) / allowed) ** 2
@@ -299,17 +340,20 @@ def explicit_stiffness(
 
 @kernel
 def stiffness_score(score: float, stiffness: float, limit: float) -> float:
-    """Return the updated score; the integration is stiff when it reaches `STIFF`.
+    """Return the updated score.
 
-    The score starts at 0 and is kept across events, which may come faster than it
-    grows. While it is 0, testing one step in 16 is enough.
+    The integration is stiff when it reaches `STIFF`. The score starts at 0 and is kept
+    across events, which may come faster than it grows. While it is 0, testing one step
+    in 16 is enough.
     """
-    return score + 1.0 if stiffness > limit else max(score - RELIEF, 0.0)
+    if stiffness > limit:
+        return score + 1.0
+    return max(score - RELIEF, 0.0)
 
 
 @kernel
 def multiply(s: FloatTable, first: int, x: int, product: int, n: int) -> None:
-    """Multiply the matrix in the rows from `first` on by row `x`; write the result to a row."""
+    """Write the product of the matrix in the rows from `first` on and row `x`."""
     for i in range(n):
         total = 0.0
         for j in range(n):
@@ -327,14 +371,15 @@ def implicit_stiffness(
     spare: int,
     n: int,
 ) -> float:
-    """Return an estimate of dt times the spectral radius of the Jacobian in the rows from `jac`.
+    """Return an estimate of dt times the spectral radius of a Jacobian.
 
-    It takes four products, started from the tolerances. They are taken in pairs,
-    because a vibration turns states and rates into each other. SCRATCH and row `spare`
-    are overwritten. An explicit method suffices for the next step of length dt if the
-    result is well below its limit. The estimate costs as much as half a step.
+    The Jacobian is in the rows from `jac` on. It takes four products, started from the
+    tolerances. They are taken in pairs, because a vibration turns states and rates into
+    each other. SCRATCH and row `spare` are overwritten. An explicit method suffices for
+    the next step of length dt if the result is well below its limit. The estimate costs
+    as much as half a step.
     """
-    before, after = 0.0, 0.0
+    after = 0.0
     for i in range(n):
         s[SCRATCH, i] = tolerance(s, i, rtol, atol)
     for _ in range(2):

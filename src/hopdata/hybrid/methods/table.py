@@ -27,22 +27,34 @@ MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
 CHOICES = ("auto", *TABLEAUS, *MAKERS)
 TANGENTS = ("tangent", "short_tangent")
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
-LARGEST_STIFF = (
-    200  # most states for Rosenbrock: its matrices would need too much memory
-)
-# Steps in a process after which a scene gets its own code: compiling takes 0.4 to 2.5
-# s, saves 0.02 to 0.15 us per step, and is cached for the next process.
+
+#: Most states for which "auto" may take the Rosenbrock method: with more, its matrices
+#: would need too much memory.
+#: Unit: 1. Origin: chosen.
+LARGEST_STIFF = 200
+
+#: Steps in a process after which a scene gets its own code: compiling takes 0.4 to 2.5
+#: s, saves 0.02 to 0.15 us per step, and is cached for the next process.
+#: Unit: 1. Origin: chosen.
 WORTH_COMPILING = 5_000_000
+
 # Attributes of a method that the driver's table holds, in columns of these names.
 COLUMNS = (
-    "evaluations", "interpolant_evaluations", "tangent_evaluations", "short_evaluations", "order",
-    "interpolant_error", "in_powers", "last_slope", "stiff_tenths",
-)  # fmt: skip
+    "evaluations",
+    "interpolant_evaluations",
+    "tangent_evaluations",
+    "short_evaluations",
+    "order",
+    "interpolant_error",
+    "in_powers",
+    "last_slope",
+    "stiff_tenths",
+)
 
 
 @cache
 def generic_code(name: str, tangents: bool = False) -> dict[str, Any]:
-    """Return an explicit method's machine code for any scene, compiled once per install."""
+    """Return an explicit method's machine code for any scene, compiled once."""
     method = made.explicit_method(TABLEAUS[name])
     parts = TANGENTS if tangents else ("interpolant", "step")
     return {
@@ -53,11 +65,9 @@ def generic_code(name: str, tangents: bool = False) -> dict[str, Any]:
 @lru_cache(made.KEPT)
 def method_for(name: str, scene: Scene) -> Method:
     """Return a method for a scene; systems with the same functions share it."""
-    return (
-        MAKERS[name](scene)
-        if name in MAKERS
-        else made.explicit_method(TABLEAUS[name], scene)
-    )
+    if name in MAKERS:
+        return MAKERS[name](scene)
+    return made.explicit_method(TABLEAUS[name], scene)
 
 
 def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
@@ -79,11 +89,9 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
         return (name,)
     if scene.affine is not None:
         return ("taylor",)
-    return (
-        AUTOMATIC
-        if not jacobian and scene.n_states <= LARGEST_STIFF
-        else AUTOMATIC[:-1]
-    )
+    if jacobian or scene.n_states > LARGEST_STIFF:
+        return tuple(name for name in AUTOMATIC if name in TABLEAUS)
+    return AUTOMATIC
 
 
 class MethodTable:
@@ -114,20 +122,21 @@ class MethodTable:
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
-        self.choice, self._names = choice, check_method(choice, scene, jacobian)
-        self.scene, self._jacobian = scene, jacobian
+        self.choice = choice
+        self._names = check_method(choice, scene, jacobian)
+        self.scene = scene
+        self._jacobian = jacobian
         self._kept_alive: list[Any] = []
         self._methods = [method_for(name, scene) for name in self._names]
         self.generic: set[int] = set()
         self.steps = 0
         self.work_rows = max(method.work_rows for method in self._methods)
         self.tangent_rows = max(method.tangent_rows for method in self._methods)
-        self.degree = (
-            layout.LARGEST_DEGREE if "taylor" in self._names else DOP853.degree
-        )
-        self.rows: IntArray = np.zeros(
-            (len(self._names), layout.METHOD_SLOTS), dtype=np.int64
-        )
+        self.degree = DOP853.degree
+        if "taylor" in self._names:
+            self.degree = layout.LARGEST_DEGREE
+        shape = (len(self._names), layout.METHOD_SLOTS)
+        self.rows: IntArray = np.zeros(shape, dtype=np.int64)
         for number, method in enumerate(self._methods):
             self._describe(number, method)
         if self._names == ("taylor",):  # the driver calls its refresh from the start
@@ -139,13 +148,17 @@ class MethodTable:
         for name in COLUMNS:
             row[getattr(layout, name.upper())] = getattr(method, name)
         row[[layout.SPARSER, layout.DENSER, layout.STIFFER, layout.RELAXED]] = -1
+        # The explicit methods come first, by their order; one for stiff modes follows.
         highest = sum(name in TABLEAUS for name in self._names) - 1
+        stiff = highest + 1
         if number > highest:
             row[layout.RELAXED] = highest
             return
-        row[layout.SPARSER] = number + 1 if number < highest else -1
         row[layout.DENSER] = number - 1
-        row[layout.STIFFER] = highest + 1 if highest + 1 < len(self._names) else -1
+        if number < highest:
+            row[layout.SPARSER] = number + 1
+        if stiff < len(self._names):
+            row[layout.STIFFER] = stiff
 
     def provide(self, number: int) -> None:
         """Make the method ready that the driver has asked for."""
@@ -157,6 +170,7 @@ class MethodTable:
             self.compile(number)
 
     def _generic_will_do(self, number: int) -> bool:
+        """Return whether generic code is the best choice for a method at present."""
         if self._names[number] not in TABLEAUS:
             return False
         if not self.scene.field.compiled:
@@ -165,32 +179,46 @@ class MethodTable:
         return few and not made.is_compiled(self._methods[number], self.scene.n_states)
 
     def wants_own_code(self, steps: int = 0) -> bool:
-        """Return whether the scene's total, with `steps` more, warrants its own code."""
+        """Return whether the scene's steps, with these more, warrant its own code."""
         return self.steps + steps >= WORTH_COMPILING and self.scene.field.compiled
 
     def specialise(self, steps: int = 0) -> None:
-        """Compile generic methods for the scene if its total, with `steps` more, warrants it."""
+        """Compile generic methods for the scene if its total of steps warrants it.
+
+        `steps` are about to be added to the total.
+        """
         if self.generic and self.wants_own_code(steps):
-            generic, self.generic = self.generic, set()
+            generic = self.generic
+            self.generic = set()
             for number in generic:
                 self.compile(number)
 
     def compile_all(self) -> None:
-        """Compile all methods for the scene, or provide generic ones if its field cannot be."""
+        """Compile all methods for the scene.
+
+        If its field cannot be compiled, they are provided as generic code.
+        """
         make = self.compile if self.scene.field.compiled else self.provide
-        generic, self.generic = self.generic, set()
+        generic = self.generic
+        self.generic = set()
         for number in range(len(self._names)):
             if number in generic or self.rows[number, layout.STEP] == 0:
                 make(number)
 
     def _enter(self, number: int, parts: dict[str, Any]) -> None:
-        """Give machine code to the driver: the step last, which tells other threads it is ready."""
+        """Give machine code to the driver.
+
+        The step comes last: it tells other threads that the method is ready.
+        """
         for part, code in parts.items():
             self._kept_alive.append(code)
             self.rows[number, getattr(layout, part.upper())] = code.address
 
     def _enter_tangents(self, number: int) -> None:
-        """Give an explicit method's generic tangents and the user's derivative to the driver."""
+        """Give an explicit method's generic tangents to the driver.
+
+        The user's derivative is given with them.
+        """
         if self._jacobian and self._names[number] in TABLEAUS:
             self._enter(number, generic_code(self._names[number], tangents=True))
             if self.scene.jacobian is not None:
@@ -198,14 +226,14 @@ class MethodTable:
 
     def compile(self, number: int) -> None:
         """Compile a method for the scene."""
-        method, scene = self._methods[number], self.scene
+        method = self._methods[number]
+        n_states = self.scene.n_states
+        kept = self.scene.cacheable
         self._enter_tangents(number)
-        generic = (
-            () if self._jacobian and self._names[number] not in TABLEAUS else TANGENTS
-        )
+        own_tangents = self._jacobian and self._names[number] not in TABLEAUS
         for part in PARTS:
-            if part not in generic and getattr(method, part) is not None:
-                code = compiled_part(
-                    part, method, scene.n_states, cache=scene.cacheable
-                )
+            if part in TANGENTS and not own_tangents:
+                continue
+            if getattr(method, part) is not None:
+                code = compiled_part(part, method, n_states, cache=kept)
                 self._enter(number, {part: code})

@@ -36,14 +36,20 @@ def multiply(phi: FloatTable, target: int, left: int, right: int) -> None:
     for i in range(n):
         for j in range(0, n - 3, 4):
             one = phi[left + i, 0]
-            a, b = one * phi[right, j], one * phi[right, j + 1]
-            c, d = one * phi[right, j + 2], one * phi[right, j + 3]
+            a = one * phi[right, j]
+            b = one * phi[right, j + 1]
+            c = one * phi[right, j + 2]
+            d = one * phi[right, j + 3]
             for k in range(1, n):
-                one, r = phi[left + i, k], right + k
-                a, b = fma(one, phi[r, j], a), fma(one, phi[r, j + 1], b)
-                c, d = fma(one, phi[r, j + 2], c), fma(one, phi[r, j + 3], d)
-            phi[target + i, j], phi[target + i, j + 1] = a, b
-            phi[target + i, j + 2], phi[target + i, j + 3] = c, d
+                one = phi[left + i, k]
+                a = fma(one, phi[right + k, j], a)
+                b = fma(one, phi[right + k, j + 1], b)
+                c = fma(one, phi[right + k, j + 2], c)
+                d = fma(one, phi[right + k, j + 3], d)
+            phi[target + i, j] = a
+            phi[target + i, j + 1] = b
+            phi[target + i, j + 2] = c
+            phi[target + i, j + 3] = d
         for j in range(n - n % 4, n):
             total = phi[left + i, 0] * phi[right, j]
             for k in range(1, n):
@@ -55,32 +61,57 @@ def multiply(phi: FloatTable, target: int, left: int, right: int) -> None:
 def add_product(
     phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
 ) -> None:
-    """Write base + factor left right into the block `target`, which is none of these."""
+    """Write base + factor left right into the block `target`.
+
+    It is none of these.
+    """
     multiply(phi, target, left, right)
     for i in range(phi.width):
         for j in range(phi.width):
             phi[target + i, j] = fma(factor, phi[target + i, j], phi[base + i, j])
 
 
-FIFTH_ROOT_OF_EPS = 2.0 ** (
-    -52 / 5
-)  # best relative increment for fourth-order differences
-ABSOLUTELY_TINY = 1e-290
-LOOSER = (
-    10.0  # error of the Jacobian allowed per step, in relative tolerances of the state
-)
+# The derivative of the field, or of a reset, by fourth-order differences.
+#
+# Their values are at four places, in two pairs. The pairs are in the golden ratio, so
+# no period fits whole turns into both. The difference between the derivatives from
+# either pair shows whether the increment is small enough. If not, as for the sine of a
+# thousand turns, a smaller one is tried.
 
-# Fourth-order differences: places of the values, in increments, and their weights. The
-# two pairs are in the golden ratio, so no period fits whole turns into both. The
-# difference between the derivatives from either pair shows whether the increment is
-# small enough. If not, as for the sine of a thousand turns, a smaller one is tried.
+#: Increment, as a fraction of the size of a state.
+#: Unit: 1. Origin: derived: the best for differences of fourth order.
+FIFTH_ROOT_OF_EPS = 2.0 ** (-52 / 5)
+
+ABSOLUTELY_TINY = 1e-290  # a state smaller than this counts as 1
+
+#: Error of the Jacobian allowed per step.
+#: Unit: relative tolerances of the state. Origin: chosen.
+LOOSER = 10.0
+
 GOLDEN = 0.5 + sqrt(1.25)
-SHIFTS = (GOLDEN, 1.0, -1.0, -GOLDEN)
-INNER, OUTER = 0.5 * GOLDEN, 0.5 / GOLDEN**2
-# Largest relative difference between the two: the derivative then errs by 1e-10
+SHIFTS = (GOLDEN, 1.0, -1.0, -GOLDEN)  # places of the values, in increments
+INNER = 0.5 * GOLDEN  # weights of the two pairs
+OUTER = 0.5 / GOLDEN**2
+
+#: Largest relative difference between the derivatives from the two pairs.
+#: Unit: 1. Origin: derived: the derivative then errs by 1e-10, its square.
 BENT = 1e-5
-NOISE = 2.0**-44  # fraction of a state below which changes are negligible
-SHORTER, LONGER, ATTEMPTS = 1.0 / 16.0, 16.0, 7
+
+#: Fraction of a state below which changes are negligible.
+#: Unit: 1. Origin: rounding: 256 units in the last place of a double.
+NOISE = 2.0**-44
+
+#: Factor to the next increment that is tried.
+#: Unit: 1. Origin: chosen.
+SHORTER = 1.0 / 16.0
+
+#: Factor by which the first increment exceeds the one that was small enough before.
+#: Unit: 1. Origin: derived: one over SHORTER.
+LONGER = 16.0
+
+#: Most increments that are tried.
+#: Unit: 1. Origin: chosen.
+ATTEMPTS = 7
 
 
 @code.kernel_in_loop
@@ -94,24 +125,30 @@ def settle(
     j: int,
     n: int,
 ) -> bool:
-    """Write those of n derivatives that are now good into column `j`; return whether all are.
+    """Write those of n derivatives that are now good into column `j`.
 
-    Where none is good, that of the first attempt is kept. The rows of `v` from `first`
-    on hold four rows of values, flags of the good ones, and the possible errors of the
-    values.
+    Returns whether all are good. Where none is, that of the first attempt is kept. The
+    rows of `v` from `first` on hold four rows of values, flags of the good ones, and
+    the possible errors of the values.
     """
-    all_good, again = True, attempt > 0
+    good_before = first + 4
+    noise = first + 5
+    again = attempt > 0
+    all_good = True
     for i in range(n):
-        outer, inner = v[first, i] - v[first + 3, i], v[first + 1, i] - v[first + 2, i]
-        change, apart = (
-            INNER * inner - OUTER * outer,
-            abs(inner - outer * (GOLDEN - 1.0)),
-        )
-        limit, done = BENT * abs(change), again and v[first + 4, i] != 0.0
-        good = apart < limit if again else apart <= limit + v[first + 5, i]
+        outer = v[first, i] - v[first + 3, i]
+        inner = v[first + 1, i] - v[first + 2, i]
+        change = INNER * inner - OUTER * outer
+        apart = abs(inner - outer * (GOLDEN - 1.0))
+        limit = BENT * abs(change)
+        done = again and v[good_before, i] != 0.0
+        if again:
+            good = apart < limit
+        else:
+            good = apart <= limit + v[noise, i]
         if not again or (good and not done):
             slopes[into + i, j] = change / step
-        v[first + 4, i] = 1.0 if good or done else 0.0
+        v[good_before, i] = 1.0 if good or done else 0.0
         all_good = all_good and (good or done)
     return all_good
 
@@ -127,21 +164,32 @@ def evaluate_beside(
     phi: Any,
     field: int,
 ) -> None:
-    """Evaluate the field at SCRATCH with four shifts of state j; NaN remains if it raises."""
-    shifted, values = 3 * phi.width, 3 * phi.width + at.PHI_VALUES
+    """Evaluate the field at SCRATCH with four shifts of state j.
+
+    NaN remains where it raises.
+    """
+    shifted = 3 * phi.width
+    values = shifted + at.PHI_VALUES
     for side in range(4):
         phi[shifted, j] = s[at.SCRATCH, j] + SHIFTS[side] * step
         phi[values + side, 0] = nan
-        code.call_field_on_arrays(
-            field, t, phi, shifted, mode, params, phi, values + side
-        )
+        into = values + side
+        code.call_field_on_arrays(field, t, phi, shifted, mode, params, phi, into)
 
 
 @code.kernel_apart
-def stage_jacobian(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any,
-    field: int, jacobian: int,
-) -> None:  # fmt: skip
+def stage_jacobian(  # noqa: PLR0913 (the arguments of a tangent)
+    t: float,
+    dt: float,
+    rtol: float,
+    s: FloatTable,
+    mode: Any,
+    params: Any,
+    atol: Any,
+    phi: Any,
+    field: int,
+    jacobian: int,
+) -> None:
     """Write the field's derivative at SCRATCH: the user's, or finite differences.
 
     The differences are central and of fourth order, usually with 4 n field evaluations.
@@ -154,7 +202,10 @@ def stage_jacobian(
         square(phi, n)[:] = 0.0
         code.call_jacobian(jacobian, t, s, at.SCRATCH, mode, params, square(phi, n))
         return
-    shifted, values, per_s = 3 * n, 3 * n + at.PHI_VALUES, 1.0 / dt
+    shifted = 3 * n
+    values = 3 * n + at.PHI_VALUES
+    fraction = 3 * n + at.PHI_PART  # of an increment, that was small enough
+    per_s = 1.0 / dt
     for i in range(n):
         phi[shifted, i] = s[at.SCRATCH, i]
         phi[values + 5, i] = NOISE * (per_s * abs(s[at.Y, i]) + abs(s[at.K1, i]))
@@ -165,8 +216,10 @@ def stage_jacobian(
             dt * abs(s[at.K1, j]),
             atol[j] / rtol,
         )
-        part = min(phi[3 * n + at.PHI_PART, j] * LONGER, 1.0)
-        largest = FIFTH_ROOT_OF_EPS * (size if size > ABSOLUTELY_TINY else 1.0)
+        if not size > ABSOLUTELY_TINY:
+            size = 1.0
+        largest = FIFTH_ROOT_OF_EPS * size
+        part = min(phi[fraction, j] * LONGER, 1.0)
         for attempt in range(ATTEMPTS):
             evaluate_beside(t, j, part * largest, s, mode, params, phi, field)
             if settle(phi, values, attempt, part * largest, phi, n, j, n):
@@ -174,7 +227,7 @@ def stage_jacobian(
             part *= SHORTER
         else:
             part = 1.0
-        phi[3 * n + at.PHI_PART, j] = part
+        phi[fraction, j] = part
         phi[shifted, j] = s[at.SCRATCH, j]
 
 
@@ -189,15 +242,17 @@ def _matrices(target: str, weights: Sequence[float]) -> list[str]:
 
 
 def error_constant(tableau: Tableau) -> float:
-    """Return the coefficient of z^(p + 1) in the error of a step of length z for y' = y."""
+    """Return the coefficient of z^(p + 1) in the error of a step.
+
+    The step has the length z, and y' = y.
+    """
     stages = len(tableau.weights)
     matrix = np.zeros((stages, stages))
     for k, weights in enumerate(tableau.stages, start=1):
         matrix[k, : len(weights)] = weights
     power = np.linalg.matrix_power(matrix, tableau.order) @ np.ones(stages)
-    return float(
-        abs(1.0 / factorial(tableau.order + 1) - np.dot(tableau.weights, power))
-    )
+    exact = 1.0 / factorial(tableau.order + 1)
+    return float(abs(exact - np.dot(tableau.weights, power)))
 
 
 def _error(tableau: Tableau) -> list[str]:
@@ -217,19 +272,21 @@ def _error(tableau: Tableau) -> list[str]:
 
 
 def tangent_code(tableau: Tableau) -> list[str]:
-    """Return the body of ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)``."""
+    """Return the body of a method's tangent (see `methods.method.Method`)."""
     slopes = tableau.slope_rows
+    nodes = (0.0, *tableau.nodes)
+    stages = ((), *tableau.stages)
     lines = ["N = phi.width"]
-    for k in range(len(tableau.weights)):
-        weights = tableau.stages[k - 1] if k > 0 else ()
-        node = tableau.nodes[k - 1] if k > 0 else 0.0
-        state = (
-            f"s[{at.SCRATCH}, i] = s[{at.Y}, i] + dt * ({combination(weights, slopes)})"
-        )
-        lines += ["for i in range(N):", INDENT + state, *_matrices("2 * N", weights)]
+    for k, (node, weights) in enumerate(zip(nodes, stages, strict=True)):
+        moved = f"dt * ({combination(weights, slopes)})"
         lines += [
+            "for i in range(N):",
+            INDENT + f"s[{at.SCRATCH}, i] = s[{at.Y}, i] + {moved}",
+            *_matrices("2 * N", weights),
             f"time = t + {node!r} * dt",
-            "stage_jacobian(time, dt, rtol, s, mode, params, atol, phi, field, jacobian)",
+            "stage_jacobian(",
+            INDENT + "time, dt, rtol, s, mode, params, atol, phi, field, jacobian",
+            ")",
             f"multiply(phi, 3 * N + {at.PHI_ROWS} + {k} * N, N, 2 * N)",
         ]
     return [*lines, *_error(tableau)]
@@ -248,38 +305,53 @@ def tangent_code(tableau: Tableau) -> list[str]:
 #
 # The driver writes the states at the two points into rows SCRATCH and SLOPE.
 
-HIGHEST_ORDER = (
-    5  # highest order of a method: steps of higher ones are too long for this
-)
-TILT = 0.5 * sqrt(
-    3.0
-)  # distance of an end from the mean of the Gauss points, over their distance
+#: Highest order of a method that has a short tangent: steps of higher ones are too long
+#: for it.
+#: Unit: 1. Origin: chosen.
+HIGHEST_ORDER = 5
+
+# Distance of an end from the mean of the Gauss points, over their distance.
+TILT = 0.5 * sqrt(3.0)
 BLOCKS = 5  # blocks of the table after the single rows
-# Error over (step times fastest motion)^5: 1 / 120, and a bit for the two points
+
+#: Error over (step times fastest motion)^5.
+#: Unit: 1. Origin: derived: 1 / 120, and a bit for the two points.
 ERROR = 0.01
 
 
-def short_tangent(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any,
-    field: int, jacobian: int,
-) -> float:  # fmt: skip
-    """Write the new Jacobian into the second block; return its error in units of the tolerance."""
+def short_tangent(  # noqa: PLR0913 (the arguments of a tangent)
+    t: float,
+    dt: float,
+    rtol: float,
+    s: FloatTable,
+    mode: Any,
+    params: Any,
+    atol: Any,
+    phi: Any,
+    field: int,
+    jacobian: int,
+) -> float:
+    """Write the new Jacobian into the second block; return its error in tolerances."""
     n = phi.width
+    # Blocks: A at the start, the middle and the end of the step; the results of the
+    # stages of Runge and Kutta, the last of them in the third block.
     begin = 3 * n + at.PHI_ROWS
-    middle, end = begin + n, begin + 2 * n  # A at these places
-    second, third, fourth = begin + 3 * n, begin + 4 * n, 2 * n
-    first, last = t + at.GAUSS_1 * dt, t + at.GAUSS_2 * dt
-    stage_jacobian(first, dt, rtol, s, mode, params, atol, phi, field, jacobian)
+    middle = begin + n
+    end = begin + 2 * n
+    second = begin + 3 * n
+    third = begin + 4 * n
+    fourth = 2 * n
+    first_point = t + at.GAUSS_1 * dt
+    stage_jacobian(first_point, dt, rtol, s, mode, params, atol, phi, field, jacobian)
     for e in range(n * n):
         phi[begin, e] = phi[n, e]
     for i in range(n):
         s[at.SCRATCH, i] = s[at.SLOPE, i]
-    stage_jacobian(last, dt, rtol, s, mode, params, atol, phi, field, jacobian)
+    last_point = t + at.GAUSS_2 * dt
+    stage_jacobian(last_point, dt, rtol, s, mode, params, atol, phi, field, jacobian)
     for e in range(n * n):
-        mean, tilt = (
-            0.5 * (phi[begin, e] + phi[n, e]),
-            TILT * (phi[n, e] - phi[begin, e]),
-        )
+        mean = 0.5 * (phi[begin, e] + phi[n, e])
+        tilt = TILT * (phi[n, e] - phi[begin, e])
         phi[begin, e] = mean - tilt
         phi[middle, e] = mean
         phi[end, e] = mean + tilt
@@ -287,9 +359,8 @@ def short_tangent(
     add_product(phi, third, 0, middle, second, 0.5 * dt)
     add_product(phi, fourth, 0, middle, third, dt)
     for e in range(n * n):
-        phi[second, e] = (
-            phi[second, e] + 2.0 * phi[third, e] + phi[fourth, e] - phi[0, e]
-        ) / 3.0
+        total = phi[second, e] + 2.0 * phi[third, e] + phi[fourth, e] - phi[0, e]
+        phi[second, e] = total / 3.0
     add_product(phi, n, second, end, fourth, dt / 6.0)
     fastest = fastest_motion(phi, middle)
     phi[3 * n + at.PHI_MOTION, 0] = fastest

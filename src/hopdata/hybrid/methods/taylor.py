@@ -43,18 +43,18 @@ from hopdata.hybrid.methods.explicit import INDENT, compose_part
 
 @kernel_in_loop
 def fastest_motion(table: FloatTable, first: int) -> float:
-    """Return the square of the fastest motion, 1/s^2, of the square matrix from row `first` on.
+    """Return the square of the fastest motion of a linear flow, 1/s^2.
 
-    It is estimated from the diagonal and from pairs of entries: the largest abs(a_ij
-    a_ji), which does not depend on the choice of units.
+    Its square matrix is in the rows from `first` on. It is estimated from the diagonal
+    and from pairs of entries: the largest abs(a_ij a_ji), which does not depend on the
+    choice of units.
     """
     fastest = 0.0
     for i in range(table.width):
         fastest_of_row = 0.0  # per row, so that the processor overlaps rows
         for j in range(i + 1):
-            fastest_of_row = max(
-                fastest_of_row, abs(table[first + i, j] * table[first + j, i])
-            )
+            turn = abs(table[first + i, j] * table[first + j, i])
+            fastest_of_row = max(fastest_of_row, turn)
         fastest = max(fastest, fastest_of_row)
     return fastest
 
@@ -72,25 +72,44 @@ def fastest_motion(table: FloatTable, first: int) -> float:
 
 DEGREE = LARGEST_DEGREE
 ORDER = DEGREE + 1
-B, WEIGHT, INFO, LONGEST, A = W1, W1 + 1, W1 + 2, W1 + 3, W1 + 4
+# Work rows: b, the inverse tolerances, the degree that was needed, the longest first
+# step, and A.
+B = W1
+WEIGHT = W1 + 1
+INFO = W1 + 2
+LONGEST = W1 + 3
+A = W1 + 4
 
 EPS = 2.0**-52
-SHARP = 64 * EPS  # relative tolerance to which looser ones are tightened
-# Number of terms after which a step is abandoned if its error is this many times too
-# large: its terms still grow then, and the remaining ones add no information.
-EARLY, FAR_TOO_LONG = 8, 1e15
-TINY = 1e-300
+
+#: Relative tolerance to which looser ones are tightened.
+#: Unit: 1. Origin: rounding: 64 units in the last place of a double.
+SHARP = 64 * EPS
+
+#: Terms after which a step may be abandoned.
+#: Unit: 1. Origin: chosen.
+EARLY = 8
+
+#: Error, in tolerances, above which it is abandoned then: its terms still grow, and the
+#: remaining ones add no information.
+#: Unit: 1. Origin: chosen.
+FAR_TOO_LONG = 1e15
+
+TINY = 1e-300  # smallest tolerance
 FACTORIALS = np.array([float(factorial(k)) for k in range(ORDER + 1)])
 SHARES = 1.0 / FACTORIALS
 
-MOST_WRITTEN_OUT = (
-    4  # most states for unrolled code: larger matrices do not fit the registers
-)
+#: Most states for which code is unrolled: larger matrices do not fit the registers.
+#: Unit: 1. Origin: chosen.
+MOST_WRITTEN_OUT = 4
 
 
 @kernel
 def weight(s: FloatTable, i: int, term: float, rtol: float, atol: FloatVector) -> float:
-    """Return the inverse of the tolerance of state `i`, from the state and the first term."""
+    """Return the inverse of the tolerance of state `i`.
+
+    The tolerance follows from the state and the first term.
+    """
     return 1.0 / max(rtol * max(abs(s[Y, i]), abs(term)) + atol[i], TINY)
 
 
@@ -104,12 +123,15 @@ def left_out(k: int, last: float, before: float, older: float) -> float:
     if last == 0.0:
         return 0.0
     squared = k * (k - 1) * last / older
-    z, pairs = sqrt(squared), (ORDER - k) // 2
+    z = sqrt(squared)
+    pairs = (ORDER - k) // 2
     reached = k + 2 * pairs
     error = max(last, before * z / k) * (FACTORIALS[k] * SHARES[reached])
     for _ in range(pairs):
         error *= squared
-    return error if reached == ORDER else error * z / ORDER
+    if reached == ORDER:
+        return error
+    return error * z / ORDER
 
 
 @kernel
@@ -119,8 +141,12 @@ def sum_of_terms(s: FloatTable, k: int, i: int) -> float:
     Neighbours are added in pairs first: where terms alternate in sign, this avoids two
     large sums that cancel.
     """
-    first = k - 1 if k % 2 == 0 else k - 2
-    total = 0.0 if k % 2 == 0 else s[P1 + k - 1, i]
+    if k % 2 == 0:
+        first = k - 1
+        total = 0.0
+    else:
+        first = k - 2
+        total = s[P1 + k - 1, i]
     for m in range(first, 0, -2):
         total += s[P1 + m, i] + s[P1 + m - 1, i]
     return total
@@ -138,13 +164,16 @@ def step_function(n: int) -> FunctionType:
 
 
 def _each(n: int, *lines: str) -> list[str]:
-    """Return lines for each state i; x, y and w stand for its term, its next term, its weight."""
+    """Return lines for each state i.
+
+    In them x, y and w stand for its term, its next term, and its weight.
+    """
     if n <= MOST_WRITTEN_OUT:
-        return [
-            line.format(i=i, x=f"x{i}", y=f"y{i}", w=f"w{i}")
-            for i in range(n)
-            for line in lines
-        ]
+        written_out = []
+        for i in range(n):
+            names = {"i": i, "x": f"x{i}", "y": f"y{i}", "w": f"w{i}"}
+            written_out += [line.format(**names) for line in lines]
+        return written_out
     names = {"i": "i", "x": "s[SCRATCH, i]", "y": "s[SLOPE, i]", "w": "s[WEIGHT, i]"}
     return ["for i in range(N):", *(INDENT + line.format(**names) for line in lines)]
 
@@ -176,7 +205,10 @@ def _step_code(n: int) -> list[str]:
         "wrong = left_out(k, last, before, older) * sharper if k == EARLY else 0.0",
         "if wrong > FAR_TOO_LONG and last > older:",
         INDENT + "break",
-        "share, older, before, last = SHARES[k + 1], before, last, 0.0",
+        "share = SHARES[k + 1]",
+        "older = before",
+        "before = last",
+        "last = 0.0",
         *_product(n),
         *_each(
             n,
@@ -188,8 +220,12 @@ def _step_code(n: int) -> list[str]:
         "k += 1",
     ]
     return [
-        "last, before, older, k = 0.0, inf, inf, 1",
-        "sharper, negligible = max(rtol / SHARP, 1.0), EPS / 8.0 / max(rtol, EPS)",
+        "last = 0.0",
+        "before = inf",
+        "older = inf",
+        "k = 1",
+        "sharper = max(rtol / SHARP, 1.0)",
+        "negligible = EPS / 8.0 / max(rtol, EPS)",
         *_each(
             n,
             "{x} = dt * s[K1, {i}]",
@@ -213,9 +249,12 @@ def _step_code(n: int) -> list[str]:
     ]
 
 
-FARTHEST_TURN = (
-    4.5  # rad: nine tenths of z with z^33 / 33! = 64 EPS, a step's tolerance
-)
+#: Longest first step, as the turn of the fastest motion in it.
+#: Unit: rad. Origin: derived: nine tenths of z with z^33 / 33! = 64 EPS, a step's
+#: tolerance.
+FARTHEST_TURN = 4.5
+
+# Inserted for each scene.
 
 AFFINE: Any = None
 N: int = 0
@@ -227,20 +266,24 @@ def work_rows(n: int) -> int:
 
 
 def refresh(s: FloatTable, mode: Any, params: Any) -> float:
-    """Fetch A and b of the mode; entries that the user's function does not fill are zero.
+    """Fetch A and b of the mode.
 
-    The fastest motion determines how long a first step may be. Returns the difference
-    between K1, the field at Y, and A Y + b, relative to the terms of these. If it
-    exceeds rounding, the user's two functions are not the same field.
+    Entries that the user's function does not fill are zero. The fastest motion
+    determines how long a first step may be. Returns the difference between K1, the
+    field at Y, and A Y + b, relative to the terms of these. If it exceeds rounding, the
+    user's two functions are not the same field.
     """
     square(s, A)[:] = 0.0
     row(s, B)[:] = 0.0
     AFFINE(mode, params, square(s, A), row(s, B))
     fastest = fastest_motion(s, A)
-    s[LONGEST, 0] = FARTHEST_TURN / sqrt(fastest) if 0.0 < fastest < inf else inf
+    s[LONGEST, 0] = inf
+    if 0.0 < fastest < inf:
+        s[LONGEST, 0] = FARTHEST_TURN / sqrt(fastest)
     worst = 0.0
     for i in range(N):
-        difference, size = s[B, i] - s[K1, i], abs(s[B, i]) + abs(s[K1, i])
+        difference = s[B, i] - s[K1, i]
+        size = abs(s[B, i]) + abs(s[K1, i])
         for j in range(N):
             difference += s[A + i, j] * s[Y, j]
             size += abs(s[A + i, j] * s[Y, j])
@@ -252,22 +295,32 @@ def refresh(s: FloatTable, mode: Any, params: Any) -> float:
 def interpolant(
     t: float, dt: float, s: FloatTable, mode: Any, params: Any, field: int
 ) -> int:
-    """Return the degree that the series needed; its coefficients are already in place."""
+    """Return the degree that the series needed; its coefficients are in place."""
     return int(s[INFO, 0])
 
 
-def tangent(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any,
-    field: int, jacobian: int,
-) -> float:  # fmt: skip
-    """Write exp(A dt) Phi into the block after Phi; return its error, 0 up to rounding.
+def tangent(  # noqa: PLR0913 (the arguments of a tangent)
+    t: float,
+    dt: float,
+    rtol: float,
+    s: FloatTable,
+    mode: Any,
+    params: Any,
+    atol: Any,
+    phi: Any,
+    field: int,
+    jacobian: int,
+) -> float:
+    """Write exp(A dt) Phi into the block after Phi, and return its error.
 
-    The result is NaN if the series does not converge because the step is too long.
+    The error is 0 up to rounding. The result is NaN if the series does not converge
+    because the step is too long.
     """
     for i in range(2 * N):
         copy(row(phi, i % N), row(phi, N + i))
     for k in range(1, 2 * DEGREE):
-        largest, size = 0.0, 0.0
+        largest = 0.0
+        size = 0.0
         for j in range(N):
             for i in range(N):
                 total = 0.0

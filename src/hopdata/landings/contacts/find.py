@@ -1,72 +1,62 @@
-"""Contact instants of every foot in every landing, by the chosen method."""
+"""Contact instants of every foot in every landing, by the chosen method.
+
+`find_landings` makes the table of a recording: descents of the body, and the contacts
+of its feet in them. `find_contacts` times the contacts in given descents. Everything
+here is tuned on an animal of 1 m; times and heights of others are scaled to it first.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings.contacts import descents, joined, kink_law
-from hopdata.landings.contacts.kink import WINDOW_FRAMES, KinkFits
-from hopdata.landings.contacts.kink_law import FRAMES_AFTER, FRAMES_BEFORE
+from hopdata.landings.contacts import descents, joined, kink_law, passes
+from hopdata.landings.contacts.approach import approaches
+from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
+from hopdata.landings.contacts.law import UNDETERMINED_S, FootHeights
+from hopdata.landings.contacts.learning import pooled_noise
+from hopdata.landings.contacts.noise import (
+    height_noise,
+    noise_correlation,
+    widening,
+)
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
-from hopdata.recordings.quality.rigid import low_pass
+from hopdata.recordings.quality.processing import low_pass
 
-LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, if the flight law holds
-SHORT_WINDOWS_S = (0.04, 0.027)  # before and after the contact, if it does not
-# Rise, in standard deviations of a height, at which a foot has left the floor again
+#: Rise at which a foot has left the floor again, in standard deviations of a height.
+#: Frames from then on are left out: when such feet were taken to stand, contacts came
+#: out 0.5 to 2 ms early.
+#: Unit: standard deviations. Origin: chosen.
 LEAVES = 8.0
-REFUTED = (
-    2.0  # rms residual over measurement noise above which the flight law does not hold
-)
-MOST_ODD = 0.5  # largest share of landings that may be left out when the law is learned
-FILTER_DELAYS = (
-    0.21  # delay of contacts by a low-pass filter, in periods of its cut-off
-)
-# Height below which a foot is down: this share of the median descent, but at least this
-# many standard deviations of the noise.
-DOWN_SHARE, DOWN_SIGMAS = 0.15, 4.0
 
+#: Delay of contacts by a low-pass filter, in periods of its cut-off (17 ms at 12 Hz);
+#: this is stated as an error that all contacts share.
+#: Unit: periods. Origin: measured: docs/contacts.md, "Positions that are not the
+#: cameras' own".
+FILTER_DELAYS = 0.21
 
-@dataclass(frozen=True)
-class Contacts:
-    """Contact instants of L landings and n feet.
+#: Height below which a foot is down, as a share of the median descent of the body.
+#: Unit: 1. Origin: chosen.
+DOWN_SHARE = 0.15
 
-    Parameters
-    ----------
-    instant, se : (L, n) array
-        Contact instant and its standard error, s; NaN where none was found.
-    status : (L, n) int array
-        Codes of `hopdata.landings.contacts.descents`: ``LANDED``, or why the instant
-        cannot be trusted.
-    noise_m : float
-        Standard deviation of a foot's height in this recording, m.
-    common : (n,) array
-        Error that all instants of a foot may share, s, because its contact may be
-        softer or harder than it appears; not in `se`, and empty for the printed
-        methods.
-    earliest : (L, n) array
-        Last instant at which the foot was still too high to touch, s; empty for the
-        printed methods.
-    down : (L, n) array
-        When the foot reached the floor, by its height alone, s; empty for the kink fit,
-        whose instants say it better. The printed methods need it, since the minima of a
-        smoothed velocity lie some 20 ms ahead of the contact.
-    """
+#: Least height below which a foot is down, in standard deviations of the noise.
+#: Unit: standard deviations. Origin: chosen.
+DOWN_SIGMAS = 4.0
 
-    instant: FloatArray
-    se: FloatArray
-    status: IntArray
-    noise_m: float
-    common: FloatArray = field(default_factory=lambda: np.empty(0))
-    earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
-    down: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+#: Methods by name: a function that finds instants between the sections, or None for
+#: the kink fit.
+METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
+    "kink": None,
+    "velocity_minimum": partial(velocity_minima, parabola=False),
+    "velocity_minimum_parabola": partial(velocity_minima, parabola=True),
+}
 
 
 @one_blas_thread()
@@ -112,161 +102,222 @@ def find_landings(
         If `method` or `gravity` is unknown.
     """
     printed = chosen("touchdowns.method", method, METHODS) is not None
-    feet, pace, scale = recording.names("foot"), recording.pace, recording.scale
+    feet = recording.names("foot")
     if len(feet) < 2:
-        told = f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
-        raise AnalysisError(told)
-    before, after = (w and w / pace for w in (window_before_s, window_after_s))
+        raise AnalysisError(
+            f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
+        )
     # From here on, times and heights are those of an animal of 1 m, on which this was
     # tuned.
-    down_m = down_height_m and down_height_m / scale
-    time = recording.time / pace
-    heights = recording.feet[:, :, 2] / scale
-    body = recording.body_height / scale
-    parts = joined.parts_of_feet(recording)
+    time_scale = recording.pace
+    time = recording.time / time_scale
+    body = recording.body_height / recording.scale
     falls = descents.descents(body, time, longest=descents.HIDDEN_S)
-    spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
-    down_m = down_m or usual_down_height(recording, spans * pace) / scale
-    hidden = descents.find_hidden_landings(
-        time, heights, body, spans, down_height_m=down_m
+    seen_spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
+    if not down_height_m:
+        down_height_m = usual_down_height(recording, seen_spans * time_scale)
+    down_m = down_height_m / recording.scale
+    hidden_spans = descents.find_hidden_landings(
+        time,
+        recording.feet[:, :, 2] / recording.scale,
+        body,
+        seen_spans,
+        down_height_m=down_m,
     )
-    spans = np.concatenate([spans, hidden])
-    order = np.argsort(spans[:, 0], kind="stable")
-    gap = np.full(len(spans), np.nan)
-    markers = [marker for foot in parts for marker in foot]
-    seen = heights
-    if len(markers) > len(feet):
-        seen = recording.positions[:, markers, 2] / scale
-    complete = descents.Transitions(spans[order, 0], spans[order, 1], gap, gap)
+    both = np.concatenate([seen_spans, hidden_spans])
+    order = np.argsort(both[:, 0], kind="stable")
+    spans = both[order]
+    is_hidden = order >= len(seen_spans)
     if printed:
-        contacts = _printed_contacts(recording, spans[order], down_m, method)
+        contacts = _printed_contacts(recording, spans, down_m, method)
+        down = contacts.down
     else:
-        options: Any = {
-            "gravity": gravity,
-            "maximum_misfit": maximum_misfit,
-            "lead_s": 0.0,
-        }
-        options |= {
-            "window_before_s": before,
-            "window_after_s": after,
-            "down_height_m": down_m,
-        }
-        options |= {"correlation": descents.noise_correlation(recording.body)}
-        options["foot_of"] = tuple(foot for foot, own in enumerate(parts) for _ in own)
-        contacts = _of_feet(
-            find_contacts(time, seen, complete, **options), options["foot_of"]
+        contacts = _kink_contacts(
+            recording,
+            spans,
+            down_m,
+            gravity=gravity,
+            window_before_s=_at_time_scale(window_before_s, time_scale),
+            window_after_s=_at_time_scale(window_after_s, time_scale),
+            maximum_misfit=maximum_misfit,
         )
-        if cut := low_pass(recording.body, scale=scale):
-            late_s = FILTER_DELAYS / (cut * recording.rate_hz) / pace
-            contacts = replace(contacts, common=np.maximum(contacts.common, late_s))
-    down = contacts.down if printed else contacts.instant
-    columns = {
+        down = contacts.instant
+    columns: dict[str, Any] = {
         "method": method,
-        "begin_s": spans[order, 0],
-        "end_s": spans[order, 1],
-        "hidden": order >= len(spans) - len(hidden),
-        **{f"contact_{foot}_s": contacts.instant[:, i] for i, foot in enumerate(feet)},
-        **{f"se_{foot}_s": contacts.se[:, i] for i, foot in enumerate(feet)},
-        **{f"status_{foot}": contacts.status[:, i] for i, foot in enumerate(feet)},
-        **{
-            f"common_{foot}_s": one
-            for foot, one in zip(feet, contacts.common, strict=True)
-        },
-        **{f"down_{foot}_s": down[:, i] for i, foot in enumerate(feet)},
+        "begin_s": spans[:, 0] * time_scale,
+        "end_s": spans[:, 1] * time_scale,
+        "hidden": is_hidden,
     }
-    return pd.DataFrame(
-        {k: v * pace if k.endswith("_s") else v for k, v in columns.items()}
+    for i, foot in enumerate(feet):
+        columns[f"contact_{foot}_s"] = contacts.instant[:, i] * time_scale
+    for i, foot in enumerate(feet):
+        columns[f"se_{foot}_s"] = contacts.se[:, i] * time_scale
+    for i, foot in enumerate(feet):
+        columns[f"status_{foot}"] = contacts.status[:, i]
+    for i, foot in enumerate(feet):
+        columns[f"common_{foot}_s"] = contacts.common[i] * time_scale
+    for i, foot in enumerate(feet):
+        columns[f"down_{foot}_s"] = down[:, i] * time_scale
+    return pd.DataFrame(columns)
+
+
+def _at_time_scale(duration_s: float | None, time_scale: float) -> float | None:
+    """Return a duration of the recording, s, for an animal of 1 m."""
+    if duration_s is None:
+        return None
+    return duration_s / time_scale
+
+
+def _whole_spans(spans: FloatArray) -> descents.Transitions:
+    """Return transitions from the apex to the nadir of each descent (L, 2), s."""
+    no_gap = np.full(len(spans), np.nan)
+    return descents.Transitions(spans[:, 0], spans[:, 1], no_gap, no_gap)
+
+
+def _kink_contacts(
+    recording: Recording, spans: FloatArray, down_height_m: float, **options: Any
+) -> Contacts:
+    """Return contacts by the kink fit, of an animal of 1 m.
+
+    `spans` (L, 2), s, and `down_height_m` are those of such an animal.
+    """
+    parts = joined.parts_of_feet(recording)
+    foot_of = tuple(foot for foot, own in enumerate(parts) for _ in own)
+    markers = [marker for own in parts for marker in own]
+    if len(markers) > len(parts):
+        heights = recording.positions[:, markers, 2] / recording.scale
+    else:
+        heights = recording.feet[:, :, 2] / recording.scale
+    of_markers = find_contacts(
+        recording.time / recording.pace,
+        heights,
+        _whole_spans(spans),
+        down_height_m=down_height_m,
+        lead_s=0.0,
+        correlation=noise_correlation(recording.body),
+        foot_of=foot_of,
+        **options,
     )
+    contacts = _of_feet(of_markers, foot_of)
+    cut_off = low_pass(recording.body, scale=recording.scale)
+    if not cut_off:
+        return contacts
+    late_s = FILTER_DELAYS / (cut_off * recording.rate_hz) / recording.pace
+    return replace(contacts, common=np.maximum(contacts.common, late_s))
 
 
 def _printed_contacts(
     recording: Recording, spans: FloatArray, down_height_m: float, method: str
 ) -> Contacts:
-    """Return contacts by a printed method, at the pace of an animal of 1 m as all else there is.
+    """Return contacts by a printed method, of an animal of 1 m.
 
-    `spans` (L, 2), s, and `down_height_m` are at that pace. The recording is not: the
-    filter of these methods lasts 0.07 s whatever the size of the animal.
+    `spans` (L, 2), s, and `down_height_m` are those of such an animal. The recording is
+    not: the filter of these methods lasts 0.07 s whatever the size of the animal.
     """
-    pace = recording.pace
-    begin, end = spans.T * pace
-    no_gap = np.full(len(spans), np.nan)
+    time_scale = recording.pace
     contacts = find_contacts(
         recording.time,
         recording.feet[:, :, 2],
-        descents.Transitions(begin, end, no_gap, no_gap),
+        _whole_spans(spans * time_scale),
         down_height_m=down_height_m * recording.scale,
         lead_s=0.0,
         method=method,
     )
-    unknown = np.full(contacts.instant.shape[1], np.nan)
+    n_feet = contacts.instant.shape[1]
     return replace(
         contacts,
-        instant=contacts.instant / pace,
-        se=contacts.se / pace,
-        common=unknown,
-        down=contacts.down / pace,
+        instant=contacts.instant / time_scale,
+        se=contacts.se / time_scale,
+        common=np.full(n_feet, np.nan),
+        down=contacts.down / time_scale,
     )
 
 
 def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
-    """Combine the contacts of markers into those of their feet; `foot_of` numbers the feet."""
-    if len(set(foot_of)) == len(foot_of):
+    """Combine the contacts of markers into those of feet, numbered by `foot_of`."""
+    feet = sorted(set(foot_of))
+    if len(feet) == len(foot_of):
         return contacts
-    found, common = [], []
-    for foot in sorted(set(foot_of)):
+    instants = []
+    errors = []
+    statuses = []
+    common = []
+    for foot in feet:
         own = np.flatnonzero(np.equal(foot_of, foot))
-        one: Any = (contacts.instant, contacts.se, contacts.status, contacts.earliest)
-        instant, *rest = (part[:, own] for part in one)
-        found.append(joined.first_of(instant, *rest))
-        earliest = np.where(np.isfinite(instant), instant, np.inf).argmin(axis=1)
-        common.append(contacts.common[own][np.bincount(earliest, minlength=1).argmax()])
-    instant, se, status = (np.stack(part, axis=1) for part in zip(*found, strict=True))
+        of_markers = contacts.instant[:, own]
+        instant, se, status = joined.first_of(
+            of_markers,
+            contacts.se[:, own],
+            contacts.status[:, own],
+            contacts.earliest[:, own],
+        )
+        instants.append(instant)
+        errors.append(se)
+        statuses.append(status)
+        # The foot shares the error of the marker that touches first most often.
+        known = np.where(np.isfinite(of_markers), of_markers, np.inf)
+        first_marker = known.argmin(axis=1)
+        usual_first = np.bincount(first_marker, minlength=1).argmax()
+        common.append(contacts.common[own][usual_first])
     return replace(
-        contacts, instant=instant, se=se, status=status, common=np.array(common)
+        contacts,
+        instant=np.stack(instants, axis=1),
+        se=np.stack(errors, axis=1),
+        status=np.stack(statuses, axis=1),
+        common=np.array(common),
     )
 
 
 def usual_down_height(recording: Recording, spans: FloatArray) -> float:
-    """Return the height, m, below which a foot is down, from the body's descents (L, 2), s."""
+    """Return the height, m, below which a foot is down.
+
+    `spans` (L, 2), s, are apex and nadir of the body's descents.
+    """
     # The instants are those of frames, but for rounding: half a frame earlier finds the
     # same ones.
-    half_s = 0.5 * float(np.min(np.diff(recording.time)))
-    apex, nadir = (np.searchsorted(recording.time, side - half_s) for side in spans.T)
-    falls = recording.body_height[apex] - recording.body_height[nadir]
-    fall_m = float(np.nanmedian(falls)) if np.isfinite(falls).any() else 0.0
-    noise_m = descents.height_noise(recording.feet[:, :, 2], scale=recording.scale)
-    return max(DOWN_SHARE * fall_m, DOWN_SIGMAS * noise_m)
+    half_frame_s = 0.5 * float(np.min(np.diff(recording.time)))
+    apex = np.searchsorted(recording.time, spans[:, 0] - half_frame_s)
+    nadir = np.searchsorted(recording.time, spans[:, 1] - half_frame_s)
+    falls_m = recording.body_height[apex] - recording.body_height[nadir]
+    usual_fall_m = 0.0
+    if np.isfinite(falls_m).any():
+        usual_fall_m = float(np.nanmedian(falls_m))
+    noise_m = height_noise(recording.feet[:, :, 2], scale=recording.scale)
+    return max(DOWN_SHARE * usual_fall_m, DOWN_SIGMAS * noise_m)
 
 
 def contacts_of(landings: pd.DataFrame) -> Contacts:
     """Read the contacts from a table made by `find_landings`."""
-    kinds = ("^contact_", "^se_", "^status_", "^common_")
-    instant, se, status, common = (
-        landings.filter(regex=k).to_numpy(float) for k in kinds
-    )
-    # The errors already contain the noise.
+    instant = landings.filter(regex="^contact_").to_numpy(float)
+    se = landings.filter(regex="^se_").to_numpy(float)
+    status = landings.filter(regex="^status_").to_numpy(float)
+    common = landings.filter(regex="^common_").to_numpy(float)
     return Contacts(
-        instant, se, status.astype(np.int64), np.nan, common.max(axis=0, initial=0.0)
+        instant=instant,
+        se=se,
+        status=status.astype(np.int64),
+        noise_m=np.nan,  # the errors already contain the noise
+        common=common.max(axis=0, initial=0.0),
     )
 
 
 def floor_instants(landings: pd.DataFrame) -> FloatArray:
-    """Return when each foot reached the floor, (L, n), s, from a table by `find_landings`."""
+    """Return when each foot reached the floor, (L, n), s, by `find_landings`."""
     return np.asarray(landings.filter(regex="^down_").to_numpy(float))
 
 
 def are_by(landings: pd.DataFrame, method: str) -> bool:
-    """Return whether the contacts of a table made by `find_landings` are those of a method."""
+    """Return whether a table by `find_landings` holds the contacts of a method."""
     return bool((landings["method"] == method).all())
 
 
-def find_contacts(
+def find_contacts(  # noqa: PLR0913 (the data, and the options of the method)
     time: FloatArray,
     heights: FloatArray,
     transitions: descents.Transitions,
     *,
     down_height_m: float,
-    lead_s: float = SHORT_WINDOWS_S[0],
+    lead_s: float = passes.SHORT_WINDOWS_S[0],
     method: str = "kink",
     gravity: str = "learned",
     window_before_s: float | None = None,
@@ -306,7 +357,7 @@ def find_contacts(
         Largest accepted ratio of a kink fit's rms residual to that of the whole
         recording.
     correlation : float
-        Correlation of the noise in consecutive frames (`descents.noise_correlation`).
+        Correlation of the noise in consecutive frames (`noise_correlation`).
     foot_of : tuple of int, optional
         Number of the rigid foot that each of the n belongs to, where several are
         markers of one.
@@ -320,140 +371,71 @@ def find_contacts(
     ConfigError
         If `method` or `gravity` is unknown.
     """
-    find = chosen("touchdowns.method", method, METHODS)
+    find_minima = chosen("touchdowns.method", method, METHODS)
     require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
-    noise_m = descents.height_noise(heights)
-    of, trail_s = (time, heights, transitions), window_after_s or SHORT_WINDOWS_S[1]
-    near, earliest, status = descents.approaches(
-        *of,
+    noise_m = height_noise(heights)
+    near, earliest, status = approaches(
+        time,
+        heights,
+        transitions,
         noise_m=noise_m,
         down_height_m=down_height_m,
         lead_s=lead_s,
-        trail_s=trail_s,
+        trail_s=window_after_s or passes.SHORT_WINDOWS_S[1],
     )
-    if find is not None:
-        instant, se = find(time, heights, transitions, noise_m=noise_m)
-        landed = status == descents.LANDED
-        instant, se = np.where(landed, instant, np.nan), np.where(landed, se, np.nan)
-        status = np.where(landed & np.isnan(instant), descents.MISSING, status)
-        return Contacts(instant, se, status, noise_m, down=near)
-    asked = (window_before_s, window_after_s)
-    seen = time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest
-    feet = kink_law.FootHeights(*seen, leaves_m=LEAVES * noise_m, foot_of=foot_of)
-    fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
-    if (
-        rising := (fits.velocity > 0) & np.isfinite(earliest)
-    ).any():  # the search began too late
-        near = np.where(rising, earliest, near)
-        fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
-    stands = fits.n_after[status == descents.LANDED] >= FRAMES_AFTER
-    rolls = (
-        2 * stands.sum() <= stands.size
-        or kink_law.pooled_noise(fits) > REFUTED * noise_m
-    )
-    odd = _is_odd(fits) & (not rolls)
-    if (
-        0
-        < (rows := np.asarray(odd.any(axis=1, keepdims=True))).sum()
-        < MOST_ODD * len(rows)
-    ):
-        feet = replace(feet, odd=rows)
-        fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
-        odd = _is_odd(fits)
-    bounces = not rolls and stands.mean() < 1 - kink_law.UNDETERMINED_SHARE
-    # A marker may rise right after its contact, such as the toes while the heel comes
-    # down.
-    rises = np.asarray((fits.n_after < FRAMES_AFTER) & bounces)
-    if rolls or bounces or odd.any():
-        short = replace(
-            feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf
+    landed = status == descents.LANDED
+    if find_minima is not None:
+        instant, se = find_minima(time, heights, transitions, noise_m=noise_m)
+        instant = np.where(landed, instant, np.nan)
+        lost = landed & np.isnan(instant)
+        return Contacts(
+            instant=instant,
+            se=np.where(landed, se, np.nan),
+            status=np.where(lost, descents.MISSING, status),
+            noise_m=noise_m,
+            down=near,
         )
-        alone, own = kink_law.single_fits(short, near, noise_m=noise_m, gravity=gravity)
-        feet, common = (short, own) if rolls else (feet, common)
-        fits = kink_law.merged(fits, alone, np.asarray(rises | rolls | odd))
-    hidden = _hidden(time, heights, near, feet.windows_s)
-    found = _judged(fits, status, hidden, kink_law.pooled_noise(fits), maximum_misfit)
-    risen_s = np.where(rises, LEAVES * noise_m / np.abs(fits.velocity), 0.0)
-    about = [
-        round(window / float(np.median(np.diff(time)))) for window in feet.windows_s
-    ]
-    se = np.hypot(found.se, risen_s) * descents.widening(correlation, *about)
+
+    asked_s = (window_before_s, window_after_s)
+    feet = FootHeights(
+        time,
+        heights,
+        passes.windows_of_at_least(time, asked_s, passes.LONG_WINDOWS_S),
+        earliest,
+        leaves_m=LEAVES * noise_m,
+        foot_of=foot_of,
+    )
+    fitted = passes.fit_contacts(
+        feet,
+        near,
+        landed,
+        short_windows_s=passes.windows_of_at_least(
+            time, asked_s, passes.SHORT_WINDOWS_S
+        ),
+        noise_m=noise_m,
+        gravity=gravity,
+    )
+    windows_s = fitted.feet.windows_s
+    judged = judge_fits(
+        fitted.fits,
+        status,
+        frames_missing(time, heights, fitted.near, windows_s),
+        noise_m=pooled_noise(fitted.fits),
+        maximum_misfit=maximum_misfit,
+    )
+
+    # A foot that rises at once may have touched at any time until its rise was noticed.
+    fall_m_s = np.abs(fitted.fits.velocity)
+    unnoticed_s = np.where(fitted.rises, LEAVES * noise_m / fall_m_s, 0.0)
+    frame_s = float(np.median(np.diff(time)))
+    frames_before = round(windows_s[0] / frame_s)
+    frames_after = round(windows_s[1] / frame_s)
+    factor = widening(correlation, frames_before, frames_after)
+    se = np.hypot(judged.se, unnoticed_s) * factor
+
     # After the earliest instant the foot only has to come to rest, which takes no
     # longer than this.
-    longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
-    return replace(found, se=np.minimum(se, longest), common=common, earliest=earliest)
-
-
-METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
-    "kink": None,
-    "velocity_minimum": partial(velocity_minima, parabola=False),
-    "velocity_minimum_parabola": partial(velocity_minima, parabola=True),
-}
-
-
-def _windows(
-    time: FloatArray,
-    asked: tuple[float | None, float | None],
-    default: tuple[float, float],
-) -> tuple[float, float]:
-    """Return the windows before and after a contact, s, widened to hold enough frames."""
-    frame_s = float(np.median(np.diff(time)))
-    before, after = (d if a is None else a for a, d in zip(asked, default, strict=True))
-    return max(before, WINDOW_FRAMES[0] * frame_s), max(
-        after, WINDOW_FRAMES[1] * frame_s
+    longest_s = np.where(np.isfinite(earliest), 2 * UNDETERMINED_S, np.inf)
+    return replace(
+        judged, se=np.minimum(se, longest_s), common=fitted.common, earliest=earliest
     )
-
-
-def _hidden(
-    time: FloatArray,
-    heights: FloatArray,
-    near: FloatArray,
-    windows_s: tuple[float, float],
-) -> BoolArray:
-    """Mark the landings and feet (L, n) with frames missing about the contacts `near`, s."""
-    lost = np.cumsum(np.isnan(heights), axis=0)
-    ends = (np.searchsorted(time, near + way) for way in (-windows_s[0], windows_s[1]))
-    first, last = (
-        np.take_along_axis(lost, k.clip(max=len(time) - 1), axis=0) for k in ends
-    )
-    return np.asarray(last > first)
-
-
-def _is_odd(fits: KinkFits) -> BoolArray:
-    """Mark contacts (L, n) that break the law of the others, such as those of a swinging leg."""
-    ratio, chance = _misfits(fits, kink_law.pooled_noise(fits))
-    return np.asarray(ratio > np.maximum(REFUTED, chance))
-
-
-def _misfits(fits: KinkFits, noise_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return rms residuals over the noise (L, n), and their limits at three standard deviations."""
-    dof = np.maximum(fits.dof, 1.0)
-    return np.sqrt(fits.misfit / dof) / noise_m, 1 + 3 / np.sqrt(2 * dof)
-
-
-def _judged(
-    fits: KinkFits,
-    status: IntArray,
-    hidden: BoolArray,
-    noise_m: float,
-    maximum_misfit: float,
-) -> Contacts:
-    """Mark fits with too few frames or too large a misfit; widen errors by the misfit."""
-    thin = (
-        (fits.n_before < FRAMES_BEFORE)
-        | (fits.n_after < FRAMES_AFTER)
-        | (fits.dof <= 0)
-    )
-    thin |= ~np.isfinite(fits.unit_se)
-    ratio, chance = _misfits(fits, noise_m)
-    landed = status == descents.LANDED
-    status = np.where(landed & (ratio > maximum_misfit), descents.POOR_FIT, status)
-    status = np.where(landed & ~(fits.velocity < 0), descents.RISES, status)
-    status = np.where(
-        landed & thin, np.where(hidden, descents.MISSING, descents.THIN), status
-    )
-    # Widen the error by Birge's ratio where the misfit exceeds what chance explains.
-    se = fits.unit_se * noise_m * np.where(ratio > chance, ratio, 1.0)
-    untimed = np.isin(status, (descents.MISSING, descents.THIN))
-    instant, se = (np.where(untimed, np.nan, x) for x in (fits.instant, se))
-    return Contacts(instant, se, status, noise_m)

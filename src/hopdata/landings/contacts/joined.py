@@ -1,7 +1,9 @@
-"""A foot with several markers: as low as its lowest marker, down as soon as one of them is."""
+"""A foot with several markers: as low as the lowest, down as soon as one is down."""
+
+from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,15 @@ import numpy as np
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.landings.contacts.descents import ALREADY_DOWN, LANDED, NOT_LANDED
 from hopdata.recording import Recording
+
+
+@dataclass(frozen=True)
+class _Marker:
+    """A marker of the new recording, made from one or more of the old one."""
+
+    name: str
+    role: str
+    numbers: list[int]
 
 
 def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Recording:
@@ -31,32 +42,45 @@ def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Record
     """
     if not feet:
         return recording
-    order: list[
-        tuple[str, str, list[int]]
-    ] = []  # name, role, and numbers of its markers
-    taken = {marker: foot for foot in feet for marker in foot["markers"]}
-    for number, (marker, role) in enumerate(
-        zip(recording.markers, recording.roles, strict=True)
-    ):
-        foot = taken.get(marker)
-        if foot is None:
-            order.append((marker, role, [number]))
-        elif marker == min(foot["markers"], key=recording.markers.index):
-            parts = [recording.markers.index(one) for one in foot["markers"]]
-            order.append((str(foot["name"]), "foot", parts))
-            order += [(recording.markers[part], "part", [part]) for part in parts]
-    markers, roles, groups = zip(*order, strict=True)
-    rows, all_of_it = np.arange(len(recording.time)), recording.positions
-    lowest = [np.asarray(of)[np.argmin(all_of_it[:, of, 2], axis=1)] for of in groups]
-    positions = np.stack([all_of_it[rows, marker] for marker in lowest], axis=1)
-    filled = (
-        None
-        if recording.filled is None
-        else recording.filled[:, [of[0] for of in groups]]
-    )
+    new = _markers_with_feet(recording, feet)
+    frames = np.arange(len(recording.time))
+    tracks = []
+    for marker in new:
+        heights = recording.positions[:, marker.numbers, 2]
+        lowest = np.asarray(marker.numbers)[np.argmin(heights, axis=1)]
+        tracks.append(recording.positions[frames, lowest])
+    filled = None
+    if recording.filled is not None:
+        filled = recording.filled[:, [marker.numbers[0] for marker in new]]
     return replace(
-        recording, positions=positions, markers=markers, roles=roles, filled=filled
+        recording,
+        positions=np.stack(tracks, axis=1),
+        markers=tuple(marker.name for marker in new),
+        roles=tuple(marker.role for marker in new),
+        filled=filled,
     )
+
+
+def _markers_with_feet(
+    recording: Recording, feet: Sequence[Mapping[str, Any]]
+) -> list[_Marker]:
+    """List the markers in order, with each foot in place of its first marker."""
+    foot_of = {marker: foot for foot in feet for marker in foot["markers"]}
+    place_of = recording.markers.index
+    new: list[_Marker] = []
+    roles = zip(recording.markers, recording.roles, strict=True)
+    for number, (marker, role) in enumerate(roles):
+        foot = foot_of.get(marker)
+        if foot is None:
+            new.append(_Marker(marker, role, [number]))
+            continue
+        if marker != min(foot["markers"], key=place_of):
+            continue
+        parts = [place_of(one) for one in foot["markers"]]
+        new.append(_Marker(str(foot["name"]), "foot", parts))
+        for part in parts:
+            new.append(_Marker(recording.markers[part], "part", [part]))
+    return new
 
 
 def parts_of_feet(recording: Recording) -> list[list[int]]:
@@ -66,9 +90,9 @@ def parts_of_feet(recording: Recording) -> list[list[int]]:
         if role == "foot":
             parts.append([number])
         elif role == "part":
-            parts[-1] = [one for one in parts[-1] if recording.roles[one] == "part"] + [
-                number
-            ]
+            # The first part takes the place of the foot that it belongs to.
+            own = [one for one in parts[-1] if recording.roles[one] == "part"]
+            parts[-1] = [*own, number]
     return parts
 
 
@@ -82,21 +106,25 @@ def first_of(
     `earliest`, s). Instant and standard error, s, are the mean and deviation of the
     earliest of independent normals, taken two at a time (Clark 1961).
     """
-    down, landed = status == ALREADY_DOWN, status == LANDED
+    landed = status == LANDED
     first = np.where(landed, instant, np.inf).min(axis=1, keepdims=True)
-    open_ = ~(np.isin(status, (LANDED, NOT_LANDED, ALREADY_DOWN)) | (earliest > first))
-    worst = np.where(open_, status, -1).max(axis=1)
+    is_decided = np.isin(status, (LANDED, NOT_LANDED, ALREADY_DOWN))
+    was_too_high = earliest > first
+    is_open = ~(is_decided | was_too_high)
+    worst = np.where(is_open, status, -1).max(axis=1)
+    was_down = (status == ALREADY_DOWN).any(axis=1)
     found = np.where(landed.any(axis=1), LANDED, NOT_LANDED)
-    found = np.where(down.any(axis=1), ALREADY_DOWN, np.where(worst >= 0, worst, found))
-    mean, sd = np.full(len(status), np.nan), np.full(len(status), np.nan)
+    found = np.where(worst >= 0, worst, found)
+    found = np.where(was_down, ALREADY_DOWN, found)
+    mean = np.full(len(status), np.nan)
+    sd = np.full(len(status), np.nan)
     for part in range(status.shape[1]):
-        later, error = (
-            np.where(landed[:, part], x[:, part], np.nan) for x in (instant, se)
-        )
-        both = _earlier(mean, sd, later, error)
-        alone = np.isnan(mean) | np.isnan(later)
-        mean = np.where(alone, np.fmax(mean, later), both[0])
-        sd = np.where(alone, np.fmax(sd, error), both[1])
+        other = np.where(landed[:, part], instant[:, part], np.nan)
+        other_sd = np.where(landed[:, part], se[:, part], np.nan)
+        earlier, earlier_sd = _earlier(mean, sd, other, other_sd)
+        only_one = np.isnan(mean) | np.isnan(other)
+        mean = np.where(only_one, np.fmax(mean, other), earlier)
+        sd = np.where(only_one, np.fmax(sd, other_sd), earlier_sd)
     known = found == LANDED
     return np.where(known, mean, np.nan), np.where(known, sd, np.nan), found
 
@@ -104,13 +132,18 @@ def first_of(
 def _earlier(
     a: FloatArray, sd_a: FloatArray, b: FloatArray, sd_b: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the mean and standard deviation of the smaller of two independent normals."""
+    """Return mean and deviation of the smaller of two independent normals."""
     from scipy.special import ndtr
 
     width = np.hypot(sd_a, sd_b)
     x = (b - a) / width
-    first, density = ndtr(x), width * np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
-    mean = a * first + b * (1 - first) - density
-    away_a, away_b = a - mean, b - mean  # moments about the mean avoid cancellation
-    square = (away_a**2 + sd_a**2) * first + (away_b**2 + sd_b**2) * (1 - first)
-    return mean, np.sqrt(np.maximum(square - (away_a + away_b) * density, 0.0))
+    a_is_first = ndtr(x)
+    density = width * np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
+    mean = a * a_is_first + b * (1 - a_is_first) - density
+    # Moments about the mean avoid cancellation.
+    away_a = a - mean
+    away_b = b - mean
+    square = (away_a**2 + sd_a**2) * a_is_first
+    square += (away_b**2 + sd_b**2) * (1 - a_is_first)
+    variance = square - (away_a + away_b) * density
+    return mean, np.sqrt(np.maximum(variance, 0.0))

@@ -19,6 +19,8 @@ then mimic the contact. Normal priors range from flat (free curvature) to sharp 
 gravity); `kink_law` learns them from the recording.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,15 +28,34 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 
 BLOCK = 10_000  # fits whose frames are cut out together, to bound memory
-GRID_FRAMES, GRID_S = 0.5, 2e-3  # step of the search, in frames, and its lower limit, s
-# Frames that show the foot, before and after the contact, that a window holds at least:
-# the five coefficients of a kink and some to spare. With half as many more (7 and 5) a
-# rolling foot is fitted where its law no longer holds.
+
+#: Step of the search for the instant, in frames.
+#: Unit: frames. Origin: chosen.
+GRID_FRAMES = 0.5
+
+#: Smallest step of the search for the instant.
+#: Unit: s. Origin: chosen.
+GRID_S = 2e-3
+
+#: Frames that show the foot, before and after the contact, that a window holds at
+#: least: the five coefficients of a kink and some to spare. With half as many more (7
+#: and 5) a rolling foot is fitted where its law no longer holds.
+#: Unit: frames. Origin: chosen.
 WINDOW_FRAMES = (5, 3)
-# Where frames are hidden, a window reaches further until it holds that many, but at
-# most to this multiple of its own length: the animal may have done something else
-# meanwhile.
+
+#: Where frames are hidden, a window reaches further until it holds `WINDOW_FRAMES`, but
+#: at most to this multiple of its own length: the animal may have done something else
+#: meanwhile.
+#: Unit: 1. Origin: chosen.
 WIDEST = 2.0
+
+#: The search begins no later than at this share of its reach after the rough instant,
+#: however late the earliest instant is.
+#: Unit: 1. Origin: chosen.
+LATEST_BOUND = 0.9
+
+# Columns that the kernel gives before the coefficients: see `kink_kernel.fit_all`.
+SUMMARY_COLUMNS = 7
 
 
 @dataclass(frozen=True)
@@ -58,8 +79,10 @@ class FlightPriors:
 
     @property
     def hinged(self) -> BoolArray:
-        """Mark which of the others, in order, are markers of the same foot, (n, n - 1)."""
-        feet = np.array(self.foot_of or range(len(self.mean)))
+        """Mark which of the others, in order, are markers of one foot, (n, n - 1)."""
+        feet = np.arange(len(self.mean))
+        if self.foot_of:
+            feet = np.array(self.foot_of)
         return np.stack([np.delete(feet, i) == foot for i, foot in enumerate(feet)])
 
 
@@ -100,7 +123,7 @@ class KinkFits:
     n_after: IntArray
 
 
-def kink_fits(
+def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
     time: FloatArray,
     heights: FloatArray,
     near: FloatArray,
@@ -152,49 +175,70 @@ def kink_fits(
     -------
     KinkFits
     """
-    from hopdata.landings.contacts.kink_kernel import (
-        fit_all,
-    )  # compiled: Numba is slow to import
+    # Compiled: Numba is slow to import.
+    from hopdata.landings.contacts.kink_kernel import fit_all
 
-    landings, n = near.shape
+    n = near.shape[1]
     wanted = np.flatnonzero(~np.isnan(near.ravel()))
+    foot = wanted % n
     centre = near.ravel()[wanted]
-    before_s = windows_s[0]
-    contact, columns = _other_contacts(earlier, wanted, n)
-    contact = (contact - centre[:, None]) / before_s
-    hinged = np.take_along_axis(
-        priors.hinged[wanted % n], columns[:, 1:-1:2] // 2, axis=1
-    )
-    others = np.stack([contact, hinged], axis=2)
+    before_s = windows_s[0]  # the kernel's unit of time
     reach = search_s / before_s
+    frame_s = float(np.median(np.diff(time)))
+    step_s = max(GRID_FRAMES * frame_s, GRID_S)
+    steps = max(int(np.ceil(2 * search_s / step_s)), 2)
     bounds = np.full(len(wanted), -np.inf)
     if earliest is not None:
-        bounds = np.minimum((earliest.ravel()[wanted] - centre) / before_s, 0.9 * reach)
-    seconds = np.tile([0, 1, 2, *[2, 3] * (n - 1), 1], (n, 1))
-    seconds[:, 4:-1:2] -= 2 * priors.hinged
-    units = before_s ** -seconds.astype(
-        float
-    )  # convert the kernel's coefficients to SI
-    foot = np.arange(len(wanted))[:, None], columns
-    rows = np.full((len(wanted), 7 + 2 * units.shape[1]), np.nan)
-    frame_s = float(np.median(np.diff(time)))
-    steps = max(int(np.ceil(2 * search_s / max(GRID_FRAMES * frame_s, GRID_S))), 2)
-    means = (priors.mean / units[:, 2:])[wanted % n][foot]
-    weights = ((noise_m / priors.sd * units[:, 2:]) ** 2)[wanted % n][foot]
+        earliest_allowed = (earliest.ravel()[wanted] - centre) / before_s
+        bounds = np.minimum(earliest_allowed, LATEST_BOUND * reach)
+
+    others_s, columns = _other_contacts(earlier, wanted, n)
+    others = (others_s - centre[:, None]) / before_s
+    n_others = (others < reach).sum(axis=1)
+    other_places = columns[:, 1:-1:2] // 2  # among the other feet, in order of time
+    is_hinged = np.take_along_axis(priors.hinged[foot], other_places, axis=1)
+
+    units = _units(priors.hinged, before_s)
+    rows_of_fit = np.arange(len(wanted))[:, None]
+    means = (priors.mean / units[:, 2:])[foot][rows_of_fit, columns]
+    unit_precision = (noise_m / priors.sd * units[:, 2:]) ** 2
+    weights = unit_precision[foot][rows_of_fit, columns]
+    rows = np.full((len(wanted), SUMMARY_COLUMNS + 2 * units.shape[1]), np.nan)
     for first in range(0, len(wanted), BLOCK):
         part = slice(first, first + BLOCK)
-        times, z, used = _windows(
-            time, heights, wanted[part] % n, centre[part], windows_s
-        )
-        risen = _risen(times - centre[part, None], z, leaves_m)
-        z = np.where(used & ~risen, z, np.nan)
+        times, z, used = _windows(time, heights, foot[part], centre[part], windows_s)
+        since = times - centre[part, None]
+        has_left = _has_left(since, z, leaves_m)
         fit_all(
-            (times - centre[part, None]) / before_s, z, bounds[part], reach, steps,
-            (contact[part] < reach).sum(axis=1), others[part], compliance_s / before_s, creeps,
-            means[part], weights[part], noise_m**2, rows[part],
-        )  # fmt: skip
+            since / before_s,
+            np.where(used & ~has_left, z, np.nan),
+            bounds[part],
+            reach,
+            steps,
+            n_others[part],
+            np.stack([others[part], is_hinged[part]], axis=2),
+            compliance_s / before_s,
+            creeps,
+            means[part],
+            weights[part],
+            noise_m**2,
+            rows[part],
+        )
     rows[:, 0] = centre + rows[:, 0] / units[0, 1]
-    return _unpack(rows, wanted, (landings, n), columns, units)
+    return _unpack(rows, wanted, near.shape, columns, units)
+
+
+def _units(hinged: BoolArray, before_s: float) -> FloatArray:
+    """Return the factors (n, 2n + 2) that convert the kernel's coefficients to SI.
+
+    The kernel's unit of time is `before_s`, so each coefficient has a power of it:
+    floor 0, velocity and creep 1, accelerations 2, jerks 3, or 1 if the other is a
+    marker of the same foot (`hinged`), which changes the velocity instead.
+    """
+    n = len(hinged)
+    seconds = np.tile([0, 1, 2, *[2, 3] * (n - 1), 1], (n, 1))
+    seconds[:, 4:-1:2] -= 2 * hinged
+    return before_s ** -seconds.astype(float)
 
 
 def _windows(
@@ -204,16 +248,19 @@ def _windows(
     centre: FloatArray,
     windows_s: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Cut out times and heights about each of P instants, and mark those to use, (P, W).
+    """Cut out times and heights about each of P instants, and mark those to use.
 
-    Used are the frames in the windows before and after the instant. If a window holds
+    All three are (P, W). Used are the frames in the windows before and after the
+    instant. If a window holds
     fewer than `WINDOW_FRAMES` that show the foot, the next ones that do are used as
     well, as far as `WIDEST` allows. Two more frames tell whether the foot rises after
     the last one.
     """
     frame_s = float(np.median(np.diff(time)))
     before_s, after_s = windows_s
-    reach = WIDEST if np.isnan(heights).any() else 1.0
+    reach = 1.0
+    if np.isnan(heights).any():
+        reach = WIDEST
     first = np.searchsorted(time, centre - reach * before_s)
     stop = np.searchsorted(time, centre + reach * after_s + 2 * frame_s)
     frames = first[:, None] + np.arange(int(np.max(stop - first, initial=1)))
@@ -235,15 +282,14 @@ def _windows(
     return times, z, in_windows | nearest
 
 
-def _risen(since: FloatArray, z: FloatArray, rise_m: float) -> BoolArray:
+def _has_left(since: FloatArray, z: FloatArray, rise_m: float) -> BoolArray:
     """Mark the frames (P, W) from the one before the foot has left the floor again.
 
     `since` (P, W) is the time of each frame from the approximate contact, s.
     """
-    lowest = np.minimum.accumulate(
-        np.where((since > 0) & (z < np.inf), z, np.inf), axis=1
-    )
-    risen = np.cumsum(z > lowest + rise_m, axis=1) > 0
+    down = np.where((since > 0) & (z < np.inf), z, np.inf)
+    lowest_so_far = np.minimum.accumulate(down, axis=1)
+    risen = np.cumsum(z > lowest_so_far + rise_m, axis=1) > 0
     risen[:, :-1] |= risen[:, 1:]
     return np.asarray(risen)
 
@@ -251,22 +297,35 @@ def _risen(since: FloatArray, z: FloatArray, rise_m: float) -> BoolArray:
 def _other_contacts(
     earlier: FloatArray | None, wanted: IntArray, n: int
 ) -> tuple[FloatArray, IntArray]:
-    """Return the contacts of the other feet in order of time, (P, n - 1), inf where there is none.
+    """Return when the other feet touched, and where the priors speak of them.
 
-    Also return the columns of `FlightPriors` in that order, (P, 2n).
+    Parameters
+    ----------
+    earlier : (L, n) array or None
+        Contact instants of all feet, s.
+    wanted : (P,) int array
+        Flat indices of the contacts that are fitted.
+    n : int
+        Number of feet.
+
+    Returns
+    -------
+    contact : (P, n - 1) array
+        Contacts of the other feet in order of time, s; inf where there is none.
+    columns : (P, 2n) int array
+        Columns of `FlightPriors` in that order.
     """
     foot = wanted % n
-    others = np.array(
-        [[j for j in range(n) if j != i] for i in range(n)], dtype=np.int64
-    )[foot]
+    others_of = [[j for j in range(n) if j != i] for i in range(n)]
+    others = np.array(others_of, dtype=np.int64)[foot]
     contact = np.full(others.shape, np.inf)
     if earlier is not None:
-        contact = np.nan_to_num(
-            earlier[(wanted // n)[:, None], others], nan=np.inf, posinf=np.inf
-        )
+        known = earlier[(wanted // n)[:, None], others]
+        contact = np.nan_to_num(known, nan=np.inf, posinf=np.inf)
     order = np.argsort(contact, axis=1, kind="stable")
     columns = np.zeros((len(wanted), 2 * n), dtype=np.int64)
-    columns[:, 1:-1:2], columns[:, 2:-1:2] = 1 + 2 * order, 2 + 2 * order
+    columns[:, 1:-1:2] = 1 + 2 * order
+    columns[:, 2:-1:2] = 2 + 2 * order
     columns[:, -1] = 2 * n - 1
     return np.take_along_axis(contact, order, axis=1), columns
 
@@ -278,26 +337,32 @@ def _unpack(
     columns: IntArray,
     units: FloatArray,
 ) -> KinkFits:
-    """Name the kernel's columns, put them in the order of the feet and convert them to SI."""
-    size = units.shape[1]
-    own = np.concatenate([np.tile([0, 1], (len(wanted), 1)), 2 + columns], axis=1)
-    for part in (slice(7, 7 + size), slice(7 + size, None)):
-        np.put_along_axis(rows[:, part], own, rows[:, part].copy(), axis=1)
+    """Name the kernel's columns, in the order of the feet and in SI."""
+    n_coefficients = units.shape[1]
+    own_columns = np.tile([0, 1], (len(wanted), 1))  # floor and velocity
+    place = np.concatenate([own_columns, 2 + columns], axis=1)
+    estimates = slice(SUMMARY_COLUMNS, SUMMARY_COLUMNS + n_coefficients)
+    variances = slice(SUMMARY_COLUMNS + n_coefficients, None)
+    for part in (estimates, variances):
+        by_time = rows[:, part].copy()
+        np.put_along_axis(rows[:, part], place, by_time, axis=1)
     flat = np.full((shape[0] * shape[1], rows.shape[1]), np.nan)
     flat[wanted] = rows
     out = flat.reshape(*shape, rows.shape[1])
-    instant, variance, misfit, dof, before, after, evidence = np.moveaxis(
-        out[..., :7].copy(), 2, 0
-    )
-    value = out[:, :, 7 : 7 + size] * units
-    se = np.sqrt(np.maximum(out[:, :, 7 + size :], 0.0)) * units
-    floor, velocity, law = (
-        value[:, :, 0],
-        value[:, :, 1],
-        (value[:, :, 2:], se[:, :, 2:]),
-    )
-    counts = (np.nan_to_num(frames).astype(np.int64) for frames in (before, after))
-    unit_se = np.sqrt(variance) / units[0, 1]
+    summary = np.moveaxis(out[..., :SUMMARY_COLUMNS].copy(), 2, 0)
+    instant, variance, misfit, dof, before, after, evidence = summary
+    value = out[:, :, estimates] * units
+    se = np.sqrt(np.maximum(out[:, :, variances], 0.0)) * units
     return KinkFits(
-        instant, unit_se, floor, velocity, *law, misfit, evidence, dof, *counts
+        instant=instant,
+        unit_se=np.sqrt(variance) / units[0, 1],
+        floor=value[:, :, 0],
+        velocity=value[:, :, 1],
+        flight=value[:, :, 2:],
+        unit_flight_se=se[:, :, 2:],
+        misfit=misfit,
+        evidence=evidence,
+        dof=dof,
+        n_before=np.nan_to_num(before).astype(np.int64),
+        n_after=np.nan_to_num(after).astype(np.int64),
     )

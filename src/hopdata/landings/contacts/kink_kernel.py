@@ -1,52 +1,125 @@
-"""Compiled core of the kink fit: the contact instant with the largest marginal likelihood.
+"""Compiled core of the kink fit: the contact instant of largest marginal likelihood.
 
-A problem consists of n frames (t, z) in order of time, with times in units of the
-window; the contact instants of m other feet (each with a 1 if it is a marker of the
-same foot, else 0); and a prior (mean, weight) of each coefficient but the first two.
+A problem is one contact: frames in order of time, with times in units of the window;
+the contact instants of other feet; and a prior of each coefficient but the first two.
 The coefficients are floor, velocity, own acceleration, the changes of acceleration and
 jerk (for the same foot: velocity) at each other contact, and the creep of the standing
-foot. Numba compiles the code on a user's first run, so it is plain loops with one call
-site per function. For the same reason no count is passed as the literal 0, for which
-Numba would compile everything once more. The callers own all arrays, so the functions
-do not count references to them (``_nrt=False``), which would take half of the time.
+foot.
+
+Numba compiles the code on a user's first run, so it is plain loops with few call sites
+per function. For the same reason no count is passed as the literal 0, for which Numba
+would compile everything once more. `fit_all` owns all arrays and the others get them in
+tuples, so the functions do not count references to them (``_nrt=False``), which would
+take half of the time.
 """
 
 from math import exp, isnan, log, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
+from hopdata.arrays import FloatArray
 from hopdata.code_cache import kept_njit
 
+# Share of an interval at which the golden section divides it.
 GOLDEN = 0.3819660112501051
-REFINEMENTS = 10  # largest number of refinements after the grid
-CLOSE = 0.004  # resolution at which the refinement ends, in steps of the grid
-LEAST_FRAMES = 4  # fewest frames that are fitted
+
+#: Largest number of refinements after the grid.
+#: Unit: 1. Origin: chosen.
+REFINEMENTS = 10
+
+#: Resolution at which the refinement ends, in steps of the grid.
+#: Unit: steps. Origin: chosen.
+CLOSE = 0.004
+
+#: The refinement also ends when the instant lies between ends this many resolutions
+#: apart.
+#: Unit: 1. Origin: chosen.
+NARROW = 4.0
+
+#: Fewest frames that are fitted.
+#: Unit: frames. Origin: chosen.
+LEAST_FRAMES = 4
+
+#: Pivot of a Cholesky factor, as a share of the diagonal, at which a matrix counts as
+#: singular.
+#: Unit: 1. Origin: rounding.
+SINGULAR = 1e-12
+
+#: Ratio of the two sides of an interval below which it is too lopsided for a parabola.
+#: Unit: 1. Origin: chosen.
+LOPSIDED = 0.02
+
+#: Share of a side of an interval by which a point to try keeps away from its end.
+#: Unit: 1. Origin: chosen.
+OFF_END = 0.05
+
 _T = "f8[:,::1]"  # type of a table
 
 
-@kept_njit(_nrt=False, inline="always")
-def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyped-def]
-    """Fill `row` with the derivatives of the height at `t` = tau + s by the coefficients.
+class Problem(NamedTuple):
+    """What is fitted: the frames of one contact, and the other contacts about it."""
 
-    If `size` is even, the last coefficient is the creep. Before the contact, only the
-    entries of m other contacts are filled.
+    frames: int  # how many of the frames are used
+    time: FloatArray
+    height: FloatArray
+    contacts: int  # how many of the others are used
+    others: FloatArray  # instant of each, and 1 if it is a marker of the same foot
+    compliance: float  # time constant of the contact; 0 for a hard one
+    size: int  # number of coefficients; even if the last one is the creep
+
+
+class Prior(NamedTuple):
+    """Priors of the coefficients from the third on."""
+
+    mean: FloatArray
+    weight: FloatArray  # inverse variance per unit of inverse noise variance
+    noise2: float  # variance of a height
+
+
+class Work(NamedTuple):
+    """Arrays that every function may write to."""
+
+    gram: FloatArray  # normal matrix; its Cholesky factor after `_misfit`
+    right: FloatArray  # right-hand side; the coefficients after `_solve`
+    row: FloatArray  # a row of the design
+    cross: FloatArray  # products of the design with the slope by the instant
+    unit: FloatArray  # a column of the inverse
+    variance: FloatArray  # of each coefficient, per unit of noise variance
+    grid: FloatArray  # misfits on the grid
+
+
+@kept_njit(_nrt=False, inline="always")
+def _design_row(s, tau, t, live, problem, row):  # type: ignore[no-untyped-def]
+    """Fill `row` with the derivatives of the height at `t` by the coefficients.
+
+    The frame is `s` after the contact `tau`. Before the contact, only the entries of
+    the first `live` other contacts are filled.
     """
+    size = problem.size
+    soft = problem.compliance
+    others = problem.others
     row[0] = 1.0
     if s >= 0.0:
         for a in range(1, size):
             row[a] = 0.0
-        row[1] = soft * (1.0 - exp(-s / soft)) if soft > 0.0 else 0.0
+        if soft > 0.0:
+            row[1] = soft * (1.0 - exp(-s / soft))
         if size % 2 == 0:
             row[size - 1] = s
         return
     row[1] = s
     row[2] = 0.5 * s * s
-    for j in range(m):
-        top, now = max(tau - others[j, 0], 0.0), max(t - others[j, 0], 0.0)
+    for j in range(live):
+        top = max(tau - others[j, 0], 0.0)
+        now = max(t - others[j, 0], 0.0)
         row[3 + 2 * j] = (now * now - top * top) / 2 - s * top
-        row[4 + 2 * j] = (now * now * now - top * top * top) / 6 - s * top * top / 2
         if others[j, 1] > 0.0:
-            row[4 + 2 * j] = now - top - (s if top > 0.0 else 0.0)
+            row[4 + 2 * j] = now - top
+            if top > 0.0:
+                row[4 + 2 * j] -= s
+        else:
+            row[4 + 2 * j] = (now * now * now - top * top * top) / 6 - s * top * top / 2
     if size % 2 == 0:
         row[size - 1] = 0.0
 
@@ -59,9 +132,12 @@ def _factor(size, gram):  # type: ignore[no-untyped-def]
             value = gram[a, b]
             for k in range(b):
                 value -= gram[a, k] * gram[b, k]
-            if b == a and (value <= 1e-12 * gram[a, a] or gram[a, a] <= 0.0):
+            if b < a:
+                gram[a, b] = value / gram[b, b]
+            elif value <= SINGULAR * gram[a, a] or gram[a, a] <= 0.0:
                 return False
-            gram[a, b] = sqrt(value) if b == a else value / gram[b, b]
+            else:
+                gram[a, b] = sqrt(value)
     return True
 
 
@@ -88,9 +164,26 @@ def _solve(first, last, size, factor, right):  # type: ignore[no-untyped-def]
 
 
 @kept_njit(_nrt=False)
-def _misfit(
-    tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row
-):  # type: ignore[no-untyped-def]
+def _start_from_prior(size, prior, work):  # type: ignore[no-untyped-def]
+    """Fill the normal equations with the prior; return what it adds to the misfit."""
+    gram = work.gram
+    right = work.right
+    total = 0.0
+    for a in range(size):
+        right[a] = 0.0
+        for b in range(a + 1):
+            gram[a, b] = 0.0
+        if a >= 2:
+            weight = prior.weight[a - 2]
+            mean = prior.mean[a - 2]
+            gram[a, a] = weight
+            right[a] = weight * mean
+            total += right[a] * mean - prior.noise2 * log(weight)
+    return total
+
+
+@kept_njit(_nrt=False)
+def _misfit(tau, problem, prior, work):  # type: ignore[no-untyped-def]
     """Return -2 noise2 times the log marginal likelihood of `tau`, up to a constant.
 
     It is the smallest penalised sum of squares plus a term for the volume of the
@@ -98,130 +191,193 @@ def _misfit(
     other feet in place of the floor. The factor is left in gram, and what remains to be
     substituted backward in right.
     """
-    total = 0.0
-    for a in range(size):
-        right[a] = 0.0
-        for b in range(a + 1):
-            gram[a, b] = 0.0
-        if a >= 2:
-            gram[a, a] = weight[a - 2]
-            right[a] = weight[a - 2] * mean[a - 2]
-            total += right[a] * mean[a - 2] - noise2 * log(weight[a - 2])
+    size = problem.size
+    gram = work.gram
+    right = work.right
+    row = work.row
+    total = _start_from_prior(size, prior, work)
     live = 0  # number of contacts before this one; later ones do not affect the flight
-    while live < m and others[live, 0] < tau:
+    while live < problem.contacts and problem.others[live, 0] < tau:
         live += 1
-    for i in range(n):
-        s = t[i] - tau
-        total += z[i] * z[i]
-        _design_row(s, tau, t[i], live, others, soft, size, row)
-        for a in range(3 + 2 * live if s < 0.0 else size if size % 2 == 0 else 2):
+    for i in range(problem.frames):
+        s = problem.time[i] - tau
+        z = problem.height[i]
+        total += z * z
+        _design_row(s, tau, problem.time[i], live, problem, row)
+        if s < 0.0:
+            used = 3 + 2 * live
+        elif size % 2 == 0:
+            used = size
+        else:
+            used = 2
+        for a in range(used):
             if row[a] == 0.0:  # as most entries of the stance
                 continue
-            right[a] += row[a] * z[i]
+            right[a] += row[a] * z
             for b in range(a + 1):
                 gram[a, b] += row[a] * row[b]
     if not _factor(size, gram):
         return np.inf
     for a in range(size):
-        total += 2 * noise2 * log(gram[a, a])
+        total += 2 * prior.noise2 * log(gram[a, a])
     return total - _solve(np.int64(0), size, size, gram, right)
 
 
 @kept_njit(_nrt=False)
-def _vertex(left, value_left, x, value, right, value_right, close):  # type: ignore[no-untyped-def]
-    """Return the next point to try in (left, right): a parabola's vertex, or the golden section."""
-    low, high = x - left, right - x
-    golden = x + GOLDEN * high if high > low else x - GOLDEN * low
-    rise_left, rise_right = value_left - value, value_right - value
-    if not (rise_left < np.inf and rise_right < np.inf) or min(low, high) < 0.02 * max(
-        low, high
-    ):
+def _next_trial(left, value_left, x, value, right, value_right, close):  # type: ignore[no-untyped-def]
+    """Return the next point to try in (left, right).
+
+    It is the vertex of the parabola through three points, or the golden section where
+    the parabola does not serve.
+    """
+    low = x - left
+    high = right - x
+    golden = x - GOLDEN * low
+    if high > low:
+        golden = x + GOLDEN * high
+    rise_left = value_left - value
+    rise_right = value_right - value
+    if not (rise_left < np.inf and rise_right < np.inf):
+        return golden
+    if min(low, high) < LOPSIDED * max(low, high):
         return golden
     bend = rise_left * high + rise_right * low
     if bend <= 0.0:
         return golden
-    u = x + (rise_left * high * high - rise_right * low * low) / (2.0 * bend)
-    if (
-        abs(u - x) < close
-    ):  # step to the longer side, so that its far end moves in as well
-        u = x + close if high > low else x - close
-    return min(max(u, left + 0.05 * low), right - 0.05 * high)
+    vertex = x + (rise_left * high * high - rise_right * low * low) / (2.0 * bend)
+    if abs(vertex - x) < close:
+        # Step to the longer side, so that its far end moves in as well.
+        if high > low:
+            vertex = x + close
+        else:
+            vertex = x - close
+    return min(max(vertex, left + OFF_END * low), right - OFF_END * high)
 
 
 @kept_njit(_nrt=False)
-def _search(  # type: ignore[no-untyped-def]
-    bound, low, high, steps, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row,
-    grid,
-):  # fmt: skip
-    """Search a grid, then parabolas about its best node; return (NaN, inf) if nothing fits.
+def _on_grid(bound, reach, steps, problem, prior, work):  # type: ignore[no-untyped-def]
+    """Fill the grid from -reach to reach with misfits; return the best node and value.
 
-    Nothing before the bound is tried. `_misfit` at the returned instant is left in gram
-    and right.
+    Nothing before the bound is tried. The node is -1 if nothing fits.
     """
-    width = (high - low) / steps
+    width = 2.0 * reach / steps
+    best_node = -1
+    best = np.inf
+    for k in range(steps + 1):
+        tau = -reach + k * width
+        work.grid[k] = np.inf
+        if tau < bound:
+            continue
+        value = _misfit(tau, problem, prior, work)
+        work.grid[k] = value
+        if value < best:
+            best = value
+            best_node = k
+    return best_node, best
+
+
+@kept_njit(_nrt=False)
+def _search(bound, reach, steps, problem, prior, work):  # type: ignore[no-untyped-def]
+    """Search a grid, then parabolas about its best node.
+
+    Return the instant and its misfit, or (NaN, inf) if nothing fits. Nothing before the
+    bound is tried. What `_misfit` leaves in gram and right is that of the instant
+    returned.
+    """
+    node, best = _on_grid(bound, reach, steps, problem, prior, work)
+    if node < 0:
+        return np.nan, np.inf
+    width = 2.0 * reach / steps
     close = CLOSE * width
-    node, best, tau = -1, np.inf, np.nan
-    x, end_low, end_high, value_low, value_high = 0.0, 0.0, 0.0, np.inf, np.inf
-    for k in range(steps + REFINEMENTS + 2):
-        if k <= steps:
-            tau, grid[k] = low + k * width, np.inf
-            if tau < bound:
-                continue
-        elif k == steps + REFINEMENTS + 1 or (
-            k > steps + 1 and end_high - end_low < 4 * close
-        ):
+    x = -reach + node * width
+    end_low = max(x - width, -reach, bound)
+    end_high = min(x + width, reach)
+    value_low = np.inf
+    if node > 0:
+        value_low = work.grid[node - 1]
+    value_high = np.inf
+    if node < steps:
+        value_high = work.grid[node + 1]
+    tau = np.nan
+    for k in range(REFINEMENTS + 1):
+        is_narrow = k > 0 and end_high - end_low < NARROW * close
+        if k == REFINEMENTS or is_narrow:
             if tau == x:
                 return tau, best
             tau = x
         else:
-            if k == steps + 1:
-                if node < 0:
-                    return np.nan, np.inf
-                x = low + node * width
-                end_low, end_high = max(x - width, low, bound), min(x + width, high)
-                value_low = grid[node - 1] if node > 0 else np.inf
-                value_high = grid[node + 1] if node < steps else np.inf
-            tau = _vertex(end_low, value_low, x, best, end_high, value_high, close)
-        value = _misfit(
-            tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row
-        )
-        if k <= steps:
-            grid[k] = value
-            if value < best:
-                best, node = value, k
-        elif tau == x:
+            tau = _next_trial(end_low, value_low, x, best, end_high, value_high, close)
+        value = _misfit(tau, problem, prior, work)
+        if tau == x:
             return tau, value
-        elif value < best:
+        if value < best:
             if tau > x:
-                end_low, value_low = x, best
+                end_low = x
+                value_low = best
             else:
-                end_high, value_high = x, best
-            x, best = tau, value
+                end_high = x
+                value_high = best
+            x = tau
+            best = value
         elif tau > x:
-            end_high, value_high = tau, value
+            end_high = tau
+            value_high = value
         else:
-            end_low, value_low = tau, value
+            end_low = tau
+            value_low = value
     return np.nan, np.inf
 
 
 @kept_njit(_nrt=False)
-def _summary(  # type: ignore[no-untyped-def]
-    tau,
-    n,
-    t,
-    z,
-    m,
-    others,
-    soft,
-    size,
-    weight,
-    factor,
-    right,
-    row,
-    cross,
-    unit,
-    variance,
-):
+def _acceleration(tau, problem, coefficient):  # type: ignore[no-untyped-def]
+    """Return the foot's acceleration just before the contact."""
+    acceleration = coefficient[2]
+    for j in range(problem.contacts):
+        since = max(tau - problem.others[j, 0], 0.0)
+        jerk = coefficient[4 + 2 * j] * since * (1.0 - problem.others[j, 1])
+        acceleration += coefficient[3 + 2 * j] + jerk
+    return acceleration
+
+
+@kept_njit(_nrt=False)
+def _residuals(tau, problem, work):  # type: ignore[no-untyped-def]
+    """Return the sums of squares of the slopes by the instant, and of the residuals.
+
+    Fill `cross` with the products of slopes and design.
+    """
+    size = problem.size
+    contacts = problem.contacts
+    soft = problem.compliance
+    coefficient = work.right
+    row = work.row
+    slopes = 0.0
+    misfit = 0.0
+    acceleration = _acceleration(tau, problem, coefficient)
+    for a in range(size):
+        work.cross[a] = 0.0
+    creep = 0.0
+    if size > 3 + 2 * contacts:
+        creep = coefficient[3 + 2 * contacts]
+    for i in range(problem.frames):
+        s = problem.time[i] - tau
+        _design_row(s, tau, problem.time[i], contacts, problem, row)
+        if s < 0.0:
+            slope = -coefficient[1] - s * acceleration
+        elif soft > 0.0:
+            slope = -creep - coefficient[1] * exp(-s / soft)
+        else:
+            slope = -creep
+        residual = problem.height[i]
+        for a in range(size):
+            work.cross[a] += row[a] * slope
+            residual -= row[a] * coefficient[a]
+        slopes += slope * slope
+        misfit += residual * residual
+    return slopes, misfit
+
+
+@kept_njit(_nrt=False)
+def _summary(tau, problem, prior, work):  # type: ignore[no-untyped-def]
     """Fill in the variances of the coefficients, per unit of noise variance.
 
     The method is Gauss-Newton with the instant as one more parameter, eliminated by its
@@ -229,40 +385,32 @@ def _summary(  # type: ignore[no-untyped-def]
     and the effective number of parameters, including the instant. Variances are
     infinite if the frames do not determine the instant.
     """
-    own, misfit = 0.0, 0.0
-    push = right[2]  # acceleration just before the contact
-    for a in range(size):
-        cross[a] = 0.0
-    for j in range(m):
-        since = max(tau - others[j, 0], 0.0)
-        push += right[3 + 2 * j] + right[4 + 2 * j] * since * (1.0 - others[j, 1])
-    creep = right[3 + 2 * m] if size > 3 + 2 * m else 0.0
-    for i in range(n):
-        s = t[i] - tau
-        _design_row(s, tau, t[i], m, others, soft, size, row)
-        slope = -right[1] - s * push
-        if s >= 0.0:
-            slope = -creep - (right[1] * exp(-s / soft) if soft > 0.0 else 0.0)
-        residual = z[i]
-        for a in range(size):
-            cross[a] += row[a] * slope
-            residual -= row[a] * right[a]
-        own += slope * slope
-        misfit += residual * residual
+    size = problem.size
+    unit = work.unit
+    precision, misfit = _residuals(tau, problem, work)
     parameters = 1.0 + size
     for a in range(-1, size):  # first the instant, then each coefficient
         for k in range(size):
-            unit[k] = cross[k] if a < 0 else (1.0 if k == a else 0.0)
-        _solve(max(a, 0), max(a, 0), size, factor, unit)
+            unit[k] = 0.0
+            if a < 0:
+                unit[k] = work.cross[k]
+        if a >= 0:
+            unit[a] = 1.0
+        _solve(max(a, 0), max(a, 0), size, work.gram, unit)
         if a < 0:
             for k in range(size):
-                own -= cross[k] * unit[k]
-                variance[k] = unit[k] * unit[k]
+                precision -= work.cross[k] * unit[k]
+                work.variance[k] = unit[k] * unit[k]
+            continue
+        if precision > 0.0:
+            work.variance[a] = unit[a] + work.variance[a] / precision
         else:
-            variance[a] = unit[a] + (variance[a] / own if own > 0.0 else np.inf)
-            if a >= 2:
-                parameters -= weight[a - 2] * unit[a]
-    return (1 / own if own > 0.0 else np.inf), misfit, parameters
+            work.variance[a] = np.inf
+        if a >= 2:
+            parameters -= prior.weight[a - 2] * unit[a]
+    if precision > 0.0:
+        return 1 / precision, misfit, parameters
+    return np.inf, misfit, parameters
 
 
 @kept_njit(_nrt=False)
@@ -271,13 +419,14 @@ def _seen(times, heights, t, z):  # type: ignore[no-untyped-def]
     n = 0
     for i in range(len(times)):
         if not isnan(heights[i]):
-            t[n], z[n] = times[i], heights[i]
+            t[n] = times[i]
+            z[n] = heights[i]
             n += 1
     return n
 
 
 @kept_njit(f"void({_T},{_T},f8[::1],f8,i8,i8[::1],f8[:,:,::1],f8,b1,{_T},{_T},f8,{_T})")
-def fit_all(  # type: ignore[no-untyped-def]
+def fit_all(  # type: ignore[no-untyped-def]  # noqa: PLR0913 (compiled: plain arrays)
     times,
     heights,
     bounds,
@@ -324,51 +473,60 @@ def fit_all(  # type: ignore[no-untyped-def]
         contact, creep) and their variances. Rows without a fit are left as they are.
     """
     full = 2 + mean.shape[1]
-    gram, right, row = np.zeros((full, full)), np.zeros(full), np.zeros(full)
-    cross, unit, variance = np.zeros(full), np.zeros(full), np.zeros(full)
-    priors, weights = np.zeros(full), np.zeros(full)
-    t, z, grid = np.zeros(times.shape[1]), np.zeros(times.shape[1]), np.zeros(steps + 1)
+    width = times.shape[1]
+    prior = Prior(np.zeros(full), np.zeros(full), noise2)
+    work = Work(
+        np.zeros((full, full)),
+        np.zeros(full),
+        np.zeros(full),
+        np.zeros(full),
+        np.zeros(full),
+        np.zeros(full),
+        np.zeros(steps + 1),
+    )
+    t = np.zeros(width)
+    z = np.zeros(width)
     for p in range(times.shape[0]):
         n = _seen(times[p], heights[p], t, z)
         if n < LEAST_FRAMES:
             continue
-        m, other = contacts[p], others[p]
+        m = contacts[p]
         flight = 1 + 2 * m
-        size = 2 + flight + (1 if creeps else 0)
-        for a in range(flight + 1):  # the creep comes last for any number of contacts
-            last = full - 3 if a == flight else a
-            priors[a], weights[a] = mean[p, last], weight[p, last]
-        tau, value = _search(
-            bounds[p], -reach, reach, steps, n, t, z, m, other, soft, size, priors, weights, noise2,
-            gram, right, row, grid,
-        )  # fmt: skip
+        size = 2 + flight
+        if creeps:
+            size += 1
+        for a in range(flight):
+            prior.mean[a] = mean[p, a]
+            prior.weight[a] = weight[p, a]
+        # The creep comes last for any number of contacts.
+        prior.mean[flight] = mean[p, full - 3]
+        prior.weight[flight] = weight[p, full - 3]
+        problem = Problem(n, t, z, m, others[p], soft, size)
+        tau, value = _search(bounds[p], reach, steps, problem, prior, work)
         if isnan(tau):
             continue
-        _solve(size, np.int64(0), size, gram, right)
-        out[p, 1], out[p, 2], parameters = _summary(
-            tau,
-            n,
-            t,
-            z,
-            m,
-            other,
-            soft,
-            size,
-            weights,
-            gram,
-            right,
-            row,
-            cross,
-            unit,
-            variance,
-        )
-        out[p, 0], out[p, 3], out[p, 4], out[p, 5] = tau, n - parameters, 0.0, 0.0
+        _solve(size, np.int64(0), size, work.gram, work.right)
+        variance, misfit, parameters = _summary(tau, problem, prior, work)
+        out[p, 0] = tau
+        out[p, 1] = variance
+        out[p, 2] = misfit
+        out[p, 3] = n - parameters
+        out[p, 4] = 0.0
+        out[p, 5] = 0.0
         out[p, 6] = value
         for i in range(n):
-            out[p, 4 if t[i] < tau else 5] += 1.0
+            if t[i] < tau:
+                out[p, 4] += 1.0
+            else:
+                out[p, 5] += 1.0
         for a in range(full):
             is_creep = creeps and a == full - 1
-            k = size - 1 if is_creep else a
-            used = is_creep or a < 2 + flight
-            out[p, 7 + a] = right[k] if used else mean[p, a - 2]
-            out[p, 7 + full + a] = variance[k] if used else 1 / weight[p, a - 2]
+            if is_creep or a < 2 + flight:
+                k = a
+                if is_creep:
+                    k = size - 1
+                out[p, 7 + a] = work.right[k]
+                out[p, 7 + full + a] = work.variance[k]
+            else:  # the data say nothing of it, so it is as the prior says
+                out[p, 7 + a] = mean[p, a - 2]
+                out[p, 7 + full + a] = 1 / weight[p, a - 2]

@@ -1,4 +1,4 @@
-"""The printed method: contact at the minimum of a foot's vertical velocity in the transition."""
+"""The printed method: contact at the minimum of a foot's velocity in the transition."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.descents import Transitions
 from hopdata.recording import Recording
 
-FILTER_S = 0.07  # seven frames at the dissertation's 100 Hz
+#: Window of the filter: seven frames at the dissertation's 100 Hz.
+#: Unit: s. Origin: table: Sec. 2.2.3 of the dissertation.
+FILTER_S = 0.07
+
+#: Fewest frames in the window: the least odd number that a cubic smooths.
+#: Unit: frames. Origin: chosen.
 LEAST_FILTER_FRAMES = 5
+
 MARGIN_S = 0.05  # time shown before the pre section and after the post section
 
 
@@ -25,7 +31,8 @@ def filter_window(rate_hz: float) -> int:
     >>> [filter_window(rate) for rate in (50.0, 100.0, 120.0, 500.0)]
     [5, 7, 9, 35]
     """
-    return max(2 * int(rate_hz * FILTER_S / 2) + 1, LEAST_FILTER_FRAMES)
+    half = int(rate_hz * FILTER_S / 2)
+    return max(2 * half + 1, LEAST_FILTER_FRAMES)
 
 
 def savitzky_golay_velocity(
@@ -48,22 +55,27 @@ def savitzky_golay_velocity(
         Derivative in units of `values` per second; NaN where the window is not
         complete.
     """
-    window = window or filter_window(rate_hz)
-    half, weights = window // 2, derivative_weights(window)
-    out, inner = np.full(values.shape, np.nan), len(values) - 2 * half
-    for each, into in zip(values.T, out.T, strict=True) if inner > 0 else ():
-        into[half : half + inner] = sum(
-            w * each[k : k + inner] for k, w in enumerate(weights)
+    if not window:
+        window = filter_window(rate_hz)
+    half = window // 2
+    weights = derivative_weights(window)
+    n_inner = len(values) - 2 * half
+    velocity = np.full(values.shape, np.nan)
+    if n_inner <= 0:
+        return velocity
+    for track, into in zip(values.T, velocity.T, strict=True):
+        into[half : half + n_inner] = sum(
+            weight * track[k : k + n_inner] for k, weight in enumerate(weights)
         )
-    out *= rate_hz
-    return out
+    velocity *= rate_hz
+    return velocity
 
 
 def derivative_weights(window: int) -> FloatArray:
-    """Return the weights (window,) of the samples in the cubic's slope at mid-window, per frame.
+    """Return the weights (window,) of samples in the cubic's slope there, per frame.
 
-    The weights come from sums of integers, since a solver's last digits depend on its
-    version and on the machine.
+    The slope is that at mid-window. The weights come from sums of integers, since a
+    solver's last digits depend on its version and on the machine.
     """
     frames = np.arange(window) - window // 2
     s2, s4, s6 = (float(np.sum(frames**power)) for power in (2, 4, 6))
@@ -77,7 +89,7 @@ def velocity_minima(
     noise_m: float,
     parabola: bool,
 ) -> tuple[FloatArray, FloatArray]:
-    """Find the instant of minimum vertical velocity of each foot between the two sections.
+    """Find the minimum of each foot's vertical velocity between the two sections.
 
     See Sec. 2.2.3 of the dissertation. Smoothing moves the minimum ahead of the
     contact, by the same time for all feet to the extent that they are alike.
@@ -109,12 +121,12 @@ def velocity_minima(
     frame_s = float(np.median(np.diff(time)))
     velocity = savitzky_golay_velocity(heights, 1 / frame_s)
     shape = (len(transitions), heights.shape[1])
-    instant, se = np.full(shape, np.nan), np.full(shape, np.nan)
+    instant = np.full(shape, np.nan)
+    se = np.full(shape, np.nan)
     # Noise of half the difference between the velocities one frame to either side.
-    weights = np.convolve(
-        derivative_weights(filter_window(1 / frame_s)), [0.5, 0.0, -0.5]
-    )
-    noise = noise_m / frame_s * float(np.linalg.norm(weights))
+    weights = derivative_weights(filter_window(1 / frame_s))
+    half_difference = np.convolve(weights, [0.5, 0.0, -0.5])
+    noise = noise_m / frame_s * float(np.linalg.norm(half_difference))
     first = np.searchsorted(time, transitions.t_pre)
     stop = np.searchsorted(time, transitions.t_post, side="right")
     for row in np.flatnonzero(transitions.complete):
@@ -123,10 +135,13 @@ def velocity_minima(
             if len(piece) == 0 or np.isnan(piece).any():
                 continue
             least = int(first[row] + np.argmin(piece))
-            instant[row, foot], se[row, foot] = time[least], frame_s / np.sqrt(12)
+            instant[row, foot] = time[least]
+            se[row, foot] = frame_s / np.sqrt(12)  # of rounding to a frame
             around = velocity[least - 1 : least + 2, foot]
-            bend = around[0] - 2 * around[1] + around[2] if len(around) == 3 else np.nan
-            if parabola and bend > 0:
+            if not parabola or len(around) < 3:
+                continue
+            bend = around[0] - 2 * around[1] + around[2]
+            if bend > 0:
                 instant[row, foot] += frame_s * (around[0] - around[2]) / (2 * bend)
                 se[row, foot] = frame_s * noise / bend
     return instant, se
@@ -138,7 +153,7 @@ def velocity_minima(
 def example_touchdown(
     recordings: Sequence[Recording], table: pd.DataFrame
 ) -> pd.DataFrame:
-    """Tabulate the heights and velocities of the feet in one typical touchdown (Fig. 2.3).
+    """Tabulate heights and velocities of the feet in one typical touchdown (Fig. 2.3).
 
     Parameters
     ----------
@@ -160,6 +175,32 @@ def example_touchdown(
     AnalysisError
         If no touchdown is used.
     """
+    row = _typical(table)
+    recording = next(r for r in recordings if r.name == row["recording"])
+    time = recording.time
+    feet = recording.names("foot")
+    begin_s = row["t_pre_s"] - MARGIN_S
+    end_s = row["t_post_s"] + MARGIN_S
+    shown = np.flatnonzero((time >= begin_s) & (time <= end_s))
+    heights = recording.feet[:, :, 2]
+    rate_hz = 1 / float(np.median(np.diff(time)))
+    reach = filter_window(rate_hz)
+    about = slice(max(shown[0] - reach, 0), shown[-1] + reach + 1)
+    velocity = np.full(heights.shape, np.nan)
+    velocity[about] = savitzky_golay_velocity(heights[about], rate_hz)
+    columns = {
+        "recording": recording.name,
+        "index": int(row["index"]),
+        "time_s": np.tile(time[shown] - row["t_pre_s"], len(feet)),
+        "foot": np.repeat(feet, len(shown)),
+        "height_m": heights[shown].T.ravel(),
+        "velocity_m_s": velocity[shown].T.ravel(),
+    }
+    return pd.DataFrame(columns)
+
+
+def _typical(table: pd.DataFrame) -> pd.Series:
+    """Return the touchdown to show: see `example_touchdown`."""
     used = table[~table["excluded"].astype(bool)]
     if used.empty:
         raise AnalysisError(
@@ -169,25 +210,7 @@ def example_touchdown(
     commonest = min(counts.index[counts == counts.max()])
     alike = used[used["schedule"] == commonest]
     sure = alike[alike["probability"] >= alike["probability"].median()]
-    ranked = (alike if sure.empty else sure).sort_values(
-        ["spread_s", "recording", "index"]
-    )
-    row = ranked.iloc[(len(ranked) - 1) // 2]
-    recording = next(r for r in recordings if r.name == row["recording"])
-    time, feet = recording.time, recording.names("foot")
-    frames = (time >= row["t_pre_s"] - MARGIN_S) & (time <= row["t_post_s"] + MARGIN_S)
-    heights = recording.feet[:, :, 2]
-    rate_hz = 1 / float(np.median(np.diff(time)))
-    reach, shown = filter_window(rate_hz), np.flatnonzero(frames)
-    about = slice(max(shown[0] - reach, 0), shown[-1] + reach + 1)
-    velocity = np.full(heights.shape, np.nan)
-    velocity[about] = savitzky_golay_velocity(heights[about], rate_hz)
-    columns = {
-        "recording": recording.name,
-        "index": int(row["index"]),
-        "time_s": np.tile(time[frames] - row["t_pre_s"], len(feet)),
-        "foot": np.repeat(feet, len(shown)),
-        "height_m": heights[frames].T.ravel(),
-        "velocity_m_s": velocity[frames].T.ravel(),
-    }
-    return pd.DataFrame(columns)
+    if sure.empty:
+        sure = alike
+    ranked = sure.sort_values(["spread_s", "recording", "index"])
+    return ranked.iloc[(len(ranked) - 1) // 2]

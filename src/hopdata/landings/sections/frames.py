@@ -18,14 +18,14 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.contacts.descents import descents
 from hopdata.recording import Recording
 
-_CLEAR = (
-    3.0  # height above ground, in thresholds, that a run of frames must reach to be up
-)
+#: Height above the ground, in thresholds, that a run of frames must reach to be up.
+#: Unit: thresholds. Origin: chosen.
+CLEAR = 3.0
 
 
 @dataclass(frozen=True)
 class Heights:
-    """Heights of one recording; all three are NaN where a foot or the body is not seen.
+    """Heights of one recording; NaN where a foot or the body is not seen.
 
     Parameters
     ----------
@@ -43,10 +43,11 @@ class Heights:
         return np.isfinite(self.body)
 
     def landing(self, min_foot_m: float, max_foot_m: float) -> BoolArray:
-        """Mark the frames of landings by plain thresholds, (N,): see `landing_frames`."""
-        return landing_frames(
-            self.body, self.min_foot > min_foot_m, self.max_foot < max_foot_m
-        )[0]
+        """Mark frames of landings by plain thresholds, (N,): see `landing_frames`."""
+        all_up = self.min_foot > min_foot_m
+        all_down = self.max_foot < max_foot_m
+        in_descent, _ = landing_frames(self.body, all_up, all_down)
+        return in_descent
 
 
 @dataclass(frozen=True)
@@ -67,11 +68,17 @@ class Frames:
 
 
 def heights_of(recording: Recording) -> Heights:
-    """Return lowest foot, highest foot and body height in each frame of a levelled recording."""
+    """Return the heights in each frame of a levelled recording."""
     feet = recording.feet[:, :, 2]
-    lowest, highest, body = feet.min(axis=1), feet.max(axis=1), recording.body_height
+    lowest = feet.min(axis=1)
+    highest = feet.max(axis=1)
+    body = recording.body_height
     unseen = ~np.isfinite(lowest + body)
-    return Heights(*(np.where(unseen, np.nan, h) for h in (lowest, highest, body)))
+    return Heights(
+        min_foot=np.where(unseen, np.nan, lowest),
+        max_foot=np.where(unseen, np.nan, highest),
+        body=np.where(unseen, np.nan, body),
+    )
 
 
 def pool_frames(
@@ -98,11 +105,17 @@ def pool_frames(
         down, because a heel that rises early is not part of the landing.
     """
     parts = []
-    for h in heights:
-        all_up = clear_of_ground(h.min_foot, threshold_m=min_foot_m, ground_m=ground_m)
-        some_up = clear_of_ground(h.max_foot, threshold_m=max_foot_m, ground_m=ground_m)
-        parts.append(kept_frames(h.body, all_up, h.seen & ~some_up, landings_only))
-    return Frames(*map(pooled, zip(*parts, strict=True)))
+    for one in heights:
+        all_up = clear_of_ground(
+            one.min_foot, threshold_m=min_foot_m, ground_m=ground_m
+        )
+        some_up = clear_of_ground(
+            one.max_foot, threshold_m=max_foot_m, ground_m=ground_m
+        )
+        all_down = one.seen & ~some_up
+        parts.append(kept_frames(one.body, all_up, all_down, landings_only))
+    body, all_up, all_down = (pooled(column) for column in zip(*parts, strict=True))
+    return Frames(body, all_up, all_down)
 
 
 def kept_frames(
@@ -112,13 +125,16 @@ def kept_frames(
     keep = np.isfinite(body)
     if landings_only:
         keep, landed = landing_frames(body, all_up, all_down)
-        all_up, all_down = all_up & ~landed, all_down | landed
+        all_up = all_up & ~landed
+        all_down = all_down | landed
     return body[keep], all_up[keep], all_down[keep]
 
 
 def pooled(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Join arrays along the first axis; do not copy a single one, since it may be large."""
-    return np.concatenate(parts) if len(parts) > 1 else parts[0]
+    """Join arrays along the first axis; a single one is large and not copied."""
+    if len(parts) == 1:
+        return parts[0]
+    return np.concatenate(parts)
 
 
 def clear_of_ground(
@@ -133,11 +149,12 @@ def clear_of_ground(
     if len(seen) == 0:
         return clear
     above = height[seen] > threshold_m
-    high = above & (height[seen] > ground_m + _CLEAR * (threshold_m - ground_m))
-    run = np.cumsum(above & ~np.concatenate([[False], above[:-1]]))
-    rises = np.zeros(run[-1] + 1, dtype=bool)
-    rises[run[high]] = True
-    clear[seen] = above & rises[run]
+    high = above & (height[seen] > ground_m + CLEAR * (threshold_m - ground_m))
+    begins = above & ~np.concatenate([[False], above[:-1]])
+    run = np.cumsum(begins)  # number of the run that a frame above belongs to
+    reaches = np.zeros(run[-1] + 1, dtype=bool)
+    reaches[run[high]] = True
+    clear[seen] = above & reaches[run]
     return clear
 
 
@@ -159,10 +176,8 @@ def landing_frames(
         Seen frames of these descents, and those of them from the first with all feet
         down on.
     """
-    in_descent, landed = (
-        np.zeros(len(body), dtype=bool),
-        np.zeros(len(body), dtype=bool),
-    )
+    in_descent = np.zeros(len(body), dtype=bool)
+    landed = np.zeros(len(body), dtype=bool)
     for apex, nadir in descents(body):
         frames = apex + np.flatnonzero(np.isfinite(body[apex : nadir + 1]))
         down = np.flatnonzero(all_down[frames])

@@ -1,4 +1,4 @@
-"""The rule `landings`: sections at heights that nearly all landings pass as they should.
+"""The rule `landings`: sections that nearly all landings pass as they should.
 
 A landing of all feet has four heights of the body: at its top, at the first and at the
 last contact, and at its lowest point. A pre section *holds* the landing if it lies
@@ -25,37 +25,48 @@ from hopdata.landings.contacts.descents import (
     find_transitions,
 )
 from hopdata.landings.contacts.find import contacts_of, floor_instants
-from hopdata.landings.sections.modes import grid_of, kde, usual_bandwidth
+from hopdata.landings.sections.densities import grid_of, kde, usual_bandwidth
 from hopdata.recording import Recording
 
-#: Columns of `landing_heights`.
-TOP, FIRST_CONTACT, LAST_CONTACT, LOWEST, UNTOUCHED, SETTLED = range(6)
+# Columns of `landing_heights`.
+TOP = 0
+FIRST_CONTACT = 1
+LAST_CONTACT = 2
+LOWEST = 3
+UNTOUCHED = 4
+SETTLED = 5
 
 #: Share of the landings held by the best height that a section may lose. These are the
 #: landings with the widest contacts. At 3 % the sample's post section lies 2.5 mm
 #: higher.
+#: Unit: 1. Origin: chosen.
 MAY_LOSE = 0.02
 #: Share of the fall from the top to the first contact at which the usual landing passes
 #: the pre section. The body falls from rest, so a quarter of the fall is half of its
 #: time: there a fit to the flight has as many frames before as after. At 0.375 the
 #: sample's bound rises from 0.133 to 0.135, at 0.4 to 0.136.
+#: Unit: 1. Origin: derived: half of the time is a quarter of the way of a free fall.
 PRE_FALL = 0.25
 #: A pre section lies below the top by at least this share of the fall from the top to
 #: the first contact, since a body at its top crosses no height at a sure instant. It
 #: matters where tops differ as much as falls do; at 15 % the sample's section stays.
+#: Unit: 1. Origin: chosen.
 BELOW_TOP = 0.1
 #: A post section lies above the lowest point by at least this share of the way from the
 #: last contact to it, for the same reason. A section among the lowest points made a C1
 #: body "different by 22 %". At 37.5 % fewer landings are held at best, and the sample's
 #: post section lies 3.4 mm higher.
+#: Unit: 1. Origin: chosen.
 ABOVE_LOWEST = 0.25
-#: Time by which contacts keep clear of both sections, s: about two standard errors of a
+#: Time by which contacts keep clear of both sections: about two standard errors of a
 #: contact seen at 100 Hz. At 3 ms the sample's post section lies 1.4 mm lower.
+#: Unit: s. Origin: chosen.
 LEAD_S = 0.002
 
-#: Half of the time over which the speed at a section is taken, s: a frame at 100 Hz. A
+#: Half of the time over which the speed at a section is taken: a frame at 100 Hz. A
 #: body that falls freely has exactly this mean speed; after contacts, twice the time
 #: reads 0.3 % less on the sample.
+#: Unit: s. Origin: chosen.
 HALF_SPAN_S = 0.01
 
 
@@ -97,7 +108,7 @@ def heights_at_contacts(
     *,
     pace: float,
 ) -> FloatArray:
-    """Return what `landing_heights` does, (K, 6), for the landings that the frames show.
+    """Return what `landing_heights` does, (K, 6), for landings that the frames show.
 
     Parameters
     ----------
@@ -126,7 +137,7 @@ def heights_at_contacts(
 
 
 def holds(height_m: float, heights: FloatArray, side: str) -> BoolArray:
-    """Mark the landings, (L,) from (L, 6) heights, that a section holds: see the module.
+    """Mark the landings, (L,) from (L, 6) heights, that a section holds.
 
     Parameters
     ----------
@@ -227,7 +238,10 @@ def fall_speed(
 def _require_narrow(
     bandwidth_m: float, before_m: FloatArray, after_m: FloatArray
 ) -> None:
-    """Refuse a bandwidth beyond the usual way from contact to turning point, (L,) on each side."""
+    """Refuse a bandwidth beyond the usual way from contact to turning point, m.
+
+    The ways of each landing are (L,), before its contacts and after them.
+    """
     widest_m = min(float(np.median(before_m)), float(np.median(after_m)))
     if bandwidth_m > widest_m:
         way = "the way of the body between its contacts and its turning points"
@@ -238,7 +252,7 @@ def _require_narrow(
 def heights_that_hold(
     contact: FloatArray, turn: FloatArray, bandwidth_m: float
 ) -> FloatArray:
-    """Return the heights that hold nearly as many landings as the best height does, in order.
+    """Return the heights that hold nearly as many landings as the best one, in order.
 
     They lose at most `MAY_LOSE` of the landings by the densities, and no more by their
     count: of few landings, the tail of a density is easily one, which need not be lost.
@@ -268,7 +282,7 @@ def heights_that_hold(
 def most_counted(
     heights_m: FloatArray, contact: FloatArray, turn: FloatArray
 ) -> FloatArray:
-    """Return those of the heights (H,) that hold, by count, nearly as many landings as any."""
+    """Return the heights of (H,) that hold nearly as many landings as any, counted."""
     possible = contact <= turn
     begun = np.searchsorted(np.sort(contact[possible]), heights_m, side="right")
     ended = np.searchsorted(np.sort(turn[possible]), heights_m, side="left")

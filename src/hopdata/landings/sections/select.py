@@ -1,10 +1,10 @@
-"""Poincare sections: body heights above which all feet are up and below which all are down."""
+"""Poincare sections: above one all feet are up, below the other all are down."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,12 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, counted, require_choice
 from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import contacts_of, find_landings
+from hopdata.landings.sections.densities import (
+    finite,
+    kde,
+    normal_bandwidth,
+    usual_bandwidth,
+)
 from hopdata.landings.sections.frames import (
     Frames,
     Heights,
@@ -30,24 +36,33 @@ from hopdata.landings.sections.from_landings import (
     holds,
     landing_heights,
 )
-from hopdata.landings.sections.modes import (
-    GroundMode,
-    finite,
-    ground_mode,
-    kde,
-    normal_bandwidth,
-    usual_bandwidth,
-)
+from hopdata.landings.sections.modes import GroundMode, ground_mode
 from hopdata.recording import Recording
 
 FRAMES = {"all": False, "landings": True}  # whether only frames of landings count
 FEET = ("min_foot", "max_foot")
-LEAST_KNEE_M = (
-    3e-4  # least height of a knee above its mode: no floor is known more accurately
-)
-_LEAST_FRAMES = (
-    5  # fewest frames with all feet up, and with all down, in a hopping gait
-)
+
+#: Least height of a knee above its mode: no floor is known more accurately.
+#: Unit: m. Origin: chosen.
+LEAST_KNEE_M = 3e-4
+
+#: Fewest frames with all feet up, and with all down, in a hopping gait.
+#: Unit: frames. Origin: chosen.
+LEAST_FRAMES = 5
+
+#: Bandwidth of the densities of feet, in deviations of the ground mode; it widens the
+#: mode by 12 %.
+#: Unit: deviations. Origin: chosen.
+FOOT_BANDWIDTH = 0.5
+
+#: Smallest bandwidth of the densities of feet, as a share of the range of heights, for
+#: data without noise.
+#: Unit: 1. Origin: chosen.
+FINEST_BANDWIDTH = 1e-5
+
+# Reach of a curve beyond its heights, in bandwidths.
+REACH_OF_FEET = 4
+REACH_OF_BODIES = 3
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,12 +150,14 @@ class Sections(Shown):
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> Sections:
         """Make the sections from the fields that `to_dict` returns."""
-        modes = {k: GroundMode(**fields[k]) for k in ("min_foot_mode", "max_foot_mode")}
-        return cls(**{**fields, **modes})
+        made = dict(fields)
+        for name in ("min_foot_mode", "max_foot_mode"):
+            made[name] = GroundMode(**fields[name])
+        return cls(**made)
 
 
 @one_blas_thread()
-def select_sections(
+def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
     recordings: Sequence[Recording],
     *,
     landings: Mapping[str, pd.DataFrame] | None = None,
@@ -207,12 +224,18 @@ def select_sections(
     else:
         tables = [landings[one.name] for one in recordings]
     heights = [heights_of(recording) for recording in recordings]
-    in_each = [landing_heights(*pair) for pair in zip(recordings, tables, strict=True)]
+    pairs = zip(recordings, tables, strict=True)
+    in_each = [landing_heights(recording, table) for recording, table in pairs]
     of_landings = np.concatenate(in_each)
     scale = float(np.median([recording.scale for recording in recordings]))
     every_foot = pooled([recording.feet[:, :, 2] for recording in recordings])
+    decided = {}
+    start_m = {}  # NaN for what the rule has to find
+    for name, value in given.items():
+        decided[name] = "data" if value is None else "config"
+        start_m[name] = np.nan if value is None else value
     start = Sections(
-        **{name: np.nan if value is None else value for name, value in given.items()},
+        **start_m,
         ground_m=ground_mode(every_foot, scale=scale).height_m,
         min_foot_mode=ground_mode(pooled([h.min_foot for h in heights]), scale=scale),
         max_foot_mode=ground_mode(pooled([h.max_foot for h in heights]), scale=scale),
@@ -220,9 +243,7 @@ def select_sections(
         bandwidth_m=bandwidth_m,
         threshold_sigmas=threshold_sigmas,
         frames=frames,
-        decided={
-            name: "data" if value is None else "config" for name, value in given.items()
-        },
+        decided=decided,
         held={},
         pre_speed_m_s=None,
         post_speed_m_s=None,
@@ -235,9 +256,9 @@ def select_sections(
     sections = RULES[rule](start, material)
     if not sections.pre_height_m > sections.post_height_m:
         found = (
-            f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; set "
+            f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; "
+            "set sections.pre_height_m and sections.post_height_m"
         )
-        found += "sections.pre_height_m and sections.post_height_m"
         if rule == "printed":
             found += ", or sections.rule to landings"
         raise AnalysisError.at(
@@ -258,7 +279,7 @@ def select_sections(
 
 @dataclass(frozen=True)
 class _Material:
-    """What a rule may choose from: recordings, and heights in their frames and landings (L, 6)."""
+    """What a rule may choose from; heights in frames, and in landings (L, 6)."""
 
     recordings: Sequence[Recording]
     landings: Sequence[pd.DataFrame]
@@ -270,7 +291,8 @@ class _Material:
 def _by_landings(sections: Sections, material: _Material) -> Sections:
     """Fill in what is not given (NaN) by the rule `landings`."""
     floor_m = LEAST_KNEE_M * material.scale
-    lowest, highest = sections.min_foot_mode, sections.max_foot_mode
+    lowest = sections.min_foot_mode
+    highest = sections.max_foot_mode
     sigmas = sections.threshold_sigmas
     sections = _filled(
         sections,
@@ -329,10 +351,11 @@ RULES = {"landings": _by_landings, "printed": _by_densities}
 
 def _filled(sections: Sections, **values_m: float) -> Sections:
     """Return the sections with those of the values, m, that are not given (NaN)."""
-    missing = {
-        name: one for name, one in values_m.items() if np.isnan(getattr(sections, name))
-    }
-    return replace(sections, **cast("Any", missing))
+    missing: dict[str, Any] = {}
+    for name, value_m in values_m.items():
+        if np.isnan(getattr(sections, name)):
+            missing[name] = value_m
+    return replace(sections, **missing)
 
 
 def _both_given(sections: Sections) -> bool:
@@ -363,14 +386,14 @@ def _beside(start: Sections, material: _Material) -> dict[str, Any]:
 
 
 def _share_held(height_m: float, of_landings: FloatArray, side: str) -> float | None:
-    """Return the share of the landings (L, 6) that a section holds; None if there are none."""
+    """Return the share of landings (L, 6) that a section holds; None without any."""
     if len(of_landings) == 0:
         return None
     return float(np.mean(holds(height_m, of_landings, side)))
 
 
 def _usual_speed(height_m: float, material: _Material) -> float | None:
-    """Return the median speed, m/s, at which landings fall past a height; None if none does."""
+    """Return the median speed of falls past a height, m/s; None without any."""
     pairs = zip(material.recordings, material.landings, strict=True)
     speeds = [fall_speed(recording, table, height_m) for recording, table in pairs]
     known = finite(np.concatenate(speeds))
@@ -399,44 +422,56 @@ def _no_landing(
     else:
         _require_hopping(frames, sections)
         change = "if they stand above z = 0, raise touchdowns.down_height_m above that"
-    each = ", ".join(
-        f"{foot} in {count}" for foot, count in zip(feet, touches, strict=True)
-    )
+    counts = zip(feet, touches, strict=True)
+    each = ", ".join(f"{foot} in {count}" for foot, count in counts)
     return AnalysisError(
-        "sections: expected landings in which the contact of every foot is found, found none in "
-        f"{counted(descents, 'descent')} of the body ({each}); {change}, or set "
-        "sections.pre_height_m and sections.post_height_m"
+        "sections: expected landings in which the contact of every foot is found, "
+        f"found none in {counted(descents, 'descent')} of the body ({each}); "
+        f"{change}, or set sections.pre_height_m and sections.post_height_m"
     )
 
 
-def _require_hopping(pooled: Frames, sections: Sections) -> None:
-    """Raise an error unless the feet are all up in some frames and all down in others."""
-    n_up, n_down = int(pooled.all_up.sum()), int(pooled.all_down.sum())
-    lowest, highest = sections.min_foot_threshold_m, sections.max_foot_threshold_m
-    if min(n_up, n_down) >= _LEAST_FRAMES:
-        _require_both("min_foot_threshold_m", lowest, "up", pooled.all_up)
-        _require_both("max_foot_threshold_m", highest, "down", pooled.all_down)
+def _require_hopping(frames: Frames, sections: Sections) -> None:
+    """Raise an error unless the feet are all up in some frames, all down in others."""
+    n_up = int(frames.all_up.sum())
+    n_down = int(frames.all_down.sum())
+    lowest_m = sections.min_foot_threshold_m
+    highest_m = sections.max_foot_threshold_m
+    if min(n_up, n_down) >= LEAST_FRAMES:
+        _require_both("min_foot_threshold_m", lowest_m, "up", frames.all_up)
+        _require_both("max_foot_threshold_m", highest_m, "down", frames.all_down)
         return
     narrower = ""
     if sections.rule == "printed":
         narrower = ", or a smaller sections.bandwidth_m"
     if FRAMES[sections.frames]:
         raise AnalysisError(
-            "sections: expected descents of the body in which the feet go from all up to all "
-            f"down, found none (all up: lowest foot above {lowest:.4f} m; all down: highest foot "
-            f"below {highest:.4f} m); in a walk the body need not sink when a foot lands; "
-            "otherwise set sections.min_foot_threshold_m and sections.max_foot_threshold_m"
-            f"{narrower}"
+            "sections: expected descents of the body in which the feet go from all up "
+            f"to all down, found none (all up: lowest foot above {lowest_m:.4f} m; all "
+            f"down: highest foot below {highest_m:.4f} m); in a walk the body need not "
+            "sink when a foot lands; otherwise set sections.min_foot_threshold_m and "
+            f"sections.max_foot_threshold_m{narrower}"
         )
-    where, name, value, n = "stand on", "max_foot_threshold_m", highest, n_down
-    walks = ""
     if n_up < n_down:
-        where, name, value, n = "leave", "min_foot_threshold_m", lowest, n_up
-        walks = "; a walk, in which some foot is always down, has no landing on several feet"
+        where = "leave"
+        key = "min_foot_threshold_m"
+        threshold_m = lowest_m
+        n = n_up
+        walks = (
+            "; a walk, in which some foot is always down, has no landing on several "
+            "feet"
+        )
+    else:
+        where = "stand on"
+        key = "max_foot_threshold_m"
+        threshold_m = highest_m
+        n = n_down
+        walks = ""
     raise AnalysisError(
         f"sections: the feet never {where} the ground together: expected at least "
-        f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
-        f"check the foot markers, or set sections.{name}{narrower}{walks}"
+        f"{LEAST_FRAMES} frames, found {n} of {len(frames.body)} (threshold "
+        f"{threshold_m:.4f} m); check the foot markers, or set sections.{key}"
+        f"{narrower}{walks}"
     )
 
 
@@ -452,11 +487,6 @@ def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) 
 # Tables behind the figure of the sections: densities of heights, and a sample of
 # frames.
 
-_FOOT_BANDWIDTH = (
-    0.5  # bandwidth in deviations of the ground mode, which it widens by 12 %
-)
-_FINEST = 1e-5  # smallest bandwidth, as a share of the range of heights
-
 
 @one_blas_thread()
 def section_densities(
@@ -466,7 +496,7 @@ def section_densities(
     *,
     nodes: int = 1024,
 ) -> pd.DataFrame:
-    """Estimate densities of foot heights, of body height given the feet, and in landings.
+    """Estimate densities of heights of feet, of the body given the feet, in landings.
 
     Parameters
     ----------
@@ -511,11 +541,12 @@ def section_densities(
     bodies = _with_spread(bodies)
     in_landings = _with_spread(in_landings)
     feet = {foot: finite(pooled([getattr(h, foot) for h in heights])) for foot in FEET}
-    least = _FINEST * float(
-        feet["max_foot"].max() - feet["min_foot"].min()
-    )  # without noise
-    sigmas = [getattr(sections, f"{foot}_mode").sigma_m for foot in FEET]
-    foot_widths = [max(_FOOT_BANDWIDTH * sigma, least) for sigma in sigmas]
+    range_m = feet["max_foot"].max() - feet["min_foot"].min()
+    finest_m = FINEST_BANDWIDTH * float(range_m)
+    foot_widths = []
+    for foot in FEET:
+        sigma_m = getattr(sections, f"{foot}_mode").sigma_m
+        foot_widths.append(max(FOOT_BANDWIDTH * sigma_m, finest_m))
     body_widths = [normal_bandwidth(one) for one in bodies.values()]
     landing_widths = [
         usual_bandwidth([one], np.ptp(one)) for one in in_landings.values()
@@ -526,24 +557,26 @@ def section_densities(
         foot_widths = [sections.bandwidth_m] * len(feet)
         body_widths = [sections.bandwidth_m] * len(bodies)
     tables = [
-        *_curves(feet, foot_widths, 4, nodes),
-        *_curves(bodies, body_widths, 3, nodes),
-        *_curves(in_landings, landing_widths, 3, nodes),
+        *_curves(feet, foot_widths, REACH_OF_FEET, nodes),
+        *_curves(bodies, body_widths, REACH_OF_BODIES, nodes),
+        *_curves(in_landings, landing_widths, REACH_OF_BODIES, nodes),
     ]
     return pd.concat(tables, ignore_index=True)
 
 
 def _with_spread(groups: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the groups of heights that have a density: two or more that differ."""
-    return {
-        name: one for name, one in groups.items() if len(one) > 1 and np.ptp(one) > 0
-    }
+    kept = {}
+    for name, heights in groups.items():
+        if len(heights) > 1 and np.ptp(heights) > 0:
+            kept[name] = heights
+    return kept
 
 
 def _curves(
     groups: Mapping[str, FloatArray], widths: Sequence[float], reach: float, nodes: int
 ) -> list[pd.DataFrame]:
-    """Return the densities of groups of heights, on one grid that extends by `reach` widths."""
+    """Return densities of groups of heights; the grid extends by `reach` widths."""
     margin = reach * max(widths, default=0.0)
     low = min(map(np.min, groups.values()), default=0.0) - margin
     high = max(map(np.max, groups.values()), default=0.0) + margin
@@ -551,16 +584,15 @@ def _curves(
     tables = []
     for (name, heights), width in zip(groups.items(), widths, strict=True):
         density = kde(heights, bandwidth=width, grid=grid)
-        tables.append(
-            pd.DataFrame({"curve": name, "height_m": grid, "density_per_m": density})
-        )
+        columns = {"curve": name, "height_m": grid, "density_per_m": density}
+        tables.append(pd.DataFrame(columns))
     return tables
 
 
 def section_frames(
     recordings: Sequence[Recording], sections: Sections, max_rows: int = 20000
 ) -> pd.DataFrame:
-    """Tabulate lowest foot, highest foot, body height and landing state in every k-th frame.
+    """Tabulate heights of feet and body, and the state, in every k-th frame.
 
     Parameters
     ----------
@@ -579,11 +611,13 @@ def section_frames(
         down.
     """
     heights = [heights_of(recording) for recording in recordings]
-    columns = {
-        f"{name}_m": np.concatenate([getattr(h, name)[h.seen] for h in heights])
-        for name in (*FEET, "body")
-    }
-    low, high = sections.min_foot_threshold_m, sections.max_foot_threshold_m
-    columns["landing"] = np.concatenate([h.landing(low, high)[h.seen] for h in heights])
+    columns = {}
+    for name in (*FEET, "body"):
+        in_each = [getattr(one, name)[one.seen] for one in heights]
+        columns[f"{name}_m"] = np.concatenate(in_each)
+    low_m = sections.min_foot_threshold_m
+    high_m = sections.max_foot_threshold_m
+    landing = [one.landing(low_m, high_m)[one.seen] for one in heights]
+    columns["landing"] = np.concatenate(landing)
     stride = max(1, -(-len(columns["body_m"]) // max_rows))
     return pd.DataFrame({name: values[::stride] for name, values in columns.items()})

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import takewhile
 
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import chosen
 from hopdata.landings.states import coefficients
+from hopdata.landings.states.crossing import Fitted, SectionStates, cross
 from hopdata.landings.states.tracks import (
     LOOK_AT,
     Moments,
@@ -21,36 +21,71 @@ from hopdata.landings.states.tracks import (
     moments,
 )
 
-BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06  # default windows of separate fits, for 1 m
-NO_LARGER = 1.1  # ratio of rms residuals up to which a few flights count as ballistic
-WINDOWS_S = (
-    0.03,
-    0.04,
-    0.05,
-    0.06,
-    0.08,
-    0.1,
-    0.12,
-    0.15,
-    0.18,
-    0.22,
-)  # tried by `widest`
-# Degrees tried before and after the contacts, and the degree of separate fits after
-# them.
-FLIGHT_DEGREES, STANCE_DEGREES, ALONE_DEGREE = (2, 3), (3, 5), 3
-# Fewest frames of a fit, fewest of them close to the crossing, and fewest landings to
-# learn from.
-LEAST_FRAMES, LEAST_CLOSE, LEAST_LANDINGS = 6, 3, 30
-LARGEST_MISFIT = 0.25  # in units of the variance that one more coefficient would cost
-FURTHER = 2  # extra coefficients by which a fit is judged
-LEAD_QUANTILE = (
-    0.1  # quantile of the times between the last contact and the post section
-)
-FILTER_FRAMES, FILTER_DEGREE = 7, 3
+#: Window of separate fits under gravity, for an animal of 1 m.
+#: Unit: s. Origin: chosen.
+BALLISTIC_WINDOW_S = 0.1
 
-Parts = Iterator[coefficients.Fitted]
-#: Makes the fits anew, block by block: for many landings, all at once would fill the
-#: memory.
+#: Window of other separate fits, for an animal of 1 m.
+#: Unit: s. Origin: chosen.
+WINDOW_S = 0.06
+
+#: Ratio of the rms residuals of straight flights to those of curved ones up to which a
+#: few flights count as ballistic.
+#: Unit: 1. Origin: chosen.
+NO_LARGER = 1.1
+
+#: Windows that `widest` tries, for an animal of 1 m. The shortest are for stiff robots
+#: at high rates, whose tracks no longer window fits.
+#: Unit: s. Origin: chosen.
+WINDOWS_S = (0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)
+
+#: Degrees of polynomials tried before the contacts.
+#: Unit: 1. Origin: chosen.
+FLIGHT_DEGREES = (2, 3)
+
+#: Degrees of polynomials tried after the contacts.
+#: Unit: 1. Origin: chosen.
+STANCE_DEGREES = (3, 5)
+
+#: Degree of separate fits after the contacts.
+#: Unit: 1. Origin: chosen.
+ALONE_DEGREE = 3
+
+#: Fewest frames of a fit.
+#: Unit: frames. Origin: chosen.
+LEAST_FRAMES = 6
+
+#: Fewest frames of a marker close to the crossing; with fewer, the state is not
+#: determined.
+#: Unit: frames. Origin: chosen.
+LEAST_CLOSE = 3
+
+#: Fewest landings from which accelerations are learned; with fewer, each is fitted by
+#: itself.
+#: Unit: landings. Origin: chosen.
+LEAST_LANDINGS = 30
+
+#: Largest misfit of a window, in units of the variance that one more coefficient would
+#: cost.
+#: Unit: 1. Origin: chosen.
+LARGEST_MISFIT = 0.25
+
+#: Extra coefficients by which a fit is judged.
+#: Unit: 1. Origin: chosen.
+FURTHER = 2
+
+#: Quantile of the times from the last contact to the post section that is the lead of
+#: all landings.
+#: Unit: 1. Origin: chosen.
+LEAD_QUANTILE = 0.1
+
+# The filter of the dissertation: a cubic over seven frames.
+FILTER_FRAMES = 7
+FILTER_DEGREE = 3
+
+Parts = Iterator[Fitted]
+# Makes the fits anew, block by block: for many landings, all at once would fill the
+# memory.
 Fit = Callable[[], Parts]
 
 
@@ -93,7 +128,7 @@ class Tracks:
 
     @property
     def lead_s(self) -> float:
-        """Time before the post section in which frames count, s; the same for all landings.
+        """Time before the post section in which frames count, s, for all landings.
 
         If it were the time since each landing's own last contact, the errors of the
         states would depend on which contact was last, and mimic a map that does. Nine
@@ -101,19 +136,22 @@ class Tracks:
         """
         after = self.near - self.contact
         known = after[np.isfinite(after)]
-        return max(float(np.quantile(known, LEAD_QUANTILE)), 0.0) if len(known) else 0.0
+        if not len(known):
+            return 0.0
+        return max(float(np.quantile(known, LEAD_QUANTILE)), 0.0)
 
     def windows(self, window_s: float) -> Windows:
         """Return windows about the crossings that do not extend beyond the contacts."""
-        near, contact = self.near, self.contact
+        near = self.near
         if self.flight:
-            stop = np.searchsorted(self.time, np.minimum(near + window_s, contact))
-            start = np.minimum(
-                np.searchsorted(self.time, near - window_s), stop - LEAST_FRAMES
-            )
+            latest = np.minimum(near + window_s, self.contact)
+            stop = np.searchsorted(self.time, latest)
+            start = np.searchsorted(self.time, near - window_s)
+            start = np.minimum(start, stop - LEAST_FRAMES)
         else:
-            lead = min(window_s, self.lead_s)
-            start = np.searchsorted(self.time, np.maximum(near - lead, contact))
+            lead_s = min(window_s, self.lead_s)
+            earliest = np.maximum(near - lead_s, self.contact)
+            start = np.searchsorted(self.time, earliest)
             stop = np.searchsorted(self.time, near + window_s, side="right")
             stop = np.maximum(stop, start + LEAST_FRAMES)
         return Windows(near, start, stop, window_s)
@@ -121,9 +159,17 @@ class Tracks:
     def sums(
         self, window_s: float, degree: int, *, falling: bool = False
     ) -> Iterator[Moments]:
-        """Sum the frames for polynomials of a degree, with free fall subtracted if `falling`."""
-        fall, windows = GRAVITY_M_S2 if falling else 0.0, self.windows(window_s)
-        return moments(self.time, self.body, windows, degree=degree, gravity_m_s2=fall)
+        """Sum the frames for polynomials of a degree.
+
+        Free fall is subtracted if the markers are `falling`.
+        """
+        return moments(
+            self.time,
+            self.body,
+            self.windows(window_s),
+            degree=degree,
+            gravity_m_s2=GRAVITY_M_S2 if falling else 0.0,
+        )
 
     def fitted(self, window_s: float, degree: int, *, falling: bool = False) -> Fit:
         """Fit polynomials of a degree to each landing by itself."""
@@ -133,27 +179,31 @@ class Tracks:
 def _each(sums: Callable[[], Iterator[Moments]]) -> Fit:
     """Fit each landing by itself, by least squares."""
     variance, _ = coefficients.noise(sums())
-    return lambda: (
-        (part, coefficients.least_squares(part, variance)) for part in sums()
-    )
+
+    def parts() -> Parts:
+        for part in sums():
+            yield part, coefficients.least_squares(part, variance)
+
+    return parts
 
 
 def filtered(tracks: Tracks) -> Fit:
-    """Fit cubics to the seven nearest frames: the filter of Savitzky and Golay (1964)."""
-    right = np.clip(np.searchsorted(tracks.time, tracks.near), 1, len(tracks.time) - 1)
-    early = tracks.near - tracks.time[right - 1] < tracks.time[right] - tracks.near
-    start = right - early - FILTER_FRAMES // 2
-    windows = Windows(
-        tracks.near, start, start + FILTER_FRAMES, FILTER_FRAMES / 2 * tracks.frame_s
-    )
-    return _each(
-        partial(moments, tracks.time, tracks.body, windows, degree=FILTER_DEGREE)
-    )
+    """Fit cubics to the seven nearest frames, as Savitzky and Golay (1964) do."""
+    time = tracks.time
+    right = np.clip(np.searchsorted(time, tracks.near), 1, len(time) - 1)
+    left_is_nearer = tracks.near - time[right - 1] < time[right] - tracks.near
+    nearest = right - left_is_nearer
+    start = nearest - FILTER_FRAMES // 2
+    half_window_s = FILTER_FRAMES / 2 * tracks.frame_s
+    windows = Windows(tracks.near, start, start + FILTER_FRAMES, half_window_s)
+    return _each(partial(moments, time, tracks.body, windows, degree=FILTER_DEGREE))
 
 
 def ballistic(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit straight lines under gravity to each flight by itself."""
-    return tracks.fitted(window_s or BALLISTIC_WINDOW_S * tracks.pace, 1, falling=True)
+    if not window_s:
+        window_s = BALLISTIC_WINDOW_S * tracks.pace
+    return tracks.fitted(window_s, 1, falling=True)
 
 
 def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
@@ -162,18 +212,24 @@ def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
 
 
 def alone(tracks: Tracks, window_s: float | None) -> Fit:
-    """Fit each landing by itself, for recordings with too few landings to learn from."""
+    """Fit each landing by itself, as where there are too few landings to learn from."""
     if not tracks.flight:
         return tracks.fitted(window_s or WINDOW_S * tracks.pace, ALONE_DEGREE)
-    free, straight = accelerated(tracks, window_s), ballistic(tracks, window_s)
-    rms = [
-        float(np.sqrt(np.mean(next(fit())[1].noise_m ** 2))) for fit in (free, straight)
-    ]
-    return straight if rms[1] <= NO_LARGER * rms[0] else free
+    free = accelerated(tracks, window_s)
+    straight = ballistic(tracks, window_s)
+    if _rms_residual(straight) <= NO_LARGER * _rms_residual(free):
+        return straight
+    return free
+
+
+def _rms_residual(fit: Fit) -> float:
+    """Return the rms of the noise over markers and directions, m."""
+    _, first_block = next(fit())  # the noise is that of all blocks
+    return float(np.sqrt(np.mean(first_block.noise_m**2)))
 
 
 def together(tracks: Tracks, window_s: float | None) -> Fit:
-    """Fit all landings at once: close to free fall before the contacts, smooth after them.
+    """Fit all landings at once: close to free fall before contacts, smooth after them.
 
     Accelerations and higher derivatives are drawn from a population that is learned
     from the landings (see `hopdata.landings.states.coefficients`). Each degree gets the
@@ -181,27 +237,40 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
     velocities is taken.
     """
     degrees = FLIGHT_DEGREES if tracks.flight else STANCE_DEGREES
-    choices = (
-        widest(tracks, degrees)
-        if window_s is None
-        else [(d, window_s) for d in degrees]
-    )
-    found = (_drawn(tracks, *choice) for choice in choices)
-    best = min(filter(None, found), key=lambda each: each[0], default=None)
-    return alone(tracks, window_s) if best is None else best[1]
+    if window_s is None:
+        candidates = widest(tracks, degrees)
+    else:
+        candidates = [(degree, window_s) for degree in degrees]
+    best: Fit | None = None
+    least_variance = np.inf
+    for degree, width_s in candidates:
+        found = _drawn(tracks, degree, width_s)
+        if found is None:
+            continue
+        variance, fit = found
+        if best is None or variance < least_variance:
+            least_variance = variance
+            best = fit
+    if best is None:
+        return alone(tracks, window_s)
+    return best
 
 
 def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | None:
-    """Return the expected variance of velocities, m^2/s^2, and the fit; None with few landings."""
+    """Fit polynomials whose higher coefficients are drawn from a learned population.
+
+    Return the expected variance of velocities, m^2/s^2, and the fit; None with too few
+    landings to learn from.
+    """
     sums = partial(tracks.sums, window_s, degree + FURTHER, falling=tracks.flight)
     variance, frames = coefficients.noise(sums())
     rows = coefficients.teachers(frames, degree + 1)
     if len(rows) < LEAST_LANDINGS:
         return None
-    some = joined(
+    teaching = joined(
         part.some(np.flatnonzero(np.isin(part.rows, rows))) for part in sums()
     )
-    population = coefficients.learn(some.lower(degree))
+    population = coefficients.learn(teaching.lower(degree))
 
     def fitted(part: Moments) -> coefficients.Coefficients:
         return coefficients.drawn(
@@ -211,63 +280,65 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
     added, expected = coefficients.misfit(
         (fitted(part), coefficients.least_squares(part, variance)) for part in sums()
     )
-    reach = max(WINDOW_S * tracks.pace, LEAST_FRAMES * tracks.frame_s)
-    close = (
-        np.concatenate([part.frames for part in tracks.sums(reach, 0)]) >= LEAST_CLOSE
-    )
+    close_s = max(WINDOW_S * tracks.pace, LEAST_FRAMES * tracks.frame_s)
+    close_frames = np.concatenate([part.frames for part in tracks.sums(close_s, 0)])
+    is_close = close_frames >= LEAST_CLOSE
 
     def parts() -> Parts:
         for part in sums():
             fit = fitted(part)
             fit.covariance[coefficients.VARIANCES] += added
-            fit.mean[~close[part.rows]] = np.nan
+            fit.mean[~is_close[part.rows]] = np.nan
             yield part.lower(degree), fit
 
     return expected / window_s**2, parts
 
 
 def widest(tracks: Tracks, degrees: Sequence[int]) -> list[tuple[int, float]]:
-    """Return each degree with the widest window, s, in which such polynomials fit the tracks.
+    """Return each degree with the widest window, s, in which it fits the tracks.
 
     As long as a coefficient reduces the squared residuals by less than noise would, the
     error of omitting it is smaller than that of estimating it (Mallows 1973). A degree
     that fits no window is left out.
     """
-    tracks, widths = (
-        tracks.evenly(LOOK_AT),
-        [width * tracks.pace for width in WINDOWS_S],
-    )
-    chosen = []
+    some = tracks.evenly(LOOK_AT)
+    found = []
     for degree in degrees:
-        misfits = ((width, _misfit(tracks, degree, width)) for width in widths)
-        told = ((width, misfit) for width, misfit in misfits if misfit is not None)
-        fitting = list(takewhile(lambda one: one[1] <= LARGEST_MISFIT, told))
-        if fitting:
-            chosen.append((degree, fitting[-1][0]))
-    return chosen
+        widest_s = None
+        for width in WINDOWS_S:
+            window_s = width * tracks.pace
+            misfit = _misfit(some, degree, window_s)
+            if misfit is None:  # too few frames; a wider window may hold enough
+                continue
+            if misfit > LARGEST_MISFIT:
+                break
+            widest_s = window_s
+        if widest_s is not None:
+            found.append((degree, widest_s))
+    return found
 
 
 def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
-    """Return the variance that the next coefficients explain beyond noise, in noise variances.
+    """Return the variance that further coefficients explain beyond noise.
 
-    It is the larger of the horizontal and the vertical value, minus twice its standard
-    error; None if too few landings have enough frames.
+    It is in noise variances: the larger of the horizontal and the vertical value, minus
+    twice its standard error; None if too few landings have enough frames.
     """
     more = joined(tracks.sums(window_s, degree + FURTHER, falling=tracks.flight))
     whole = np.flatnonzero((more.frames > more.terms).all(axis=1))
     if len(whole) < LEAST_LANDINGS:
         return None
     more = more.some(whole)
-    both = more, more.lower(degree)
-    noise, left = (coefficients.least_squares(sums).noise_m ** 2 for sums in both)
+    noise = coefficients.least_squares(more).noise_m ** 2
+    residual = coefficients.least_squares(more.lower(degree)).noise_m ** 2
     freedom = float(more.frames.mean()) - more.terms
     found = []
     for axes in (coefficients.HORIZONTAL, coefficients.VERTICAL):
-        ratio = float(left[:, axes].sum() / noise[:, axes].sum())
-        scatter = (2 * FURTHER + 2 * FURTHER**2 / freedom) / (
-            len(whole) * left[:, axes].size
-        )
-        found.append((ratio - 1) * (freedom + FURTHER) - 2 * float(np.sqrt(scatter)))
+        ratio = float(residual[:, axes].sum() / noise[:, axes].sum())
+        tracks_seen = len(whole) * residual[:, axes].size
+        variance = (2 * FURTHER + 2 * FURTHER**2 / freedom) / tracks_seen
+        explained = (ratio - 1) * (freedom + FURTHER)
+        found.append(explained - 2 * float(np.sqrt(variance)))
     return max(found)
 
 
@@ -283,7 +354,7 @@ GRAVITIES: dict[str, Fitting | None] = {
 SIDES = {"before": True, "after": False}  # whether the section lies in flight
 
 
-def section_states(
+def section_states(  # noqa: PLR0913 (the data, and the options of the method)
     time: FloatArray,
     body: FloatArray,
     near: FloatArray,
@@ -295,7 +366,7 @@ def section_states(
     window_s: float | None = None,
     gravity: str = "auto",
     pace: float = 1.0,
-) -> coefficients.SectionStates:
+) -> SectionStates:
     """Fit the motion of each marker about each crossing and evaluate it on the section.
 
     Parameters
@@ -338,16 +409,22 @@ def section_states(
     ConfigError
         If `method`, `gravity` or `side` is unknown.
     """
-    fitted = chosen("states.method", method, METHODS)
-    flying = chosen("states.gravity", gravity, GRAVITIES)
-    tracks = Tracks(time, body, near, contact, chosen("side", side, SIDES), pace)
-    return coefficients.cross(fitted(tracks, window_s, flying)(), near, height_m)
+    fit_tracks = chosen("states.method", method, METHODS)
+    fit_flight = chosen("states.gravity", gravity, GRAVITIES)
+    is_flight = chosen("side", side, SIDES)
+    tracks = Tracks(time, body, near, contact, is_flight, pace)
+    fit = fit_tracks(tracks, window_s, fit_flight)
+    return cross(fit(), near, height_m)
 
 
-def _split_fit(tracks: Tracks, window_s: float | None, flying: Fitting | None) -> Fit:
-    if tracks.flight and flying is not None:
-        return flying(tracks, window_s)
-    return (together if len(tracks.near) >= LEAST_LANDINGS else alone)(tracks, window_s)
+def _split_fit(
+    tracks: Tracks, window_s: float | None, fit_flight: Fitting | None
+) -> Fit:
+    if tracks.flight and fit_flight is not None:
+        return fit_flight(tracks, window_s)
+    if len(tracks.near) >= LEAST_LANDINGS:
+        return together(tracks, window_s)
+    return alone(tracks, window_s)
 
 
 METHODS = {

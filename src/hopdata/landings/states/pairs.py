@@ -21,8 +21,7 @@ class Pairs(Shown):
     ----------
     x, y : (n, 6B) array
         States at the pre and the post section: positions of the B body markers (x1, y1,
-        z1, x2,
-        ...), m, followed by their velocities, m/s, in the home frame.
+        z1, x2, ...), m, followed by their velocities, m/s, in the home frame.
     schedule : (n,) str array
         Mode schedules.
     spread_s : (n,) array
@@ -60,7 +59,8 @@ class Pairs(Shown):
     def told(self) -> str:
         """Describe the numbers of landings, orders and coordinates."""
         orders = len(set(self.schedule))
-        return f"of {len(self)} landings in {orders} orders, {self.x.shape[1]} coordinates each"
+        counts = f"{len(self)} landings in {orders} orders"
+        return f"of {counts}, {self.x.shape[1]} coordinates each"
 
     def rows(self) -> dict[str, Any]:
         """Count the landings for each order of contacts."""
@@ -77,9 +77,9 @@ class Pairs(Shown):
     def normalised(self) -> tuple[FloatArray, FloatArray]:
         """Return `x` and `y` in the study's units of length and velocity."""
         per_length = 1.0 / self.length_unit_m
-        factor = np.repeat(
-            [per_length, per_length * self.time_unit_s], 3 * len(self.body_markers)
-        )
+        per_velocity = per_length * self.time_unit_s
+        n_coordinates = 3 * len(self.body_markers)
+        factor = np.repeat([per_length, per_velocity], n_coordinates)
         return self.x * factor, self.y * factor
 
 
@@ -87,8 +87,8 @@ class Pairs(Shown):
 
 TEXTS = ("schedule", "recording")
 _COLUMNS = (
-    "columns: x, y, z of each body marker, then their velocities; home frame of the touchdown; "
-    "positions in m, velocities in m/s"
+    "columns: x, y, z of each body marker, then their velocities; home frame of the "
+    "touchdown; positions in m, velocities in m/s"
 )
 _ERRORS = (
     "; from the noise of the frames that were fitted, with the error of the instant"
@@ -98,7 +98,9 @@ DESCRIPTIONS = {
     "y": f"states at the post section; {_COLUMNS}",
     "x_se": f"standard errors of x, in its units{_ERRORS}",
     "y_se": f"standard errors of y, in its units{_ERRORS}",
-    "schedule": "order in which the feet touched, by their numbers in the recording's order",
+    "schedule": (
+        "order in which the feet touched, by their numbers in the recording's order"
+    ),
     "spread_s": "standard deviation of the contact instants of the touchdown, s",
     "recording": "name of the recording",
     "index": "number of the touchdown in its recording's table",
@@ -109,7 +111,7 @@ OPTIONAL = ("x_se", "y_se", "instants", "instants_se")
 
 
 def write_pairs(path: str | Path, pairs: Pairs) -> None:
-    """Write pairs to an HDF5 file, which appears under its name only once it is complete.
+    """Write pairs to an HDF5 file, which appears only once it is complete.
 
     The datasets are those of `DESCRIPTIONS`, each with an attribute `description`;
     those of `OPTIONAL` are written only if known. The file's attributes are
@@ -125,8 +127,10 @@ def write_pairs(path: str | Path, pairs: Pairs) -> None:
             values = getattr(pairs, name)
             if values is None:
                 continue
-            data = values.astype(object) if name in TEXTS else values
-            file.create_dataset(name, data=data, dtype=text if name in TEXTS else None)
+            if name in TEXTS:
+                file.create_dataset(name, data=values.astype(object), dtype=text)
+            else:
+                file.create_dataset(name, data=values)
             file[name].attrs["description"] = description
         file.attrs["body_markers"] = np.array(pairs.body_markers, dtype=object)
         file.attrs["length_unit_m"] = pairs.length_unit_m
@@ -145,15 +149,17 @@ def read_pairs(path: str | Path) -> Pairs:
         if seal_of(path) is Seal.BROKEN:
             raise ValueError("it is damaged: its bytes are not those that were written")
         with h5py.File(path, "r", locking=False) as file:
-            text = {name: file[name].asstr()[:].astype(str) for name in TEXTS}
-            markers = tuple(str(name) for name in file.attrs["body_markers"])
-            length, span = (
-                float(file.attrs[k]) for k in ("length_unit_m", "time_unit_s")
-            )
             return Pairs(
-                file["x"][:], file["y"][:], text["schedule"], file["spread_s"][:],
-                text["recording"], file["index"][:], markers, length, span,
+                x=file["x"][:],
+                y=file["y"][:],
+                schedule=file["schedule"].asstr()[:].astype(str),
+                spread_s=file["spread_s"][:],
+                recording=file["recording"].asstr()[:].astype(str),
+                index=file["index"][:],
+                body_markers=tuple(str(name) for name in file.attrs["body_markers"]),
+                length_unit_m=float(file.attrs["length_unit_m"]),
+                time_unit_s=float(file.attrs["time_unit_s"]),
                 **{name: file[name][:] for name in OPTIONAL if name in file},
-            )  # fmt: skip
+            )
     except (KeyError, OSError, ValueError) as error:
         raise AnalysisError(f"{path}: not a file of pairs: {error}") from error

@@ -1,4 +1,6 @@
-"""Frames of the markers about given instants, summed for fits of polynomials in time."""
+"""Frames of the markers about given instants, summed for polynomials in time."""
+
+from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -9,12 +11,12 @@ from numpy.polynomial import Legendre, Polynomial
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 
-#: Entries of the largest array allocated at once, to bound memory.
-LARGEST = 4_000_000
-LOOK_AT = 300  # evenly sampled landings, where these show as much as all of them
+LARGEST = 4_000_000  # entries of the largest array allocated at once, to bound memory
 
+#: Landings, evenly sampled, where these show as much as all of them.
+#: Unit: landings. Origin: chosen.
+LOOK_AT = 300
 
-Seen = tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray, FloatArray]
 Part = TypeVar("Part", bound=Any)
 
 
@@ -98,8 +100,12 @@ class Moments:
     def lower(self, degree: int) -> Self:
         """Return the moments of the polynomials up to a degree."""
         kept = slice(0, degree + 1)
-        gram, product = self.gram[..., kept, kept], self.product[..., kept]
-        return replace(self, gram=gram, product=product, powers=self.powers[kept, kept])
+        return replace(
+            self,
+            gram=self.gram[..., kept, kept],
+            product=self.product[..., kept],
+            powers=self.powers[kept, kept],
+        )
 
     def some(self, rows: IntArray) -> Self:
         """Return the moments of some of the windows."""
@@ -139,23 +145,27 @@ def moments(
         polynomials.
     """
     width = int(np.max(windows.stop - windows.start, initial=1))
-    powers = _polynomials(degree, *_span(time, windows))
-    lengths = _seen(time, body, windows.some(evenly(len(windows.near), LOOK_AT)))[-1]
-    marker = int(np.argmax(np.median(lengths, axis=0))) if len(lengths) else 0
-    fall = -0.5 * gravity_m_s2 * windows.scale**2
-    size = max(1, LARGEST // (width * body[0].size * (degree + 1)))
+    first, last = _span(time, windows)
+    basis = _Basis(
+        powers=_polynomials(degree, first, last),
+        marker=_farthest_out(time, body, windows),
+        fall=-0.5 * gravity_m_s2 * windows.scale**2,
+        scale=windows.scale,
+    )
+    entries_per_window = width * body[0].size * (degree + 1)
+    size = max(1, LARGEST // entries_per_window)
     for at in range(0, max(len(windows.near), 1), size):
         block = np.arange(len(windows.near))[at : at + size]
         seen = _seen(time, body, windows.some(block))
-        yield _moments(seen, block, marker, powers, fall, windows.scale)
+        yield _moments(seen, block, basis)
 
 
 def joined(parts: Iterable[Part], names: Iterable[str] = _ARRAYS) -> Part:
     """Join blocks of moments, or other dataclasses whose arrays have these names."""
     parts = list(parts)
-    arrays: dict[str, Any] = {
-        k: np.concatenate([getattr(p, k) for p in parts]) for k in names
-    }
+    arrays: dict[str, Any] = {}
+    for name in names:
+        arrays[name] = np.concatenate([getattr(part, name) for part in parts])
     return replace(parts[0], **arrays)
 
 
@@ -164,78 +174,133 @@ def evenly(n: int, count: int) -> IntArray:
     return np.unique(np.linspace(0, max(n - 1, 0), count).round().astype(int))[:n]
 
 
-def _moments(
-    seen: Seen,
-    rows: IntArray,
-    marker: int,
-    powers: FloatArray,
-    fall: float,
-    scale: float,
-) -> Moments:
-    u, points, usable, centre, arms, lengths = seen
-    ray, length = arms[:, marker], lengths[:, marker, None]
-    direction = np.where(
-        length > 0, ray / np.where(length > 0, length, 1.0), [1.0, 0.0]
-    )
-    values = turned(points - centre[:, :, None], direction)
-    values[..., 2] -= fall * u[:, None] ** 2
-    values *= usable[..., None]
-    terms = (u[..., None] ** np.arange(len(powers)) @ powers)[:, None]
-    gram = np.swapaxes(usable[..., None] * terms, 2, 3) @ terms
-    product = np.swapaxes(values, 2, 3) @ terms
-    square, frames = (values**2).sum(axis=2), usable.sum(axis=2).astype(float)
-    centre = turned(centre, direction)
-    return Moments(
-        gram, product, square, rows, frames, centre, direction, fall, scale, powers
-    )
+@dataclass(frozen=True)
+class _Basis:
+    """What all blocks of windows share: see `Moments` for `powers`, `fall`, `scale`.
 
-
-def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> Seen:
-    """Return scaled times (L, W), points (L, B, W, 3), which are usable, and means (L, B, 3).
-
-    Also return the horizontal vectors from the middle of the body to these means, and
-    their lengths.
+    `marker` is the number of the marker that gives each landing's frame its x axis.
     """
-    frames = windows.start[:, None] + np.arange(
-        np.max(windows.stop - windows.start, initial=1)
+
+    powers: FloatArray
+    marker: int
+    fall: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Frames of L windows of W frames.
+
+    Parameters
+    ----------
+    u : (L, W) array
+        Scaled times.
+    points : (L, B, W, 3) array
+        Markers in the world, m; 0 where not usable.
+    usable : (L, B, W) bool array
+        Whether the marker is seen in a frame of the window.
+    centre : (L, B, 3) array
+        Mean of each marker's track, m.
+    arms : (L, B, 2) array
+        Horizontal vectors from the middle of the body to these means, m.
+    """
+
+    u: FloatArray
+    points: FloatArray
+    usable: BoolArray
+    centre: FloatArray
+    arms: FloatArray
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths of the arms, (L, B), m."""
+        return np.hypot(self.arms[..., 0], self.arms[..., 1])
+
+
+def _farthest_out(time: FloatArray, body: FloatArray, windows: Windows) -> int:
+    """Return the number of the marker with the longest arm in the usual window."""
+    some = windows.some(evenly(len(windows.near), LOOK_AT))
+    lengths = _seen(time, body, some).lengths
+    if not len(lengths):
+        return 0
+    return int(np.argmax(np.median(lengths, axis=0)))
+
+
+def _moments(seen: _Seen, rows: IntArray, basis: _Basis) -> Moments:
+    """Sum the frames of a block of windows, in each landing's own frame."""
+    ray = seen.arms[:, basis.marker]
+    length = seen.lengths[:, basis.marker, None]
+    is_known = length > 0
+    direction = np.where(is_known, ray / np.where(is_known, length, 1.0), [1.0, 0.0])
+    values = turned(seen.points - seen.centre[:, :, None], direction)
+    values[..., 2] -= basis.fall * seen.u[:, None] ** 2
+    values *= seen.usable[..., None]
+    exponents = np.arange(len(basis.powers))
+    terms = (seen.u[..., None] ** exponents @ basis.powers)[:, None]
+    usable_terms = seen.usable[..., None] * terms
+    return Moments(
+        gram=np.swapaxes(usable_terms, 2, 3) @ terms,
+        product=np.swapaxes(values, 2, 3) @ terms,
+        square=(values**2).sum(axis=2),
+        rows=rows,
+        frames=seen.usable.sum(axis=2).astype(float),
+        centre=turned(seen.centre, direction),
+        direction=direction,
+        fall=basis.fall,
+        scale=basis.scale,
+        powers=basis.powers,
     )
+
+
+def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> _Seen:
+    """Cut the frames of the windows out of a recording."""
+    width = np.max(windows.stop - windows.start, initial=1)
+    frames = windows.start[:, None] + np.arange(width)
     inside = (frames < windows.stop[:, None]) & (frames >= 0) & (frames < len(time))
     frames = np.clip(frames, 0, len(time) - 1)
     u = (time[frames] - windows.near[:, None]) / windows.scale
     points = np.moveaxis(body[frames], 2, 1)
     usable = inside[:, None] & ~np.isnan(points).any(axis=3)
     points = np.where(usable[..., None], points, 0.0)
-    centre = points.sum(axis=2) / np.maximum(usable.sum(axis=2), 1.0)[..., None]
+    count = np.maximum(usable.sum(axis=2), 1.0)
+    centre = points.sum(axis=2) / count[..., None]
     arms = (centre - centre.mean(axis=1, keepdims=True))[..., :2]
-    return u, points, usable, centre, arms, np.hypot(arms[..., 0], arms[..., 1])
+    return _Seen(u, points, usable, centre, arms)
 
 
 def _span(time: FloatArray, windows: Windows) -> tuple[float, float]:
-    """Return the first and last scaled time of all windows."""
-    first, last = (
-        np.clip(f, 0, len(time) - 1) for f in (windows.start, windows.stop - 1)
-    )
-    early, late = (
-        (time[frame] - windows.near) / windows.scale for frame in (first, last)
-    )
-    return float(np.min(early, initial=0.0)), float(np.max(late, initial=0.0))
+    """Return the first and last scaled time of all windows; 0 lies between them."""
+    first_frame = np.clip(windows.start, 0, len(time) - 1)
+    last_frame = np.clip(windows.stop - 1, 0, len(time) - 1)
+    first = (time[first_frame] - windows.near) / windows.scale
+    last = (time[last_frame] - windows.near) / windows.scale
+    return float(np.min(first, initial=0.0)), float(np.max(last, initial=0.0))
 
 
 def _polynomials(degree: int, first: float, last: float) -> FloatArray:
-    """Return the powers in 1, u, and u^2 times Legendre polynomials on [first, last], (K, K)."""
+    """Return the powers in each polynomial of the basis, (K, K).
+
+    The polynomials are 1, u, and u^2 times Legendre polynomials on [first, last].
+    """
     powers = np.eye(degree + 1)
-    domain = [first, last if last > first else first + 1]
+    if last <= first:
+        last = first + 1
     for k in range(2, degree + 1):
-        found = Legendre.basis(k - 2, domain=domain).convert(kind=Polynomial).coef
-        powers[2:, k] = np.pad(found, (0, degree - 1 - len(found)))
+        legendre = Legendre.basis(k - 2, domain=[first, last])
+        coefficients = legendre.convert(kind=Polynomial).coef
+        powers[2:, k] = np.pad(coefficients, (0, degree - 1 - len(coefficients)))
     return powers
 
 
 def turned(
     vectors: FloatArray, direction: FloatArray, *, back: bool = False
 ) -> FloatArray:
-    """Turn vectors (L, ..., 3) into frames with these x axes (L, 2), or back into the world."""
-    c, s = (direction[:, k].reshape(-1, *[1] * (vectors.ndim - 2)) for k in (0, 1))
-    s = -s if back else s
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([c * x + s * y, c * y - s * x, vectors[..., 2]], axis=-1)
+    """Turn vectors (L, ..., 3) into frames with these x axes (L, 2), or back."""
+    per_landing = (-1, *[1] * (vectors.ndim - 2))
+    cos = direction[:, 0].reshape(per_landing)
+    sin = direction[:, 1].reshape(per_landing)
+    if back:
+        sin = -sin
+    x = vectors[..., 0]
+    y = vectors[..., 1]
+    return np.stack([cos * x + sin * y, cos * y - sin * x, vectors[..., 2]], axis=-1)

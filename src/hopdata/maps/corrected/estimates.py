@@ -103,29 +103,30 @@ class MapEstimates:
             "standard_error",
             "standardised",
         ]
-        tables = [pd.DataFrame(columns=columns)] if not self.maps else []
+        if not self.maps:
+            return pd.DataFrame(columns=columns)
+        tables = []
         for name, one in self.maps.items():
             table = coefficient_table(one.coefficients, sd, self.output_weights)
-            tables.append(
-                table.assign(estimator=name, standard_error=one.standard_errors.ravel())
-            )
+            errors = one.standard_errors.ravel()
+            tables.append(table.assign(estimator=name, standard_error=errors))
         return pd.concat(tables, ignore_index=True)[columns]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain data, for ``map_estimates.json``."""
+        maps = {}
+        for name, one in self.maps.items():
+            maps[name] = {
+                "what": ESTIMATORS[name],
+                "coefficients": one.coefficients.tolist(),
+                "standard_errors": one.standard_errors.tolist(),
+                "degree": one.degree,
+                "noise_removed": one.removed,
+            }
         return {
             "inputs": INPUT_NAMES,
             "outputs": OUTPUT_NAMES,
-            "maps": {
-                name: {
-                    "what": ESTIMATORS[name],
-                    "coefficients": one.coefficients.tolist(),
-                    "standard_errors": one.standard_errors.tolist(),
-                    "degree": one.degree,
-                    "noise_removed": one.removed,
-                }
-                for name, one in self.maps.items()
-            },
+            "maps": maps,
             "shape_m": self.shape.tolist(),
             "position_noise_m": float(np.sqrt(self.noise.position)),
             "velocity_noise_m_s": float(np.sqrt(self.noise.velocity)),
@@ -140,16 +141,17 @@ class MapEstimates:
 def coefficient_table(
     coefficients: FloatArray, input_sd: FloatArray, weights: FloatArray
 ) -> pd.DataFrame:
-    """Return one row per input and output of a map (8, 11): ``input, output, value, standardised``.
+    """Return one row per input and output of a map (8, 11).
 
-    The last is the rms displacement of the markers, mm, per standard deviation of the
-    input.
+    Columns are ``input, output, value, standardised``; the last is the rms displacement
+    of the markers, mm, per standard deviation of the input.
     """
+    standardised = 1e3 * input_sd[:, None] * coefficients * weights
     columns = {
         "input": np.repeat(INPUT_NAMES, len(OUTPUT_NAMES)),
         "output": np.tile(OUTPUT_NAMES, len(INPUT_NAMES)),
         "value": coefficients.ravel(),
-        "standardised": (1e3 * input_sd[:, None] * coefficients * weights).ravel(),
+        "standardised": standardised.ravel(),
     }
     return pd.DataFrame(columns)
 
@@ -176,15 +178,15 @@ def estimate_maps(
     MapEstimates
         The estimates; if the markers are not a rigid body, a note and no maps.
     """
-    before, after, times = (np.asarray(part, float) for part in (x, y, instants))
+    before = np.asarray(x, float)
+    after = np.asarray(y, float)
+    times = np.asarray(instants, float)
     known = np.asarray(np.isfinite(np.hstack([before, after, times])).all(axis=1))
-    before, after, times = before[known], after[known], times[known]
     try:
-        return _estimates(before, after, times, time_unit_s)
+        return _estimates(before[known], after[known], times[known], time_unit_s)
     except AnalysisError as error:
-        return MapEstimates(
-            {}, len(before), [{"what": "landing map", "reason": str(error)}]
-        )
+        note = {"what": "landing map", "reason": str(error)}
+        return MapEstimates({}, int(known.sum()), [note])
 
 
 def _estimates(
@@ -193,36 +195,43 @@ def _estimates(
     if len(before) < 2:
         raise AnalysisError(f"{len(before)} landings with known contact instants")
     shape = body_shape(split_states(before)[0])
-    inputs, outputs = section_coordinates(
-        rigid_states(before, shape), rigid_states(after, shape)
-    )
-    noise, weights = marker_noise(before, shape), output_weights(shape, time_unit_s)
+    pre = rigid_states(before, shape)
+    post = rigid_states(after, shape)
+    inputs, outputs = section_coordinates(pre, post)
+    noise = marker_noise(before, shape)
     errors = input_errors(before, after, shape, noise)
-    ways = {
+    weights = output_weights(shape, time_unit_s)
+    units = 1 / weights
+    estimators = {
         "printed": lambda: printed_map(before, after, shape),
         "ols": lambda: ols_map(inputs, outputs),
         "corrected": lambda: corrected_map(inputs, outputs, errors),
-        "curved": lambda: curved_map(inputs, outputs, times, units=1 / weights),
+        "curved": lambda: curved_map(inputs, outputs, times, units=units),
         "corrected_curved": lambda: curved_map(
-            inputs, outputs, times, errors, units=1 / weights
+            inputs, outputs, times, errors, units=units
         ),
     }
-    maps, notes = {}, []
+    maps = {}
+    notes = []
     for name, what in ESTIMATORS.items():
-        reason = ""
         try:
-            maps[name] = ways[name]()
-            if 0.0 < (removed := maps[name].removed) < 1.0:
-                reason = (
-                    f"only {removed:.2g} of the noise covariance could be taken off"
-                )
+            maps[name] = estimators[name]()
         except AnalysisError as error:
-            reason = str(error)
-        if reason:
+            notes.append({"what": f"landing map, {what}", "reason": str(error)})
+            continue
+        removed = maps[name].removed
+        if 0.0 < removed < 1.0:
+            reason = f"only {removed:.2g} of the noise covariance could be taken off"
             notes.append({"what": f"landing map, {what}", "reason": reason})
-    covariance = np.cov(inputs, rowvar=False)
     return MapEstimates(
-        maps, len(inputs), notes, shape, noise, errors, covariance, weights
+        maps=maps,
+        n_landings=len(inputs),
+        notes=notes,
+        shape=shape,
+        noise=noise,
+        errors=errors,
+        input_covariance=np.cov(inputs, rowvar=False),
+        output_weights=weights,
     )
 
 
@@ -240,11 +249,9 @@ def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> Lin
     shape
         (B, 3) markers in the body, m.
     """
-    start, ends = (
-        rigid_states(before, shape),
-        (affine_predictions(before, after), after),
-    )
-    said, seen = (
-        ols_map(*section_coordinates(start, rigid_states(y, shape))) for y in ends
-    )
-    return replace(said, standard_errors=seen.standard_errors)
+    pre = rigid_states(before, shape)
+    predicted = rigid_states(affine_predictions(before, after), shape)
+    observed = rigid_states(after, shape)
+    of_predictions = ols_map(*section_coordinates(pre, predicted))
+    of_landings = ols_map(*section_coordinates(pre, observed))
+    return replace(of_predictions, standard_errors=of_landings.standard_errors)

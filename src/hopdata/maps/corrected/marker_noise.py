@@ -1,4 +1,4 @@
-"""Noise of the markers of a rigid body, and the errors it causes in the section coordinates.
+"""Noise of a rigid body's markers, and the errors it causes in section coordinates.
 
 Three or more markers on a rigid body contain more information than its motion needs.
 The part that no rigid motion explains is noise in the positions and velocities. The two
@@ -21,11 +21,16 @@ import numpy as np
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import rigid_states, section_coordinates, split_states
+from hopdata.rigid import INPUT_NAMES
 
 #: Largest number of landings at which the propagation is linearised; they are evenly
 #: spaced.
+#: Unit: landings. Origin: chosen.
 LINEARISED = 100
-_STEPS = (1e-5, 1e-4)  # finite-difference steps of positions, m, and of velocities, m/s
+
+# Steps of the central differences.
+POSITION_STEP_M = 1e-5
+VELOCITY_STEP_M_S = 1e-4
 
 
 @dataclass(frozen=True)
@@ -97,10 +102,11 @@ def marker_noise(states: FloatArray, shape: FloatArray) -> MarkerNoise:
     misses = positions - fit.centre[:, None] - arms
     slips = velocities - fit.velocity[:, None] - np.cross(turning[:, None], arms)
     free = (3 * len(shape) - 6) * len(states)
-    moments = (
-        np.sum(a * b) for a, b in ((misses, misses), (misses, slips), (slips, slips))
+    return MarkerNoise(
+        position=float(np.sum(misses * misses) / free),
+        shared=float(np.sum(misses * slips) / free),
+        velocity=float(np.sum(slips * slips) / free),
     )
-    return MarkerNoise(*(float(moment / free) for moment in moments))
 
 
 def input_errors(
@@ -126,36 +132,34 @@ def input_errors(
     AnalysisError
         If the body does not move down through the pre section in every landing.
     """
-    some = slice(None, None, -(-len(before) // LINEARISED))
-    before, after = before[some], after[some]
-    slopes = _slopes(before, after, shape) @ _at_noisy_instant(before)
-    mean, p = (
-        (slopes @ noise.covariance(len(shape)) @ slopes.swapaxes(1, 2)).mean(axis=0),
-        8,
-    )
-    return InputErrors(mean[:p, :p], mean[:p, p:])
+    every = -(-len(before) // LINEARISED)  # rounded up
+    some_before = before[::every]
+    some_after = after[::every]
+    slopes = _slopes(some_before, some_after, shape) @ _at_noisy_instant(some_before)
+    covariances = slopes @ noise.covariance(len(shape)) @ slopes.swapaxes(1, 2)
+    mean = covariances.mean(axis=0)
+    n_inputs = len(INPUT_NAMES)
+    return InputErrors(mean[:n_inputs, :n_inputs], mean[:n_inputs, n_inputs:])
 
 
 def _slopes(before: FloatArray, after: FloatArray, shape: FloatArray) -> FloatArray:
-    """Return the derivatives (n, 19, 6B) of all coordinates with respect to `before`."""
+    """Return the derivatives (n, 19, 6B) of all coordinates by `before`."""
     post = rigid_states(after, shape)
 
     def coordinates(states: FloatArray) -> FloatArray:
         return np.hstack(section_coordinates(rigid_states(states, shape), post))
 
     half = before.shape[1] // 2
+    steps = np.repeat([POSITION_STEP_M, VELOCITY_STEP_M_S], half)
     columns = []
-    for k in range(2 * half):
-        step = np.zeros(2 * half)
-        step[k] = _STEPS[k >= half]
-        columns.append(
-            (coordinates(before + step) - coordinates(before - step)) / (2 * step[k])
-        )
+    for step in np.diag(steps):
+        change = coordinates(before + step) - coordinates(before - step)
+        columns.append(change / (2 * step.max()))
     return np.stack(columns, axis=2)
 
 
 def _at_noisy_instant(states: FloatArray) -> FloatArray:
-    """Return the matrices (n, 6B, 6B) from errors at a fixed instant to errors at the section."""
+    """Return matrices (n, 6B, 6B) from errors at an instant to those at the section."""
     _, velocities = split_states(states)
     n, markers, _ = velocities.shape
     sinking = velocities[..., 2].mean(axis=1)
@@ -178,6 +182,7 @@ def _at_noisy_instant(states: FloatArray) -> FloatArray:
 
 #: Least share of the inputs' variance, in every direction, that is not attributed to
 #: noise. The correction multiplies no coefficient by more than its inverse.
+#: Unit: 1. Origin: chosen.
 LEAST_RELIABILITY = 0.3
 
 
@@ -232,13 +237,18 @@ def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
         raise AnalysisError(
             "map: expected inputs that vary in all directions"
         ) from error
-    # Share of noise in the variance along each principal direction.
-    shares = np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, noise).T))
+    # Share of noise in the variance along each principal direction, increasing.
+    whitened_noise = np.linalg.solve(root, np.linalg.solve(root, noise).T)
+    noise_shares = np.linalg.eigvalsh(whitened_noise)
     bearable = 1.0 - LEAST_RELIABILITY
-    removed = 1.0 if shares[-1] <= bearable else bearable / float(shares[-1])
-    share = np.linalg.solve(moments, removed * noise)
-    doubt = removed * noise - removed * noise @ share
+    removed = 1.0
+    if noise_shares[-1] > bearable:
+        removed = bearable / float(noise_shares[-1])
+    error_slopes = np.linalg.solve(moments, removed * noise)
     drift = np.linalg.solve(moments, removed * errors.shared)
     return Calibration(
-        np.eye(len(noise)) - share, doubt, np.asarray(drift, float), removed
+        slopes=np.eye(len(noise)) - error_slopes,
+        doubt=removed * noise - removed * noise @ error_slopes,
+        drift=np.asarray(drift, float),
+        removed=removed,
     )

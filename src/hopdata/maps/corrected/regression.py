@@ -34,14 +34,31 @@ from hopdata.maps.corrected.marker_noise import InputErrors, calibration
 
 #: Number of landings required for each term. Cubic terms of p inputs multiply the
 #: variance of a derivative by 1 + (p + 2) / 2, so they pay off only with many landings.
+#: Unit: landings. Origin: chosen.
 LANDINGS_PER_TERM = 4.0
-_OUTLYING = 5.0  # robust standard deviations beyond which contact instants are left out
+
+#: Contact instants farther from the fit than this are left out of it.
+#: Unit: robust standard deviations. Origin: chosen.
+OUTLYING = 5.0
+
+#: Standard deviations of a normal distribution in one median absolute deviation.
+#: Unit: 1. Origin: derived: the inverse of its quartile, 0.6745.
+ROBUST_SD = 1.4826
+
+#: Columns whose rest is at or below this share of the largest do not vary apart from
+#: the curved terms.
+#: Unit: 1. Origin: chosen.
+FLAT = 1e-10
+
+#: Least slack of a landing (one minus its leverage) by which a residual is divided.
+#: Unit: 1. Origin: chosen.
+LEAST_SLACK = 1e-3
 
 
 def mean_terms(
     x: FloatArray, slopes: FloatArray, degree: int, doubt: FloatArray
 ) -> FloatArray:
-    """Return the means of the curved terms over the distribution of the true inputs, (n, terms).
+    """Return the means of the curved terms over the true inputs, (n, terms).
 
     Parameters
     ----------
@@ -60,25 +77,28 @@ def mean_terms(
     if degree == 0:
         return np.empty((len(x), 0))
     instants = x @ slopes
-    d, steps = time_differences(instants), time_differences(slopes)
-    sd = np.sqrt(np.maximum(np.einsum("pk,pr,rk->k", steps, doubt, steps), 0.0))
+    d = time_differences(instants)
+    slopes_of_d = time_differences(slopes)
+    variance = np.einsum("pk,pr,rk->k", slopes_of_d, doubt, slopes_of_d)
+    sd = np.sqrt(np.maximum(variance, 0.0))
     if degree == 1:
-        u = instants[:, :-1] - instants[:, -1:]
-        return np.column_stack([monomials(u, (2,)), mean_signed_square(d, sd)])
-    blocks = [monomials(x, (2,)), mean_signed_square(d, sd), mean_cube(d, sd)]
+        after_last_foot = instants[:, :-1] - instants[:, -1:]
+        squares = monomials(after_last_foot, (2,))
+        return np.column_stack([squares, mean_signed_square(d, sd)])
+    terms = [monomials(x, (2,)), mean_signed_square(d, sd), mean_cube(d, sd)]
     if degree == 3:
-        blocks.append(_mean_third_order(x, doubt))
-    return np.column_stack(blocks)
+        terms.append(_mean_third_order(x, doubt))
+    return np.column_stack(terms)
 
 
 def mean_signed_square(middle: FloatArray, sd: FloatArray) -> FloatArray:
-    """Return the mean of ``d |d|`` for normal d with this mean and standard deviation."""
+    """Return the mean of ``d |d|`` for normal d with this mean and sd."""
     share, density = _normal(middle, sd)
     return np.asarray((middle**2 + sd**2) * share + 2 * middle * sd * density)
 
 
 def mean_cube(middle: FloatArray, sd: FloatArray) -> FloatArray:
-    """Return the mean of ``|d|^3`` for normal d with this mean and standard deviation."""
+    """Return the mean of ``|d|^3`` for normal d with this mean and sd."""
     share, density = _normal(middle, sd)
     far = (middle**3 + 3 * middle * sd**2) * share
     return np.asarray(far + 2 * sd * (middle**2 + 2 * sd**2) * density)
@@ -87,7 +107,7 @@ def mean_cube(middle: FloatArray, sd: FloatArray) -> FloatArray:
 def contact_slopes(
     x: FloatArray, instants: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the contact instants at the mean input, (feet,), and their derivatives (p, feet).
+    """Return contact instants at the mean input, (feet,), and derivatives (p, feet).
 
     Instants are relative to the mean over all feet and fitted as linear functions of
     the inputs; their higher orders change the second-order terms of the map only in
@@ -103,17 +123,17 @@ def contact_slopes(
     times = instants - instants.mean(axis=1, keepdims=True)
     design = np.column_stack([np.ones(len(x)), x - x.mean(axis=0)])
     good = np.ones(len(x), dtype=bool)
-    for _ in range(2):
+    for _ in range(2):  # with all landings, then without the outlying ones
         fitted = np.linalg.lstsq(design[good], times[good], rcond=None)[0]
         miss = np.abs(times - design @ fitted).max(axis=1)
-        good = miss <= _OUTLYING * 1.4826 * np.median(miss[good])
+        good = miss <= OUTLYING * ROBUST_SD * np.median(miss[good])
     return fitted[0], fitted[1:]
 
 
 def simultaneous_point(
     x: FloatArray, middle: FloatArray, slopes: FloatArray
 ) -> FloatArray:
-    """Return the input (p,) nearest to the mean at which all contacts are expected at once.
+    """Return the input (p,) nearest to the mean at which all contacts coincide.
 
     The distance is measured by the covariance of the inputs (Mahalanobis).
 
@@ -124,16 +144,18 @@ def simultaneous_point(
     middle, slopes
         Contact instants at the mean input, and their derivatives: see `contact_slopes`.
     """
-    spread = np.cov(x, rowvar=False)
-    weights = np.linalg.lstsq(slopes.T @ spread @ slopes, -middle, rcond=1e-8)[0]
-    return np.asarray(x.mean(axis=0) + spread @ slopes @ weights)
+    covariance = np.cov(x, rowvar=False)
+    of_instants = slopes.T @ covariance @ slopes
+    # The instants are relative to their mean, so their covariance is singular.
+    multipliers = np.linalg.lstsq(of_instants, -middle, rcond=1e-8)[0]
+    return np.asarray(x.mean(axis=0) + covariance @ slopes @ multipliers)
 
 
 def _mean_third_order(x: FloatArray, doubt: FloatArray) -> FloatArray:
+    """Return the means of products of three normal inputs with expected values x."""
     terms = monomials(x, (3,))
-    for column, (i, j, k) in enumerate(
-        combinations_with_replacement(range(x.shape[1]), 3)
-    ):
+    triples = combinations_with_replacement(range(x.shape[1]), 3)
+    for column, (i, j, k) in enumerate(triples):
         terms[:, column] += (
             x[:, i] * doubt[j, k] + x[:, j] * doubt[i, k] + x[:, k] * doubt[i, j]
         )
@@ -141,7 +163,7 @@ def _mean_third_order(x: FloatArray, doubt: FloatArray) -> FloatArray:
 
 
 def _normal(middle: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return P(d > 0) - P(d < 0), and the standard deviation times the normal density at zero."""
+    """Return P(d > 0) - P(d < 0), and the sd times the normal density at zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(sd > 0, middle / sd, np.inf * np.sign(middle))
     ratio = np.nan_to_num(ratio, nan=0.0, posinf=1e3, neginf=-1e3)
@@ -203,9 +225,13 @@ def corrected_map(x: FloatArray, y: FloatArray, errors: InputErrors) -> LinearMa
     x, y = _enough(x, y)
     known = calibration(x, errors)
     centred = x - x.mean(axis=0)
-    inputs, drift = centred @ known.slopes, centred @ known.drift
-    slopes, se = _regress(inputs, y - drift, astray=(centred - inputs, drift))
-    return LinearMap(slopes, se, removed=known.removed)
+    expected_inputs = centred @ known.slopes
+    drift = centred @ known.drift
+    corrections = (centred - expected_inputs, drift)
+    slopes, standard_errors = _regress(
+        expected_inputs, y - drift, corrections=corrections
+    )
+    return LinearMap(slopes, standard_errors, removed=known.removed)
 
 
 def curved_map(
@@ -236,32 +262,45 @@ def curved_map(
     x, y = _enough(x, y)
     if not np.ptp(instants - instants.mean(axis=1, keepdims=True), axis=0).any():
         raise AnalysisError("curved map: expected contact instants that differ")
-    errors = errors or InputErrors.none(x.shape[1], y.shape[1])
-    known, centred = calibration(x, errors), x - x.mean(axis=0)
+    if errors is None:
+        errors = InputErrors.none(x.shape[1], y.shape[1])
+    if units is None:
+        units = y.std(axis=0)
+
+    # Inputs expected given the measured ones, in units of their standard deviations.
+    known = calibration(x, errors)
+    centred = x - x.mean(axis=0)
     scale = x.std(axis=0)
-    inputs, drift = centred @ known.slopes / scale, centred @ known.drift
-    middle, delays = contact_slopes(inputs, instants)
-    unit = float((inputs @ delays).std(axis=1).max())
-    moved = inputs - simultaneous_point(inputs, middle, delays)
+    inputs = centred @ known.slopes / scale
+    drift = centred @ known.drift
     doubt = known.doubt / scale[:, None] / scale
-    astray = (centred / scale - inputs, drift)
-    fits = []
+    corrections = (centred / scale - inputs, drift)
+
+    # Curved terms are about the simultaneous contact.
+    middle, delays = contact_slopes(inputs, instants)
+    time_unit = float((inputs @ delays).std(axis=1).max())
+    deviations = inputs - simultaneous_point(inputs, middle, delays)
+
     highest = affordable_degree(
         len(x), x.shape[1], instants.shape[1], LANDINGS_PER_TERM
     )
+    fits = []
     for degree in range(highest + 1):
-        curved = mean_terms(moved, delays / unit, degree, doubt)
-        slopes, se = _regress(moved, y - drift, (curved,), astray)
-        fits.append(LinearMap(slopes, se, degree, known.removed))
-    best = _least_error(fits, y.std(axis=0) if units is None else units)
-    found, se = (
-        one / scale[:, None] for one in (best.coefficients, best.standard_errors)
+        curved = mean_terms(deviations, delays / time_unit, degree, doubt)
+        slopes, standard_errors = _regress(
+            deviations, y - drift, curved=curved, corrections=corrections
+        )
+        fits.append(LinearMap(slopes, standard_errors, degree, known.removed))
+    best = _least_error(fits, units)
+    return replace(
+        best,
+        coefficients=best.coefficients / scale[:, None],
+        standard_errors=best.standard_errors / scale[:, None],
     )
-    return replace(best, coefficients=found, standard_errors=se)
 
 
 def _least_error(fits: list[LinearMap], units: FloatArray) -> LinearMap:
-    """Return the fit with the least expected squared error, the sum of bias and scatter.
+    """Return the fit with the least expected squared error, bias and scatter together.
 
     The last fit has all terms and counts as unbiased. The squared bias of another fit
     is its squared distance from the last one, less the part that the scatter of the
@@ -274,52 +313,69 @@ def _least_error(fits: list[LinearMap], units: FloatArray) -> LinearMap:
     units
         (q,) units of the outputs.
     """
-    units = np.where(units > 0, units, np.inf)
-    scatter = [float(np.sum((fit.standard_errors / units) ** 2)) for fit in fits]
+    weighed = np.where(
+        units > 0, units, np.inf
+    )  # outputs that do not vary do not count
+    unbiased = fits[-1]
+    unbiased_scatter = float(np.sum((unbiased.standard_errors / weighed) ** 2))
     errors = []
-    for fit, own in zip(fits, scatter, strict=True):
-        apart = float(np.sum(((fit.coefficients - fits[-1].coefficients) / units) ** 2))
-        errors.append(own + max(apart - (scatter[-1] - own), 0.0))
+    for fit in fits:
+        scatter = float(np.sum((fit.standard_errors / weighed) ** 2))
+        distance = (fit.coefficients - unbiased.coefficients) / weighed
+        squared_distance = float(np.sum(distance**2))
+        squared_bias = max(squared_distance - (unbiased_scatter - scatter), 0.0)
+        errors.append(scatter + squared_bias)
     return fits[int(np.argmin(errors))]
 
 
 def _regress(
     linear: FloatArray,
     y: FloatArray,
-    others: tuple[FloatArray, ...] = (),
-    astray: tuple[FloatArray, FloatArray] | None = None,
+    *,
+    curved: FloatArray | None = None,
+    corrections: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the coefficients of the linear terms, (p, q), and their standard errors.
 
-    If inputs and outputs are the values expected given the measured ones, `astray` has
-    the corrections that were subtracted from both, (n, p) and (n, q). The standard
-    errors then use the measured values, so they include the uncertainty of the moments
-    behind the corrections (Fuller 1987, sec. 2.2).
+    The `curved` terms (n, terms) are fitted beside them. If inputs and outputs are the
+    values expected given the measured ones, `corrections` has what was subtracted from
+    both, (n, p) and (n, q). The standard errors then use the measured values, so they
+    include the uncertainty of the moments behind the corrections (Fuller 1987, sec.
+    2.2).
     """
-    basis = np.linalg.qr(np.column_stack([np.ones(len(linear)), *others]))[0]
-    linear, y = (part - basis @ (basis.T @ part) for part in (linear, y))
-    own, triangle = np.linalg.qr(linear)
-    if np.abs(np.diag(triangle)).min() <= 1e-10 * np.abs(np.diag(triangle)).max():
+    others = [np.ones(len(linear))]
+    if curved is not None:
+        others.append(curved)
+    basis, _ = np.linalg.qr(np.column_stack(others))
+    inputs = linear - basis @ (basis.T @ linear)
+    outputs = y - basis @ (basis.T @ y)
+    own, triangle = np.linalg.qr(inputs)
+    rests = np.abs(np.diag(triangle))
+    if rests.min() <= FLAT * rests.max():
         raise AnalysisError(
             "map: expected inputs that vary apart from the curved terms"
         )
-    slopes = np.linalg.solve(triangle, own.T @ y)
+    slopes = np.linalg.solve(triangle, own.T @ outputs)
     influence = np.linalg.solve(triangle, own.T)
     slack = 1.0 - np.sum(basis**2, axis=1) - np.sum(own**2, axis=1)
-    residuals = (y - linear @ slopes) / np.sqrt(np.maximum(slack, 1e-3))[:, None]
-    if astray is None:
+    scaling = np.sqrt(np.maximum(slack, LEAST_SLACK))
+    residuals = (outputs - inputs @ slopes) / scaling[:, None]
+    if corrections is None:
         return slopes, np.sqrt(influence**2 @ residuals**2)
-    lost = astray[1] - astray[0] @ slopes
-    residuals, mean = residuals + lost, influence @ lost / len(lost)
+
+    of_inputs, of_outputs = corrections
+    lost = of_outputs - of_inputs @ slopes
+    measured = residuals + lost
+    mean = influence @ lost / len(lost)
     # The corrections' mean contribution is not scatter, so squares are taken about it.
     # Except for rounding they are never negative.
-    square = influence**2 @ residuals**2 + mean * (
-        len(lost) * mean - 2 * influence @ residuals
-    )
+    about_mean = mean * (len(lost) * mean - 2 * influence @ measured)
+    square = influence**2 @ measured**2 + about_mean
     return slopes, np.sqrt(np.maximum(square, 0.0))
 
 
 def _enough(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both as arrays, if there are landings enough for an affine map."""
     x, y = checked(x, y)
     if len(x) < x.shape[1] + 2:
         raise AnalysisError(

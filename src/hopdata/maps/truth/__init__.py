@@ -1,1 +1,1 @@
-"""Scores of a simulated study against the truth: exact maps, landings, and the scaling study."""
+"""Scores of a simulated study against the truth: maps, landings, scaling study."""

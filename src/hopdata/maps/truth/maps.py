@@ -37,7 +37,7 @@ TOLD: dict[str, Any] = tomllib.loads(
 
 
 def entry(value: float | int | bool, unit: str, what: str) -> Entry:
-    """Return one entry; a value that is not finite becomes None, which JSON can represent."""
+    """Return one entry; a value that is not finite becomes None."""
     if not isinstance(value, bool | int):
         value = float(value)
     return {"value": value if np.isfinite(value) else None, "unit": unit, "what": what}
@@ -64,7 +64,7 @@ def input_root(x: FloatArray) -> FloatArray:
 def relative_difference(
     a: FloatArray, b: FloatArray, *, root: FloatArray, units: FloatArray
 ) -> float:
-    """Return the rms difference between the predictions of two maps over the rms of those of `b`.
+    """Return the rms difference of two maps' predictions, relative to those of `b`.
 
     Parameters
     ----------
@@ -82,18 +82,18 @@ def relative_difference(
 def largest_difference(
     maps: FloatArray, *, root: FloatArray, units: FloatArray
 ) -> float:
-    """Return the largest difference between maps (S, q, p), relative to the mean map."""
+    """Return the largest difference of maps (S, q, p), relative to the mean map."""
     mean = maps.mean(axis=0)
-    pairs = ((mean + b - a, mean) for a, b in combinations(maps, 2))
-    return max(
-        (relative_difference(*pair, root=root, units=units) for pair in pairs),
-        default=0.0,
-    )
+    largest = 0.0
+    for a, b in combinations(maps, 2):
+        difference = relative_difference(mean + b - a, mean, root=root, units=units)
+        largest = max(largest, difference)
+    return largest
 
 
-# Steps of tilts, rad, velocities, m/s, and spins, rad/s. Central differences err by
-# their squares.
-_STEPS = np.repeat([1e-4, 1e-4, 5e-4], [2, 3, 3])
+# Steps of central differences, which err by their squares: tilts, rad, velocities, m/s,
+# and spins, rad/s.
+STEPS = np.repeat([1e-4, 1e-4, 5e-4], [2, 3, 3])
 
 
 @dataclass(frozen=True)
@@ -116,16 +116,17 @@ class ExactMap:
 
     def error(self, coefficients: FloatArray) -> float:
         """Return the relative error of an estimate (8, 11)."""
-        root, units = input_root(self.inputs), 1 / self.weights
         return relative_difference(
-            coefficients.T, self.coefficients.T, root=root, units=units
+            coefficients.T,
+            self.coefficients.T,
+            root=input_root(self.inputs),
+            units=1 / self.weights,
         )
 
     def table(self) -> pd.DataFrame:
         """Return one row per input and output, as in `MapEstimates.table`."""
-        return coefficient_table(
-            self.coefficients, self.inputs.std(axis=0, ddof=1), self.weights
-        )
+        sd = self.inputs.std(axis=0, ddof=1)
+        return coefficient_table(self.coefficients, sd, self.weights)
 
 
 @one_blas_thread()
@@ -153,24 +154,35 @@ def exact_map(
     """
     points = np.array(exact["body_points_m"], float)
     centred = points - points.mean(axis=0)
-    turned = centred @ kabsch(shape[None], centred)[0].T if len(shape) else centred
-    moved = np.vstack([np.diag(_STEPS), -np.diag(_STEPS)])
-    starts = np.array(exact["x"]) + moved
-    ends = np.mean(exact["y"], axis=0) + moved @ np.mean(exact["maps"], axis=0).T
-    nowhere = np.zeros((len(moved), 3))
-    both = (marker_states(one, centred) for one in (np.hstack([nowhere, starts]), ends))
-    x, y = section_coordinates(*(rigid_states(one, turned) for one in both))
-    half = len(_STEPS)
-    slopes = np.linalg.solve(x[:half] - x[half:], y[:half] - y[half:])
+    turned = centred
+    if len(shape):
+        turned = centred @ kabsch(shape[None], centred)[0].T
+
+    # Landings a step before and behind the one at which the exact maps hold.
+    steps = np.vstack([np.diag(STEPS), -np.diag(STEPS)])
+    starts = np.array(exact["x"]) + steps
+    ends = np.mean(exact["y"], axis=0) + steps @ np.mean(exact["maps"], axis=0).T
+    at_origin = np.zeros((len(steps), 3))
+    before = marker_states(np.hstack([at_origin, starts]), centred)
+    after = marker_states(ends, centred)
+
+    # The same landings in the coordinates of the study.
+    x, y = section_coordinates(
+        rigid_states(before, turned), rigid_states(after, turned)
+    )
+    n = len(STEPS)
+    slopes = np.linalg.solve(x[:n] - x[n:], y[:n] - y[n:])
     true = rigid_states(states, turned)
     inputs, _ = section_coordinates(true, true)
     return ExactMap(
-        np.asarray(slopes, float), inputs, output_weights(turned, time_unit_s)
+        coefficients=np.asarray(slopes, float),
+        inputs=inputs,
+        weights=output_weights(turned, time_unit_s),
     )
 
 
 def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
-    """Return marker states (n, 6B) of bodies with these coordinates and centres at height zero.
+    """Return marker states (n, 6B) of bodies with these coordinates, at height zero.
 
     Parameters
     ----------
@@ -200,30 +212,26 @@ def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFra
     DataFrame
         Columns estimator, what, landings, error.
     """
-    rows = [
-        (
-            name,
-            one["what"],
-            estimates["n_landings"],
-            exact.error(np.array(one["coefficients"])),
-        )
-        for name, one in estimates["maps"].items()
-    ]
+    rows = []
+    for name, one in estimates["maps"].items():
+        error = exact.error(np.array(one["coefficients"]))
+        rows.append((name, one["what"], estimates["n_landings"], error))
     return pd.DataFrame(rows, columns=["estimator", "what", "landings", "error"])
 
 
 def score_estimates(errors: pd.DataFrame) -> Entries:
-    """Return entries on the errors of the estimated landing maps and the gain by corrections."""
-    found = dict(zip(errors["estimator"], errors["error"].astype(float), strict=True))
-    whats = (f"Relative error of the landing map: {what}" for what in errors["what"])
-    entries = {
-        f"map_estimate_error_{name}": entry(error, "1", what)
-        for (name, error), what in zip(found.items(), whats, strict=True)
-    }
-    if {"printed", "corrected_curved"} <= found.keys():
+    """Return entries on the errors of estimated landing maps, and on corrections."""
+    found = {}
+    entries = {}
+    for row in errors.to_dict("records"):
+        name = row["estimator"]
+        found[name] = float(row["error"])
+        what = f"Relative error of the landing map: {row['what']}"
+        entries[f"map_estimate_error_{name}"] = entry(found[name], "1", what)
+    if "printed" in found and "corrected_curved" in found:
         gain = found["printed"] / found["corrected_curved"]
-        what = "Error of the printed landing map over that of the map with both corrections"
-        entries["map_estimate_gain"] = entry(gain, "1", what)
+        what = "Error of the printed landing map over that of the map with both"
+        entries["map_estimate_gain"] = entry(gain, "1", f"{what} corrections")
     return entries
 
 
@@ -250,22 +258,21 @@ def true_effect(
     points = np.array(exact["body_points_m"], float)
     body = rigid_states(states, points - points.mean(axis=0))
     inputs, _ = section_coordinates(body, body)
-    orders = np.array(
-        [[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]]
-    )
-    seen, counts = contact_orders(instants[np.isfinite(instants).all(axis=1)], 1)
-    often = {
-        tuple(order): count for order, count in zip(seen.tolist(), counts, strict=True)
-    }
-    weights = contrasts(
-        orders, np.array([often.get(tuple(o), 0) for o in orders.tolist()])
-    )
+    orders = []
+    for name in exact["schedules"]:
+        orders.append([int(foot) - 1 for foot in name.split(">")])  # from zero
+
+    known = np.isfinite(instants).all(axis=1)
+    seen, counts = contact_orders(instants[known], 1)
+    count_of = dict(zip(map(tuple, seen.tolist()), counts, strict=True))
+    occurrences = np.array([count_of.get(tuple(order), 0) for order in orders])
+    weights = contrasts(np.array(orders), occurrences)
     maps = marker_motions(points) @ np.array(exact["maps"], float) @ input_root(inputs)
     return relative_size(maps, weights)
 
 
 def marker_motions(points_m: FloatArray) -> FloatArray:
-    """Return the (11, 11) matrix from outputs (`OUTPUT_NAMES`) to rms motions of markers (B, 3)."""
+    """Return the (11, 11) matrix from outputs to rms motions of the markers (B, 3)."""
     root = marker_root(points_m - points_m.mean(axis=0)).T
     motions = np.eye(len(OUTPUT_NAMES))
     motions[2:5, 2:5] = root[:, [2, 1, 0]]  # turn, pitch and roll are about z, y and x
@@ -291,12 +298,10 @@ def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
         "detectable",
         "p_value",
     ]
-    row = {
-        "true_effect": true,
-        "conclusion": verdict["conclusion"],
-        **(verdict["effect"] or {}),
-    }
-    rows = [row] if verdict["effect"] else []
+    rows = []
+    if verdict["effect"]:
+        row = {"true_effect": true, "conclusion": verdict["conclusion"]}
+        rows.append(row | verdict["effect"])
     return pd.DataFrame(rows, columns=[*columns, "conclusion"])
 
 
@@ -305,12 +310,10 @@ def score_verdict(errors: pd.DataFrame) -> Entries:
     if errors.empty:
         return {}
     row = errors.iloc[0]
+    entries = {}
+    for name, (column, what) in TOLD["verdict"].items():
+        entries[name] = entry(float(row[column]), "1", what)
     inside = bool(row["low"] <= row["true_effect"] <= row["high"])
-    covers = entry(
-        inside, "yes/no", "Whether the verdict's interval holds the true difference"
-    )
-    told = TOLD["verdict"].items()
-    found = {
-        name: entry(float(row[column]), "1", what) for name, (column, what) in told
-    }
-    return {**found, "verdict_interval_covers": covers}
+    what = "Whether the verdict's interval holds the true difference"
+    entries["verdict_interval_covers"] = entry(inside, "yes/no", what)
+    return entries

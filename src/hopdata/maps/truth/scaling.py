@@ -1,4 +1,4 @@
-"""The scaling study: residuals of linear maps as the landings approach a simultaneous contact.
+"""The scaling study: residuals of linear maps close to a simultaneous contact.
 
 Affine maps are fitted to noise-free landings whose deviations from a simultaneous
 contact have been scaled down. If the landing map is C1 there, the error of one map for
@@ -14,6 +14,7 @@ they are additional inputs.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,20 +22,27 @@ import numpy as np
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.maps.truth import maps as truth
 
+#: Number of landings that a fit needs beyond its number of coefficients per output.
+#: Unit: landings. Origin: chosen.
 SPARE_LANDINGS = 2
+
 COLUMNS = (
-    *(
-        "case",
-        "coupling",
-        "impulse",
-        "delay_s",
-        "scale",
-        "landings",
-        "failed",
-        "schedules",
-    ),
-    *("spread_ms", "pooled_rms", "specialised_rms", "pooled_over_specialised"),
-    *("map_difference", "exact_difference", "map_error", "slope"),
+    "case",
+    "coupling",
+    "impulse",
+    "delay_s",
+    "scale",
+    "landings",
+    "failed",
+    "schedules",
+    "spread_ms",
+    "pooled_rms",
+    "specialised_rms",
+    "pooled_over_specialised",
+    "map_difference",
+    "exact_difference",
+    "map_error",
+    "slope",
 )
 
 
@@ -67,15 +75,15 @@ def scaling_table(samples: Iterable[Any]) -> pd.DataFrame:
     for sample in samples:
         row = _counts(sample)
         if len(sample.y) >= _needed(sample):
-            units = sample.y.std(axis=0) if units is None else units
+            if units is None:
+                units = sample.y.std(axis=0)
             row |= _errors(sample, units)
         rows.append(row)
     table = pd.DataFrame(rows).reindex(columns=COLUMNS)
     for case in dict.fromkeys(table["case"]):
-        mine = table["case"] == case
-        table.loc[mine, "slope"] = _slope(
-            *table.loc[mine, ["scale", "pooled_rms"]].to_numpy().T
-        )
+        of_case = table["case"] == case
+        scale, rms = table.loc[of_case, ["scale", "pooled_rms"]].to_numpy().T
+        table.loc[of_case, "slope"] = _slope(scale, rms)
     return table
 
 
@@ -87,28 +95,32 @@ def score_scaling(table: pd.DataFrame) -> truth.Entries:
         who = truth.TOLD["cases"].get(case, f"the {case}") + _strength(smallest)
         at = f"at {smallest['scale']:g} of the spread, {who}"
         for name, (column, what) in truth.TOLD["scaling"].items():
+            value = float(smallest[column])
             said = what.format(who=who, at=at)
-            entries[f"{name}_{case}"] = truth.entry(float(smallest[column]), "1", said)
+            entries[f"{name}_{case}"] = truth.entry(value, "1", said)
     return entries
 
 
 def _strength(row: Any) -> str:
-    names = (
-        ("coupling", "kappa", ""),
-        ("impulse", "epsilon", ""),
-        ("delay_s", "tau", " s"),
-    )
-    given = [f"{name} {row[key]:g}{unit}" for key, name, unit in names if row[key] != 0]
-    return f" ({', '.join(given)})" if given else ""
+    """Return the strengths of the case's mechanisms in brackets, if it has any."""
+    given = []
+    if row["coupling"] != 0:
+        given.append(f"kappa {row['coupling']:g}")
+    if row["impulse"] != 0:
+        given.append(f"epsilon {row['impulse']:g}")
+    if row["delay_s"] != 0:
+        given.append(f"tau {row['delay_s']:g} s")
+    if not given:
+        return ""
+    return f" ({', '.join(given)})"
 
 
 def _counts(sample: Any) -> dict[str, Any]:
     return {
         "case": sample.case,
-        **{
-            name: getattr(sample.control, name)
-            for name in ("coupling", "impulse", "delay_s")
-        },
+        "coupling": sample.control.coupling,
+        "impulse": sample.control.impulse,
+        "delay_s": sample.control.delay_s,
         "scale": sample.scale,
         "landings": len(sample.x),
         "failed": sample.n_failed,
@@ -116,50 +128,75 @@ def _counts(sample: Any) -> dict[str, Any]:
 
 
 def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
-    how = {"root": truth.input_root(sample.x), "units": units}
-    pooled, own = _fit(sample, np.arange(len(sample.x)), units), _fits(sample, units)
-    variance, own_variance = _mean_square([pooled]), _mean_square(own)
-    p, maps = sample.x.shape[1], np.array([slopes for slopes, *_ in own])
+    n_inputs = sample.x.shape[1]
+    root = truth.input_root(sample.x)
+    pooled = _fit(sample, np.arange(len(sample.x)), units)
+    specialised = _fits(sample, units)
+    pooled_square = _mean_square([pooled])
+    specialised_square = _mean_square(specialised)
+    ratio = np.nan
+    map_difference = np.nan
+    if specialised:
+        ratio = float(pooled_square / specialised_square)
+        maps = np.array([fit.slopes[:, :n_inputs] for fit in specialised])
+        map_difference = truth.largest_difference(maps, root=root, units=units)
     exact = sample.exact_maps
     return {
-        "schedules": len(own),
+        "schedules": len(specialised),
         "spread_ms": 1e3 * float(np.median(sample.contact_s.std(axis=1))),
-        "pooled_rms": float(np.sqrt(variance)),
-        "specialised_rms": float(np.sqrt(own_variance)),
-        "pooled_over_specialised": float(variance / own_variance) if own else np.nan,
-        "map_difference": truth.largest_difference(maps[..., :p], **how)
-        if own
-        else np.nan,
-        "exact_difference": truth.largest_difference(exact, **how),
+        "pooled_rms": float(np.sqrt(pooled_square)),
+        "specialised_rms": float(np.sqrt(specialised_square)),
+        "pooled_over_specialised": ratio,
+        "map_difference": map_difference,
+        "exact_difference": truth.largest_difference(exact, root=root, units=units),
         "map_error": truth.relative_difference(
-            pooled[0][:, :p], exact.mean(axis=0), **how
+            pooled.slopes[:, :n_inputs], exact.mean(axis=0), root=root, units=units
         ),
     }
 
 
-#: Slopes of an affine map of inputs and preloads, residual sum of squares, degrees of
-#: freedom.
-_Fit = tuple[FloatArray, float, int]
+@dataclass(frozen=True)
+class _Fit:
+    """An affine map of inputs and preloads.
+
+    Attributes
+    ----------
+    slopes
+        (q, p) slopes by all inputs, then by the preloads.
+    squares
+        Residual sum of squares, in units of the outputs.
+    freedom
+        Degrees of freedom of the residuals.
+    """
+
+    slopes: FloatArray
+    squares: float
+    freedom: int
 
 
 def _fit(sample: Any, rows: IntArray, units: FloatArray) -> _Fit:
-    x, y = np.hstack([sample.x, sample.preloads_n])[rows], sample.y[rows]
-    spread = x.std(axis=0)
-    spread[spread == 0] = 1.0
-    design = np.column_stack([np.ones(len(x)), (x - x.mean(axis=0)) / spread])
+    x = np.hstack([sample.x, sample.preloads_n])[rows]
+    y = sample.y[rows]
+    sd = x.std(axis=0)
+    sd[sd == 0] = 1.0
+    design = np.column_stack([np.ones(len(x)), (x - x.mean(axis=0)) / sd])
     solved, _, rank, _ = np.linalg.lstsq(design, y, rcond=None)
-    squares = float((((y - design @ solved) / units) ** 2).sum())
-    return (solved[1:] / spread[:, None]).T, squares, (len(x) - int(rank)) * y.shape[1]
+    residuals = (y - design @ solved) / units
+    return _Fit(
+        slopes=(solved[1:] / sd[:, None]).T,
+        squares=float((residuals**2).sum()),
+        freedom=(len(x) - int(rank)) * y.shape[1],
+    )
 
 
 def _fits(sample: Any, units: FloatArray) -> list[_Fit]:
     """Return the fits of the schedules that have enough landings."""
-    classes = [
-        np.flatnonzero(sample.schedule == name) for name in np.unique(sample.schedule)
-    ]
-    return [
-        _fit(sample, rows, units) for rows in classes if len(rows) >= _needed(sample)
-    ]
+    fits = []
+    for name in np.unique(sample.schedule):
+        rows = np.flatnonzero(sample.schedule == name)
+        if len(rows) >= _needed(sample):
+            fits.append(_fit(sample, rows, units))
+    return fits
 
 
 def _needed(sample: Any) -> int:
@@ -168,9 +205,11 @@ def _needed(sample: Any) -> int:
 
 
 def _mean_square(fits: list[_Fit]) -> float:
-    """Return the residual mean square of fits with degrees of freedom; NaN if there are none."""
-    free = [(squares, freedom) for _, squares, freedom in fits if freedom > 0]
-    return sum(s for s, _ in free) / sum(f for _, f in free) if free else float("nan")
+    """Return the residual mean square of fits with degrees of freedom, or NaN."""
+    free = [fit for fit in fits if fit.freedom > 0]
+    if not free:
+        return float("nan")
+    return sum(fit.squares for fit in free) / sum(fit.freedom for fit in free)
 
 
 def _slope(scale: FloatArray, rms: FloatArray) -> float:

@@ -35,6 +35,7 @@ from hopdata.recording import Recording, Truth
 
 #: A touchdown matches a true landing if their mean contact instants differ by at most
 #: this.
+#: Unit: s. Origin: chosen.
 MATCH_WITHIN_S = 0.1
 
 
@@ -54,13 +55,17 @@ def match_landings(found: FloatArray, true: FloatArray) -> IntArray:
         Number of the landing for each touchdown, or -1 if there is none. If several
         touchdowns are near one landing, only the closest is matched (`match_instants`).
     """
-    landing = np.full(len(found), -1)
-    means = [np.ma.masked_invalid(one).mean(axis=1) for one in (found, true)]
-    timed = [np.flatnonzero(~np.ma.getmaskarray(mean)) for mean in means]
-    own, theirs = (mean.compressed() for mean in means)
-    rows, matched = match_instants(own, theirs, window_s=MATCH_WITHIN_S)
-    landing[timed[0][rows]] = timed[1][matched]
-    return landing
+    found_mean = np.ma.masked_invalid(found).mean(axis=1)
+    true_mean = np.ma.masked_invalid(true).mean(axis=1)
+    rows, landings = match_instants(
+        found_mean.compressed(), true_mean.compressed(), window_s=MATCH_WITHIN_S
+    )
+    # Rows and landings are counted among those that have an instant.
+    has_found = np.flatnonzero(~np.ma.getmaskarray(found_mean))
+    has_true = np.flatnonzero(~np.ma.getmaskarray(true_mean))
+    landing_of = np.full(len(found), -1)
+    landing_of[has_found[rows]] = has_true[landings]
+    return landing_of
 
 
 def score_contacts(
@@ -85,30 +90,39 @@ def score_contacts(
     method
         Suffix of the entries' names.
     """
-    usable = table[
-        ~table["excluded"].astype(bool) & table["recording"].isin(list(known))
-    ]
+    is_used = ~table["excluded"].astype(bool)
+    usable = table[is_used & table["recording"].isin(list(known))]
     found = usable[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
     true = _true_contacts(known, usable["recording"].to_numpy(str), found)
-    labels = usable["schedule"].astype("string").fillna("").to_numpy(str)
-    right = (labels == np.array(schedule_names(true), dtype=str)) & (labels != "")
-    sure = (usable["class"] != AMBIGUOUS).to_numpy()
+    n_matched = int(np.isfinite(true).any(axis=1).sum())
     n_landings = sum(int(_landed(item).sum()) for item in known.values())
-    matched = int(np.isfinite(true).any(axis=1).sum())
-    errors = found - true
-    errors = errors[np.isfinite(errors)]
+
+    labels = usable["schedule"].astype("string").fillna("").to_numpy(str)
+    true_labels = np.array(schedule_names(true), dtype=str)
+    right = (labels == true_labels) & (labels != "")
+    unambiguous = (usable["class"] != AMBIGUOUS).to_numpy()
+    right_of_all = float("nan")
+    if n_landings:
+        right_of_all = right.sum() / n_landings
+
+    differences = found - true
+    errors = differences[np.isfinite(differences)]
     bias = mean(errors)
     rms = np.sqrt(mean((errors - bias) ** 2))
-    of_all = right.sum() / n_landings if n_landings else float("nan")
-    who = f"{method.replace('_', ' ')} method"
-    values = (mean(right), mean(right[sure]), of_all, 1e3 * rms, 1e3 * bias)
-    counts, told = (n_landings - matched, len(usable) - matched), maps.TOLD["contacts"]
-    return {
-        f"{name}_{method}": entry(value, unit, f"{what}, {who}")
-        for (name, (unit, what)), value in zip(
-            told.items(), values + counts, strict=True
-        )
+    values = {
+        "labels_right": mean(right),
+        "labels_right_unambiguous": mean(right[unambiguous]),
+        "labels_right_of_all": right_of_all,
+        "contact_rms": 1e3 * rms,
+        "contact_bias": 1e3 * bias,
+        "landings_not_used": n_landings - n_matched,
+        "unmatched": len(usable) - n_matched,
     }
+    who = f"{method.replace('_', ' ')} method"
+    entries = {}
+    for name, (unit, what) in maps.TOLD["contacts"].items():
+        entries[f"{name}_{method}"] = entry(values[name], unit, f"{what}, {who}")
+    return entries
 
 
 def score_sections(
@@ -116,7 +130,7 @@ def score_sections(
     sections: Mapping[str, Any],
     recordings: Mapping[str, Recording],
 ) -> Entries:
-    """Compare the sections with those that the same rule gives for the true contacts or states.
+    """Compare the sections with those of the same rule for true contacts or states.
 
     Parameters
     ----------
@@ -136,14 +150,15 @@ def score_sections(
         pre_m, post_m, _ = heights_from_landings(heights, sections["bandwidth_m"])
     else:
         what = "true foot states"
-        pooled = [_true_frames(item, sections["frames"]) for item in known.values()]
-        frames = Frames(*map(np.concatenate, zip(*pooled, strict=True)))
+        each_frames = [
+            _true_frames(item, sections["frames"]) for item in known.values()
+        ]
+        frames = Frames(*map(np.concatenate, zip(*each_frames, strict=True)))
         pre_m, post_m = heights_from_densities(frames, sections["bandwidth_m"])
     entries: Entries = {}
     for name, height_m in {"pre": pre_m, "post": post_m}.items():
-        entries[f"section_{name}_true"] = entry(
-            height_m, "m", f"{name} section, {what}"
-        )
+        told = f"{name} section, {what}"
+        entries[f"section_{name}_true"] = entry(height_m, "m", told)
         if sections["decided"][f"{name}_height_m"] == "data":
             error = 1e3 * (sections[f"{name}_height_m"] - height_m)
             told = f"{name} section found minus that of the {what}"
@@ -155,64 +170,62 @@ def _true_heights(item: Truth, recording: Recording) -> FloatArray:
     """Return the body's true heights in the landings, (L, 6): see `landing_heights`."""
     turns = np.array(descents(item.body_height), dtype=np.int64).reshape(-1, 2)
     spans = recording.time[turns]
-    instant = item.contact_times[_landed(item)]
-    if len(spans) == 0 or len(instant) == 0:
+    instants = item.contact_times[_landed(item)]
+    if len(spans) == 0 or len(instants) == 0:
         return np.empty((0, 6))
-    number = np.searchsorted(spans[:, 0], instant.min(axis=1)) - 1
-    inside = (number >= 0) & (instant.max(axis=1) <= spans[number, 1])
+    # The last descent that began before the first contact.
+    descent = np.searchsorted(spans[:, 0], instants.min(axis=1)) - 1
+    inside = (descent >= 0) & (instants.max(axis=1) <= spans[descent, 1])
     return heights_at_contacts(
         recording.time,
         item.body_height,
-        spans[number[inside]],
-        instant[inside],
+        spans[descent[inside]],
+        instants[inside],
         pace=recording.pace,
     )
 
 
 def _true_frames(item: Truth, frames: str) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Return body height and foot states of the frames that the rule `printed` uses."""
-    n_down, landings_only = (
-        item.foot_down.sum(axis=1),
-        chosen("sections.frames", frames, FRAMES),
-    )
+    landings_only = chosen("sections.frames", frames, FRAMES)
+    n_down = item.foot_down.sum(axis=1)
+    all_up = n_down == 0
     all_down = n_down == item.foot_down.shape[1]
-    return kept_frames(item.body_height, n_down == 0, all_down, landings_only)
+    return kept_frames(item.body_height, all_up, all_down, landings_only)
 
 
 def score_floor(
     known: Mapping[str, Truth], floors: Mapping[str, FloorModel]
 ) -> Entries:
-    """Compare the floor models with the true floor, without the mean difference of each."""
+    """Compare the floor models with the true floor, but for the mean of each."""
     differences = []
     for name, item in known.items():
         x, y = np.moveaxis(item.contact_points, -1, 0)
         difference = floors[name].height(x, y) - item.floor_at_contacts
-        difference = difference[np.isfinite(difference)]
-        differences.append(difference - mean(difference))
+        known_difference = difference[np.isfinite(difference)]
+        differences.append(known_difference - mean(known_difference))
     rms = np.sqrt(mean(np.concatenate(differences) ** 2))
-    return {
-        "floor_residual_rms": entry(
-            1e3 * rms, *maps.TOLD["study"]["floor_residual_rms"]
-        )
-    }
+    unit, what = maps.TOLD["study"]["floor_residual_rms"]
+    return {"floor_residual_rms": entry(1e3 * rms, unit, what)}
 
 
 def _landed(item: Truth) -> BoolArray:
     """Return whether all feet came to stand in each landing, (L,)."""
-    touched = np.isfinite(item.contact_times).sum(axis=1) == item.contact_times.shape[1]
-    return np.logical_and(touched, item.complete)
+    all_touched = np.isfinite(item.contact_times).all(axis=1)
+    return np.logical_and(all_touched, item.complete)
 
 
 def _true_contacts(
     known: Mapping[str, Truth], recordings: NDArray[np.str_], found: FloatArray
 ) -> FloatArray:
-    """Return the true instants (m, n) of the touchdowns found; NaN if no landing matches."""
+    """Return true instants (m, n) of the touchdowns found; NaN if none matches."""
     true = np.full_like(found, np.nan)
     for name, item in known.items():
         rows = np.flatnonzero(recordings == name)
         instants = item.contact_times[_landed(item)]
         landing = match_landings(found[rows], instants)
-        true[rows[landing >= 0]] = instants[landing[landing >= 0]]
+        matched = landing >= 0
+        true[rows[matched]] = instants[landing[matched]]
     return true
 
 
@@ -240,18 +253,18 @@ def true_rows(
     feet
         Names of the feet, in the order of the truth.
     """
-    keyed = table.set_index(["recording", "index"])[
-        [f"contact_{foot}_s" for foot in feet]
-    ]
-    keys = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
-    found = keyed.loc[keys].to_numpy(float)
-    numbers = zip(true.recording.tolist(), true.index.tolist(), strict=True)
-    places = {key: row for row, key in enumerate(numbers)}
+    columns = [f"contact_{foot}_s" for foot in feet]
+    by_touchdown = table.set_index(["recording", "index"])[columns]
+    touchdowns = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
+    found = by_touchdown.loc[touchdowns].to_numpy(float)
+
+    landings = zip(true.recording.tolist(), true.index.tolist(), strict=True)
+    row_of = {landing: row for row, landing in enumerate(landings)}
     rows = np.full(len(found), -1)
     for name, instants in contacts.items():
-        mine = np.flatnonzero(pairs.recording == name)
-        landing = match_landings(found[mine], instants)
-        rows[mine] = [places.get((name, int(number)), -1) for number in landing]
+        of_recording = np.flatnonzero(pairs.recording == name)
+        numbers = match_landings(found[of_recording], instants).tolist()
+        rows[of_recording] = [row_of.get((name, number), -1) for number in numbers]
     return rows
 
 
@@ -269,41 +282,45 @@ def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
         velocity_rms_mm_s; errors are per coordinate of a marker.
     """
     known = np.flatnonzero(rows >= 0)
-    mine = [split_states(states[known]) for states in (pairs.x, pairs.y)]
-    truly = [split_states(states[rows[known]]) for states in (true.x, true.y)]
-    places = (
-        np.concatenate([one[0] for one in states], axis=1) for states in (truly, mine)
-    )
-    turn = _plane_turns(*places)
-    offset = np.zeros((len(known), 1, 3))
-    both = [(m[0] - t[0] @ turn)[..., :2] for m, t in zip(mine, truly, strict=True)]
-    offset[..., :2] = np.concatenate(both, axis=1).mean(axis=1, keepdims=True)
+    sections = ("pre", "post")
+    # Positions and velocities (n, B, 3) at both sections.
+    measured = [split_states(pairs.x[known]), split_states(pairs.y[known])]
+    exact = [split_states(true.x[rows[known]]), split_states(true.y[rows[known]])]
+
+    exact_positions = np.concatenate([positions for positions, _ in exact], axis=1)
+    positions = np.concatenate([positions for positions, _ in measured], axis=1)
+    turn = _plane_turns(exact_positions, positions)
+    apart = [m[0] - e[0] @ turn for m, e in zip(measured, exact, strict=True)]
+    in_plane = np.concatenate([one[..., :2] for one in apart], axis=1)
+    shift = np.zeros((len(known), 1, 3))
+    shift[..., :2] = in_plane.mean(axis=1, keepdims=True)
+
     table = []
-    for section, measured, known_state in zip(
-        ("pre", "post"), mine, truly, strict=True
-    ):
-        position = measured[0] - known_state[0] @ turn - offset
-        velocity = measured[1] - known_state[1] @ turn
-        rms = [1e3 * np.sqrt(mean(errors**2)) for errors in (position, velocity)]
-        table.append((section, len(known), *rms))
+    for number, section in enumerate(sections):
+        position_errors = apart[number] - shift
+        velocity_errors = measured[number][1] - exact[number][1] @ turn
+        position_rms = 1e3 * np.sqrt(mean(position_errors**2))
+        velocity_rms = 1e3 * np.sqrt(mean(velocity_errors**2))
+        table.append((section, len(known), position_rms, velocity_rms))
     columns = ["section", "landings", "position_rms_mm", "velocity_rms_mm_s"]
     return pd.DataFrame(table, columns=columns)
 
 
 def _plane_turns(source: FloatArray, target: FloatArray) -> FloatArray:
-    """Return the turns (n, 3, 3) of the plane, for row vectors, from `source` to `target` points.
+    """Return the turns (n, 3, 3) of the plane from `source` to `target` points.
 
-    Both are (n, k, 3).
+    Both are (n, k, 3), and the turns are for row vectors.
     """
-    a, b = (
-        p[..., :2] - p[..., :2].mean(axis=1, keepdims=True) for p in (source, target)
-    )
+    a = source[..., :2] - source[..., :2].mean(axis=1, keepdims=True)
+    b = target[..., :2] - target[..., :2].mean(axis=1, keepdims=True)
     along = (a * b).sum(axis=(1, 2))
     across = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(axis=1)
     length = np.hypot(along, across)
     turn = np.tile(np.eye(3), (len(a), 1, 1))
-    turn[:, 0, 0] = turn[:, 1, 1] = along / length
-    turn[:, 0, 1], turn[:, 1, 0] = across / length, -across / length
+    turn[:, 0, 0] = along / length
+    turn[:, 1, 1] = along / length
+    turn[:, 0, 1] = across / length
+    turn[:, 1, 0] = -across / length
     return turn
 
 
@@ -313,10 +330,9 @@ def score_states(errors: pd.DataFrame) -> Entries:
     for row in errors.to_dict("records"):
         section = row["section"]
         for name, (unit, what) in maps.TOLD["states"].items():
-            value = row[f"{name}_{unit.replace('/', '_')}"]
-            entries[f"{name}_{section}"] = entry(
-                value, unit, what.format(section=section)
-            )
+            column = f"{name}_{unit.replace('/', '_')}"
+            told = what.format(section=section)
+            entries[f"{name}_{section}"] = entry(row[column], unit, told)
     return entries
 
 
@@ -358,7 +374,9 @@ def score(
     """
     if not known:
         return {}
-    entries: Entries = maps.score_verdict(exact["verdict_errors"]) if exact else {}
+    entries: Entries = {}
+    if exact:
+        entries |= maps.score_verdict(exact["verdict_errors"])
     for method, table in tables.items():
         entries |= score_contacts(known, table, feet=feet, method=method)
     entries |= score_sections(known, sections, recordings)
@@ -374,15 +392,13 @@ def score(
 
 
 def score_predictions(summary: pd.DataFrame) -> Entries:
-    """Return an entry on whether prediction errors grow with distance from simultaneous contact."""
+    """Return an entry on whether errors grow away from simultaneous contact."""
     mse = dict(zip(summary["model"], summary["median"], strict=True))
     if not {"near", "all", "far"} <= mse.keys():
         return {}
-    ordered, name = (
-        bool(mse["near"] < mse["all"] < mse["far"]),
-        "near_below_all_below_far",
-    )
-    return {name: entry(ordered, *maps.TOLD["study"][name])}
+    ordered = bool(mse["near"] < mse["all"] < mse["far"])
+    unit, what = maps.TOLD["study"]["near_below_all_below_far"]
+    return {"near_below_all_below_far": entry(ordered, unit, what)}
 
 
 def score_distances(summary: pd.DataFrame) -> Entries:
@@ -392,6 +408,5 @@ def score_distances(summary: pd.DataFrame) -> Entries:
     if "random" not in rows.index or others.empty:
         return {}
     clearance = rows.loc["random", "q05"] - others.max()
-    return {
-        "random_clearance": entry(clearance, *maps.TOLD["study"]["random_clearance"])
-    }
+    unit, what = maps.TOLD["study"]["random_clearance"]
+    return {"random_clearance": entry(clearance, unit, what)}

@@ -1,11 +1,11 @@
-"""Size of the difference between the maps of the contact orders, with its interval and bounds.
+"""Size of the difference between the maps of the contact orders, and its interval.
 
 The size is the relative difference of the maps' Jacobians, in Frobenius norm over the
 landings of the study. With D the difference between the Jacobians of two orders, J
 their mean, and S the covariance of the inputs,
 
-    e^2 = mean over pairs of orders of  1/2 |D S^1/2|^2 / |J S^1/2|^2  of the positions
-                                      + 1/2 |D S^1/2|^2 / |J S^1/2|^2  of the velocities,
+    e^2 = mean over pairs of orders of  1/2 |D S^1/2|^2 / |J S^1/2|^2  of positions
+                                      + 1/2 |D S^1/2|^2 / |J S^1/2|^2  of velocities,
 
 both as rms motions of the markers. It is a quadratic form of the kinks b, e^2 = b'Fb.
 
@@ -35,14 +35,22 @@ from hopdata.maps.verdict.inputs import (
     halves,
 )
 from hopdata.maps.verdict.model import KinkFit, symmetric_root
+from hopdata.messages import Message
 
 #: Number of successive landings that share a random sign if successive landings err
 #: alike.
+#: Unit: landings. Origin: chosen.
 IN_A_ROW = 40
 
-_AT_ONCE = 8_000_000  # signs in memory
-_BISECTIONS = 50
-_LARGEST = 1e3  # size at which the search for a crossing stops
+#: Size at which the search for a crossing stops: whatever is larger is unbounded.
+#: Unit: share of the map. Origin: chosen.
+LARGEST = 1e3
+
+# Signs in memory at once. It changes no result.
+SIGNS_AT_ONCE = 8_000_000
+
+# Halvings of the interval that holds a crossing: more than a double has digits.
+BISECTIONS = 50
 
 
 @dataclass(frozen=True, repr=False)
@@ -91,7 +99,8 @@ class EffectSize(Shown):
     def told(self) -> str:
         """Return the estimate, its interval, the bound and the detectable size."""
         size = f"{self.estimate:.2g}, {self.low:.2g} to {self.high:.2g}"
-        return f"{size}; at most {self.upper_bound:.2g}; detectable from {self.detectable:.2g}"
+        bound = f"at most {self.upper_bound:.2g}"
+        return f"{size}; {bound}; detectable from {self.detectable:.2g}"
 
     def sizes(self) -> tuple[float, float, float, float]:
         """Return estimate, low, high and upper bound."""
@@ -99,12 +108,12 @@ class EffectSize(Shown):
 
 
 def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return the weights of the comparisons: pairs of orders, or of feet if more than three.
+    """Return the weights of the comparisons between contact orders.
 
-    For a pair of feet i and j, landings with i before j are compared with landings with
-    j before i; the other feet are pooled in the proportions in which their orders
-    occur. A pair is used if each of its feet comes first in `LEAST_CLASS` landings or
-    more.
+    Up to three feet, pairs of orders are compared. With more, pairs of feet are: for
+    feet i and j, landings with i before j are compared with landings with j before i,
+    and the other feet are pooled in the proportions in which their orders occur. A pair
+    is used if each of its feet comes first in `LEAST_CLASS` landings or more.
 
     Parameters
     ----------
@@ -118,32 +127,47 @@ def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArra
     tuple of ndarray
         (C, S) weights of the orders in the differences, and (S,) weights in the mean.
     """
-    number, feet = orders.shape
-    if feet <= coordinates.ALL_SETS_UP_TO:
-        one = np.eye(number)
-        pairs = [one[a] - one[b] for a, b in combinations(range(number), 2)]
-        return np.reshape(pairs, (len(pairs), number)), np.full(
-            number, 1.0 / max(number, 1)
-        )
-    place = np.argsort(orders, axis=1)
+    n_orders, n_feet = orders.shape
     differences = []
-    for i, j in combinations(range(feet), 2):
-        first = counts * (place[:, i] < place[:, j])
-        last = counts - first
-        if min(first.sum(), last.sum()) >= LEAST_CLASS:
-            differences.append(first / first.sum() - last / last.sum())
-    return np.reshape(differences, (len(differences), number)), counts / counts.sum()
+    if n_feet <= coordinates.ALL_SETS_UP_TO:
+        one = np.eye(n_orders)
+        for a, b in combinations(range(n_orders), 2):
+            differences.append(one[a] - one[b])
+        mean = np.full(n_orders, 1.0 / max(n_orders, 1))
+    else:
+        rank = np.argsort(orders, axis=1)
+        for i, j in combinations(range(n_feet), 2):
+            i_first = counts * (rank[:, i] < rank[:, j])
+            j_first = counts - i_first
+            if min(i_first.sum(), j_first.sum()) >= LEAST_CLASS:
+                difference = i_first / i_first.sum() - j_first / j_first.sum()
+                differences.append(difference)
+        mean = counts / counts.sum()
+    return np.reshape(differences, (len(differences), n_orders)), mean
 
 
-def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
-    """Return the comparisons in terms of kinks and in words.
+@dataclass(frozen=True)
+class Comparison:
+    """The maps that are compared, in terms of the kinks.
 
-    Returns
-    -------
-    tuple
+    Attributes
+    ----------
+    differences
         (C, all kinks, feet) differences of the kinks' derivatives with respect to the
-        contact instants, (all kinks, feet) derivatives of the mean map, and words that
-        complete "the maps of".
+        contact instants.
+    mean
+        (all kinks, feet) derivatives of the mean map.
+    what
+        What completes "the maps of".
+    """
+
+    differences: FloatArray
+    mean: FloatArray
+    what: Message
+
+
+def compared(landings: SectionLandings) -> Comparison:
+    """Return what is compared: contact orders, or pairs of feet if there are many feet.
 
     Raises
     ------
@@ -151,48 +175,58 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
         If no two orders, or no two feet, have `LEAST_CLASS` landings each.
     """
     by_order = landings.expected.shape[1] <= coordinates.ALL_SETS_UP_TO
-    orders, counts = contact_orders(landings.expected, LEAST_CLASS if by_order else 1)
+    least = LEAST_CLASS if by_order else 1
+    orders, counts = contact_orders(landings.expected, least)
     differences, mean = contrasts(orders, counts)
-    what = (
-        f"landings with either foot of a pair first ({len(differences)} pairs of feet)"
-    )
-    missing = f"no two feet each come first in {LEAST_CLASS} touchdowns"
-    if by_order:
-        missing = f"at least two contact orders need {LEAST_CLASS} touchdowns each: "
-        what, missing = f"{len(orders)} contact orders", missing + _commonest(landings)
     if not len(differences):
-        raise AnalysisError(missing)
-    slopes = np.array(
-        [coordinates.kink_slopes(tuple(order)) for order in orders.tolist()]
+        raise AnalysisError(_nothing_to_compare(landings, by_order=by_order))
+    if by_order:
+        what = Message("maps.orders", {"count": len(orders)})
+    else:
+        what = Message("maps.pairs_of_feet", {"count": len(differences)})
+    of_orders = [coordinates.kink_slopes(tuple(order)) for order in orders.tolist()]
+    slopes = np.array(of_orders)
+    return Comparison(
+        differences=np.tensordot(differences, slopes, axes=1),
+        mean=np.tensordot(mean, slopes, axes=1),
+        what=what,
     )
-    return (
-        np.tensordot(differences, slopes, axes=1),
-        np.tensordot(mean, slopes, axes=1),
-        what,
-    )
+
+
+def _nothing_to_compare(landings: SectionLandings, *, by_order: bool) -> Message:
+    if not by_order:
+        missing = Message("maps.feet_come_first", {"least": LEAST_CLASS})
+        return Message("maps.no_two_feet", {"what_is_missing": missing})
+    commonest = _commonest(landings)
+    values = {"least": LEAST_CLASS, "commonest": commonest}
+    return Message("maps.too_few_orders", values)
 
 
 def _commonest(landings: SectionLandings) -> str:
-    """Return the three commonest contact orders and their numbers of landings, in words."""
+    """Return the three commonest contact orders and their numbers of landings."""
     orders, counts = contact_orders(landings.expected, 1)
-    names, common = order_names(orders), np.argsort(-counts, kind="stable")[:3]
-    return ", ".join(f"{names[k].replace('>', ' → ')} has {counts[k]}" for k in common)
+    names = order_names(orders)
+    told = []
+    for k in np.argsort(-counts, kind="stable")[:3]:
+        values = {"order": names[k].replace(">", " → "), "count": int(counts[k])}
+        told.append(str(Message("maps.order_has", values)))
+    return ", ".join(told)
 
 
 def squared_size(
-    fit: KinkFit, landings: SectionLandings, differences: FloatArray, mean: FloatArray
+    fit: KinkFit, landings: SectionLandings, comparison: Comparison
 ) -> FloatArray:
-    """Return a root R (K q, K q) of the squared size of the kinks, |R b|^2 = b'Fb.
-
-    `differences` and `mean` are from `compared`.
-    """
-    t = landings.expected
+    """Return a root R (K q, K q) of the squared size of the kinks, |R b|^2 = b'Fb."""
+    instants = landings.expected
+    root_of_instants = symmetric_root(np.cov(instants.T))
     changes = np.einsum(
-        "aK,caf,fg->cKg", fit.seen, differences, symmetric_root(np.cov(t.T))
+        "aK,caf,fg->cKg", fit.seen, comparison.differences, root_of_instants
     )
     form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
-    outcome = landings.inputs @ fit.linear + t @ mean.T @ fit.seen @ fit.coefficients
-    weights = np.diag(np.sqrt(halves(np.var(outcome, axis=0, ddof=1))))
+
+    by_inputs = landings.inputs @ fit.linear
+    by_kinks = instants @ comparison.mean.T @ fit.seen @ fit.coefficients
+    weights = _weights(by_inputs + by_kinks)
     return np.asarray(np.kron(symmetric_root(form), weights), float)
 
 
@@ -202,9 +236,16 @@ def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
     The squared size is the mean over the pairs of feet of the squared jump from one
     order to the other, relative to the variance of the outcome.
     """
-    weights = np.diag(np.sqrt(halves(np.var(landings.outputs, axis=0, ddof=1))))
-    pairs, seen = fit.seen.shape
-    return np.asarray(np.kron(2.0 / np.sqrt(pairs) * np.eye(seen), weights), float)
+    n_pairs, n_seen = fit.seen.shape
+    # A step from -1 to 1 changes the outcome by twice its coefficient.
+    mean_of_pairs = 2.0 / np.sqrt(n_pairs) * np.eye(n_seen)
+    return np.asarray(np.kron(mean_of_pairs, _weights(landings.outputs)), float)
+
+
+def _weights(outcome: FloatArray) -> FloatArray:
+    """Return the matrix (q, q) that weighs positions and velocities one half each."""
+    variance = np.var(outcome, axis=0, ddof=1)
+    return np.diag(np.sqrt(halves(variance)))
 
 
 def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> float:
@@ -218,7 +259,9 @@ def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> f
     weights
         Weights from `contrasts`.
     """
-    differences, mean = (np.tensordot(one, maps, axes=1) for one in weights)
+    of_differences, of_mean = weights
+    differences = np.tensordot(of_differences, maps, axes=1)
+    mean = np.tensordot(of_mean, maps, axes=1)
     changes = np.mean(np.sum(differences**2, axis=2), axis=0)
     return float(np.sqrt(changes @ halves(np.sum(mean**2, axis=1))))
 
@@ -259,68 +302,101 @@ def effect_size(
         Number of random sign patterns.
     """
     if model.err_alike(fit.scores @ root.T):
-        first = np.arange(0, len(fit.scores), IN_A_ROW)
-        runs = [np.add.reduceat(part, first) for part in (fit.scores, fit.null_scores)]
-        fit = replace(fit, scores=runs[0], null_scores=runs[1])
+        fit = _with_signs_in_a_row(fit)
     root = _axes(fit, root) @ root
     found = root @ fit.coefficients.ravel()
     statistic = float(found @ found)
-    size = float(np.sqrt(statistic))
-    along = found / size
-    null, full = _draws(fit, root, flips, generator)
-    for_none, for_found = (
-        np.ascontiguousarray(draws.T) for draws in (null, full)
-    )  # quick to add
+    null_errors, full_errors = _draws(fit, root, flips, generator)
+    draws = _Draws(found, null_errors, full_errors)
 
-    def drawn(true: float) -> FloatArray:
-        """Return draws of T for kinks of this size along those found."""
-        share = min(1.0, true / size)
-        errors = (
-            for_found if share == 1.0 else (1.0 - share) * for_none + share * for_found
-        )
-        return np.asarray(((errors + true * along[:, None]) ** 2).sum(axis=0))
-
-    def below(least: float, share: float) -> float:
-        """Return the size at which only this share of the draws is at most `least`."""
-        return _crossing(lambda e: _share(drawn(e) <= least) - share)
-
-    none, left = np.sum(null**2, axis=1), drawn(fit.allowed)
-    typical = max(statistic, float(np.median(none)))
+    null_statistics = np.sum(null_errors**2, axis=1)
+    allowed_statistics = draws.statistics(fit.allowed)
     level = round(1.0 - confidence, 12)  # 0.05, not slightly more
-    p_value = (1 + int(np.sum(left >= statistic))) / (1 + flips)
-    floor = below(float(np.median(left)), level / 2.0)
-    low = min(
-        below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0))
-    )
-    reach = [below(typical, one) for one in (level / 2.0, level)]
-    high, bound = model.upper_ends(reach, fit.allowed)
-    off = model.one_landing(fit.allowed)
-    squared = statistic - float(np.sum((fit.scores @ root.T) ** 2))
+    p_value = (1 + int(np.sum(allowed_statistics >= statistic))) / (1 + flips)
+
+    low = 0.0
+    if p_value < level:
+        floor = draws.size_below(float(np.median(allowed_statistics)), level / 2.0)
+        one_sided = draws.size_below(statistic, 1.0 - level)
+        two_sided = draws.size_below(statistic, 1.0 - level / 2.0)
+        found_low = min(one_sided, max(floor, two_sided))
+        deviation = model.one_landing(fit.allowed)
+        low = max(0.0, found_low - fit.allowed) / (1.0 + deviation)
+
+    typical = max(statistic, float(np.median(null_statistics)))
+    ends = [draws.size_below(typical, level / 2.0), draws.size_below(typical, level)]
+    high, bound = model.upper_ends(ends, fit.allowed)
+
+    of_noise = float(np.sum((fit.scores @ root.T) ** 2))
+    squared = statistic - of_noise
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, squared))),
-        low=max(0.0, low - fit.allowed) / (1.0 + off) * (p_value < level),
+        low=low,
         high=high,
         upper_bound=bound,
-        detectable=_detectable(null, fit.allowed, level, power),
+        detectable=_detectable(null_errors, fit.allowed, level, power),
         p_value=p_value,
         squared=squared,
-        squared_error=float(np.std(none)),
-        along_error=float(np.std(full @ found) / size),
+        squared_error=float(np.std(null_statistics)),
+        along_error=float(np.std(full_errors @ found) / draws.size),
         allowed=fit.allowed,
         left=fit.left,
     )
 
 
-MOST_LANDINGS = 20_000  # the most that anybody records
-MORE_SPREAD = (
-    ", or far fewer with contacts further apart: vary push, tilt and speed of the hops"
-)
+def _with_signs_in_a_row(fit: KinkFit) -> KinkFit:
+    """Return the fit with the scores of `IN_A_ROW` successive landings summed."""
+    first = np.arange(0, len(fit.scores), IN_A_ROW)
+    scores = np.add.reduceat(fit.scores, first)
+    null_scores = np.add.reduceat(fit.null_scores, first)
+    return replace(fit, scores=scores, null_scores=null_scores)
+
+
+class _Draws:
+    """Draws of the statistic T for kinks of any size along those found.
+
+    Parameters
+    ----------
+    found
+        (m,) kinks found, in the axes of the errors.
+    null_errors, full_errors
+        (draws, m) random errors for no kinks, and for the kinks found.
+    """
+
+    def __init__(
+        self, found: FloatArray, null_errors: FloatArray, full_errors: FloatArray
+    ) -> None:
+        self.size = float(np.sqrt(float(found @ found)))
+        self._along = found / self.size
+        # Rows of axes are quicker to add than rows of draws.
+        self._null_errors = np.ascontiguousarray(null_errors.T)
+        self._full_errors = np.ascontiguousarray(full_errors.T)
+
+    def statistics(self, true: float) -> FloatArray:
+        """Return the draws (draws,) of T for kinks of this size."""
+        share = min(1.0, true / self.size)
+        errors = self._full_errors
+        if share < 1.0:
+            errors = (1.0 - share) * self._null_errors + share * self._full_errors
+        return np.asarray(((errors + true * self._along[:, None]) ** 2).sum(axis=0))
+
+    def size_below(self, least: float, share: float) -> float:
+        """Return the size at which only this share of the draws is at most `least`."""
+        return _crossing(lambda true: _share(self.statistics(true) <= least) - share)
+
+
+#: More landings than this are not asked for without a word on the contacts' spread.
+#: Unit: landings. Origin: chosen: the most that anybody records.
+MOST_LANDINGS = 20_000
+
+#: What is said then.
+MORE_SPREAD = str(Message("maps.more_spread"))
 
 
 def landings_needed(
     landings: int, detectable: float, allowed: float, difference: float, feet: int
 ) -> int:
-    """Return the number of landings that shows a difference with the power of the detectable one.
+    """Return the number of landings that shows a difference as well as the detectable.
 
     The detectable size beyond `allowed` falls with the root of the number of landings.
     The result is at least the number that second-order terms need.
@@ -335,24 +411,27 @@ def landings_needed(
         least = f"numbers above {allowed:.2g}, as much as smooth terms may leave"
         raise AnalysisError(f"differences: expected {least}, found {difference}")
     beyond = max(0.0, detectable - allowed) / (difference - allowed)
-    return max(inputs.least_landings(feet), int(np.ceil(landings * beyond**2)))
+    needed = int(np.ceil(landings * beyond**2))
+    return max(inputs.least_landings(feet), needed)
 
 
 def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
-    """Return the principal axes of the error of the size, pointing along the kinks found.
+    """Return the principal axes of the size's error, pointing along the kinks found.
 
     In these axes the same random numbers give the same draws, whatever the axes of the
     data.
     """
     scores = fit.null_scores @ root.T
-    axes = np.linalg.eigh(scores.T @ scores)[1].T
-    return np.asarray(axes * np.sign(axes @ root @ fit.coefficients.ravel())[:, None])
+    _, vectors = np.linalg.eigh(scores.T @ scores)
+    axes = vectors.T
+    signs = np.sign(axes @ root @ fit.coefficients.ravel())
+    return np.asarray(axes * signs[:, None])
 
 
 def _draws(
     fit: KinkFit, root: FloatArray, count: int, generator: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Return random errors of the kinks, in axes in which their size is their Euclidean length.
+    """Return random errors of the kinks, in axes in which their length is their size.
 
     Both (draws, m) are randomly signed sums of the landings' contributions: for no
     kinks, and for the kinks found. For an assumed size in between, they are mixed in
@@ -360,12 +439,11 @@ def _draws(
     """
     both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
     sums = np.empty((count, both.shape[1]))
-    at_once = max(1, _AT_ONCE // len(both))
-    for first in range(0, count, at_once):
-        some = sums[first : first + at_once]
-        some[:] = (
-            2.0 * generator.integers(0, 2, size=(len(some), len(both))) - 1.0
-        ) @ both
+    draws_at_once = max(1, SIGNS_AT_ONCE // len(both))
+    for first in range(0, count, draws_at_once):
+        chunk = sums[first : first + draws_at_once]
+        zeros_and_ones = generator.integers(0, 2, size=(len(chunk), len(both)))
+        chunk[:] = (2.0 * zeros_and_ones - 1.0) @ both
     null, full = np.split(sums, 2, axis=1)
     return null, full
 
@@ -377,12 +455,15 @@ def _detectable(
 
     The kinks are along the axis of the largest error.
     """
-    along, across = errors[:, -1], np.sum(errors[:, :-1] ** 2, axis=1)
+    along = errors[:, -1]
+    across = np.sum(errors[:, :-1] ** 2, axis=1)
     threshold = float(np.quantile((along + allowed) ** 2 + across, 1.0 - level))
 
-    return _crossing(
-        lambda e: _share((along + e) ** 2 + across <= threshold) - (1.0 - power)
-    )
+    def missed(true: float) -> float:
+        """Return the share of draws that the test misses, beyond what power allows."""
+        return _share((along + true) ** 2 + across <= threshold) - (1.0 - power)
+
+    return _crossing(missed)
 
 
 def _share(holds: BoolArray) -> float:
@@ -390,13 +471,18 @@ def _share(holds: BoolArray) -> float:
 
 
 def _crossing(decreasing: Callable[[float], float]) -> float:
-    """Return the size at which a decreasing function crosses zero; 0 if it starts below zero."""
-    low, high = 0.0, 1e-3
+    """Return where a decreasing function crosses zero; 0 if it starts below zero."""
     if decreasing(0.0) <= 0.0:
         return 0.0
-    while decreasing(high) > 0.0 and high < _LARGEST:
-        low, high = high, 2.0 * high
-    for _ in range(_BISECTIONS):
+    low = 0.0
+    high = 1e-3
+    while decreasing(high) > 0.0 and high < LARGEST:
+        low = high
+        high = 2.0 * high
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if decreasing(middle) > 0.0 else (low, middle)
+        if decreasing(middle) > 0.0:
+            low = middle
+        else:
+            high = middle
     return high

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +28,11 @@ from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.judge import DIFFERENT, conclude, percent, sentence
 from hopdata.maps.verdict.model import one_landing, upper_ends
+from hopdata.messages import Message
 
-LEAST_SUBJECTS = 3  # fewer give no estimate of the variance between subjects
+#: Least number of subjects of a group.
+#: Unit: subjects. Origin: chosen: fewer give no estimate of the variance between them.
+LEAST_SUBJECTS = 3
 
 
 @dataclass(frozen=True)
@@ -106,22 +110,30 @@ def combine(squared: FloatArray, variance: FloatArray) -> Combined:
     found = combine_effects(
         squared, variance, method_re="iterated", atol=1e-12, maxiter=200
     )
-    mean, q = float(found.mean_effect_re), float(found.q)
+    mean = float(found.mean_effect_re)
     error = float(max(found.sd_eff_w_re, found.sd_eff_w_re_hksj))
-    between = float(np.sqrt(max(0.0, found.tau2)))
-    i2 = max(0.0, 1.0 - (number - 1) / q) if q > 0.0 else 0.0
-    p_values = (
-        float(chi2.sf(q, number - 1)),
-        float(2.0 * t.sf(abs(mean / error), number - 1)),
+    q = float(found.q)
+    i2 = 0.0
+    if q > 0.0:
+        i2 = max(0.0, 1.0 - (number - 1) / q)
+    return Combined(
+        n=number,
+        mean=mean,
+        error=error,
+        between=float(np.sqrt(max(0.0, found.tau2))),
+        i2=i2,
+        q=q,
+        q_p_value=float(chi2.sf(q, number - 1)),
+        p_value=float(2.0 * t.sf(abs(mean / error), number - 1)),
     )
-    return Combined(number, mean, error, between, i2, q, *p_values)
 
 
 def variance(members: pd.DataFrame) -> float:
     """Return the variance of the squared size of a typical one of these studies."""
     size = max(0.0, float(members["squared"].mean()))
-    null, along = members["squared_error"], members["along_error"]
-    return float((null**2).mean() + 4.0 * size * (along**2).mean())
+    of_none = (members["squared_error"] ** 2).mean()
+    of_size = 4.0 * size * (members["along_error"] ** 2).mean()
+    return float(of_none + of_size)
 
 
 def judge_group(
@@ -145,31 +157,49 @@ def judge_group(
     from scipy.stats import binom, t
 
     # A subject counts by the mean over its conditions, whose errors are independent.
-    parts = members.groupby("subject", sort=False)
-    of_mean = variance(members) * float((1.0 / parts.size()).mean())
-    squared = parts["squared"].mean().to_numpy(float)
+    subjects = members.groupby("subject", sort=False)
+    of_mean = variance(members) * float((1.0 / subjects.size()).mean())
+    squared = subjects["squared"].mean().to_numpy(float)
     found = combine(squared, np.full(len(squared), of_mean))
-    near, up = found.error * t.isf(
-        [(1.0 - confidence) / 2.0, 1.0 - confidence], found.n - 1
-    )
-    estimate, *ends = np.sqrt(max(0.0, found.mean) + np.array([0.0, near, up])).tolist()
+
+    tails = [(1.0 - confidence) / 2.0, 1.0 - confidence]
+    two_sided, one_sided = found.error * t.isf(tails, found.n - 1)
+    mean = max(0.0, found.mean)
+    estimate, *ends = np.sqrt(mean + np.array([0.0, two_sided, one_sided])).tolist()
     allowed, left = np.sqrt((members[["allowed", "left"]] ** 2).mean()).tolist()
-    low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - left)
-    low /= 1.0 + one_landing(allowed)
+    low_of_mean = float(np.sqrt(max(0.0, found.mean - two_sided)))
+    low = max(0.0, low_of_mean - left) / (1.0 + one_landing(allowed))
     high, bound = upper_ends(ends, allowed)
-    sizes = (estimate, low, high, bound)
+
     alone = int((members["conclusion"] == DIFFERENT).sum())
     chance = float(binom.sf(alone - 1, len(members), 1.0 - confidence))
-    conclusion = (
-        DIFFERENT if chance < 1.0 - confidence else conclude(low, bound, margin)
+    conclusion = conclude(low, bound, margin)
+    if chance < 1.0 - confidence:
+        conclusion = DIFFERENT
+    answer = sentence(
+        conclusion,
+        (estimate, low, high, bound),
+        Message("maps.all_contact_orders"),
+        confidence,
+        margin,
+        subjects=found.n,
     )
-    said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
-    said = f"Over {found.n} subjects {said[0].lower()}{said[1:]}"
-    more = ", more than false alarms explain" * (
-        conclusion == DIFFERENT and not low > 0.0
+    alone_decides = conclusion == DIFFERENT and not low > 0.0
+    said = Message(
+        "maps.alone_decides" if alone_decides else "maps.alone",
+        {"answer": answer, "number": alone, "studies": len(members)},
     )
-    said += f" Different on their own: {alone} of {len(members)} studies{more}."
-    return GroupVerdict(conclusion, said, *sizes, alone, chance, found)
+    return GroupVerdict(
+        conclusion=conclusion,
+        sentence=str(said),
+        estimate=estimate,
+        low=low,
+        high=high,
+        upper_bound=bound,
+        alone=alone,
+        alone_p_value=chance,
+        combined=found,
+    )
 
 
 def compare_conditions(
@@ -190,49 +220,60 @@ def compare_conditions(
     from scipy.stats import t
     from statsmodels.stats.multitest import multipletests
 
-    rows, left = [], float(np.sqrt((members["left"] ** 2).mean()))
-    parts = dict(list(members.groupby("condition", sort=False)))
-    for a, b in combinations(parts, 2):
-        both = parts[a].merge(parts[b], on="subject", suffixes=("", "_b"))
+    left = float(np.sqrt((members["left"] ** 2).mean()))
+    conditions = dict(list(members.groupby("condition", sort=False)))
+    rows = []
+    for a, b in combinations(conditions, 2):
+        both = conditions[a].merge(conditions[b], on="subject", suffixes=("", "_b"))
         if len(both) < LEAST_SUBJECTS:
             continue
         differences = (both["squared"] - both["squared_b"]).to_numpy(float)
-        found = combine(
-            differences, np.full(len(both), variance(parts[a]) + variance(parts[b]))
+        of_difference = variance(conditions[a]) + variance(conditions[b])
+        found = combine(differences, np.full(len(both), of_difference))
+        size_a = np.sqrt(max(0.0, both["squared"].mean()))
+        size_b = np.sqrt(max(0.0, both["squared_b"].mean()))
+
+        # What smooth terms leave of both squares may differ by left times their sizes.
+        by_chance = t.isf((1.0 - confidence) / 2.0, found.n - 1) * found.error
+        reach = by_chance + left * (size_a + size_b)
+        low = found.mean - reach
+        high = found.mean + reach
+        rows.append(
+            (a, b, found.n, size_a, size_b, found.mean, low, high, found.p_value)
         )
-        sizes = [
-            np.sqrt(max(0.0, both[name].mean())) for name in ("squared", "squared_b")
-        ]
-        near = t.isf((1.0 - confidence) / 2.0, found.n - 1) * found.error + left * sum(
-            sizes
-        )
-        ends = (found.mean, found.mean - near, found.mean + near, found.p_value)
-        rows.append((a, b, found.n, *sizes, *ends))
-    names = [
-        "condition_a",
-        "condition_b",
-        "n",
-        "size_a",
-        "size_b",
-        "difference",
-        "low",
-        "high",
-    ]
-    table = pd.DataFrame(rows, columns=[*names, "p_value"])
-    return table.assign(
-        p_holm=multipletests(table["p_value"], method="holm")[1] if rows else []
-    )
+    table = pd.DataFrame(rows, columns=list(_CONDITION_COLUMNS))
+    corrected: Any = []
+    if rows:
+        corrected = multipletests(table["p_value"], method="holm")[1]
+    return table.assign(p_holm=corrected)
+
+
+_CONDITION_COLUMNS = (
+    "condition_a",
+    "condition_b",
+    "n",
+    "size_a",
+    "size_b",
+    "difference",
+    "low",
+    "high",
+    "p_value",
+)
 
 
 def told_apart(conditions: pd.DataFrame, *, confidence: float = 0.95) -> str:
-    """Return a sentence on the conditions that differ, with their sizes; empty if none do."""
-    sure = (conditions["low"] * conditions["high"] > 0) & (
-        conditions["p_holm"] < 1 - confidence
-    )
-    pairs = [
-        " and ".join(
-            f"{row[f'condition_{one}']} ({percent(row[f'size_{one}'])})" for one in "ab"
-        )
-        for row in conditions[sure].to_dict("records")
-    ]
-    return f" Conditions differ: {'; '.join(pairs)}." if pairs else ""
+    """Return a sentence on the conditions that differ; empty if none do."""
+    excludes_zero = conditions["low"] * conditions["high"] > 0
+    is_significant = conditions["p_holm"] < 1 - confidence
+    pairs = []
+    for row in conditions[excludes_zero & is_significant].to_dict("records"):
+        values = {
+            "a": row["condition_a"],
+            "b": row["condition_b"],
+            "size_a": percent(row["size_a"]),
+            "size_b": percent(row["size_b"]),
+        }
+        pairs.append(str(Message("maps.two_conditions", values)))
+    if not pairs:
+        return ""
+    return f" {Message('maps.conditions_differ', {'pairs': '; '.join(pairs)})}"

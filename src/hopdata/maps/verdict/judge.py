@@ -1,11 +1,11 @@
-"""The verdict: one smooth map through the landing, a map for each contact order, or no answer.
+"""The verdict: one smooth map through the landing, one for each order, or no answer.
 
 It follows from the interval of a single size (`effect`): "different" if the interval
 begins above zero, "no difference" if the bound is within the margin, and "cannot tell"
 otherwise. A jump of the outcome is a difference whatever the derivatives are.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import ceil
 from numbers import Integral, Real
@@ -20,17 +20,24 @@ from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
+from hopdata.messages import Message
 from hopdata.recording import numbers
 
-DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = (
-    "different",
-    "no difference",
-    "cannot tell",
-)
+DIFFERENT = "different"
+NO_DIFFERENCE = "no difference"
+CANNOT_TELL = "cannot tell"
+CONCLUSIONS = (DIFFERENT, NO_DIFFERENCE, CANNOT_TELL)
+
 #: Difference for which every verdict gives the number of landings needed to show it.
+#: Unit: share of the map. Origin: chosen.
 ASKED = 0.2
-TWO_KINDS = "landings are of two kinds"
-NOT_FORETOLD = "contacts are not explained by the body's state"
+
+# Codes of notes that others look for.
+TWO_KINDS_CODE = "maps.two_kinds"
+NOT_FORETOLD_CODE = "maps.not_foretold"
+
+#: What the first of these is about, in words.
+TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,7 +82,11 @@ class Verdict(Shown):
         whose length varies from landing to landing, noise in the state) makes every
         size too small.
     notes
-        Limits of the answer, each ``{"what": ..., "reason": ...}``.
+        Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
+        ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
+    messages
+        Codes and values of ``sentence``, ``outlook`` and ``compared``, where these are
+        not empty.
     """
 
     conclusion: str
@@ -94,82 +105,22 @@ class Verdict(Shown):
     decided_by: str = "effect"
     landings_needed: int | None = None
     foretold: float | None = None
-    notes: Notes = field(default_factory=list)
+    notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
+    messages: Mapping[str, Message] = field(default_factory=dict)
 
     def told(self) -> str:
         """Return the sentence."""
         return self.sentence
 
     def rows(self) -> dict[str, Any]:
-        """Return the size of the difference, its interval and bounds, as shares of the map."""
-        return {k: [v] for k, v in vars(self.effect).items()} if self.effect else {}
+        """Return the size of the difference, its interval and bounds."""
+        if self.effect is None:
+            return {}
+        return {name: [value] for name, value in vars(self.effect).items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Return all values, for ``verdict.json``."""
         return asdict(self)
-
-
-def conclude(low: float, upper_bound: float, margin: float) -> str:
-    """Return the conclusion from the interval and the one-sided bound."""
-    return (
-        DIFFERENT
-        if low > 0.0
-        else NO_DIFFERENCE
-        if upper_bound <= margin
-        else CANNOT_TELL
-    )
-
-
-def sentence(
-    conclusion: str,
-    sizes: Sequence[float],
-    compared: str,
-    confidence: float,
-    margin: float,
-) -> str:
-    """Return a conclusion as a sentence; `sizes` are estimate, low, high and upper bound."""
-    require_choice("conclusion", conclusion, CONCLUSIONS)
-    size, low, high, bound, wanted = map(percent, [*sizes, margin])
-    sure, more = f"{100 * confidence:g} %", "just over " * (bound == wanted)
-    if conclusion == DIFFERENT:
-        interval = f"({sure} interval {low} to {high})"
-        return f"The maps of {compared} are different: by {size} of the map {interval}."
-    if conclusion == NO_DIFFERENCE:
-        larger = f"larger than {bound} of the map, at {sure} confidence"
-        return f"No difference between the maps of {compared} {larger}."
-    none = f"no difference between the maps of {compared} was found"
-    open_ = f"one of up to {more}{bound} of the map cannot be excluded, and {wanted} was wanted"
-    return f"These data cannot tell: {none}, but {open_}."
-
-
-def outlook(
-    effect: sizing.EffectSize, needed: int | None, landings: int, power: float
-) -> str:
-    """Return words on what these data could have shown, and on what would show more.
-
-    Parameters
-    ----------
-    effect : EffectSize
-    needed : int, optional
-        Number of landings that show a difference of `ASKED`; None if no number does.
-    landings : int
-        Number of landings that these data have.
-    power : float
-        Power with which the detectable difference would have been found.
-    """
-    seen = (
-        "Nothing could have been seen here: a difference would have to be larger than the map"
-        if effect.detectable > 1.0
-        else f"A difference that shows as {percent(effect.detectable)} would be found in "
-        f"{100 * power:g} % of such studies"
-    )
-    if needed is None:
-        return f"{seen}; {percent(ASKED)} cannot be seen with any number of landings."
-    number = f"{int(float(f'{needed:.1e}')):,}"
-    if needed <= landings:
-        return f"{seen}; to see {percent(ASKED)}, about {number} of these landings are enough."
-    instead = sizing.MORE_SPREAD * (needed > sizing.MOST_LANDINGS)
-    return f"{seen}; to see {percent(ASKED)} you would need about {number} landings{instead}."
 
 
 @told_call
@@ -220,164 +171,353 @@ def judge(
     ConfigError
         If another argument is not a number in its range.
     """
-    parts = [numbers(*one) for one in (("x", x), ("y", y), ("instants", instants))]
-    shapes = [part.shape for part in parts]
-    fits = [len(shape) for shape in shapes] == [2, 2, 2] and shapes[0] == shapes[1]
-    if not fits or shapes[0][0] != shapes[2][0] or shapes[0][1] % 6 or not shapes[0][1]:
-        told = "x, y, instants: expected one row per landing, (n, 6B), (n, 6B), (n, feet), found "
-        raise AnalysisError(told + ", ".join(map(str, shapes)))
-    errors = None
-    if instants_se is not None:
-        errors = numbers("instants_se", instants_se)
-        told = "a standard error for each instant, " + str(shapes[2])
-        require(errors.shape == shapes[2], "instants_se", told, errors.shape)
-    for key, share in (("confidence", confidence), ("power", power)):
-        require(
-            isinstance(share, Real) and 0 < share < 1,
-            key,
-            "a number between 0 and 1",
-            share,
-        )
-    require(
-        isinstance(margin, Real) and 0 < margin <= 1,
-        "margin",
-        "a number in (0, 1]",
-        margin,
-    )
-    # With fewer flips no p-value could be small enough.
-    for key, whole, least in (
-        ("seed", seed, 0),
-        ("flips", flips, ceil(1 / (1 - confidence))),
-    ):
-        fits = isinstance(whole, Integral) and whole >= least
-        require(fits, key, f"a whole number, {least} or more", whole)
-    known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
-    notes = _left_out(known)
-    how: dict[str, Any] = {"confidence": confidence, "power": power, "flips": flips}
-    asked = how | {
-        "n_feet": parts[2].shape[1],
-        "n_landings": int(known.sum()),
-        "margin": margin,
-    }
+    measured = _measured(x, y, instants, instants_se)
+    options = _Options(seed, margin, confidence, power, flips)
+    options.check()
+
+    known = measured.known()
+    left_out = _left_out(known)
     try:
         if blurred:
             raise AnalysisError(blurred)
-        known_errors = None
-        if errors is not None:
-            known_errors = np.nan_to_num(errors[known])
-        before, after, touched = (part[known] for part in parts)
-        landings = inputs.section_landings(before, after, touched, known_errors)
-        *differences, what = sizing.compared(landings)
+        landings = measured.landings(known)
+        comparison = sizing.compared(landings)
         fit = fit_kinks(landings)
     except AnalysisError as error:
-        note = {"what": "verdict", "reason": str(error)}
-        said = f"These data cannot tell: {error}."
-        return Verdict(
-            CANNOT_TELL, said, "", "", n_window=0, notes=[*notes, note], **asked
-        )
+        return _no_answer(error, measured, options, left_out)
 
-    def sized(part: KinkFit, root: FloatArray, stream: str) -> sizing.EffectSize:
-        draw = named_generator(seed, "verdict", stream)
-        return sizing.effect_size(part, root, generator=draw, **how)
-
-    size = sizing.squared_size(fit, landings, *differences)
-    effect = sized(fit, size, "signs")
+    root = sizing.squared_size(fit, landings, comparison)
+    effect = options.size(fit, root, "signs")
     jump = None
     if fit.jumps is not None:
-        jump = sized(fit.jumps, sizing.squared_jump(fit.jumps, landings), "jumps")
-    conclusion, needed = conclude(effect.low, effect.upper_bound, margin), None
-    said = sentence(conclusion, effect.sizes(), what, confidence, margin)
-    decided_by, no_evidence = "effect", effect.allowed
+        jump_root = sizing.squared_jump(fit.jumps, landings)
+        jump = options.size(fit.jumps, jump_root, "jumps")
+
+    conclusion = conclude(effect.low, effect.upper_bound, margin)
+    jumps = jump is not None and jump.low > 0.0
+    needed = None
     if effect.allowed < ASKED:
-        seen = effect.detectable, effect.allowed
         needed = sizing.landings_needed(
-            asked["n_landings"], *seen, ASKED, asked["n_feet"]
+            int(known.sum()),
+            effect.detectable,
+            effect.allowed,
+            ASKED,
+            measured.n_feet,
         )
-    foreseen = outlook(effect, needed, asked["n_landings"], power)
-    if jump and jump.low > 0.0:
-        told = f"{_jump_told(jump, confidence)}."
+    said = sentence(conclusion, effect.sizes(), comparison.what, confidence, margin)
+    foreseen = outlook(effect, needed, int(known.sum()), power)
+    decided_by = "effect"
+    no_evidence = effect.allowed
+    if jump is not None and jumps:
+        jump_said = _jump_said(jump, confidence)
         if conclusion == DIFFERENT:
-            said = f"{said} And {told}"
-        else:  # statements about derivatives are useless beside a jump
-            said = f"The maps of {what} are different: {told}"
-            often = f"{100 * power:g} % of such studies"
-            foreseen = (
-                f"A jump of {percent(jump.detectable)} would be found in {often}."
+            said = Message(
+                "maps.different_and_jump", {"different": said, "jump": jump_said}
             )
-            conclusion, decided_by, no_evidence, needed = DIFFERENT, "jump", 0.0, None
+        else:
+            # Statements about derivatives are useless beside a jump.
+            conclusion = DIFFERENT
+            decided_by = "jump"
+            needed = None
+            no_evidence = 0.0
+            said = Message(
+                "maps.jump_decides", {"compared": comparison.what, "jump": jump_said}
+            )
+            foreseen = Message(
+                "maps.outlook_jump",
+                {"detectable": percent(jump.detectable), "power": _per_cent(power)},
+            )
+
+    alike = err_alike(fit.scores @ root.T)
+    messages = {"sentence": said, "outlook": foreseen, "compared": comparison.what}
     return Verdict(
-        conclusion,
-        said,
-        foreseen,
-        what,
+        conclusion=conclusion,
+        sentence=str(said),
+        outlook=str(foreseen),
+        compared=str(comparison.what),
+        n_feet=measured.n_feet,
+        n_landings=int(known.sum()),
         n_window=len(fit.rows),
+        confidence=confidence,
+        margin=margin,
+        power=power,
+        flips=flips,
         effect=effect,
         jump=jump,
         decided_by=decided_by,
         landings_needed=needed,
         foretold=landings.foretold,
-        notes=notes + _limits(landings, no_evidence, err_alike(fit.scores @ size.T)),
-        **asked,
+        notes=[*left_out, *_limits(landings, no_evidence, alike)],
+        messages=messages,
     )
 
 
-def _jump_told(jump: sizing.EffectSize, confidence: float) -> str:
-    size, low, high, _ = map(percent, jump.sizes())
-    sure = f"({100 * confidence:g} % interval {low} to {high})"
-    jumps = f"the outcome jumps by {size} of its variation {sure}"
-    return f"where two feet exchange their order, {jumps}"
+@dataclass(frozen=True)
+class _Measured:
+    """The arrays of a study, of shapes that match: see `judge`."""
+
+    before: FloatArray
+    after: FloatArray
+    instants: FloatArray
+    instants_se: FloatArray | None
+
+    @property
+    def n_feet(self) -> int:
+        return self.instants.shape[1]
+
+    def known(self) -> BoolArray:
+        """Return of which landings all states and instants are known, (n,)."""
+        both = np.hstack([self.before, self.after, self.instants])
+        return np.asarray(np.isfinite(both).all(axis=1))
+
+    def landings(self, known: BoolArray) -> inputs.SectionLandings:
+        """Return the known landings in the coordinates of the verdict."""
+        errors = None
+        if self.instants_se is not None:
+            errors = np.nan_to_num(self.instants_se[known])
+        return inputs.section_landings(
+            self.before[known], self.after[known], self.instants[known], errors
+        )
+
+
+def _measured(
+    x: ArrayLike, y: ArrayLike, instants: ArrayLike, instants_se: ArrayLike | None
+) -> _Measured:
+    """Return the arrays, if their shapes match."""
+    before = numbers("x", x)
+    after = numbers("y", y)
+    touched = numbers("instants", instants)
+    are_tables = before.ndim == 2 and after.ndim == 2 and touched.ndim == 2
+    matches = (
+        are_tables
+        and before.shape == after.shape
+        and len(before) == len(touched)
+        and before.shape[1] > 0
+        and before.shape[1] % 6 == 0
+    )
+    if not matches:
+        expected = "one row per landing, (n, 6B), (n, 6B), (n, feet)"
+        found = f"{before.shape}, {after.shape}, {touched.shape}"
+        raise AnalysisError.at("x, y, instants", expected, found)
+    errors = None
+    if instants_se is not None:
+        errors = numbers("instants_se", instants_se)
+        wanted = f"a standard error for each instant, {touched.shape}"
+        matches = errors.shape == touched.shape
+        require(matches, "instants_se", wanted, errors.shape)
+    return _Measured(before, after, touched, errors)
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What is asked for: see `judge`."""
+
+    seed: int
+    margin: float
+    confidence: float
+    power: float
+    flips: int
+
+    def check(self) -> None:
+        """Raise a `ConfigError` unless every option is a number in its range."""
+        for key, share in (("confidence", self.confidence), ("power", self.power)):
+            fits = isinstance(share, Real) and 0 < share < 1
+            require(fits, key, "a number between 0 and 1", share)
+        fits = isinstance(self.margin, Real) and 0 < self.margin <= 1
+        require(fits, "margin", "a number in (0, 1]", self.margin)
+        fits = isinstance(self.seed, Integral) and self.seed >= 0
+        require(fits, "seed", "a whole number, 0 or more", self.seed)
+        # With fewer flips no p-value could be small enough.
+        least = ceil(1 / (1 - self.confidence))
+        fits = isinstance(self.flips, Integral) and self.flips >= least
+        require(fits, "flips", f"a whole number, {least} or more", self.flips)
+
+    def size(self, fit: KinkFit, root: FloatArray, stream: str) -> sizing.EffectSize:
+        """Return the size of kinks or steps, with signs from a stream of their own."""
+        return sizing.effect_size(
+            fit,
+            root,
+            generator=named_generator(self.seed, "verdict", stream),
+            confidence=self.confidence,
+            power=self.power,
+            flips=self.flips,
+        )
+
+
+def _no_answer(
+    error: AnalysisError, measured: _Measured, options: _Options, left_out: Notes
+) -> Verdict:
+    """Return the verdict on data that allow no number, and say why."""
+    reason: Any = error.args[0]
+    if not error.code:
+        reason = str(error)
+    said = Message("maps.no_answer", {"reason": reason})
+    note = {
+        "what": str(Message("maps.verdict_what")),
+        "reason": str(error),
+        "code": error.code or said.code,
+        "values": dict(reason.values) if error.code else {"reason": reason},
+    }
+    return Verdict(
+        conclusion=CANNOT_TELL,
+        sentence=str(said),
+        outlook="",
+        compared="",
+        n_feet=measured.n_feet,
+        n_landings=int(measured.known().sum()),
+        n_window=0,
+        confidence=options.confidence,
+        margin=options.margin,
+        power=options.power,
+        flips=options.flips,
+        notes=[*left_out, note],
+        messages={"sentence": said},
+    )
+
+
+def conclude(low: float, upper_bound: float, margin: float) -> str:
+    """Return the conclusion from the interval and the one-sided bound."""
+    if low > 0.0:
+        return DIFFERENT
+    if upper_bound <= margin:
+        return NO_DIFFERENCE
+    return CANNOT_TELL
+
+
+def sentence(
+    conclusion: str,
+    sizes: Sequence[float],
+    compared: Message | str,
+    confidence: float,
+    margin: float,
+    *,
+    subjects: int | None = None,
+) -> Message:
+    """Return a conclusion in one sentence.
+
+    Parameters
+    ----------
+    conclusion
+        One of `CONCLUSIONS`.
+    sizes
+        Estimate, low, high and upper bound.
+    compared
+        Whose maps were compared.
+    confidence, margin
+        As for `judge`.
+    subjects
+        Number of subjects, if it is the conclusion on a group of them.
+    """
+    require_choice("conclusion", conclusion, CONCLUSIONS)
+    estimate, low, high, bound = sizes
+    values: dict[str, Any] = {
+        "compared": compared,
+        "size": percent(estimate),
+        "low": percent(low),
+        "high": percent(high),
+        "bound": percent(bound),
+        "confidence": _per_cent(confidence),
+        "margin": percent(margin),
+    }
+    name = conclusion.replace(" ", "_")
+    if conclusion == CANNOT_TELL and values["bound"] == values["margin"]:
+        name = "cannot_tell_just"
+    if subjects is not None:
+        name = f"group_{name}"
+        values["subjects"] = subjects
+    return Message(f"maps.{name}", values)
+
+
+def outlook(
+    effect: sizing.EffectSize, needed: int | None, landings: int, power: float
+) -> Message:
+    """Return what these data could have shown, and what would show more.
+
+    Parameters
+    ----------
+    effect
+        Size of the difference.
+    needed
+        Number of landings that show a difference of `ASKED`; None if no number does.
+    landings
+        Number of landings that these data have.
+    power
+        Power with which the detectable difference would have been found.
+    """
+    seen = Message("maps.nothing_seen")
+    if effect.detectable <= 1.0:
+        shown = {"detectable": percent(effect.detectable), "power": _per_cent(power)}
+        seen = Message("maps.seen", shown)
+    values: dict[str, Any] = {"seen": seen, "asked": percent(ASKED)}
+    if needed is None:
+        return Message("maps.outlook_never", values)
+    two_digits = int(float(f"{needed:.1e}"))
+    values["number"] = f"{two_digits:,}"
+    if needed <= landings:
+        return Message("maps.outlook_enough", values)
+    if needed > sizing.MOST_LANDINGS:
+        values["more_spread"] = Message("maps.more_spread")
+        return Message("maps.outlook_spread", values)
+    return Message("maps.outlook_more", values)
+
+
+def _jump_said(jump: sizing.EffectSize, confidence: float) -> Message:
+    values = {
+        "size": percent(jump.estimate),
+        "low": percent(jump.low),
+        "high": percent(jump.high),
+        "confidence": _per_cent(confidence),
+    }
+    return Message("maps.jump", values)
 
 
 def _left_out(known: BoolArray) -> Notes:
     unknown = int((~known).sum())
-    reason = (
-        f"{unknown} of {len(known)} used lack a state or the contact instant of a foot"
-    )
-    return (
-        [{"what": "touchdowns left out of the verdict", "reason": reason}]
-        if unknown
-        else []
-    )
+    if not unknown:
+        return []
+    return [_note("left_out", unknown=unknown, landings=len(known))]
 
 
 def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> Notes:
-    far, state = inputs.far_off(landings), inputs.two_kinds(landings.inputs)
-    apart = f"a C1 map may look different by up to {percent(allowed)}"
-    kinds = (
-        f"by their {state} before, such as two speeds or heights: a size is a share of the "
-        "variation of both together, and may be larger within one of them: judge each alone, too"
-    )
-    mistakes = f"if these {far} are mistakes, they distort the size and its bounds"
-    in_a_row = (
-        f"successive ones err alike, so signs are drawn for {sizing.IN_A_ROW} together, which "
-        "widens the interval; even so, a difference may be false"
-    )
-    explained = f"{100 * landings.foretold:.1f} % of how far apart the feet touch"
-    unforetold = (
-        f"the state before the landing foretells {explained}; the rest is posture, such as legs "
-        "whose length varies from landing to landing, or noise in the state. Differences between "
-        "orders then look smaller than they are, and the bounds are too low, those of a jump most"
-    )
-    copies = "is one marker a copy of the other? The order of these two was not judged"
-    told = [
-        (
-            inputs.feet_as_one(landings),
-            "two feet are always the same time apart",
-            copies,
-        ),
-        (
-            allowed > LEFT,
-            "contacts far apart",
-            f"{apart}: smaller sizes are not evidence",
-        ),
-        (state, TWO_KINDS, kinds),
-        (far, "landings far from all others", mistakes),
-        (alike, "landings are not independent", in_a_row),
-        (landings.foretold < inputs.WELL_FORETOLD, NOT_FORETOLD, unforetold),
-    ]
-    return [{"what": what, "reason": reason} for holds, what, reason in told if holds]
+    """Return notes on what limits the answer.
+
+    `allowed` is the size up to which kinks are not evidence, and `alike` whether
+    successive landings err alike.
+    """
+    notes = []
+    if inputs.feet_as_one(landings):
+        notes.append(_note("feet_as_one"))
+    if allowed > LEFT:
+        notes.append(_note("contacts_far_apart", allowed=percent(allowed)))
+    state = inputs.two_kinds(landings.inputs)
+    if state:
+        notes.append(_note("two_kinds", state=Message(f"maps.{state}")))
+    far_off = inputs.far_off(landings)
+    if far_off:
+        notes.append(_note("far_off", count=far_off))
+    if alike:
+        notes.append(_note("err_alike", in_a_row=sizing.IN_A_ROW))
+    if landings.foretold < inputs.WELL_FORETOLD:
+        notes.append(_note("not_foretold", share=f"{100 * landings.foretold:.1f} %"))
+    return notes
+
+
+def _note(name: str, **values: Any) -> dict[str, Any]:
+    reason = Message(f"maps.{name}", values)
+    return {
+        "what": str(Message(f"maps.{name}_what")),
+        "reason": str(reason),
+        "code": reason.code,
+        "values": values,
+    }
 
 
 def percent(share: float) -> str:
     """Return a share in per cent, to two digits."""
-    return f"{float(f'{100 * share:.2g}'):g} %"
+    two_digits = float(f"{100 * share:.2g}")
+    return f"{two_digits:g} %"
+
+
+def _per_cent(share: float) -> str:
+    """Return a share that a user gave in per cent, as it was given."""
+    return f"{100 * share:g} %"

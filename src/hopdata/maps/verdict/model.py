@@ -1,13 +1,16 @@
-"""Fit of the kinks and jumps of a landing map near a simultaneous contact, beside smooth terms.
+"""Fit of the kinks and jumps of a landing map near a simultaneous contact.
 
-The model is y = smooth(x) + sum_k b_k h_k(t(x)) + noise. The kinks h are the latest
-contacts of sets of feet (`hopdata.maps.coordinates`); all b are zero exactly if the map
-has one derivative. The smooth terms are monomials of the inputs up to third order,
-fitted by least squares. With two feet, whose only kink is |d| with d the time between
-the contacts, d^4 is added. If there are too few landings for all third-order terms, the
-monomials stop at second order. If `allowed` then shows that the third order matters,
-third-order terms along the contacts are added, in the two main directions in which the
-contacts separate.
+They are fitted beside smooth terms. The model is
+
+    y = smooth(x) + sum_k b_k h_k(t(x)) + noise.
+
+The kinks h are the latest contacts of sets of feet (`hopdata.maps.coordinates`); all b
+are zero exactly if the map has one derivative. The smooth terms are monomials of the
+inputs up to third order, fitted by least squares. With two feet, whose only kink is |d|
+with d the time between the contacts, d^4 is added. If there are too few landings for
+all third-order terms, the monomials stop at second order. If `allowed` then shows that
+the third order matters, third-order terms along the contacts are added, in the two main
+directions in which the contacts separate.
 
 Other terms of a C1 map look like kinks; they shrink as the contacts come closer
 together. The landings with the largest contact spread are therefore left out, and kinks
@@ -19,6 +22,7 @@ terms.
 """
 
 from dataclasses import dataclass, replace
+from enum import Enum
 from itertools import combinations
 
 import numpy as np
@@ -27,31 +31,82 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import ALL_SETS_UP_TO, affordable_degree, kinks, monomials
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings, halves
+from hopdata.messages import Message
 
-#: Apparent difference, as a share of the map, that residual smooth terms may cause in
-#: any C1 landing: the larger of `LEFT` and `OF_FOURTH` c^1.5. Here c is the relative
+#: Apparent difference that residual smooth terms may cause in any C1 landing.
+#: Unit: share of the map. Origin: measured: a C1 hopper without noise has kinks of up
+#: to 0.08 (decisions.md, "A tenth of the map is allowed for").
+LEFT = 0.1
+
+#: The same where contacts lie far apart: this times c^1.5. Here c is the relative
 #: change of the derivative by third-order terms along the contacts. It grows as the
 #: square of the contacts' spread, while the change by the fourth order grows as the
 #: cube, hence as c^1.5.
-LEFT, OF_FOURTH = 0.1, 4.0
-#: Apparent jump that residual smooth terms may cause, as a share of the outcome's sd:
-#: the larger of `LEFT_OF_JUMPS` and `OF_ALLOWED` times `allowed`.
-LEFT_OF_JUMPS, OF_ALLOWED = 0.05, 0.1
+#: Unit: 1. Origin: measured: of 1.5 c, 2 c and 4 c^1.5 the last covers C1 hoppers of
+#: other shapes (decisions.md, "Where contacts lie far apart").
+OF_FOURTH = 4.0
+
+#: Apparent jump that residual smooth terms may cause.
+#: Unit: share of the outcome's sd. Origin: measured: in other bodies smooth terms leave
+#: about as much (verdict.md).
+LEFT_OF_JUMPS = 0.05
+
+#: The same where contacts lie far apart, as a share of `KinkFit.allowed`.
+#: Unit: 1. Origin: measured: as for `LEFT_OF_JUMPS`.
+OF_ALLOWED = 0.1
+
 #: Part of a true difference that smooth terms may hide, as a share of `allowed`.
+#: Unit: 1. Origin: chosen.
 HIDDEN = 0.5
+
 #: Largest deviation of one landing's derivative from the mean, in rms deviations of all
 #: landings.
-_ONE_LANDING = 2.0
+#: Unit: 1. Origin: chosen.
+ONE_LANDING = 2.0
 
-_FLAT = 1e-9  # relative rounding limit
-_NEXT = 5  # number of following landings with which each is compared
-_WAYS = 2  # main directions in which contacts separate: tilt has two
+#: How much more the mean of many studies may have left if third-order terms were not
+#: fitted, as a multiple of `allowed`.
+#: Unit: 1. Origin: chosen.
+WITHOUT_THIRD = 1.5
+
+#: Singular values and scatters at or below this share of the largest are rounding.
+#: Unit: 1. Origin: rounding.
+FLAT = 1e-9
+
+#: Number of following landings with which each is compared, to find whether they err
+#: alike.
+#: Unit: landings. Origin: chosen.
+NEXT = 5
+
+#: Standard errors by which successive landings resemble each other by chance.
+#: Unit: 1. Origin: convention: three standard errors.
+BY_CHANCE = 3.0
+
+#: Main directions in which contacts separate.
+#: Unit: 1. Origin: derived: tilt has two.
+WAYS = 2
+
 #: Kinks are invisible if less than this fraction of them remains beside the smooth
 #: terms.
-_LEAST_KINK = 1e-3
+#: Unit: 1. Origin: chosen.
+LEAST_KINK = 1e-3
+
 #: The same relative to the most visible kink, for kinks of pairs of feet only and for
 #: steps.
-_LEAST_OF_PAIRS = 0.25
+#: Unit: 1. Origin: chosen.
+LEAST_OF_PAIRS = 0.25
+
+#: Least slack of a landing (one minus its leverage) by which a residual is divided.
+#: Unit: 1. Origin: chosen.
+LEAST_SLACK = 0.1
+
+
+class Third(Enum):
+    """The third-order terms of the smooth part."""
+
+    NONE = "none"
+    ALONG = "along the contacts"
+    ALL = "of all inputs"
 
 
 @dataclass(frozen=True)
@@ -101,76 +156,98 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
     AnalysisError
         If there are no landings in which two feet exchange their order.
     """
-    x, t = landings.inputs, landings.expected
-    rows = np.sort(np.argsort(t.std(axis=1), kind="stable")[: round(WINDOW * len(x))])
-    few = affordable_degree(len(rows), x.shape[1], t.shape[1]) < 3
-    window = _Smooth(landings, rows, "none" if few else "all")
+    n_inputs = landings.inputs.shape[1]
+    n_feet = landings.expected.shape[1]
+    rows = _window(landings.expected)
+    affords_third = affordable_degree(len(rows), n_inputs, n_feet) >= 3
+    third = Third.ALL if affords_third else Third.NONE
+    window = _Smooth(landings, rows, third)
     seen = window.seen_kinks()
-    allowed = max(LEFT, OF_FOURTH * window.third(seen) ** 1.5)
-    if few and allowed > LEFT:
-        window, few = _Smooth(landings, rows, "along"), False
+    allowed = max(LEFT, OF_FOURTH * window.change_by_third(seen) ** 1.5)
+    if third is Third.NONE and allowed > LEFT:
+        third = Third.ALONG
+        window = _Smooth(landings, rows, third)
         seen = window.seen_kinks()
     if not seen.size:
-        raise AnalysisError("no two feet exchange their order among these touchdowns")
+        missing = Message("maps.feet_exchange")
+        raise AnalysisError(Message("maps.no_two_feet", {"what_is_missing": missing}))
+
+    left = allowed
+    if third is Third.NONE:
+        left = WITHOUT_THIRD * allowed
     coefficients, scores, null_scores = window.fit(seen)
     linear = window.linear(seen @ coefficients)
-    left = 1.5 * allowed if few else allowed
     kinks = KinkFit(
         coefficients, linear, scores, null_scores, seen, rows, allowed, left
     )
+
     window.look_for_steps(seen)
-    steps = window.seen_kinks(least=_LEAST_OF_PAIRS)
+    steps = window.seen_kinks(least=LEAST_OF_PAIRS)
     if not steps.size:
         return kinks
     sizes, scores, null_scores = window.fit(steps)
-    allowed = max(LEFT_OF_JUMPS, OF_ALLOWED * allowed)
-    jumps = KinkFit(sizes, linear, scores, null_scores, steps, rows, allowed, allowed)
+    of_jumps = max(LEFT_OF_JUMPS, OF_ALLOWED * allowed)
+    jumps = KinkFit(sizes, linear, scores, null_scores, steps, rows, of_jumps, of_jumps)
     return replace(kinks, jumps=jumps)
 
 
-class _Smooth:
-    """Smooth terms for a set of landings, and the parts of kinks and outputs outside them."""
+def _window(instants: FloatArray) -> IntArray:
+    """Return the numbers of the landings with the least contact spread, increasing."""
+    by_spread = np.argsort(instants.std(axis=1), kind="stable")
+    nearest = by_spread[: round(WINDOW * len(instants))]
+    return np.sort(nearest)
 
-    def __init__(self, landings: SectionLandings, rows: IntArray, third: str) -> None:
-        self.landings, self.rows = landings, rows
-        t, self.outputs = landings.expected[rows], landings.outputs[rows]
-        self.kinks, self.inputs = kinks(t), _whitened(landings.inputs[rows])
-        self.along = monomials(_whitened(t)[:, :_WAYS], (3,))
-        self.lower = np.column_stack(
-            [np.ones(len(rows)), monomials(self.inputs, (1, 2))]
-        )
-        terms = {
-            "none": [],
-            "along": [self.along],
-            "all": [monomials(self.inputs, (3,))],
-        }[third]
-        fourth = [t[:, :1] ** 4] * (t.shape[1] == 2)
-        self.basis, self.root = np.linalg.qr(
-            np.column_stack([self.lower, *terms, *fourth])
-        )
+
+class _Smooth:
+    """Smooth terms for a set of landings, and what they leave of kinks and outputs."""
+
+    def __init__(self, landings: SectionLandings, rows: IntArray, third: Third) -> None:
+        self.landings = landings
+        self.rows = rows
+        instants = landings.expected[rows]
+        self.outputs = landings.outputs[rows]
+        self.kinks = kinks(instants)
+        self.inputs = _whitened(landings.inputs[rows])
+        self.along = monomials(_whitened(instants)[:, :WAYS], (3,))
+        ones = np.ones(len(rows))
+        self.lower = np.column_stack([ones, monomials(self.inputs, (1, 2))])
+
+        terms = [self.lower]
+        if third is Third.ALONG:
+            terms.append(self.along)
+        if third is Third.ALL:
+            terms.append(monomials(self.inputs, (3,)))
+        if instants.shape[1] == 2:
+            # Of two feet, d^4 looks most like their only kink, |d|.
+            terms.append(instants[:, :1] ** 4)
+        self.basis, self.root = np.linalg.qr(np.column_stack(terms))
+
         self.rest = self._without(self.outputs)
-        left = np.abs(np.diag(np.linalg.qr(self.rest, mode="r")))
-        if (
-            not left.min()
-            > _FLAT * np.abs(self.outputs - self.outputs.mean(axis=0)).max()
-        ):
-            raise AnalysisError(
-                "an outcome of the landing does not vary, or has no noise at all"
-            )
+        scatter = np.abs(np.diag(np.linalg.qr(self.rest, mode="r")))
+        largest = np.abs(self.outputs - self.outputs.mean(axis=0)).max()
+        if not scatter.min() > FLAT * largest:
+            raise AnalysisError(Message("maps.outcome_constant"))
 
     def _without(self, columns: FloatArray) -> FloatArray:
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def look_for_steps(self, seen: FloatArray) -> None:
-        """Add the `seen` kinks to the smooth terms, and replace them by steps of pairs of feet."""
-        t, found = self.landings.expected[self.rows].T, self._without(self.kinks) @ seen
-        self.basis = np.linalg.qr(np.column_stack([self.basis, found]))[0]
+        """Count the `seen` kinks among the smooth terms, and look for steps instead."""
+        found = self._without(self.kinks) @ seen
+        self.basis, _ = np.linalg.qr(np.column_stack([self.basis, found]))
         self.rest = self._without(self.outputs)
-        signs = (np.sign(t[i] - t[j]) for i, j in combinations(range(len(t)), 2))
-        often = [
-            one for one in signs if len(one) - np.abs(one.sum()) >= 2 * LEAST_CLASS
-        ]
-        self.kinks = np.column_stack(often or [np.zeros(len(self.rows))])
+
+        instants = self.landings.expected[self.rows].T
+        steps = []
+        for i, j in combinations(range(len(instants)), 2):
+            step = np.sign(instants[i] - instants[j])
+            # Twice the number of landings in the rarer of the two orders.
+            twice_rarer = len(step) - np.abs(step.sum())
+            if twice_rarer >= 2 * LEAST_CLASS:
+                steps.append(step)
+        if not steps:
+            steps = [np.zeros(len(self.rows))]
+        self.kinks = np.column_stack(steps)
 
     def seen_kinks(self, least: float = 0.0) -> FloatArray:
         """Return the combinations of kinks, (all, K), that smooth terms do not explain.
@@ -183,65 +260,70 @@ class _Smooth:
         be distinguished. The remainders of the others are noise, with which the test
         would have no power.
         """
-        _, values, right = np.linalg.svd(self._without(self.kinks), full_matrices=False)
-        limit = _LEAST_KINK * np.linalg.norm(self.kinks, 2)
+        rest = self._without(self.kinks)
+        _, singular, right = np.linalg.svd(rest, full_matrices=False)
         if self.landings.expected.shape[1] > ALL_SETS_UP_TO:
-            least = _LEAST_OF_PAIRS
-        return np.asarray(right[values > max(limit, least * values[0])].T)
+            least = LEAST_OF_PAIRS
+        visible = LEAST_KINK * np.linalg.norm(self.kinks, 2)
+        limit = max(visible, least * singular[0])
+        return np.asarray(right[singular > limit].T)
 
     def fit(self, seen: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the kinks (K, q), and the scores and null scores (N, K q) of all landings."""
+        """Return the kinks (K, q), scores and null scores (N, K q) of all landings."""
         bends = self._without(self.kinks) @ seen
         influence = np.asarray(np.linalg.solve(bends.T @ bends, bends.T), float)
         found = influence @ self.rest
         slack = 1.0 - np.sum(self.basis**2, axis=1)
-        own = slack - np.einsum("nk,kn->n", bends, influence)
-        with_kinks = self._scores(influence, self.rest - bends @ found, own)
-        return found, with_kinks, self._scores(influence, self.rest, slack)
+        slack_with_kinks = slack - np.einsum("nk,kn->n", bends, influence)
+        residuals = self.rest - bends @ found
+        scores = self._scores(influence, residuals, slack_with_kinks)
+        null_scores = self._scores(influence, self.rest, slack)
+        return found, scores, null_scores
 
-    def third(self, seen: FloatArray) -> float:
-        """Return the relative change of the derivative by third-order terms along the contacts.
+    def change_by_third(self, seen: FloatArray) -> float:
+        """Return c, by how much third-order terms change the derivative.
 
-        It is the rms over the landings, without the contribution of noise.
+        The terms are those along the contacts. It is the rms over the landings,
+        relative to the derivative and without the
+        contribution of noise.
         """
-        basis, root = np.linalg.qr(
-            np.column_stack([self.lower, self.kinks @ seen, self.along])
-        )
-        slopes = np.linalg.inv(root)[-self.along.shape[1] :]
-        found = slopes @ basis.T @ self.outputs
-        errors = self.outputs - basis @ (basis.T @ self.outputs)
-        noise = np.sum(errors**2, axis=0) / (len(basis) - basis.shape[1])
+        design = np.column_stack([self.lower, self.kinks @ seen, self.along])
+        basis, root = np.linalg.qr(design)
+        to_coefficients = np.linalg.inv(root)[-self.along.shape[1] :]
+        coefficients = to_coefficients @ basis.T @ self.outputs
+
+        residuals = self.outputs - basis @ (basis.T @ self.outputs)
+        noise = np.sum(residuals**2, axis=0) / (len(basis) - basis.shape[1])
+        variances = np.sum(to_coefficients**2, axis=1)[:, None] * noise
+
         # For normal u and v the derivative of u^3, less its mean, has mean square 18;
-        # of u^2 v, 6.
-        weights = np.where(
-            np.isin(np.arange(len(slopes)), (0, len(slopes) - 1)), 18.0, 6.0
-        )
-        squares = weights @ (found**2 - np.sum(slopes**2, axis=1)[:, None] * noise)
-        return float(np.sqrt(max(0.0, squares @ halves(np.var(self.outputs, axis=0)))))
+        # of u^2 v, 6. The first and the last term are the cubes of u and of v.
+        mean_squares = np.full(len(coefficients), 6.0)
+        mean_squares[0] = 18.0
+        mean_squares[-1] = 18.0
+        changes = mean_squares @ (coefficients**2 - variances)
+        relative = changes @ halves(np.var(self.outputs, axis=0))
+        return float(np.sqrt(max(0.0, relative)))
 
     def _scores(
-        self, influence: FloatArray, errors: FloatArray, slack: FloatArray
+        self, influence: FloatArray, residuals: FloatArray, slack: FloatArray
     ) -> FloatArray:
-        errors = errors / np.sqrt(np.maximum(slack, 0.1))[:, None]
-        scores = np.zeros(
-            (len(self.landings.inputs), influence.shape[0] * errors.shape[1])
-        )
-        scores[self.rows] = (influence.T[:, :, None] * errors[:, None, :]).reshape(
-            len(errors), -1
-        )
+        """Return each landing's contribution to the error of the kinks, (N, K q)."""
+        errors = residuals / np.sqrt(np.maximum(slack, LEAST_SLACK))[:, None]
+        contributions = influence.T[:, :, None] * errors[:, None, :]
+        scores = np.zeros((len(self.landings.inputs), contributions[0].size))
+        scores[self.rows] = contributions.reshape(len(errors), -1)
         return scores
 
     def linear(self, coefficients: FloatArray) -> FloatArray:
-        """Return the derivative (p, q), by the inputs, of the outputs without these kinks."""
+        """Return the derivative (p, q) of the outputs without these kinks."""
         smooth = self.outputs - self.kinks @ coefficients
+        terms = np.linalg.solve(self.root, self.basis.T @ smooth)
+        by_whitened = terms[1 : self.inputs.shape[1] + 1]  # after the constant
         inputs = self.landings.inputs[self.rows]
-        slopes = np.linalg.solve(self.root, self.basis.T @ smooth)[
-            1 : self.inputs.shape[1] + 1
-        ]
-        scale = np.linalg.lstsq(inputs - inputs.mean(axis=0), self.inputs, rcond=None)[
-            0
-        ]
-        return np.asarray(scale @ slopes)
+        centred = inputs - inputs.mean(axis=0)
+        whitening = np.linalg.lstsq(centred, self.inputs, rcond=None)[0]
+        return np.asarray(whitening @ by_whitened)
 
 
 def err_alike(scores: FloatArray) -> bool:
@@ -249,28 +331,32 @@ def err_alike(scores: FloatArray) -> bool:
 
     Random signs give a resemblance of up to three standard errors by chance.
     """
-    pairs = [np.sum(scores[k:] * scores[:-k], axis=1) for k in range(1, _NEXT + 1)]
-    products = np.concatenate(pairs)
-    return bool(products.sum() > 3.0 * np.linalg.norm(products))
+    products = [np.sum(scores[k:] * scores[:-k], axis=1) for k in range(1, NEXT + 1)]
+    resemblance = np.concatenate(products)
+    by_chance = BY_CHANCE * np.linalg.norm(resemblance)
+    return bool(resemblance.sum() > by_chance)
 
 
 def one_landing(allowed: float) -> float:
-    """Return the relative deviation of a difference at one landing from the observed mean.
+    """Return the relative deviation of a difference at one landing from the mean.
 
     Like the derivative itself, the difference changes over the landings by the share c
     (see `LEFT`).
     """
-    return float(_ONE_LANDING * (allowed / OF_FOURTH) ** (2 / 3))
+    change = (allowed / OF_FOURTH) ** (2 / 3)
+    return float(ONE_LANDING * change)
 
 
 def upper_ends(sizes: list[float], allowed: float) -> list[float]:
-    """Return upper ends for differences at the simultaneous contact that appear as these `sizes`.
+    """Return upper ends for differences that appear as these `sizes`.
 
-    They are larger because smooth terms may hide part of a difference, and because that
-    contact is a single landing, which may deviate from the mean.
+    At the simultaneous contact they are larger, because smooth terms may hide part of a
+    difference, and because that contact is a single landing, which may deviate from the
+    mean.
     """
-    off = one_landing(allowed)
-    return [size + float(np.hypot(HIDDEN * allowed, off * size)) for size in sizes]
+    hidden = HIDDEN * allowed
+    deviation = one_landing(allowed)
+    return [size + float(np.hypot(hidden, deviation * size)) for size in sizes]
 
 
 def symmetric_root(covariance: FloatArray) -> FloatArray:
@@ -280,12 +366,14 @@ def symmetric_root(covariance: FloatArray) -> FloatArray:
     eigenvectors. With it the same seed gives the same draws on every machine, up to the
     square root of rounding errors.
     """
-    values, vectors = np.linalg.eigh(covariance)
-    kept = np.where(values > _FLAT**1.5 * values[-1], values, 0.0)
+    eigenvalues, vectors = np.linalg.eigh(covariance)
+    is_rounding = eigenvalues <= FLAT**1.5 * eigenvalues[-1]
+    kept = np.where(is_rounding, 0.0, eigenvalues)
     return np.asarray(vectors * np.sqrt(kept) @ vectors.T)
 
 
 def _whitened(x: FloatArray) -> FloatArray:
-    """Return all uncorrelated combinations of the columns, scaled to mean square one."""
-    left, values, _ = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)
-    return np.asarray(left[:, values > _FLAT * values[0]] * np.sqrt(len(x)))
+    """Return all uncorrelated combinations of the columns, of mean square one."""
+    left, singular, _ = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)
+    varies = singular > FLAT * singular[0]
+    return np.asarray(left[:, varies] * np.sqrt(len(x)))

@@ -8,54 +8,82 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
-from hopdata.errors import RecordingError, counted
+from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
+from hopdata.errors import RecordingError
+from hopdata.messages import Message
 from hopdata.recording import Recording
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.plausibility import notes
-from hopdata.recordings.quality import rigid, stretches, swaps
-from hopdata.recordings.quality.orientation import (
-    UNITS_IN_M,
-    Guess,
-    guess_rate,
-    guess_unit_and_up,
-)
+from hopdata.recordings.quality import processing, repeats, rests, rigid, swaps
+from hopdata.recordings.quality.frame_rate import guess_rate
+from hopdata.recordings.quality.free_fall import UNITS_IN_M
+from hopdata.recordings.quality.orientation import Guess, guess_unit_and_up
 from hopdata.recordings.quality.part_names import roles_by_name
-from hopdata.recordings.quality.swaps import Excursion, Swap
-from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
+from hopdata.recordings.quality.stretches import MarkerGaps, marker_gaps
+from hopdata.recordings.quality.surprises import (
+    Excursion,
+    Surprises,
+    find_jumps,
+    find_spikes,
+    surprises,
+)
+from hopdata.recordings.quality.swaps import Swap
+from hopdata.recordings.quality.timing import Timing, check_stamps, lost_frames
+from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.wording import frames
+from hopdata.time_stamps import is_pause
 
 Progress = Callable[[str], None]
 
-RATE_TOLERANCE = 0.02  # relative error of the rate from the time stamps
-MOST_IRREGULAR = 20  # irregular time steps that are listed one by one
-STENCIL = 3  # frames on either side that are used to judge a position
+#: Largest difference of the rate of the time stamps from the stated one.
+#: Unit: 1. Origin: chosen.
+RATE_TOLERANCE = 0.02
+
+#: Irregular time steps that are listed one by one; more of them are one fault.
+#: Unit: 1. Origin: chosen.
+MOST_IRREGULAR = 20
+
+#: Frames on either side that are used to judge a position.
+#: Unit: frames. Origin: derived: a parabola has three coefficients.
+STENCIL = 3
+
+#: Step of the time stamps up to which they show no lost frames.
+#: Unit: frames. Origin: derived: halfway to the step with one frame lost.
+SILENT = 1.5
 
 
 @dataclass(frozen=True)
 class Faults:
-    """What looks wrong; frame numbers start at 0, lengths are in m."""
+    """What looks wrong; frame numbers start at 0, lengths are in m.
+
+    Parameters
+    ----------
+    swaps : tuple of Swap
+        Exchanged names.
+    spikes, jumps : tuple of Excursion
+        Displaced markers: for a few frames, or from a frame on.
+    frozen : tuple of Frozen
+        Repeated positions and straight lines.
+    copies : tuple
+        As returned by `repeats.copied_frames`.
+    """
 
     swaps: tuple[Swap, ...]
     spikes: tuple[Excursion, ...]
     jumps: tuple[Excursion, ...]
-    frozen: tuple[stretches.Frozen, ...]
-    copies: tuple[
-        tuple[int, int, int], ...
-    ] = ()  # as returned by `stretches.copied_frames`
+    frozen: tuple[repeats.Frozen, ...]
+    copies: tuple[tuple[int, int, int], ...] = ()
 
     @property
     def count(self) -> int:
         """Return the number of faults of all kinds."""
-        return sum(
-            map(len, (self.swaps, self.spikes, self.jumps, self.frozen, self.copies))
-        )
-
-
-_DOES = {"frozen": "repeats one position", "filled": "runs on straight, as if filled,"}
+        of_markers = len(self.swaps) + len(self.spikes) + len(self.jumps)
+        return of_markers + len(self.frozen) + len(self.copies)
 
 
 @dataclass(frozen=True)
-class Suspect:
-    """One thing that looks wrong.
+class Fault:
+    """One thing that looks wrong, before its time is known.
 
     Parameters
     ----------
@@ -66,9 +94,7 @@ class Suspect:
         Markers concerned; none for faults of the time stamps.
     start, stop : int
         First frame, and the frame after the last, counted from 0.
-    time_s : float
-        Time after the first frame, s.
-    text : str
+    message : Message
         What was found.
     """
 
@@ -76,8 +102,25 @@ class Suspect:
     markers: tuple[str, ...]
     start: int
     stop: int
+    message: Message
+
+
+@dataclass(frozen=True)
+class Suspect(Fault):
+    """One thing that looks wrong.
+
+    Parameters
+    ----------
+    time_s : float
+        Time after the first frame, s.
+    """
+
     time_s: float
-    text: str
+
+    @property
+    def text(self) -> str:
+        """What was found, in words."""
+        return str(self.message)
 
 
 @dataclass(frozen=True)
@@ -110,8 +153,8 @@ class Inspection:
         What looks wrong.
     remarks : tuple of str
         Remarks of the reader on the file.
-    treated : tuple of str
-        Processing of the positions after they were recorded (`rigid.treated`).
+    treated : tuple of Message
+        Processing of the positions after they were recorded (`processing.treated`).
     """
 
     markers: tuple[str, ...]
@@ -121,121 +164,160 @@ class Inspection:
     unit: Guess
     up: Guess
     rate: Guess
-    gaps: tuple[stretches.MarkerGaps, ...]
-    timing: stretches.Timing
+    gaps: tuple[MarkerGaps, ...]
+    timing: Timing
     pairs: rigid.PairDistances
     clusters: tuple[rigid.Cluster, ...]
     noise_m: FloatArray
     faults: Faults
     remarks: tuple[str, ...] = ()
-    treated: tuple[str, ...] = ()
+    treated: tuple[Message, ...] = ()
 
     def recording(
         self, feet: Iterable[str], body: Iterable[str], **named: str
     ) -> Recording:
         """Return the recording of the markers chosen as feet and body."""
-        of = (self.time, self.positions, self.markers)
-        return Recording.from_arrays(*of, feet=feet, body=body, **named)
+        return Recording.from_arrays(
+            self.time, self.positions, self.markers, feet=feet, body=body, **named
+        )
 
     @property
     def duration_s(self) -> float:
         """Return the time from the first frame to the last, s."""
-        return float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
+        if not len(self.time):
+            return 0.0
+        return float(self.time[-1] - self.time[0])
 
     @property
     def typical_noise_m(self) -> float:
-        """Return the median frame-to-frame noise of the markers, m; NaN if none is known."""
+        """Return the median frame-to-frame noise of the markers, m, or NaN."""
         known = self.noise_m[np.isfinite(self.noise_m)]
-        return float(np.median(known)) if len(known) else float("nan")
+        if not len(known):
+            return float("nan")
+        return float(np.median(known))
 
     @property
     def n_problems(self) -> int:
         """Return the number of faults, including those of the time stamps."""
-        return sum(1 for _ in self._faults())
+        return len(self._faults())
 
     @property
-    def lost(self) -> list[str]:
+    def lost(self) -> list[Message]:
         """Report how many frames are missing without a sign in the time stamps."""
-        lost = [n for k, n in self.timing.drops.tolist() if self._is_silent(k)]
-        where = (
-            f"{counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}"
-        )
-        told = f"about {where}, though no time stamp shows it (all markers jump on); contacts there"
-        return [
-            f"{told} are wrong: export with times, or exclude those landings"
-        ] * bool(lost)
+        n_lost = [n for k, n in self.timing.drops.tolist() if self._is_silent(k)]
+        if not n_lost:
+            return []
+        places = Message("recordings.one_place")
+        if len(n_lost) > 1:
+            places = Message("recordings.places", {"number": len(n_lost)})
+        values = {"lost": frames(sum(n_lost)), "places": places}
+        return [Message("recordings.lost", values)]
 
     def _is_silent(self, frame: int) -> bool:
-        return bool(
-            (self.time[frame + 1] - self.time[frame]) * self.timing.rate_hz < 1.5
-        )
+        """Tell whether the time stamps show no loss after a frame."""
+        step_s = self.time[frame + 1] - self.time[frame]
+        return bool(step_s * self.timing.rate_hz < SILENT)
 
     def suspects(self) -> list[Suspect]:
         """List all faults, the earliest first."""
-        found = [
-            Suspect(
-                kind, markers, start, stop, float(self.time[start] - self.time[0]), text
+        found = []
+        for fault in self._faults():
+            time_s = float(self.time[fault.start] - self.time[0])
+            found.append(
+                Suspect(
+                    fault.kind,
+                    fault.markers,
+                    fault.start,
+                    fault.stop,
+                    fault.message,
+                    time_s,
+                )
             )
-            for kind, markers, start, stop, text in self._faults()
-        ]
         return sorted(found, key=lambda s: (s.start, s.kind, s.markers))
 
-    def _faults(self) -> Iterator[tuple[str, tuple[str, ...], int, int, str]]:
-        timing = self.timing
+    def _faults(self) -> list[Fault]:
+        return [
+            *self._faults_of_markers(),
+            *self._copied_frames(),
+            *self._faults_of_stamps(),
+        ]
+
+    def _faults_of_markers(self) -> Iterator[Fault]:
         for swap in self.faults.swaps:
-            names = (" and " if len(swap.markers) == 2 else ", ").join(swap.markers)
-            until = "to the end" if swap.stop is None else f"to frame {swap.stop}"
-            text = f"{names} exchanged {until} (by {' and '.join(swap.found_by)})"
-            yield "swap", swap.markers, swap.start, swap.stop or len(self.time), text
+            yield self._swap(swap)
         for spike in self.faults.spikes:
-            length = counted(spike.stop - spike.start, "frame")
             name = self.markers[spike.marker]
-            text = f"{name} is {1e3 * spike.size:.1f} mm off for {length}"
-            yield "spike", (name,), spike.start, spike.stop, text
+            values = {
+                "marker": name,
+                "size_mm": 1e3 * spike.size,
+                "length": frames(spike.stop - spike.start),
+            }
+            message = Message("recordings.spike", values)
+            yield Fault("spike", (name,), spike.start, spike.stop, message)
         for jump in self.faults.jumps:
             name = self.markers[jump.marker]
-            text = f"{name} jumps by {1e3 * jump.size:.1f} mm"
-            yield "jump", (name,), jump.start, jump.stop, text
+            values = {"marker": name, "size_mm": 1e3 * jump.size}
+            message = Message("recordings.jump", values)
+            yield Fault("jump", (name,), jump.start, jump.stop, message)
         for one in self.faults.frozen:
-            text = f"{one.marker} {_DOES[one.kind]} in {one.stop - one.start} frames"
-            yield one.kind, (one.marker,), one.start, one.stop, text
+            values = {"marker": one.marker, "number": one.stop - one.start}
+            message = Message(f"recordings.{one.kind}", values)
+            yield Fault(one.kind, (one.marker,), one.start, one.stop, message)
+
+    def _swap(self, swap: Swap) -> Fault:
+        names = ", ".join(swap.markers)
+        if len(swap.markers) == 2:
+            names = " and ".join(swap.markers)
+        values: dict[str, Any] = {
+            "markers": names,
+            "tests": " and ".join(swap.found_by),
+        }
+        if swap.stop is None:
+            message = Message("recordings.swap_until_the_end", values)
+        else:
+            message = Message("recordings.swap", {**values, "stop": swap.stop})
+        stop = swap.stop or len(self.time)
+        return Fault("swap", swap.markers, swap.start, stop, message)
+
+    def _copied_frames(self) -> Iterator[Fault]:
         for start, stop, first in self.faults.copies:
-            text = f"frames {start + 1} to {stop} are copies of {first + 1} to"
-            text += f" {first + stop - start}: cut them out"
+            n_frames = stop - start
             if first == start - 1:
-                text = f"frame {start} stands here {stop - start + 1} times: keep one"
-            yield "copy", (), start, stop, text
-        if abs(timing.rate_hz / self.rate_hz - 1) > RATE_TOLERANCE:
-            found, stated = f"{timing.rate_hz:g} Hz", f"{self.rate_hz:g} Hz"
-            text = (
-                f"the time stamps run at {found}, and the frame rate stated is {stated}"
-            )
-            yield "rate", (), 0, 1, text
-        for k, n in timing.drops.tolist():
-            silent = " (about; no time stamp shows it)" * self._is_silent(k)
-            yield (
-                "dropped",
-                (),
-                k,
-                k + 1,
-                f"{counted(n, 'frame')} dropped after this one{silent}",
-            )
-        uneven = sorted([*timing.irregular.tolist(), *timing.backward.tolist()])
+                values = {"frame": start, "times": n_frames + 1}
+                message = Message("recordings.held", values)
+            else:
+                values = {
+                    "first": start + 1,
+                    "last": stop,
+                    "first_original": first + 1,
+                    "last_original": first + n_frames,
+                }
+                message = Message("recordings.copied", values)
+            yield Fault("copy", (), start, stop, message)
+
+    def _faults_of_stamps(self) -> Iterator[Fault]:
+        found_hz = self.timing.rate_hz
+        if abs(found_hz / self.rate_hz - 1) > RATE_TOLERANCE:
+            rates = {"found_hz": found_hz, "stated_hz": self.rate_hz}
+            yield Fault("rate", (), 0, 1, Message("recordings.rate_of_stamps", rates))
+        for k, n_lost in self.timing.drops.tolist():
+            code = "dropped_silently" if self._is_silent(k) else "dropped"
+            message = Message(f"recordings.{code}", {"lost": frames(n_lost)})
+            yield Fault("dropped", (), k, k + 1, message)
+
+        irregular = self.timing.irregular.tolist()
+        backward = self.timing.backward.tolist()
+        uneven = sorted([*irregular, *backward])
         if len(uneven) > MOST_IRREGULAR:
-            text = f"{len(uneven)} steps of the time stamps are irregular: if the cameras ran"
-            text += " evenly, leave the times out of the file and give input.rate_hz"
-            yield "jitter", (), uneven[0], uneven[-1] + 2, text
+            message = Message("recordings.irregular_steps", {"number": len(uneven)})
+            yield Fault("jitter", (), uneven[0], uneven[-1] + 2, message)
             return
-        for k in timing.irregular.tolist():
-            yield (
-                "irregular",
-                (),
-                k,
-                k + 1,
-                "irregular step of the time stamps after this one",
-            )
-        for k in timing.backward.tolist():
-            yield "backward", (), k, k + 1, "the next time stamp is not later"
+        for k in irregular:
+            message = Message("recordings.irregular_step")
+            yield Fault("irregular", (), k, k + 1, message)
+        for k in backward:
+            message = Message("recordings.backward_step")
+            yield Fault("backward", (), k, k + 1, message)
 
 
 @one_blas_thread()
@@ -273,48 +355,50 @@ def inspect_recording(
     named = roles_by_name(raw.markers)
     unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up, markers=named)
     positions = _turned(raw.positions, UNITS_IN_M[unit_guess.value], up_guess.value)
+
     progress("measuring distances between markers")
-    noise = rigid.frame_noise(positions)
+    noise_m = rigid.frame_noise(positions)
     pairs = rigid.pair_distances(positions)
-    clusters = rigid.rigid_clusters(pairs, noise)
-    gaps = stretches.marker_gaps(positions, raw.markers)
+    clusters = rigid.rigid_clusters(pairs, noise_m)
+    gaps = marker_gaps(positions, raw.markers)
+
     progress("looking for swapped markers, spikes and frozen markers")
-    scale = stretches.scale_of_all(positions)
-    missed = swaps.surprises(positions, scale=scale)
-    known: dict[str, Any] = {"missed": missed, "pairs": pairs, "clusters": clusters}
+    scale = rests.scale_of_all(positions)
+    missed = surprises(positions, scale=scale)
     exchanged = swaps.find_swaps(
-        positions, raw.markers, rate_hz=raw.rate_hz * scale**0.5, **known
+        positions,
+        raw.markers,
+        missed=missed,
+        pairs=pairs,
+        clusters=clusters,
+        rate_hz=raw.rate_hz * scale**0.5,
     )
-    steps = {(e.start, e.marker) for e in missed.steps}
-    frozen = stretches.frozen_markers(raw.positions, raw.markers, steps)
-    frozen += stretches.straight_stretches(raw.positions, raw.markers)
-    timing = stretches.check_stamps(raw.time)
-    copies = stretches.copied_frames(raw.positions)
-    ends = (copies[:, :2] - 1).ravel()
-    uneven = [*timing.drops[:, 0], *timing.irregular, *timing.backward, *ends]
-    explained = _explained(positions.shape[:2], raw.markers, exchanged, frozen, uneven)
-    lost = stretches.lost_frames(positions)
-    lost = lost[~explained[lost[:, 0]].all(axis=1)]
-    for frame in lost[:, 0]:
-        explained[max(0, frame - STENCIL + 1) : frame + STENCIL + 1] = True
-    timing = replace(timing, drops=np.concatenate([timing.drops, lost]))
-    faults = Faults(
-        swaps=exchanged,
-        spikes=swaps.find_spikes(
-            missed, explained=explained, heights=positions[:, :, 2]
-        ),
-        jumps=swaps.find_jumps(missed, explained=explained),
-        frozen=frozen,
-        copies=tuple(map(tuple, copies.tolist())),
-    )
-    rate = guess_rate(raw, unit_guess.value, up=up_guess.value)
-    rate = rate if rate_hz is None else Guess(f"{raw.rate_hz:g}", "as given")
+    faults, stamps = _faults(raw, positions, missed, exchanged)
+    if rate_hz is None:
+        rate = guess_rate(raw, unit_guess.value, up=up_guess.value)
+    else:
+        rate = Guess(f"{raw.rate_hz:g}", Message("recordings.given"))
     part = list(clusters[0].markers) if clusters else slice(None)
-    treated = rigid.treated(rigid.middle(positions)[:, part], raw.rate_hz, scale=scale)
+    treated = processing.treated(
+        processing.middle(positions)[:, part], raw.rate_hz, scale=scale
+    )
     return Inspection(
-        raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, rate, gaps,
-        timing, pairs, clusters, noise, faults, raw.remarks, tuple(treated),
-    )  # fmt: skip
+        markers=raw.markers,
+        time=raw.time,
+        positions=positions,
+        rate_hz=raw.rate_hz,
+        unit=unit_guess,
+        up=up_guess,
+        rate=rate,
+        gaps=gaps,
+        timing=stamps,
+        pairs=pairs,
+        clusters=clusters,
+        noise_m=noise_m,
+        faults=faults,
+        remarks=raw.remarks,
+        treated=tuple(treated),
+    )
 
 
 def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
@@ -332,36 +416,95 @@ def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
     return np.moveaxis(tracks, 0, 1)
 
 
-def _explained(
-    shape: tuple[int, ...],
+def _faults(
+    raw: RawRecording,
+    positions: FloatArray,
+    missed: Surprises,
+    exchanged: tuple[Swap, ...],
+) -> tuple[Faults, Timing]:
+    """Return what looks wrong, and the timing with losses that no stamp shows.
+
+    Parameters
+    ----------
+    raw : RawRecording
+        As read.
+    positions : (N, M, 3) array
+        The same, m, z up.
+    missed : Surprises
+        Gross misses of predictions.
+    exchanged : tuple of Swap
+        Exchanged names.
+    """
+    steps = {(step.start, step.marker) for step in missed.steps}
+    frozen = repeats.frozen_markers(raw.positions, raw.markers, steps)
+    frozen += repeats.straight_stretches(raw.positions, raw.markers)
+    copies = repeats.copied_frames(raw.positions)
+    stamps = check_stamps(raw.time)
+
+    explained = np.zeros(positions.shape[:2], dtype=bool)
+    _explain_by_stamps(explained, stamps, copies)
+    _explain_by_markers(explained, raw.markers, exchanged, frozen)
+    lost = lost_frames(positions)
+    lost = lost[~explained[lost[:, 0]].all(axis=1)]
+    for frame in lost[:, 0]:
+        explained[_around(frame + 1, frame + 1)] = True
+    faults = Faults(
+        swaps=exchanged,
+        spikes=find_spikes(missed, explained=explained, heights=positions[:, :, 2]),
+        jumps=find_jumps(missed, explained=explained),
+        frozen=frozen,
+        copies=tuple(tuple(copy) for copy in copies.tolist()),
+    )
+    return faults, replace(stamps, drops=np.concatenate([stamps.drops, lost]))
+
+
+def _around(start: int, stop: int) -> slice:
+    """Return the frames that are judged by some of the frames from start to stop."""
+    return slice(max(0, start - STENCIL), stop + STENCIL)
+
+
+def _explain_by_stamps(explained: BoolArray, stamps: Timing, copies: IntArray) -> None:
+    """Mark frames (N, M) whose jumps come from the time stamps or from copies.
+
+    After odd steps and at both ends of copies all markers may jump.
+    """
+    ends = (copies[:, :2] - 1).ravel()
+    for frame in (*stamps.drops[:, 0], *stamps.irregular, *stamps.backward, *ends):
+        explained[_around(frame + 1, frame + 1)] = True
+
+
+def _explain_by_markers(
+    explained: BoolArray,
     markers: tuple[str, ...],
     exchanged: Iterable[Swap],
-    frozen: Iterable[stretches.Frozen],
-    steps: Iterable[int],
-) -> BoolArray:
-    """Mask frames (N, M) whose jumps come from swaps, thawing markers, time stamps or copies.
-
-    For time stamps and copies, the given frames are those after which all markers may
-    jump.
-    """
-    mask = np.zeros(shape, dtype=bool)
-    spans: list[tuple[Any, int, int]] = [(slice(None), k + 1, k + 1) for k in steps]
-    spans += [(markers.index(one.marker), one.start, one.stop) for one in frozen]
+    frozen: Iterable[repeats.Frozen],
+) -> None:
+    """Mark frames (N, M) whose jumps come from swaps or from thawing markers."""
+    for one in frozen:
+        explained[_around(one.start, one.stop), markers.index(one.marker)] = True
     for swap in exchanged:
         columns = [markers.index(name) for name in swap.markers]
-        spans += [(columns, end, end) for end in (swap.start, swap.stop or len(mask))]
-    for columns, start, stop in spans:
-        mask[max(0, start - STENCIL) : stop + STENCIL, columns] = True
-    return mask
+        for end in (swap.start, swap.stop or len(explained)):
+            explained[_around(end, end), columns] = True
 
 
 # Gaps, faults and noise of a study's recordings; times count from the first frame.
 
 COLUMNS = {
-    "markers": "recording marker role duration_s frames missing gaps longest_s noise_m",
-    "gaps": "recording marker role start_s stop_s frames",
-    "faults": "recording kind marker start_s stop_s remark",
-    "remarks": "recording remark",
+    "markers": (
+        "recording",
+        "marker",
+        "role",
+        "duration_s",
+        "frames",
+        "missing",
+        "gaps",
+        "longest_s",
+        "noise_m",
+    ),
+    "gaps": ("recording", "marker", "role", "start_s", "stop_s", "frames"),
+    "faults": ("recording", "kind", "marker", "start_s", "stop_s", "remark"),
+    "remarks": ("recording", "remark"),
 }
 
 
@@ -388,28 +531,68 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
     """
     rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in COLUMNS}
     for recording in recordings:
-        name, found = recording.name, inspect(recording)
-        pauses = is_pause(recording.time, recording.rate_hz)
-        since = recording.time - recording.time[0]
-        times = [*since.tolist(), float(since[-1]) + 1.0 / recording.rate_hz]
-        for role, gaps, noise in zip(
-            recording.roles, found.gaps, found.noise_m, strict=True
-        ):
-            numbers = (found.duration_s, gaps.n_frames, gaps.missing, gaps.count)
-            longest_s = gaps.longest / recording.rate_hz
-            rows["markers"].append(
-                (name, gaps.marker, role, *numbers, longest_s, noise)
+        found = inspect(recording)
+        rows["markers"] += _marker_rows(recording, found)
+        rows["gaps"] += _gap_rows(recording, found)
+        rows["faults"] += _fault_rows(recording, found)
+        for remark in (*notes(recording), *found.lost):
+            rows["remarks"].append((recording.name, str(remark)))
+    tables = {}
+    for table, columns in COLUMNS.items():
+        tables[table] = pd.DataFrame(rows[table], columns=list(columns))
+    return tables
+
+
+def _marker_rows(recording: Recording, found: Inspection) -> Iterator[tuple[Any, ...]]:
+    for role, gaps, noise_m in zip(
+        recording.roles, found.gaps, found.noise_m, strict=True
+    ):
+        yield (
+            recording.name,
+            gaps.marker,
+            role,
+            found.duration_s,
+            gaps.n_frames,
+            gaps.missing,
+            gaps.count,
+            gaps.longest / recording.rate_hz,
+            noise_m,
+        )
+
+
+def _gap_rows(recording: Recording, found: Inspection) -> Iterator[tuple[Any, ...]]:
+    times = _times_of_boundaries(recording)
+    for role, gaps in zip(recording.roles, found.gaps, strict=True):
+        for start, stop in gaps.stretches.tolist():
+            yield (
+                recording.name,
+                gaps.marker,
+                role,
+                times[start],
+                times[stop],
+                stop - start,
             )
-            for start, stop in gaps.stretches.tolist():
-                ends = (times[start], times[stop])
-                rows["gaps"].append((name, gaps.marker, role, *ends, stop - start))
-        for one in found.suspects():
-            if not (one.kind == "dropped" and pauses[one.start]):
-                told = (one.time_s, times[one.stop], one.text)
-                rows["faults"] += [
-                    (name, one.kind, m, *told) for m in one.markers or ("",)
-                ]
-        rows["remarks"] += [(name, note) for note in [*notes(recording), *found.lost]]
-    return {
-        k: pd.DataFrame(rows[k], columns=names.split()) for k, names in COLUMNS.items()
-    }
+
+
+def _fault_rows(recording: Recording, found: Inspection) -> Iterator[tuple[Any, ...]]:
+    times = _times_of_boundaries(recording)
+    pauses = is_pause(recording.time, recording.rate_hz)
+    for suspect in found.suspects():
+        if suspect.kind == "dropped" and pauses[suspect.start]:
+            continue
+        for marker in suspect.markers or ("",):
+            yield (
+                recording.name,
+                suspect.kind,
+                marker,
+                suspect.time_s,
+                times[suspect.stop],
+                suspect.text,
+            )
+
+
+def _times_of_boundaries(recording: Recording) -> list[float]:
+    """Return the time of each frame and the end of the last, s, after the first."""
+    since_first = recording.time - recording.time[0]
+    end = float(since_first[-1]) + 1.0 / recording.rate_hz
+    return [*since_first.tolist(), end]

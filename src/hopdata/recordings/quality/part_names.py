@@ -1,50 +1,94 @@
-"""What a marker's name reveals about its body part."""
+"""What a marker's name reveals: its subject, its body part, and its place on a foot."""
 
 import re
 
 _WORDS = {
-    "foot": """foot feet toe toes heel hee mt mth met fm metatarsal metatarsus hallux paw hoof claw
-        calc calcaneus fcc tarsus tip sole digit finger""",
+    "foot": (
+        "foot feet toe toes heel hee mt mth met fm metatarsal metatarsus hallux paw "
+        "hoof claw calc calcaneus fcc tarsus tip sole digit finger"
+    ),
     "ankle": "ankle ank malleolus mal fal tam",
     "boom": "boom counterweight weight tail post frame lab fixed",
-    "body": """body pelvis hip hips asis psis asi psi ias ips sacrum sacr trunk torso chassis back
-        base iliac crest spine thorax croup withers""",
+    "body": (
+        "body pelvis hip hips asis psis asi psi ias ips sacrum sacr trunk torso "
+        "chassis back base iliac crest spine thorax croup withers"
+    ),
 }
 _HEELS = frozenset({"heel", "hee", "calc", "calcaneus", "fcc"})
 _TOES = frozenset({"toe", "toes", "hallux"})
+_DIGITS = "0123456789"
+_LIMB = re.compile("l|r|left|right|[lr][fh]|[fhb][lr]|front|hind|fore|rear|back")
 SIDE_NAMES = {"l": "left", "r": "right"}
 SIDES = (*SIDE_NAMES.values(), *SIDE_NAMES)
 PARTS = {part: frozenset(words.split()) for part, words in _WORDS.items()}
 OF_FEET = PARTS["foot"] | PARTS["ankle"]
 
+# Ranks of places on a foot: heels come first.
+HEEL = 0
+TOE = 1
+ELSEWHERE = 2
+
+#: Least number of names that all subjects have in common.
+#: Unit: 1. Origin: derived: two feet and three markers of a body.
+NAMES_OF_A_SUBJECT = 5
+
 
 def part_by_name(name: str) -> str:
-    """Return ``"foot"``, ``"ankle"``, ``"boom"``, ``"body"`` or ``""`` for a marker's name.
+    """Return the part of a marker's name: a key of `PARTS`, or an empty string.
 
     Case, digits and separators are ignored: ``R_mt1``, ``L.Heel.Top`` and ``FOOT3`` are
     feet.
     """
     words = words_of(name, r"[a-z]+")
     plain = {*words, *map(without_side, words)}
-    return next((part for part, known in PARTS.items() if plain & known), "")
+    for part, known in PARTS.items():
+        if plain & known:
+            return part
+    return ""
 
 
 def place_by_name(name: str) -> tuple[int, str]:
-    """Return the rank of a place on a foot (0 heels, 1 toes, 2 others) and its name.
+    """Return the rank of a place on a foot (`HEEL`, `TOE`, `ELSEWHERE`) and its name.
 
     The name is shared by both sides: ``L_mt1`` and ``RMT1`` are ``mt1``.
     """
-    words = [w for w in words_of(name, r"[a-z]+[0-9]*|[0-9]+") if w not in SIDES]
-    plain = [
-        without_side(w) if w.rstrip("0123456789") not in OF_FEET else w for w in words
-    ]
-    letters = {w.rstrip("0123456789") for w in plain}
-    return 0 if letters & _HEELS else 1 if letters & _TOES else 2, " ".join(plain)
+    plain = []
+    for word in words_of(name, r"[a-z]+[0-9]*|[0-9]+"):
+        if word in SIDES:
+            continue
+        if word.rstrip(_DIGITS) not in OF_FEET:  # `rheel`, but not `foot`
+            word = without_side(word)
+        plain.append(word)
+    letters = {word.rstrip(_DIGITS) for word in plain}
+    if letters & _HEELS:
+        rank = HEEL
+    elif letters & _TOES:
+        rank = TOE
+    else:
+        rank = ELSEWHERE
+    return rank, " ".join(plain)
+
+
+def is_heel(name: str) -> bool:
+    """Tell whether a marker is on a heel by its name."""
+    rank, _ = place_by_name(name)
+    return rank == HEEL
+
+
+def side_of_foot(name: str) -> str:
+    """Return ``"l"`` or ``"r"`` if a foot marker's name gives its side; else empty."""
+    for word in words_of(name, r"[a-z]+"):
+        if word in OF_FEET:
+            continue
+        if word in SIDES or without_side(word) in OF_FEET:
+            return word[0]
+    return ""
 
 
 def words_of(name: str, pattern: str) -> list[str]:
     """Return the parts of a marker's name that match a pattern, in lower case."""
-    return re.findall(pattern, re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
+    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    return re.findall(pattern, spaced.lower())
 
 
 def without_side(word: str) -> str:
@@ -55,10 +99,33 @@ def without_side(word: str) -> str:
     return word
 
 
+def without_number(name: str) -> str:
+    """Drop the digits of a name."""
+    return re.sub(r"\d+", "", name)
+
+
 def roles_by_name(markers: tuple[str, ...]) -> dict[str, list[str]]:
     """Return the markers named as parts of the ``"body"`` and as ``"feet"``."""
-    parts = {"body": "body", "feet": "foot"}
     return {
-        role: [name for name in markers if part_by_name(name) == part]
-        for role, part in parts.items()
+        "body": [name for name in markers if part_by_name(name) == "body"],
+        "feet": [name for name in markers if part_by_name(name) == "foot"],
     }
+
+
+def subject_prefixes(markers: tuple[str, ...]) -> list[str]:
+    """Return the prefixes of the subjects' names: `A:`, or `A_`.
+
+    An underscore separates subjects only if five names of all of them continue alike,
+    and if what stands before it is no limb.
+    """
+    markers_of: dict[str, set[str]] = {}
+    for name in markers:
+        first, underscore, marker = name.partition("_")
+        markers_of.setdefault(first + underscore, set()).add(marker)
+    in_common = set.intersection(*markers_of.values()) if markers_of else set()
+    are_limbs = any(_LIMB.fullmatch(one.strip("_").lower()) for one in markers_of)
+    if len(in_common) >= NAMES_OF_A_SUBJECT and not are_limbs:
+        return list(markers_of)
+
+    before_colon = [name.partition(":")[0] for name in markers if ":" in name]
+    return [f"{subject}:" for subject in dict.fromkeys(before_colon)]

@@ -1,4 +1,4 @@
-"""How much the distances within a body change, and whether its markers are one body at all.
+"""How much the distances within a body change, and whether it is one body at all.
 
 One measure serves `hopdata init`, which proposes a body, and the checks, which refuse
 what is none. Markers on skin move: at an impact those of a pelvis by up to 17 mm
@@ -11,57 +11,78 @@ known by its place: it comes down to where the feet are, far below the rest of t
 and there its distances change by more than skin gives.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.messages import Message
+from hopdata.recordings.quality.rests import lowest
 from hopdata.recordings.quality.rigid import (
+    STRAIN,
     PairDistances,
     frame_noise,
     norms,
     pair_distances,
 )
-from hopdata.recordings.quality.stretches import lowest, quantiles
+from hopdata.recordings.quality.stretches import quantiles
 
-# Relative to the body's size. The pelves of 20 public recordings of walks, runs and a
-# serve reach 0.044. With one more marker on a thigh or knee they reach 0.046 to 0.084,
-# on a foot 0.02 to 0.19. With a limit 1.5 times larger nearly all thighs pass.
+#: Largest change of a distance within a body, relative to the body's size.
+#: Unit: 1. Origin: measured. The pelves of 20 public recordings of walks, runs and a
+#: serve reach 0.044. With one more marker on a thigh or knee they reach 0.046 to 0.084,
+#: on a foot 0.02 to 0.19. With a limit 1.5 times larger nearly all thighs pass.
 LARGEST_STRAIN = 0.05
-# The same where a marker is lowest, as a multiple of the limit above. Those pelves
-# reach 1.2 (a runner's impacts), knees of the serve 3 to 4. With 1.5 times as much the
-# thighs pass.
-LOWEST_STRAINS = 2.0
-# The same for a marker on the floor: to be of the body, what is there has to be rigid.
-# Feet reach 1.4 and more. With 1.5 times as much a foot passes that leaves the body for
-# a tenth of the time.
-FLOOR_STRAINS = 0.5
-# Beyond this it is remarked that a body is soft: the spread up to which
-# `rigid_clusters` takes markers for rigid. At 1.5 times as much, four of the seven soft
-# ones are told nothing.
-SOFT_STRAIN = 0.025
-# Share of the frames in which a marker counts as low; a stance may be as short a part
-# of a recording. At 1.5 times as much a foot that stands in a tenth of the frames is
-# still found.
-LOWEST_FRAMES = 0.05
-# A marker is on the floor if it comes as near to the lowest place of the feet as this
-# share of the height of the body's highest marker. Ankles reach 0.1, the pelvis of a
-# deep squat stays above 0.5.
-ON_THE_FLOOR = 0.2
-NOISE_MARGIN = (
-    2.0  # short recordings: factor on the variance of a distance, to allow for chance
-)
-LOWEST_NOISE = (
-    3.0  # standard deviations of the noise by which it alone makes a marker low
-)
-LEAST_BODY = 3  # markers of a body
 
-USUALLY, AT_ITS_LOWEST, ON_FLOOR = "usually", "at its lowest", "on the floor"
+#: The same where a marker is lowest, as a multiple of the limit above.
+#: Unit: 1. Origin: measured. Those pelves reach 1.2 (a runner's impacts), knees of the
+#: serve 3 to 4. With 1.5 times as much the thighs pass.
+LOWEST_STRAINS = 2.0
+
+#: The same for a marker on the floor: to be of the body, what is there has to be rigid.
+#: Unit: 1. Origin: measured. Feet reach 1.4 and more. With 1.5 times as much a foot
+#: passes that leaves the body for a tenth of the time.
+FLOOR_STRAINS = 0.5
+
+#: Change of a distance, relative to the body's size, beyond which it is remarked that
+#: the body is soft.
+#: Unit: 1. Origin: derived: the spread up to which `rigid_clusters` takes markers for
+#: rigid. At 1.5 times as much, four of the seven soft ones are told nothing.
+SOFT_STRAIN = STRAIN
+
+#: Share of the frames in which a marker counts as low; a stance may be as short a part
+#: of a recording.
+#: Unit: 1. Origin: chosen. At 1.5 times as much a foot that stands in a tenth of the
+#: frames is still found.
+LOWEST_FRAMES = 0.05
+
+#: A marker is on the floor if it comes as near to the lowest place of the feet as this
+#: share of the height of the body's highest marker.
+#: Unit: 1. Origin: measured. Ankles reach 0.1, the pelvis of a deep squat stays above
+#: 0.5.
+ON_THE_FLOOR = 0.2
+
+#: Factor on the variance of a distance by noise, to allow for chance in short
+#: recordings.
+#: Unit: 1. Origin: chosen.
+NOISE_MARGIN = 2.0
+
+#: Noise by which alone a marker is at its lowest.
+#: Unit: standard deviations. Origin: chosen.
+LOWEST_NOISE = 3.0
+
+# Markers of a body.
+LEAST_BODY = 3
+
+# When a distance changes.
+USUALLY = "usually"
+AT_ITS_LOWEST = "at its lowest"
+ON_FLOOR = "on the floor"
 
 
 @dataclass(frozen=True)
 class Bending:
-    """How much the distances between M markers change, beyond what their noise explains.
+    """How much the distances between M markers change, beyond their noise.
 
     Parameters
     ----------
@@ -83,13 +104,15 @@ class Bending:
 
     @property
     def size_m(self) -> float:
-        """Return the size of the body, m: the largest distance. NaN if none is known."""
+        """Return the size of the body, m: the largest distance, or NaN."""
         known = self.median_m[np.isfinite(self.median_m)]
-        return float(known.max()) if known.size else float("nan")
+        if not known.size:
+            return float("nan")
+        return float(known.max())
 
     @property
     def strain(self) -> FloatArray:
-        """Return the usual change of each distance, relative to the body's size, (M, M)."""
+        """Return the usual change of each distance, relative to the size, (M, M)."""
         return relative(self.usual_m, self.size_m)
 
 
@@ -126,9 +149,7 @@ class Bend:
         return self.change_m / self.length_m
 
 
-@np.errstate(
-    over="ignore", invalid="ignore"
-)  # absurd numbers are left to the other checks
+@np.errstate(over="ignore", invalid="ignore")  # absurd numbers are left to other checks
 def bending(body: FloatArray) -> Bending:
     """Measure how much the distances between the markers of a body change.
 
@@ -137,19 +158,27 @@ def bending(body: FloatArray) -> Bending:
     body : (N, M, 3) array
         Positions, m, z up; NaN where not seen.
     """
-    pairs, noise = pair_distances(body), frame_noise(body)
-    own = np.nan_to_num(noise[:, None] ** 2 + noise[None] ** 2)
+    pairs = pair_distances(body)
+    noise = frame_noise(body)
     usual_m = usual_bending(pairs, noise)
-    lowest_m = np.zeros_like(usual_m)
+
+    variance = _variance_by_noise(noise)
     heights = body[:, :, 2]
     low = heights <= quantiles(heights, [LOWEST_FRAMES])[0]
+    lowest_m = np.zeros_like(usual_m)
     for m, is_low in enumerate(low.T):
         moved = _lowest_distances(body, m, is_low) - pairs.median[m]
-        beyond_noise = moved**2 - LOWEST_NOISE**2 * own[m]
+        beyond_noise = moved**2 - LOWEST_NOISE**2 * variance[m]
         lowest_m[m] = np.sqrt(np.clip(np.nan_to_num(beyond_noise), 0.0, None))
+
     known = noise[np.isfinite(noise)]
     noise_m = float(np.median(known)) if len(known) else float("nan")
     return Bending(pairs.median, usual_m, lowest_m, noise_m)
+
+
+def _variance_by_noise(noise: FloatArray) -> FloatArray:
+    """Return the variance of each distance, (M, M), by the markers' noise, (M,)."""
+    return np.nan_to_num(noise[:, None] ** 2 + noise[None] ** 2)
 
 
 def _lowest_distances(body: FloatArray, m: int, is_low: BoolArray) -> FloatArray:
@@ -181,14 +210,15 @@ def usual_bending(pairs: PairDistances, noise: FloatArray) -> FloatArray:
     noise : (M,) array
         Noise of each marker from frame to frame, m; NaN where unknown.
     """
-    own = np.nan_to_num(noise[:, None] ** 2 + noise[None] ** 2)
-    beyond_noise = pairs.spread**2 - NOISE_MARGIN * own
+    beyond_noise = pairs.spread**2 - NOISE_MARGIN * _variance_by_noise(noise)
     return np.sqrt(np.clip(np.nan_to_num(beyond_noise), 0.0, None))
 
 
 def relative(change_m: FloatArray, length_m: float) -> FloatArray:
     """Return changes (...), m, relative to a length, m; 0 if that is not known."""
-    return change_m / length_m if length_m > 0 else np.zeros_like(change_m)
+    if not length_m > 0:
+        return np.zeros_like(change_m)
+    return change_m / length_m
 
 
 def what_bends(
@@ -210,35 +240,64 @@ def what_bends(
     found = bending(body)
     if not found.size_m > 0:
         return None
-    usual = _worst(found, found.usual_m, largest_strain, USUALLY)
-    low = _worst(found, found.lowest_m, LOWEST_STRAINS * largest_strain, AT_ITS_LOWEST)
-    bends = [usual, low]
+    lowest_limit = LOWEST_STRAINS * largest_strain
+    bends = [
+        _worst(found, found.usual_m, largest_strain, USUALLY),
+        _worst(found, found.lowest_m, lowest_limit, AT_ITS_LOWEST),
+    ]
     for m in np.flatnonzero(on_the_floor(body, feet)).tolist():
-        others = np.delete(np.arange(len(found.median_m)), m)
-        rest_m = np.nanmax(np.nan_to_num(found.median_m[np.ix_(others, others)]))
-        lowest_m = np.fmax(found.lowest_m[m], found.lowest_m[:, m])
-        changes = np.fmax(lowest_m, found.usual_m[m])[others]
-        most = int(np.argmax(changes))
-        pair = (m, int(others[most]))
-        change_m = float(changes[most])
-        if rest_m > 0:
-            limit = FLOOR_STRAINS * largest_strain
-            bends.append(Bend(pair, m, change_m, float(rest_m), limit, ON_FLOOR))
-    bends = [one for one in bends if one.strain > one.limit]
-    return max(bends, key=lambda one: one.strain / one.limit, default=None)
+        bend = _bend_on_the_floor(found, m, FLOOR_STRAINS * largest_strain)
+        if bend.length_m > 0:
+            bends.append(bend)
+    too_large = [bend for bend in bends if bend.strain > bend.limit]
+    return max(too_large, key=lambda bend: bend.strain / bend.limit, default=None)
 
 
 def _worst(found: Bending, changes_m: FloatArray, limit: float, when: str) -> Bend:
-    """Return the largest of the changes (M, M), m; of its two markers the odd one bends more."""
+    """Return the largest of the changes (M, M), m.
+
+    Of its two markers the odd one bends more.
+    """
     changes_m = np.fmax(changes_m, changes_m.T)
-    i, j = (int(k) for k in np.unravel_index(np.argmax(changes_m), changes_m.shape))
+    largest = np.unravel_index(np.argmax(changes_m), changes_m.shape)
+    i = int(largest[0])
+    j = int(largest[1])
     of_each = np.median(changes_m, axis=1)
     odd = i if of_each[i] > of_each[j] else j
     return Bend((i, j), odd, float(changes_m[i, j]), found.size_m, limit, when)
 
 
+def _bend_on_the_floor(found: Bending, m: int, limit: float) -> Bend:
+    """Return the largest change of the distances of a marker that is on the floor.
+
+    It is relative to the size of the body without that marker.
+    """
+    others = np.delete(np.arange(len(found.median_m)), m)
+    distances_m = found.median_m[np.ix_(others, others)]
+    size_of_others_m = np.nanmax(np.nan_to_num(distances_m))
+    lowest_m = np.fmax(found.lowest_m[m], found.lowest_m[:, m])
+    changes_m = np.fmax(lowest_m, found.usual_m[m])[others]
+    most = int(np.argmax(changes_m))
+    return Bend(
+        pair=(m, int(others[most])),
+        odd=m,
+        change_m=float(changes_m[most]),
+        length_m=float(size_of_others_m),
+        limit=limit,
+        when=ON_FLOOR,
+    )
+
+
 def on_the_floor(body: FloatArray, feet: FloatArray) -> BoolArray:
-    """Mark the markers (N, M, 3), m, z up, that come down to where the feet (N, F, 3) are, (M,)."""
+    """Mark the markers of a body that come down to where the feet are, (M,).
+
+    Parameters
+    ----------
+    body : (N, M, 3) array
+        Positions of the body's markers, m, z up.
+    feet : (N, F, 3) array
+        Positions of the feet, m; there may be none.
+    """
     if not feet.shape[1]:
         return np.zeros(body.shape[1], dtype=bool)
     floor_m = np.nanmin(lowest(feet[:, :, 2]), initial=np.inf)
@@ -249,12 +308,14 @@ def on_the_floor(body: FloatArray, feet: FloatArray) -> BoolArray:
     return np.asarray(near & np.isfinite(floor_m) & np.isfinite(highest_m))
 
 
-def one_body(members: list[int], positions: FloatArray, feet: list[int]) -> list[int]:
-    """Remove the markers that make the others no body, one by one; return what remains, or none.
+def one_body(
+    members: Sequence[int], positions: FloatArray, feet: Sequence[int]
+) -> list[int]:
+    """Remove the markers that make the others no body; return what remains, or none.
 
     Parameters
     ----------
-    members, feet : list of int
+    members, feet : sequence of int
         Markers of the body to try, and of the feet.
     positions : (N, M, 3) array
         Positions of all markers, m, z up.
@@ -268,24 +329,38 @@ def one_body(members: list[int], positions: FloatArray, feet: list[int]) -> list
     return []
 
 
-def softness_remark(body: FloatArray, names: tuple[str, ...]) -> list[str]:
-    """Remark that a body (N, M, 3), m, is soft: where, by how much, and what that costs."""
+def softness_remark(body: FloatArray, names: tuple[str, ...]) -> list[Message]:
+    """Remark that a body (N, M, 3), m, is soft: where, by how much, and the cost."""
     found = bending(body)
     if not found.size_m > 0:
         return []
     usual = _worst(found, found.usual_m, SOFT_STRAIN, USUALLY)
     low = _worst(found, found.lowest_m, SOFT_STRAIN, AT_ITS_LOWEST)
-    worst = max(usual, low, key=lambda one: one.strain)
+    worst = low if low.strain > usual.strain else usual
     if not worst.strain > worst.limit:
         return []
+
     i, j = worst.pair
-    when = "" if worst.when == USUALLY else " where it is lowest"
-    changes = f"'{names[i]}' to '{names[j]}' changes by {1e3 * worst.change_m:.1f} mm"
-    share = f"{100 * worst.strain:.1f} % of the body's {1e3 * found.size_m:.0f} mm"
-    told = f"the body is soft: {changes}{when}, {share}"
-    coordinate_m = usual.change_m / np.sqrt(2.0)
-    costs = f"its distances usually vary by up to {1e3 * usual.change_m:.1f} mm, which counts as "
-    costs += f"noise of {1e3 * coordinate_m:.1f} mm in a coordinate"
-    if found.noise_m > 0:
-        costs += f" ({coordinate_m / found.noise_m:.2g} times that from frame to frame)"
-    return [f"{told}; {costs}: weak differences between orders are harder to find"]
+    values = {
+        "one": names[i],
+        "other": names[j],
+        "change_mm": 1e3 * worst.change_m,
+        "percent": 100 * worst.strain,
+        "size_mm": 1e3 * found.size_m,
+        "usual_mm": 1e3 * usual.change_m,
+        "cost": _cost(usual.change_m, found.noise_m),
+    }
+    if worst.when == USUALLY:
+        return [Message("recordings.soft", values)]
+    return [Message("recordings.soft_where_lowest", values)]
+
+
+def _cost(change_m: float, noise_m: float) -> Message:
+    """Return what a usual change of the distances, m, costs, beside the noise, m."""
+    # A distance has the noise of two coordinates.
+    coordinate_m = float(change_m / np.sqrt(2.0))
+    values = {"noise_mm": 1e3 * coordinate_m}
+    if not noise_m > 0:
+        return Message("recordings.soft_cost", values)
+    values["times"] = coordinate_m / noise_m
+    return Message("recordings.soft_cost_in_noise", values)

@@ -17,6 +17,7 @@ from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
 from hopdata.recording import ROLES, SLOWEST_S, Event, Recording, Truth, check_sizes
+from hopdata.recordings.axes import FILE_AXES
 from hopdata.recordings.budget import (
     DEEPEST,
     DEFLATE_MOST,
@@ -24,7 +25,7 @@ from hopdata.recordings.budget import (
     require_few,
     require_unpacked,
 )
-from hopdata.recordings.raw import FASTEST_HZ, FILE_AXES
+from hopdata.recordings.raw import FASTEST_HZ
 from hopdata.recordings.readers.trial import require_answer
 from hopdata.seal import Seal, seal_of, sealed
 

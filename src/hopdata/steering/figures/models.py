@@ -1,4 +1,4 @@
-"""Models of the frame change: Figure 3.3, learning curve, and smoothness of the kernel."""
+"""Models of the frame change: Figure 3.3, learning curve, smoothness of kernels."""
 
 from typing import Any
 
@@ -19,7 +19,11 @@ COMPONENTS = {
     "dy_mm": ("sideways", "Δy (mm)", True),
     "dtheta_deg": ("turn", "Δθ (degrees)", True),
 }
-ONE_SIDED, ABOUT_ZERO, SPREAD = "cividis", "RdBu_r", "Greys"
+
+# Colour maps: of a value, of one about zero, and of a standard deviation.
+ONE_SIDED = "cividis"
+ABOUT_ZERO = "RdBu_r"
+SPREAD = "Greys"
 
 
 @style.styled
@@ -52,9 +56,16 @@ def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
         colours, limits = _colours(maps[name], hops[name], centred)
         image = _draw(upper, maps, name, colours, limits)
         upper.scatter(
-            hops["boom_angle_rad"], hops["swing_rad"], c=hops[name], cmap=colours,
-            vmin=limits[0], vmax=limits[1], s=5, linewidths=0.3, edgecolors=style.INK,
-        )  # fmt: skip
+            hops["boom_angle_rad"],
+            hops["swing_rad"],
+            c=hops[name],
+            cmap=colours,
+            vmin=limits[0],
+            vmax=limits[1],
+            s=5,
+            linewidths=0.3,
+            edgecolors=style.INK,
+        )
         upper.set_title(title)
         figure.colorbar(image, ax=upper, label=label, **bar)
         spread = maps[f"{name}_sd"]
@@ -70,11 +81,13 @@ def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
 def _colours(
     predicted: pd.Series, measured: pd.Series, centred: bool
 ) -> tuple[str, tuple[float, float]]:
-    """Return a colour map and limits that cover the map and all but the most extreme hops."""
+    """Return a colour map, and limits that cover the map and all but extreme hops."""
     values = np.concatenate([predicted, np.quantile(measured, [0.02, 0.98])])
-    low, high = float(values.min()), float(values.max())
+    low = float(values.min())
+    high = float(values.max())
     if centred:
-        return ABOUT_ZERO, (-max(abs(low), abs(high)), max(abs(low), abs(high)))
+        largest = max(abs(low), abs(high))
+        return ABOUT_ZERO, (-largest, largest)
     return ONE_SIDED, (low, high)
 
 
@@ -82,11 +95,18 @@ def _draw(
     axes: Axes, maps: pd.DataFrame, name: str, colours: str, limits: tuple[float, float]
 ) -> Any:
     wide = maps.pivot_table(index="swing_rad", columns="boom_angle_rad", values=name)
-    angle, swing = wide.columns.to_numpy(float), wide.index.to_numpy(float)
+    left, right = _edges(wide.columns.to_numpy(float))
+    bottom, top = _edges(wide.index.to_numpy(float))
     return axes.imshow(
-        wide.to_numpy(float), cmap=colours, vmin=limits[0], vmax=limits[1], aspect="auto",
-        origin="lower", interpolation="bilinear", extent=(*_edges(angle), *_edges(swing)),
-    )  # fmt: skip
+        wide.to_numpy(float),
+        cmap=colours,
+        vmin=limits[0],
+        vmax=limits[1],
+        aspect="auto",
+        origin="lower",
+        interpolation="bilinear",
+        extent=(left, right, bottom, top),
+    )
 
 
 def _edges(nodes: FloatArray) -> tuple[float, float]:
@@ -177,7 +197,8 @@ READINGS: dict[str, tuple[str, str, Any, str]] = {
 DATA = {"smooth truth": "analytic, smooth", "hopper": "hopper"}
 COLUMNS = {"dx": "forward", "dy": "sideways", "dtheta": "turn"}
 SMOOTHNESSES = {0.5: "1/2", 1.5: "3/2", 2.5: "5/2", np.inf: "∞"}
-FLOOR = -0.15  # lower values are drawn here
+# Lower values are drawn here.
+FLOOR = -0.15
 
 
 @style.styled
@@ -208,10 +229,9 @@ def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
             chosen = (table["data"] == data) & (table["component"] == component)
             _draw_smoothness(axes, table[chosen])
         line[0].set_ylabel(f"{DATA[data]}\nR² of other hops")
-    for upper, lower, title in zip(
-        panels[0], panels[-1], COLUMNS.values(), strict=True
-    ):
+    for upper, title in zip(panels[0], COLUMNS.values(), strict=True):
         upper.set_title(title)
+    for lower in panels[-1]:
         lower.set_xlabel("smoothness ν of the kernel")
     panels[0, 0].set_xticks(range(len(SMOOTHNESSES)), list(SMOOTHNESSES.values()))
     panels[0, 0].set_yticks([0, 0.25, 0.5, 0.75, 1])
@@ -223,12 +243,19 @@ def _draw_smoothness(axes: Axes, table: pd.DataFrame) -> None:
     places = list(SMOOTHNESSES)
     for shift, (reading, (label, colour, dash, marker)) in enumerate(READINGS.items()):
         rows = table[table["reading"] == reading].sort_values("smoothness")
-        x = np.array([places.index(value) for value in rows["smoothness"]]) + 0.05 * (
-            shift - 2
-        )
+        place = np.array([places.index(value) for value in rows["smoothness"]])
+        beside = 0.05 * (shift - 2)
+        error = np.where(rows["r2"] > FLOOR, rows["r2_se"], 0)
         axes.errorbar(
-            x, rows["r2"].clip(lower=FLOOR), yerr=np.where(rows["r2"] > FLOOR, rows["r2_se"], 0),
-            color=colour, linestyle=dash, marker=marker, markersize=3, elinewidth=0.6, label=label,
-        )  # fmt: skip
+            place + beside,
+            rows["r2"].clip(lower=FLOOR),
+            yerr=error,
+            color=colour,
+            linestyle=dash,
+            marker=marker,
+            markersize=3,
+            elinewidth=0.6,
+            label=label,
+        )
     axes.set_ylim(FLOOR - 0.05, 1.05)
     axes.grid(axis="y")

@@ -14,16 +14,23 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.figures import style
 
-WIDTH_MM, HEIGHT_MM, DPI = 90.0, 112.0, 110.0
-SPEED = 2.0  # relative to real time
+# Size of a picture of the film.
+WIDTH_MM = 90.0
+HEIGHT_MM = 112.0
+DPI = 110.0
+# Speed of the film relative to real time.
+SPEED = 2.0
+# Number of colours of its palette.
 COLOURS = 48
+# Space around the run.
 MARGIN_M = 0.25
-LAST_S = 1.5  # duration of the last picture
+# Duration of the last picture.
+LAST_S = 1.5
 NO_RUN = "No stance was seen in any run, so there is none to show."
 
 
 def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> None:
-    """Write a film of one run as an animated GIF, whole or not at all; without a run, say so.
+    """Write a film of one run as an animated GIF; without a run, a picture says so.
 
     Parameters
     ----------
@@ -52,12 +59,19 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
     with style.style_context():
         pictures = _pictures(film, curves[curves["curve"] == "measured"], times)
     each_ms = round(1000 * float(np.diff(times).mean()) / SPEED)
-    durations = [each_ms] * (len(pictures) - 1) + [round(1000 * LAST_S)]
+    last_ms = round(1000 * LAST_S)
+    durations = [each_ms] * (len(pictures) - 1) + [last_ms]
     with whole_file(path) as temporary:
         pictures[0].save(
-            temporary, format="GIF", save_all=True, append_images=pictures[1:],
-            duration=durations, loop=0, optimize=False, disposal=1,
-        )  # fmt: skip
+            temporary,
+            format="GIF",
+            save_all=True,
+            append_images=pictures[1:],
+            duration=durations,
+            loop=0,
+            optimize=False,
+            disposal=1,
+        )
 
 
 def _still(message: str) -> Images.Image:
@@ -101,14 +115,16 @@ def _pictures(
 
 
 def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
-    """Return the figure with static parts, the moving artists, and half the board's length, m."""
+    """Return the figure, its moving artists, and half the board's length, m."""
     figure = style.paper_figure(WIDTH_MM, HEIGHT_MM)
     figure.set_dpi(DPI)
     above, side = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1))
     low = np.fmin(np.nanmin(places, axis=(0, 1))[:2], 0) - MARGIN_M
     high = np.fmax(np.nanmax(places, axis=(0, 1))[:2], 0) + MARGIN_M
-    middle, half = (low + high) / 2, max(high - low) / 2
-    (left, bottom), (right, top) = middle - half, middle + half
+    middle = (low + high) / 2
+    half = max(high - low) / 2
+    left, bottom = middle - half
+    right, top = middle + half
     above.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", ylabel="y (m)")
     highest = 1.1 * float(np.nanmax(places[..., 2]))
     side.set(ylim=(-0.05, highest), xlabel="x (m)", ylabel="height (m)")
@@ -118,24 +134,36 @@ def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
 
 
 def _moving(above: Any, side: Any) -> dict[str, Any]:
-    """Return the moving artists, animated so that they are drawn on top of the static picture."""
+    """Return the moving artists, animated: drawn on top of the static picture."""
+
+    def line(axes: Any, shape: str, colour: str, **look: Any) -> Any:
+        (artist,) = axes.plot([], [], shape, color=colour, animated=True, **look)
+        return artist
+
+    board = line(above, "-", BOARD_LAST, lw=3)
+    path = line(above, "o-", style.GREY, ms=2.5, lw=0.9)
+    nowhere = [0, 0, 0]
+    (body,) = above.fill(nowhere, nowhere, color=style.BLUE, alpha=0.75, animated=True)
+    boom = line(above, "o-", style.INK, lw=1.6, ms=5, markevery=[1])
+    time = above.text(
+        0.02, 0.98, "", transform=above.transAxes, va="top", animated=True
+    )
     return {
-        "board_line": above.plot([], [], color="#8a6d2f", lw=3, animated=True)[0],
-        "path": above.plot([], [], "o-", color=style.GREY, ms=2.5, lw=0.9, animated=True)[0],
-        "body": above.fill([0, 0, 0], [0, 0, 0], color=style.BLUE, alpha=0.75, animated=True)[0],
-        "boom": above.plot([], [], "o-", color=style.INK, lw=1.6, ms=5, markevery=[1],
-                           animated=True)[0],
-        "time": above.text(0.02, 0.98, "", transform=above.transAxes, va="top", animated=True),
-        "side_body": side.plot([], [], "o-", color=style.BLUE, lw=2, ms=3, animated=True)[0],
-        "side_boom": side.plot([], [], "o-", color=style.INK, lw=1.2, ms=4, markevery=[1],
-                               animated=True)[0],
-    }  # fmt: skip
+        "board_line": board,
+        "path": path,
+        "body": body,
+        "boom": boom,
+        "time": time,
+        "side_body": line(side, "o-", style.BLUE, lw=2, ms=3),
+        "side_boom": line(side, "o-", style.INK, lw=1.2, ms=4, markevery=[1]),
+    }
 
 
 def _board_axes(stances: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors into the board and along it, (2,) each; NaN without a board."""
-    way = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
-    return way, np.array([-way[1], way[0]])
+    """Return unit vectors into the board and along it, (2,); NaN without a board."""
+    into = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
+    along = np.array([-into[1], into[0]])
+    return into, along
 
 
 def _move(
@@ -146,7 +174,8 @@ def _move(
     reach: float,
 ) -> None:
     """Update all moving artists to this time."""
-    body, boom = markers[:-1], markers[-1]
+    body = markers[:-1]
+    boom = markers[-1]
     centre = body.mean(axis=0)
     past = stances[stances["time_s"] <= time]
     ring = np.concatenate([body, body[:1]])
@@ -156,14 +185,12 @@ def _move(
     moving["time"].set_text(f"hop {max(0, len(past) - 1)}, {max(0.0, time):.1f} s")
     moving["side_body"].set_data(ring[:, 0], ring[:, 2])
     moving["side_boom"].set_data([centre[0], boom[0]], [centre[2], boom[2]])
-    way, across = _board_axes(stances)
-    place = (
-        float(stances["board_first_m"].iloc[0])
-        if past.empty
-        else past["board_m"].iloc[-1]
-    )
-    ends = np.stack([place * way - reach * across, place * way + reach * across])
-    moving["board_line"].set_data(*ends.T)
+    into, along = _board_axes(stances)
+    distance = float(stances["board_first_m"].iloc[0])
+    if not past.empty:
+        distance = past["board_m"].iloc[-1]
+    ends = np.stack([distance * into - reach * along, distance * into + reach * along])
+    moving["board_line"].set_data(ends[:, 0], ends[:, 1])
 
 
 # Success rates, and hops to the goal, of all controllers over the seeds.
@@ -182,7 +209,10 @@ TASKS = {
     "turn": "half turn",
     "turn_board": "half turn,\nboard in the way",
 }
-APART = 0.17  # offset between controllers of one task
+# Offset between the controllers of one task, in rows.
+APART = 0.17
+# Success that is required of the planner, per cent.
+REQUIRED = 90
 
 
 @style.styled
@@ -213,43 +243,30 @@ def steering_outcomes_figure(
         return style.message_figure("No run was made.")
     tasks = [task for task in TASKS if task in set(outcomes["experiment"])]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 24.0 + 17.0 * len(tasks))
-    widths = (1.2, 1.2) if horizons.empty else (1.2, 1.2, 0.8)
+    widths = [1.2, 1.2]
+    if not horizons.empty:
+        widths.append(0.8)
     panels = figure.subplots(1, len(widths), width_ratios=widths)
-    rates, hops = panels[:2]
+    rates = panels[0]
+    hops = panels[1]
     hops.sharey(rates)
-    for name, (label, colour, mark) in LOOKS.items():
-        place = APART * (list(LOOKS).index(name) - (len(LOOKS) - 1) / 2)
+    controllers = set(runs["controller"])
+    for number, (name, (label, colour, mark)) in enumerate(LOOKS.items()):
+        beside = APART * (number - (len(LOOKS) - 1) / 2)
         for row, task in enumerate(tasks):
             own = runs[(runs["experiment"] == task) & (runs["controller"] == name)]
-            shares = 100 * own.groupby("seed")["success"].mean()
-            if shares.empty:
-                continue
-            look: Any = {"color": colour, "mec": "white", "mew": 0.4, "ms": 4.5}
-            rates.plot(
-                [shares.min(), shares.max()], [row + place] * 2, color=colour, lw=0.9
-            )
-            rates.plot(
-                shares, np.full(len(shares), row + place), "|", color=colour, ms=4
-            )
-            rates.plot(shares.median(), row + place, mark, **look)
-            arrived = own.loc[own["success"], "hops"]
-            if len(arrived):
-                hops.plot(
-                    arrived.quantile([0.05, 0.95]),
-                    [row + place] * 2,
-                    color=colour,
-                    lw=0.9,
-                )
-                hops.plot(arrived.median(), row + place, mark, **look)
-        if name in set(runs["controller"]):
+            if not own.empty:
+                _draw_rates(rates, own, row + beside, colour, mark)
+                _draw_hops(hops, own, row + beside, colour, mark)
+        if name in controllers:
             rates.plot([], [], mark, color=colour, ms=4, label=label)
     rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
     rates.set(
         ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103), xlabel="runs that succeeded (%)"
     )
-    if "planner" in set(runs["controller"]):
+    if "planner" in controllers:
         dashed: Any = {"color": style.INK, "linewidth": 0.6, "linestyle": (0, (4, 2))}
-        rates.axvline(90, label="required of the planner", **dashed)
+        rates.axvline(REQUIRED, label="required of the planner", **dashed)
     hops.set(xlabel="hops to the goal", xlim=(0, None))
     hops.tick_params(labelleft=False)
     for axes in (rates, hops):
@@ -260,6 +277,31 @@ def steering_outcomes_figure(
         _draw_horizons(panels[2], horizons)
     style.lettered(figure, panels, ncols=3)
     return figure
+
+
+def _draw_rates(
+    axes: Axes, runs: pd.DataFrame, place: float, colour: str, mark: str
+) -> None:
+    """Draw the success rate of each seed, from worst to best, and the median."""
+    rates = 100 * runs.groupby("seed")["success"].mean()
+    axes.plot([rates.min(), rates.max()], [place, place], color=colour, lw=0.9)
+    axes.plot(rates, np.full(len(rates), place), "|", color=colour, ms=4)
+    axes.plot(rates.median(), place, mark, color=colour, **OUTLINED)
+
+
+def _draw_hops(
+    axes: Axes, runs: pd.DataFrame, place: float, colour: str, mark: str
+) -> None:
+    """Draw the hops of the successful runs: median, and 5 to 95 %."""
+    hops = runs.loc[runs["success"], "hops"]
+    if hops.empty:
+        return
+    axes.plot(hops.quantile([0.05, 0.95]), [place, place], color=colour, lw=0.9)
+    axes.plot(hops.median(), place, mark, color=colour, **OUTLINED)
+
+
+# Look of a median.
+OUTLINED: Any = {"mec": "white", "mew": 0.4, "ms": 4.5}
 
 
 def _draw_horizons(axes: Axes, horizons: pd.DataFrame) -> None:
@@ -286,8 +328,13 @@ OVER_TIME = {
     "y": ("y_m", "y (m)", 1.0),
     "h": ("heading_rad", "heading (°)", 180 / np.pi),
 }
-TICK_M = 0.07  # length of a line that shows a heading
-BESIDE_M = 0.12  # drawn length of the board beyond the path on each side
+# Length of a line that shows a heading.
+TICK_M = 0.07
+# Drawn length of the board beyond the path on each side.
+BESIDE_M = 0.12
+# Colours of the board at its first and its last place.
+BOARD_FIRST = "#d8c9a8"
+BOARD_LAST = "#8a6d2f"
 
 
 @style.styled
@@ -324,9 +371,8 @@ def steering_run_figure(
         for name in kinds:
             curve, *look = CURVES[name]
             rows = curves[curves["curve"] == name]
-            _draw_curve(
-                panels[panel], rows["time_s"], rows[column] * factor, look, label=curve
-            )
+            values = rows[column] * factor
+            _draw_curve(panels[panel], rows["time_s"], values, look, label=curve)
         panels[panel].margins(y=0.12)
         panels[panel].set_ylabel(label)
     _draw_goals(panels, curves, turn)
@@ -336,31 +382,39 @@ def steering_run_figure(
         panels[above].tick_params(labelbottom=False)
     figure.align_ylabels([panels[name] for name in "xyh"])
     style.letters(panels[name] for name in "axyh")
-    lines, places = (panels[name].get_legend_handles_labels() for name in "xa")
-    named = ([*one[::-1], *other] for one, other in zip(lines, places, strict=True))
-    figure.legend(*named, loc="outside upper center", ncols=7)
+    curve_handles, curve_labels = panels["x"].get_legend_handles_labels()
+    place_handles, place_labels = panels["a"].get_legend_handles_labels()
+    figure.legend(
+        [*reversed(curve_handles), *place_handles],
+        [*reversed(curve_labels), *place_labels],
+        loc="outside upper center",
+        ncols=7,
+    )
     return figure
 
 
 def _is_drawn(curves: pd.DataFrame, name: str) -> bool:
-    """Return whether a curve is drawn: what was measured is, a prediction if there is any."""
+    """Return whether a curve is drawn: what was measured, and predictions if any."""
+    if name == "measured":
+        return True
     known = int(curves.loc[curves["curve"] == name, "x_m"].notna().sum())
-    least = (
-        2 if name == "pure" else 1
-    )  # the pure simulation begins at a stance that was measured
-    return name == "measured" or known >= least
+    if name == "pure":
+        return known >= 2  # it begins at a stance that was measured
+    return known >= 1
 
 
 def _draw_curve(
     axes: Axes, x: pd.Series, y: pd.Series, look: Any, **options: Any
 ) -> None:
     colour, dash, mark = look
-    size = 2.2 if mark == "o" else 3
+    size = 3.0
+    if mark == "o":
+        size = 2.2
     axes.plot(x, y, color=colour, ls=dash, marker=mark, ms=size, mew=0.7, **options)
 
 
 def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> None:
-    """Draw the goal as a thin line: zero in x and y, or half a turn to the side turned to."""
+    """Draw the goal as a thin line: zero in x and y, or half a turn to that side."""
     if not turn:
         for name in "xy":
             panels[name].axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
@@ -409,10 +463,11 @@ def _draw_arena(
 
 
 def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
-    x, y, heading = (
-        measured[name].to_numpy() for name in ("x_m", "y_m", "heading_rad")
-    )
-    dx, dy = TICK_M * np.cos(heading), TICK_M * np.sin(heading)
+    x = measured["x_m"].to_numpy()
+    y = measured["y_m"].to_numpy()
+    heading = measured["heading_rad"].to_numpy()
+    dx = TICK_M * np.cos(heading)
+    dy = TICK_M * np.sin(heading)
     axes.plot(
         np.stack([x, x + dx]),
         np.stack([y, y + dy]),
@@ -423,22 +478,25 @@ def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
 
 
 def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
-    """Draw the board, as wide as the path: pale at its first place, dark at its last."""
-    first, last = measured["board_first_m"].iloc[0], measured["board_m"].dropna()
-    if np.isnan(first) or last.empty:
+    """Draw the board, as wide as the path: pale at first, dark at last."""
+    first_m = measured["board_first_m"].iloc[0]
+    distances_m = measured["board_m"].dropna()
+    if np.isnan(first_m) or distances_m.empty:
         return
-    way, across = _board_axes(measured)
-    sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
+    into, along = _board_axes(measured)
+    sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ along
     sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
-    for place, colour, label in (
-        (float(first), "#d8c9a8", "board, first"),
-        (float(last.iloc[-1]), "#8a6d2f", "board, last"),
+    for distance, colour, label in (
+        (float(first_m), BOARD_FIRST, "board, first"),
+        (float(distances_m.iloc[-1]), BOARD_LAST, "board, last"),
     ):
-        ends = np.stack([place * way + side * across for side in sides])
-        look: Any = {
-            "color": colour,
-            "linewidth": 3,
-            "solid_capstyle": "butt",
-            "zorder": 0,
-        }
-        axes.plot(ends[:, 0], ends[:, 1], label=label, **look)
+        ends = np.stack([distance * into + side * along for side in sides])
+        axes.plot(
+            ends[:, 0],
+            ends[:, 1],
+            label=label,
+            color=colour,
+            linewidth=3,
+            solid_capstyle="butt",
+            zorder=0,
+        )

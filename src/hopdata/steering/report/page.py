@@ -49,18 +49,15 @@ class SteeringInputs(PageInputs):
 
 # Tables of the steering study: outcomes, observations, and how well the model predicts.
 
-PLANNER = "planner"  # the controller of which something is required
+# The controller of which something is required.
+PLANNER = "planner"
 
 
 def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     """Return one row for each experiment and controller."""
     columns: show.Columns = {
-        "experiment": lambda row: EXPERIMENTS.get(
-            str(row["experiment"]), str(row["experiment"])
-        ),
-        "controller": lambda row: CONTROLLERS.get(
-            str(row["controller"]), str(row["controller"])
-        ),
+        "experiment": _named("experiment", EXPERIMENTS),
+        "controller": _named("controller", CONTROLLERS),
         "worst seed": _of_seed("worst"),
         "median seed": _of_seed("median"),
         "hops": show.decimals("hops", 1),
@@ -72,10 +69,16 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
         "met": show.text("met"),
     }
     rows = show.records(outcomes)
-    note, title = NOTES["outcomes"], "Outcomes of the experiments"
+    title = "Outcomes of the experiments"
+    note = NOTES["outcomes"]
     if any(row["controller"] == PLANNER for row in rows):
         note += NOTES["outcomes_of_planner"]
     return show.table_of(title, rows, columns, text_columns=2, note=note)
+
+
+def _named(key: str, names: Mapping[str, str]) -> show.Cell:
+    """Return a function that shows a name as readers know it."""
+    return lambda row: names.get(str(row[key]), str(row[key]))
 
 
 def _of_seed(name: str) -> show.Cell:
@@ -83,9 +86,8 @@ def _of_seed(name: str) -> show.Cell:
 
     def cell(row: show.Row) -> str:
         starts = row["runs"] / row["seeds"]
-        return (
-            f"{show.significant(row[name] * starts, 3)} of {show.count(round(starts))}"
-        )
+        succeeded = show.significant(row[name] * starts, 3)
+        return f"{succeeded} of {show.count(round(starts))}"
 
     return cell
 
@@ -105,7 +107,7 @@ def horizons_table(horizons: pd.DataFrame | None) -> show.Table | None:
 
 
 def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
-    """Return one row per recording: frames, stances and hops, and the number of hops used."""
+    """Return one row per recording: frames, stances, hops, and the hops used."""
     columns: show.Columns = {
         "recording": show.text("recording"),
         "frames": lambda entry: show.count(sum(entry["frames"].values())),
@@ -117,27 +119,28 @@ def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
 
 
 def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
-    """Return one row per recording and reason: frames, stances and hops that were left out."""
-    rows = tuple(
-        (str(entry["recording"]), what, reason, show.count(number))
-        for entry in counts or ()
+    """Return one row per recording and reason: what was left out."""
+    rows = []
+    for entry in counts or ():
+        unseen = {key: n for key, n in entry["frames"].items() if key != "seen"}
         for what, numbers in (
-            ("frames", {k: v for k, v in entry["frames"].items() if k != "seen"}),
+            ("frames", unseen),
             ("stances and hops", entry["rejected"]),
             ("hops", entry["excluded"]),
-        )
-        for reason, number in numbers.items()
-        if number
-    )
-    head, title = (
-        ("recording", "what", "reason", "number"),
-        "Left out, or relying on other frames",
-    )
-    return show.Table(title, head, rows, text_columns=3) if rows else None
+        ):
+            for reason, number in numbers.items():
+                if number:
+                    name = str(entry["recording"])
+                    rows.append((name, what, reason, show.count(number)))
+    if not rows:
+        return None
+    title = "Left out, or relying on other frames"
+    head = ("recording", "what", "reason", "number")
+    return show.Table(title, head, tuple(rows), text_columns=3)
 
 
 def model_table(scores: pd.DataFrame | None) -> show.Table | None:
-    """Return one row per set and component: how well the hops of the test set are predicted."""
+    """Return one row per set and component: how well other hops are predicted."""
     columns: show.Columns = {
         "frame change": show.text("component"),
         "seed": show.counted("seed"),
@@ -148,19 +151,24 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
         "hops learned": show.counted("training_hops"),
         "hops tested": show.counted("test_hops"),
     }
-    title, note = "How well the model predicts a hop", NOTES["model"]
+    title = "How well the model predicts a hop"
+    note = NOTES["model"]
     return show.table_of(title, show.records(scores), columns, note=note)
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:
-    """Build the page of the steering study: a complete HTML document that loads nothing.
+    """Build the page of the steering study: an HTML document that loads nothing.
 
     Raises
     ------
     ConfigError
         If a caption names a fact that does not exist.
     """
-    record, facts = inputs.provenance or {}, steering_facts(inputs)
+    record = inputs.provenance or {}
+    facts = steering_facts(inputs)
+    notes = list(inputs.notes)
+    if inputs.outcomes is None:
+        notes.append(NOTES["no_experiment"])
     return rendered(
         "steering.html.j2",
         own=_FOLDER / "templates",
@@ -176,7 +184,7 @@ def build_steering_report(inputs: SteeringInputs) -> str:
             "truth": result_tables.truth_table(inputs.truth),
             **result_tables.record_tables(record),
         },
-        notes=[*inputs.notes, *[NOTES["no_experiment"]] * (inputs.outcomes is None)],
+        notes=notes,
         config=as_yaml(record.get("config")),
     )
 
@@ -195,20 +203,26 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
         controller predicts).
     """
     rows = show.records(inputs.outcomes)
-    hops = None if inputs.scores is None else inputs.scores["training_hops"].iloc[0]
+    starts = show.MISSING
+    seeds = show.MISSING
+    if rows:
+        starts = show.count(rows[0]["runs"] / rows[0]["seeds"])
+        seeds = show.count(rows[0]["seeds"])
+    in_median_seed = _of_seed("median")
+    shares = {}
+    for row in rows:
+        shares[f"{row['experiment']} {row['controller']}"] = in_median_seed(row)
+    training_hops = None
+    if inputs.scores is not None:
+        training_hops = inputs.scores["training_hops"].iloc[0]
     return {
         "has_planner": any(row["controller"] == PLANNER for row in rows),
         "has_horizons": inputs.horizons is not None and not inputs.horizons.empty,
         "examples": {name: _example(inputs.examples, name) for name in EXPERIMENTS},
-        "starts": show.count(rows[0]["runs"] / rows[0]["seeds"])
-        if rows
-        else show.MISSING,
-        "seeds": show.count(rows[0]["seeds"]) if rows else show.MISSING,
-        "share": {
-            f"{row['experiment']} {row['controller']}": _of_seed("median")(row)
-            for row in rows
-        },
-        "training_hops": show.count(hops),
+        "starts": starts,
+        "seeds": seeds,
+        "share": shares,
+        "training_hops": show.count(training_hops),
     }
 
 
@@ -234,27 +248,27 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     rows = show.records(inputs.outcomes)
     tried = {row["controller"] for row in rows}
     first = next((name for name in RUN_BY if name in tried), None)
+    in_worst_seed = _of_seed("worst")
     for row in rows:
-        if first is not None and row["controller"] == first:
-            name, hops = EXPERIMENTS[row["experiment"]], show.fixed(row["hops"], 0)
-            seeds = f"worst of {row['seeds']} seeds"
-            remark = f"{RUN_BY[first]}, {seeds}; median {hops} hops; simulated"
-            cards.append((name[0].upper() + name[1:], _of_seed("worst")(row), remark))
+        if first is None or row["controller"] != first:
+            continue
+        experiment = EXPERIMENTS[row["experiment"]]
+        name = experiment[0].upper() + experiment[1:]
+        seeds = f"worst of {row['seeds']} seeds"
+        hops = show.fixed(row["hops"], 0)
+        remark = f"{RUN_BY[first]}, {seeds}; median {hops} hops; simulated"
+        cards.append((name, in_worst_seed(row), remark))
+
     used = sum(entry["used"] for entry in inputs.counts or ())
     pairs = sum(entry["pairs"] for entry in inputs.counts or ())
-    cards.append(
-        (
-            "Hops used",
-            show.count(used),
-            f"of {show.count(pairs)}; those left out are listed below",
-        )
-    )
-    for key, name in (
-        ("heading_rms", "Error of the heading"),
-        ("boom_angle_rms", "Boom angle"),
-    ):
-        entry = (inputs.truth or {}).get(key)
-        if entry:
-            text = show.with_unit(show.fixed(entry["value"], 1), str(entry["unit"]))
+    left_out = f"of {show.count(pairs)}; those left out are listed below"
+    cards.append(("Hops used", show.count(used), left_out))
+
+    truth = inputs.truth or {}
+    errors = {"heading_rms": "Error of the heading", "boom_angle_rms": "Boom angle"}
+    for key, name in errors.items():
+        if key in truth:
+            value = show.fixed(truth[key]["value"], 1)
+            text = show.with_unit(value, str(truth[key]["unit"]))
             cards.append((name, text, "rms, against the simulator"))
     return cards

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import make_interp_spline
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.states.assemble import home_frames, track_means
+from hopdata.landings.states.home_frames import home_frames, track_means
 
 TIME = np.arange(40) / 100
 

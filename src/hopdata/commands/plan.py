@@ -1,0 +1,73 @@
+"""``hopdata plan``: how many landings show a difference, from a pilot."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+
+from hopdata.analysis import planned
+from hopdata.commands.terminal import OK
+from hopdata.commands.values import values_of
+from hopdata.commands.workflow import run_workflow
+from hopdata.errors import ConfigError
+
+
+def plan(options: argparse.Namespace) -> int:
+    """Print differences and the landings that show them; draw them on request."""
+    from hopdata.maps.verdict.effect import landings_needed
+
+    file = options.pilot
+    if file.suffix in (".yaml", ".yml"):
+        file = _verdict_of(file)
+    landings, feet, power, effect = values_of(
+        file, "verdict.json", "n_landings", "n_feet", "power", "effect"
+    )
+    if effect is None:
+        sentence = values_of(file, "verdict.json", "sentence")[0]
+        raise ConfigError(f"{file}: the pilot has no answer: {sentence}")
+    if "allowed" not in effect:
+        raise ConfigError.at(
+            file, "a verdict of this version", "an older one; run the pilot again"
+        )
+    detectable = effect["detectable"]
+    allowed = effect["allowed"]
+    found = f"{100 * detectable:.2g} % in {100 * power:g} % of studies"
+    print(f"{landings:,} landings of {feet} feet find {found}\n")
+    asked = {*planned(allowed)}
+    if options.difference is not None:
+        asked.add(options.difference)
+    needed = {
+        difference: landings_needed(landings, detectable, allowed, difference, feet)
+        for difference in sorted(asked)
+    }
+    print("difference  landings")
+    for difference, number in needed.items():
+        print(f"{100 * difference:8.2g} %  {int(float(f'{number:.1e}')):8,}")
+    if options.figure is not None:
+        _draw(options.figure, needed, (landings, detectable), power)
+    return OK
+
+
+def _draw(
+    file: Path, needed: Mapping[float, int], pilot: tuple[int, float], power: float
+) -> None:
+    from hopdata.figures.style import save_figure
+    from hopdata.figures.verdict import plan_figure
+
+    figure = plan_figure(needed, pilot, power)
+    ending = file.suffix.removeprefix(".") or "svg"
+    written = save_figure(figure, file.with_suffix(""), formats=(ending,))
+    print(f"\n{written[0]}: written")
+
+
+def _verdict_of(config: Path) -> Path:
+    """Run a study, which may be simulated, up to its verdict, and return that file."""
+    from hopdata.config.loading import load_config
+
+    study = load_config(config)["study"]
+    verdict = Path("results") / study / "verdict.json"
+    print(f"{config}: as far as {verdict}", flush=True)
+    if run_workflow(config, study, "--cores", "2", "--", str(verdict)):
+        raise ConfigError(f"{config}: the study does not run to its verdict; see above")
+    return verdict

@@ -1,0 +1,176 @@
+"""Snakemake as a process: its options, its progress in plain lines, its errors."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from hopdata.commands.owner import LOCKS, recorded, release_dead, who_is_at_work
+from hopdata.errors import counted, require
+from hopdata.walk import SNAKEFILE
+
+#: Snakemake's messages on jobs: start, end and count.
+_SAID = re.compile(
+    r" +jobid: (\d+)|Finished jobid: (\d+) \(Rule: (\w+)\)|(\d+) of (\d+) steps \("
+)
+#: Lines of Snakemake that are shown if it fails and nothing of hopdata says why.
+_LAST_LINES = 12
+_DRY = {"-n", "--dry-run", "--dryrun"}
+
+
+def is_dry(options: Iterable[str]) -> bool:
+    """Tell whether Snakemake only says what it would do."""
+    return bool(_DRY & {*options})
+
+
+def run_workflow(
+    config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE
+) -> int:
+    """Run Snakemake on a configuration, show progress, and return its exit code.
+
+    Its stderr goes to ``results/<study>/logs/run.log``, which is named if it fails.
+    """
+    wanted = "the workflow"
+    require(snakefile.exists(), str(snakefile), wanted, "no file; install hopdata anew")
+    unlocked = release_dead()
+    if unlocked:
+        print(f"hopdata: {unlocked}", file=sys.stderr, flush=True)
+    if not os.access(os.path.expanduser("~"), os.W_OK):
+        # Snakemake caches downloads there.
+        os.environ.setdefault("XDG_CACHE_HOME", os.path.abspath(".snakemake"))
+    # The table of a dry run is read below; that of a run goes to the user's terminal.
+    listed = "--dry-run" in options
+    given_cores = options[options.index("--cores") + 1]
+    cores = int(given_cores) if given_cores.isdigit() else os.cpu_count() or 1
+    progress = _Progress(study, cores)
+    process = subprocess.Popen(
+        _command(config, snakefile, options, listed=listed),
+        stdout=subprocess.PIPE if listed else None,
+        stderr=subprocess.PIPE,
+        # Python would look for modules in the working folder first, for Snakemake and
+        # for its jobs. That is a study's folder, into which anyone may have put files.
+        env=os.environ | {"PYTHONSAFEPATH": "1"},
+        encoding="utf-8",
+        errors="replace",
+    )
+    with process as snakemake, recorded(study, snakemake.pid):
+        try:
+            for line in snakemake.stderr or ():
+                progress.take(line)
+            table = "".join(snakemake.stdout or ())
+            code = snakemake.wait()
+        except KeyboardInterrupt:
+            # Snakemake receives it too, ends its jobs and unlocks the folder.
+            snakemake.wait()
+            raise
+    log = Path("results", study, "logs", "run.log")
+    if not is_dry(options):
+        # Snakemake itself complains if a folder is not writable.
+        with suppress(OSError):
+            log.parent.mkdir(parents=True, exist_ok=True)
+            log.write_text("".join(progress.said), encoding="utf-8")
+    if code:
+        _report_failure(progress.said, log)
+    elif listed:
+        print(_planned(study, table))
+    return code
+
+
+def _command(
+    config: Path, snakefile: Path, options: Sequence[str], *, listed: bool
+) -> list[str]:
+    # The order matters: --configfile takes any number of files, so a target would be
+    # one.
+    profile = SNAKEFILE.parent / "profiles" / "default"  # also that of a group
+    command: list[Any] = [sys.executable, "-m", "snakemake"]
+    command += ["--configfile", config, "--snakefile", snakefile]
+    command += ["--workflow-profile", profile, "--nocolor", *options]
+    if listed:
+        command += ["--quiet", "rules", "host", "reason"]
+    return [str(word) for word in command]
+
+
+class _Progress:
+    """What Snakemake has said, and a plain line for each job that ended.
+
+    Attributes
+    ----------
+    said
+        All its lines.
+    """
+
+    def __init__(self, study: str, cores: int) -> None:
+        self.said: list[str] = []
+        self._study = study
+        self._cores = cores
+        self._start = time.monotonic()
+        #: When each job began, by its number.
+        self._begun: dict[str, float] = {}
+        #: How long each finished job took, s.
+        self._took: list[float] = []
+        self._last_job = ""
+
+    def take(self, line: str) -> None:
+        """Take a line; show it if it is one of hopdata, or tell how far the run is."""
+        is_new = line not in self.said
+        self.said.append(line)
+        if line.startswith("hopdata:") and is_new:
+            print(line, end="", file=sys.stderr, flush=True)
+        found = _SAID.match(line)
+        if not found:
+            return
+        begins, ends, rule, done, number = found.groups()
+        if begins:
+            self._begun[begins] = time.monotonic()
+        elif ends:
+            seconds = time.monotonic() - self._begun.get(ends, self._start)
+            self._took.append(seconds)
+            self._last_job = f"{rule} {seconds:.0f} s"
+        else:
+            self._print(int(done), int(number))
+
+    def _print(self, done: int, number: int) -> None:
+        mean_s = fmean(self._took or [0.0])
+        left_s = (number - done) * mean_s / self._cores
+        if left_s:
+            when = f"{self._last_job}, about {_in_words(left_s)} left"
+        else:
+            when = f"after {_in_words(time.monotonic() - self._start)}"
+        print(f"{self._study}: {done} of {number} jobs done, {when}", file=sys.stderr)
+
+
+def _in_words(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min"
+
+
+def _report_failure(said: Sequence[str], log: Path) -> None:
+    """Say why Snakemake failed, and where all that it said is kept."""
+    if any("cannot be locked" in line for line in said):
+        found = f"expected files that are not locked, found: {who_is_at_work()}"
+        print(f"hopdata: error: {LOCKS}: {found}", file=sys.stderr)
+    elif not any(line.startswith("hopdata:") for line in said):
+        print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
+    if log.exists():
+        print(f"hopdata: {log}: all that Snakemake said", file=sys.stderr)
+
+
+def _planned(study: str, table: str) -> str:
+    """List what would run, a line per stage, from Snakemake's table of a dry run."""
+    rows = re.findall(r"^(\w+) +(\d+)$", table.partition("\ntotal ")[0], re.MULTILINE)
+    lines = [
+        f"  {rule:20} {counted(int(number), 'job')}"
+        for rule, number in rows
+        if rule != "all"
+    ]
+    first = "would run" if lines else "nothing to do"
+    return "\n".join([f"{study}: {first}", *lines])

@@ -1,0 +1,112 @@
+"""Calls from machine code back into Python, for functions that Numba cannot compile.
+
+A trampoline is a compiled function of the same signature, so the driver calls it like
+any other. It takes the interpreter's lock, passes arrays that are the driver's own
+memory, and calls the Python function. Numba's object mode would take half as long
+again, and five times as long to compile.
+"""
+
+from collections.abc import Callable
+from math import inf, nan
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from hopdata.hybrid.compiled.caught import current
+from hopdata.hybrid.compiled.declare import place, return_error
+from hopdata.hybrid.compiled.kernel import Signature
+from hopdata.hybrid.compiled.memory import built, lower_call_of_python
+
+Function = Callable[..., Any]
+
+# A NaN that no arithmetic produces, which distinguishes an unfilled element from a
+# computed NaN.
+UNFILLED = np.int64(0x7FF8_0000_0BAD_F111)
+# Kinds that must fill all elements of their arrays in each call.
+FILLS_ALL = ("field", "guards")
+
+
+def protected(function: Function, signature: Signature) -> Function:
+    """Return `function` with its exceptions collected for the caller of the driver.
+
+    After the first exception the function is not called again: its arrays are filled
+    with NaN, and an event handler stops the integration, so that the driver soon ends.
+    """
+    first = True
+
+    def call(*arguments: Any) -> Any:
+        nonlocal first
+        caught = current()
+        try:
+            if caught:
+                return _give_up(signature, arguments)
+            if first:
+                first = False
+                return _checked(function, signature, arguments)
+            return _converted(function(*arguments), function, signature)
+        except BaseException as error:
+            if caught is None:
+                raise
+            error.add_note(f"in {place(function, signature)}")
+            caught.append(error)
+            return _give_up(signature, arguments)
+
+    return call
+
+
+def _converted(result: Any, function: Function, signature: Signature) -> Any:
+    """Return the result converted to the signature's type, as compiled code would."""
+    kind = signature.native.return_type
+    if kind == types.none and result is None:
+        return None
+    if kind != types.none and isinstance(result, int | float | np.number | np.bool_):
+        return int(result) if kind == types.int64 else float(result)
+    raise return_error(function, signature, type(result).__name__)
+
+
+def _checked(
+    function: Function, signature: Signature, arguments: tuple[Any, ...]
+) -> Any:
+    """Call the function, and check that it fills all of its arrays."""
+    arrays = {}
+    if signature.name in FILLS_ALL:
+        arrays = _filled_by(signature, arguments)
+    for array in arrays.values():
+        array.view(np.int64).fill(UNFILLED)
+    result = _converted(function(*arguments), function, signature)
+    for name, array in arrays.items():
+        unfilled = np.flatnonzero(array.view(np.int64) == UNFILLED)
+        if len(unfilled) > 0:
+            where = place(function, signature)
+            raise ValueError(f"{where} does not fill {name}[{unfilled[0]}]")
+    return result
+
+
+def _filled_by(signature: Signature, arguments: tuple[Any, ...]) -> dict[str, Any]:
+    named = dict(zip(signature.arguments, arguments, strict=True))
+    return {name: named[name] for name in signature.fills}
+
+
+def _give_up(signature: Signature, arguments: tuple[Any, ...]) -> Any:
+    """Fill the arrays with NaN, and return what ends the integration soon."""
+    for array in _filled_by(signature, arguments).values():
+        array.fill(nan)
+    if signature.native.return_type == types.none:
+        return None
+    return 1 if signature.name == "on_event" else inf
+
+
+def trampoline(function: Function, signature: Signature) -> Any:
+    """Return a Python function that Numba compiles into a call of `function`.
+
+    The machine code contains the object's address, so the caller must keep the object
+    alive.
+    """
+    names = ", ".join(signature.arguments)
+    lower = lower_call_of_python(function)
+    returns = signature.native.return_type
+    call = built(len(signature.arguments), lambda *kinds: (returns(*kinds), lower))
+    scope = {"call": call}
+    exec(f"def trampoline({names}):\n    return call({names})\n", scope)
+    return scope["trampoline"]

@@ -1,0 +1,192 @@
+"""How soft a contact may be beside what the law says, and what that does to instants.
+
+Few landings cannot distinguish a hard contact from a soft one, which shifts all
+instants of a foot. The likelihoods of other compliances limit what it can be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.landings.contacts.kink import KinkFits
+from hopdata.landings.contacts.law import (
+    TELLING_LOSS,
+    FootHeights,
+    Law,
+    some_landings,
+)
+
+#: Landings, evenly spaced, whose likelihood decides on stance and softness.
+#: Unit: landings. Origin: chosen.
+STANCE_LANDINGS = 120
+
+#: Compliances whose likelihood is taken beside 0 and the law's own.
+#: Unit: s. Origin: chosen.
+SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)
+
+#: Smallest step from the law's own compliance to the next that is tried.
+#: Unit: s. Origin: chosen.
+LEAST_STEP_S = 3e-4
+
+#: The same step, as a share of the law's own compliance.
+#: Unit: 1. Origin: chosen.
+STEP_SHARE = 0.1
+
+#: A compliance of the list is left out if it is nearer than this to the law's own, in
+#: such steps.
+#: Unit: steps. Origin: chosen.
+APART_STEPS = 1.5
+
+#: Number of compliances, evenly spaced, at which the posterior is evaluated.
+#: Unit: 1. Origin: chosen.
+SOFTNESS_NODES = 1001
+
+#: Prior odds of a soft against a hard contact.
+#: Unit: 1. Origin: chosen (docs/contacts.md, "Two errors").
+SOFTNESS_ODDS = 6.0
+
+#: Standard deviations from zero at which a contact is surely soft; instants then move
+#: to the mean compliance.
+#: Unit: standard deviations. Origin: chosen.
+SURE_OF_SOFT = 2.0
+
+#: Factor on the standard deviation of the compliance, since the likelihood takes the
+#: learned law for known.
+#: Unit: 1. Origin: measured: on three simulated animals (`few_rows` of
+#: benchmarks/contact_instants.py, table in docs/contacts.md).
+OVERSURE = 1.3
+
+#: Share of the compliance added to the common error, since no foot stops exactly
+#: exponentially.
+#: Unit: 1. Origin: measured: on the same animals.
+SHAPE_SHARE = 0.03
+
+#: An instant that moves by this much more than the compliance explains lies in a gap,
+#: so it does not speak.
+#: Unit: s. Origin: chosen.
+JUMP_S = 1e-3
+
+
+def with_softness(
+    feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool
+) -> tuple[KinkFits, FloatArray]:
+    """Add the uncertainty of the compliance to the errors.
+
+    If feet are `alike`, the likelihoods of all of them limit one compliance, else each
+    foot has its own. If feet are alike and surely soft, their instants are those of the
+    mean compliance.
+
+    Returns
+    -------
+    fits : KinkFits
+        With the part of the error that differs between landings in `unit_se`.
+    common : (n,) array
+        The error that all landings of a foot share, s.
+    """
+    own_s = law.compliance_s
+    trials_s = _trials(own_s)
+    trials = [replace(law, compliance_s=time_s) for time_s in trials_s.tolist()]
+    gains = _gains(feet, fits, law, trials)
+    if alike:
+        gains[:] = gains.sum(axis=1, keepdims=True)
+    mean, sd = _posterior(trials_s, gains)
+
+    # How far instants move with the compliance: by the trial whose distance from the
+    # law's own is most like the distance that the posterior allows.
+    away = np.where(trials_s == own_s, np.inf, np.abs(trials_s - own_s))
+    allowed = np.hypot(mean - own_s, sd).max()
+    other = trials[int(np.argmin(np.abs(away - allowed)))]
+    moved = feet.fits(fits.instant, other, widely=True).instant - fits.instant
+    moved /= other.compliance_s - own_s
+    shift = np.array([_median_of_known(of_foot) for of_foot in moved.T])
+    moved = np.where(np.isfinite(moved), moved, shift)
+
+    surely_soft = alike & (mean > SURE_OF_SOFT * sd)
+    better = np.where(surely_soft, mean, own_s)
+    instant = fits.instant + moved * (better - own_s)
+    doubt = np.hypot(mean - better, sd)
+
+    centre = shift
+    if alike:  # feet that shift differently may swap places
+        centre = shift.mean()
+    error = np.hypot(fits.unit_se, (moved - centre) * doubt / law.noise_m)
+    if alike:
+        # The law was learned from a finite number of landings, so it errs itself.
+        landings = np.isfinite(instant).any(axis=1).sum()
+        error *= np.sqrt(1 + 1 / max(landings, 1))
+    common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
+    return replace(fits, instant=instant, unit_se=error), common
+
+
+def _trials(own_s: float) -> FloatArray:
+    """Return compliances to try, (K,), s: the law's own, those beside it, others."""
+    step_s = max(STEP_SHARE * own_s, LEAST_STEP_S)
+    trials = {max(own_s - step_s, 0.0), own_s, own_s + step_s}
+    for time_s in (0.0, *SOFTNESS_S):
+        if abs(time_s - own_s) > APART_STEPS * step_s:
+            trials.add(time_s)
+    return np.array(sorted(trials))
+
+
+def _gains(
+    feet: FootHeights, fits: KinkFits, law: Law, trials: list[Law]
+) -> FloatArray:
+    """Return the log likelihood of each trial for each foot, (K, n)."""
+    some = some_landings(feet.telling(fits), STANCE_LANDINGS)
+    found = [feet.fits(some, trial) for trial in trials]
+    each = np.array([one.evidence for one in found]) / (-2 * law.noise_m**2)
+    instants = np.array([one.instant for one in found])
+    compliances = np.array([trial.compliance_s for trial in trials])
+    # Jumps of instants count only between likely trials: at far too soft ones they jump
+    # anyway.
+    total = np.nansum(each, axis=(1, 2))
+    likely = total > total.max() - TELLING_LOSS
+    steady = _steady(compliances[likely], instants[likely])
+    speaks = steady & np.isfinite(each).all(axis=0)
+    return np.asarray(np.where(speaks, each, 0.0).sum(axis=1))
+
+
+def _steady(compliances_s: FloatArray, instants: FloatArray) -> BoolArray:
+    """Mark contacts (L, n) whose instants (K, L, n) follow the compliance (K,)."""
+    moves = np.abs(np.diff(instants, axis=0))
+    explained = 2 * np.diff(compliances_s)[:, None, None]
+    return np.asarray((moves < explained + JUMP_S).all(axis=0))
+
+
+def _median_of_known(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return 0.0
+    return float(np.median(known))
+
+
+def _posterior(
+    trials_s: FloatArray, gains: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and sd (n,) of compliances, s.
+
+    The log likelihoods (K, n) of trials (K,) are interpolated by a cubic spline, whose
+    third derivative jumps at the inner trials except the outermost (not-a-knot).
+    Loading SciPy's spline would take a short study longer than judging all its
+    contacts.
+    """
+    time_s = np.linspace(0, trials_s[-1], SOFTNESS_NODES)
+    coefficients = np.linalg.solve(_spline_basis(trials_s, trials_s), gains)
+    gain = _spline_basis(trials_s, time_s) @ coefficients / OVERSURE**2
+    prior = np.full(len(time_s), SOFTNESS_ODDS / len(time_s))
+    prior[0] = 1.0
+    weights = prior[:, None] * np.exp(gain - gain.max(axis=0))
+    weights /= weights.sum(axis=0)
+    mean = time_s @ weights
+    variance = ((time_s[:, None] - mean) ** 2 * weights).sum(axis=0)
+    return mean, np.sqrt(variance)
+
+
+def _spline_basis(trials_s: FloatArray, at_s: FloatArray) -> FloatArray:
+    """Return the columns of a cubic spline through K trials at other times, (., K)."""
+    share = at_s[:, None] / trials_s[-1]
+    jumps = trials_s[2:-2] / trials_s[-1]
+    return np.hstack([share ** np.arange(4), np.maximum(share - jumps, 0.0) ** 3])

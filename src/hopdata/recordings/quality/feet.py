@@ -1,0 +1,341 @@
+"""Which of the markers that land together are the feet of a study."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.messages import Message
+from hopdata.recordings.quality.inspection import Inspection
+from hopdata.recordings.quality.landing_markers import (
+    LEAST_FEET,
+    LEAST_RESTS,
+    rest_together,
+)
+from hopdata.recordings.quality.part_names import (
+    SIDE_NAMES,
+    is_heel,
+    part_by_name,
+    place_by_name,
+    side_of_foot,
+    without_number,
+)
+from hopdata.recordings.quality.rests import lowest, scale_of_all
+from hopdata.recordings.quality.stretches import runs
+from hopdata.recordings.wording import chained, listed
+
+# Markers of feet in a study, at most.
+MOST_FEET = 6
+
+#: Range of the lowest heights of one part's markers, for an animal of 1 m, from which
+#: on some are not on its sole.
+#: Unit: m. Origin: chosen.
+UNEVEN_M = 0.01
+
+#: Height above the lowest marker of such a part, for an animal of 1 m, from which on a
+#: marker is not on its sole.
+#: Unit: m. Origin: chosen.
+SOLE_M = 0.025
+
+#: Largest spread of a distance, relative to its length, between markers of one shoe.
+#: Unit: 1. Origin: chosen.
+BEND = 0.04
+
+
+@dataclass(frozen=True)
+class Feet:
+    """The feet that were chosen.
+
+    Parameters
+    ----------
+    markers : list of int
+        Their markers, in increasing order.
+    rivals : list of list of int
+        Groups of markers that land at other times.
+    reason : Message, optional
+        Why these, if there are enough of them.
+    problem : Message, optional
+        What to do if there are not.
+    """
+
+    markers: list[int]
+    rivals: list[list[int]]
+    reason: Message | None = None
+    problem: Message | None = None
+
+
+def guess_feet(
+    groups: list[list[int]], inspection: Inspection, rests: BoolArray
+) -> Feet:
+    """Choose the feet to analyse among groups that land together, and say why.
+
+    Parameters
+    ----------
+    groups : list of list of int
+        Output of `landing_markers.land_together`.
+    inspection : Inspection
+        The recording.
+    rests : (N, M) bool array
+        When each marker rests.
+    """
+    markers = inspection.markers
+    group = _most_telling(groups, inspection) if groups else []
+    rivals = [other for other in groups if not set(other) & set(group)]
+    if len(group) < LEAST_FEET:
+        return Feet(group, rivals, problem=_too_few(group, inspection))
+
+    on_sole, of_one_part = _on_the_sole(group, inspection)
+    parts = [
+        *_how_they_rest(on_sole, rests),
+        of_one_part,
+        _left_out(group, groups, markers),
+    ]
+    if rivals:
+        between = "; ".join(", ".join(markers[m] for m in other) for other in rivals)
+        parts.append(Message("recordings.feet_in_between", {"markers": between}))
+    reason = chained([part for part in parts if part is not None])
+    return Feet(sorted(on_sole), rivals, reason)
+
+
+def _most_telling(groups: list[list[int]], inspection: Inspection) -> list[int]:
+    """Choose at most six markers, the same ones on both sides.
+
+    Heels come first, then toes, then low markers. Of each rigid part only the lowest
+    heel counts, since the heels of one shoe land together. Markers not named as feet
+    are used only if fewer than two are, and ankles only if there is nothing else.
+    """
+    markers = inspection.markers
+    largest = groups[0]
+    if len(largest) == 1:  # one marker per foot, and no two land together
+        largest = [m for group in groups for m in group]
+    group = _likeliest_by_name(largest, markers)
+    low_m = lowest(inspection.positions[:, :, 2])
+    place = {m: place_by_name(markers[m]) for m in group}
+
+    def rank(m: int) -> tuple[bool, int, float]:
+        is_stranger = part_by_name(markers[m]) != "foot"
+        rank_of_place, _ = place[m]
+        return is_stranger, rank_of_place, float(low_m[m])
+
+    chosen: list[int] = []
+    for m in sorted(group, key=rank):
+        both_sides = [k for k in group if place[k][1] == place[m][1]]
+        few_enough = len({*chosen, *both_sides}) <= MOST_FEET
+        if few_enough and not _heel_again(m, chosen, inspection):
+            chosen += [k for k in both_sides if k not in chosen]
+    return sorted(chosen)
+
+
+def _likeliest_by_name(group: list[int], markers: tuple[str, ...]) -> list[int]:
+    """Return the markers named as feet, or all but the ankles, or all: two or more."""
+    named = [m for m in group if part_by_name(markers[m]) == "foot"]
+    if len(named) >= LEAST_FEET:
+        return named
+    without_ankles = [m for m in group if part_by_name(markers[m]) in ("foot", "")]
+    if len(without_ankles) >= LEAST_FEET:
+        return without_ankles
+    return group
+
+
+def _heel_again(m: int, chosen: list[int], inspection: Inspection) -> bool:
+    """Tell whether a marker is on a heel already chosen, on the same rigid part."""
+    if not is_heel(inspection.markers[m]):
+        return False
+    for k in chosen:
+        if not is_heel(inspection.markers[k]):
+            continue
+        if any({m, k} <= set(part.markers) for part in inspection.clusters):
+            return True
+    return False
+
+
+def _on_the_sole(
+    group: list[int], inspection: Inspection
+) -> tuple[list[int], Message | None]:
+    """Keep only the low markers of feet on one rigid part such as a shoe; say so."""
+    markers = inspection.markers
+    scale = scale_of_all(inspection.positions)
+    low_m = lowest(inspection.positions[:, group, 2])
+    two_sides = len({place_by_name(markers[m]) for m in group}) < len(group)
+    is_one_part = any(set(group) <= set(part.markers) for part in inspection.clusters)
+    if two_sides or not is_one_part or np.ptp(low_m) < UNEVEN_M * scale:
+        return group, None
+
+    limit_m = low_m.min() + SOLE_M * scale
+    kept = [m for m, height_m in zip(group, low_m, strict=True) if height_m < limit_m]
+    if len(kept) < LEAST_FEET:
+        kept = group
+    apart_m = float(np.ptp(lowest(inspection.positions[:, kept, 2])))
+    values = {"apart_mm": 1e3 * apart_m}
+    left = [markers[m] for m in group if m not in kept]
+    if not left:
+        return kept, Message("recordings.feet_on_one_part", values)
+    return kept, Message(
+        "recordings.feet_on_one_part_left_out",
+        {**values, "markers": ", ".join(left)},
+    )
+
+
+def _how_they_rest(group: list[int], rests: BoolArray) -> list[Message]:
+    """Report how often feet rest, and whether at the same time."""
+    counts = [len(runs(rests[:, m])) for m in group]
+    fewest = min(counts)
+    most = max(counts)
+    often = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+    values = {"often": often, "percent": 100 * float(rests[:, group].mean())}
+    code = "recordings.feet_rest_once" if most == 1 else "recordings.feet_rest"
+    told = [Message(code, values)]
+    for m in group:
+        others = [k for k in group if k != m]
+        if not any(rest_together(rests[:, m], rests[:, k]) for k in others):
+            told.append(Message("recordings.feet_apart"))
+            break
+    return told
+
+
+def _left_out(
+    group: list[int], groups: list[list[int]], markers: tuple[str, ...]
+) -> Message | None:
+    """Report which markers land with the feet but are left out, being too many."""
+    left = []
+    for other in groups:
+        if set(other) & set(group):
+            left += [markers[m] for m in other if m not in group]
+    if not left:
+        return None
+    told = Message("recordings.feet_left_out", {"markers": ", ".join(left)})
+    if len(group) + 1 >= MOST_FEET:
+        told = Message(
+            "recordings.feet_too_many", {"most": MOST_FEET, "left_out": told}
+        )
+    if any(is_heel(name) for name in left):
+        told = Message("recordings.feet_one_heel", {"left_out": told})
+    return told
+
+
+def _too_few(group: list[int], inspection: Inspection) -> Message:
+    """Report that no feet were found, and likely candidates: by name, or the lowest."""
+    markers = inspection.markers
+    low_m = lowest(inspection.positions[:, :, 2])
+    rising = np.argsort(low_m, kind="stable")
+    by_height = [markers[m] for m in rising if np.isfinite(low_m[m])]
+    named = [name for name in by_height if part_by_name(name) == "foot"]
+    if named:
+        likely = Message("recordings.likely_by_name", {"markers": ", ".join(named)})
+    else:
+        nearest = ", ".join(by_height[:MOST_FEET]) or "none"
+        likely = Message("recordings.likely_by_height", {"markers": nearest})
+    if not group:
+        return Message("recordings.no_feet", {"likely": likely})
+    return Message(
+        "recordings.one_foot", {"marker": markers[group[0]], "likely": likely}
+    )
+
+
+def doubt_about_feet(
+    feet: Feet, taken: set[int], inspection: Inspection, least_rests: int
+) -> Message | None:
+    """Return what else the feet might be, if that is not clear.
+
+    Parameters
+    ----------
+    feet : Feet
+        The feet that were chosen.
+    taken : set of int
+        Markers that land, at whatever time, or have another role.
+    inspection : Inspection
+        The recording.
+    least_rests : int
+        Number of rests of the foot that rests least often.
+    """
+    markers = inspection.markers
+    if not feet.markers:
+        return None
+    if least_rests < LEAST_RESTS:
+        doubt = Message("recordings.doubt_few_rests")
+    else:
+        likely = _others_named_so(feet.markers, markers) or _higher_ones_named_alike(
+            feet.markers, taken, inspection
+        )
+        if likely is None:
+            return None
+        doubt = likely
+    rivals = [listed([markers[m] for m in group]) for group in feet.rivals]
+    return chained([doubt, *rivals], "recordings.or")
+
+
+def _others_named_so(feet: list[int], markers: tuple[str, ...]) -> Message | None:
+    """Report all markers named as feet if some of the feet are not."""
+    named = [name for name in markers if part_by_name(name) == "foot"]
+    strangers = [m for m in feet if markers[m] not in named]
+    if not named or not strangers:
+        return None
+    return Message("recordings.doubt_named", {"markers": ", ".join(named)})
+
+
+def _higher_ones_named_alike(
+    feet: list[int], taken: set[int], inspection: Inspection
+) -> Message | None:
+    """Report markers named like the feet but for a number that stay higher."""
+    stems = [without_number(name) for name in inspection.markers]
+    stems_of_feet = {stems[m] for m in feet if part_by_name(stems[m]) == "foot"}
+    heights = inspection.positions[:, :, 2]
+    above_m = lowest(heights) - lowest(heights[:, feet]).min()
+    told = []
+    for m, name in enumerate(inspection.markers):
+        is_alike = stems[m] in stems_of_feet and m not in taken
+        if is_alike and np.isfinite(above_m[m]):
+            values = {"marker": name, "above_mm": 1e3 * float(above_m[m])}
+            told.append(Message("recordings.doubt_higher", values))
+    return chained(told, "recordings.and")
+
+
+def joined_feet(group: Sequence[int], inspection: Inspection) -> dict[str, list[str]]:
+    """Return feet with several markers: of one side by name, at constant distances.
+
+    Empty if all markers form one foot, or each is a foot by itself. Distances alone do
+    not decide, since feet that jump together keep theirs; nor do sides alone, since L1,
+    L2 and L3 are legs.
+    """
+    names = [inspection.markers[m] for m in group]
+    sides = [side_of_foot(name) if part_by_name(name) else "" for name in names]
+    feet = _by_foot(sides, inspection.pairs.relative_spread(group))
+    if not LEAST_FEET <= len(feet) < len(group):
+        return {}
+
+    sides_differ = len({sides[foot[0]] for foot in feet}) == len(feet)
+    of_foot = {}
+    for foot in feet:
+        first = foot[0]
+        label = sides[first] if sides_differ else f"of {names[first]}"
+        of_foot[label] = [names[i] for i in foot]
+    joined = {}
+    for label, markers in sorted(of_foot.items()):
+        if len(markers) > 1:
+            joined[SIDE_NAMES.get(label, f"foot {label}")] = markers
+    return joined
+
+
+def _by_foot(sides: list[str], bend: FloatArray) -> list[list[int]]:
+    """Group markers of one side that keep their distances.
+
+    Parameters
+    ----------
+    sides : list of str
+        The side of each of K markers, or an empty string.
+    bend : (K, K) array
+        Spread of each distance, relative to its length.
+    """
+    feet: list[list[int]] = []
+    for i, side in enumerate(sides):
+        joined = []
+        apart = []
+        for foot in feet:
+            same_side = side and side == sides[foot[0]]
+            if same_side and bend[i, foot].min() <= BEND:
+                joined += foot
+            else:
+                apart.append(foot)
+        feet = [*apart, [*joined, i]]
+    return feet

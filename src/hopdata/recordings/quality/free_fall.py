@@ -1,0 +1,193 @@
+"""Free fall of markers, which accelerate downwards by g: it shows the unit and up.
+
+Nothing but gravity accelerates markers by 9.81 m/s² in one direction for 80 ms.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from hopdata.arrays import GRAVITY_M_S2, FloatArray
+from hopdata.recording import sampled
+from hopdata.recordings.axes import DIRECTIONS, along
+from hopdata.recordings.quality.rests import scale_of_all
+
+#: Half the time over which a parabola gives an acceleration, for an animal of 1 m.
+#: Unit: s. Origin: chosen.
+HALF_WINDOW_S = 0.04
+
+#: Largest deviation of an acceleration from free fall, relative to g.
+#: Unit: 1. Origin: chosen.
+WITHIN = 0.25
+
+#: Least share of a marker's frames in free fall, as a mean over the markers.
+#: Unit: 1. Origin: chosen.
+LEAST_SHARE = 0.01
+
+#: Ratio of the frames in free fall to those along the next best direction, above which
+#: the direction is clear.
+#: Unit: 1. Origin: chosen.
+CLEARER = 4.0
+
+#: The same where less is at stake.
+#: Unit: 1. Origin: chosen.
+SOME_CLEARER = 1.5
+
+#: Evenly spaced frames that are evaluated, about.
+#: Unit: frames. Origin: chosen.
+MOST_FRAMES = 20_000
+
+UNITS_IN_M = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0})
+
+
+@dataclass(frozen=True)
+class FreeFall:
+    """How much of a recording looks like free fall.
+
+    Parameters
+    ----------
+    unit : str
+        The unit in which most frames are in free fall.
+    up : str
+        The direction opposite to the fall: ``"z"``, ``"-y"`` and so on.
+    share : float
+        Share of the frames in free fall, mean over the markers.
+    next_share : float
+        The same for the best other direction in this unit.
+    other_unit_share : float
+        The same for the best other unit, in any direction.
+    """
+
+    unit: str
+    up: str
+    share: float
+    next_share: float
+    other_unit_share: float = 0.0
+
+    @property
+    def is_clear(self) -> bool:
+        """Tell whether free fall is frequent, and far more so than along others."""
+        return self._is_clearer(CLEARER)
+
+    @property
+    def is_rather_clear(self) -> bool:
+        """Tell whether free fall is frequent, and more so than along others."""
+        return self._is_clearer(SOME_CLEARER)
+
+    def _is_clearer(self, ratio: float) -> bool:
+        is_frequent = self.share >= LEAST_SHARE
+        return is_frequent and self.share > ratio * self.next_share
+
+
+def accelerations(
+    positions: FloatArray, rate_hz: float, *, metres: float
+) -> FloatArray:
+    """Return accelerations of (N, M, 3) positions from parabolas, (K, M, 3), per s².
+
+    A parabola spans 80 ms, or less for a small animal. At most about `MOST_FRAMES`
+    evenly spaced frames are evaluated.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        In any unit.
+    rate_hz : float
+        Frame rate, Hz.
+    metres : float
+        Length of one unit, m.
+    """
+    # Small animals are faster by the root of their size.
+    time_scale = np.sqrt(scale_of_all(sampled(positions) * metres))
+    half = max(2, round(HALF_WINDOW_S * time_scale * rate_hz))
+    n_windows = len(positions) - 2 * half
+    if n_windows < 1:
+        return np.zeros((0, *positions.shape[1:]))
+    stride = max(1, n_windows // MOST_FRAMES)
+    total = 0
+    for k, weight in enumerate(_second_derivative(half, rate_hz)):
+        total = total + weight * positions[k : k + n_windows : stride]
+    return np.asarray(total)
+
+
+def _second_derivative(half: int, rate_hz: float) -> FloatArray:
+    """Return the weights of 2 half + 1 frames in a parabola's second derivative."""
+    time = np.arange(-half, half + 1) / rate_hz
+    powers = np.stack([np.ones_like(time), time, time**2], axis=1)
+    return np.asarray(2 * np.linalg.pinv(powers)[2])
+
+
+def free_fall(
+    positions: FloatArray, rate_hz: float, *, units: Mapping[str, float] = UNITS_IN_M
+) -> FreeFall:
+    """Look for free fall in every direction and unit.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        In the unknown unit, along the file's axes.
+    rate_hz : float
+        Frame rate, Hz.
+    units : mapping
+        Units to try, and their lengths in m.
+
+    Returns
+    -------
+    FreeFall
+        The best guess; see `FreeFall.is_clear`.
+    """
+    shares = {}
+    for unit, metres in units.items():
+        measured = accelerations(positions, rate_hz, metres=metres)
+        shares[unit] = shares_in_free_fall(measured, metres)
+    best_of_unit = {unit: max(shares[unit].values()) for unit in units}
+    unit = max(best_of_unit, key=lambda unit: best_of_unit[unit])
+    ranked = sorted(shares[unit].items(), key=lambda item: -item[1])
+    up, share = ranked[0]
+    _, next_share = ranked[1]
+    others = [best_of_unit[other] for other in units if other != unit]
+    return FreeFall(unit, up, share, next_share, max(others, default=0.0))
+
+
+def shares_in_free_fall(measured: FloatArray, metres: float) -> dict[str, float]:
+    """Return the share of frames in free fall along each direction.
+
+    It is the mean over the markers that are seen. With g in the unit of the
+    accelerations, ``|a - g|² < (c g)²`` is tested as ``|a|² - 2 a·g < (c² - 1) g²``, so
+    that squares are formed only once.
+
+    Parameters
+    ----------
+    measured : (K, M, 3) array
+        Accelerations, per s².
+    metres : float
+        Length of their unit, m.
+    """
+    squares: FloatArray = np.einsum("kmi,kmi->km", measured, measured)
+    known = np.asarray(np.isfinite(squares))
+    seen = known.any(axis=0)
+    if not seen.any():
+        return dict.fromkeys(DIRECTIONS, 0.0)
+    n_known = known.sum(axis=0)[seen]
+    gravity = GRAVITY_M_S2 / metres
+    shares = {}
+    for up in DIRECTIONS:
+        pulled = 2 * gravity * along(measured, up)
+        falls = np.asarray(squares + pulled < (WITHIN**2 - 1) * gravity**2)
+        n_falling = np.count_nonzero(falls[:, seen], axis=0)
+        shares[up] = float(np.mean(n_falling / n_known))
+    return shares
+
+
+def liveliness(positions: FloatArray, rate_hz: float, *, metres: float) -> float:
+    """Return the acceleration that the median marker exceeds in a tenth of the time.
+
+    Per s², in the unit of the positions, which is `metres` long.
+    """
+    measured = accelerations(positions, rate_hz, metres=metres)
+    size: FloatArray = np.linalg.norm(measured, axis=2)
+    of_seen = size[:, np.isfinite(size).any(axis=0)]
+    if not of_seen.size:
+        return np.nan
+    return float(np.median(np.nanquantile(of_seen, 0.9, axis=0)))

@@ -1,0 +1,317 @@
+"""Where positions deviate grossly from predictions by the frames on either side.
+
+A contact bends a track, but one of the two sides still predicts every frame. Neither
+side predicts a spike. At a step, both sides miss in the same direction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.recordings.quality.rests import lowest
+from hopdata.recordings.quality.rigid import norms
+from hopdata.recordings.quality.stretches import near
+
+#: Most frames in a row of a spike.
+#: Unit: frames. Origin: chosen.
+LONGEST_SPIKE = 3
+
+#: A miss is gross above this multiple of the marker's median miss.
+#: Unit: 1. Origin: chosen.
+OF_MEDIAN = 5.0
+
+#: A miss is gross in any case above this multiple of the 99 % quantile of the misses.
+#: Unit: 1. Origin: chosen.
+OF_99 = 10.0
+
+#: Largest multiple of the 99.9 % quantile of the misses above which a miss is gross.
+#: Unit: 1. Origin: chosen.
+OF_999 = 3.0
+
+#: The multiple is this power of the ratio of the 99.9 % to the 99 % quantile: noise has
+#: a light tail, and hard impacts have a heavy one.
+#: Unit: 1. Origin: chosen.
+TAIL_POWER = 4
+
+#: No smaller miss is gross, for an animal of 1 m.
+#: Unit: m. Origin: chosen.
+LEAST_M = 0.005
+
+#: Evenly spaced frames from which the limits of a longer recording are taken.
+#: Unit: frames. Origin: chosen.
+MOST_FRAMES = 200_000
+
+#: Share of the size of a shorter excursion from which on a longer one, which holds it,
+#: outranks it.
+#: Unit: 1. Origin: chosen. The middle of three displaced frames seems displaced twice
+#: as far by itself.
+OF_SHORTER = 0.4
+
+# Miss of a parabola one to three frames ahead, in third differences.
+AHEAD = (1.0, 3.0, 6.0)
+
+# Frames on each side of a parabola.
+SIDE = 3
+
+# Avoids a division by zero.
+TINY_M = 1e-12
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """Consecutive frames in which a marker is displaced.
+
+    Parameters
+    ----------
+    marker : int
+        Index of the marker.
+    start, stop : int
+        First frame and the frame after the last.
+    size : float
+        Least displacement, m.
+    """
+
+    marker: int
+    start: int
+    stop: int
+    size: float
+
+
+@dataclass(frozen=True)
+class Surprises:
+    """Gross misses of the one-sided predictions.
+
+    Parameters
+    ----------
+    spikes : tuple of Excursion
+        Spikes that no larger one nearby explains.
+    steps : tuple of Excursion
+        Gross steps from the frame before, on which both sides agree; `stop` is the
+        frame after.
+    limit : (M,) array
+        Least size of a gross step of each marker, m.
+    n_frames : int
+        Number of frames of the recording.
+    """
+
+    spikes: tuple[Excursion, ...]
+    steps: tuple[Excursion, ...]
+    limit: FloatArray
+    n_frames: int
+
+    @property
+    def is_step(self) -> BoolArray:
+        """Mask gross steps of markers from the frame before, (N, M)."""
+        return self._mask(self.steps)
+
+    @property
+    def is_spike(self) -> BoolArray:
+        """Mask frames in which a marker is in a spike, (N, M)."""
+        return self._mask(self.spikes)
+
+    def _mask(self, excursions: tuple[Excursion, ...]) -> BoolArray:
+        mask = np.zeros((self.n_frames, len(self.limit)), dtype=bool)
+        for one in excursions:
+            mask[one.start : one.stop, one.marker] = True
+        return mask
+
+
+def surprises(positions: FloatArray, *, scale: float = 1.0) -> Surprises:
+    """Compare (N, M, 3) positions, m, with parabolas through three frames on each side.
+
+    No miss below `LEAST_M` times the scale (`hopdata.recording.scale_of`) is gross.
+    """
+    n_frames, n_markers = positions.shape[:2]
+    limit = np.full(n_markers, np.inf)
+    spikes: list[Excursion] = []
+    steps: list[Excursion] = []
+    for m in range(n_markers):
+        # Of frame k + 3 relative to the three before it.
+        third = np.diff(positions[:, m], SIDE, axis=0)
+        if len(third) > SIDE:
+            found, limit[m] = _spikes(third, m, LEAST_M * scale)
+            spikes += found
+            steps += _steps(third, m, limit[m])
+    separate = _separate(spikes, (n_frames, n_markers))
+    return Surprises(separate, _in_order(steps), limit, n_frames)
+
+
+def _spikes(third: FloatArray, m: int, least_m: float) -> tuple[list[Excursion], float]:
+    """Return excursions of one marker from third differences, and its one-frame limit.
+
+    An excursion is no larger than the miss of its first frame as predicted from before,
+    so only frames with a gross miss are examined.
+
+    Parameters
+    ----------
+    third : (N - 3, 3) array
+        Third differences of the marker's positions.
+    m : int
+        The marker.
+    least_m : float
+        Least size of an excursion, m.
+    """
+    n_frames = len(third) + SIDE
+    limits = _limits_by_length(third, least_m)
+    gross = np.flatnonzero(norms(third) >= min(limits.values())) + SIDE
+    around = _around(third, gross)
+    size_of_longer = np.zeros(n_frames)
+    found: list[Excursion] = []
+    for length, limit in limits.items():
+        has_both_sides = gross <= n_frames - length - SIDE
+        sizes = _excursions(around[:, has_both_sides], length)
+        for k in np.flatnonzero(sizes > limit).tolist():
+            start = int(gross[k])
+            size = float(sizes[k])
+            longer = size_of_longer[start : start + length].min()
+            if longer < OF_SHORTER * size:
+                found.append(Excursion(m, start, start + length, size))
+        for one in found:
+            covered = size_of_longer[one.start : one.stop]
+            np.maximum(covered, one.size, out=covered)
+    return found, limits[1]
+
+
+def _limits_by_length(third: FloatArray, least_m: float) -> dict[int, float]:
+    """Return the limit, m, of excursions of each length, the longest first.
+
+    The limits come from at most `MOST_FRAMES` frames.
+    """
+    n_frames = len(third) + SIDE
+    usual = np.arange(SIDE, n_frames - SIDE, -(-n_frames // MOST_FRAMES))
+    around = _around(third, usual)
+    limits = {}
+    for length in range(LONGEST_SPIKE, 0, -1):
+        has_both_sides = usual <= n_frames - length - SIDE
+        sizes = _excursions(around[:, has_both_sides], length)
+        limits[length] = _limit(sizes, least_m)
+    return limits
+
+
+def _around(third: FloatArray, frames: IntArray) -> FloatArray:
+    """Return the third differences that judge three frames from each of (K,) on.
+
+    Shape (6, K, 3): as seen from the left, then from the right.
+    """
+    places = frames + np.arange(-LONGEST_SPIKE, LONGEST_SPIKE)[:, None]
+    return third[np.minimum(places, len(third) - 1)]
+
+
+def _excursions(around: FloatArray, length: int) -> FloatArray:
+    """Return the displacement of `length` frames in a row by both sides.
+
+    (6, K, 3) to (K,). This is the smallest of the frames' displacements. A parabola
+    through three frames misses the next one by a third difference, and later ones by
+    sums of these with the weights 1, 3, 6.
+    """
+    before = around[:length]
+    after = around[LONGEST_SPIKE : LONGEST_SPIKE + length]
+    least = np.full(around.shape[1], np.inf)
+    for k in range(length):
+        from_left = sum(w * t for w, t in zip(AHEAD, before[k::-1], strict=False))
+        from_right = sum(-w * t for w, t in zip(AHEAD, after[k:], strict=False))
+        agreed = _agreed(np.asarray(from_left), np.asarray(from_right))
+        least = np.minimum(least, agreed)
+    return least
+
+
+def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the smaller length of two vectors, or 0 if they point apart.
+
+    (..., 3) to (...); NaN stays NaN.
+    """
+    length = np.minimum(norms(one), norms(other))
+    alike = np.einsum("...i,...i->...", one, other) > 0
+    return np.where(alike, length, 0.0 * length)
+
+
+def _limit(sizes: FloatArray, least_m: float) -> float:
+    """Return a marker's limit, m, from its usual misses (K,).
+
+    It is infinite if the marker is never seen.
+    """
+    known = sizes[np.isfinite(sizes)]
+    if not len(known):
+        return np.inf
+    middle = 0.0
+    if np.any(known > 0):
+        middle = np.median(known[known > 0])
+    q99, q999 = np.quantile(known, [0.99, 0.999])
+    tail = min(OF_999, (q999 / max(q99, TINY_M)) ** TAIL_POWER)
+    by_tail = min(OF_99 * q99, tail * q999)
+    return float(max(least_m, OF_MEDIAN * middle, by_tail))
+
+
+def _steps(third: FloatArray, m: int, limit: float) -> list[Excursion]:
+    """Return gross steps of one marker on which both sides agree."""
+    frames = SIDE + np.flatnonzero(norms(third[:-2]) >= limit)
+    sizes = _agreed(third[frames - 3], third[frames - 1])
+    gross = sizes > limit
+    steps = []
+    for frame, size in zip(frames[gross].tolist(), sizes[gross].tolist(), strict=True):
+        steps.append(Excursion(m, frame, frame + 1, size))
+    return steps
+
+
+def _separate(found: list[Excursion], shape: tuple[int, int]) -> tuple[Excursion, ...]:
+    """Keep the largest, and those without a larger one within three frames."""
+    taken = np.zeros(shape, dtype=bool)
+    kept = []
+    for spike in sorted(found, key=lambda e: (-e.size, e.marker, e.start)):
+        nearby = slice(max(0, spike.start - SIDE), spike.stop + SIDE)
+        if not taken[nearby, spike.marker].any():
+            taken[spike.start : spike.stop, spike.marker] = True
+            kept.append(spike)
+    return _in_order(kept)
+
+
+def _in_order(excursions: list[Excursion]) -> tuple[Excursion, ...]:
+    return tuple(sorted(excursions, key=lambda e: (e.start, e.marker)))
+
+
+def find_spikes(
+    missed: Surprises, *, explained: BoolArray, heights: FloatArray
+) -> tuple[Excursion, ...]:
+    """List spikes: displacements of up to three frames that are not short landings.
+
+    Parameters
+    ----------
+    missed : Surprises
+        Gross misses.
+    explained : (N, M) bool array
+        Frames that a swap explains.
+    heights : (N, M) array
+        Heights, m.
+    """
+    if not missed.spikes:
+        return ()
+    low_m = lowest(heights)
+    spikes = []
+    for spike in missed.spikes:
+        m = spike.marker
+        if explained[spike.start : spike.stop, m].any():
+            continue
+        if not _touches(spike, heights[:, m], float(low_m[m])):
+            spikes.append(spike)
+    return tuple(spikes)
+
+
+def _touches(spike: Excursion, heights: FloatArray, low_m: float) -> bool:
+    """Tell whether a marker (N,) is lowest during a spike and higher around it.
+
+    That is a short stance.
+    """
+    there = heights[spike.start : spike.stop]
+    before = max(spike.start - 2, 0)
+    after = min(spike.stop + 1, len(heights) - 1)
+    some_m = 0.5 * spike.size
+    is_lowest = (np.abs(there - low_m) < some_m).all()
+    around = heights[[before, after]]
+    return bool(is_lowest and around.min() > there.max() + some_m)
+
+
+def find_jumps(missed: Surprises, *, explained: BoolArray) -> tuple[Excursion, ...]:
+    """List jumps to another place that no spike and no swap explains."""
+    accounted = explained | near(missed.is_spike, LONGEST_SPIKE)
+    return tuple(e for e in missed.steps if not accounted[e.start, e.marker])

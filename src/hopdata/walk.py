@@ -1,0 +1,486 @@
+"""A study in one process: each stage runs when one of its results is asked for.
+
+A stage gets what its files would hold, rounded to the same digits, so the results equal
+the workflow's byte for byte.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from html import escape
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from hopdata import stages
+from hopdata.arrays import Shown, pd
+from hopdata.config import consistency
+from hopdata.errors import ArgumentError, absent, told_call
+from hopdata.figures.catalogue import FIGURES, OF_DISTANCES, function_of, tables_of
+from hopdata.jobs import whole_file, write_json, write_table
+from hopdata.line import RECORDING, Stage
+from hopdata.recording import Recording
+from hopdata.recordings.readers import hdf5
+from hopdata.stages import LINE
+
+if TYPE_CHECKING:
+    from hopdata.landings.floor_surface import FloorModel
+    from hopdata.landings.sections.select import Sections
+    from hopdata.landings.states.pairs import Pairs
+    from hopdata.maps.verdict.judge import Verdict
+
+Contents = dict[str, Any]
+Progress = Callable[[str], object]
+#: The workflow: in a checkout this path is a link to the Snakefile, in a wheel it is
+#: the file.
+SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve()
+
+
+@dataclass(frozen=True, repr=False)
+class Study(Shown):
+    """A study whose stages are computed once, when they are first used.
+
+    Attributes
+    ----------
+    config
+        The whole configuration, as `hopdata.config.load_config` returns it.
+    given
+        Plausible recordings to use instead of the configuration's files.
+    progress
+        Function that is called with the name of each stage as it begins.
+    """
+
+    config: Contents
+    given: tuple[Recording, ...] = ()
+    progress: Progress = field(default=lambda _stage: None)
+    #: What each stage that has run returned; by recording if it ran for each of them.
+    _returned: dict[str, Any] = field(default_factory=dict, init=False)
+    #: Each result that is known, by name; by recording if each has one.
+    _results: dict[str, Any] = field(default_factory=dict, init=False)
+
+    def told(self) -> str:
+        """Return the name and the answer."""
+        answer = "no verdict yet"
+        if "verdict" in self._results:
+            answer = self.verdict.sentence
+        return f"'{self.config['study']}': {answer}"
+
+    def _repr_html_(self) -> str:
+        """Return the answer and its figure as HTML, for a notebook."""
+        if "verdict" not in self._results or self.verdict.effect is None:
+            return f"<p>{escape(repr(self))}</p>"
+        label = escape(self.verdict.sentence)
+        return f'<div aria-label="{label}">{self.figures.verdict()._repr_svg_()}</div>'
+
+    # The stages, by the names of the workflow's rules. Two of them, `verdict` and
+    # `quality`, are properties below.
+
+    def import_recording(self) -> dict[str, stages.Imported]:
+        """Read the recordings and check that they are plausible; see `imported`."""
+        found: dict[str, stages.Imported] = self._run("import_recording")
+        return found
+
+    def floor_compensation(self) -> dict[str, stages.FloorCompensation]:
+        """Subtract the floor and fill short gaps; see `recordings` and `floors`."""
+        found: dict[str, stages.FloorCompensation] = self._run("floor_compensation")
+        return found
+
+    def foot_contacts(self) -> dict[str, stages.FootContacts]:
+        """Find the descents of the body, and when each foot touched; see `contacts`."""
+        found: dict[str, stages.FootContacts] = self._run("foot_contacts")
+        return found
+
+    def poincare_sections(self) -> stages.PoincareSections:
+        """Choose the two Poincare sections; see `sections`."""
+        found: stages.PoincareSections = self._run("poincare_sections")
+        return found
+
+    def section_densities(self) -> stages.SectionDensities:
+        """Tabulate the densities of heights around the sections."""
+        found: stages.SectionDensities = self._run("section_densities")
+        return found
+
+    def mode_schedules(self) -> stages.ModeSchedules:
+        """Label each touchdown with the order of its contacts; see `candidates`."""
+        found: stages.ModeSchedules = self._run("mode_schedules")
+        return found
+
+    def home_frame(self) -> stages.HomeFrame:
+        """Put the states in the home frame; see `pairs` and `touchdowns`."""
+        found: stages.HomeFrame = self._run("home_frame")
+        return found
+
+    def normalisation(self) -> stages.Normalisation:
+        """Choose the units of length and time; see `units`."""
+        found: stages.Normalisation = self._run("normalisation")
+        return found
+
+    def prediction(self) -> stages.Prediction:
+        """Measure the errors of the bootstrapped least-squares and mean predictors."""
+        found: stages.Prediction = self._run("prediction")
+        return found
+
+    def constraint_subspaces(self) -> stages.ConstraintSubspaces:
+        """Measure the distances between the orders' constraint subspaces."""
+        found: stages.ConstraintSubspaces = self._run("constraint_subspaces")
+        return found
+
+    def landing_maps(self) -> stages.LandingMaps:
+        """Fit the maps through the landing, rid of noise and curvature."""
+        found: stages.LandingMaps = self._run("landing_maps")
+        return found
+
+    def inspection(self) -> stages.Inspection:
+        """Look for faults in the recordings as they were read."""
+        found: stages.Inspection = self._run("inspection")
+        return found
+
+    def _run(self, name: str) -> Any:
+        """Run a stage and those before it, unless they have run; return its results."""
+        if name not in self._returned:
+            stage = LINE.stages[name]
+            if RECORDING in stage.per:
+                self._run_for_each_recording(stage)
+            else:
+                self._run_once(stage)
+        return self._returned[name]
+
+    def _run_once(self, stage: Stage) -> None:
+        inputs = {name: self._result(name) for name in stage.inputs}
+        made = self._call(stage, inputs)
+        self._returned[stage.name] = made
+        for name in stage.results:
+            self._results[name] = getattr(made, name)
+
+    def _run_for_each_recording(self, stage: Stage) -> None:
+        # First all that it takes, so that stages are told in their order.
+        inputs = {name: self._result(name) for name in stage.inputs}
+        every = {}
+        for recording in self._names():
+            if stage.name == "import_recording":
+                every[recording] = self._imported(recording)
+            else:
+                own = {name: inputs[name][recording] for name in inputs}
+                every[recording] = self._call(stage, own, recording)
+        self._returned[stage.name] = every
+        for name in stage.results:
+            self._results[name] = {
+                recording: getattr(made, name) for recording, made in every.items()
+            }
+
+    def _names(self) -> list[str]:
+        return [entry["name"] for entry in self.config["recordings"]]
+
+    def _call(
+        self, stage: Stage, inputs: Mapping[str, Any], recording: str = ""
+    ) -> Any:
+        """Call a stage's function; return its results as its files would hold them."""
+        given = {**inputs, **stage.settings(self.config, recording)}
+        if "recording" in stage.takes:
+            given["recording"] = recording
+        if "method" in stage.takes:
+            given["method"] = self.config["touchdowns"]["method"]
+        self.progress(f"{stage.name} {recording}".rstrip())
+        made = stage.function(**given)
+        stored = {
+            name: result.kind.as_stored(getattr(made, name))
+            for name, result in stage.results.items()
+        }
+        return replace(made, **stored)
+
+    def _imported(self, name: str) -> stages.Imported:
+        """Import a recording, unless it was given; simulate it if it has no file."""
+        for recording in self.given:
+            if recording.name == name:
+                self.progress(f"import_recording {name}")
+                return stages.Imported(recording)
+        stage = LINE.stages["import_recording"]
+        entry = next(one for one in self.config["recordings"] if one["name"] == name)
+        files = consistency.files_of(entry)
+        if files:
+            return self._call(stage, {"files": files}, name)
+        simulated = self._call(LINE.stages["simulate"], {}, name).simulated
+        with TemporaryDirectory() as folder:
+            file = f"{folder}/{name}.h5"
+            hdf5.write_recording(file, simulated)
+            made = self._call(stage, {"files": [file]}, name)
+        # The folder is gone; the workflow would have kept the file here.
+        kept = replace(made.imported, source=f"simulated/{name}.h5")
+        return stages.Imported(kept)
+
+    def _result(self, name: str) -> Any:
+        """Return a result of any stage, by recording if each has one."""
+        if name not in self._results:
+            self._run(LINE.maker_of(name).name)
+        return self._results[name]
+
+    # What the stages found.
+
+    @property
+    def imported(self) -> list[Recording]:
+        """Recordings as read: m, z up, with roles."""
+        return [*self._result("imported").values()]
+
+    @property
+    def floors(self) -> dict[str, FloorModel]:
+        """Floor model of each recording."""
+        found: dict[str, FloorModel] = self._result("floor_model")
+        return found
+
+    @property
+    def recordings(self) -> list[Recording]:
+        """Recordings on a level floor, with short gaps filled where possible."""
+        return [*self._result("level").values()]
+
+    @property
+    def contacts(self) -> dict[str, pd.DataFrame]:
+        """Table per recording of the body's descents, and when each foot touched.
+
+        They are found by ``touchdowns.method``, each in the whole descent of the body.
+        The printed methods search again between the sections, once these are known
+        (`touchdowns`).
+        """
+        found: dict[str, pd.DataFrame] = self._result("contacts")
+        return found
+
+    @property
+    def sections(self) -> Sections:
+        """The two Poincare sections."""
+        found: Sections = self._result("sections")
+        return found
+
+    @property
+    def candidates(self) -> pd.DataFrame:
+        """Touchdowns, including those that lack a state at one of the sections."""
+        found: pd.DataFrame = self._result("schedules")
+        return found
+
+    @property
+    def touchdowns(self) -> pd.DataFrame:
+        """Table with one row per touchdown; excluded ones have a reason."""
+        found: pd.DataFrame = self._result("touchdowns")
+        return found
+
+    @property
+    def pairs(self) -> Pairs:
+        """States at the two sections in the home frame, with the contact instants."""
+        found: Pairs = self._result("pairs")
+        length_m = self.units["length_unit_m"]
+        return found.with_units(length_m, self.units["time_unit_s"])
+
+    @property
+    def units(self) -> Contents:
+        """Units of length and time by which the states are divided."""
+        found: Contents = self._result("units")
+        return found
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether one smooth map serves all contact orders."""
+        found: Verdict = self._result("verdict")
+        return found
+
+    @property
+    def quality(self) -> pd.DataFrame:
+        """Checks of recordings and landings: value, unit, limits, and status."""
+        return pd.DataFrame(self._result("quality"))
+
+    @property
+    def asks_for_distances(self) -> bool:
+        """Whether constraint subspaces are made and their distances measured."""
+        return bool(self.config["distances"]["enabled"])
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All tables, by their names in the folder ``tables`` of the results."""
+        found = {}
+        for stage in LINE.stages.values():
+            if stage.name == "constraint_subspaces" and not self.asks_for_distances:
+                continue
+            for name, result in stage.results.items():
+                if result.path.startswith("tables/"):
+                    found[name] = self._result(name)
+        return found
+
+    @property
+    def figures(self) -> Figures:
+        """Functions that draw: ``study.figures.verdict(style="nature")``."""
+        return Figures(self)
+
+    def content(self, file: str) -> Any:
+        """Return the content that the workflow's file of this path would have.
+
+        Parameters
+        ----------
+        file
+            Path in the folder of the study's results, such as ``"verdict.json"``.
+        """
+        paths = {result.path: name for name, result in LINE.results.items()}
+        if file not in paths:
+            raise absent("the study's results", file, paths)
+        found = self._result(paths[file])
+        if hasattr(found, "to_dict") and file.endswith(".json"):
+            return found.to_dict()
+        return found
+
+    @told_call
+    def report(self, file: str | Path, *, drawn: str | Path | None = None) -> Path:
+        """Write the study's page, a single self-contained file.
+
+        Parameters
+        ----------
+        file : path
+            Path of the page.
+        drawn : path, optional
+            Folder with the figures as SVG from `save`; by default they are drawn again.
+
+        Returns
+        -------
+        Path
+            The page.
+        """
+        from hopdata.report.page import build_report
+
+        place = _place("file", file)
+        _ = self.tables  # all that the page takes, before it is begun
+        self.progress("page")
+        if drawn is None:
+            with TemporaryDirectory() as folder:
+                self._draw(Path(folder), formats=("svg",))
+                inputs = self._report_inputs(Path(folder))
+        else:
+            inputs = self._report_inputs(Path(drawn))
+        page = build_report(inputs)
+        with whole_file(place) as draft:
+            draft.write_text(page, encoding="utf-8")
+        return place
+
+    def _report_inputs(self, drawn: Path) -> Any:
+        """Return what the page shows, with the figures of a folder."""
+        from hopdata.provenance import provenance
+        from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
+
+        captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
+        files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
+        digests = {one.place: one.source_sha256 for one in self.imported}
+        distances = None
+        notes = [*self._result("prediction_notes")]
+        if self.asks_for_distances:
+            distances = self._result("distance_summary")
+            notes += self._result("distances_notes")
+        notes += self._result("map_notes")
+        return ReportInputs(
+            study=self.config["study"],
+            language=self.config["report"]["language"],
+            figures=read_figures(files, captions),
+            recordings=[describe_recording(one) for one in self.imported],
+            levelled=self.recordings,
+            filled=self._result("filled"),
+            sections=self.sections.to_dict(),
+            units=self.units,
+            provenance=provenance(self.config, digests, []),
+            floors={name: floor.to_dict() for name, floor in self.floors.items()},
+            verdict=self.verdict.to_dict(),
+            quality=self._result("quality"),
+            touchdowns=self.touchdowns,
+            prediction=self._result("prediction_summary"),
+            distances=distances,
+            distances_asked=self.asks_for_distances,
+            faults=self._result("faults"),
+            remarks=self._result("remarks"),
+            notes=notes,
+        )
+
+    def _draw(self, folder: Path, **options: Any) -> None:
+        """Draw all figures into a folder."""
+        from hopdata.figures.style import save_figure
+
+        for name, full in self.figures.names.items():
+            figure = getattr(self.figures, name)()
+            save_figure(figure, folder / full, **options)
+
+    @told_call
+    def save(self, folder: str | Path) -> Path:
+        """Write ``verdict.json``, ``quality.json``, ``tables`` and ``figures``.
+
+        Parameters
+        ----------
+        folder : path
+            Folder to write to; it is made if it does not exist.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        ArgumentError
+            If this is the name of a file.
+        """
+        base = _place("folder", folder)
+        is_file = base.is_file() or base.suffix.lower() in SUFFIXES_OF_FILES
+        if is_file and not base.is_dir():
+            how = f"such as '{base.with_suffix('')}', or write one page with report()"
+            raise ArgumentError.at(
+                "folder", "the name of a folder", f"'{base}'; name one {how}"
+            )
+        write_json(base / "verdict.json", self.verdict.to_dict())
+        write_json(base / "quality.json", self._result("quality"))
+        for name, table in self.tables.items():
+            write_table(base / "tables" / f"{name}.csv", table)
+        self._draw(base / "figures", **self.config["figures"])
+        return base
+
+
+#: Names that end so are meant as files.
+SUFFIXES_OF_FILES = frozenset(
+    (
+        *(".h5", ".hdf5", ".nc", ".mat", ".npz", ".pkl", ".pickle", ".parquet"),
+        *(".csv", ".tsv", ".txt", ".json", ".yaml", ".yml", ".xlsx"),
+        *(".html", ".md", ".pdf", ".svg", ".png", ".jpg", ".zip"),
+    )
+)
+
+
+def _place(key: str, path: str | Path) -> Path:
+    if not isinstance(path, str | Path):
+        raise ArgumentError.at(key, "a path to write to", f"{path!r}")
+    return Path(path)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Functions that draw the figures of a study.
+
+    They accept ``ax=`` (an axes that the figure replaces) and ``style=``. They return
+    the figure or, if `ax` is given, the part of a figure that they drew into: see
+    `hopdata.figures.style.styled`.
+    """
+
+    of: Study
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Names of the functions -> names of the figures in the workflow's results."""
+        drawings = [*FIGURES["landings"], *FIGURES["maps"]]
+        if not self.of.asks_for_distances:
+            drawings.remove(OF_DISTANCES)
+        return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
+
+    def __dir__(self) -> list[str]:
+        return sorted(self.names)
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.names)
+        return f"<figures of study '{self.of.config['study']}': {names}>"
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name.startswith("_") or name not in self.names:
+            raise absent("study.figures", name, self.names)
+        full = self.names[name]
+        contents = [self.of.content(file) for file in tables_of(full)]
+        return partial(function_of(full), *contents)

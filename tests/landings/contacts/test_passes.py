@@ -1,0 +1,117 @@
+"""Which windows and which law the passes of the kink fit end with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from falling_feet import NOISE_M, falls
+
+from hopdata.landings.contacts import descents
+from hopdata.landings.contacts.approach import approaches
+from hopdata.landings.contacts.law import FootHeights
+from hopdata.landings.contacts.passes import (
+    LONG_WINDOWS_S,
+    SHORT_WINDOWS_S,
+    fit_contacts,
+    windows_of_at_least,
+)
+
+
+def fitted(made, heights):
+    near, earliest, status = approaches(
+        made.time,
+        heights,
+        made.transitions,
+        noise_m=NOISE_M,
+        down_height_m=0.02,
+        lead_s=0.04,
+        trail_s=0.03,
+    )
+    feet = FootHeights(
+        made.time, heights, LONG_WINDOWS_S, earliest, leaves_m=8 * NOISE_M
+    )
+    return fit_contacts(
+        feet,
+        near,
+        status == descents.LANDED,
+        short_windows_s=SHORT_WINDOWS_S,
+        noise_m=NOISE_M,
+        gravity="learned",
+    )
+
+
+def test_feet_that_fly_and_stand_are_fitted_by_one_law_in_long_windows():
+    made = falls(60, seed=3)
+    found = fitted(made, made.heights)
+    assert found.feet.windows_s == LONG_WINDOWS_S
+    assert not np.any(found.rises)
+    assert np.abs(found.fits.instant - made.contacts).max() < 0.003
+
+
+def test_feet_that_leave_at_once_are_fitted_alone_in_short_windows():
+    made = falls(60, seed=3, stands_s=0.012)
+    found = fitted(made, made.heights)
+    assert found.feet.windows_s == SHORT_WINDOWS_S
+    assert found.feet.leaves_m == np.inf
+
+
+def test_odd_landings_teach_no_law_and_are_fitted_alone():
+    made = falls(100, seed=1)
+    swings = np.random.default_rng(1).random((100, 1, 3)) < 0.08
+    before = made.contacts[:, None] - made.time.reshape(100, -1, 1)
+    above = 0.06 * swings * np.clip((before - 0.042) / 0.02, 0, 1)
+    found = fitted(made, made.heights + above.reshape(-1, 3))
+    odd = np.broadcast_to(found.feet.odd, (100, 1))[:, 0]
+    swinging = swings[:, 0].any(axis=1)
+    assert found.feet.windows_s == LONG_WINDOWS_S
+    assert odd[swinging].mean() > 0.9
+    assert odd[~swinging].mean() < 0.05
+    assert np.abs(found.fits.instant - made.contacts)[swings[:, 0]].max() < 0.01
+
+
+def test_a_search_that_began_too_late_is_repeated_from_the_earliest_instant():
+    made = falls(60, seed=2)
+    near, earliest, status = approaches(
+        made.time,
+        made.heights,
+        made.transitions,
+        noise_m=NOISE_M,
+        down_height_m=0.02,
+        lead_s=0.04,
+        trail_s=0.03,
+    )
+    late = np.where(np.arange(60)[:, None] % 10 == 0, near + 0.05, near)
+    # A foot that rises after its contact has a kink upwards there.
+    heights = made.heights + 0.004 * np.sin(
+        40 * np.maximum(made.time.reshape(60, -1, 1) - made.contacts[:, None], 0.0)
+    ).reshape(-1, 3)
+    feet = FootHeights(made.time, heights, LONG_WINDOWS_S, earliest)
+    found = fit_contacts(
+        replace(feet, leaves_m=np.inf),
+        late,
+        status == descents.LANDED,
+        short_windows_s=SHORT_WINDOWS_S,
+        noise_m=NOISE_M,
+        gravity="learned",
+    )
+    moved = found.near != late
+    assert moved.any()
+    np.testing.assert_array_equal(found.near[moved], earliest[moved])
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "asked_s", "expected_s"),
+    [
+        (500.0, (None, None), (0.04, 0.027)),
+        (100.0, (None, None), (0.05, 0.03)),
+        (100.0, (0.2, None), (0.2, 0.03)),
+        (500.0, (None, 0.1), (0.04, 0.1)),
+        (100.0, (0.01, 0.01), (0.05, 0.03)),
+    ],
+)
+def test_windows_hold_at_least_five_frames_before_and_three_after(
+    rate_hz, asked_s, expected_s
+):
+    time = np.arange(100) / rate_hz
+    found = windows_of_at_least(time, asked_s, SHORT_WINDOWS_S)
+    np.testing.assert_allclose(found, expected_s)
