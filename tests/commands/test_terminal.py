@@ -1,6 +1,7 @@
 """What a command shows on a terminal, and that a pipe gets plain text."""
 
 import errno
+import json
 import os
 import re
 import subprocess
@@ -115,3 +116,18 @@ def test_jobs_on_a_terminal_are_a_bar():
     returned, written = on_a_terminal(code)
     assert returned == 0, written
     assert re.search(r"sample .*3/10 jobs done about 8 s left", SIGNS.sub("", written))
+
+
+def test_plan_and_doctor_draw_their_tables(tmp_path):
+    verdict = {"n_landings": 500, "n_feet": 2, "power": 0.8, "sentence": ""}
+    verdict["effect"] = {"detectable": 0.4, "allowed": 0.1}
+    file = tmp_path / "verdict.json"
+    file.write_text(json.dumps(verdict))
+    begin = "from hopdata.__main__ import main\n"
+    code, written = on_a_terminal(f"{begin}raise SystemExit(main(['plan', '{file}']))")
+    assert code == 0, written
+    text = SIGNS.sub("", written)
+    assert re.search(r"difference +landings *\r\n *─+", text)
+    assert re.search(r"20 % +\d[\d,]+", text)
+    _, written = on_a_terminal(f"{begin}raise SystemExit(main(['doctor']))")
+    assert re.search(r"python +\d+\.\d+", SIGNS.sub("", written))
