@@ -52,11 +52,17 @@ ABOVE = {
     "__init__": set(),
     "__main__": {"commands"},
     "provenance": set(),
-    "analysis": {
-        *("config", "figures", "landings", "maps", "recordings", "report"),
-        *("synthesis", "provenance"),
+    "line": {"config"},
+    "stages": {
+        *("config", "landings", "line", "maps", "recordings", "synthesis"),
     },
-    "group": {"analysis", "config", "maps", "report"},
+    "walk": {
+        *("config", "figures", "landings", "line", "maps", "recordings", "report"),
+        *("stages", "provenance"),
+    },
+    "analysis": {"config", "maps", "recordings", "stages", "walk"},
+    "samples": {"config", "maps"},
+    "group": {"config", "maps", "report", "walk"},
 }
 # Arrows back and circles that are still to go: rooms or shared modules, and modules.
 ROOMS_IN_CIRCLES = {frozenset(("recording", "recordings"))}
