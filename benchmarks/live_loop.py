@@ -77,7 +77,7 @@ from hopdata.steering.control.objectives import (
     Plan,
     ToPoint,
     checked_state,
-    errors_left,
+    goal_errors,
 )
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.frame_changes import frame_changes
@@ -153,7 +153,7 @@ class WayPointFollower:
 
     def _arrived(self, pose: ArrayLike) -> bool:
         return bool(
-            np.all(errors_left(self._legs[self.visited], pose) <= self._arrival_m)
+            np.all(goal_errors(self._legs[self.visited], pose) <= self._arrival_m)
         )
 
 

@@ -15,8 +15,11 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from hopdata.arrays import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
+from hopdata.products import installed
 
 SCRIPTS = sorted((Path(__file__).parents[1] / "workflow" / "scripts").glob("*.py"))
+for product in installed():
+    SCRIPTS += sorted(product.rules.with_name("scripts").glob("*.py"))
 ROOMS = ("landings", "maps", "recordings", "steering", "synthesis")
 # Files, tables, and options need no linear algebra worth a thread.
 TABLES = {
@@ -55,6 +58,7 @@ TABLES = {
     ),
     *("overlay_external_truth", "true_rows", "verdict_errors"),
     "study_landings",  # integrates landings one by one on demand
+    *("save_film", "build_steering_report"),  # draw and write a page
     *("touchdown_tables", "horizons_of"),  # calls functions that each use one thread
 }
 

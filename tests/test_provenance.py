@@ -132,6 +132,34 @@ def test_the_digest_of_a_stage_follows_what_its_function_imports(tmp_path, monke
     assert digest() != changed
 
 
+@pytest.mark.usefixtures("forgetful")
+def test_texts_count_for_the_package_that_they_are_in(tmp_path, monkeypatch):
+    package = tmp_path / "hopdata"
+    for folder in ("", "steering", "steering/commands", "steering/report/templates"):
+        (package / folder).mkdir(parents=True)
+    for folder in ("", "steering", "steering/commands"):
+        (package / folder / "__init__.py").write_text("")
+    (package / "steering/model.py").write_text("")
+    (package / "steering/commands/drive.py").write_text("")
+    command = package / "steering/commands/commands.toml"
+    command.write_text("a = 1\n")
+    template = package / "steering/report/templates/page.css"
+    template.write_text("a\n")
+
+    model = tmp_path / "model.py"
+    model.write_text("from hopdata.steering import model\n")
+    drive = tmp_path / "drive.py"
+    drive.write_text("from hopdata.steering.commands import drive\n")
+    monkeypatch.setattr(module, "PACKAGE", package)
+    before = code_digest(model)
+    before_drive = code_digest(drive)
+    command.write_text("a = 2\n")
+    assert code_digest(model) == before
+    assert code_digest(drive) != before_drive
+    template.write_text("b\n")
+    assert code_digest(model) != before
+
+
 def test_provenance_names_seed_inputs_versions_and_times(tmp_path):
     (tmp_path / "level.tsv").write_text("s\th:m:s\n1.25\t0:00:01\n")
     record = provenance(

@@ -91,14 +91,21 @@ def stage_digest(
 
 @cache
 def _assets(source: Path) -> tuple[Path, ...]:
-    """Return the other files of a sub-package (styles, templates, schemas)."""
-    if source.name != "__init__.py" or source.parent == PACKAGE:
+    """Return the non-Python files of a sub-package (style sheets, templates, schemas).
+
+    Those of a package within it are that package's own: a text on the command line of
+    steering is no part of the code that learns its model.
+    """
+    folder = source.parent
+    if source.name != "__init__.py" or folder == PACKAGE:
         return ()
-    return tuple(
-        sorted(
-            p for p in source.parent.rglob("*") if p.suffix in ASSETS and p.is_file()
-        )
-    )
+    found = (p for p in folder.rglob("*") if p.suffix in ASSETS and p.is_file())
+    return tuple(sorted(p for p in found if _package_of(p) == folder))
+
+
+def _package_of(file: Path) -> Path:
+    """Return the folder of the package that a file is in."""
+    return next(one for one in file.parents if (one / "__init__.py").is_file())
 
 
 def _closure(start: Iterable[Path]) -> set[Path]:
@@ -176,7 +183,7 @@ def provenance(
 def package_digest() -> str:
     """Return a digest of all sources, which also differs within a version."""
     sources = set(_sources())
-    for room in PACKAGE.glob("*/__init__.py"):
+    for room in PACKAGE.rglob("__init__.py"):
         sources.update(_assets(room))
     digest = hashlib.sha256()
     for source in sorted(sources):

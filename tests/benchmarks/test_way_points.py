@@ -3,7 +3,7 @@ import pytest
 from control_models import table
 from live_loop import WayPointFollower, WayPoints
 
-from hopdata.steering.control.objectives import PlanningError, ToPoint, errors_left
+from hopdata.steering.control.objectives import PlanningError, ToPoint, goal_errors
 from hopdata.steering.control.planner import PointGrid, planner
 from hopdata.steering.control.printed import predicted_poses
 
@@ -25,7 +25,7 @@ def test_way_points_are_visited_in_order(to_point):
         poses.append(predicted_poses(MODEL, poses[-1], boom, [swing])[-1])
         boom += swing
     assert follower.visited == 3
-    left = [errors_left(ToPoint(point_m=point), poses) for point in points[:2]]
+    left = [goal_errors(ToPoint(point_m=point), poses) for point in points[:2]]
     first = [int(np.argmax(one <= 0.15)) for one in left]
     assert 0 < first[0] < first[1]
 

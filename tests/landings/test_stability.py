@@ -12,8 +12,8 @@ from hopdata.landings.stability import (
     BANDWIDTH_FACTORS,
     LEAST,
     QUANTITIES,
-    quantity_rows,
     drift_table,
+    quantity_rows,
     section_stability,
 )
 from hopdata.landings.touchdowns import touchdown_table

@@ -1,1 +1,1 @@
-"""Landings: floor, sections, contact instants, schedules, states, and the home frame."""
+"""Landings: floor, sections, contact instants, schedules, states, home frame."""

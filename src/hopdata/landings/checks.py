@@ -1,12 +1,15 @@
-"""Quality checks of a study: each compares a value found in the data with its limits."""
+"""Quality checks of a study: each compares a value found in the data with its limits.
+
+The limits are conventions: they say where to look first, and change nothing.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,18 +17,55 @@ from hopdata.arrays import pd
 from hopdata.errors import with_names
 from hopdata.landings.contacts.find import FILTER_DELAYS
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
+from hopdata.messages import Message
 
-GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
+GOOD = "good"
+LOOK = "look"
+POOR = "poor"
+UNKNOWN = "not known"
 NOT_ASKED = "not asked"  # nothing is configured to compare the value with
-SURE = 0.9  # probability at or above which an order counts as sure
-# Standard error, s, above which the contact hardly changes the foot's velocity
+
+#: Probability at or above which an order counts as sure.
+#: Unit: 1. Origin: chosen.
+SURE = 0.9
+
+#: Standard error above which a contact hardly changes the foot's velocity.
+#: Unit: s. Origin: chosen.
 NO_KINK_S = 0.005
+
+#: Gap of a body marker in which whole descents may go unseen.
+#: Unit: s. Origin: chosen.
+LONG_S = 1.0
+
+#: Standard errors beyond which a drift counts.
+#: Unit: standard errors. Origin: convention: three sigmas.
+SURE_OF_DRIFT = 3.0
+
+
+class Question(NamedTuple):
+    """A question, its topic, and the limits of good and poor values."""
+
+    what: str
+    about: str
+    unit: str
+    good: float
+    poor: float
+
+
+SEEN = Question("frames seen, worst marker", "Recordings", "%", 99.0, 95.0)
+FAULTS = Question("swaps, spikes, jumps, frozen, time", "Recordings", "", 0.0, 10.0)
+NOISE = Question("noise of a coordinate over expected", "Recordings", "", 1.5, 3.0)
+USED = Question("touchdowns used", "Landings", "%", 80.0, 50.0)
+ERRORS = Question("error of a contact over the spread", "Landings", "", 0.1, 0.3)
+ORDERS = Question(f"orders less sure than {SURE:g}", "Landings", "%", 10.0, 30.0)
+SECTIONS = Question("sections move, over their distance", "Stability", "%", 5.0, 15.0)
+DRIFT = Question("drift, in spreads", "Stability", "", 0.5, 1.0)
+
 # What the standard errors of the printed methods do not contain.
 ERRORS_BY = {
-    "velocity_minimum": "; only the rounding to a frame counts in these errors",
-    "velocity_minimum_parabola": "; only the noise of the heights counts in these errors",
+    "velocity_minimum": "landings.and_errors_of_frames",
+    "velocity_minimum_parabola": "landings.and_errors_of_heights",
 }
-LONG_S = 1.0  # gap of a body marker, s, in which whole descents may go unseen
 
 
 @dataclass(frozen=True)
@@ -47,7 +87,7 @@ class Check:
     status : str
         ``good, look, poor``, ``not known``, or ``not asked`` if the study configures
         nothing to compare with.
-    remark : str
+    remarks : tuple of Message
         Where the value comes from, or what to look at.
     """
 
@@ -58,11 +98,25 @@ class Check:
     good: float
     poor: float
     status: str
-    remark: str
+    remarks: tuple[Message, ...]
+
+    @property
+    def remark(self) -> str:
+        """The remarks in words."""
+        return "".join(message.text() for message in self.remarks)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, for JSON."""
-        return asdict(self)
+        """Return the fields as plain values, for JSON; the remarks are one text."""
+        return {
+            "what": self.what,
+            "about": self.about,
+            "value": self.value,
+            "unit": self.unit,
+            "good": self.good,
+            "poor": self.poor,
+            "status": self.status,
+            "remark": self.remark,
+        }
 
 
 def check_study(
@@ -95,241 +149,279 @@ def check_study(
         Whether the animal also lands on feet that the study does not follow. Descents
         in which none of the study's feet landed then do not count against it.
     """
-    moves = [
-        f"{name}: {one['note']}"
-        for name, one in floors.items()
-        if len(one["moved_m"]) > 1
-    ]
     drifts = _drift(drift)
+    moves = []
+    for name, floor in floors.items():
+        if len(floor["moved_m"]) > 1:
+            values = {"recording": name, "note": floor["note"]}
+            moves.append(Message("landings.and_floor", values))
     return [
         _seen(markers),
         _faults(faults),
         _noise(markers, expected_noise_m),
         _used(markers, touchdowns, other_feet),
-        *_orders(touchdowns),
+        _contact_errors(touchdowns),
+        _doubtful_orders(touchdowns),
         _sections(stability),
-        replace(drifts, remark="; ".join([drifts.remark, *moves])),
+        replace(drifts, remarks=(*drifts.remarks, *moves)),
     ]
 
 
-# Question: (topic, unit, limit of good values, limit of poor values).
-QUESTIONS = {
-    "frames seen, worst marker": ("Recordings", "%", 99.0, 95.0),
-    "swaps, spikes, jumps, frozen, time": ("Recordings", "", 0.0, 10.0),
-    "noise of a coordinate over expected": ("Recordings", "", 1.5, 3.0),
-    "touchdowns used": ("Landings", "%", 80.0, 50.0),
-    "error of a contact over the spread": ("Landings", "", 0.1, 0.3),
-    f"orders less sure than {SURE:g}": ("Landings", "%", 10.0, 30.0),
-    "sections move, over their distance": ("Stability", "%", 5.0, 15.0),
-    "drift, in spreads": ("Stability", "", 0.5, 1.0),
-}
+def _check(question: Question, value: float | None, *remarks: Message) -> Check:
+    """Judge a value by the limits of its question.
 
-
-def _check(what: str, value: float | None, remark: str) -> Check:
-    """Judge a value by its limits; higher is better if the good limit exceeds the poor one."""
-    about, unit, good, poor = QUESTIONS[what]
+    Higher is better if the good limit exceeds the poor one.
+    """
     if value is None or not np.isfinite(value):
-        return Check(what, about, None, unit, good, poor, UNKNOWN, remark)
-    sign = 1.0 if good <= poor else -1.0
-    status = (
-        GOOD
-        if sign * value <= sign * good
-        else POOR
-        if sign * value > sign * poor
-        else LOOK
+        return Check(
+            **question._asdict(), value=None, status=UNKNOWN, remarks=tuple(remarks)
+        )
+    sign = 1.0
+    if question.good > question.poor:
+        sign = -1.0
+    if sign * value <= sign * question.good:
+        status = GOOD
+    elif sign * value > sign * question.poor:
+        status = POOR
+    else:
+        status = LOOK
+    return Check(
+        **question._asdict(), value=float(value), status=status, remarks=tuple(remarks)
     )
-    return Check(what, about, float(value), unit, good, poor, status, remark)
 
 
 def _seen(markers: pd.DataFrame) -> Check:
-    what, used = (
-        "frames seen, worst marker",
-        markers[markers["role"].isin(("body", "foot"))],
-    )
+    """Ask how much of the marker that is seen least is seen."""
+    used = markers[markers["role"].isin(("body", "foot"))]
     if used.empty:
-        return _check(what, None, "no markers")
+        return _check(SEEN, None, Message("landings.no_markers"))
     missing = used["missing"] / used["frames"]
     worst = used.iloc[int(np.argmax(missing.to_numpy(float)))]
-    where = f"{worst['marker']} in {worst['recording']}"
     share = 100.0 * (1.0 - float(missing.max()))
-    return _check(what, share, f"{where}; its longest gap {worst['longest_s']:.3g} s")
+    values = {
+        "marker": worst["marker"],
+        "recording": worst["recording"],
+        "longest_s": float(worst["longest_s"]),
+    }
+    return _check(SEEN, share, Message("landings.least_seen", values))
 
 
 def _faults(faults: pd.DataFrame) -> Check:
+    """Ask how many faults the recordings have; one of several markers counts once."""
     faults = faults.drop(columns="marker", errors="ignore").drop_duplicates()
     kinds = faults["kind"].value_counts()
-    remark = ", ".join(f"{n} × {kind}" for kind, n in kinds.items()) or "none found"
-    return _check("swaps, spikes, jumps, frozen, time", float(len(faults)), remark)
+    if len(kinds):
+        counts = ", ".join(f"{n} × {kind}" for kind, n in kinds.items())
+        remark = Message("landings.faults", {"counts": counts})
+    else:
+        remark = Message("landings.no_faults")
+    return _check(FAULTS, float(len(faults)), remark)
 
 
 def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:
-    what, known = "noise of a coordinate over expected", markers["noise_m"].dropna()
+    """Ask how large the noise is, over the one expected."""
+    known = markers["noise_m"].dropna()
     if known.empty:
-        return _check(what, None, "no five frames in a row")
-    found = float(known.median())
-    told = f"{1e3 * found:.2g} mm found"
+        return _check(NOISE, None, Message("landings.no_noise"))
+    found_m = float(known.median())
+    found = Message("landings.noise_found", {"found_mm": 1e3 * found_m})
     if expected_m is None:
-        remark = f"{told}; to compare it, set report.expected_noise_m"
-        return replace(_check(what, None, remark), status=NOT_ASKED)
-    ratio = found / expected_m if expected_m else np.nan
-    return _check(what, ratio, f"{told}, {1e3 * expected_m:.2g} mm expected")
+        unasked = _check(NOISE, None, found, Message("landings.and_noise_not_asked"))
+        return replace(unasked, status=NOT_ASKED)
+    ratio = np.nan
+    if expected_m:
+        ratio = found_m / expected_m
+    expected = Message("landings.and_noise_expected", {"expected_mm": 1e3 * expected_m})
+    return _check(NOISE, ratio, found, expected)
 
 
-def _unseen(markers: pd.DataFrame) -> str:
+def _unseen(markers: pd.DataFrame) -> list[Message]:
     """Name the body marker whose long gaps may hide descents that no table counts."""
     body = markers[(markers["role"] == "body") & (markers["longest_s"] > LONG_S)]
     if body.empty:
-        return ""
-    worst = body.iloc[
-        int(np.argmax((body["missing"] / body["frames"]).to_numpy(float)))
-    ]
-    share = 100.0 * float(worst["missing"] / worst["frames"])
-    where = f"{worst['marker']} (missing in {share:.2g} % of {worst['recording']})"
-    return f"; none is found where a body marker is missing for long: {where}"
+        return []
+    missing = (body["missing"] / body["frames"]).to_numpy(float)
+    worst = body.iloc[int(np.argmax(missing))]
+    values = {
+        "marker": worst["marker"],
+        "percent": 100.0 * float(worst["missing"] / worst["frames"]),
+        "recording": worst["recording"],
+    }
+    return [Message("landings.and_marker_unseen", values)]
 
 
 def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> Check:
-    what, unseen = "touchdowns used", _unseen(markers)
+    """Ask which share of the landings is used, and why others are not."""
+    unseen = _unseen(markers)
     if touchdowns.empty:
-        return _check(what, None, f"no descent found{unseen}")
-    theirs = other_feet & (touchdowns["reason"] == NO_FOOT_LANDED)
-    if theirs.all():
-        return _check(what, 0.0, f"{NO_FOOT_LANDED} in any of {len(theirs)} descents")
-    touchdowns = touchdowns[~theirs]
+        return _check(USED, None, Message("landings.no_descent"), *unseen)
+    of_others = other_feet & (touchdowns["reason"] == NO_FOOT_LANDED)
+    if of_others.all():
+        values = {"reason": NO_FOOT_LANDED, "descents": len(of_others)}
+        return _check(USED, 0.0, Message("landings.none_landed", values))
+    touchdowns = touchdowns[~of_others]
     out = touchdowns["excluded"].astype(bool)
+    code = "landings.landings_used" if other_feet else "landings.descents_used"
+    used_values = {"used": int((~out).sum()), "count": len(out)}
+    remarks = [Message(code, used_values)]
     reasons = touchdowns.loc[out, "reason"].value_counts()
-    remark = (
-        f"{int((~out).sum())} of {len(out)} {'landings' if other_feet else 'descents'}"
-    )
     if len(reasons):
-        remark += f"; most often: {with_names(reasons.index[0], touchdowns)} ({reasons.iloc[0]})"
-    if theirs.any():
-        remark += f"; not counted: {int(theirs.sum())} more descents, of other feet"
-    ahead = touchdowns["t_pre_s"] - touchdowns.filter(regex="^contact_.*_s$").min(
-        axis=1
-    )
-    ahead = ahead[~out & (ahead > 0)]
-    if len(ahead):
-        remark += f"; in {len(ahead)} the flight is continued to the pre section, by "
-        remark += f"{1e3 * float(ahead.max()):.2g} ms at most"
-    return _check(what, 100.0 * float((~out).mean()), remark + unseen)
+        values = {
+            "reason": with_names(reasons.index[0], touchdowns),
+            "count": int(reasons.iloc[0]),
+        }
+        remarks.append(Message("landings.and_most_often", values))
+    if of_others.any():
+        values = {"descents": int(of_others.sum())}
+        remarks.append(Message("landings.and_of_other_feet", values))
+    first_contact = touchdowns.filter(regex="^contact_.*_s$").min(axis=1)
+    ahead_s = touchdowns["t_pre_s"] - first_contact
+    continued_s = ahead_s[~out & (ahead_s > 0)]
+    if len(continued_s):
+        values = {"count": len(continued_s), "most_ms": 1e3 * float(continued_s.max())}
+        remarks.append(Message("landings.and_flights_continued", values))
+    share = 100.0 * float((~out).mean())
+    return _check(USED, share, *remarks, *unseen)
 
 
-def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
-    used = touchdowns[~touchdowns["excluded"].astype(bool)]
+def _used_touchdowns(touchdowns: pd.DataFrame) -> pd.DataFrame:
+    return touchdowns[~touchdowns["excluded"].astype(bool)]
+
+
+def _contact_errors(touchdowns: pd.DataFrame) -> Check:
+    """Ask how large the usual error of a foot's contact is, over the spread."""
+    used = _used_touchdowns(touchdowns)
     errors = used.filter(regex="^se_").median()
-    what = "error of a contact over the spread"
-    if errors.notna().any():
-        worst = int(np.nanargmax(errors.to_numpy(float)))
-        error, spread = float(errors.iloc[worst]), float(used["spread_s"].median())
-        foot = str(errors.index[worst]).removeprefix("se_").removesuffix("_s")
-        remark = f"{1e3 * error:.2g} ms of {1e3 * spread:.2g} ms; worst foot {foot}"
-        remark += _common(used) + ERRORS_BY.get(str(used["method"].iloc[0]), "")
-        yield _check(what, error / spread if spread > 0 else np.nan, remark)
-    else:
-        yield _check(what, None, "no contact")
-    doubtful = (
-        100.0 * float((used["probability"] < SURE).mean()) if len(used) else np.nan
-    )
-    remark = "of the touchdowns used" + _open_foot(used)
-    yield _check(f"orders less sure than {SURE:g}", doubtful, remark)
+    if not errors.notna().any():
+        return _check(ERRORS, None, Message("landings.no_contact"))
+    worst = int(np.nanargmax(errors.to_numpy(float)))
+    error_s = float(errors.iloc[worst])
+    spread_s = float(used["spread_s"].median())
+    foot = str(errors.index[worst]).removeprefix("se_").removesuffix("_s")
+    values = {"error_ms": 1e3 * error_s, "spread_ms": 1e3 * spread_s, "foot": foot}
+    remarks = [Message("landings.worst_foot", values), *_common(used)]
+    method = str(used["method"].iloc[0])
+    if method in ERRORS_BY:
+        remarks.append(Message(ERRORS_BY[method]))
+    ratio = np.nan
+    if spread_s > 0:
+        ratio = error_s / spread_s
+    return _check(ERRORS, ratio, *remarks)
 
 
-def _open_foot(used: pd.DataFrame) -> str:
+def _doubtful_orders(touchdowns: pd.DataFrame) -> Check:
+    """Ask which share of the orders is doubtful, and which feet make them so."""
+    used = _used_touchdowns(touchdowns)
+    share = np.nan
+    if len(used):
+        share = 100.0 * float((used["probability"] < SURE).mean())
+    return _check(ORDERS, share, Message("landings.of_used"), *_open_feet(used))
+
+
+def _open_feet(used: pd.DataFrame) -> list[Message]:
     """Name the two feet whose order is most often the least certain, and why."""
     doubtful = used[used["probability"] < SURE]
-    feet = [name[8:-2] for name in used.columns if name.startswith("contact_")]
-    instant, se = (
-        doubtful.filter(regex=k).to_numpy(float) for k in ("^contact_", "^se_")
-    )
+    names = [name for name in used.columns if name.startswith("contact_")]
+    feet = [name.removeprefix("contact_").removesuffix("_s") for name in names]
     if not len(doubtful) or len(feet) < 2:
-        return ""
+        return []
+    instant = doubtful.filter(regex="^contact_").to_numpy(float)
+    se = doubtful.filter(regex="^se_").to_numpy(float)
     pairs = list(combinations(range(len(feet)), 2))
     apart = [
         np.abs(instant[:, i] - instant[:, j]) / np.hypot(se[:, i], se[:, j])
         for i, j in pairs
     ]
-    counts = np.bincount(
-        np.nan_to_num(apart, nan=np.inf).argmin(axis=0), minlength=len(pairs)
+    closest = np.nan_to_num(apart, nan=np.inf).argmin(axis=0)
+    counts = np.bincount(closest, minlength=len(pairs))
+    first, second = pairs[int(counts.argmax())]
+    error_s, foot = max(
+        (float(np.nanmedian(se[:, k])), feet[k]) for k in (first, second)
     )
-    pair = pairs[int(counts.argmax())]
-    error, foot = max((float(np.nanmedian(se[:, k])), feet[k]) for k in pair)
-    both = f"{feet[pair[0]]} and {feet[pair[1]]}"
-    told = f"; in {counts.max()} of {len(doubtful)}, {both} "
+    values = {
+        "count": int(counts.max()),
+        "doubtful": len(doubtful),
+        "first": feet[first],
+        "second": feet[second],
+        "error_ms": 1e3 * error_s,
+    }
     by_kink = (used["method"] == "kink").all()
-    if by_kink and error > NO_KINK_S:
-        return f"{told}are least sure: {foot} slows without a kink (error {1e3 * error:.2g} ms)"
-    return f"{told}land as close together as their errors of {1e3 * error:.2g} ms"
+    if by_kink and error_s > NO_KINK_S:
+        return [Message("landings.and_no_kink", {**values, "foot": foot})]
+    return [Message("landings.and_close_together", values)]
 
 
-def _common(used: pd.DataFrame) -> str:
-    """Report the error that all contacts of a foot may share, where it exceeds their own."""
-    told = []
+def _common(used: pd.DataFrame) -> list[Message]:
+    """Report the error that contacts of a foot share, where it exceeds their own."""
+    feet = []
     for name in used.columns[used.columns.str.startswith("common_")]:
-        common, foot = float(used[name].median()), str(name).removeprefix("common_")
-        if common > float(used[f"se_{foot}"].median()):
-            told.append(f"{foot.removesuffix('_s')} by {1e3 * common:.2g} ms")
-    return (
-        f"; contacts of a foot may all be early or late: {', '.join(told)}"
-        if told
-        else ""
-    )
+        common_s = float(used[name].median())
+        foot = str(name).removeprefix("common_")
+        if common_s > float(used[f"se_{foot}"].median()):
+            feet.append(f"{foot.removesuffix('_s')} by {1e3 * common_s:.2g} ms")
+    if not feet:
+        return []
+    return [Message("landings.and_common", {"feet": ", ".join(feet)})]
 
 
 def blurred(touchdowns: pd.DataFrame) -> str:
-    """Explain which recording a low-pass filter has blurred too much to compare maps; else empty.
+    """Explain which recording a low-pass filter has blurred too much to compare maps.
 
-    It has if half a period of its cut-off is longer than a landing from section to
-    section: states before and after the contacts are then mixed, and equal maps look
-    different.
+    Empty if none is. It has if half a period of its cut-off is longer than a landing
+    from section to section: states before and after the contacts are then mixed, and
+    equal maps look different.
     """
-    for name, used in touchdowns[~touchdowns["excluded"].astype(bool)].groupby(
-        "recording"
-    ):
-        landing_s = float((used["t_post_s"] - used["t_pre_s"]).median())
-        period_s = float(used.filter(regex="^common_").median().max()) / FILTER_DELAYS
+    used = _used_touchdowns(touchdowns)
+    for name, own in used.groupby("recording"):
+        landing_s = float((own["t_post_s"] - own["t_pre_s"]).median())
+        late_s = float(own.filter(regex="^common_").median().max())
+        period_s = late_s / FILTER_DELAYS
         if period_s > 2 * landing_s:
-            cut = f"by a low-pass of some {1 / period_s:.2g} Hz"
-            mixed = f"mixes before and after, {1e3 * landing_s:.2g} ms from section to section"
-            return f"'{name}' is smoothed as {cut}, which {mixed}: export it unfiltered"
+            values = {
+                "recording": name,
+                "cut_off_hz": 1 / period_s,
+                "landing_ms": 1e3 * landing_s,
+            }
+            return Message("landings.blurred", values).text()
     return ""
 
 
 def _sections(stability: pd.DataFrame) -> Check:
-    what, heights = (
-        "sections move, over their distance",
-        ["pre_height_m", "post_height_m"],
-    )
+    """Ask how far the sections move in variants of the data."""
+    heights = ["pre_height_m", "post_height_m"]
     chosen = stability.iloc[0][heights].astype(float)
-    pre, post = chosen
+    pre_m, post_m = chosen
     others = stability.iloc[1:]
-    largest = (others[heights] - chosen).abs().max(axis=1)
-    failed = int(others["note"].fillna("").astype(bool).sum())
-    if largest.notna().sum() == 0 or not pre > post:
-        return _check(what, None, "no variant gives sections")
-    worst = others.iloc[int(np.nanargmax(largest.to_numpy(float)))]
-    variant = str(worst["variant"])
-    how = variant if variant.startswith("without ") else f"with {variant}"
-    remark = f"{1e3 * float(largest.max()):.2g} mm {how}"
-    remark += f"; {failed} of {len(others)} variants have no sections" if failed else ""
-    share = 100.0 * float(largest.max()) / (pre - post)
-    if failed or share > QUESTIONS[what][2]:
-        remark += "; look at Fig. 2.2: if they look wrong, set sections.pre_height_m, post_height_m"
-    return _check(what, share, remark)
+    moved_m = (others[heights] - chosen).abs().max(axis=1)
+    n_failed = int(others["note"].fillna("").astype(bool).sum())
+    if moved_m.notna().sum() == 0 or not pre_m > post_m:
+        return _check(SECTIONS, None, Message("landings.no_variant"))
+    variant = str(others.iloc[int(np.nanargmax(moved_m.to_numpy(float)))]["variant"])
+    if not variant.startswith("without "):
+        variant = f"with {variant}"
+    most_m = float(moved_m.max())
+    values = {"most_mm": 1e3 * most_m, "variant": variant}
+    remarks = [Message("landings.sections_move", values)]
+    if n_failed:
+        values = {"failed": n_failed, "variants": len(others)}
+        remarks.append(Message("landings.and_variants_failed", values))
+    share = 100.0 * most_m / (pre_m - post_m)
+    if n_failed or share > SECTIONS.good:
+        remarks.append(Message("landings.and_look_at_sections"))
+    return _check(SECTIONS, share, *remarks)
 
 
 def _drift(drift: pd.DataFrame) -> Check:
-    what, sure = (
-        "drift, in spreads",
-        (drift["median"] - drift["typical"]).abs() > 3.0 * drift["se"],
-    )
+    """Ask how far a part of the study is from the others."""
     if drift.empty:
-        return _check(what, None, "too few touchdowns")
+        return _check(DRIFT, None, Message("landings.few_touchdowns"))
+    apart = (drift["median"] - drift["typical"]).abs()
+    sure = apart > SURE_OF_DRIFT * drift["se"]
     if not sure.any():
-        return _check(what, 0.0, "nothing beyond three standard errors")
-    worst = drift[sure].iloc[
-        int(np.argmax(drift.loc[sure, "deviation"].abs().to_numpy(float)))
-    ]
+        return _check(DRIFT, 0.0, Message("landings.no_drift"))
+    deviations = drift.loc[sure, "deviation"].abs().to_numpy(float)
+    worst = drift[sure].iloc[int(np.argmax(deviations))]
+    values = {"quantity": worst["quantity"], "part": worst["part"]}
     return _check(
-        what, abs(float(worst["deviation"])), f"{worst['quantity']} in {worst['part']}"
+        DRIFT, abs(float(worst["deviation"])), Message("landings.drift", values)
     )

@@ -9,11 +9,60 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.landings.states.fits import WINDOWS_S
+from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.recordings.quality.stretches import runs, seen
 from hopdata.rigid import rigid_fit
 
-# The gaps of every marker, and how much of them was filled.
+FILLED_COLUMNS = (
+    "recording",
+    "marker",
+    "role",
+    "frames",
+    "gaps",
+    "longest_s",
+    "missing",
+    "filled",
+    "left",
+)
+
+#: Fewest other markers from which a marker is placed.
+#: Unit: markers. Origin: derived: three points determine a rigid body.
+LEAST_SEEN = 3
+
+#: Fewest frames with the whole body from which its shape is learned.
+#: Unit: frames. Origin: chosen.
+LEAST_FRAMES = 20
+
+#: Most frames from which the shape is learned.
+#: Unit: frames. Origin: chosen.
+SAMPLE_FRAMES = 4000
+
+#: Largest noise of a placed marker, relative to that of the seen ones.
+#: Unit: 1. Origin: chosen.
+LARGEST_GAIN = 4.0
+
+#: Largest misfit of seen markers, relative to the rms of the whole body.
+#: Unit: 1. Origin: chosen.
+LARGEST_MISFIT = 4.0
+
+#: Rounds in which frames are aligned with the mean shape.
+#: Unit: 1. Origin: chosen.
+ALIGNMENTS = 5
+
+#: Relative singular value below which markers are too close to a line.
+#: Unit: 1. Origin: chosen.
+COLLINEAR = 1e-6
+
+#: Longest gap that is filled, for an animal of 1 m.
+#: Unit: s. Origin: chosen.
+LONGEST_S = 0.1
+
+#: Time about the sections in which frames may be used for states.
+#: Unit: s. Origin: derived: the widest window of a fit.
+REACH_S = max(WINDOWS_S)
+
+TOO_MUCH_FILLED = Message("landings.too_much_filled").text()
 
 
 def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
@@ -31,38 +80,31 @@ def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
         gaps, longest_s, missing, filled, left. Gaps are those of the cameras, filled or
         not. The last three count frames, with missing = filled + left.
     """
-    columns = ("recording", "marker", "role", "frames", "gaps", "longest_s")
     rows = []
     for recording in recordings:
         unseen = ~seen(recording.positions)
-        filled = np.zeros_like(unseen) if recording.filled is None else recording.filled
-        for m, (marker, role) in enumerate(
-            zip(recording.markers, recording.roles, strict=True)
-        ):
+        filled = recording.filled
+        if filled is None:
+            filled = np.zeros_like(unseen)
+        markers = zip(recording.markers, recording.roles, strict=True)
+        for m, (marker, role) in enumerate(markers):
             lengths = np.diff(runs(unseen[:, m] | filled[:, m]), axis=1)
-            longest = float(lengths.max(initial=0)) / recording.rate_hz
-            counts = (
+            row = (
+                recording.name,
+                marker,
+                role,
+                len(unseen),
+                len(lengths),
+                float(lengths.max(initial=0)) / recording.rate_hz,
                 int(lengths.sum()),
                 int(filled[:, m].sum()),
                 int(unseen[:, m].sum()),
             )
-            told = (recording.name, marker, role, len(unseen), len(lengths), longest)
-            rows.append((*told, *counts))
-    return pd.DataFrame(rows, columns=[*columns, "missing", "filled", "left"])
+            rows.append(row)
+    return pd.DataFrame(rows, columns=list(FILLED_COLUMNS))
 
 
 # Where an unseen body marker must be, from the other markers on the same rigid body.
-
-LEAST_SEEN = 3  # fewest other markers from which a marker is placed
-LEAST_FRAMES = 20  # fewest frames with the whole body from which its shape is learned
-SAMPLE_FRAMES = 4000
-LARGEST_GAIN = (
-    4.0  # largest noise of a placed marker, relative to that of the seen ones
-)
-LARGEST_MISFIT = (
-    4.0  # largest misfit of seen markers, relative to the rms of the whole body
-)
-ALIGNMENTS = 5
 
 
 @dataclass(frozen=True)
@@ -109,7 +151,8 @@ def learn_shape(body: FloatArray) -> BodyShape | None:
         inside = np.einsum("nji,nbj->nbi", fit.rotation, frames - fit.centre[:, None])
         points = np.nanmedian(inside, axis=0)
         points -= points.mean(axis=0)
-    return BodyShape(points, float(np.nanmedian(rigid_fit(frames, points).residual_m)))
+    misfit_m = float(np.nanmedian(rigid_fit(frames, points).residual_m))
+    return BodyShape(points, misfit_m)
 
 
 def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> FloatArray:
@@ -132,19 +175,19 @@ def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> Float
     """
     fit = rigid_fit(body, shape.points)
     patterns, which = np.unique(seen(body), axis=0, return_inverse=True)
-    gains = [
-        [noise_gain(shape.points[p], target) for target in shape.points]
-        for p in patterns
-    ]
-    told = np.array(gains).reshape(patterns.shape) <= LARGEST_GAIN
-    use = wanted & told[which.reshape(-1)]
-    use &= (fit.residual_m <= LARGEST_MISFIT * shape.misfit_m)[:, None]
+    is_placeable = np.empty(patterns.shape, dtype=bool)
+    for row, pattern in enumerate(patterns):
+        for marker, target in enumerate(shape.points):
+            gain = noise_gain(shape.points[pattern], target)
+            is_placeable[row, marker] = gain <= LARGEST_GAIN
+    fits_shape = fit.residual_m <= LARGEST_MISFIT * shape.misfit_m
+    use = wanted & is_placeable[which.reshape(-1)] & fits_shape[:, None]
     there = np.einsum("nij,bj->nbi", fit.rotation, shape.points) + fit.centre[:, None]
     return np.where(use[..., None], there, np.nan)
 
 
 def noise_gain(points: FloatArray, target: FloatArray) -> float:
-    """Return the worst standard deviation of a placed marker, per unit of the others' noise.
+    """Return the worst noise of a placed marker, per unit of the others' noise.
 
     The `points` (m, 3) determine six small motions of the body, which are propagated to
     `target` (3,). The result is infinite if the points are collinear or fewer than
@@ -155,22 +198,16 @@ def noise_gain(points: FloatArray, target: FloatArray) -> float:
     design = np.concatenate([_motions(point) for point in points])
     scale = np.repeat([1.0, max(float(np.abs(points).max()), 1e-9)], 3)
     _, values, right = np.linalg.svd(design / scale, full_matrices=False)
-    if values[-1] < 1e-6 * values[0]:
+    if values[-1] < COLLINEAR * values[0]:
         return float("inf")
     return float(np.linalg.norm(_motions(target) / scale @ (right.T / values), 2))
 
 
 def _motions(point: FloatArray) -> FloatArray:
-    """Return the displacements of a point by small shifts and turns of the body, (3, 6)."""
+    """Return displacements of a point by small shifts and turns of the body, (3, 6)."""
     x, y, z = point
-    return np.hstack([np.eye(3), [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]])
-
-
-LONGEST_S = 0.1  # longest gap that is filled, s, for an animal of 1 m
-REACH_S = max(
-    WINDOWS_S
-)  # time about the sections in which frames may be used for states, s
-TOO_MUCH_FILLED = "too much of the body filled in"
+    turns = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return np.hstack([np.eye(3), turns])
 
 
 @one_blas_thread()
@@ -197,28 +234,31 @@ def fill_gaps(
         The same recording with the places filled in and marked in `filled`. Seen places
         stay as they are.
     """
-    positions = recording.positions if overwrite else recording.positions.copy()
+    positions = recording.positions
+    if not overwrite:
+        positions = positions.copy()
+    if longest_s is None:
+        longest_s = LONGEST_S * recording.pace
     filled = np.zeros(positions.shape[:2], bool)
-    longest_s = LONGEST_S * recording.pace if longest_s is None else longest_s
-    wanted = _short_gaps(
-        ~seen(recording.body), int(longest_s * recording.rate_hz + 1e-6)
-    )
+    longest_frames = int(longest_s * recording.rate_hz + 1e-6)
+    wanted = _short_gaps(~seen(recording.body), longest_frames)
     frames = np.flatnonzero(wanted.any(axis=1))
-    if len(frames) and (shape := learn_shape(recording.body)) is not None:
+    shape = None
+    if len(frames):
+        shape = learn_shape(recording.body)
+    if shape is not None:
         places = rigid_places(recording.body[frames], wanted[frames], shape)
         at, marker = np.nonzero(seen(places))
         bodies = np.array(recording.indices("body"))[marker]
-        positions[frames[at], bodies], filled[frames[at], bodies] = (
-            places[at, marker],
-            True,
-        )
+        positions[frames[at], bodies] = places[at, marker]
+        filled[frames[at], bodies] = True
     return replace(recording, positions=positions, filled=filled)
 
 
 def mark_filled(
     recording: Recording, table: pd.DataFrame, *, largest_share: float = 1.0
 ) -> pd.DataFrame:
-    """Add the filled share of each touchdown, and exclude touchdowns with too much filling.
+    """Add the filled share of each touchdown, and exclude those with too much.
 
     Parameters
     ----------
@@ -244,10 +284,10 @@ def mark_filled(
     t_end = np.fmax(table["t_post_s"].to_numpy(float), t_pre) + reach_s
     body = recording.filled[:, recording.indices("body")]
     total = np.append(0, body.sum(axis=1).cumsum())
-    start, stop = (
-        np.searchsorted(recording.time, at) for at in (t_pre - reach_s, t_end)
-    )
-    share = (total[stop] - total[start]) / np.maximum((stop - start) * body.shape[1], 1)
+    start = np.searchsorted(recording.time, t_pre - reach_s)
+    stop = np.searchsorted(recording.time, t_end)
+    places = (stop - start) * body.shape[1]
+    share = (total[stop] - total[start]) / np.maximum(places, 1)
     table = table.assign(filled_share=share)
     too_much = (share > largest_share) & ~table["excluded"].to_numpy(bool)
     table.loc[too_much, ["reason", "excluded"]] = TOO_MUCH_FILLED, True

@@ -371,7 +371,8 @@ def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> N
         raise AnalysisError(
             f"{recording.name}: floor: {', '.join(restless)} hardly ever at rest "
             f"(slower than {speed_m_s:.3g} m/s up or down); raise "
-            "floor.rest_speed_m_s, set floor.enabled to false, or leave this recording out"
+            "floor.rest_speed_m_s, set floor.enabled to false, or leave this recording "
+            "out"
         )
 
 

@@ -22,7 +22,7 @@ SPAN_S = 0.3
 
 #: A rest shorter than this may be in the air. A longer limit missed a floor that sank
 #: by 41 mm under quick hoppers.
-#: Unit: s. Origin: measured: quick hoppers on a sinking floor (git log).
+#: Unit: s. Origin: measured: quick hoppers on a sinking floor.
 REST_S = 0.04
 
 #: Fewest rests per foot: two jumps on a soft sole prove nothing.

@@ -1,4 +1,4 @@
-"""Contacts from force plates, one example landing, and the influence of the force threshold."""
+"""Contacts from force plates, an example, and what the threshold of a force does."""
 
 from __future__ import annotations
 
@@ -16,21 +16,53 @@ from hopdata.landings.overlay import MATCHED, compare_contacts, summarise_overla
 from hopdata.recording import Recording
 from hopdata.recordings import external
 
-# When a foot came down, according to a force plate.
+#: Shortest time without force; less is a rattle within a contact.
+#: Unit: s. Origin: chosen.
+UNLOADED_S = 0.01
 
-UNLOADED_S = 0.01  # shortest time without force, s; less is a rattle within a contact
+#: Share of the large forces from which a foot carries load.
+#: Unit: 1. Origin: chosen.
+LOADED_SHARE = 0.3
+
+#: Quantile of the forces above the threshold that counts as large.
+#: Unit: 1. Origin: chosen.
+LARGE_QUANTILE = 0.9
+
+#: Least force of a loaded foot, in thresholds.
+#: Unit: thresholds. Origin: chosen.
+LOADED_THRESHOLDS = 2
+
+#: Multiples of the threshold at which the comparison is repeated.
+#: Unit: 1. Origin: chosen.
+FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
+
+#: Time shown before the first external contact of the example; it moves no answer.
+#: Unit: s. Origin: chosen.
+BEFORE_S = 0.08
+
+#: Time shown after it; it moves no answer.
+#: Unit: s. Origin: chosen.
+AFTER_S = 0.12
+
+Signals = Sequence[external.ForceSignal]
+EXAMPLE_COLUMNS = ("recording", "time_s", "kind", "name", "value", "unit")
+MEASURES = ("n_matched", "n_missed", "n_invented", "bias_s", "robust_sd_s")
+THRESHOLD_COLUMNS = ("recording", "column", "threshold", "unit", *MEASURES)
+
+# When a foot came down, according to a force plate.
 
 
 def force_onsets(
     time: ArrayLike, force: ArrayLike, *, least_n: float = 50.0, sure_n: float = 400.0
 ) -> FloatArray:
-    """Find the instants at which the vertical force rises through a threshold, one for each stance.
+    """Find the instants at which the vertical force rises through a threshold.
 
-    A stance reaches `sure_n` after the force has been below the threshold for
-    `UNLOADED_S`. So a rattle of the plate is not a contact, and a dip during the rise
-    or the stance is not a new one. A stance that has begun before the first sample has
-    no onset, nor has a stance beside a missing sample. Two feet on the plate at the
-    same time make one stance. The instant is interpolated between two samples.
+    There is one for each stance. A stance reaches `sure_n` after the force has been
+    below the threshold for `UNLOADED_S`. So a rattle of the plate is not a contact, and
+    a dip during the rise or the stance is not a new one. A stance that has begun before
+    the first sample has no onset, nor has a stance beside a missing sample. Two feet on
+    the plate at the same time make one stance. The instant is interpolated between two
+    samples.
 
     Parameters
     ----------
@@ -49,25 +81,29 @@ def force_onsets(
     (S,) array
         Onsets, s.
     """
-    t, f = np.asarray(time, float), np.asarray(force, float)
+    t = np.asarray(time, float)
+    f = np.asarray(force, float)
     last = _last_unloaded(t, f, least_n, sure_n)
-    return t[last] + (least_n - f[last]) / (f[last + 1] - f[last]) * (
-        t[last + 1] - t[last]
-    )
+    share = (least_n - f[last]) / (f[last + 1] - f[last])
+    return t[last] + share * (t[last + 1] - t[last])
 
 
 def _last_unloaded(
     t: FloatArray, f: FloatArray, least_n: float, sure_n: float
 ) -> IntArray:
-    """Find the last unloaded sample before each rise to `sure_n`; the next is above threshold."""
+    """Find the last unloaded sample before each rise to `sure_n`.
+
+    The next sample is above the threshold.
+    """
     loaded = np.flatnonzero(f >= sure_n)
     if len(loaded) == 0:
         return loaded
     below = np.concatenate([[False], f < least_n, [False]])
     first, after = np.flatnonzero(np.diff(below.astype(np.int8))).reshape(-1, 2).T
-    long = t[after - 1] - t[first] >= UNLOADED_S - np.median(np.diff(t))
-    last = after[long] - 1
-    reached = loaded[np.minimum(np.searchsorted(loaded, last), len(loaded) - 1)]
+    is_long = t[after - 1] - t[first] >= UNLOADED_S - np.median(np.diff(t))
+    last = after[is_long] - 1
+    next_loaded = np.minimum(np.searchsorted(loaded, last), len(loaded) - 1)
+    reached = loaded[next_loaded]
     until = np.append(last[1:], len(f))  # the next unloaded stretch ends the attempt
     rises = last[(reached > last) & (reached < until)]
     return rises[f[rises + 1] >= least_n]  # false beside a missing sample
@@ -75,9 +111,6 @@ def _last_unloaded(
 
 # Contact instants from a force under the feet: threshold, load, and the foot it may
 # belong to.
-
-LOADED_SHARE = 0.3  # share of the large forces from which a foot carries load
-LARGE_QUANTILE = 0.9  # quantile of the forces above the threshold that counts as large
 
 
 def contact_times_of(
@@ -98,16 +131,19 @@ def contact_times_of(
     AnalysisError
         If the force never crosses the threshold.
     """
-    at = threshold_of(signal) if threshold is None else threshold
-    load = load_of(signal, threshold=at)
-    instants = force_onsets(signal.time, signal.force, least_n=at, sure_n=load)
-    span = (float(signal.time[0]), float(signal.time[-1]))
-    others = signal.options["other_feet_above_m"]
-    return external.ContactTimes(signal.column, instants, "forces", span, others)
+    if threshold is None:
+        threshold = threshold_of(signal)
+    load = load_of(signal, threshold=threshold)
+    instants = force_onsets(signal.time, signal.force, least_n=threshold, sure_n=load)
+    span_s = (float(signal.time[0]), float(signal.time[-1]))
+    others_above_m = signal.options["other_feet_above_m"]
+    return external.ContactTimes(
+        signal.column, instants, "forces", span_s, others_above_m
+    )
 
 
 def threshold_of(signal: external.ForceSignal) -> float:
-    """Return the threshold in the signal's unit: as given in N, or a share of body weight.
+    """Return the threshold, in the signal's unit: in N, or a share of body weight.
 
     If the configuration does not give the weight, it is the mean force, since the feet
     carry the weight over whole strides. This requires a column that all feet step on.
@@ -119,11 +155,13 @@ def threshold_of(signal: external.ForceSignal) -> float:
     if signal.unit == "body_weight":
         return share
     weight = options["body_weight_n"]
-    return share * float(np.nanmean(signal.force) if weight is None else weight)
+    if weight is None:
+        weight = np.nanmean(signal.force)
+    return share * float(weight)
 
 
 def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
-    """Return the force of a loaded foot: a share of the large forces, or twice the threshold.
+    """Return the force of a loaded foot: a share of large ones, or twice the threshold.
 
     Raises
     ------
@@ -131,29 +169,17 @@ def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
         If the force never reaches twice the threshold.
     """
     above = signal.force[signal.force >= threshold]
-    large = float(np.quantile(above, LARGE_QUANTILE)) if len(above) else 0.0
-    if not large > 2 * threshold:
-        wanted = (
-            f"loads of more than twice the threshold of {threshold:.4g} {signal.unit}"
+    large = 0.0
+    if len(above):
+        large = float(np.quantile(above, LARGE_QUANTILE))
+    if not large > LOADED_THRESHOLDS * threshold:
+        most = np.nanmax(signal.force)
+        raise AnalysisError.at(
+            f"force '{signal.column.name}'",
+            f"loads of more than twice the threshold of {threshold:.4g} {signal.unit}",
+            f"at most {most:.4g}; do forces.unit and the threshold fit?",
         )
-        most = f"at most {np.nanmax(signal.force):.4g}; do forces.unit and the threshold fit?"
-        raise AnalysisError.at(f"force '{signal.column.name}'", wanted, most)
-    return max(2 * threshold, LOADED_SHARE * large)
-
-
-Signals = Sequence[external.ForceSignal]
-EXAMPLE_COLUMNS = ("recording", "time_s", "kind", "name", "value", "unit")
-MEASURES = ("n_matched", "n_missed", "n_invented", "bias_s", "robust_sd_s")
-THRESHOLD_COLUMNS = ("recording", "column", "threshold", "unit", *MEASURES)
-BEFORE_S, AFTER_S = 0.08, 0.12  # time shown about the first external contact, s
-FACTORS = (
-    0.5,
-    0.75,
-    1.0,
-    1.5,
-    2.0,
-    3.0,
-)  # multiples of the threshold that are compared
+    return max(LOADED_THRESHOLDS * threshold, LOADED_SHARE * large)
 
 
 def example_landing(
@@ -179,45 +205,46 @@ def example_landing(
         weights; s for instants), unit. The landing is the matched one with the median
         difference, with all columns that contain it. Empty if there is none.
     """
-    matched = overlay[
-        (overlay["status"] == MATCHED) & ~overlay["excluded"].astype(bool)
-    ]
+    is_matched = overlay["status"] == MATCHED
+    matched = overlay[is_matched & ~overlay["excluded"].astype(bool)]
     if matched.empty:
         return pd.DataFrame(columns=list(EXAMPLE_COLUMNS))
-    row = matched.sort_values("difference_s", kind="stable").iloc[
-        (len(matched) - 1) // 2
-    ]
-    same = overlay[(overlay["index"] == row["index"]) & (overlay["status"] == MATCHED)]
+    by_difference = matched.sort_values("difference_s", kind="stable")
+    middle = by_difference.iloc[(len(matched) - 1) // 2]
+    same = overlay[(overlay["index"] == middle["index"]) & is_matched]
     origin = float(same["external_s"].min())
-    known = recording.names("foot")
-    told, pieces = f" {' '.join(same['feet'])} ", []
+    feet = recording.names("foot")
+    # Names of feet may hold spaces, so they are looked for between two of them.
+    compared = f" {' '.join(same['feet'])} "
+    pieces = []
 
     def add(kind: str, name: str, unit: str, time_s: Any, value: Any) -> None:
-        columns = (
-            recording.name,
-            np.atleast_1d(time_s) - origin,
-            kind,
-            name,
-            value,
-            unit,
-        )
-        pieces.append(pd.DataFrame(dict(zip(EXAMPLE_COLUMNS, columns, strict=True))))
+        columns = {
+            "recording": recording.name,
+            "time_s": np.atleast_1d(time_s) - origin,
+            "kind": kind,
+            "name": name,
+            "value": value,
+            "unit": unit,
+        }
+        pieces.append(pd.DataFrame(columns))
 
     def near(time: FloatArray) -> BoolArray:
         since = time - origin
         return np.asarray((since >= -BEFORE_S) & (since <= AFTER_S))
 
     shown = near(recording.time)
-    for i, foot in enumerate(known):
-        if f" {foot} " in told:
+    for i, foot in enumerate(feet):
+        if f" {foot} " in compared:
             add("height", foot, "m", recording.time[shown], recording.feet[shown, i, 2])
     for one in same.to_dict("records"):
-        name = str(one["feet"] if one["feet"] in known else one["column"])
+        name = str(one["feet"] if one["feet"] in feet else one["column"])
         add("external", name, "s", float(one["external_s"]), np.nan)
         add("found", str(one["first_foot"]), "s", float(one["found_s"]), np.nan)
     for signal in signals:
-        if signal.column.name in set(same["column"]):
-            rows, name = near(signal.time), signal.column.name
+        name = signal.column.name
+        if name in set(same["column"]):
+            rows = near(signal.time)
             add("force", name, signal.unit, signal.time[rows], signal.force[rows])
             add("threshold", name, signal.unit, origin, threshold_of(signal))
     return pd.concat(pieces, ignore_index=True)
@@ -239,13 +266,12 @@ def threshold_rows(
         try:
             contacts = contact_times_of(signal, threshold=threshold)
             table = compare_contacts(recording, touchdowns, contacts, window_s=window_s)
-        except (
-            AnalysisError
-        ):  # too high for this force; the chosen threshold was compared before
+        except AnalysisError:
+            # Too high for this force; the chosen threshold was compared before.
             continue
-        measures = summarise_overlay(table).iloc[0]
-        told = (recording.name, signal.column.name, threshold, signal.unit)
-        rows.append((*told, *measures[list(MEASURES)]))
+        measures = summarise_overlay(table).iloc[0][list(MEASURES)]
+        name = signal.column.name
+        rows.append((recording.name, name, threshold, signal.unit, *measures))
     return rows
 
 
@@ -297,13 +323,16 @@ def overlay_external_truth(
     rate_hz : float, optional
         ``input.rate_hz``.
     """
-    contacts, thresholds, examples = [], [], []
+    contacts = []
+    thresholds = []
+    examples = []
     for recording in recordings:
-        blocks, feet = configured[recording.name], recording.names("foot")
-        own = touchdowns[touchdowns["recording"] == recording.name].reset_index(
-            drop=True
-        )
-        known, signals = [], []
+        blocks = configured[recording.name]
+        feet = recording.names("foot")
+        is_own = touchdowns["recording"] == recording.name
+        own = touchdowns[is_own].reset_index(drop=True)
+        known: list[external.ContactTimes] = []
+        signals: list[external.ForceSignal] = []
         if blocks["contacts"]["file"] is not None:
             known += external.read_contact_times(
                 blocks["contacts"], feet=feet, rate_hz=rate_hz
@@ -316,9 +345,8 @@ def overlay_external_truth(
         ]
         contacts += compared
         thresholds += threshold_rows(recording, own, signals, window_s=window_s)
-        shown = pd.concat(
-            compared[-len(signals) :], ignore_index=True
-        )  # forces if there are any
+        # The columns of forces if there are any, else all.
+        shown = pd.concat(compared[-len(signals) :], ignore_index=True)
         examples.append(example_landing(recording, shown, signals))
     table = pd.concat(contacts, ignore_index=True)
     at_thresholds = pd.DataFrame(thresholds, columns=list(THRESHOLD_COLUMNS))

@@ -1,4 +1,4 @@
-"""Contacts that hopdata found, compared with those from another device, one row each."""
+"""Contacts that hopdata found, compared with those from another device."""
 
 from __future__ import annotations
 
@@ -9,12 +9,71 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.errors import AnalysisError
+from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.recordings.external import ContactTimes
 
-# Match the contacts of two lists one to one, within a window.
+LARGEST_TABLE = 4_000_000  # most differences in the search for an offset, for memory
 
-LARGEST_TABLE = 4_000_000  # most pairwise differences in the search for an offset
+#: Share of the instants that an offset must align to stand out.
+#: Unit: 1. Origin: chosen.
+ALIGNED_SHARE = 0.5
+
+#: Fewest instants that an offset must align to stand out.
+#: Unit: instants. Origin: chosen.
+LEAST_ALIGNED = 3
+
+#: Time after the post section in which a contact belongs to the same touchdown.
+#: Unit: s. Origin: chosen.
+LATE_S = 0.1
+
+#: Confidence of the interval for the bias.
+#: Unit: 1. Origin: convention.
+CONFIDENCE = 0.95
+
+#: Fewest contacts from which a drift is estimated.
+#: Unit: contacts. Origin: chosen.
+LEAST_FOR_DRIFT = 10
+
+#: Most contacts from which a drift is estimated, evenly spaced.
+#: Unit: contacts. Origin: chosen.
+MOST_FOR_DRIFT = 1000
+
+#: Confidence that a drift needs.
+#: Unit: 1. Origin: chosen.
+SURELY = 0.999
+
+MATCHED = "matched"
+MISSED = "missed"
+INVENTED = "invented"
+OTHER_FOOT = "other foot"
+NOT_COMPARED = "not compared"
+UNMATCHED = (MISSED, INVENTED, OTHER_FOOT, NOT_COMPARED)
+ALL = "all"
+
+# Why a contact has no partner, in words.
+NO_DESCENT = Message("landings.no_descent_there").text()
+OUTSIDE_RECORDING = Message("landings.outside_recording").text()
+OUTSIDE_EXTERNAL = Message("landings.outside_external").text()
+FEET_IN_AIR = Message("landings.feet_in_air").text()
+OTHER_TIME = Message("landings.other_time").text()
+
+# What a comparison says of all its contacts, and of each.
+SHARED_COLUMNS = ("recording", "source", "column", "feet")
+COLUMNS = (
+    *SHARED_COLUMNS,
+    "status",
+    "external_s",
+    "found_s",
+    "se_s",
+    "difference_s",
+    "first_foot",
+    "index",
+    "excluded",
+    "reason",
+)
+
+# Match the contacts of two lists one to one, within a window.
 
 
 def match_instants(
@@ -37,23 +96,33 @@ def match_instants(
         Indices of the pairs in order of time; each entry of either list is in at most
         one pair.
     """
-    groups = _clusters(first, second, window_s)
-    pairs = [_assigned(first, second, *group, window_s) for group in groups]
-    table = np.concatenate([np.empty((0, 2), dtype=np.int64), *pairs])
-    at, of = table[np.argsort(first[table[:, 0]], kind="stable")].T
-    return at, of
+    pairs = [np.empty((0, 2), dtype=np.int64)]
+    for rows, columns in _clusters(first, second, window_s):
+        pairs.append(_assigned(first, second, rows, columns, window_s))
+    table = np.concatenate(pairs)
+    by_time = np.argsort(first[table[:, 0]], kind="stable")
+    in_first, in_second = table[by_time].T
+    return in_first, in_second
 
 
 def _clusters(
     first: FloatArray, second: FloatArray, window_s: float
 ) -> list[tuple[IntArray, IntArray]]:
-    """Split into groups farther apart than the window; keep those with instants of both lists."""
+    """Split into groups farther apart than the window.
+
+    Only groups with instants of both lists are kept.
+    """
     together = np.concatenate([first, second])
     order = np.argsort(together, kind="stable")
     ends = np.flatnonzero(np.diff(together[order]) > window_s) + 1
-    groups = [(group[group < len(first)], group[group >= len(first)] - len(first))
-              for group in np.split(order, ends)]  # fmt: skip
-    return [(rows, columns) for rows, columns in groups if len(rows) and len(columns)]
+    groups = []
+    for group in np.split(order, ends):
+        is_first = group < len(first)
+        rows = group[is_first]
+        columns = group[~is_first] - len(first)
+        if len(rows) and len(columns):
+            groups.append((rows, columns))
+    return groups
 
 
 def _assigned(
@@ -63,16 +132,15 @@ def _assigned(
     columns: IntArray,
     window_s: float,
 ) -> IntArray:
-    if (
-        len(rows) == len(columns) == 1
-    ):  # as in most recordings, which need no slow import then
+    """Return the pairs (P, 2) of a group: as many as possible, then the nearest."""
+    if len(rows) == len(columns) == 1:
+        # As in most recordings, which then need no slow import.
         return np.column_stack([rows, columns])
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(first[rows][:, None] - second[columns])
-    price = (
-        1.0 + len(apart) + len(columns)
-    )  # one more pair outweighs any sum of differences
+    # One more pair outweighs any sum of differences.
+    price = 1.0 + len(apart) + len(columns)
     cost = np.where(apart <= window_s, apart / window_s, price)
     i, j = linear_sum_assignment(cost)
     return np.column_stack([rows[i], columns[j]])[apart[i, j] <= window_s]
@@ -81,10 +149,10 @@ def _assigned(
 def likely_offset(
     first: FloatArray, second: FloatArray, *, window_s: float
 ) -> float | None:
-    """Return the shift of `second` that aligns the most instants, s; None if none stands out.
+    """Return the shift of `second` that aligns the most instants, s.
 
-    Two clocks that were not started together differ by a constant, at which the
-    differences of all pairs pile up.
+    None if none stands out. Two clocks that were not started together differ by a
+    constant, at which the differences of all pairs pile up.
 
     Parameters
     ----------
@@ -96,34 +164,13 @@ def likely_offset(
     if not 0 < len(first) * len(second) <= LARGEST_TABLE:
         return None
     apart = np.sort((first[:, None] - second).ravel())
-    inside = np.searchsorted(apart, apart + window_s, side="right") - np.arange(
-        len(apart)
-    )
+    stop = np.searchsorted(apart, apart + window_s, side="right")
+    inside = stop - np.arange(len(apart))
     best = int(np.argmax(inside))
-    if inside[best] < max(3, 0.5 * min(len(first), len(second))):
+    most_possible = min(len(first), len(second))
+    if inside[best] < max(LEAST_ALIGNED, ALIGNED_SHARE * most_possible):
         return None
     return float(np.median(apart[best : best + inside[best]]))
-
-
-MATCHED, MISSED, INVENTED = "matched", "missed", "invented"
-OTHER_FOOT, NOT_COMPARED = "other foot", "not compared"
-UNMATCHED = (MISSED, INVENTED, OTHER_FOOT, NOT_COMPARED)
-# Time after the post section, s, in which a contact belongs to the same touchdown
-LATE_S = 0.1
-NO_DESCENT = "no descent through the pre section"
-COLUMNS = (
-    *(
-        "recording",
-        "source",
-        "column",
-        "feet",
-        "status",
-        "external_s",
-        "found_s",
-        "se_s",
-    ),
-    *("difference_s", "first_foot", "index", "excluded", "reason"),
-)
 
 
 def compare_contacts(
@@ -133,7 +180,7 @@ def compare_contacts(
     *,
     window_s: float,
 ) -> pd.DataFrame:
-    """Compare the first contacts of a column's feet with instants from an external device.
+    """Compare the first contacts of a column's feet with those of another device.
 
     Parameters
     ----------
@@ -164,78 +211,92 @@ def compare_contacts(
     _check_overlap(recording, external)
     found = _found(touchdowns, external.column.feet)
     ours = found["found_s"].to_numpy()
-    inside = _within(external.instant, recording.time[0], recording.time[-1], -window_s)
-    others = inside & _by_others(recording, external)
-    judged = np.flatnonzero(inside & ~others)
-    known = _within(ours, *external.span_s, window_s)
-    shown, instants = np.flatnonzero(known), external.instant[judged]
+    is_inside = _within(
+        external.instant, recording.time[0], recording.time[-1], -window_s
+    )
+    is_of_others = is_inside & _by_others(recording, external)
+    judged = np.flatnonzero(is_inside & ~is_of_others)
+    is_known = _within(ours, *external.span_s, window_s)
+    shown = np.flatnonzero(is_known)
+    instants = external.instant[judged]
     at, of = match_instants(instants, ours[shown], window_s=window_s)
     if not len(at) and len(judged) and len(found):
-        shift, hint = likely_offset(ours, instants, window_s=window_s), ""
+        hint = ""
+        shift = likely_offset(ours, instants, window_s=window_s)
         if shift is not None:
-            hint = f"; they would fit if {external.source}.offset_s were larger by {shift:.3f}"
-        wanted = f"contacts within {window_s:g} s of those found"
-        none = f"none among {len(instants)} and {len(found)}{hint}"
-        raise AnalysisError.at(_place(recording, external), wanted, none)
+            key = f"{external.source}.offset_s"
+            hint = f"; they would fit if {key} were larger by {shift:.3f}"
+        raise AnalysisError.at(
+            _place(recording, external),
+            f"contacts within {window_s:g} s of those found",
+            f"none among {len(instants)} and {len(found)}{hint}",
+        )
     partner = dict(zip(judged[at].tolist(), shown[of].tolist(), strict=True))
-    rows: list[dict[Any, Any]] = []
     of_ours: list[dict[Any, Any]] = found.to_dict("records")
+    rows: list[dict[Any, Any]] = []
     for k, instant in enumerate(external.instant.tolist()):
         row: dict[Any, Any] = {"external_s": instant, "excluded": False}
-        if not inside[k]:
-            row |= {"status": NOT_COMPARED, "reason": "outside the recording"}
-        elif others[k]:
-            row |= {
-                "status": OTHER_FOOT,
-                "reason": "all feet of this column are in the air",
-            }
+        if not is_inside[k]:
+            row |= {"status": NOT_COMPARED, "reason": OUTSIDE_RECORDING}
+        elif is_of_others[k]:
+            row |= {"status": OTHER_FOOT, "reason": FEET_IN_AIR}
         elif k in partner:
             row |= {"status": MATCHED, **of_ours[partner[k]]}
         else:
             row |= {"status": MISSED, **_descent_at(touchdowns, instant)}
         rows.append(row)
     for i in np.setdiff1d(np.arange(len(found)), shown[of]):
-        status = {"status": NOT_COMPARED if of_ours[i]["excluded"] else INVENTED}
-        outside = {"status": NOT_COMPARED, "reason": "outside the external data"}
-        rows.append(of_ours[i] | (status if known[i] else outside))
-    table = pd.DataFrame(rows, columns=list(COLUMNS[4:]))
+        row = dict(of_ours[i])
+        if not is_known[i]:
+            row |= {"status": NOT_COMPARED, "reason": OUTSIDE_EXTERNAL}
+        elif row["excluded"]:
+            row["status"] = NOT_COMPARED
+        else:
+            row["status"] = INVENTED
+        rows.append(row)
+    return _compared(rows, recording, external)
+
+
+def _compared(
+    rows: list[dict[Any, Any]], recording: Recording, external: ContactTimes
+) -> pd.DataFrame:
+    """Tabulate the contacts of a column in order of time."""
+    table = pd.DataFrame(rows, columns=list(COLUMNS[len(SHARED_COLUMNS) :]))
     table["index"] = table["index"].astype("Int64")
     table["difference_s"] = table["found_s"] - table["external_s"]
-    by_time = (
-        table["external_s"].fillna(table["found_s"]).sort_values(kind="stable").index
-    )
+    time = table["external_s"].fillna(table["found_s"])
+    by_time = time.sort_values(kind="stable").index
     table = table.loc[by_time].reset_index(drop=True)
-    same = (
-        recording.name,
-        external.source,
-        external.column.name,
-        " ".join(external.column.feet),
+    table = table.assign(
+        recording=recording.name,
+        source=external.source,
+        column=external.column.name,
+        feet=" ".join(external.column.feet),
     )
-    return table.assign(**dict(zip(COLUMNS[:4], same, strict=True)))[list(COLUMNS)]
+    return table[list(COLUMNS)]
 
 
 def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     """Return the first contact of these feet in each touchdown that has one."""
-    instants = touchdowns[[f"contact_{foot}_s" for foot in feet]].to_numpy(
-        dtype=np.float64
-    )
-    errors = touchdowns[[f"se_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
+    contact_columns = [f"contact_{foot}_s" for foot in feet]
+    error_columns = [f"se_{foot}_s" for foot in feet]
+    instants = touchdowns[contact_columns].to_numpy(dtype=np.float64)
+    errors = touchdowns[error_columns].to_numpy(dtype=np.float64)
     rows = np.flatnonzero(~np.isnan(instants).all(axis=1))
-    first = (
-        np.nanargmin(instants[rows], axis=1)
-        if len(rows)
-        else np.empty(0, dtype=np.int64)
-    )
+    first = np.empty(0, dtype=np.int64)
+    if len(rows):
+        first = np.nanargmin(instants[rows], axis=1)
     own = touchdowns[["index", "excluded", "reason"]].iloc[rows].reset_index(drop=True)
     own = own.astype({"excluded": bool}).fillna({"reason": ""})
-    names = [feet[i] for i in first]
     return own.assign(
-        found_s=instants[rows, first], se_s=errors[rows, first], first_foot=names
+        found_s=instants[rows, first],
+        se_s=errors[rows, first],
+        first_foot=[feet[int(i)] for i in first],
     )
 
 
 def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
-    """Return whether all feet of the column are in the air at each external instant, (K,)."""
+    """Tell whether all feet of the column are in the air at each instant, (K,)."""
     if external.other_feet_above_m is None:
         return np.zeros(len(external.instant), dtype=bool)
     names = recording.names("foot")
@@ -243,23 +304,25 @@ def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
     for foot in external.column.feet:
         height = recording.feet[:, names.index(foot), 2]
         seen = ~np.isnan(height)
-        lowest = np.minimum(
-            lowest, np.interp(external.instant, recording.time[seen], height[seen])
-        )
+        then = np.interp(external.instant, recording.time[seen], height[seen])
+        lowest = np.minimum(lowest, then)
     return lowest > external.other_feet_above_m
 
 
 def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:
-    """Return the touchdown that contains an instant, and why it has no contact there."""
+    """Return the touchdown at an instant, and why it has no contact there."""
     before = np.flatnonzero(touchdowns["t_pre_s"].to_numpy() <= instant)
-    if len(before):
-        row = touchdowns.iloc[before[-1]]
-        if (
-            not instant > row["t_post_s"] + LATE_S
-        ):  # true if the post section was never reached
-            return {"index": row["index"], "excluded": bool(row["excluded"]),
-                    "reason": row["reason"] or "found at another time"}  # fmt: skip
-    return {"reason": NO_DESCENT}
+    if not len(before):
+        return {"reason": NO_DESCENT}
+    row = touchdowns.iloc[before[-1]]
+    # Without a crossing of the post section, the comparison is false.
+    if instant > row["t_post_s"] + LATE_S:
+        return {"reason": NO_DESCENT}
+    return {
+        "index": row["index"],
+        "excluded": bool(row["excluded"]),
+        "reason": row["reason"] or OTHER_TIME,
+    }
 
 
 def _within(
@@ -269,12 +332,16 @@ def _within(
 
 
 def _check_overlap(recording: Recording, external: ContactTimes) -> None:
-    start, end = float(recording.time[0]), float(recording.time[-1])
+    start = float(recording.time[0])
+    end = float(recording.time[-1])
     first, last = external.span_s
     if last < start or first > end:
-        wanted = f"times within the recording ({start:.3f} to {end:.3f} s)"
-        found = f"{first:.3f} to {last:.3f} s; check {external.source}.offset_s and the unit"
-        raise AnalysisError.at(_place(recording, external), wanted, found)
+        key = f"{external.source}.offset_s"
+        raise AnalysisError.at(
+            _place(recording, external),
+            f"times within the recording ({start:.3f} to {end:.3f} s)",
+            f"{first:.3f} to {last:.3f} s; check {key} and the unit",
+        )
 
 
 def _place(recording: Recording, external: ContactTimes) -> str:
@@ -283,15 +350,9 @@ def _place(recording: Recording, external: ContactTimes) -> str:
 
 # How well found and external contacts agree: counts, bias and scatter of each column.
 
-CONFIDENCE = 0.95
-# Fewest and most contacts from which a drift is estimated, and the confidence that it
-# needs.
-LEAST_FOR_DRIFT, MOST_FOR_DRIFT, SURELY = 10, 1000, 0.999
-ALL = "all"
-
 
 def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarise the agreement of each column of each recording, and of all recordings together.
+    """Summarise the agreement of each column, for each recording and for all.
 
     Parameters
     ----------
@@ -319,9 +380,10 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
         if len(group["recording"].unique()) > 1:
             groups.append(((ALL, *key), group))
     names = ["recording", *keys]
-    return pd.DataFrame(
-        [dict(zip(names, key, strict=True)) | _measures(g) for key, g in groups]
-    )
+    rows = []
+    for key, group in groups:
+        rows.append(dict(zip(names, key, strict=True)) | _measures(group))
+    return pd.DataFrame(rows)
 
 
 def median_interval(values: FloatArray) -> tuple[float, float]:
@@ -347,54 +409,56 @@ def median_interval(values: FloatArray) -> tuple[float, float]:
 
 
 def robust_sd(values: FloatArray) -> float:
-    """Estimate the sd from the median absolute deviation; NaN for fewer than two values."""
+    """Estimate the sd from the median absolute deviation; NaN of fewer than two."""
     from scipy.stats import median_abs_deviation
 
-    return (
-        float(median_abs_deviation(values, scale="normal"))
-        if len(values) > 1
-        else float("nan")
-    )
+    if len(values) < 2:
+        return float("nan")
+    return float(median_abs_deviation(values, scale="normal"))
 
 
 def _drift(time: FloatArray, difference: FloatArray) -> float:
-    """Return the change of the differences over the contacts, s, as between drifting clocks."""
+    """Return the change of differences over the contacts, s, as by drifting clocks."""
     from scipy.stats import theilslopes
 
     some = slice(None, None, 1 + len(time) // MOST_FOR_DRIFT)
     slope, _, low, high = theilslopes(difference[some], time[some], SURELY)
-    return float(slope * np.ptp(time)) if low * high > 0 else 0.0
+    is_sure = low * high > 0  # both ends of the interval have one sign
+    if not is_sure:
+        return 0.0
+    return float(slope * np.ptp(time))
 
 
 def _measures(group: pd.DataFrame) -> dict[str, Any]:
+    """Return counts, bias and scatter of the contacts of a column."""
     status = group["status"]
     matched = group[status == MATCHED]
     difference = matched["difference_s"].to_numpy(dtype=np.float64)
-    n = len(difference)
-    clocks = n >= LEAST_FOR_DRIFT and group["recording"].nunique() == 1
-    bias = float(np.median(difference)) if n else float("nan")
-    low, high = median_interval(difference)
-    first = matched["first_foot"].value_counts()
     error = matched["se_s"].to_numpy(dtype=np.float64)
-    return {
-        "first_feet": ", ".join(
-            f"{foot} {count}" for foot, count in sorted(first.items())
-        ),
+    n = len(difference)
+    nan = float("nan")
+    bias = float(np.median(difference)) if n else nan
+    low, high = median_interval(difference)
+    has_one_clock = group["recording"].nunique() == 1
+    drift = nan
+    if n >= LEAST_FOR_DRIFT and has_one_clock:
+        drift = _drift(matched["external_s"].to_numpy(), difference)
+    first = matched["first_foot"].value_counts()
+    counts = [f"{foot} {count}" for foot, count in sorted(first.items())]
+    measures: dict[str, Any] = {
+        "first_feet": ", ".join(counts),
         "n_external": int(status.isin([MATCHED, MISSED]).sum()),
         "n_matched": n,
         "n_excluded": int(matched["excluded"].astype(bool).sum()),
-        **{
-            f"n_{kind.replace(' ', '_')}": int((status == kind).sum())
-            for kind in UNMATCHED
-        },
-        "bias_s": bias,
-        "bias_low_s": low,
-        "bias_high_s": high,
-        "drift_s": _drift(matched["external_s"].to_numpy(), difference)
-        if clocks
-        else np.nan,
-        "robust_sd_s": robust_sd(difference),
-        "sd_s": float(np.std(difference, ddof=1)) if n > 1 else float("nan"),
-        "largest_s": float(np.abs(difference - bias).max()) if n else float("nan"),
-        "scatter_over_se": robust_sd((difference - bias) / error),
     }
+    for kind in UNMATCHED:
+        measures[f"n_{kind.replace(' ', '_')}"] = int((status == kind).sum())
+    measures["bias_s"] = bias
+    measures["bias_low_s"] = low
+    measures["bias_high_s"] = high
+    measures["drift_s"] = drift
+    measures["robust_sd_s"] = robust_sd(difference)
+    measures["sd_s"] = float(np.std(difference, ddof=1)) if n > 1 else nan
+    measures["largest_s"] = float(np.abs(difference - bias).max()) if n else nan
+    measures["scatter_over_se"] = robust_sd((difference - bias) / error)
+    return measures

@@ -1,4 +1,6 @@
-"""Mode schedules: the order of the contacts, its probability, and the spread of the instants."""
+"""Mode schedules: the order of contacts, its probability, and their spread."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from math import sqrt
@@ -10,8 +12,15 @@ from hopdata.arrays import FloatArray
 
 AMBIGUOUS = "ambiguous"
 TREATMENTS = ("keep", "pool", "exclude")  # how ambiguous orders may be treated
-REACH = 8.5  # standard deviations beyond which a normal density is negligible
-CELL_NODES = 8  # Gauss-Legendre nodes in a cell
+
+#: Reach of a normal density, beyond which it is negligible.
+#: Unit: standard deviations. Origin: rounding: the tail is 1e-17.
+REACH = 8.5
+
+#: Gauss-Legendre nodes in a cell of one standard deviation.
+#: Unit: nodes. Origin: chosen.
+CELL_NODES = 8
+
 CHUNK = 500  # landings integrated together, to bound memory
 
 
@@ -36,7 +45,9 @@ def schedule_names(instants: FloatArray) -> list[str]:
     """
     whole = np.asarray(np.isfinite(instants).all(axis=1))
     names = order_names(contact_order(instants))
-    return [name if whole[row] else "" for row, name in enumerate(names)]
+    return [
+        name if is_known else "" for name, is_known in zip(names, whole, strict=True)
+    ]
 
 
 def order_names(order: NDArray[np.int64]) -> list[str]:
@@ -45,16 +56,17 @@ def order_names(order: NDArray[np.int64]) -> list[str]:
 
 
 def spread(instants: FloatArray) -> FloatArray:
-    """Return the population standard deviation of the instants of each landing, (L,), s."""
+    """Return the standard deviation of the instants of each landing, (L,), s."""
     return instants.std(axis=1)
 
 
 def order_probability(
     instants: FloatArray, se: FloatArray, order: NDArray[np.int64] | None = None
 ) -> FloatArray:
-    """Return the probability of an order of the true instants, by default the estimates' order.
+    """Return the probability of an order of the true instants.
 
-    Only the order of the estimates can be more probable than one half.
+    By default it is the order of the estimates. Only this one can be more probable than
+    one half.
 
     The true instants are modelled as independent normals about the estimates. The
     nested integral P(T_1 < T_2 < ... < T_n) is evaluated by the recursion F_k(t) =
@@ -73,27 +85,26 @@ def order_probability(
     (L,) array
         Probabilities; NaN where an instant or an error is NaN.
     """
-    order = (
-        contact_order(instants)
-        if order is None
-        else np.broadcast_to(order, instants.shape)
-    )
-    mean, sd = (
-        np.take_along_axis(instants, order, axis=1),
-        np.take_along_axis(se, order, axis=1),
-    )
+    if order is None:
+        order = contact_order(instants)
+    else:
+        order = np.broadcast_to(order, instants.shape)
+    mean = np.take_along_axis(instants, order, axis=1)
+    sd = np.take_along_axis(se, order, axis=1)
     mean -= mean[:, :1]  # at a clock time of 1.7e9 s, rounding would merge nodes
-    out = np.full(len(instants), np.nan)
-    rows = np.flatnonzero(~(np.isnan(instants) | np.isnan(se)).any(axis=1))
-    for chunk in np.split(rows, range(CHUNK, len(rows), CHUNK)) if len(rows) else ():
-        out[chunk] = _nested(mean[chunk], sd[chunk])
-    return out
+    probability = np.full(len(instants), np.nan)
+    is_unknown = (np.isnan(instants) | np.isnan(se)).any(axis=1)
+    rows = np.flatnonzero(~is_unknown)
+    for first in range(0, len(rows), CHUNK):
+        chunk = rows[first : first + CHUNK]
+        probability[chunk] = _nested(mean[chunk], sd[chunk])
+    return probability
 
 
 def runner_up(
     instants: FloatArray, se: FloatArray
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the most probable order other than that of the estimates, and its probability.
+    """Return the most probable other order than that of the estimates.
 
     The search covers the orders that exchange two consecutive contacts. Any other order
     is less probable if the standard errors are similar.
@@ -125,7 +136,7 @@ def runner_up(
 def schedule_classes(
     names: Sequence[str], probability: FloatArray, *, ambiguous_below: float
 ) -> list[str]:
-    """Classify each landing by its schedule, or as `AMBIGUOUS` if that is not probable enough.
+    """Classify each landing by its schedule, or as `AMBIGUOUS` if that is not sure.
 
     Parameters
     ----------
@@ -136,8 +147,13 @@ def schedule_classes(
     ambiguous_below : float
         Lowest probability at which a schedule counts as sure.
     """
-    pairs = zip(names, probability < ambiguous_below, strict=True)
-    return [AMBIGUOUS if name and doubt else name for name, doubt in pairs]
+    classes = []
+    for name, is_doubtful in zip(names, probability < ambiguous_below, strict=True):
+        if name and is_doubtful:
+            classes.append(AMBIGUOUS)
+        else:
+            classes.append(name)
+    return classes
 
 
 def _nested(mean: FloatArray, sd: FloatArray) -> FloatArray:
@@ -145,8 +161,10 @@ def _nested(mean: FloatArray, sd: FloatArray) -> FloatArray:
     nodes, lengths, cumulative, whole = _cells(mean, sd)
     below = np.ones_like(nodes)  # F_{k-1} at the nodes
     for k in range(mean.shape[1]):
-        m, s = mean[:, k, None, None], sd[:, k, None, None]
-        density = np.exp(-0.5 * ((nodes - m) / s) ** 2) / (s * sqrt(2 * np.pi)) * below
+        m = mean[:, k, None, None]
+        s = sd[:, k, None, None]
+        normal = np.exp(-0.5 * ((nodes - m) / s) ** 2) / (s * sqrt(2 * np.pi))
+        density = normal * below
         cell = (density @ whole) * lengths
         before = np.cumsum(cell, axis=1) - cell
         below = before[:, :, None] + (density @ cumulative.T) * lengths[:, :, None]
@@ -156,19 +174,25 @@ def _nested(mean: FloatArray, sd: FloatArray) -> FloatArray:
 def _cells(
     mean: FloatArray, sd: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return nodes (L, C, p), half lengths (L, C), and weights of partial and whole integrals."""
+    """Return nodes (L, C, p) and half lengths (L, C) of cells, and weights.
+
+    The weights are those of the integrals up to each node, and of the whole cell.
+    """
     marks = np.arange(-REACH, REACH + 0.5, 1.0)
-    edges = np.sort(
-        (mean[:, :, None] + sd[:, :, None] * marks).reshape(len(mean), -1), axis=1
-    )
+    edges = (mean[:, :, None] + sd[:, :, None] * marks).reshape(len(mean), -1)
+    edges = np.sort(edges, axis=1)
     half = 0.5 * np.diff(edges, axis=1)
     centre = 0.5 * (edges[:, 1:] + edges[:, :-1])
     x, whole = np.polynomial.legendre.leggauss(CELL_NODES)
-    return centre[:, :, None] + half[:, :, None] * x, half, _partial_weights(x), whole
+    nodes = centre[:, :, None] + half[:, :, None] * x
+    return nodes, half, _partial_weights(x), whole
 
 
 def _partial_weights(x: FloatArray) -> FloatArray:
-    """Return w with sum_j w[i, j] f(x_j) = integral of f from -1 to x_i, for polynomials f."""
+    """Return w with sum_j w[i, j] f(x_j) = integral of f from -1 to x_i.
+
+    It holds for polynomials f.
+    """
     powers = np.arange(len(x))
     monomials = x[:, None] ** powers
     integrals = (x[:, None] ** (powers + 1) - (-1.0) ** (powers + 1)) / (powers + 1)

@@ -1,4 +1,4 @@
-"""Stability of a study: drift between its parts, and sections from parts of the data."""
+"""Stability of a study: drift between its parts, and sections from parts of it."""
 
 from __future__ import annotations
 
@@ -34,9 +34,12 @@ PARTS_OF_ONE = 4
 #: Unit: touchdowns. Origin: chosen.
 LEAST = 5
 
-# Standard deviation of normal values over their median absolute deviation, and standard
-# error of their median in sd / sqrt(n).
+#: Standard deviation of normal values over their median absolute deviation.
+#: Unit: 1. Origin: derived: the inverse of the normal quartile.
 MAD_TO_SD = 1.4826
+
+#: Standard error of the median of normal values, times the root of their number.
+#: Unit: standard deviations. Origin: derived: the root of pi / 2.
 SE_OF_MEDIAN = 1.2533
 
 #: Bandwidths with which the sections are selected again, over the one chosen: half an

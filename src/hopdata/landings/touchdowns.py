@@ -1,4 +1,8 @@
-"""The table of touchdowns: each descent with its contacts and schedule, or why it is excluded."""
+"""The table of touchdowns: each descent with its contacts and schedule.
+
+A descent that is not used keeps its row, with the reason why it is excluded. Reasons
+are messages; the table holds their English words.
+"""
 
 from __future__ import annotations
 
@@ -7,23 +11,32 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents, find
+from hopdata.landings.contacts.judged import Contacts
 from hopdata.landings.filling import mark_filled
+from hopdata.messages import Message
 from hopdata.recording import Recording
 
-# Why a touchdown is excluded: the body or a foot was not seen, or a foot did not land.
+#: Share of the feet that must be seen not to land for a descent to be another leg's.
+#: Unit: 1. Origin: chosen.
+IDLE_SHARE = 0.5
 
-HIDDEN_PRE = "frames missing at the pre section"
-NO_FOOT_LANDED = "no foot landed"
+# Reasons that other code compares with, in words.
+HIDDEN_PRE = Message("landings.hidden_pre").text()
+NO_FOOT_LANDED = Message("landings.no_foot_landed").text()
+LOW_FLIGHT = Message("landings.low_flight").text()
 
 
 def exclusion_reasons(
-    transitions: descents.Transitions, contacts: find.Contacts, *, longest_gap_s: float,
+    transitions: descents.Transitions,
+    contacts: Contacts,
+    *,
+    longest_gap_s: float,
     continued_s: float = descents.CONTINUED_S,
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Return the most important reason to exclude each touchdown; empty if it is used.
 
     Parameters
@@ -37,44 +50,46 @@ def exclusion_reasons(
     continued_s : float
         How long before the pre section a foot may touch, s.
     """
-    t_pre, t_post = transitions.t_pre[:, None], transitions.t_post[:, None]
-    status, instant, se = contacts.status, contacts.instant, contacts.se
+    t_pre = transitions.t_pre[:, None]
+    t_post = transitions.t_post[:, None]
+    status = contacts.status
+    instant = contacts.instant
     timed = status == descents.LANDED
-    # No foot landed, and at least half of them were seen not to: another leg landed.
-    idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN))
-    untimed = np.isin(status, (descents.MISSING, descents.THIN))
-    none = (idle | untimed).all(axis=1) & (idle.mean(axis=1) >= 0.5)
+    # The last of these that holds is told. Those of shape (L, n) name the first foot.
     failures = (
-        (none[:, None], NO_FOOT_LANDED),
-        (transitions.gap_pre[:, None] > longest_gap_s, HIDDEN_PRE),
-        (
-            transitions.gap_post[:, None] > longest_gap_s,
-            "frames missing at the post section",
-        ),
-        (~transitions.complete[:, None], "post section never reached"),
-        (status == descents.MISSING, "frames missing at the contact of foot {}"),
-        (status == descents.THIN, "too few frames to time foot {}"),
-        (status == descents.NOT_LANDED, "foot {} not down by the post section"),
-        (status == descents.ALREADY_DOWN, "foot {} down before the pre section"),
-        (status == descents.POOR_FIT, "poor fit of foot {}"),
-        (status == descents.RISES, "foot {} rises where it should touch"),
-        (timed & np.isnan(instant), "no contact found for foot {}"),
-        (
-            timed & (instant < t_pre - continued_s),
-            "foot {} down before the pre section",
-        ),
-        (timed & (instant > t_post), "foot {} not down by the post section"),
         # The error exceeds the whole transition: no kink was seen.
-        (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
+        ("landings.foot_undetermined", timed & (contacts.se > t_post - t_pre)),
+        ("landings.foot_up", timed & (instant > t_post)),
+        ("landings.foot_down_before", timed & (instant < t_pre - continued_s)),
+        ("landings.foot_without_contact", timed & np.isnan(instant)),
+        ("landings.foot_rises", status == descents.RISES),
+        ("landings.foot_poor_fit", status == descents.POOR_FIT),
+        ("landings.foot_down_before", status == descents.ALREADY_DOWN),
+        ("landings.foot_up", status == descents.NOT_LANDED),
+        ("landings.foot_thin", status == descents.THIN),
+        ("landings.foot_hidden", status == descents.MISSING),
+        ("landings.post_never_reached", ~transitions.complete[:, None]),
+        ("landings.hidden_post", transitions.gap_post[:, None] > longest_gap_s),
+        ("landings.hidden_pre", transitions.gap_pre[:, None] > longest_gap_s),
+        ("landings.no_foot_landed", _of_another_leg(status)[:, None]),
     )
     reasons = [""] * len(transitions)
-    for failed, text in reversed(failures):
+    for code, failed in failures:
         for row in np.flatnonzero(failed.any(axis=1)):
-            reasons[row] = text.format(int(np.argmax(failed[row])) + 1)
+            foot = int(np.argmax(failed[row])) + 1
+            reasons[row] = Message(code, {"foot": foot}).text()
     return reasons
 
 
-LOW_FLIGHT = "body stayed below the pre section"
+def _of_another_leg(status: IntArray) -> BoolArray:
+    """Mark the descents (L,) in which another leg landed.
+
+    No foot landed, and at least half of them were seen not to.
+    """
+    idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN))
+    untimed = np.isin(status, (descents.MISSING, descents.THIN))
+    none_landed = (idle | untimed).all(axis=1)
+    return np.asarray(none_landed & (idle.mean(axis=1) >= IDLE_SHARE))
 
 
 @one_blas_thread()
@@ -89,7 +104,7 @@ def touchdown_table(
     ambiguous: str = "keep",
     **options: Any,
 ) -> pd.DataFrame:
-    """Tabulate the touchdowns of a levelled recording (Sec. 2.2.2 and 2.2.3 of the dissertation).
+    """Tabulate the touchdowns of a levelled recording (Sec. 2.2.2 and 2.2.3).
 
     Parameters
     ----------
@@ -142,26 +157,33 @@ def touchdown_table(
         landings = find.find_landings(recording, method=method, **options)
     spans = landings[["begin_s", "end_s"]].to_numpy(float)
     hidden = landings["hidden"].to_numpy(bool)
-    transitions = _transitions(recording, spans, hidden, (pre_height_m, post_height_m))
-    contacts = find.contacts_of(landings)
+    transitions = _transitions(recording, spans, hidden, pre_height_m, post_height_m)
     if printed:
-        down_m = options.get("down_height_m") or find.usual_down_height(
-            recording, spans
+        down_height_m = options.get("down_height_m")
+        if not down_height_m:
+            down_height_m = find.usual_down_height(recording, spans)
+        contacts = find.find_contacts(
+            recording.time,
+            recording.feet[:, :, 2],
+            transitions,
+            down_height_m=down_height_m,
+            method=method,
         )
-        of = recording.time, recording.feet[:, :, 2], transitions
-        contacts = find.find_contacts(*of, down_height_m=down_m, method=method)
+    else:
+        contacts = find.contacts_of(landings)
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
     table.insert(2, "method", method)
-    tops = np.interp(spans[:, 0], *_seen(recording))
+
+    time, height = _seen(recording)
+    tops = np.interp(spans[:, 0], time, height)
     low = (tops < pre_height_m) & (table["reason"] != HIDDEN_PRE)
     table.loc[low, ["reason", "excluded"]] = LOW_FLIGHT, True
     # A sway on feet that stay down is not a landing, nor is a descent that ends above
     # the sections.
-    through = (tops >= pre_height_m) & np.isfinite(transitions.t_pre)
+    crosses = np.isfinite(transitions.t_pre)
+    through = (tops >= pre_height_m) & crosses
     landed = (contacts.status == descents.LANDED).any(axis=1) | hidden
-    table["t_pre_s"] = table["t_pre_s"].where(
-        np.isfinite(transitions.t_pre), spans[:, 0]
-    )
+    table["t_pre_s"] = table["t_pre_s"].where(crosses, spans[:, 0])
     table = table[through | landed].reset_index(drop=True)
     return table.assign(index=np.arange(len(table)))
 
@@ -174,7 +196,7 @@ def touchdown_tables(
     largest_share: float,
     **options: Any,
 ) -> Iterator[pd.DataFrame]:
-    """Yield the table of each recording, excluding touchdowns by hand or for too much filling.
+    """Yield the table of each recording, without those excluded by hand or filling.
 
     Parameters
     ----------
@@ -189,9 +211,8 @@ def touchdown_tables(
     """
     for recording, entries in zip(recordings, exclude, strict=True):
         table = touchdown_table(recording, landings=landings[recording.name], **options)
-        yield left_out(
-            mark_filled(recording, table, largest_share=largest_share), entries
-        )
+        table = mark_filled(recording, table, largest_share=largest_share)
+        yield left_out(table, entries)
 
 
 def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -216,47 +237,68 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
     begins = table["t_pre_s"].to_numpy(float)
     ends = np.fmax(table["t_post_s"].to_numpy(float), begins)
     for entry in entries:
-        named = set(entry.get("landings") or ())
-        for number in sorted(named - set(table["index"])):
-            of = table["recording"].iloc[0] if len(table) else ""
-            wanted = f"numbers of the {len(table)} landings of '{of}'"
-            raise AnalysisError.at("recordings[].exclude: landings", wanted, number)
-        begin, end = np.array(
-            [entry.get("from_s"), entry.get("to_s")], float
-        )  # NaN: no limit
-        inside = ~(ends < begin) & ~(begins > end)
-        out, markers = table["excluded"].to_numpy(bool), entry.get("markers") or ()
-        told = f"by hand: {', '.join(markers)}: {entry['reason']}"
-        if named:
-            chosen, told = (
-                table["index"].isin(named) & ~out,
-                f"by hand: {entry['reason']}",
-            )
-        elif any(f"contact_{name}_s" in table for name in markers):
+        numbers = set(entry.get("landings") or ())
+        markers = entry.get("markers") or ()
+        _require_numbers(numbers, table)
+        # Comparisons with NaN are false, so a missing end is no limit.
+        from_s, to_s = np.array([entry.get("from_s"), entry.get("to_s")], float)
+        inside = ~(ends < from_s) & ~(begins > to_s)
+        out = table["excluded"].to_numpy(bool)
+        is_of_foot = any(f"contact_{name}_s" in table for name in markers)
+        if numbers:
+            chosen = table["index"].isin(numbers) & ~out
+        elif is_of_foot:
             chosen = inside  # a foot was removed by hand, so its contacts do not count
         elif markers:
             chosen = inside & out  # the other body markers did not suffice
         else:
-            chosen, told = inside & ~out, f"by hand: {entry['reason']}"
-        table.loc[chosen, ["reason", "excluded"]] = told, True
+            chosen = inside & ~out
+        values = {"reason": entry["reason"]}
+        if markers and not numbers:
+            values["markers"] = ", ".join(markers)
+            told = Message("landings.markers_by_hand", values)
+        else:
+            told = Message("landings.by_hand", values)
+        table.loc[chosen, ["reason", "excluded"]] = told.text(), True
     return table
+
+
+def _require_numbers(numbers: set[int], table: pd.DataFrame) -> None:
+    """Raise an error if a landing that is named does not exist."""
+    for number in sorted(numbers - set(table["index"])):
+        name = ""
+        if len(table):
+            name = table["recording"].iloc[0]
+        wanted = f"numbers of the {len(table)} landings of '{name}'"
+        raise AnalysisError.at("recordings[].exclude: landings", wanted, number)
 
 
 def _transitions(
     recording: Recording,
     spans: FloatArray,
     hidden: BoolArray,
-    sections: tuple[float, float],
+    pre_height_m: float,
+    post_height_m: float,
 ) -> descents.Transitions:
-    """Find where landings cross the sections; a hidden landing crosses at the ends of its span."""
-    seen = _seen(recording)
+    """Find where landings cross the sections.
+
+    A hidden landing crosses at the ends of its span.
+    """
+    time, height = _seen(recording)
     found = descents.find_transitions(
-        *seen, pre_height_m=sections[0], post_height_m=sections[1], spans=spans
+        time,
+        height,
+        pre_height_m=pre_height_m,
+        post_height_m=post_height_m,
+        spans=spans,
     )
-    gap = descents.longest_gaps(seen[0], spans)
-    theirs = (spans[:, 0], spans[:, 1], gap, gap)
-    both = zip(vars(found).values(), theirs, strict=True)
-    return descents.Transitions(*(np.where(hidden, own, other) for other, own in both))
+    gap = descents.longest_gaps(time, spans)
+    return descents.Transitions(
+        t_pre=np.where(hidden, spans[:, 0], found.t_pre),
+        t_post=np.where(hidden, spans[:, 1], found.t_post),
+        gap_pre=np.where(hidden, gap, found.gap_pre),
+        gap_post=np.where(hidden, gap, found.gap_post),
+    )
 
 
 def _seen(recording: Recording) -> tuple[FloatArray, FloatArray]:
@@ -268,43 +310,53 @@ def _seen(recording: Recording) -> tuple[FloatArray, FloatArray]:
 def _table(
     recording: Recording,
     transitions: descents.Transitions,
-    contacts: find.Contacts,
+    contacts: Contacts,
     ambiguous_below: float,
     ambiguous: str,
 ) -> pd.DataFrame:
+    """Tabulate descents, contacts and schedules: see `touchdown_table`."""
     feet = recording.names("foot")
-    common = contacts.common if contacts.common.size else np.full(len(feet), np.nan)
+    common = contacts.common
+    if not common.size:
+        common = np.full(len(feet), np.nan)
     names = schedules.schedule_names(contacts.instant)
     probability = schedules.order_probability(contacts.instant, contacts.se)
     classes = schedules.schedule_classes(
         names, probability, ambiguous_below=ambiguous_below
     )
     second, second_probability = schedules.runner_up(contacts.instant, contacts.se)
-    seconds = zip(names, schedules.order_names(second), strict=True)
-    by = {"longest_gap_s": descents.longest_gap_s(recording.time, recording.pace)}
-    by["continued_s"] = descents.CONTINUED_S * recording.pace
-    reasons = exclusion_reasons(transitions, contacts, **by)
-    left_out = (
-        {schedules.AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
+    seconds = schedules.order_names(second)
+    reasons = exclusion_reasons(
+        transitions,
+        contacts,
+        longest_gap_s=descents.longest_gap_s(recording.time, recording.pace),
+        continued_s=descents.CONTINUED_S * recording.pace,
     )
-    reasons = [
-        r or left_out.get(name, "") for r, name in zip(reasons, classes, strict=True)
-    ]
-    columns = {
+    if ambiguous == "exclude":
+        order_is_ambiguous = Message("landings.order_ambiguous").text()
+        for row, name in enumerate(classes):
+            if name == schedules.AMBIGUOUS and not reasons[row]:
+                reasons[row] = order_is_ambiguous
+    columns: dict[str, Any] = {
         "recording": recording.name,
         "index": np.arange(len(transitions)),
         "t_pre_s": transitions.t_pre,
         "t_post_s": transitions.t_post,
-        **{f"contact_{foot}_s": contacts.instant[:, i] for i, foot in enumerate(feet)},
-        **{f"se_{foot}_s": contacts.se[:, i] for i, foot in enumerate(feet)},
-        **{f"common_{foot}_s": common[i] for i, foot in enumerate(feet)},
-        "schedule": names,
-        "probability": probability,
-        "class": classes,
-        "runner_up": [name if first else "" for first, name in seconds],
-        "runner_up_probability": second_probability,
-        "spread_s": schedules.spread(contacts.instant),
-        "excluded": [bool(reason) for reason in reasons],
-        "reason": reasons,
     }
+    for i, foot in enumerate(feet):
+        columns[f"contact_{foot}_s"] = contacts.instant[:, i]
+    for i, foot in enumerate(feet):
+        columns[f"se_{foot}_s"] = contacts.se[:, i]
+    for i, foot in enumerate(feet):
+        columns[f"common_{foot}_s"] = common[i]
+    columns["schedule"] = names
+    columns["probability"] = probability
+    columns["class"] = classes
+    columns["runner_up"] = [
+        other if name else "" for name, other in zip(names, seconds, strict=True)
+    ]
+    columns["runner_up_probability"] = second_probability
+    columns["spread_s"] = schedules.spread(contacts.instant)
+    columns["excluded"] = [bool(reason) for reason in reasons]
+    columns["reason"] = reasons
     return pd.DataFrame(columns)

@@ -14,8 +14,7 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, mismatch
 from hopdata.recording import Event
 from hopdata.recordings.budget import MOST_MARKERS
-from hopdata.time_stamps import RATE_TOLERANCE as RATE_TOLERANCE
-from hopdata.time_stamps import rate_of, settle
+from hopdata.time_stamps import RATE_TOLERANCE, rate_of, settle
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 

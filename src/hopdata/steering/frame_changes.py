@@ -1,10 +1,10 @@
-"""Frame changes: how a hop changes the pose, given boom angle and swing (dissertation, 3.4.2)."""
+"""Frame changes: how a hop changes the pose, by boom angle and swing (Sec. 3.4.2)."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,10 +21,13 @@ NO_BOOM = "boom angle missing"
 FAR_SWING = "swing beyond the limit"
 TILTED = "tilted in a stance"
 
-SWING_MARGIN_RAD = 0.05  # ten times the error of a boom angle
-# The simulated hopper leans by less than 5 degrees in its stances. If it is kicked
-# until 3 to 12 % of its stances are not on all feet, it leans by more than 20 degrees
-# in 82 % of those, and in at most 0.8 % of the others.
+#: How far a swing may be beyond the limit; farther, the boom angle must be wrong.
+#: Unit: rad. Origin: derived: ten times the error of a boom angle.
+SWING_MARGIN_RAD = 0.05
+#: Largest tilt in a stance of a hop that is used.
+#: Unit: rad. Origin: measured: the simulated hopper leans by less than 5 degrees in its
+#: stances. If it is kicked until 3 to 12 % of its stances are not on all feet, it leans
+#: by more than 20 degrees in 82 % of those, and in at most 0.8 % of the others.
 UPRIGHT_RAD = np.deg2rad(20)
 
 
@@ -93,7 +96,8 @@ class FrameChanges:
 
     def excluded(self) -> dict[str, int]:
         """Return how many hops are not used, by reason."""
-        return dict(sorted(Counter(self.reason[self.reason != USED].tolist()).items()))
+        reasons = self.reason[self.reason != USED].tolist()
+        return dict(sorted(Counter(reasons).items()))
 
 
 def frame_changes(
@@ -118,10 +122,12 @@ def frame_changes(
     FrameChanges
         One row for each pair, used or not.
     """
-    booms, leans = stances.boom_angle_rad, stances.tilt_rad > UPRIGHT_RAD
+    booms = stances.boom_angle_rad
+    leans = stances.tilt_rad > UPRIGHT_RAD
     first, second = stances.pairs.T
     swing = np.asarray(wrapped(booms[second] - booms[first]))
     change = relative(stances.pose[first], stances.pose[second])
+    # Of several reasons the last one stays.
     reason = np.full(len(first), USED, dtype="<U32")
     reason[np.abs(swing) > swing_limit_rad + SWING_MARGIN_RAD] = FAR_SWING
     reason[np.isnan(swing)] = NO_BOOM
@@ -139,8 +145,12 @@ def frame_changes(
 
 def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
     """Return the hops of several recordings as one table."""
-    columns = zip(*(vars(part).values() for part in parts), strict=True)
-    return FrameChanges(*map(np.concatenate, columns))
+    tables = [vars(part) for part in parts]
+    columns = {
+        field.name: np.concatenate([table[field.name] for table in tables])
+        for field in fields(FrameChanges)
+    }
+    return FrameChanges(**columns)
 
 
 # Tables of frame changes: one hop per row, with the unit in the name of each column.
@@ -151,7 +161,9 @@ COLUMNS = ["recording", "time_s", "boom_angle_rad", "swing_rad", *CHANGE, "reaso
 
 def to_table(changes: FrameChanges) -> pd.DataFrame:
     """Return the hops as a table with the unit in each column's name."""
-    columns = {**vars(changes), **dict(zip(CHANGE, changes.change.T, strict=True))}
+    columns = dict(vars(changes))
+    for name, component in zip(CHANGE, changes.change.T, strict=True):
+        columns[name] = component
     return pd.DataFrame({name: columns[name] for name in COLUMNS})
 
 
@@ -165,9 +177,13 @@ def from_table(table: pd.DataFrame) -> FrameChanges:
     """
     missing = ", ".join(name for name in COLUMNS if name not in table)
     if missing:
-        raise RecordingError(
-            f"frame changes: expected the columns {', '.join(COLUMNS)}, missing {missing}"
-        )
-    numbers = {name: table[name].to_numpy(dtype=float) for name in COLUMNS[1:4]}
-    texts = {name: table[name].to_numpy(dtype=str) for name in ("recording", "reason")}
-    return FrameChanges(**numbers, **texts, change=table[CHANGE].to_numpy(dtype=float))
+        wanted = f"the columns {', '.join(COLUMNS)}"
+        raise RecordingError(f"frame changes: expected {wanted}, missing {missing}")
+    return FrameChanges(
+        recording=table["recording"].to_numpy(dtype=str),
+        time_s=table["time_s"].to_numpy(dtype=float),
+        boom_angle_rad=table["boom_angle_rad"].to_numpy(dtype=float),
+        swing_rad=table["swing_rad"].to_numpy(dtype=float),
+        change=table[CHANGE].to_numpy(dtype=float),
+        reason=table["reason"].to_numpy(dtype=str),
+    )

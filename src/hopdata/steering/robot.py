@@ -1,4 +1,4 @@
-"""The steered hopper, hop by hop: the input is a swing of the boom, the output a stance.
+"""The steered hopper, hop by hop: a swing of the boom leads to a stance.
 
 A hop runs from apex to apex. Its swing begins at the apex and ends before the feet
 touch down. Its stance is the instant at which the mean height of the body markers is
@@ -8,7 +8,7 @@ lowest.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -22,15 +22,19 @@ from hopdata.synthesis.camera import MotionCapture, fixed_markers, in_world
 from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.trial import Kicks, MarkerOptions, from_mapping, kicked
 
-STANCE_SEARCH_S = (
-    0.01  # time step of the search for the lowest point, before a parabola refines it
-)
+#: Time step of the search for the lowest point, before a parabola refines it.
+#: Unit: s. Origin: chosen.
+STANCE_SEARCH_S = 0.01
 
 
 LIGHT_BOOM = HopperParameters(
-    mass_kg=2.6, counterweight_mass_kg=0.1, inertia_z_kg_m2=0.03, damping_n_s_m=5.5, friction=0.5,
+    mass_kg=2.6,
+    counterweight_mass_kg=0.1,
+    inertia_z_kg_m2=0.03,
+    damping_n_s_m=5.5,
+    friction=0.5,
     boom_duration_s=0.2,
-)  # fmt: skip
+)
 SOFT_KICKS = Kicks(velocity_m_s=0.02, angular_velocity_rad_s=0.1, preload_fraction=0.02)
 
 
@@ -68,14 +72,11 @@ class SteeredHopper:
     hop_limit_s: float = 3.0
 
     def __post_init__(self) -> None:
-        legs, shares, limit = (
-            self.hopper.n_legs,
-            len(self.preload_shares),
-            self.swing_limit_rad,
-        )
-        require(
-            shares == legs, "preload_shares", f"one for each of {legs} legs", shares
-        )
+        n_legs = self.hopper.n_legs
+        n_shares = len(self.preload_shares)
+        wanted = f"one for each of {n_legs} legs"
+        require(n_shares == n_legs, "preload_shares", wanted, n_shares)
+        limit = self.swing_limit_rad
         require(0 < limit <= np.pi, "swing_limit_rad", "more than 0, at most pi", limit)
 
     @property
@@ -85,14 +86,13 @@ class SteeredHopper:
 
     def still(self) -> SteeredHopper:
         """Return the same hopper without disturbances."""
-        return replace(
-            self, kicks=Kicks(**dict.fromkeys(Kicks.__dataclass_fields__, 0.0))
-        )
+        none = {field.name: 0.0 for field in fields(Kicks)}
+        return replace(self, kicks=Kicks(**none))
 
 
 @dataclass(frozen=True)
 class Apex:
-    """Start of a hop: the time, s, the state (12,) and the angle of the resting boom, rad."""
+    """Start of a hop: time, s, state (12,), and angle of the resting boom, rad."""
 
     time_s: float
     state: FloatArray
@@ -138,7 +138,10 @@ class SteeredHop:
 def released(
     robot: SteeredHopper, pose: ArrayLike, boom_angle_rad: float = np.pi
 ) -> Apex:
-    """Return the apex at which an operator releases the hopper at rest, markers at `pose` (3,)."""
+    """Return the apex at which an operator releases the hopper at rest.
+
+    Its markers are at `pose` (3,).
+    """
     x, y, yaw = np.asarray(pose, dtype=float)
     state = level_state(robot.hopper, robot.release_height_m)
     state[3] = yaw
@@ -148,7 +151,10 @@ def released(
 
 
 def marker_poses(robot: SteeredHopper, states: FloatArray) -> FloatArray:
-    """Return poses (N, 3) of states (N, 12): horizontal mean of the body markers, yaw; m, rad."""
+    """Return poses (N, 3) of states (N, 12).
+
+    They are the horizontal mean of the body markers, m, and the yaw, rad.
+    """
     body = fixed_markers(states, np.array(robot.markers.body_m))
     return np.column_stack([body[..., :2].mean(axis=1), states[:, 3]])
 
@@ -186,27 +192,43 @@ def steer_hop(
         boom_swing_rad=swing,
         boom_start_s=0.0,
     )
-    chance = 1 + robot.kicks.preload_fraction * rng.standard_normal(parameters.n_legs)
-    first, most = np.ceil(np.array([apex.time_s, robot.hop_limit_s]) * rate_hz - 1e-9)
-    frames = (first + np.arange(most)) / rate_hz - apex.time_s
-    frames = frames[(frames >= 0) & (frames < robot.hop_limit_s)]
+    # The order of the draws is part of the results: legs first, then the body.
+    leg_noise = rng.standard_normal(parameters.n_legs)
+    preload_factors = 1 + robot.kicks.preload_fraction * leg_noise
+    state = kicked(apex.state, robot.kicks, rng)
+    frames = _frame_times(apex.time_s, robot.hop_limit_s, rate_hz)
     searched = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
     times = np.union1d(frames, searched)
     hop = fly_hop(
-        parameters, kicked(apex.state, robot.kicks, rng),
-        variant=None if board is None else board.drag, preloads_n=robot.preloads_n * chance,
-        frame_times_s=times, limit_s=robot.hop_limit_s,
-    )  # fmt: skip
-    times = times[: len(hop.states)]
-    shown = np.isin(times, frames)
-    boom = parameters.after(hop.end_time_s).boom_angle_rad
-    end = Apex(apex.time_s + hop.end_time_s, hop.end_state, boom)
-    on = np.isin(times, searched)  # nearly coincident frames would spoil the parabola
-    stance = _stance(
-        robot, replace(hop, states=hop.states[on]), times[on], apex.time_s, boom
+        parameters,
+        state,
+        variant=None if board is None else board.drag,
+        preloads_n=robot.preloads_n * preload_factors,
+        frame_times_s=times,
+        limit_s=robot.hop_limit_s,
     )
-    frame_time_s, markers = apex.time_s + times[shown], _markers(robot, hop, shown)
-    return SteeredHop(apex, swing, stance, end, frame_time_s, markers, hop)
+    times = times[: len(hop.states)]
+    is_frame = np.isin(times, frames)
+    # Frames that nearly coincide with a searched instant would spoil the parabola.
+    is_searched = np.isin(times, searched)
+    search = replace(hop, states=hop.states[is_searched])
+    boom = parameters.after(hop.end_time_s).boom_angle_rad
+    return SteeredHop(
+        start=apex,
+        swing_rad=swing,
+        stance=_stance(robot, search, times[is_searched], apex.time_s, boom),
+        end=Apex(apex.time_s + hop.end_time_s, hop.end_state, boom),
+        frame_time_s=apex.time_s + times[is_frame],
+        markers=_markers(robot, hop, is_frame),
+        hop=hop,
+    )
+
+
+def _frame_times(start_s: float, limit_s: float, rate_hz: float) -> FloatArray:
+    """Return the times of the frames of a hop since its start, up to its limit, s."""
+    first, most = np.ceil(np.array([start_s, limit_s]) * rate_hz - 1e-9)
+    times = (first + np.arange(most)) / rate_hz - start_s
+    return np.asarray(times[(times >= 0) & (times < limit_s)])
 
 
 def _stance(
@@ -216,34 +238,47 @@ def _stance(
     start_s: float,
     boom_angle_rad: float,
 ) -> Stance:
-    """Return the stance of a hop: the vertex of the parabola through the three lowest heights."""
-    height = fixed_markers(hop.states, np.array(robot.markers.body_m))[..., 2].mean(
-        axis=1
-    )
-    k, touched = (
-        int(np.clip(np.argmin(height), 1, max(1, len(times) - 2))),
-        hop.touched_s < np.inf,
-    )
+    """Return the stance of a hop.
+
+    It is the vertex of the parabola through the three lowest heights.
+    """
+    touched = hop.touched_s < np.inf
     if hop.fell or len(times) < 3:
         return Stance(
-            np.nan, np.full(3, np.nan), boom_angle_rad, fell=True, touched=touched
+            time_s=np.nan,
+            pose=np.full(3, np.nan),
+            boom_angle_rad=boom_angle_rad,
+            fell=True,
+            touched=touched,
         )
+    height = mean_marker_height(robot, hop.states)
+    k = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2)))
     near = slice(k - 1, k + 2)
     bend, slope, _ = np.polyfit(times[near] - times[k], height[near], 2)
     lowest = times[k] - slope / (2 * bend)
     poses = marker_poses(robot, hop.states[near])
     pose = np.array([np.interp(lowest, times[near], column) for column in poses.T])
     return Stance(
-        start_s + float(lowest), pose, boom_angle_rad, fell=False, touched=touched
+        time_s=start_s + float(lowest),
+        pose=pose,
+        boom_angle_rad=boom_angle_rad,
+        fell=False,
+        touched=touched,
     )
 
 
-def _markers(robot: SteeredHopper, hop: Hop, shown: BoolArray) -> FloatArray:
-    states = hop.states[shown]
-    body = np.broadcast_to(
-        robot.markers.body_m, (len(states), len(robot.markers.body_m), 3)
-    )
-    boom = hop.boom[shown] + robot.markers.boom_m
+def mean_marker_height(robot: SteeredHopper, states: FloatArray) -> FloatArray:
+    """Return the mean height (N,) of the body markers in states (N, 12), m."""
+    body = fixed_markers(states, np.array(robot.markers.body_m))
+    return np.asarray(body[..., 2].mean(axis=1))
+
+
+def _markers(robot: SteeredHopper, hop: Hop, is_frame: BoolArray) -> FloatArray:
+    """Return the markers (K, B + 1, 3) in the frames, the boom's last, m."""
+    states = hop.states[is_frame]
+    body_m = robot.markers.body_m
+    body = np.broadcast_to(body_m, (len(states), len(body_m), 3))
+    boom = hop.boom[is_frame] + robot.markers.boom_m
     return in_world(states, np.concatenate([body, boom[:, None]], axis=1))
 
 
@@ -252,7 +287,7 @@ def _markers(robot: SteeredHopper, hop: Hop, shown: BoolArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class Board:
-    """A board across the floor that is pushed along its normal and stays where it was pushed to.
+    """A board across the floor that is pushed along its normal, and stays there.
 
     The hopper touches it only while it stands beyond the board's front: in flight it is
     above it.
@@ -285,13 +320,12 @@ class Board:
         return HopperDrag(drag_n=self.drag_n, direction=self.direction, front_m=front)
 
     def pushed(self, hop: SteeredHop) -> Board:
-        """Return the board where the hop left it, ahead of the hopper's farthest contact."""
+        """Return the board where the hop left it: ahead of the farthest contact."""
         if not np.isfinite(hop.hop.touched_s):
             return self
-        front = (
-            float((hop.hop.event_state[:, :2] @ self.direction).max()) + self.reach_m
-        )
-        return replace(self, place_m=max(self.place_m, front))
+        along = hop.hop.event_state[:, :2] @ self.direction
+        front_m = float(along.max()) + self.reach_m
+        return replace(self, place_m=max(self.place_m, front_m))
 
 
 # From the configuration's blocks to the robot and the camera.
@@ -304,10 +338,8 @@ def robot_and_camera(
 ) -> tuple[SteeredHopper, MotionCapture]:
     """Return the robot of ``steering.robot`` and the camera, with the same markers."""
     camera = from_mapping(MotionCapture, motion_capture)
-    given = {
-        **options,
-        "hopper": replace(LIGHT_BOOM, **options["hopper"]),
-        "preload_shares": tuple(options["preload_shares"]),
-        "kicks": from_mapping(Kicks, options["kicks"]),
-    }
+    given = dict(options)
+    given["hopper"] = replace(LIGHT_BOOM, **options["hopper"])
+    given["preload_shares"] = tuple(options["preload_shares"])
+    given["kicks"] = from_mapping(Kicks, options["kicks"])
     return SteeredHopper(**given, markers=camera.markers), camera

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,12 +17,7 @@ from hopdata.steering import CORRECTED, EXCITATION, PRINTED, TRIAL, child
 from hopdata.steering import robot as plant
 from hopdata.steering.control.objectives import is_finite
 from hopdata.steering.frame_changes import CHANGE
-from hopdata.synthesis.camera import (
-    MotionCapture,
-    draw_floor,
-    fixed_markers,
-    track_markers,
-)
+from hopdata.synthesis.camera import MotionCapture, draw_floor, track_markers
 from hopdata.synthesis.simulate import observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
 
@@ -54,10 +48,8 @@ class ControlGrid:
 
     def __post_init__(self) -> None:
         for name, size in vars(self).items():
-            whole = isinstance(size, int | np.integer)
-            require(
-                whole and size >= 1, name, "a whole number of at least 1", f"{size!r}"
-            )
+            is_sound = isinstance(size, int | np.integer) and bool(size >= 1)
+            require(is_sound, name, "a whole number of at least 1", f"{size!r}")
 
     @property
     def step_rad(self) -> float:
@@ -66,20 +58,23 @@ class ControlGrid:
 
     @property
     def steps(self) -> IntArray:
-        """Moves from every angle, (2 n_steps + 1,), in grid steps; positive counter-clockwise."""
+        """Moves from every angle, (2 n_steps + 1,), in grid steps.
+
+        Positive ones are counter-clockwise.
+        """
         return np.arange(-self.n_steps, self.n_steps + 1)
 
 
 def eulerian_excitation(
     grid: ControlGrid, rng: np.random.Generator | int
 ) -> FloatArray:
-    """Draw a sequence that makes every move exactly `repeats` times and ends where it began.
+    """Draw a sequence that makes every move exactly `repeats` times.
 
-    It consists of laps that make every move once, so the first lap already covers the
-    grid. Each lap is drawn uniformly from all Eulerian circuits: the last moves from
-    the angles form a uniform random tree towards the start (Wilson 1996), and the other
-    moves are in random order (the BEST theorem of van Aardenne-Ehrenfest and de
-    Bruijn).
+    It ends where it began. It consists of laps that make every move once, so the first
+    lap already covers the grid. Each lap is drawn uniformly from all Eulerian circuits:
+    the last moves from the angles form a uniform random tree towards the start (Wilson
+    1996), and the other moves are in random order (the BEST theorem of van
+    Aardenne-Ehrenfest and de Bruijn).
 
     Returns
     -------
@@ -87,9 +82,8 @@ def eulerian_excitation(
         Swing in the flight after each stance except the last, rad.
     """
     rng = np.random.default_rng(rng)
-    return grid.step_rad * np.concatenate(
-        [_random_lap(grid, rng) for _ in range(grid.repeats)]
-    )
+    laps = [_random_lap(grid, rng) for _ in range(grid.repeats)]
+    return np.asarray(grid.step_rad * np.concatenate(laps))
 
 
 def _random_lap(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
@@ -99,7 +93,8 @@ def _random_lap(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
     for k in range(1, grid.n_angles):
         orders[k].remove(last[k])
         orders[k].append(int(last[k]))
-    lap, k = [], 0
+    lap = []
+    k = 0
     while orders[k]:
         lap.append(orders[k].pop(0))
         k = (k + lap[-1]) % grid.n_angles
@@ -107,9 +102,10 @@ def _random_lap(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
 
 
 def _random_tree(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
-    """Draw a uniform random spanning tree: a step from each angle towards the first, (n_angles,).
+    """Draw a uniform random spanning tree.
 
-    Drawn by loop-erased random walks, of which the last exit from each angle remains.
+    It is a step from each angle towards the first, (n_angles,), drawn by loop-erased
+    random walks, of which the last exit from each angle remains.
     """
     step = np.zeros(grid.n_angles, dtype=int)
     in_tree = np.zeros(grid.n_angles, dtype=bool)
@@ -142,15 +138,14 @@ def random_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> Floa
     """
     rng = np.random.default_rng(rng)
     wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
-    made, k = list[int](), 0
+    made: list[int] = []
+    k = 0
     while wanted.any():
-        choices = (
-            np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
-        )
-        weights = (
-            wanted[(k + grid.steps[choices]) % grid.n_angles].sum(axis=1)
-            + 1 / grid.n_steps
-        )
+        choices = np.flatnonzero(wanted[k])
+        if not len(choices):
+            choices = np.arange(len(grid.steps))
+        reached = (k + grid.steps[choices]) % grid.n_angles
+        weights = wanted[reached].sum(axis=1) + 1 / grid.n_steps
         move = rng.choice(choices, p=weights / weights.sum())
         wanted[k, move] = max(wanted[k, move] - 1, 0)
         made.append(int(grid.steps[move]))
@@ -216,17 +211,20 @@ def record_trial(
     operator = Operator(
         release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s
     )
-    swings = np.clip(
-        _numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad
-    )
+    limit = robot.swing_limit_rad
+    swings = np.clip(_numbers(swings_rad), -limit, limit)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
     trial = run_trial(
         replace(robot.hopper, boom_start_s=0.0),
-        hops=len(swings), rate_hz=camera.rate_hz, rng=kicks_rng, kicks=robot.kicks,
-        operator=operator, changes=[{"boom_swing_rad": swing} for swing in swings.tolist()],
+        hops=len(swings),
+        rate_hz=camera.rate_hz,
+        rng=kicks_rng,
+        kicks=robot.kicks,
+        operator=operator,
+        changes=[{"boom_swing_rad": swing} for swing in swings.tolist()],
         preloads_n=robot.preloads_n,
-    )  # fmt: skip
+    )
     tracks = track_markers(trial, robot.hopper, camera.markers)
     floor = draw_floor(camera.floor, floor_rng)
     recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
@@ -241,10 +239,9 @@ def record_trial(
 def _numbers(swings_rad: Iterable[float]) -> FloatArray:
     swings = list(swings_rad) if isinstance(swings_rad, Iterable) else swings_rad
     count = len(swings) if isinstance(swings, list) else 0
-    sound = count > 0 and is_finite(swings, (count,))
-    require(
-        sound, "swings_rad", "a list of at least one finite number", str(swings)[:60]
-    )
+    is_sound = count > 0 and is_finite(swings, (count,))
+    wanted = "a list of at least one finite number"
+    require(is_sound, "swings_rad", wanted, str(swings)[:60])
     return np.array(swings, dtype=float)
 
 
@@ -252,31 +249,27 @@ def true_stances(
     robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame
 ) -> pd.DataFrame:
     """Return the stances of the hops in which all legs stood; see `SteeredTrial`."""
-    height = fixed_markers(trial.states, np.array(robot.markers.body_m))[..., 2].mean(
-        axis=1
-    )
-    ends = trial.hop_start_s + [hop.end_time_s for hop in trial.hops]
+    height = plant.mean_marker_height(robot, trial.states)
+    start_s = trial.hop_start_s
+    end_s = start_s + [hop.end_time_s for hop in trial.hops]
+    first = np.ceil(start_s * trial.rate_hz).astype(int)
+    last = np.ceil(end_s * trial.rate_hz).astype(int)
     stood = np.array([hop.all_stood() and not hop.fell for hop in trial.hops])
-    first, last = (
-        np.ceil(t * trial.rate_hz).astype(int) for t in (trial.hop_start_s, ends)
-    )
     stood &= last <= len(height)
     spans = zip(first[stood], last[stood], strict=True)
     frame = np.array([a + np.argmin(height[a:b]) for a, b in spans], dtype=np.int64)
-    joined = np.append(
-        False, np.isclose(trial.hop_start_s[1:], ends[:-1], rtol=0, atol=1e-9)
-    )
-    joined[1:] &= stood[:-1]
+    # A hop follows the one before if nobody handled the hopper in between.
+    follows = np.zeros(len(start_s), dtype=bool)
+    follows[1:] = np.isclose(start_s[1:], end_s[:-1], rtol=0, atol=1e-9) & stood[:-1]
     poses = motion[[*POSE, "boom_angle_rad"]].iloc[frame].reset_index(drop=True)
     table = pd.DataFrame({"frame": frame, "time_s": frame / trial.rate_hz})
-    return table.join(poses).assign(follows=joined[stood])
+    return table.join(poses).assign(follows=follows[stood])
 
 
 def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
-    """Return the boom angle at every frame, (N,), from the positions of the counterweight."""
-    angle = np.unwrap(
-        np.arctan2(trial.boom[:, 1], trial.boom[:, 0] - robot.hopper.boom_offset_m)
-    )
+    """Return the boom angle at every frame, (N,), from the counterweight."""
+    ahead_m = trial.boom[:, 0] - robot.hopper.boom_offset_m
+    angle = np.unwrap(np.arctan2(trial.boom[:, 1], ahead_m))
     turns = np.round((robot.hopper.boom_angle_rad - angle[0]) / (2 * np.pi))
     return np.asarray(angle + 2 * np.pi * turns)
 
@@ -288,7 +281,9 @@ def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
 # rest, has since made one swing, and makes the next. Averaged over that one swing, it
 # is a function of boom angle and swing alone.
 
-SETTLING_HOPS = 10  # with the boom at rest, before the first swing
+#: Hops with the boom at rest, before the first swing.
+#: Unit: 1. Origin: chosen.
+SETTLING_HOPS = 10
 
 
 @dataclass(frozen=True)
@@ -336,7 +331,8 @@ def true_frame_changes(
     """
     angles = 2 * np.pi * np.arange(boom_angles) / boom_angles
     grid = np.linspace(-robot.swing_limit_rad, robot.swing_limit_rad, swings)
-    still, changes = robot.still(), np.empty((boom_angles, swings, swings, 3))
+    still = robot.still()
+    changes = np.empty((boom_angles, swings, swings, 3))
 
     @cache
     def settled(boom_angle_rad: float) -> plant.Apex:
@@ -345,19 +341,21 @@ def true_frame_changes(
             apex = _whole(still, apex, 0.0).end
         return apex
 
-    for (a, angle), (p, previous) in product(enumerate(angles), enumerate(grid)):
-        before = _whole(
-            still, settled(round((angle - previous) % (2 * np.pi), 9)), previous
-        )
-        for s, swing in enumerate(grid):
-            after = _whole(still, before.end, swing)
-            changes[a, s, p] = relative(before.stance.pose, after.stance.pose)
+    for a, angle in enumerate(angles):
+        for p, previous in enumerate(grid):
+            # Rounded, so that equal angles share a settled hopper.
+            begun = round((angle - previous) % (2 * np.pi), 9)
+            before = _whole(still, settled(begun), previous)
+            for s, swing in enumerate(grid):
+                after = _whole(still, before.end, swing)
+                changes[a, s, p] = relative(before.stance.pose, after.stance.pose)
     return TrueFrameChanges(angles, grid, grid, changes)
 
 
 def _whole(
     robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float
 ) -> plant.SteeredHop:
+    """Make one hop; it must not end in a fall."""
     hop = plant.steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
     if hop.stance.fell:
         swung = f"a swing of {swing_rad:.2f} rad from {apex.boom_angle_rad:.2f} rad"
@@ -373,9 +371,12 @@ NAME = "excitation"
 
 @one_blas_thread()
 def simulate_excitation(
-    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *,
-    seed: np.random.SeedSequence, observation: str = CORRECTED,
-) -> SteeredTrial:  # fmt: skip
+    steering: Mapping[str, Any],
+    motion_capture: Mapping[str, Any],
+    *,
+    seed: np.random.SeedSequence,
+    observation: str = CORRECTED,
+) -> SteeredTrial:
     """Simulate a robot that executes an excitation and is recorded by motion capture.
 
     Parameters
@@ -389,10 +390,13 @@ def simulate_excitation(
     """
     robot, camera = plant.robot_and_camera(steering["robot"], motion_capture)
     rng = np.random.default_rng(child(seed, EXCITATION))
-    drawn = random_excitation if observation == PRINTED else eulerian_excitation
-    swings = drawn(ControlGrid(**steering["excitation"]), rng)
-    chance = child(seed, TRIAL).generate_state(4).tolist()
-    return record_trial(robot, swings, seed=chance, camera=camera, name=NAME)
+    grid = ControlGrid(**steering["excitation"])
+    if observation == PRINTED:
+        swings = random_excitation(grid, rng)
+    else:
+        swings = eulerian_excitation(grid, rng)
+    of_trial = child(seed, TRIAL).generate_state(4).tolist()
+    return record_trial(robot, swings, seed=of_trial, camera=camera, name=NAME)
 
 
 # The true frame changes as a table, and back.
@@ -401,7 +405,7 @@ INPUTS = ["boom_angle_rad", "swing_rad", "previous_swing_rad"]
 
 
 def true_map_table(true: TrueFrameChanges) -> pd.DataFrame:
-    """Return one row for each boom angle, swing and previous swing, sorted in this order."""
+    """Return one row for each boom angle, swing and previous swing, in this order."""
     axes = (true.boom_angle_rad, true.swing_rad, true.previous_swing_rad)
     rows = pd.MultiIndex.from_product(axes, names=INPUTS)
     return pd.DataFrame(true.change.reshape(-1, 3), rows, CHANGE).reset_index()
@@ -418,8 +422,6 @@ def true_map_of(table: pd.DataFrame) -> TrueFrameChanges:
     axes = [table[name].drop_duplicates().to_numpy(dtype=float) for name in INPUTS]
     shape = tuple(len(axis) for axis in axes)
     if len(table) != np.prod(shape):
-        raise RecordingError(
-            f"true map: expected a grid of {shape}, found {len(table)} rows"
-        )
+        raise RecordingError.at("true map", f"a grid of {shape}", f"{len(table)} rows")
     change = table[CHANGE].to_numpy(dtype=float).reshape(*shape, 3)
     return TrueFrameChanges(axes[0], axes[1], axes[2], change)

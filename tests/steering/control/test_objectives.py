@@ -8,27 +8,27 @@ from hopdata.steering.control.objectives import (
     Horizon,
     ToHeading,
     ToPoint,
-    errors_left,
+    goal_errors,
 )
 
 POSES = np.array([[3.0, 4.0, 0.0], [0.0, 2.0, 3.0]])
 
 
 def test_distances_are_added_up():
-    assert errors_left(ToPoint(), POSES).sum() == pytest.approx(7.0)
+    assert goal_errors(ToPoint(), POSES).sum() == pytest.approx(7.0)
 
 
 def test_distances_are_those_from_the_point():
     np.testing.assert_allclose(
-        errors_left(ToPoint(point_m=(3.0, 2.0)), POSES), [2.0, 3.0]
+        goal_errors(ToPoint(point_m=(3.0, 2.0)), POSES), [2.0, 3.0]
     )
 
 
 def test_heading_errors_go_the_short_way():
     goal = ToHeading(heading_rad=-3.0)
-    np.testing.assert_allclose(errors_left(goal, POSES), [3.0, 2 * np.pi - 6.0])
+    np.testing.assert_allclose(goal_errors(goal, POSES), [3.0, 2 * np.pi - 6.0])
     turned = ToHeading(heading_rad=-3.0 + 6 * np.pi)
-    assert errors_left(turned, POSES).sum() == pytest.approx(2 * np.pi - 3.0)
+    assert goal_errors(turned, POSES).sum() == pytest.approx(2 * np.pi - 3.0)
 
 
 @pytest.mark.parametrize(

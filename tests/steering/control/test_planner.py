@@ -15,7 +15,7 @@ from hopdata.steering.control.objectives import (
     PlanningError,
     ToHeading,
     ToPoint,
-    errors_left,
+    goal_errors,
 )
 from hopdata.steering.control.planner import (
     DISCOUNT,
@@ -74,7 +74,7 @@ def paid_after(cost, goal, boom):
         x, y, turn = TABLE.change(boom, swing)[0]
         turned = np.exp(-1j * turn) * (goal - complex(x, y))
         left = np.stack([turned.real, turned.imag, 0 * turned.real], axis=-1)
-        after.append(cost.ahead(left, np.full(goal.shape, boom + swing)))
+        after.append(cost.at(left, np.full(goal.shape, boom + swing)))
     return np.min(after, axis=0)
 
 
@@ -125,7 +125,7 @@ def test_the_cost_rises_with_the_distance_of_a_goal_ahead(to_point):
 def test_the_goal_is_reached_from_any_heading(to_point):
     for turn in np.linspace(-np.pi, np.pi, 7):
         poses = flown(to_point, [1.0, 0.0, np.pi + turn], np.pi, 60)
-        left = errors_left(ToPoint(), poses)
+        left = goal_errors(ToPoint(), poses)
         assert left.min() < COARSE.width
 
 
@@ -138,7 +138,7 @@ def test_the_goal_may_be_anywhere_and_far(to_point):
     np.testing.assert_allclose(here.swings_rad, there.swings_rad, atol=1e-9)
     assert here.objective == pytest.approx(there.objective)
     far = flown(to_point, [4.5, 0.0, 0.5], np.pi, 90)
-    assert errors_left(ToPoint(), far)[-1] < 1.0
+    assert goal_errors(ToPoint(), far)[-1] < 1.0
 
 
 SIZES = [
@@ -170,7 +170,7 @@ def test_beyond_the_grid_it_does_not_dawdle():
 
 def test_a_heading_is_reached_and_kept(to_heading):
     for heading in (0.0, 1.5, -2.0):
-        left = errors_left(
+        left = goal_errors(
             to_heading.objective, flown(to_heading, [0, 0, heading], np.pi, 45)
         )
         assert np.all(left[-5:] < COARSE_TURN.width)
@@ -235,7 +235,7 @@ def flown_changed(controller, hops, bias=BIAS, seed=0):
         chance = bias + NOISE * rng.standard_normal(3)
         pose = composed(pose, ClosedForm().change(boom, swung) + chance)
         boom += swung
-        errors.append(float(errors_left(ToPoint(), pose)))
+        errors.append(float(goal_errors(ToPoint(), pose)))
         missed.append(abs(pose[2] - plan.poses[1][2]))
     return errors, missed
 

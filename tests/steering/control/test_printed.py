@@ -9,7 +9,7 @@ from hopdata.steering.control.objectives import (
     Horizon,
     PlanningError,
     ToPoint,
-    errors_left,
+    goal_errors,
 )
 from hopdata.steering.control.printed import (
     PrintedController,
@@ -32,12 +32,12 @@ def test_the_plan_is_a_minimum_within_the_bounds():
     controller = PrintedController(model=MODEL)
     plan = controller.plan([0.5, 0.3, 0.2], 1.0)
     assert np.all(np.abs(plan.swings_rad) <= LIMIT)
-    assert plan.objective == pytest.approx(errors_left(ToPoint(), plan.poses[1:]).sum())
+    assert plan.objective == pytest.approx(goal_errors(ToPoint(), plan.poses[1:]).sum())
     rng = np.random.default_rng(np.random.SeedSequence(2))
     for beside in plan.swings_rad + 0.05 * rng.standard_normal((50, 3)):
         swings = np.clip(beside, -LIMIT, LIMIT)
         poses = predicted_poses(MODEL, np.array([0.5, 0.3, 0.2]), 1.0, swings)
-        assert errors_left(ToPoint(), poses[1:]).sum() >= plan.objective - 1e-5
+        assert goal_errors(ToPoint(), poses[1:]).sum() >= plan.objective - 1e-5
 
 
 def test_horizon_and_limit_are_kept():

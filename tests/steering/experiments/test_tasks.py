@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hopdata.config.loading import load_config
-from hopdata.steering.control.objectives import ToHeading, ToPoint, errors_left
+from hopdata.steering.control.objectives import ToHeading, ToPoint, goal_errors
 from hopdata.steering.experiments.study import board_for
 from hopdata.steering.experiments.tasks import (
     ARRIVED,
@@ -55,9 +55,9 @@ def test_errors_are_distances_or_what_is_left_of_half_a_turn():
     poses = np.array(
         [[3.0, 4.0, 2.0], [0.0, 0.0, 2.0 + np.pi], [0.0, 0.0, 1.9 - np.pi]]
     )
-    np.testing.assert_allclose(errors_left(goal_of("origin", start), poses), [5, 0, 0])
+    np.testing.assert_allclose(goal_errors(goal_of("origin", start), poses), [5, 0, 0])
     np.testing.assert_allclose(
-        errors_left(goal_of("turn", start), poses), [np.pi, 0, 0.1], atol=1e-12
+        goal_errors(goal_of("turn", start), poses), [np.pi, 0, 0.1], atol=1e-12
     )
 
 

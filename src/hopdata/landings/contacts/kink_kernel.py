@@ -21,7 +21,8 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.code_cache import kept_njit
 
-# Share of an interval at which the golden section divides it.
+#: Share of an interval at which the golden section divides it.
+#: Unit: 1. Origin: derived: (3 - sqrt(5)) / 2.
 GOLDEN = 0.3819660112501051
 
 #: Largest number of refinements after the grid.

@@ -11,7 +11,7 @@ from hopdata.landings.contacts.kink import FlightPriors, KinkFits, kink_fits
 
 #: Fewest frames of flight that determine a kink. With fewer, any law fits, and
 #: contacts came out soft and 0.3 to 0.6 ms early.
-#: Unit: frames. Origin: measured: feet that come out of a gap (git log).
+#: Unit: frames. Origin: measured: feet that came out of a gap.
 FRAMES_BEFORE = 3
 
 #: Fewest frames of stance that determine a kink.

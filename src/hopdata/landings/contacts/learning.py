@@ -50,7 +50,8 @@ CANDIDATES = 60
 #: Unit: 1. Origin: chosen.
 CANDIDATE_SHARES = (1e-3, 2.0)
 
-# Median absolute deviation of a normal distribution, in standard deviations.
+#: Median absolute deviation of a normal distribution.
+#: Unit: standard deviations. Origin: derived: its quartile.
 MAD_OF_NORMAL = 0.6745
 
 

@@ -28,9 +28,12 @@ MOST_CORRELATED = 0.85
 
 MOST_FRAMES = 200_000  # frames from which the noise is estimated, to bound memory
 
-# Median of |z| for a standard normal z, and standard deviation of a third difference
-# of white noise of unit variance (1 + 9 + 9 + 1).
+#: Median of |z| for a standard normal z.
+#: Unit: 1. Origin: derived: its quartile.
 NORMAL_MEDIAN = 0.6744897501960817
+
+# Standard deviation of a third difference of white noise of unit variance, which is
+# 1 + 9 + 9 + 1.
 THIRD_DIFFERENCE_SD = np.sqrt(20.0)
 
 # Variance of a fourth difference over the noise variance times 70, as a polynomial in

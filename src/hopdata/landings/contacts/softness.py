@@ -45,7 +45,7 @@ APART_STEPS = 1.5
 SOFTNESS_NODES = 1001
 
 #: Prior odds of a soft against a hard contact.
-#: Unit: 1. Origin: chosen (docs/contacts.md, "Two errors").
+#: Unit: 1. Origin: chosen: docs/contacts.md, "Two errors".
 SOFTNESS_ODDS = 6.0
 
 #: Standard deviations from zero at which a contact is surely soft; instants then move

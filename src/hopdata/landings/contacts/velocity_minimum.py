@@ -19,7 +19,9 @@ FILTER_S = 0.07
 #: Unit: frames. Origin: chosen.
 LEAST_FILTER_FRAMES = 5
 
-MARGIN_S = 0.05  # time shown before the pre section and after the post section
+#: Time shown before the pre section and after the post section; it moves no answer.
+#: Unit: s. Origin: chosen.
+MARGIN_S = 0.05
 
 
 def filter_window(rate_hz: float) -> int:

@@ -48,9 +48,12 @@ MOST_GRID_NODES = 2**18  # to bound memory and time
 #: Unit: bandwidths. Origin: chosen.
 GRID_MARGIN = 5.0
 
-# Silverman (1986), eq. 3.31: the factor, and the interquartile range of a normal
-# distribution in standard deviations.
+#: Factor of the normal rule for bandwidths.
+#: Unit: 1. Origin: table: Silverman (1986), eq. 3.31.
 SILVERMAN = 0.9
+
+#: Interquartile range of a normal distribution.
+#: Unit: standard deviations. Origin: derived: twice its quartile.
 NORMAL_IQR = 1.349
 
 

@@ -53,7 +53,8 @@ TIES = 20
 #: Unit: heights. Origin: chosen.
 LEAST_TIES = 2
 
-# Median of |z| for a standard normal z.
+#: Median of |z| for a standard normal z.
+#: Unit: 1. Origin: derived: its quartile.
 NORMAL_MEDIAN = 0.6744897501960817
 
 

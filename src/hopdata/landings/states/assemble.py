@@ -16,6 +16,7 @@ from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.home_frames import HomeFrames, home_frames
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import joined
+from hopdata.messages import Message
 from hopdata.recording import Recording, sampled
 
 logger = logging.getLogger(__name__)
@@ -30,7 +31,7 @@ LEAST_PAIRS = 3
 #: Unit: 1. Origin: chosen.
 AS_FAR = 0.01
 
-STATELESS = "too few frames of the body markers"  # why a touchdown has no state
+STATELESS = Message("landings.stateless").text()  # why a touchdown has no state
 
 
 @one_blas_thread()

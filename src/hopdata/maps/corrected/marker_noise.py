@@ -28,8 +28,12 @@ from hopdata.rigid import INPUT_NAMES
 #: Unit: landings. Origin: chosen.
 LINEARISED = 100
 
-# Steps of the central differences.
+#: Step of the central differences by a position.
+#: Unit: m. Origin: chosen.
 POSITION_STEP_M = 1e-5
+
+#: Step of the central differences by a velocity.
+#: Unit: m/s. Origin: chosen.
 VELOCITY_STEP_M_S = 1e-4
 
 

@@ -6,7 +6,7 @@ otherwise. A jump of the outcome is a difference whatever the derivatives are.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import ceil
 from numbers import Integral, Real
 from typing import Any
@@ -125,7 +125,7 @@ class Verdict(Shown):
 
 @told_call
 @one_blas_thread()
-def judge(
+def judge(  # noqa: PLR0913 - the data, and the method's options
     x: ArrayLike,
     y: ArrayLike,
     instants: ArrayLike,
@@ -174,13 +174,11 @@ def judge(
     measured = _measured(x, y, instants, instants_se)
     options = _Options(seed, margin, confidence, power, flips)
     options.check()
-
-    known = measured.known()
-    left_out = _left_out(known)
+    left_out = _left_out(measured.known())
     try:
         if blurred:
             raise AnalysisError(blurred)
-        landings = measured.landings(known)
+        landings = measured.landings()
         comparison = sizing.compared(landings)
         fit = fit_kinks(landings)
     except AnalysisError as error:
@@ -190,53 +188,21 @@ def judge(
     effect = options.size(fit, root, "signs")
     jump = None
     if fit.jumps is not None:
-        jump_root = sizing.squared_jump(fit.jumps, landings)
-        jump = options.size(fit.jumps, jump_root, "jumps")
+        root_of_jumps = sizing.squared_jump(fit.jumps, landings)
+        jump = options.size(fit.jumps, root_of_jumps, "jumps")
 
-    conclusion = conclude(effect.low, effect.upper_bound, margin)
-    jumps = jump is not None and jump.low > 0.0
-    needed = None
-    if effect.allowed < ASKED:
-        needed = sizing.landings_needed(
-            int(known.sum()),
-            effect.detectable,
-            effect.allowed,
-            ASKED,
-            measured.n_feet,
-        )
-    said = sentence(conclusion, effect.sizes(), comparison.what, confidence, margin)
-    foreseen = outlook(effect, needed, int(known.sum()), power)
-    decided_by = "effect"
-    no_evidence = effect.allowed
-    if jump is not None and jumps:
-        jump_said = _jump_said(jump, confidence)
-        if conclusion == DIFFERENT:
-            said = Message(
-                "maps.different_and_jump", {"different": said, "jump": jump_said}
-            )
-        else:
-            # Statements about derivatives are useless beside a jump.
-            conclusion = DIFFERENT
-            decided_by = "jump"
-            needed = None
-            no_evidence = 0.0
-            said = Message(
-                "maps.jump_decides", {"compared": comparison.what, "jump": jump_said}
-            )
-            foreseen = Message(
-                "maps.outlook_jump",
-                {"detectable": percent(jump.detectable), "power": _per_cent(power)},
-            )
-
+    answer = _answer(effect, comparison.what, measured, options)
+    if jump is not None and jump.low > 0.0:
+        answer = _with_jump(answer, jump, comparison.what, options)
     alike = err_alike(fit.scores @ root.T)
-    messages = {"sentence": said, "outlook": foreseen, "compared": comparison.what}
+    limits = _limits(landings, answer.no_evidence, alike)
     return Verdict(
-        conclusion=conclusion,
-        sentence=str(said),
-        outlook=str(foreseen),
+        conclusion=answer.conclusion,
+        sentence=str(answer.sentence),
+        outlook=str(answer.outlook),
         compared=str(comparison.what),
         n_feet=measured.n_feet,
-        n_landings=int(known.sum()),
+        n_landings=measured.n_known,
         n_window=len(fit.rows),
         confidence=confidence,
         margin=margin,
@@ -244,11 +210,15 @@ def judge(
         flips=flips,
         effect=effect,
         jump=jump,
-        decided_by=decided_by,
-        landings_needed=needed,
+        decided_by=answer.decided_by,
+        landings_needed=answer.landings_needed,
         foretold=landings.foretold,
-        notes=[*left_out, *_limits(landings, no_evidence, alike)],
-        messages=messages,
+        notes=[*left_out, *limits],
+        messages={
+            "sentence": answer.sentence,
+            "outlook": answer.outlook,
+            "compared": comparison.what,
+        },
     )
 
 
@@ -265,13 +235,18 @@ class _Measured:
     def n_feet(self) -> int:
         return self.instants.shape[1]
 
+    @property
+    def n_known(self) -> int:
+        return int(self.known().sum())
+
     def known(self) -> BoolArray:
         """Return of which landings all states and instants are known, (n,)."""
         both = np.hstack([self.before, self.after, self.instants])
         return np.asarray(np.isfinite(both).all(axis=1))
 
-    def landings(self, known: BoolArray) -> inputs.SectionLandings:
+    def landings(self) -> inputs.SectionLandings:
         """Return the known landings in the coordinates of the verdict."""
+        known = self.known()
         errors = None
         if self.instants_se is not None:
             errors = np.nan_to_num(self.instants_se[known])
@@ -364,7 +339,7 @@ def _no_answer(
         outlook="",
         compared="",
         n_feet=measured.n_feet,
-        n_landings=int(measured.known().sum()),
+        n_landings=measured.n_known,
         n_window=0,
         confidence=options.confidence,
         margin=options.margin,
@@ -372,6 +347,60 @@ def _no_answer(
         flips=options.flips,
         notes=[*left_out, note],
         messages={"sentence": said},
+    )
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What a verdict says: see `Verdict`; and up to which size kinks say nothing."""
+
+    conclusion: str
+    decided_by: str
+    landings_needed: int | None
+    sentence: Message
+    outlook: Message
+    no_evidence: float
+
+
+def _answer(
+    effect: sizing.EffectSize, what: Message, measured: _Measured, options: _Options
+) -> _Answer:
+    """Return what the size of the difference says."""
+    conclusion = conclude(effect.low, effect.upper_bound, options.margin)
+    needed = None
+    if effect.allowed < ASKED:
+        needed = sizing.landings_needed(
+            measured.n_known, effect.detectable, effect.allowed, ASKED, measured.n_feet
+        )
+    return _Answer(
+        conclusion=conclusion,
+        decided_by="effect",
+        landings_needed=needed,
+        sentence=sentence(
+            conclusion, effect.sizes(), what, options.confidence, options.margin
+        ),
+        outlook=outlook(effect, needed, measured.n_known, options.power),
+        no_evidence=effect.allowed,
+    )
+
+
+def _with_jump(
+    answer: _Answer, jump: sizing.EffectSize, what: Message, options: _Options
+) -> _Answer:
+    """Return the answer if the outcome jumps, beside the size or without it."""
+    jumps = _jump_said(jump, options.confidence)
+    if answer.conclusion == DIFFERENT:
+        both = {"different": answer.sentence, "jump": jumps}
+        return replace(answer, sentence=Message("maps.different_and_jump", both))
+    # Statements about derivatives are useless beside a jump.
+    shown = {"detectable": percent(jump.detectable), "power": _per_cent(options.power)}
+    return _Answer(
+        conclusion=DIFFERENT,
+        decided_by="jump",
+        landings_needed=None,
+        sentence=Message("maps.jump_decides", {"compared": what, "jump": jumps}),
+        outlook=Message("maps.outlook_jump", shown),
+        no_evidence=0.0,
     )
 
 

@@ -1,4 +1,4 @@
-"""Mistakes in the block ``steering``: what its keys say of each other and of the study."""
+"""Mistakes in the block ``steering``: keys that do not fit each other or the study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Objectives of a controller, how far it looks ahead, and the interface of all controllers."""
+"""Objectives of a controller, its horizon, and the interface of all controllers."""
 
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
@@ -18,14 +18,16 @@ class ToPoint:
     point_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        require(
-            is_finite(self.point_m, (2,)), "point_m", "two finite numbers", self.point_m
-        )
+        is_point = is_finite(self.point_m, (2,))
+        require(is_point, "point_m", "two finite numbers", self.point_m)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToHeading:
-    """Turn to a heading in the world frame, rad; the error is wrapped (Sec. 3.4.3, footnote 8)."""
+    """Turn to a heading in the world frame, rad (Sec. 3.4.3).
+
+    The error is wrapped (footnote 8).
+    """
 
     heading_rad: float = 0.0
 
@@ -59,12 +61,15 @@ class Horizon:
         require(sound, "swing_limit_rad", "more than 0, at most pi", limit)
 
 
-def errors_left(objective: Objective, poses: ArrayLike) -> FloatArray:
-    """Return the distance to the point, m, or absolute heading error, rad, at poses (..., 3)."""
+def goal_errors(objective: Objective, poses: ArrayLike) -> FloatArray:
+    """Return the errors of poses (..., 3): the distance to the point, m.
+
+    With a heading as objective, the absolute heading error, rad.
+    """
     poses = np.asarray(poses, dtype=float)
     if isinstance(objective, ToPoint):
-        away = poses[..., :2] - np.array(objective.point_m)
-        return np.asarray(np.hypot(away[..., 0], away[..., 1]))
+        offset = poses[..., :2] - np.array(objective.point_m)
+        return np.asarray(np.hypot(offset[..., 0], offset[..., 1]))
     return np.abs(wrapped(objective.heading_rad - poses[..., 2]))
 
 
@@ -79,7 +84,8 @@ def is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
 
 # What every controller takes and returns.
 
-#: Largest coordinate of a pose, m or rad; anything larger is a measurement error.
+#: Largest coordinate of a pose; anything larger is a measurement error.
+#: Unit: m or rad. Origin: chosen.
 FARTHEST = 1e4
 
 

@@ -1,4 +1,4 @@
-"""A planner that reaches a point from any heading: a short look ahead, then the cost-to-go.
+"""A planner that reaches a point from any heading: a short horizon and a cost-to-go.
 
 A turn takes more than three hops. The printed controller, facing away from the point,
 therefore sees no swings that bring it nearer, and hops on the spot. The cost-to-go
@@ -33,38 +33,64 @@ from hopdata.steering.control.printed import predicted_poses
 from hopdata.steering.models import tabulated as tables
 from hopdata.steering.models.process import TURN
 
-DISCOUNT = 0.98  # weight of the next stance relative to this one
-TOLERANCE = 1e-3  # largest change of the cost-to-go in the last sweep
+#: Weight of the next stance relative to this one.
+#: Unit: 1. Origin: chosen.
+DISCOUNT = 0.98
+#: Largest change of the cost-to-go in the last sweep.
+#: Unit: hops. Origin: chosen.
+TOLERANCE = 1e-3
+#: Most improvements of the policy; more mean that it does not converge.
+#: Unit: 1. Origin: chosen.
 MOST_SWEEPS = 200
-SWEEPS_BETWEEN = 24  # evaluations of the current policy before it is improved again
-
-# Distances are closer together near the goal than at the far end by the factor
-# exp(STRETCH).
+#: Evaluations of the current policy before it is improved again.
+#: Unit: 1. Origin: chosen.
+SWEEPS_BETWEEN = 24
+#: Logarithm of the factor by which distances are closer together near the goal than at
+#: the far end of the grid.
+#: Unit: 1. Origin: chosen.
 STRETCH = 3.5
-SHARPNESS = (
-    8  # of the goal region's edge, which is mostly within 0.8 to 1.3 times its width
-)
-BEYOND = (
-    5.0  # cost per metre beyond the last distance: its slope there (4 to 9 cm per hop)
-)
-
+#: Sharpness of the goal region's edge, most of which is within 0.8 to 1.3 widths.
+#: Unit: 1. Origin: chosen.
+SHARPNESS = 8
+#: Cost of each metre beyond the last distance of the grid.
+#: Unit: hops/m. Origin: derived: the slope of the cost-to-go there, where the hopper
+#: comes 4 to 9 cm nearer a hop.
+TAIL_COST_PER_M = 5.0
 #: Number of swings tried in each hop before refinement, by the number of hops.
+#: Unit: 1. Origin: chosen.
 SWINGS_TRIED = {1: 101, 2: 31, 3: 13}
-FINEST_RAD = (
-    5e-3  # smallest step of the refinement, which tries swings a third of a step apart
-)
+#: Smallest step of the refinement.
+#: Unit: rad. Origin: chosen.
+FINEST_RAD = 5e-3
+#: Swings that the refinement tries about the best so far, a third of a step apart.
+#: Unit: 1. Origin: derived: the outermost are the neighbours that were tried before.
+SWINGS_REFINED = 7
+#: Factor by which the step of the refinement shrinks: the distance of its swings.
+#: Unit: 1. Origin: derived: the steps between `SWINGS_REFINED` swings on each side.
+REFINEMENT = 3
+
+# A hop may end at six points about its prediction: one on each side, on each axis.
+N_SAMPLES = 6
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Grid:
-    """Common part of both grids; `left` is the goal's pose (..., 3) relative to the hopper."""
+    """Common part of both grids.
+
+    The remaining pose (..., 3) is that of the goal relative to the hopper.
+    """
 
     scatter: tuple[float, float, float] = (0.022, 0.022, 0.036)
 
-    def perhaps(self, left: FloatArray) -> FloatArray:
-        """Return six equally likely values (..., 6, 3) of `left`, given its prediction (..., 3)."""
-        one = np.sqrt(3.0) * np.diag(self.scatter)
-        return relative(np.concatenate([one, -one]), left[..., None, :])
+    def samples(self, remaining: FloatArray) -> FloatArray:
+        """Return six equally likely remaining poses (..., 6, 3) about a predicted one.
+
+        On each of three axes two lie sqrt(3) deviations away, so that the six have the
+        variance of the scatter.
+        """
+        offsets = np.sqrt(3.0) * np.diag(self.scatter)
+        ends = np.concatenate([offsets, -offsets])
+        return relative(ends, remaining[..., None, :])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +102,7 @@ class PointGrid(_Grid):
     distances, bearings, boom_angles, swings : int
         Number of nodes of each. Distances are closer together near the goal.
     farthest_m : float
-        Largest distance, m; beyond it the cost increases by `BEYOND` per metre.
+        Largest distance, m; beyond it the cost increases by `TAIL_COST_PER_M`.
     width : float
         Radius of the goal region, m.
     scatter : tuple of float
@@ -94,39 +120,42 @@ class PointGrid(_Grid):
     @property
     def distances_m(self) -> FloatArray:
         """Distances (D,) of the nodes, m."""
-        place = np.linspace(0.0, 1.0, self.distances)
+        share = np.linspace(0.0, 1.0, self.distances)
         return np.asarray(
-            self.farthest_m * np.expm1(STRETCH * place) / np.expm1(STRETCH)
+            self.farthest_m * np.expm1(STRETCH * share) / np.expm1(STRETCH)
         )
 
     def nodes(self) -> FloatArray:
         """Return the point's relative pose at the nodes, (D, B, 3)."""
-        distance, bearing = (
-            self.distances_m[:, None],
-            tables.turn_nodes(self.bearings) - np.pi,
-        )
-        x, y = distance * np.cos(bearing), distance * np.sin(bearing)
+        distance = self.distances_m[:, None]
+        bearing = tables.turn_nodes(self.bearings) - np.pi
+        x = distance * np.cos(bearing)
+        y = distance * np.sin(bearing)
         return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
-    def errors(self, left: FloatArray) -> FloatArray:
+    def errors(self, remaining: FloatArray) -> FloatArray:
         """Return the distances to the goal, m."""
-        return np.hypot(left[..., 0], left[..., 1])
+        return np.hypot(remaining[..., 0], remaining[..., 1])
 
-    def places(self, left: FloatArray) -> tuple[FloatArray, ...]:
+    def locations(self, remaining: FloatArray) -> tuple[FloatArray, ...]:
         """Return fractional node indices of distance and of bearing."""
-        inner = np.minimum(self.errors(left), self.farthest_m)
+        inner = np.minimum(self.errors(remaining), self.farthest_m)
         stretched = np.log1p(inner * (np.expm1(STRETCH) / self.farthest_m)) / STRETCH
-        bearing = np.arctan2(left[..., 1], left[..., 0]) + np.pi
+        bearing = np.arctan2(remaining[..., 1], remaining[..., 0]) + np.pi
         return stretched * (self.distances - 1), bearing * (self.bearings / TURN)
 
-    def beyond(self, left: FloatArray) -> FloatArray:
-        """Return the cost of the way to the last distance."""
-        return BEYOND * np.maximum(self.errors(left) - self.farthest_m, 0.0)
+    def tail_cost(self, remaining: FloatArray) -> FloatArray:
+        """Return the cost of the way to the last distance of the grid."""
+        excess_m = np.maximum(self.errors(remaining) - self.farthest_m, 0.0)
+        return TAIL_COST_PER_M * excess_m
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeadingGrid(_Grid):
-    """Grid for turning to a heading; `width` is the half-width of the goal region, rad."""
+    """Grid for turning to a heading.
+
+    The `width` is half that of the goal region, rad.
+    """
 
     heading_errors: int = 180
     boom_angles: int = 72
@@ -138,25 +167,26 @@ class HeadingGrid(_Grid):
         turn = tables.turn_nodes(self.heading_errors) - np.pi
         return np.stack([np.zeros_like(turn), np.zeros_like(turn), turn], axis=-1)
 
-    def errors(self, left: FloatArray) -> FloatArray:
+    def errors(self, remaining: FloatArray) -> FloatArray:
         """Return the absolute heading errors, rad."""
-        return np.abs(left[..., 2])
+        return np.abs(remaining[..., 2])
 
-    def places(self, left: FloatArray) -> tuple[FloatArray, ...]:
+    def locations(self, remaining: FloatArray) -> tuple[FloatArray, ...]:
         """Return fractional node indices of the heading error."""
-        return ((left[..., 2] + np.pi) * (self.heading_errors / TURN),)
+        return ((remaining[..., 2] + np.pi) * (self.heading_errors / TURN),)
 
-    def beyond(self, left: FloatArray) -> FloatArray:
+    def tail_cost(self, remaining: FloatArray) -> FloatArray:
         """Return zeros: all heading errors are on the grid."""
-        return np.zeros(left.shape[:-1])
+        return np.zeros(remaining.shape[:-1])
 
 
 Grid: TypeAlias = PointGrid | HeadingGrid
 
 
-def _away(grid: Grid, left: FloatArray) -> FloatArray:
+def _not_arrived(grid: Grid, remaining: FloatArray) -> FloatArray:
     """Return how far stances are from being arrivals, from 0 (arrived) to 1."""
-    return np.asarray(1.0 - 1.0 / (1.0 + (grid.errors(left) / grid.width) ** SHARPNESS))
+    ratio = grid.errors(remaining) / grid.width
+    return np.asarray(1.0 - 1.0 / (1.0 + ratio**SHARPNESS))
 
 
 @dataclass(frozen=True)
@@ -179,53 +209,64 @@ class CostToGo:
     def _closed(self) -> FloatArray:
         return _closed(self.values)
 
-    def ahead(self, left: FloatArray, boom_angle_rad: ArrayLike) -> FloatArray:
-        """Return the cost of stances predicted at `left` (..., 3); linear between the nodes."""
-        places = (
-            *self.grid.places(left),
-            _boom_places(boom_angle_rad, self.grid.boom_angles),
-        )
-        return _between(self._closed, np.stack(places)) + self.grid.beyond(left)
+    def at(self, remaining: FloatArray, boom_angle_rad: ArrayLike) -> FloatArray:
+        """Return the cost of stances predicted at remaining poses (..., 3).
+
+        It is linear between the nodes.
+        """
+        boom = _boom_locations(boom_angle_rad, self.grid.boom_angles)
+        locations = np.stack((*self.grid.locations(remaining), boom))
+        return _interpolated(self._closed, locations) + self.grid.tail_cost(remaining)
 
 
-def _boom_places(boom_angle_rad: ArrayLike, boom_angles: int) -> FloatArray:
+def _boom_locations(boom_angle_rad: ArrayLike, boom_angles: int) -> FloatArray:
+    """Return fractional node indices of boom angles."""
     return np.asarray(boom_angle_rad) % TURN * (boom_angles / TURN)
 
 
 def _closed(values: FloatArray) -> FloatArray:
-    """Repeat the first value of each angle after the last, on all axes except the distance."""
-    return np.pad(values, [(0, 0), (0, 1), (0, 1)][-values.ndim :], mode="wrap")
+    """Repeat the first value of each angle after the last; a distance is no angle."""
+    added = [(0, 1)] * values.ndim
+    if values.ndim == 3:  # distance, bearing, boom angle
+        added[0] = (0, 0)
+    return np.pad(values, added, mode="wrap")
 
 
-def _between(closed: FloatArray, places: FloatArray) -> FloatArray:
-    """Interpolate linearly at places (axes, ...)."""
+def _interpolated(closed: FloatArray, locations: FloatArray) -> FloatArray:
+    """Interpolate linearly at fractional node indices (axes, ...)."""
     from scipy.ndimage import map_coordinates
 
-    return np.asarray(map_coordinates(closed, places, order=1, mode="nearest"))
+    return np.asarray(map_coordinates(closed, locations, order=1, mode="nearest"))
 
 
 @cache
 def _averages(grid: Grid) -> tuple[FloatArray, Any]:
-    """Return a (N, 1) and sparse B (N, N): a + B v is the expected cost at predicted nodes.
+    """Return a (N, 1) and sparse B (N, N) with which a + B v is the expected cost.
 
-    Here v (N, ...) is the cost after a stance at each node.
+    It is that of a stance predicted at each node, and v (N, ...) the cost after a
+    stance at each node. The stance may be at any of the grid's samples about the node,
+    between nodes.
     """
     from scipy.sparse import csr_array
 
     nodes = grid.nodes()
-    left = grid.perhaps(nodes).reshape(-1, 6, 3)
-    away, places = _away(grid, left) / 6, np.stack(grid.places(left))
-    row, low = np.repeat(np.arange(len(left)), 6), np.floor(places).astype(int)
-    modes: Any = ("clip", "wrap")[-len(low) :]
-    total = csr_array((len(left), len(left)))
-    for corner in product((0, 1), repeat=len(low)):
-        at = low + np.reshape(corner, (-1, 1, 1))
-        weight = DISCOUNT * away * np.prod(1.0 - np.abs(places - at), axis=0)
-        column = np.ravel_multi_index(tuple(at), nodes.shape[:-1], mode=modes)
-        total += csr_array((weight.ravel(), (row, column.ravel())), total.shape)
-    return (away * (1.0 + DISCOUNT * grid.beyond(left))).sum(
-        axis=1, keepdims=True
-    ), total
+    samples = grid.samples(nodes).reshape(-1, N_SAMPLES, 3)
+    share = _not_arrived(grid, samples) / N_SAMPLES
+    locations = np.stack(grid.locations(samples))
+    n_axes = len(locations)
+    # Beyond the last distance the last one counts; angles begin again.
+    modes: Any = ("wrap",) if n_axes == 1 else ("clip", "wrap")
+    n_nodes = len(samples)
+    row = np.repeat(np.arange(n_nodes), N_SAMPLES)
+    low = np.floor(locations).astype(int)
+    average = csr_array((n_nodes, n_nodes))
+    for corner in product((0, 1), repeat=n_axes):
+        node = low + np.reshape(corner, (-1, 1, 1))
+        weight = DISCOUNT * share * np.prod(1.0 - np.abs(locations - node), axis=0)
+        column = np.ravel_multi_index(tuple(node), nodes.shape[:-1], mode=modes)
+        average += csr_array((weight.ravel(), (row, column.ravel())), average.shape)
+    costs = share * (1.0 + DISCOUNT * grid.tail_cost(samples))
+    return costs.sum(axis=1, keepdims=True), average
 
 
 def cost_to_go(
@@ -252,34 +293,40 @@ def cost_to_go(
     """
     boom = tables.turn_nodes(grid.boom_angles)[:, None]
     swing = np.linspace(-model.swing_limit_rad, model.swing_limit_rad, grid.swings)
-    rows = [axis.ravel() for axis in np.broadcast_arrays(boom, swing)]
-    change = model.change(*rows).reshape(grid.boom_angles, grid.swings, 3)
-    left = relative(change, grid.nodes()[..., None, None, :])
-    beyond = grid.beyond(left)
-    booms = np.broadcast_to(_boom_places(boom + swing, grid.boom_angles), beyond.shape)
-    places = np.stack([*grid.places(left), booms])
-    values = np.zeros(beyond.shape[:-1]) if begin is None else begin.values
+    booms, swings = np.broadcast_arrays(boom, swing)
+    change = model.change(booms.ravel(), swings.ravel())
+    change = change.reshape(grid.boom_angles, grid.swings, 3)
+    # Axes: those of the nodes, the boom angle, and last the swings to choose from.
+    remaining = relative(change, grid.nodes()[..., None, None, :])
+    tail = grid.tail_cost(remaining)
+    next_boom = _boom_locations(boom + swing, grid.boom_angles)
+    next_booms = np.broadcast_to(next_boom, tail.shape)
+    locations = np.stack([*grid.locations(remaining), next_booms])
     mean, average = _averages(grid)
 
-    def foretold(after: FloatArray) -> FloatArray:
-        """Return the expected cost at predicted nodes, given the cost after a stance."""
-        return np.asarray(mean + average @ after.reshape(len(mean), -1)).reshape(
-            after.shape
-        )
+    def expected(after: FloatArray) -> FloatArray:
+        """Return the expected cost at predicted nodes, by that after a stance."""
+        found = np.asarray(mean + average @ after.reshape(len(mean), -1))
+        return found.reshape(after.shape)
 
-    for _ in range(MOST_SWEEPS if begin is None else 1):
-        costs = beyond + _between(_closed(values), places)
+    if begin is None:
+        values = np.zeros(tail.shape[:-1])
+        n_sweeps = MOST_SWEEPS
+    else:
+        values = begin.values
+        n_sweeps = 1
+    for _ in range(n_sweeps):
+        before = values
+        costs = tail + _interpolated(_closed(before), locations)
         best = costs.argmin(axis=-1)[..., None]
-        before, values = (
-            values,
-            foretold(np.take_along_axis(costs, best, axis=-1)[..., 0]),
-        )
+        values = expected(np.take_along_axis(costs, best, axis=-1)[..., 0])
         if np.abs(values - before).max() < TOLERANCE:
             return CostToGo(values, grid)
-        stage = np.take_along_axis(beyond, best, axis=-1)[..., 0]
-        chosen = np.take_along_axis(places, best[None], axis=-1)[..., 0]
+        best_tail = np.take_along_axis(tail, best, axis=-1)[..., 0]
+        best_locations = np.take_along_axis(locations, best[None], axis=-1)[..., 0]
         for _ in range(SWEEPS_BETWEEN):
-            values = foretold(stage + _between(_closed(values), chosen))
+            after = best_tail + _interpolated(_closed(values), best_locations)
+            values = expected(after)
     if begin is not None:
         return CostToGo(values, grid)
     raise AnalysisError(
@@ -306,7 +353,10 @@ class Planner:
     cost_to_go: CostToGo
 
     def towards(self, objective: objectives.Objective) -> Planner:
-        """Return a planner with another objective; one of the other kind needs a new cost-to-go."""
+        """Return a planner with another objective.
+
+        One of the other kind needs a new cost-to-go.
+        """
         if isinstance(objective, type(self.objective)):
             return replace(self, objective=objective)
         return planner(self.model, objective, horizon=self.horizon)
@@ -322,53 +372,53 @@ class Planner:
         del previous_swing_rad
         start, boom = objectives.checked_state(pose, boom_angle_rad)
         if isinstance(self.objective, objectives.ToHeading):
-            left = relative(start, [*start[:2], self.objective.heading_rad])
+            goal = [*start[:2], self.objective.heading_rad]
         else:
-            left = relative(start, [*self.objective.point_m, start[2]])
-        hops, limit = self.horizon.hops, self.horizon.swing_limit_rad
-        tried = SWINGS_TRIED[hops]
-        value, swings = self._best(
-            left, boom, [np.linspace(-limit, limit, tried)] * hops
-        )
-        step = 2 * limit / (tried - 1)
+            goal = [*self.objective.point_m, start[2]]
+        remaining = relative(start, goal)
+        limit = self.horizon.swing_limit_rad
+        n_tried = SWINGS_TRIED[self.horizon.hops]
+        everywhere = np.linspace(-limit, limit, n_tried)
+        tried = [everywhere] * self.horizon.hops
+        cost, swings = self._best(remaining, boom, tried)
+        step = 2 * limit / (n_tried - 1)
         while step > FINEST_RAD:
-            near = np.clip(
-                swings[:, None] + step * np.linspace(-1, 1, 7), -limit, limit
-            )
-            value, swings = self._best(left, boom, near)
-            step /= 3
-        return objectives.Plan(
-            swings, predicted_poses(self.model, start, boom, swings), value
-        )
+            about = swings[:, None] + step * np.linspace(-1, 1, SWINGS_REFINED)
+            cost, swings = self._best(remaining, boom, np.clip(about, -limit, limit))
+            step /= REFINEMENT
+        poses = predicted_poses(self.model, start, boom, swings)
+        return objectives.Plan(swings, poses, cost)
 
     def _best(
-        self, left: FloatArray, boom: float, tried: Iterable[FloatArray]
+        self, remaining: FloatArray, boom: float, tried: Iterable[FloatArray]
     ) -> tuple[float, FloatArray]:
-        """Return the least cost over all sequences of the swings tried, and its swings."""
-        grid, total, weight, booms = (
-            self.cost_to_go.grid,
-            np.zeros(()),
-            np.ones(()),
-            np.array(boom),
-        )
+        """Return the least cost over all sequences of the swings tried, and its swings.
+
+        Each hop adds an axis to the arrays, with the swings that are tried in it.
+        """
+        grid = self.cost_to_go.grid
+        total = np.zeros(())
+        weight = np.ones(())
+        booms = np.array(boom)
         for hop, swing in enumerate(tried):
-            if hop:  # the previous stance is only predicted, and may be an arrival
-                away = weight * _away(grid, grid.perhaps(left)).mean(axis=-1)
-                total, weight = total + away, DISCOUNT * away
+            if hop > 0:
+                # The previous stance is only predicted, and may be an arrival.
+                samples = grid.samples(remaining)
+                goes_on = weight * _not_arrived(grid, samples).mean(axis=-1)
+                total = total + goes_on
+                weight = DISCOUNT * goes_on
             shape = (*booms.shape, len(swing))
-            at = [
-                np.broadcast_to(one, shape).ravel() for one in (booms[..., None], swing)
-            ]
-            left = relative(
-                self.model.change(*at).reshape(*shape, 3), left[..., None, :]
-            )
+            from_booms = np.broadcast_to(booms[..., None], shape).ravel()
+            swings = np.broadcast_to(swing, shape).ravel()
+            change = self.model.change(from_booms, swings).reshape(*shape, 3)
+            remaining = relative(change, remaining[..., None, :])
             booms = booms[..., None] + swing
-            total, weight = total[..., None], weight[..., None]
-        total = total + weight * self.cost_to_go.ahead(left, booms)
+            total = total[..., None]
+            weight = weight[..., None]
+        total = total + weight * self.cost_to_go.at(remaining, booms)
         best = np.unravel_index(total.argmin(), total.shape)
-        return float(total[best]), np.array(
-            [one[k] for one, k in zip(tried, best, strict=True)]
-        )
+        chosen = [swing[k] for swing, k in zip(tried, best, strict=True)]
+        return float(total[best]), np.array(chosen)
 
 
 def planner(
@@ -379,30 +429,28 @@ def planner(
     grid: Grid | None = None,
 ) -> Planner:
     """Return a planner after computing its cost-to-go, which takes a few seconds."""
-    objective, horizon = (
-        objective or objectives.ToPoint(),
-        horizon or objectives.Horizon(hops=2),
-    )
-    require(
-        horizon.hops in SWINGS_TRIED,
-        "hops",
-        f"one of {sorted(SWINGS_TRIED)}",
-        horizon.hops,
-    )
+    objective = objective or objectives.ToPoint()
+    horizon = horizon or objectives.Horizon(hops=2)
+    known = f"one of {sorted(SWINGS_TRIED)}"
+    require(horizon.hops in SWINGS_TRIED, "hops", known, horizon.hops)
     limit = horizon.swing_limit_rad
     if not (isinstance(model, tables.TabulatedMap) and model.swing_limit_rad == limit):
         model = tables.tabulated(model, limit)
-    usual = HeadingGrid if isinstance(objective, objectives.ToHeading) else PointGrid
-    return Planner(model, objective, horizon, cost_to_go(model, grid or usual()))
+    if grid is None:
+        to_heading = isinstance(objective, objectives.ToHeading)
+        grid = HeadingGrid() if to_heading else PointGrid()
+    return Planner(model, objective, horizon, cost_to_go(model, grid))
 
 
 # A planner that keeps learning.
 
+# Grids on which the cost-to-go follows the map during a flight.
 COARSE: dict[type, Grid] = {
     PointGrid: PointGrid(distances=20, bearings=24, boom_angles=16, swings=9),
     HeadingGrid: HeadingGrid(heading_errors=90, boom_angles=32, swings=17),
 }
-COARSE_TABLE = {"angles": 64, "swings": 17}  # size of the table of the corrected map
+# Size of the table of the corrected map.
+COARSE_TABLE = {"angles": 64, "swings": 17}
 
 
 class AdaptivePlanner:
@@ -423,16 +471,18 @@ class AdaptivePlanner:
         limit = known.model.swing_limit_rad
         self.correction = tables.Correction(limit, np.asarray(noise, dtype=float))
         self._known = tables.tabulated(known.model, limit, **COARSE_TABLE)
-        nodes = np.meshgrid(
+        booms, swings = np.meshgrid(
             self._known.boom_angle_rad, self._known.swing_rad, indexing="ij"
         )
-        self._at = self.correction.functions(*nodes)
-        ahead = cost_to_go(self._known, COARSE[type(known.cost_to_go.grid)])
-        self._planner = replace(known, cost_to_go=ahead)
+        # Basis functions of the correction at the nodes of the table.
+        self._functions = self.correction.functions(booms, swings)
+        coarse = cost_to_go(self._known, COARSE[type(known.cost_to_go.grid)])
+        self._planner = replace(known, cost_to_go=coarse)
+        # Pose and boom angle at the last stance.
         self._before: tuple[FloatArray, float] | None = None
 
     def towards(self, objective: objectives.Objective) -> AdaptivePlanner:
-        """Switch to another objective of the same kind, keeping what has been learned."""
+        """Switch to another objective of the same kind; what was learned is kept."""
         self._planner = self._planner.towards(objective)
         return self
 
@@ -446,7 +496,8 @@ class AdaptivePlanner:
         """Learn from the previous hop, if its swing is known, then plan."""
         here, boom = objectives.checked_state(pose, boom_angle_rad)
         if self._before is not None and previous_swing_rad is not None:
-            self._learn(*self._before, previous_swing_rad, here)
+            start, boom_before = self._before
+            self._learn(start, boom_before, previous_swing_rad, here)
         self._before = (here, boom)
         return self._planner.plan(here, boom)
 
@@ -455,14 +506,14 @@ class AdaptivePlanner:
         self, start: FloatArray, boom: float, swing: float, here: FloatArray
     ) -> None:
         """Correct the map and the cost-to-go from an observed hop."""
-        known, limit = self._known, self._known.swing_limit_rad
+        known = self._known
+        limit = known.swing_limit_rad
         swing = float(np.clip(swing, -limit, limit))
         missed = relative(start, here) - known.change(boom, swing)[0]
         missed[2] = wrapped(missed[2])
         self.correction.learn(boom, swing, missed)
-        model = tables.TabulatedMap(
-            known.values + self.correction.added(self._at), limit
-        )
+        corrected = known.values + self.correction.added(self._functions)
+        model = tables.TabulatedMap(corrected, limit)
         before = self._planner.cost_to_go
-        ahead = cost_to_go(model, before.grid, begin=before)
-        self._planner = replace(self._planner, model=model, cost_to_go=ahead)
+        improved = cost_to_go(model, before.grid, begin=before)
+        self._planner = replace(self._planner, model=model, cost_to_go=improved)

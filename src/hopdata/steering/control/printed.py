@@ -11,7 +11,9 @@ from hopdata.rigid import turned
 from hopdata.steering.control import objectives
 from hopdata.steering.models.tabulated import FrameChangeMap
 
-DIFFERENCE_RAD = 1e-8  # scipy's own step, but with all differences evaluated at once
+#: Step of the finite differences of the objective.
+#: Unit: rad. Origin: convention: scipy's own, but with all differences at once.
+DIFFERENCE_RAD = 1e-8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +48,10 @@ class PrintedController:
         previous_swing_rad: float | None = None,
         /,
     ) -> objectives.Plan:
-        """Plan from a pose and a boom angle; one search begins with the previous swing."""
+        """Plan from a pose and a boom angle; one search begins with the last swing."""
         start, boom = objectives.checked_state(pose, boom_angle_rad)
-        ends = [
-            self.descended(start, boom, one)
-            for one in self.first_swings(previous_swing_rad)
-        ]
+        firsts = self.first_swings(previous_swing_rad)
+        ends = [self.descended(start, boom, first) for first in firsts]
         solved = min(ends, key=lambda end: end.fun)
         poses = predicted_poses(self.model, start, boom, solved.x)
         return objectives.Plan(solved.x, poses, float(solved.fun))
@@ -70,35 +70,42 @@ class PrintedController:
         """Search from the same initial swing in all hops."""
         from scipy.optimize import minimize
 
-        limit, hops = self.horizon.swing_limit_rad, self.horizon.hops
+        limit = self.horizon.swing_limit_rad
+        hops = self.horizon.hops
 
         def value_and_slope(swings: FloatArray) -> tuple[float, FloatArray]:
-            """Return the objective, and its slope by differences that stay within the limit."""
-            steps = np.where(
-                swings + DIFFERENCE_RAD > limit, -DIFFERENCE_RAD, DIFFERENCE_RAD
-            )
+            """Return the objective, and its slope by differences within the limit."""
+            at_limit = swings + DIFFERENCE_RAD > limit
+            steps = np.where(at_limit, -DIFFERENCE_RAD, DIFFERENCE_RAD)
+            # The swings as they are, then with each of them changed in turn.
             tried = swings + np.vstack([np.zeros(hops), np.diag(steps)])
             poses = predicted_poses(self.model, pose, boom_angle_rad, tried)
-            values = objectives.errors_left(self.objective, poses[1:]).sum(axis=0)
-            return float(values[0]), (values[1:] - values[0]) / np.diag(
-                tried[1:] - swings
-            )
+            values = objectives.goal_errors(self.objective, poses[1:]).sum(axis=0)
+            taken = np.diag(tried[1:] - swings)  # the steps as rounded
+            return float(values[0]), (values[1:] - values[0]) / taken
 
-        first, bounds = np.full(hops, first_rad), [(-limit, limit)] * hops
         return minimize(
-            value_and_slope, first, jac=True, method="L-BFGS-B", bounds=bounds
+            value_and_slope,
+            np.full(hops, first_rad),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(-limit, limit)] * hops,
         )
 
 
 def predicted_poses(
     model: FrameChangeMap, pose: ArrayLike, boom_angle_rad: float, swings_rad: ArrayLike
 ) -> FloatArray:
-    """Return poses (H + 1, ..., 3) after swings (..., H), from the present one on (Sec. 3.4.1)."""
+    """Return poses (H + 1, ..., 3) after swings (..., H), the present one first.
+
+    They follow Sec. 3.4.1.
+    """
     swings = np.moveaxis(np.asarray(swings_rad, dtype=float), -1, 0)
     booms = boom_angle_rad + np.cumsum(swings, axis=0) - swings
     change = model.change(booms.ravel(), swings.ravel()).reshape(*swings.shape, 3)
-    poses = np.concatenate(
-        [np.broadcast_to(pose, change[:1].shape), change]
-    )  # to be summed
-    poses[1:] = turned(change, -np.cumsum(poses[:-1, ..., 2], axis=0))
-    return np.cumsum(poses, axis=0)
+    present = np.broadcast_to(pose, change[:1].shape)
+    steps = np.concatenate([present, change])
+    # Each frame change is turned to the world by the heading before it.
+    headings = np.cumsum(steps[:-1, ..., 2], axis=0)
+    steps[1:] = turned(change, -headings)
+    return np.cumsum(steps, axis=0)

@@ -14,7 +14,7 @@ from hopdata.steering.control.objectives import (
     Controller,
     Plan,
     PlanningError,
-    errors_left,
+    goal_errors,
 )
 from hopdata.steering.experiments.tasks import (
     Outcome,
@@ -36,9 +36,9 @@ from hopdata.synthesis.camera import CurvedFloor, MotionCapture
 Frames = list[tuple[float, FloatArray]]  # time, s, and markers (M, 3), m
 _Frame: TypeAlias = tuple[float, FloatArray, Observation | None]
 
-NEAR_S = (
-    0.05  # largest time from the lowest point of a pose that is used for the stance
-)
+#: Largest time from the lowest point of a pose that is used for the stance.
+#: Unit: s. Origin: chosen.
+NEAR_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -88,14 +88,18 @@ class WatchedHopper:
         start: Start,
         board: plant.Board | None = None,
     ) -> None:
-        self.robot, self.sight, self.task, self.start = robot, sight, task, start
-        self.board, self.frames = board, Frames()
+        self.robot = robot
+        self.sight = sight
+        self.task = task
+        self.start = start
+        self.board = board
+        self.frames = Frames()
         self._kicks, self._noise, gaps, _ = start.streams()
-        self._apex: plant.Apex = plant.released(
-            robot, start.pose, robot.hopper.boom_angle_rad
-        )
-        camera, body = sight.camera, robot.markers.body_m
-        markers = [f"body{i + 1}" for i in range(len(body))] + ["boom"]
+        boom_angle_rad = robot.hopper.boom_angle_rad
+        self._apex: plant.Apex = plant.released(robot, start.pose, boom_angle_rad)
+        camera = sight.camera
+        n_body = len(robot.markers.body_m)
+        markers = [f"body{i + 1}" for i in range(n_body)] + ["boom"]
         most_frames = round((task.hops + 2) * robot.hop_limit_s * camera.rate_hz)
         self._hidden: BoolArray = camera.draw_gaps(most_frames, len(markers), gaps)
         self._tracker = HopperTracker(sight.geometry, markers)
@@ -114,10 +118,16 @@ class WatchedHopper:
             was recognised or no frame near it had a pose.
         """
         hop = plant.steer_hop(
-            self.robot, self._apex, swing_rad, rng=self._kicks, rate_hz=self.sight.camera.rate_hz,
+            self.robot,
+            self._apex,
+            swing_rad,
+            rng=self._kicks,
+            rate_hz=self.sight.camera.rate_hz,
             board=self.board,
-        )  # fmt: skip
-        self._apex, self.board = hop.end, self.board and self.board.pushed(hop)
+        )
+        self._apex = hop.end
+        if self.board is not None:
+            self.board = self.board.pushed(hop)
         return hop.stance, self._watched(hop)
 
     def _watched(self, hop: plant.SteeredHop) -> Observation | None:
@@ -153,12 +163,9 @@ class WatchedHopper:
     def _seen(self, hop: plant.SteeredHop) -> FloatArray:
         """Return the markers (K, M, 3) as the cameras report them."""
         camera = self.sight.camera
-        index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(
-            self._hidden
-        )
-        return camera.observe(
-            hop.markers, self.sight.floor, self._hidden[index], self._noise
-        )
+        frames = np.round(hop.frame_time_s * camera.rate_hz).astype(int)
+        hidden = self._hidden[frames % len(self._hidden)]
+        return camera.observe(hop.markers, self.sight.floor, hidden, self._noise)
 
 
 # Columns of the stances of a run: true poses, measured poses (NaN if not seen), and
@@ -166,9 +173,8 @@ class WatchedHopper:
 # first). The boom angle is the measured one, or else follows from the commanded swing.
 # The swing is that of the next hop. The board's place is along its direction, NaN
 # without one; `touched` refers to the hop before.
-MEASURED, PREDICTED = (
-    [f"{kind}_{name}" for name in POSE] for kind in ("measured", "predicted")
-)
+MEASURED = [f"measured_{name}" for name in POSE]
+PREDICTED = [f"predicted_{name}" for name in POSE]
 COLUMNS = [
     "time_s",
     *POSE,
@@ -177,8 +183,8 @@ COLUMNS = [
     "swing_rad",
     *PREDICTED,
     "board_m",
+    "touched",
 ]
-COLUMNS += ["touched"]
 
 
 @dataclass(frozen=True)
@@ -208,7 +214,7 @@ class Run:
 
 
 def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
-    """Let a controller steer a hopper from its start until the run is decided or it falls.
+    """Let a controller steer a hopper until the run is decided or it falls.
 
     Parameters
     ----------
@@ -216,11 +222,16 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
     controller : Controller
         Already knows its goal; gets observations only, never the truth.
     """
-    task, board = hopper.task, hopper.board
-    goal, unknown = goal_of(task.manoeuvre, hopper.start.pose), np.full(3, np.nan)
+    task = hopper.task
+    has_board = hopper.board is not None
+    goal = goal_of(task.manoeuvre, hopper.start.pose)
+    unknown = np.full(3, np.nan)
     rows: list[list[float]] = []
     errors: list[float] = []
-    swing, boom, foretold, blind = 0.0, hopper.robot.hopper.boom_angle_rad, unknown, 0
+    swing = 0.0
+    boom = hopper.robot.hopper.boom_angle_rad
+    predicted = unknown
+    blind = 0
     while True:
         stance, seen = hopper.hop(swing)
         if stance.fell:
@@ -229,29 +240,29 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
         if seen is not None and np.isfinite(seen.boom_angle_rad):
             boom = seen.boom_angle_rad
         plan: Plan | None = None
+        previous = swing if rows else None
         with suppress(PlanningError):  # too little was seen: the boom is held still
             if seen is not None:
-                plan = controller.plan(seen.pose, boom, swing if rows else None)
-        swing, blind = (0.0, blind + 1) if plan is None else (plan.swing_rad, blind)
-        place = np.nan if hopper.board is None else hopper.board.place_m
+                plan = controller.plan(seen.pose, boom, previous)
+        if plan is None:
+            swing = 0.0
+            blind += 1
+        else:
+            swing = plan.swing_rad
         measured = unknown if seen is None else seen.pose
-        rows.append(
-            [
-                stance.time_s,
-                *stance.pose,
-                *measured,
-                boom,
-                swing,
-                *foretold,
-                place,
-                stance.touched,
-            ]
-        )
-        foretold = unknown if plan is None else plan.poses[1]
-        errors.append(float(errors_left(goal, stance.pose)))
+        board_m = np.nan if hopper.board is None else hopper.board.place_m
+        row = [stance.time_s, *stance.pose, *measured, boom, swing, *predicted]
+        rows.append([*row, board_m, stance.touched])
+        predicted = unknown if plan is None else plan.poses[1]
+        errors.append(float(goal_errors(goal, stance.pose)))
         if decided(task, errors):
             break
-    made = pd.DataFrame(rows, columns=COLUMNS, dtype=float)
-    touched = board is None or bool(made["touched"].any())
-    outcome = judged(task, errors, fell=stance.fell, touched=touched)
-    return Run(made, blind, errors[-1] if errors else np.nan, outcome, hopper.frames)
+    stances = pd.DataFrame(rows, columns=COLUMNS, dtype=float)
+    touched = not has_board or bool(stances["touched"].any())
+    return Run(
+        stances=stances,
+        blind=blind,
+        last_error=errors[-1] if errors else np.nan,
+        outcome=judged(task, errors, fell=stance.fell, touched=touched),
+        frames=hopper.frames,
+    )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from itertools import chain
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import one_blas_thread, pd
 from hopdata.rigid import composed, inverse
 from hopdata.steering import FLOOR, child
-from hopdata.steering.control.objectives import Controller, errors_left
+from hopdata.steering.control.objectives import Controller, goal_errors
 from hopdata.steering.experiments import run as watched
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import MEASURED, PREDICTED, Run
@@ -48,30 +47,30 @@ def simulated(
     DataFrame
         ``curve`` ("pure"), ``stance, time_s, x_m, y_m, heading_rad``.
     """
-    goal, seen = (
-        tasks.goal_of(task.manoeuvre, start),
-        run.stances.dropna(subset=MEASURED),
-    )
-    pose, boom, hop_s = (
-        np.array(start, dtype=float),
-        np.pi,
-        run.stances["time_s"].diff().mean(),
-    )
+    goal = tasks.goal_of(task.manoeuvre, start)
+    pose = np.array(start, dtype=float)
+    boom = np.pi
+    seen = run.stances.dropna(subset=MEASURED)
     if len(seen):
-        pose, boom = seen[MEASURED].to_numpy()[0], float(seen["boom_angle_rad"].iloc[0])
-    poses, errors, swing = [pose], [float(errors_left(goal, pose))], None
+        pose = seen[MEASURED].to_numpy()[0]
+        boom = float(seen["boom_angle_rad"].iloc[0])
+    poses = [pose]
+    errors = [float(goal_errors(goal, pose))]
+    swing = None
     while not tasks.decided(task, errors):
         plan = controller.plan(pose, boom, swing)
-        pose, swing = plan.poses[1], plan.swing_rad
+        pose = plan.poses[1]
+        swing = plan.swing_rad
         boom += swing
         poses.append(pose)
-        errors.append(float(errors_left(goal, pose)))
+        errors.append(float(goal_errors(goal, pose)))
     stances = np.arange(len(poses))
+    hop_s = run.stances["time_s"].diff().mean()
     table = pd.DataFrame(np.array(poses), columns=POSE)
     return table.assign(curve="pure", stance=stances, time_s=stances * hop_s)
 
 
-FILM_HZ = 10.0
+FILM_HZ = 10.0  # frames of the film
 
 Shown: TypeAlias = tuple[tasks.Start, Run]
 
@@ -80,7 +79,10 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Setting:
-    """An experiment, its options (``steering.experiments``), the robot, and how it is seen."""
+    """An experiment, its options, the robot, and how it is seen.
+
+    The options are the block ``steering.experiments``.
+    """
 
     experiment: str
     options: Mapping[str, Any]
@@ -102,11 +104,12 @@ class Setting:
         manoeuvre, impeded = tasks.EXPERIMENTS[self.experiment]
         if not impeded:
             return None
-        ahead_m = self.options[
-            "board_ahead_m" if manoeuvre == tasks.ORIGIN else "turn_ahead_m"
-        ]
+        key = "board_ahead_m" if manoeuvre == tasks.ORIGIN else "turn_ahead_m"
         return board_for(
-            manoeuvre, start.pose, drag_n=self.options["drag_n"], ahead_m=ahead_m
+            manoeuvre,
+            start.pose,
+            drag_n=self.options["drag_n"],
+            ahead_m=self.options[key],
         )
 
     def run(self, policy: tasks.Policy, start: tasks.Start) -> Run:
@@ -176,22 +179,27 @@ def experiments_of(
     options = steering["experiments"]
     floor = draw_floor(camera.floor, np.random.default_rng(child(seed, FLOOR)))
     sight = watched.Sight(camera, geometry, floor)
-    parts, known = [], dict[str, Mapping[str, tasks.Policy]]()
+    pieces: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
+    # Preparing a policy takes seconds; it serves all experiments of a manoeuvre.
+    prepared: dict[str, Mapping[str, tasks.Policy]] = {}
     for name in names:
         setting = Setting(name, options, robot, sight)
+        manoeuvre = setting.manoeuvre
         starts = tasks.draw_starts(
             name, options["starts"], distance_m=options["distance_m"], seed=seed
         )
-        if setting.manoeuvre not in known:
-            known[setting.manoeuvre] = tasks.policies(
-                controllers, steering["control"], setting.manoeuvre, model=model,
-                truth=truth.average(), swing_limit_rad=robot.swing_limit_rad,
-            )  # fmt: skip
-        parts.append(_tables(setting, known[setting.manoeuvre], starts))
-    return {
-        name: _joined([*chain.from_iterable(pieces)], columns)
-        for (name, columns), *pieces in zip(TABLES.items(), *parts, strict=True)
-    }
+        if manoeuvre not in prepared:
+            prepared[manoeuvre] = tasks.policies(
+                controllers,
+                steering["control"],
+                manoeuvre,
+                model=model,
+                truth=truth.average(),
+                swing_limit_rad=robot.swing_limit_rad,
+            )
+        for table, made in _tables(setting, prepared[manoeuvre], starts).items():
+            pieces[table] += made
+    return {name: _joined(pieces[name], columns) for name, columns in TABLES.items()}
 
 
 # Tables of the experiments and their columns, which a table without rows has too.
@@ -215,35 +223,34 @@ def _joined(pieces: Sequence[pd.DataFrame], columns: Sequence[str]) -> pd.DataFr
     return pd.concat(pieces, ignore_index=True)[list(columns)]
 
 
-FEW = 10  # number of starts for comparing horizons
+#: Most starts for comparing horizons.
+#: Unit: 1. Origin: chosen.
+FEW = 10
 
 
 def horizons_of(
     steering: Mapping[str, Any], motion_capture: Mapping[str, Any], **learned: Any
 ) -> pd.DataFrame:
-    """Run the printed controller to the origin with several horizons, all else being equal.
+    """Run the printed controller to the origin with several horizons.
 
-    For the other parameters see `experiments_of`.
+    All else is equal. For the other parameters see `experiments_of`.
 
     Returns
     -------
     DataFrame
         ``horizon, runs, succeeded`` and ``hops``, the median over the successful runs.
     """
-    few = dict(
-        steering["experiments"], starts=min(FEW, steering["experiments"]["starts"])
-    )
+    experiments = dict(steering["experiments"])
+    experiments["starts"] = min(FEW, experiments["starts"])
     rows = []
-    for hops in steering["experiments"]["horizons"]:
-        asked = {
-            **steering,
-            "control": dict(steering["control"], horizon=hops),
-            "experiments": few,
-        }
-        made = experiments_of(
+    for hops in experiments["horizons"]:
+        asked = dict(steering)
+        asked["control"] = {**steering["control"], "horizon": hops}
+        asked["experiments"] = experiments
+        tables = experiments_of(
             [tasks.ORIGIN], [tasks.PRINTED], asked, motion_capture, **learned
         )
-        runs = made["runs"]
+        runs = tables["runs"]
         good = runs[runs["success"]]
         rows.append((hops, len(runs), len(good), good["hops"].median()))
     return pd.DataFrame(rows, columns=["horizon", "runs", "succeeded", "hops"])
@@ -253,9 +260,9 @@ def _tables(
     setting: Setting,
     policies: Mapping[str, tasks.Policy],
     starts: Sequence[tasks.Start],
-) -> tuple[list[pd.DataFrame], ...]:
+) -> dict[str, list[pd.DataFrame]]:
     """Return the four tables of an experiment, each as a list of pieces."""
-    runs, stances, example, film = [], [], [], []
+    pieces: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
     shown = tasks.shown_of(policies)
     for name, policy in policies.items():
         made = [setting.run(policy, start) for start in starts]
@@ -267,23 +274,30 @@ def _tables(
                 "controller": name,
                 "run": start.number,
             }
-            touched = int(run.stances["touched"].sum())
-            summary = {
-                "stances": len(run.stances),
-                "blind": run.blind,
-                "touched": touched,
-            }
-            row = key | asdict(run.outcome) | summary | {"last_error": run.last_error}
-            runs.append(pd.DataFrame([row]))
-            stances.append(
-                pd.DataFrame({**key, "stance": run.stances.index, **run.stances})
-            )
-        if name == shown:
-            chosen = typical(list(zip(starts, made, strict=True)))
-            if chosen is not None:
-                example.append(_example(setting, name, policy, *chosen))
-                film.append(_film(setting, chosen[1]))
-    return runs, stances, example, film
+            pieces["runs"].append(_outcome_row(key, run))
+            columns = {**key, "stance": run.stances.index, **run.stances}
+            pieces["stances"].append(pd.DataFrame(columns))
+        if name != shown:
+            continue
+        chosen = typical(list(zip(starts, made, strict=True)))
+        if chosen is not None:
+            start, run = chosen
+            pieces["example"].append(_example(setting, name, policy, start, run))
+            pieces["film"].append(_film(setting, run))
+    return pieces
+
+
+def _outcome_row(key: Mapping[str, Any], run: Run) -> pd.DataFrame:
+    """Return the row of a run in the table of runs."""
+    row = {
+        **key,
+        **asdict(run.outcome),
+        "stances": len(run.stances),
+        "blind": run.blind,
+        "touched": int(run.stances["touched"].sum()),
+        "last_error": run.last_error,
+    }
+    return pd.DataFrame([row])
 
 
 def typical(runs: list[Shown]) -> Shown | None:
@@ -292,13 +306,14 @@ def typical(runs: list[Shown]) -> Shown | None:
     If none succeeded, it is the first in which a stance was seen; None if there is none
     either.
     """
-    good = sorted(
-        (one for one in runs if one[1].outcome.success), key=lambda s: s[1].outcome.hops
-    )
+    good = [(start, run) for start, run in runs if run.outcome.success]
     if good:
+        good.sort(key=lambda shown: shown[1].outcome.hops)
         return good[(len(good) - 1) // 2]
-    seen = (one for one in runs if one[1].stances[MEASURED].notna().all(axis=1).any())
-    return next(seen, None)
+    for start, run in runs:
+        if run.stances[MEASURED].notna().all(axis=1).any():
+            return start, run
+    return None
 
 
 def _example(
@@ -309,33 +324,43 @@ def _example(
     run: Run,
 ) -> pd.DataFrame:
     """Return the three curves of a run; turns are in the frame of their start."""
-    task, board = setting.task, setting.board(start)
+    task = setting.task
+    board = setting.board(start)
     alone = simulated(policy(start), task, start.pose, run)
     table = pd.concat([_curves(run), alone], ignore_index=True)
-    into = (np.nan, np.nan) if board is None else board.direction
-    if (
-        setting.manoeuvre == tasks.TURN
-    ):  # from the origin; the board is across the heading
+    is_turn = setting.manoeuvre == tasks.TURN
+    if is_turn:
         table[POSE] = composed(inverse(start.pose), table[POSE].to_numpy())
-        into = into if board is None else (1.0, 0.0)
+    if board is None:
+        direction = (np.nan, np.nan)
+        board_first_m = np.nan
+    else:
+        # The board of a turn is across the initial heading.
+        direction = (1.0, 0.0) if is_turn else board.direction
+        board_first_m = board.place_m
     return table.assign(
-        experiment=setting.experiment, controller=controller, run=start.number,
-        success=run.outcome.success, near=task.near, board_x=into[0], board_y=into[1],
-        board_first_m=np.nan if board is None else board.place_m,
-    )  # fmt: skip
+        experiment=setting.experiment,
+        controller=controller,
+        run=start.number,
+        success=run.outcome.success,
+        near=task.near,
+        board_x=direction[0],
+        board_y=direction[1],
+        board_first_m=board_first_m,
+    )
 
 
 def _film(setting: Setting, run: Run) -> pd.DataFrame:
     """Return a subset of the frames of a run."""
     first_s = run.stances["time_s"].iloc[0]
-    kept = run.frames[:: max(1, round(setting.sight.camera.rate_hz / FILM_HZ))]
-    places = np.array([markers for _, markers in kept])
-    names = [f"body{i + 1}" for i in range(places.shape[1] - 1)] + ["boom"]
-    table = pd.DataFrame(places.reshape(-1, 3), columns=["x_m", "y_m", "z_m"])
+    every = max(1, round(setting.sight.camera.rate_hz / FILM_HZ))
+    kept = run.frames[::every]
+    times = [time for time, _ in kept]
+    positions = np.array([markers for _, markers in kept])
+    names = [f"body{i + 1}" for i in range(positions.shape[1] - 1)] + ["boom"]
+    table = pd.DataFrame(positions.reshape(-1, 3), columns=["x_m", "y_m", "z_m"])
     table.insert(0, "marker", np.tile(names, len(kept)))
-    table.insert(
-        0, "time_s", np.repeat([time for time, _ in kept], len(names)) - first_s
-    )
+    table.insert(0, "time_s", np.repeat(times, len(names)) - first_s)
     return table.assign(experiment=setting.experiment)
 
 
@@ -347,20 +372,20 @@ def _curves(run: Run) -> pd.DataFrame:
         curve = pd.DataFrame({"curve": name, "stance": made.index})
         curve["time_s"] = made["time_s"] - made["time_s"].iloc[0]
         curve[POSE] = made[columns]
-        curves.append(
-            curve.assign(board_m=made["board_m"] if name == "measured" else np.nan)
-        )
+        curve["board_m"] = made["board_m"] if name == "measured" else np.nan
+        curves.append(curve)
     return pd.concat(curves)
 
 
 def board_for(
     manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float
 ) -> Board:
-    """Return the board in the way: across the line to the origin, or across the initial heading.
+    """Return the board in the way of a manoeuvre.
 
-    It is as wide as the floor. A hopper that reaches the origin has therefore pushed
-    it, and so has one that turned round, if the board is no farther than a turn takes
-    the hopper forward.
+    It stands across the line to the origin, or across the initial heading. It is as
+    wide as the floor. A hopper that reaches the origin has therefore pushed it, and so
+    has one that turned round, if the board is no farther than a turn takes the hopper
+    forward.
 
     Parameters
     ----------
@@ -373,8 +398,12 @@ def board_for(
         Distance the hopper travels before it meets the board, m.
     """
     pose = np.asarray(start, dtype=float)
-    way = np.array([np.cos(pose[2]), np.sin(pose[2])])
     if manoeuvre == tasks.ORIGIN:
         way = -pose[:2] / np.hypot(pose[0], pose[1])
-    place = float(pose[:2] @ way) + ahead_m + Board.reach_m
-    return Board(direction=(float(way[0]), float(way[1])), place_m=place, drag_n=drag_n)
+    else:
+        way = np.array([np.cos(pose[2]), np.sin(pose[2])])
+    return Board(
+        direction=(float(way[0]), float(way[1])),
+        place_m=float(pose[:2] @ way) + ahead_m + Board.reach_m,
+        drag_n=drag_n,
+    )

@@ -50,7 +50,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a run: success, number of hops to arrival (-1 if it never arrived), reason."""
+    """Outcome of a run: success, number of hops to arrival (-1 if never), reason."""
 
     success: bool
     hops: int
@@ -64,25 +64,25 @@ UNTOUCHED = "arrived, but never touched the board"
 
 
 def task_of(experiments: Mapping[str, Any], manoeuvre: str) -> Task:
-    """Return the task of a manoeuvre from the configuration's ``steering.experiments``."""
+    """Return the task of a manoeuvre by the block ``steering.experiments``."""
     if manoeuvre == TURN:
-        return Task(
-            manoeuvre=TURN,
-            near=experiments["turned_rad"],
-            hops=experiments["turn_hops"],
-        )
-    return Task(
-        manoeuvre=ORIGIN, near=experiments["arrived_m"], hops=experiments["hops"]
-    )
+        near = experiments["turned_rad"]
+        hops = experiments["turn_hops"]
+    else:
+        near = experiments["arrived_m"]
+        hops = experiments["hops"]
+    return Task(manoeuvre=manoeuvre, near=near, hops=hops)
 
 
 def goal_of(manoeuvre: str, start: ArrayLike) -> objectives.Objective:
-    """Return the controller's objective: the origin, or the heading opposite to the initial one."""
+    """Return the controller's objective.
+
+    It is the origin, or the heading opposite to the initial one.
+    """
     if manoeuvre == ORIGIN:
         return objectives.ToPoint(point_m=(0.0, 0.0))
-    return objectives.ToHeading(
-        heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi))
-    )
+    heading = float(np.asarray(start)[2])
+    return objectives.ToHeading(heading_rad=float(wrapped(heading + np.pi)))
 
 
 def judged(
@@ -102,10 +102,12 @@ def judged(
         Whether the board, if any, was touched: a run that it did not impede does not
         count.
     """
-    near = np.flatnonzero(np.asarray(errors, dtype=float)[: task.hops + 1] <= task.near)
-    if not len(near):
-        return Outcome(False, -1, FELL if fell else LATE)
-    return Outcome(touched, int(near[0]), ARRIVED if touched else UNTOUCHED)
+    in_time = np.asarray(errors, dtype=float)[: task.hops + 1]
+    arrivals = np.flatnonzero(in_time <= task.near)
+    if not len(arrivals):
+        return Outcome(success=False, hops=-1, reason=FELL if fell else LATE)
+    reason = ARRIVED if touched else UNTOUCHED
+    return Outcome(success=touched, hops=int(arrivals[0]), reason=reason)
 
 
 def decided(task: Task, errors: Sequence[float]) -> bool:
@@ -118,7 +120,7 @@ def decided(task: Task, errors: Sequence[float]) -> bool:
 
 @dataclass(frozen=True)
 class Start:
-    """One start: its number, its pose (3,) m, m, rad, and the seed of everything random after it.
+    """One start: its number, its pose (3,) m, m, rad, and the seed of all that follows.
 
     Runs of different controllers from one start have the same kicks and the same noise.
     """
@@ -128,7 +130,10 @@ class Start:
     seed: np.random.SeedSequence
 
     def streams(self) -> list[np.random.Generator]:
-        """Return new generators of kicks, noise, gaps and random swings, the same at every call."""
+        """Return generators of kicks, noise, gaps and random swings.
+
+        They are new, and the same, at every call.
+        """
         return [np.random.default_rng(one) for one in child(self.seed).spawn(4)]
 
 
@@ -149,12 +154,14 @@ def draw_starts(
         Seed of the excitation that the model was learned from.
     """
     manoeuvre, _ = chosen("experiment", experiment, EXPERIMENTS)
-    place, starts = list(EXPERIMENTS).index(experiment), []
+    index = list(EXPERIMENTS).index(experiment)
+    starts = []
     for k in range(number):
-        stream = child(seed, START, place, k)
+        stream = child(seed, START, index, k)
         bearing, heading = np.random.default_rng(stream).uniform(-np.pi, np.pi, 2)
-        x, y = distance_m * np.array([np.cos(bearing), np.sin(bearing)])
-        pose = np.array([x, y, heading] if manoeuvre == ORIGIN else [0.0, 0.0, heading])
+        pose = np.array([0.0, 0.0, heading])
+        if manoeuvre == ORIGIN:
+            pose[:2] = distance_m * np.array([np.cos(bearing), np.sin(bearing)])
         starts.append(Start(k, pose, stream))
     return starts
 
@@ -163,8 +170,12 @@ def draw_starts(
 
 Policy: TypeAlias = Callable[[Start], objectives.Controller]
 
-CONTROLLERS = ("printed", "planner", "adaptive", "random", "none")
-PRINTED, PLANNER, ADAPTIVE, RANDOM, NONE = CONTROLLERS
+PRINTED = "printed"
+PLANNER = "planner"
+ADAPTIVE = "adaptive"
+RANDOM = "random"
+NONE = "none"
+CONTROLLERS = (PRINTED, PLANNER, ADAPTIVE, RANDOM, NONE)
 LEARNED = (PRINTED, PLANNER, ADAPTIVE)  # those that use the learned model
 # The planner that knows the true map: the reference for the number of hops
 CEILING = "ceiling"
@@ -186,7 +197,7 @@ def taking_part(asked: Sequence[str], *, later_observation: bool) -> list[str]:
 
 
 def shown_of(controllers: Collection[str]) -> str | None:
-    """Return the controller whose run is the example; None if none of `SHOWN_FIRST` runs."""
+    """Return the controller whose run is the example; None if none of them runs."""
     return next((name for name in SHOWN_FIRST if name in controllers), None)
 
 
@@ -202,9 +213,8 @@ class Unheeding:
     ) -> objectives.Plan:
         """Return the swing; where it leads is unknown."""
         swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)
-        return objectives.Plan(
-            swing, np.array([pose, [np.nan] * 3], dtype=float), np.nan
-        )
+        poses = np.array([pose, [np.nan] * 3], dtype=float)
+        return objectives.Plan(swing, poses, np.nan)
 
 
 def policies(
@@ -216,7 +226,9 @@ def policies(
     truth: FloatArray,
     swing_limit_rad: float,
 ) -> dict[str, Policy]:
-    """Return functions from a start to a controller, by name; slow computations are done here.
+    """Return functions from a start to a controller, by name.
+
+    Slow computations are done here.
 
     Parameters
     ----------
@@ -240,21 +252,27 @@ def policies(
         return lambda start: controller.towards(goal_of(manoeuvre, start.pose))
 
     def planning(known: TabulatedMap) -> Planner:
-        ahead = replace(horizon, hops=options["planner_horizon"])
-        return planner(known, goal_of(manoeuvre, np.zeros(3)), horizon=ahead)
+        shorter = replace(horizon, hops=options["planner_horizon"])
+        return planner(known, goal_of(manoeuvre, np.zeros(3)), horizon=shorter)
 
     def adaptive() -> Policy:
         known = planning(learned)
-        return lambda start: AdaptivePlanner(
-            known.towards(goal_of(manoeuvre, start.pose)), model.chance
-        )
+
+        def policy(start: Start) -> AdaptivePlanner:
+            towards_goal = known.towards(goal_of(manoeuvre, start.pose))
+            return AdaptivePlanner(towards_goal, model.chance)
+
+        return policy
+
+    def unheeding(limit_rad: float) -> Policy:
+        return lambda start: Unheeding(limit_rad, start.streams()[3])
 
     makers: Mapping[str, Callable[[], Policy]] = {
         PRINTED: lambda: steered(PrintedController(model=learned, horizon=horizon)),
         PLANNER: lambda: steered(planning(learned)),
         ADAPTIVE: adaptive,
-        RANDOM: lambda: lambda start: Unheeding(swing_limit_rad, start.streams()[3]),
-        NONE: lambda: lambda start: Unheeding(0.0, start.streams()[3]),
+        RANDOM: lambda: unheeding(swing_limit_rad),
+        NONE: lambda: unheeding(0.0),
         CEILING: lambda: steered(planning(TabulatedMap(truth, swing_limit_rad))),
     }
     return {name: chosen("controller", name, makers)() for name in names}

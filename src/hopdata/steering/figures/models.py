@@ -1,4 +1,4 @@
-"""Models of the frame change: Figure 3.3, learning curve, smoothness of kernels."""
+"""Models of the frame change: Figure 3.3, learning curve, smoothness of the kernel."""
 
 from typing import Any
 
@@ -19,11 +19,12 @@ COMPONENTS = {
     "dy_mm": ("sideways", "Δy (mm)", True),
     "dtheta_deg": ("turn", "Δθ (degrees)", True),
 }
-
-# Colour maps: of a value, of one about zero, and of a standard deviation.
+# Colour maps of a component, of one that is centred on zero, and of deviations.
 ONE_SIDED = "cividis"
 ABOUT_ZERO = "RdBu_r"
 SPREAD = "Greys"
+# Quantiles of the hops that the colours cover.
+COVERED = [0.02, 0.98]
 
 
 @style.styled
@@ -49,40 +50,55 @@ def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
     panels = figure.subplots(2, len(COMPONENTS), sharex=True, sharey=True)
     bar: Any = {"location": "bottom", "aspect": 25, "pad": 0.03}
-    for column, (name, (title, label, centred)) in zip(
-        panels.T, COMPONENTS.items(), strict=True
-    ):
-        upper, lower = column
-        colours, limits = _colours(maps[name], hops[name], centred)
-        image = _draw(upper, maps, name, colours, limits)
-        upper.scatter(
-            hops["boom_angle_rad"],
-            hops["swing_rad"],
-            c=hops[name],
-            cmap=colours,
-            vmin=limits[0],
-            vmax=limits[1],
-            s=5,
-            linewidths=0.3,
-            edgecolors=style.INK,
-        )
+    for k, (name, (title, label, centred)) in enumerate(COMPONENTS.items()):
+        upper = panels[0, k]
+        image = _draw_component(upper, maps, hops, name, centred=centred)
         upper.set_title(title)
         figure.colorbar(image, ax=upper, label=label, **bar)
-        spread = maps[f"{name}_sd"]
-        image = _draw(lower, maps, f"{name}_sd", SPREAD, (spread.min(), spread.max()))
-        dots: Any = {"color": style.VERMILION, "s": 1.5, "linewidths": 0}
-        lower.scatter(hops["boom_angle_rad"], hops["swing_rad"], **dots)
+        lower = panels[1, k]
+        image = _draw_deviation(lower, maps, hops, f"{name}_sd")
         figure.colorbar(image, ax=lower, label=f"sd of {label}", **bar)
     _axes(panels)
     style.letters(panels.flat)
     return figure
 
 
+def _draw_component(
+    axes: Axes, maps: pd.DataFrame, hops: pd.DataFrame, name: str, *, centred: bool
+) -> Any:
+    """Draw a component of the frame change, with the hops in the same colours."""
+    colours, limits = _colours(maps[name], hops[name], centred)
+    image = _draw_map(axes, maps, name, colours, limits)
+    axes.scatter(
+        hops["boom_angle_rad"],
+        hops["swing_rad"],
+        c=hops[name],
+        cmap=colours,
+        vmin=limits[0],
+        vmax=limits[1],
+        s=5,
+        linewidths=0.3,
+        edgecolors=style.INK,
+    )
+    return image
+
+
+def _draw_deviation(
+    axes: Axes, maps: pd.DataFrame, hops: pd.DataFrame, name: str
+) -> Any:
+    """Draw the standard deviation of a component, and where the hops are."""
+    limits = (maps[name].min(), maps[name].max())
+    image = _draw_map(axes, maps, name, SPREAD, limits)
+    dots: Any = {"color": style.VERMILION, "s": 1.5, "linewidths": 0}
+    axes.scatter(hops["boom_angle_rad"], hops["swing_rad"], **dots)
+    return image
+
+
 def _colours(
     predicted: pd.Series, measured: pd.Series, centred: bool
 ) -> tuple[str, tuple[float, float]]:
-    """Return a colour map, and limits that cover the map and all but extreme hops."""
-    values = np.concatenate([predicted, np.quantile(measured, [0.02, 0.98])])
+    """Return a colour map, and limits that cover the map and nearly all hops."""
+    values = np.concatenate([predicted, np.quantile(measured, COVERED)])
     low = float(values.min())
     high = float(values.max())
     if centred:
@@ -91,12 +107,13 @@ def _colours(
     return ONE_SIDED, (low, high)
 
 
-def _draw(
+def _draw_map(
     axes: Axes, maps: pd.DataFrame, name: str, colours: str, limits: tuple[float, float]
 ) -> Any:
+    """Draw a column of the table over boom angle and swing."""
     wide = maps.pivot_table(index="swing_rad", columns="boom_angle_rad", values=name)
-    left, right = _edges(wide.columns.to_numpy(float))
-    bottom, top = _edges(wide.index.to_numpy(float))
+    angle = wide.columns.to_numpy(float)
+    swing = wide.index.to_numpy(float)
     return axes.imshow(
         wide.to_numpy(float),
         cmap=colours,
@@ -105,7 +122,7 @@ def _draw(
         aspect="auto",
         origin="lower",
         interpolation="bilinear",
-        extent=(left, right, bottom, top),
+        extent=(*_edges(angle), *_edges(swing)),
     )
 
 
@@ -116,6 +133,7 @@ def _edges(nodes: FloatArray) -> tuple[float, float]:
 
 
 def _axes(panels: Any) -> None:
+    """Set ticks and labels, and mark where the turn begins and ends."""
     turns = [-2, -1, 0, 1, 2, 3, 4]
     labels = ["−2π", "", "0", "", "2π", "", "4π"]
     for axes in panels.ravel():
@@ -163,9 +181,8 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
     for axes, (component, label) in zip(panels, PANELS.items(), strict=True):
         _draw_learning_curve(axes, table[table["component"] == component])
         axes.set(title=label, xscale="log", xlabel="hops learned from")
-        axes.xaxis.set_major_locator(
-            ticker.FixedLocator(sorted(table["hops"].unique()))
-        )
+        sizes = sorted(table["hops"].unique())
+        axes.xaxis.set_major_locator(ticker.FixedLocator(sizes))
         style.plain_numbers(axes.xaxis)
     panels[0].set_ylabel("rms error of a hop")
     style.lettered(figure, panels, ncols=4)
@@ -173,6 +190,7 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
 
 
 def _draw_learning_curve(axes: Axes, table: pd.DataFrame) -> None:
+    """Draw the errors of one component."""
     for model, line in LINES.items():
         rows = table[table["model"] == model].sort_values("hops")
         band = (rows["rmse_q05"], rows["rmse_q95"])
@@ -197,8 +215,8 @@ READINGS: dict[str, tuple[str, str, Any, str]] = {
 DATA = {"smooth truth": "analytic, smooth", "hopper": "hopper"}
 COLUMNS = {"dx": "forward", "dy": "sideways", "dtheta": "turn"}
 SMOOTHNESSES = {0.5: "1/2", 1.5: "3/2", 2.5: "5/2", np.inf: "∞"}
-# Lower values are drawn here.
-FLOOR = -0.15
+FLOOR = -0.15  # lower values are drawn here
+SHIFT = 0.05  # offset between readings of one smoothness
 
 
 @style.styled
@@ -229,10 +247,9 @@ def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
             chosen = (table["data"] == data) & (table["component"] == component)
             _draw_smoothness(axes, table[chosen])
         line[0].set_ylabel(f"{DATA[data]}\nR² of other hops")
-    for upper, title in zip(panels[0], COLUMNS.values(), strict=True):
-        upper.set_title(title)
-    for lower in panels[-1]:
-        lower.set_xlabel("smoothness ν of the kernel")
+    for k, title in enumerate(COLUMNS.values()):
+        panels[0, k].set_title(title)
+        panels[-1, k].set_xlabel("smoothness ν of the kernel")
     panels[0, 0].set_xticks(range(len(SMOOTHNESSES)), list(SMOOTHNESSES.values()))
     panels[0, 0].set_yticks([0, 0.25, 0.5, 0.75, 1])
     style.lettered(figure, panels.flat, ncols=3)
@@ -240,16 +257,15 @@ def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
 
 
 def _draw_smoothness(axes: Axes, table: pd.DataFrame) -> None:
-    places = list(SMOOTHNESSES)
-    for shift, (reading, (label, colour, dash, marker)) in enumerate(READINGS.items()):
+    """Draw the readings beside each other, for one component of one data set."""
+    smoothnesses = list(SMOOTHNESSES)
+    for k, (reading, (label, colour, dash, marker)) in enumerate(READINGS.items()):
         rows = table[table["reading"] == reading].sort_values("smoothness")
-        place = np.array([places.index(value) for value in rows["smoothness"]])
-        beside = 0.05 * (shift - 2)
-        error = np.where(rows["r2"] > FLOOR, rows["r2_se"], 0)
+        ticks = np.array([smoothnesses.index(value) for value in rows["smoothness"]])
         axes.errorbar(
-            place + beside,
+            ticks + SHIFT * (k - 2),
             rows["r2"].clip(lower=FLOOR),
-            yerr=error,
+            yerr=np.where(rows["r2"] > FLOOR, rows["r2_se"], 0),
             color=colour,
             linestyle=dash,
             marker=marker,

@@ -14,23 +14,24 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.figures import style
 
-# Size of a picture of the film.
+# The film: its size, speed relative to real time, number of colours, margin about the
+# run, and duration of the last picture.
 WIDTH_MM = 90.0
 HEIGHT_MM = 112.0
 DPI = 110.0
-# Speed of the film relative to real time.
 SPEED = 2.0
-# Number of colours of its palette.
 COLOURS = 48
-# Space around the run.
 MARGIN_M = 0.25
-# Duration of the last picture.
 LAST_S = 1.5
+BOARD = "#8a6d2f"
+BOARD_BEFORE = "#d8c9a8"  # where the board first was
 NO_RUN = "No stance was seen in any run, so there is none to show."
 
 
 def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> None:
-    """Write a film of one run as an animated GIF; without a run, a picture says so.
+    """Write a film of one run as an animated GIF, whole or not at all.
+
+    Without a run, its only picture says so.
 
     Parameters
     ----------
@@ -59,8 +60,7 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
     with style.style_context():
         pictures = _pictures(film, curves[curves["curve"] == "measured"], times)
     each_ms = round(1000 * float(np.diff(times).mean()) / SPEED)
-    last_ms = round(1000 * LAST_S)
-    durations = [each_ms] * (len(pictures) - 1) + [last_ms]
+    durations = [each_ms] * (len(pictures) - 1) + [round(1000 * LAST_S)]
     with whole_file(path) as temporary:
         pictures[0].save(
             temporary,
@@ -94,15 +94,16 @@ def _pictures(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    names = list(film["marker"].unique())
-    places = film[["x_m", "y_m", "z_m"]].to_numpy().reshape(len(times), len(names), 3)
-    figure, moving, reach = _stage(places)
+    n_markers = film["marker"].nunique()
+    coordinates = film[["x_m", "y_m", "z_m"]].to_numpy()
+    positions = coordinates.reshape(len(times), n_markers, 3)
+    figure, moving, reach = _stage(positions)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)  # type: ignore[attr-defined]
     palette: Images.Image | None = None
     pictures = []
-    for time, markers in zip(times, places, strict=True):
+    for time, markers in zip(times, positions, strict=True):
         canvas.restore_region(still)  # type: ignore[attr-defined]
         _move(moving, time, markers, stances, reach)
         for artist in moving.values():
@@ -114,19 +115,22 @@ def _pictures(
     return pictures
 
 
-def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
-    """Return the figure, its moving artists, and half the board's length, m."""
+def _stage(positions: Any) -> tuple[Figure, dict[str, Any], float]:
+    """Return the figure with its static parts, and the moving artists.
+
+    The last value is half the board's length, m.
+    """
     figure = style.paper_figure(WIDTH_MM, HEIGHT_MM)
     figure.set_dpi(DPI)
     above, side = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1))
-    low = np.fmin(np.nanmin(places, axis=(0, 1))[:2], 0) - MARGIN_M
-    high = np.fmax(np.nanmax(places, axis=(0, 1))[:2], 0) + MARGIN_M
+    low = np.fmin(np.nanmin(positions, axis=(0, 1))[:2], 0) - MARGIN_M
+    high = np.fmax(np.nanmax(positions, axis=(0, 1))[:2], 0) + MARGIN_M
     middle = (low + high) / 2
     half = max(high - low) / 2
     left, bottom = middle - half
     right, top = middle + half
     above.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", ylabel="y (m)")
-    highest = 1.1 * float(np.nanmax(places[..., 2]))
+    highest = 1.1 * float(np.nanmax(positions[..., 2]))
     side.set(ylim=(-0.05, highest), xlabel="x (m)", ylabel="height (m)")
     side.axhline(0.0, color=style.INK, linewidth=0.8)
     above.plot(0, 0, marker="*", color=style.VERMILION, mec="white", ms=12)
@@ -134,36 +138,29 @@ def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
 
 
 def _moving(above: Any, side: Any) -> dict[str, Any]:
-    """Return the moving artists, animated: drawn on top of the static picture."""
+    """Return the moving artists, which are drawn on top of the static picture."""
 
-    def line(axes: Any, shape: str, colour: str, **look: Any) -> Any:
-        (artist,) = axes.plot([], [], shape, color=colour, animated=True, **look)
-        return artist
+    def line(axes: Any, kind: str, **look: Any) -> Any:
+        return axes.plot([], [], kind, animated=True, **look)[0]
 
-    board = line(above, "-", BOARD_LAST, lw=3)
-    path = line(above, "o-", style.GREY, ms=2.5, lw=0.9)
-    nowhere = [0, 0, 0]
-    (body,) = above.fill(nowhere, nowhere, color=style.BLUE, alpha=0.75, animated=True)
-    boom = line(above, "o-", style.INK, lw=1.6, ms=5, markevery=[1])
-    time = above.text(
-        0.02, 0.98, "", transform=above.transAxes, va="top", animated=True
-    )
+    body: Any = {"color": style.BLUE, "alpha": 0.75, "animated": True}
+    corner: Any = {"transform": above.transAxes, "va": "top", "animated": True}
+    boom: Any = {"color": style.INK, "markevery": [1]}  # a marker at its end only
     return {
-        "board_line": board,
-        "path": path,
-        "body": body,
-        "boom": boom,
-        "time": time,
-        "side_body": line(side, "o-", style.BLUE, lw=2, ms=3),
-        "side_boom": line(side, "o-", style.INK, lw=1.2, ms=4, markevery=[1]),
+        "board_line": line(above, "-", color=BOARD, lw=3),
+        "path": line(above, "o-", color=style.GREY, ms=2.5, lw=0.9),
+        "body": above.fill([0, 0, 0], [0, 0, 0], **body)[0],
+        "boom": line(above, "o-", lw=1.6, ms=5, **boom),
+        "time": above.text(0.02, 0.98, "", **corner),
+        "side_body": line(side, "o-", color=style.BLUE, lw=2, ms=3),
+        "side_boom": line(side, "o-", lw=1.2, ms=4, **boom),
     }
 
 
 def _board_axes(stances: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
     """Return unit vectors into the board and along it, (2,); NaN without a board."""
-    into = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
-    along = np.array([-into[1], into[0]])
-    return into, along
+    way = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
+    return way, np.array([-way[1], way[0]])
 
 
 def _move(
@@ -185,12 +182,14 @@ def _move(
     moving["time"].set_text(f"hop {max(0, len(past) - 1)}, {max(0.0, time):.1f} s")
     moving["side_body"].set_data(ring[:, 0], ring[:, 2])
     moving["side_boom"].set_data([centre[0], boom[0]], [centre[2], boom[2]])
-    into, along = _board_axes(stances)
-    distance = float(stances["board_first_m"].iloc[0])
-    if not past.empty:
-        distance = past["board_m"].iloc[-1]
-    ends = np.stack([distance * into - reach * along, distance * into + reach * along])
-    moving["board_line"].set_data(ends[:, 0], ends[:, 1])
+    way, across = _board_axes(stances)
+    if past.empty:
+        board_m = float(stances["board_first_m"].iloc[0])
+    else:
+        board_m = past["board_m"].iloc[-1]
+    middle = board_m * way
+    ends = np.stack([middle - reach * across, middle + reach * across])
+    moving["board_line"].set_data(*ends.T)
 
 
 # Success rates, and hops to the goal, of all controllers over the seeds.
@@ -209,10 +208,8 @@ TASKS = {
     "turn": "half turn",
     "turn_board": "half turn,\nboard in the way",
 }
-# Offset between the controllers of one task, in rows.
-APART = 0.17
-# Success that is required of the planner, per cent.
-REQUIRED = 90
+APART = 0.17  # offset between controllers of one task
+MEDIAN: dict[str, Any] = {"mec": "white", "mew": 0.4, "ms": 4.5}  # look of a median
 
 
 @style.styled
@@ -243,30 +240,25 @@ def steering_outcomes_figure(
         return style.message_figure("No run was made.")
     tasks = [task for task in TASKS if task in set(outcomes["experiment"])]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 24.0 + 17.0 * len(tasks))
-    widths = [1.2, 1.2]
-    if not horizons.empty:
-        widths.append(0.8)
+    widths = (1.2, 1.2) if horizons.empty else (1.2, 1.2, 0.8)
     panels = figure.subplots(1, len(widths), width_ratios=widths)
-    rates = panels[0]
-    hops = panels[1]
+    rates, hops = panels[:2]
     hops.sharey(rates)
-    controllers = set(runs["controller"])
-    for number, (name, (label, colour, mark)) in enumerate(LOOKS.items()):
-        beside = APART * (number - (len(LOOKS) - 1) / 2)
+    for k, (name, (label, colour, mark)) in enumerate(LOOKS.items()):
+        offset = APART * (k - (len(LOOKS) - 1) / 2)
         for row, task in enumerate(tasks):
             own = runs[(runs["experiment"] == task) & (runs["controller"] == name)]
             if not own.empty:
-                _draw_rates(rates, own, row + beside, colour, mark)
-                _draw_hops(hops, own, row + beside, colour, mark)
-        if name in controllers:
+                _draw_rates(rates, own, row + offset, colour, mark)
+                _draw_hops(hops, own, row + offset, colour, mark)
+        if name in set(runs["controller"]):
             rates.plot([], [], mark, color=colour, ms=4, label=label)
     rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
-    rates.set(
-        ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103), xlabel="runs that succeeded (%)"
-    )
-    if "planner" in controllers:
+    rates.set(ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103))
+    rates.set_xlabel("runs that succeeded (%)")
+    if "planner" in set(runs["controller"]):
         dashed: Any = {"color": style.INK, "linewidth": 0.6, "linestyle": (0, (4, 2))}
-        rates.axvline(REQUIRED, label="required of the planner", **dashed)
+        rates.axvline(90, label="required of the planner", **dashed)
     hops.set(xlabel="hops to the goal", xlim=(0, None))
     hops.tick_params(labelleft=False)
     for axes in (rates, hops):
@@ -280,28 +272,24 @@ def steering_outcomes_figure(
 
 
 def _draw_rates(
-    axes: Axes, runs: pd.DataFrame, place: float, colour: str, mark: str
+    axes: Axes, runs: pd.DataFrame, row: float, colour: str, mark: str
 ) -> None:
-    """Draw the success rate of each seed, from worst to best, and the median."""
-    rates = 100 * runs.groupby("seed")["success"].mean()
-    axes.plot([rates.min(), rates.max()], [place, place], color=colour, lw=0.9)
-    axes.plot(rates, np.full(len(rates), place), "|", color=colour, ms=4)
-    axes.plot(rates.median(), place, mark, color=colour, **OUTLINED)
+    """Draw the success rates of a controller in a task: each seed, and the median."""
+    shares = 100 * runs.groupby("seed")["success"].mean()
+    axes.plot([shares.min(), shares.max()], [row] * 2, color=colour, lw=0.9)
+    axes.plot(shares, np.full(len(shares), row), "|", color=colour, ms=4)
+    axes.plot(shares.median(), row, mark, color=colour, **MEDIAN)
 
 
 def _draw_hops(
-    axes: Axes, runs: pd.DataFrame, place: float, colour: str, mark: str
+    axes: Axes, runs: pd.DataFrame, row: float, colour: str, mark: str
 ) -> None:
-    """Draw the hops of the successful runs: median, and 5 to 95 %."""
-    hops = runs.loc[runs["success"], "hops"]
-    if hops.empty:
+    """Draw the hops of the successful runs of a controller in a task."""
+    arrived = runs.loc[runs["success"], "hops"]
+    if arrived.empty:
         return
-    axes.plot(hops.quantile([0.05, 0.95]), [place, place], color=colour, lw=0.9)
-    axes.plot(hops.median(), place, mark, color=colour, **OUTLINED)
-
-
-# Look of a median.
-OUTLINED: Any = {"mec": "white", "mew": 0.4, "ms": 4.5}
+    axes.plot(arrived.quantile([0.05, 0.95]), [row] * 2, color=colour, lw=0.9)
+    axes.plot(arrived.median(), row, mark, color=colour, **MEDIAN)
 
 
 def _draw_horizons(axes: Axes, horizons: pd.DataFrame) -> None:
@@ -328,13 +316,8 @@ OVER_TIME = {
     "y": ("y_m", "y (m)", 1.0),
     "h": ("heading_rad", "heading (°)", 180 / np.pi),
 }
-# Length of a line that shows a heading.
-TICK_M = 0.07
-# Drawn length of the board beyond the path on each side.
-BESIDE_M = 0.12
-# Colours of the board at its first and its last place.
-BOARD_FIRST = "#d8c9a8"
-BOARD_LAST = "#8a6d2f"
+TICK_M = 0.07  # length of a line that shows a heading
+BESIDE_M = 0.12  # drawn length of the board beyond the path on each side
 
 
 @style.styled
@@ -368,13 +351,14 @@ def steering_run_figure(
     kinds = [name for name in CURVES if _is_drawn(curves, name)]
     _draw_arena(panels["a"], curves, kinds, turn)
     for panel, (column, label, factor) in OVER_TIME.items():
+        axes = panels[panel]
         for name in kinds:
             curve, *look = CURVES[name]
             rows = curves[curves["curve"] == name]
             values = rows[column] * factor
-            _draw_curve(panels[panel], rows["time_s"], values, look, label=curve)
-        panels[panel].margins(y=0.12)
-        panels[panel].set_ylabel(label)
+            _draw_curve(axes, rows["time_s"], values, look, label=curve)
+        axes.margins(y=0.12)
+        axes.set_ylabel(label)
     _draw_goals(panels, curves, turn)
     panels["h"].set_xlabel("time (s)")
     for above in "xy":
@@ -382,39 +366,36 @@ def steering_run_figure(
         panels[above].tick_params(labelbottom=False)
     figure.align_ylabels([panels[name] for name in "xyh"])
     style.letters(panels[name] for name in "axyh")
-    curve_handles, curve_labels = panels["x"].get_legend_handles_labels()
-    place_handles, place_labels = panels["a"].get_legend_handles_labels()
-    figure.legend(
-        [*reversed(curve_handles), *place_handles],
-        [*reversed(curve_labels), *place_labels],
-        loc="outside upper center",
-        ncols=7,
-    )
+    # The measured curve, which is drawn last, comes first; then what is in the arena.
+    lines, line_names = panels["x"].get_legend_handles_labels()
+    marks, mark_names = panels["a"].get_legend_handles_labels()
+    handles = [*lines[::-1], *marks]
+    names = [*line_names[::-1], *mark_names]
+    figure.legend(handles, names, loc="outside upper center", ncols=7)
     return figure
 
 
 def _is_drawn(curves: pd.DataFrame, name: str) -> bool:
-    """Return whether a curve is drawn: what was measured, and predictions if any."""
+    """Return whether a curve is drawn: the measured one, and what was predicted."""
     if name == "measured":
         return True
-    known = int(curves.loc[curves["curve"] == name, "x_m"].notna().sum())
-    if name == "pure":
-        return known >= 2  # it begins at a stance that was measured
-    return known >= 1
+    n_known = int(curves.loc[curves["curve"] == name, "x_m"].notna().sum())
+    # The pure simulation begins at a stance that was measured.
+    least = 2 if name == "pure" else 1
+    return n_known >= least
 
 
 def _draw_curve(
     axes: Axes, x: pd.Series, y: pd.Series, look: Any, **options: Any
 ) -> None:
+    """Draw a curve in its colour, line style and marker."""
     colour, dash, mark = look
-    size = 3.0
-    if mark == "o":
-        size = 2.2
+    size = 2.2 if mark == "o" else 3
     axes.plot(x, y, color=colour, ls=dash, marker=mark, ms=size, mew=0.7, **options)
 
 
 def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> None:
-    """Draw the goal as a thin line: zero in x and y, or half a turn to that side."""
+    """Draw the goal as a thin line: zero in x and y, or half a turn to one side."""
     if not turn:
         for name in "xy":
             panels[name].axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
@@ -426,6 +407,7 @@ def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> No
 def _draw_arena(
     axes: Axes, curves: pd.DataFrame, kinds: Sequence[str], turn: bool
 ) -> None:
+    """Draw the arena from above: path, headings, board, start and goal."""
     for name in kinds:
         _, *look = CURVES[name]
         rows = curves[curves["curve"] == name]
@@ -434,26 +416,7 @@ def _draw_arena(
     _draw_headings(axes, measured)
     _draw_board(axes, measured)
     if not turn:
-        axes.plot(
-            0,
-            0,
-            "*",
-            color=style.VERMILION,
-            mec="white",
-            mew=0.5,
-            ms=10,
-            zorder=5,
-            label="goal",
-        )
-        angle = np.linspace(0, 2 * np.pi, 73)
-        near = float(curves["near"].iloc[0])
-        axes.plot(
-            near * np.cos(angle),
-            near * np.sin(angle),
-            color=style.GREY,
-            linewidth=0.6,
-            zorder=0,
-        )
+        _draw_origin(axes, float(curves["near"].iloc[0]))
     start = measured.dropna(subset=["x_m"]).iloc[0]
     hollow: Any = {"color": "white", "mec": style.INK, "ms": 5, "mew": 0.9, "zorder": 4}
     axes.plot(start["x_m"], start["y_m"], "o", label="start", **hollow)
@@ -462,41 +425,39 @@ def _draw_arena(
     axes.set(xlabel="x (m)", ylabel="y (m)")
 
 
+def _draw_origin(axes: Axes, near_m: float) -> None:
+    """Draw the goal, and how near it counts as reached."""
+    star: Any = {"color": style.VERMILION, "mec": "white", "mew": 0.5, "ms": 10}
+    axes.plot(0, 0, "*", zorder=5, label="goal", **star)
+    angle = np.linspace(0, 2 * np.pi, 73)
+    x = near_m * np.cos(angle)
+    y = near_m * np.sin(angle)
+    axes.plot(x, y, color=style.GREY, linewidth=0.6, zorder=0)
+
+
 def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
+    """Draw a short line ahead of each stance."""
     x = measured["x_m"].to_numpy()
     y = measured["y_m"].to_numpy()
     heading = measured["heading_rad"].to_numpy()
-    dx = TICK_M * np.cos(heading)
-    dy = TICK_M * np.sin(heading)
-    axes.plot(
-        np.stack([x, x + dx]),
-        np.stack([y, y + dy]),
-        color=style.INK,
-        linewidth=0.5,
-        zorder=1,
-    )
+    x_ends = np.stack([x, x + TICK_M * np.cos(heading)])
+    y_ends = np.stack([y, y + TICK_M * np.sin(heading)])
+    axes.plot(x_ends, y_ends, color=style.INK, linewidth=0.5, zorder=1)
 
 
 def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
-    """Draw the board, as wide as the path: pale at first, dark at last."""
+    """Draw the board, as wide as the path: pale where it was first, dark at last."""
     first_m = measured["board_first_m"].iloc[0]
-    distances_m = measured["board_m"].dropna()
-    if np.isnan(first_m) or distances_m.empty:
+    known_m = measured["board_m"].dropna()
+    if np.isnan(first_m) or known_m.empty:
         return
-    into, along = _board_axes(measured)
-    sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ along
+    way, across = _board_axes(measured)
+    sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
     sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
-    for distance, colour, label in (
-        (float(first_m), BOARD_FIRST, "board, first"),
-        (float(distances_m.iloc[-1]), BOARD_LAST, "board, last"),
+    look: Any = {"linewidth": 3, "solid_capstyle": "butt", "zorder": 0}
+    for board_m, colour, label in (
+        (float(first_m), BOARD_BEFORE, "board, first"),
+        (float(known_m.iloc[-1]), BOARD, "board, last"),
     ):
-        ends = np.stack([distance * into + side * along for side in sides])
-        axes.plot(
-            ends[:, 0],
-            ends[:, 1],
-            label=label,
-            color=colour,
-            linewidth=3,
-            solid_capstyle="butt",
-            zorder=0,
-        )
+        ends = np.stack([board_m * way + side * across for side in sides])
+        axes.plot(ends[:, 0], ends[:, 1], color=colour, label=label, **look)

@@ -1,4 +1,4 @@
-"""A ring buffer of the newest frames: one thread writes, others read without delaying it."""
+"""A ring buffer of the newest frames: one thread writes, others do not delay it."""
 
 import asyncio
 import threading
@@ -62,18 +62,20 @@ class FrameBuffer:
 
     def write(self, frame: Frame) -> None:
         """Add a frame, replacing the oldest one."""
-        markers, index = frame.markers.copy(), self.written
+        markers = frame.markers.copy()
         markers.flags.writeable = False
-        self._slots[index % len(self._slots)] = replace(
-            frame, markers=markers, index=index
-        )
+        index = self.written
+        numbered = replace(frame, markers=markers, index=index)
+        self._slots[index % len(self._slots)] = numbered
         self.written = index + 1
         self.wake()
 
     def newest(self) -> Frame | None:
         """Return the newest frame."""
         written = self.written
-        return self._slots[(written - 1) % len(self._slots)] if written else None
+        if written == 0:
+            return None
+        return self._slots[(written - 1) % len(self._slots)]
 
     def since(self, index: int) -> list[Frame]:
         """Return the frames from `index` on that are still in the buffer, oldest first.
@@ -94,13 +96,19 @@ class FrameBuffer:
         *,
         unless: Callable[[], bool] = lambda: False,
     ) -> bool:
-        """Wait for frame `index` or until `unless` is true; return whether the frame has come."""
+        """Wait for frame `index` or until `unless` is true.
+
+        Return whether the frame has come.
+        """
         with self._news:
             self._news.wait_for(lambda: self.written > index or unless(), timeout_s)
         return self.written > index
 
     def wake(self) -> None:
-        """Make waiting readers check again. The lock is only ever held to check the count."""
+        """Make waiting readers check again.
+
+        The lock is only ever held to check the count.
+        """
         with self._news:
             self._news.notify_all()
 
@@ -131,7 +139,7 @@ class StreamCounts:
 
 @dataclass
 class LoopCounts:
-    """Frames read, frames overwritten before they were read, and frames that raised an error."""
+    """Frames read, overwritten before they were read, and that raised an error."""
 
     frames: int = 0
     overrun: int = 0
@@ -190,7 +198,8 @@ class LoopThread(Worker):
     def __init__(self, name: str, main: Main) -> None:
         super().__init__(name, self._run)
         self.failure: BaseException | None = None
-        self._main, self._begun = main, threading.Event()
+        self._main = main
+        self._begun = threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._task: asyncio.Task[Any] | None = None
 
@@ -207,7 +216,7 @@ class LoopThread(Worker):
                 self._loop.call_soon_threadsafe(function, *arguments)
 
     def close(self) -> None:
-        """Cancel the coroutine and wait for the end of the thread, like `Worker.close`."""
+        """Cancel the coroutine and wait for the thread's end, like `Worker.close`."""
         if self._task is not None:
             self.call(self._task.cancel)
         super().close()
@@ -223,7 +232,8 @@ class LoopThread(Worker):
             self._begun.set()
 
     async def _watched(self) -> None:
-        self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
+        self._loop = asyncio.get_running_loop()
+        self._task = asyncio.current_task()
         self._begun.set()
         await self._main()
 
@@ -270,7 +280,7 @@ class StatusLog:
             self._changed.notify_all()
 
     def wait_for(self, *states: State, timeout_s: float) -> Status | None:
-        """Wait until the state is one of these; return it, or None after the timeout."""
+        """Wait for one of these states; return it, or None after the timeout."""
         with self._changed:
             reached = self._changed.wait_for(
                 lambda: self.status.state in states, timeout_s
@@ -286,11 +296,9 @@ class Stream(LoopThread):
 
     def __init__(self, name: str, main: Main, capacity: int) -> None:
         super().__init__(name, main)
-        self.buffer, self.counts, self.states = (
-            FrameBuffer(capacity),
-            StreamCounts(),
-            StatusLog(),
-        )
+        self.buffer = FrameBuffer(capacity)
+        self.counts = StreamCounts()
+        self.states = StatusLog()
 
     def close(self) -> None:
         """Disconnect, and wait until the thread has ended."""
@@ -300,7 +308,5 @@ class Stream(LoopThread):
 
     def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
         """Wait for the first frame, and return the state reached."""
-        return (
-            self.states.wait_for("streaming", "lost", timeout_s=timeout_s)
-            or self.states.status
-        )
+        reached = self.states.wait_for("streaming", "lost", timeout_s=timeout_s)
+        return reached or self.states.status

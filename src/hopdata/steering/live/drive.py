@@ -1,4 +1,4 @@
-"""Drive a robot: the whole loop of Fig. 3.4, from the cameras to the boom, with its logs."""
+"""Drive a robot: the whole loop of Fig. 3.4, from cameras to boom, with its logs."""
 
 import math
 import signal
@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from types import FrameType
 from typing import Any, Self
 
@@ -20,16 +21,15 @@ from hopdata.steering.live.safety import LAST_REST_S, Boom, Limits, Rest, rest_w
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
 
-LOOK_S = (
-    0.02  # time between calls of `on_look` and checks of `stop`, in the caller's thread
-)
+# Time between calls of `on_look` and checks of `stop`, in the caller's thread.
+LOOK_S = 0.02
 BUFFERED = 4096  # frames
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # used if the operating system has them
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Record of a drive: decisions, states of the stream, rests of the boom, and counters."""
+    """Record of a drive: decisions, states of the stream, rests, and counters."""
 
     decisions: tuple[Decision, ...]
     states: tuple[Status, ...]
@@ -38,7 +38,7 @@ class Drive:
     loop: LoopCounts
 
 
-def drive(
+def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     geometry: HopperGeometry,
     controller: Controller,
     boom: Boom,
@@ -57,7 +57,7 @@ def drive(
     log: DriveLog | None = None,
     rest_without_log: bool = False,
 ) -> Drive:
-    """Plan at each stance of a hopper that a Qualisys system sees, and command its boom.
+    """Plan at each stance of a hopper that cameras see, and command its boom.
 
     Returns when `stop` is set, or after `seconds`. However it ends, the boom is then
     commanded to stay, no thread is left, and the logs are written. This also holds if a
@@ -120,30 +120,20 @@ def drive(
             capacity=BUFFERED,
             patience=patience,
         )
-    said, counted = stream.states, stream.counts
-
-    def fault() -> str:
-        """Return why the boom must rest: the stream was lost after its first frame, or the log."""
-        status = said.status
-        gone = counted.frames and status.state in ("lost", "failed", "closed")
-        if gone:
-            return f"the stream is {status.state}: {status.message}"
-        if rest_without_log and log is not None:
-            return log.failure
-        return ""
-
-    def decided(decision: Decision) -> None:
-        if log is not None:
-            log.decision(decision)
-        if on_decision is not None:
-            on_decision(decision)
-
+    needed_log = log if rest_without_log else None
     loop = ControlLoop(
-        stream.buffer, observers_of(geometry, rate_hz), controller, boom, limits=limits,
-        on_decision=decided, on_frames=None if log is None else log.frames, fault=fault, stop=stop,
-    )  # fmt: skip
+        stream.buffer,
+        observers_of(geometry, rate_hz),
+        controller,
+        boom,
+        limits=limits,
+        on_decision=partial(_decided, log, on_decision),
+        on_frames=None if log is None else log.frames,
+        fault=partial(_fault, stream, needed_log),
+        stop=stop,
+    )
     if log is not None:
-        log.start(lambda: log.events(said.history(), loop.watch.rests))
+        log.start(lambda: log.events(stream.states.history(), loop.watch.rests))
     with _Signals() as signals:
         try:
             with stream, loop, signals.heeded():
@@ -159,19 +149,50 @@ def drive(
         finally:
             rest_within(boom, LAST_REST_S)
             if signals.first is not None:
-                said.report("closed", f"the drive was ended by {signals.first.name}")
+                ended = f"the drive was ended by {signals.first.name}"
+                stream.states.report("closed", ended)
             if log is not None:
-                log.close(time.monotonic(), {"stream": counted, "loop": loop.counts})
+                counts = {"stream": stream.counts, "loop": loop.counts}
+                log.close(time.monotonic(), counts)
     return Drive(
-        loop.decisions(), said.history(), tuple(loop.watch.rests), counted, loop.counts
+        decisions=loop.decisions(),
+        states=stream.states.history(),
+        rests=tuple(loop.watch.rests),
+        stream=stream.counts,
+        loop=loop.counts,
     )
 
 
-class _Signals:
-    """Holds back signals that would end the process until the boom rests and the logs are written.
+def _fault(stream: Stream, needed_log: DriveLog | None) -> str:
+    """Return why the boom must rest, or an empty string.
 
-    The first signal is raised as `SystemExit`: within `heeded` at once, otherwise at
-    the end.
+    The stream was lost after its first frame, or a log that is needed has failed.
+    """
+    status = stream.states.status
+    if stream.counts.frames and status.state in ("lost", "failed", "closed"):
+        return f"the stream is {status.state}: {status.message}"
+    if needed_log is not None:
+        return needed_log.failure
+    return ""
+
+
+def _decided(
+    log: DriveLog | None,
+    on_decision: Callable[[Decision], None] | None,
+    decision: Decision,
+) -> None:
+    """Pass a decision on to the log and to the caller."""
+    if log is not None:
+        log.decision(decision)
+    if on_decision is not None:
+        on_decision(decision)
+
+
+class _Signals:
+    """Holds back signals that would end the process.
+
+    They wait until the boom rests and the logs are written. The first signal is raised
+    as `SystemExit`: within `heeded` at once, otherwise at the end.
     """
 
     def __init__(self) -> None:
@@ -181,9 +202,9 @@ class _Signals:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():  # others may set none
-            for number in (
-                getattr(signal, name) for name in SIGNALS if hasattr(signal, name)
-            ):
+            known = [name for name in SIGNALS if hasattr(signal, name)]
+            for name in known:
+                number = getattr(signal, name)
                 before = signal.getsignal(number)
                 if before in (signal.SIG_DFL, signal.default_int_handler):
                     self._before[number] = signal.signal(number, self._note)
@@ -216,18 +237,21 @@ class _Signals:
 def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -> None:
     """Refuse at once any parts with which every hop would be held."""
     if geometry.boom_name is None or geometry.circle is None:
-        how = "calibrate with a recording that has a marker with the role boom (markers.boom)"
-        raise ConfigError.at("geometry", "a boom and its circle", f"none; {how}")
-    for name, part, method in (
-        ("controller", controller, "plan"),
-        ("boom", boom, "swing"),
-    ):
-        if isinstance(part, type) or not callable(getattr(part, method, None)):
-            kind = (
-                f"the class {part.__name__}"
-                if isinstance(part, type)
-                else type(part).__name__
-            )
-            raise ConfigError(
-                f"{name}: expected an object with the method {method}, found {kind}"
-            )
+        found = (
+            "none; calibrate with a recording that has a marker with the role boom "
+            "(markers.boom)"
+        )
+        raise ConfigError.at("geometry", "a boom and its circle", found)
+    _check_method("controller", controller, "plan")
+    _check_method("boom", boom, "swing")
+
+
+def _check_method(name: str, part: object, method: str) -> None:
+    """Refuse a part without this method; a class is not an object with it."""
+    if isinstance(part, type):
+        kind = f"the class {part.__name__}"
+    elif callable(getattr(part, method, None)):
+        return
+    else:
+        kind = type(part).__name__
+    raise ConfigError.at(name, f"an object with the method {method}", kind)

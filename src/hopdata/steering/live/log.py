@@ -1,4 +1,4 @@
-"""Log of a drive: an HDF5 file that is written during the drive, read back, and replayed.
+"""Log of a drive: an HDF5 file, written during the drive, read back and replayed.
 
 Others may read the file while it is written (HDF5's SWMR), and if the process dies,
 only the last moment is lost. `frames` are those that the loop took, in order, with the
@@ -11,6 +11,7 @@ from __future__ import annotations
 import errno
 import json
 import logging
+import math
 import os
 import shutil
 import threading
@@ -33,8 +34,9 @@ FORMAT = "hopdata drive 1"
 WRITE_S = 0.25  # time between writes
 # Rows for which the file grows at once: some seconds of frames and of stances.
 CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
-#: Bytes kept free for the file's own indices. Of 75 logs that met limits of 60 kB to 3
-#: MB none was damaged with this, with half of it, or with none.
+#: Bytes kept free for the file's own indices.
+#: Unit: bytes. Origin: chosen. Of 75 logs that met limits of 60 kB to 3 MB none was
+#: damaged with this, with half of it, or with none.
 MARGIN_BYTES = 1 << 14
 EVENT = np.dtype([("at_s", "f8"), ("sent_s", "f8"), ("kind", "S16"), ("text", "S200")])
 KINDS: dict[str, Any] = {
@@ -44,6 +46,23 @@ KINDS: dict[str, Any] = {
     "reason": "S200",
 }
 DECISION = np.dtype([(one.name, KINDS.get(one.name, "f8")) for one in fields(Decision)])
+COUNT = np.dtype([("at_s", "f8"), ("count", "S40"), ("value", "i8")])
+
+
+def _frame_type(n_markers: int) -> np.dtype[Any]:
+    """Return the type of a row of the table of frames."""
+    return np.dtype(
+        [
+            ("taken", "i8"),
+            ("epoch", "i8"),
+            ("number", "i8"),
+            ("time_s", "f8"),
+            ("arrival_s", "f8"),
+            ("captured_s", "f8"),
+            ("markers", "f8", (n_markers, 3)),
+        ]
+    )
+
 
 logger = logging.getLogger(__name__)
 
@@ -99,14 +118,13 @@ class DriveLog:
         kept = self._file.create_group("files")
         for name, content in files.items():
             kept[name] = np.frombuffer(content, dtype=np.uint8)
-        numbers = [(name, "i8") for name in ("taken", "epoch", "number")]
-        times = [(name, "f8") for name in ("time_s", "arrival_s", "captured_s")]
         types = {
-            "frames": np.dtype([*numbers, *times, ("markers", "f8", (markers, 3))]),
+            "frames": _frame_type(markers),
             "decisions": DECISION,
             "events": EVENT,
-            "counts": np.dtype([("at_s", "f8"), ("count", "S40"), ("value", "i8")]),
+            "counts": COUNT,
         }
+        # Rows of each table that have not been written yet.
         self._waiting: dict[str, list[tuple[Any, ...]]] = {name: [] for name in types}
         for name, dtype in types.items():
             chunks = (CHUNKS[name],)
@@ -114,7 +132,8 @@ class DriveLog:
                 name, (0,), dtype, maxshape=(None,), chunks=chunks
             )
         self._file.swmr_mode = True
-        self._taken, self._told = 0, {"states": 0, "rests": 0}
+        self._taken = 0  # batches
+        self._told = {"states": 0, "rests": 0}  # stored as events
         self._look: Callable[[], None] = lambda: None
         self._stop = threading.Event()
         self._thread = threading.Thread(
@@ -123,31 +142,34 @@ class DriveLog:
 
     def frames(self, frames: Sequence[Frame]) -> None:
         """Store a batch of frames that the loop has taken."""
-        for f in frames:
+        for frame in frames:
             row = (
                 self._taken,
-                f.epoch,
-                f.number,
-                f.time_s,
-                f.arrival_s,
-                f.captured_s,
-                f.markers,
+                frame.epoch,
+                frame.number,
+                frame.time_s,
+                frame.arrival_s,
+                frame.captured_s,
+                frame.markers,
             )
             self._waiting["frames"].append(row)
         self._taken += 1
 
     def decision(self, decision: Decision) -> None:
         """Store a decision."""
-        self._waiting["decisions"].append(tuple(map(_stored, vars(decision).values())))
+        row = tuple(_stored(value) for value in vars(decision).values())
+        self._waiting["decisions"].append(row)
 
     def events(self, states: Sequence[Status], rests: Sequence[Rest]) -> None:
         """Store the new ones among all states and rests so far."""
-        waiting, told = self._waiting["events"], self._told
-        for s in states[told["states"] :]:
-            waiting.append((s.at_s, np.nan, s.state.encode(), _stored(s.message)))
-        for r in rests[told["rests"] :]:
-            waiting.append((r.seen_s, r.sent_s, b"rest", _stored(r.cause)))
-        told.update(states=len(states), rests=len(rests))
+        waiting = self._waiting["events"]
+        for status in states[self._told["states"] :]:
+            text = _stored(status.message)
+            waiting.append((status.at_s, np.nan, status.state.encode(), text))
+        for rest in rests[self._told["rests"] :]:
+            waiting.append((rest.seen_s, rest.sent_s, b"rest", _stored(rest.cause)))
+        self._told["states"] = len(states)
+        self._told["rests"] = len(rests)
 
     def start(self, look: Callable[[], None]) -> Self:
         """Start writing; `look` is called before each write, to fetch events."""
@@ -175,18 +197,16 @@ class DriveLog:
             self._look()
         except Exception as error:
             logger.error("the events of the drive could not be fetched: %r", error)
-        if (
-            self.failure
-        ):  # nothing is kept for a disk that is full: the drive may go on for hours
+        if self.failure:
+            # Nothing is kept for a disk that is full: the drive may go on for hours.
             for rows in self._waiting.values():
                 rows.clear()
             return
         try:
             for name, rows in self._waiting.items():
                 self._append(name, rows, len(rows))  # more may be added meanwhile
-        except (
-            Exception
-        ) as error:  # a full disk is no reason to stop a robot in mid-air
+        except Exception as error:
+            # A full disk is no reason to stop a robot in mid-air.
             self.failure = f"the log could not be written any more: {error}"
             logger.error("%s; %s keeps what it has", self.failure, self._path)
 
@@ -196,10 +216,12 @@ class DriveLog:
             return
         table = self._file[name]
         n_before = len(table)
+        n_after = n_before + count
         (chunk,) = table.chunks
-        n_chunks = -(-(n_before + count) // chunk) - -(-n_before // chunk)
-        _reserve(self._path, n_chunks * chunk * table.dtype.itemsize + MARGIN_BYTES)
-        table.resize(n_before + count, axis=0)
+        n_new_chunks = math.ceil(n_after / chunk) - math.ceil(n_before / chunk)
+        n_bytes = n_new_chunks * chunk * table.dtype.itemsize
+        _reserve(self._path, n_bytes + MARGIN_BYTES)
+        table.resize(n_after, axis=0)
         table[-count:] = np.array(rows[:count], dtype=table.dtype)
         del rows[:count]
         table.flush()
@@ -260,11 +282,14 @@ def read_log(path: str | Path) -> LoggedDrive:
         with h5py.File(path, "r", libver="latest", swmr=True, locking=False) as file:
             if file.attrs["format"] != FORMAT:
                 raise ValueError
+            kept = {name: one[:].tobytes() for name, one in file["files"].items()}
             return LoggedDrive(
-                json.loads(file.attrs["setup"]),
-                {name: one[:].tobytes() for name, one in file["files"].items()},
-                file["frames"][:],
-                *(_table(file[name][:]) for name in ("decisions", "events", "counts")),
+                setup=json.loads(file.attrs["setup"]),
+                files=kept,
+                frames=file["frames"][:],
+                decisions=_table(file["decisions"][:]),
+                events=_table(file["events"][:]),
+                counts=_table(file["counts"][:]),
             )
     except (OSError, KeyError, ValueError):
         found = "another file, or a damaged one" if Path(path).exists() else "no file"
@@ -272,14 +297,13 @@ def read_log(path: str | Path) -> LoggedDrive:
 
 
 def _table(rows: NDArray[Any]) -> pd.DataFrame:
-    names = rows.dtype.names or ()
-    texts = {name for name in names if rows.dtype[name].kind == "S"}
-    return pd.DataFrame(
-        {
-            n: [v.decode() for v in rows[n]] if n in texts else list(rows[n])
-            for n in names
-        }
-    )
+    """Return the rows as a table, with decoded texts."""
+    columns: dict[str, list[Any]] = {}
+    for name in rows.dtype.names or ():
+        columns[name] = list(rows[name])
+        if rows.dtype[name].kind == "S":
+            columns[name] = [text.decode() for text in rows[name]]
+    return pd.DataFrame(columns)
 
 
 # Replay of a log in the loop.
@@ -292,7 +316,7 @@ def replay(
     *,
     limits: Limits | None = None,
 ) -> pd.DataFrame:
-    """Replay the frames of a log in a loop, in the original batches and at the original times.
+    """Replay the frames of a log in a loop, in their batches and at their times.
 
     Nothing is sent. The controller is called wherever it was called in the drive, so a
     learning controller learns the same again.
@@ -304,35 +328,65 @@ def replay(
         drive and now (``then_rad, now_rad``), and ``same``, whether inputs and swing
         are identical to the bit.
     """
-    then: dict[tuple[int, float], Any] = {
-        (row["epoch"], row["told_s"]): row for row in log.decisions.to_dict("records")
-    }
-    groups = np.split(log.frames, np.flatnonzero(np.diff(log.frames["taken"])) + 1)
-    buffer = FrameBuffer(max(map(len, groups), default=1) or 1)
-    now, not_asked, rows = [0.0], [""], list[tuple[Any, ...]]()
+    decided: dict[tuple[int, float], Any] = {}
+    for row in log.decisions.to_dict("records"):
+        decided[row["epoch"], row["told_s"]] = row
+    batches: list[NDArray[Any]] = []
+    if len(log.frames):
+        begins = np.flatnonzero(np.diff(log.frames["taken"])) + 1
+        batches = np.split(log.frames, begins)
+    buffer = FrameBuffer(max(map(len, batches), default=1))
+    drive = _Replayed()
+    rows: list[tuple[float, float, float, bool]] = []
 
     def compare(made: Decision) -> None:
-        before = then.get((made.epoch, made.told_s))
+        before = decided.get((made.epoch, made.told_s))
         if before is None or not np.isfinite(before["planning_s"]):
             return
-        names = ("pose", "boom_angle_rad", "swung_rad", "planned_rad")
-        bits = [np.hstack([np.asarray(of[n], dtype=float) for n in names]).tobytes()
-                for of in (before, vars(made))]  # fmt: skip
-        rows.append(
-            (made.told_s, before["planned_rad"], made.planned_rad, bits[0] == bits[1])
-        )
+        is_same = _bits(before) == _bits(vars(made))
+        rows.append((made.told_s, before["planned_rad"], made.planned_rad, is_same))
 
     loop = ControlLoop(
-        buffer, observers, controller, NoBoom(), limits=limits, on_decision=compare,
-        fault=lambda: not_asked[0], clock=lambda: now[0],
-    )  # fmt: skip
-    for group in groups if len(log.frames) else []:
-        frames = [Frame(*row.item()[1:]) for row in group]
-        made = [then[key] for f in frames if (key := (f.epoch, f.time_s)) in then]
-        now[0] = made[-1]["asked_s"] if made else frames[-1].arrival_s
-        asked = not made or np.isfinite(made[-1]["planning_s"])
-        not_asked[0] = "" if asked else made[-1]["reason"]
+        buffer,
+        observers,
+        controller,
+        NoBoom(),
+        limits=limits,
+        on_decision=compare,
+        fault=lambda: drive.fault,
+        clock=lambda: drive.now_s,
+    )
+    for batch in batches:
+        frames = [Frame(*row.item()[1:]) for row in batch]
+        keys = [(frame.epoch, frame.time_s) for frame in frames]
+        drive.go_to([decided[key] for key in keys if key in decided], frames[-1])
         for frame in frames:
             buffer.write(frame)
         loop.take(frames)
     return pd.DataFrame(rows, columns=["told_s", "then_rad", "now_rad", "same"])
+
+
+@dataclass
+class _Replayed:
+    """The clock of a drive that is replayed, and why its controller was not called."""
+
+    now_s: float = 0.0
+    fault: str = ""
+
+    def go_to(self, decisions: Sequence[Mapping[str, Any]], last: Frame) -> None:
+        """Set both for a batch: as at its last decision, if there is one."""
+        if not decisions:
+            self.now_s = last.arrival_s
+            self.fault = ""
+            return
+        decision = decisions[-1]
+        self.now_s = decision["asked_s"]
+        was_called = np.isfinite(decision["planning_s"])
+        self.fault = "" if was_called else decision["reason"]
+
+
+def _bits(decision: Mapping[str, Any]) -> bytes:
+    """Return what a plan depends on, and the plan, bit by bit."""
+    names = ("pose", "boom_angle_rad", "swung_rad", "planned_rad")
+    numbers = [np.asarray(decision[name], dtype=float) for name in names]
+    return np.hstack(numbers).tobytes()

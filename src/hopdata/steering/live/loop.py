@@ -1,7 +1,8 @@
-"""The control loop: a thread that plans at each stance and commands the boom (Fig. 3.4).
+"""The control loop: a thread that plans at each stance and commands the boom.
 
-No event ends the loop: if the controller fails, a pose is too old or a plan is late, it
-sends the safe command, which leaves the boom where it is, and logs the reason.
+This is Fig. 3.4. No event ends the loop: if the controller fails, a pose is too old or
+a plan is late, it sends the safe command, which leaves the boom where it is, and logs
+the reason.
 """
 
 from __future__ import annotations
@@ -91,7 +92,10 @@ Observers: TypeAlias = Callable[[], tuple[HopperTracker, StanceDetector]]
 
 
 def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
-    """Return a maker of tracker and stance detector; the boom marker comes after the body's."""
+    """Return a maker of tracker and stance detector.
+
+    The boom marker comes after the body's.
+    """
     names = (*geometry.body_names, str(geometry.boom_name))
     return lambda: (
         HopperTracker(geometry, names),
@@ -99,14 +103,25 @@ def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
     )
 
 
-LOOK_UP_S = 0.5
+LOOK_UP_S = 0.5  # longest wait for a frame before the loop looks whether it is to end
+#: Largest difference between the camera's and our time between two frames for the
+#: camera's clock to have gone on over a lost connection.
+#: Unit: s. Origin: chosen.
 SAME_CLOCK_S = 0.5
-MISFITS = 3  # consecutive frames whose markers do not fit together: some are swapped
-# Measured swings are compared with those sent. Cameras of 0.6 mm see the angle of a
-# boom of 0.25 m to some 5 mrad, a tenth of what counts. A boom that is wired backwards,
-# dead or at half gain is off by 2, 1 and 0.5 of its command.
-LEAST_SWING_RAD = 0.05  # differences below this are not seen
-SWING_SHARE = 0.3  # largest difference, as a share of the swing that was sent
+#: Consecutive frames whose markers do not fit together, after which some are swapped.
+#: Unit: 1. Origin: chosen.
+MISFITS = 3
+#: Differences between the swings sent and measured below this are not seen.
+#: Unit: rad. Origin: derived: cameras of 0.6 mm see the angle of a boom of 0.25 m to
+#: some 5 mrad, a tenth of it.
+LEAST_SWING_RAD = 0.05
+#: Largest difference from the swing that was sent, as a share of it.
+#: Unit: 1. Origin: derived: a boom that is wired backwards, dead or at half gain is off
+#: by 2, 1 and 0.5 of its command.
+SWING_SHARE = 0.3
+#: Share of its swings below which a boom counts as not moving.
+#: Unit: 1. Origin: chosen.
+LEAST_GAIN = 0.15
 
 
 class ControlLoop(Worker):
@@ -138,7 +153,7 @@ class ControlLoop(Worker):
         call `take` and `watch.look` instead of starting the threads.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - its parts, and what may listen to it, by name
         self,
         buffer: FrameBuffer,
         observers: Observers,
@@ -153,45 +168,43 @@ class ControlLoop(Worker):
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__("hopdata-control", self._run)
-        self.limits, self.counts = limits or Limits(), LoopCounts()
+        self.limits = limits or Limits()
+        self.counts = LoopCounts()
         self.last_failure = ""
         self.watch = Watch(boom, self._cause, clock, patience_s=self.limits.command_s)
         self._clock = clock
-        self._fault, self._told_to_stop = fault, stop or threading.Event()
-        self._over = self._failing = (
-            ""  # why the drive is over; why the last frame is unusable
-        )
-        self._misfits, self._due_s = (
-            0,
-            math.inf,
-        )  # when a plan is too late, monotonic clock
-        self._buffer, self._observers = buffer, observers
-        self._controller, self._on_decision, self._on_frames = (
-            controller,
-            on_decision,
-            on_frames,
-        )
+        self._fault = fault
+        self._told_to_stop = stop or threading.Event()
+        self._buffer = buffer
+        self._observers = observers
+        self._controller = controller
+        self._on_decision = on_decision
+        self._on_frames = on_frames
         self._tracker, self._detector = observers()
         self._decisions: list[Decision] = []
+        # Why the drive is over; why the last frame is unusable; what the boom raised
+        # at the last stance.
+        self._over = ""
+        self._failing = ""
+        self._boom_failure = ""
+        # Consecutive misfits, and the time at which a plan is too late, monotonic.
+        self._misfits = 0
+        self._due_s = math.inf
+        # The last frame, and the newest measurements up to it.
         self._last: Frame | None = None
-        self._pose, self._boom_angle = _Newest(), _Newest()
-        self._last_stance: tuple[float, float] | None = (
-            None  # monotonic time, and boom angle
-        )
-        self._lacking: dict[
-            str, float
-        ] = {}  # what frames lack -> capture time of the first, s
-        self._sent_rad = (
-            math.nan
-        )  # swing sent at the last stance; NaN if it is not certain
-        self._rests_then = 0  # rests up to that stance
-        self._boom_failure = ""  # what the boom raised at the last stance
-        self._wrong: list[
-            tuple[float, float]
-        ] = []  # swings sent and measured that differ
-        self._is_sending = not isinstance(
-            boom, NoBoom
-        )  # else no boom can be expected to follow
+        self._pose = _Newest()
+        self._boom_angle = _Newest()
+        # Since when frames lack a marker: capture time of the first, s.
+        self._lacking: dict[str, float] = {}
+        # Monotonic time of the last stance, and its boom angle.
+        self._last_stance: tuple[float, float] | None = None
+        # The swing sent at it, NaN if that is not certain, and the rests up to it.
+        self._sent_rad = math.nan
+        self._rests_then = 0
+        # Swings sent and measured, one after the other, that differ.
+        self._wrong: list[tuple[float, float]] = []
+        # A boom that gets nothing cannot be expected to follow.
+        self._is_sending = not isinstance(boom, NoBoom)
 
     def start(self) -> Self:
         """Start the thread."""
@@ -223,36 +236,39 @@ class ControlLoop(Worker):
 
     def _cause(self) -> str:
         """Return why the boom must rest now, or an empty string."""
-        newest, now, limit = (
-            self._buffer.newest(),
-            self._clock(),
-            self.limits.pose_age_s,
-        )
-        silent_s = -math.inf if newest is None else now - newest.captured_s
-        if self._over or self._failing:
-            return self._over or self._failing
+        newest = self._buffer.newest()
+        now = self._clock()
+        if self._over:
+            return self._over
+        if self._failing:
+            return self._failing
         if self._misfits >= MISFITS:
             return "the markers do not fit together: exchanged?"
-        if silent_s > limit:
-            return f"no frame for {silent_s:.3f} s, beyond {limit:g} s"
-        if lacking := self._lacking_too_long():
+        if newest is not None:
+            limit = self.limits.pose_age_s
+            silent_s = now - newest.captured_s
+            if silent_s > limit:
+                return f"no frame for {silent_s:.3f} s, beyond {limit:g} s"
+        lacking = self._lacking_too_long()
+        if lacking:
             return lacking
         if now > self._due_s:
-            return f"planned too late: no plan {self.limits.command_s:g} s after the stance"
-        return self._boom_failure or self._fault()
+            most_s = self.limits.command_s
+            return f"planned too late: no plan {most_s:g} s after the stance"
+        if self._boom_failure:
+            return self._boom_failure
+        return self._fault()
 
     def _lacking_too_long(self) -> str:
-        """Return which markers that are needed have not been seen for `Limits.pose_age_s`."""
+        """Return which needed markers have not been seen for `Limits.pose_age_s`."""
         last = self._last
         if last is None:
             return ""
-        ages = {
-            what: last.captured_s - since
-            for what, since in self._lacking.copy().items()
-        }
-        too_long = {
-            what: age for what, age in ages.items() if age > self.limits.pose_age_s
-        }
+        too_long = {}
+        for what, since_s in self._lacking.copy().items():
+            age = last.captured_s - since_s
+            if age > self.limits.pose_age_s:
+                too_long[what] = age
         if not too_long:
             return ""
         return f"{'; '.join(too_long)} (for {max(too_long.values()):.2f} s)"
@@ -277,13 +293,14 @@ class ControlLoop(Worker):
         """Process frames, and plan at the last stance among them."""
         if self._on_frames is not None:
             self._on_frames(frames)
-        told = [
-            (s, f, self._pose, self._boom_angle)
-            for f in frames
-            if (s := self._observed(f))
-        ]
-        for k, seen in enumerate(told):
-            self._decide(*seen, overtaken=k + 1 < len(told))
+        told = []
+        for frame in frames:
+            stance = self._observed(frame)
+            if stance is not None:
+                # Later frames of the batch must not change what was known then.
+                told.append(_Told(stance, frame, self._pose, self._boom_angle))
+        for k, one in enumerate(told):
+            self._decide(one, overtaken=k + 1 < len(told))
 
     def _observed(self, frame: Frame) -> Stance | None:
         """Process a frame, and return the stance it reveals, if any."""
@@ -308,68 +325,84 @@ class ControlLoop(Worker):
             return None
 
     def _heed(self, seen: Observation) -> None:
-        """Check whether the hopper left the arena or tips over, and whether markers are misfits."""
+        """Check whether the hopper left the arena or tips over; note what lacks."""
         self._misfits = self._misfits + 1 if seen.status == MISFIT else 0
-        since_s = self._lacking
         captured_s = self._last.captured_s if self._last is not None else math.nan
-        self._lacking = {what: since_s.get(what, captured_s) for what in seen.lacking}
-        away, limits = math.hypot(*seen.pose[:2]), self.limits
-        if away > limits.fence_m:
-            self.rest(
-                f"left the arena: {away:.2f} m from the origin, beyond {limits.fence_m:g} m"
-            )
-        if seen.rotation[2, 2] < math.cos(limits.tilt_rad):
-            tilt = math.degrees(math.acos(max(-1.0, seen.rotation[2, 2])))
+        before = self._lacking
+        self._lacking = {what: before.get(what, captured_s) for what in seen.lacking}
+        away_m = math.hypot(*seen.pose[:2])
+        fence_m = self.limits.fence_m
+        if away_m > fence_m:
+            where = f"{away_m:.2f} m from the origin, beyond {fence_m:g} m"
+            self.rest(f"left the arena: {where}")
+        upright = seen.rotation[2, 2]  # cosine of the tilt
+        if upright < math.cos(self.limits.tilt_rad):
+            tilt = math.degrees(math.acos(max(-1.0, upright)))
             self.rest(f"tips over: leans by {tilt:.0f} degrees")
 
-    def _decide(
-        self,
-        stance: Stance,
-        frame: Frame,
-        pose: _Newest,
-        boom: _Newest,
-        *,
-        overtaken: bool,
-    ) -> None:
+    def _decide(self, told: _Told, *, overtaken: bool) -> None:
+        """Decide at a stance, send the command, and log both."""
         self._boom_failure = ""  # it is tried again
         self.watch.look()  # an earlier cause may be gone
-        stance_s = frame.captured_s - (
-            frame.time_s - stance.time_s
-        )  # on the monotonic clock
+        pose = told.pose
+        boom = told.boom
+        stance_s = told.stance_s
         asked_s = self._clock()
-        ages = (asked_s - pose.captured_s, asked_s - boom.captured_s)
-        in_date = ages[1] <= self.limits.pose_age_s
-        swung = self._swung(stance_s, boom.values[0] if in_date else math.nan)
+        pose_age_s = asked_s - pose.captured_s
+        boom_age_s = asked_s - boom.captured_s
+        boom_angle_rad = math.nan
+        if boom_age_s <= self.limits.pose_age_s:
+            boom_angle_rad = boom.values[0]
+        swung = self._swung(stance_s, boom_angle_rad)
         self._compare(swung)
-        planned, planning_s = math.nan, math.nan
-        outcome, reason = self._refusal(*ages, asked_s - stance_s, overtaken=overtaken)
+        planned = math.nan
+        planning_s = math.nan
+        outcome, reason = self._refusal(
+            pose_age_s, boom_age_s, asked_s - stance_s, overtaken=overtaken
+        )
         command = math.nan if outcome == "overtaken" else 0.0
         if outcome == "planned":
-            planned, reason = self._plan(pose, boom, swung, stance_s)
+            planned, failure = self._plan(pose, boom, swung, stance_s)
             planning_s = self._clock() - asked_s
-            outcome, command, reason = self._permitted(planned, reason, stance_s)
-        self._sent_rad, self._rests_then = math.nan, len(self.watch.rests)
+            outcome, command, reason = self._permitted(planned, failure, stance_s)
+        self._sent_rad = math.nan
+        self._rests_then = len(self.watch.rests)
         if outcome != "overtaken":
-            try:
-                refused = self.watch.swing(command)
-                self._sent_rad = math.nan if refused else command
-            except Exception as error:
-                refused, reason = "", f"the boom failed: {error!r}"
-                self._boom_failure = reason  # it may have begun to move
-            if refused:
-                outcome, command, reason = "held", 0.0, refused
+            outcome, command, reason = self._sent(outcome, command, reason)
         sent_s = self._clock()
-        self._log(
-            Decision(
-                stance_s=stance.time_s, told_s=frame.time_s, epoch=frame.epoch,
-                pose=pose.values if len(pose.values) == 3 else (math.nan,) * 3,
-                boom_angle_rad=boom.values[0], swung_rad=math.nan if swung is None else swung,
-                asked_s=asked_s, pose_age_s=ages[0], boom_age_s=ages[1],
-                outcome=outcome, planned_rad=planned, command_rad=command,
-                planning_s=planning_s, latency_s=sent_s - frame.arrival_s,
-                since_stance_s=sent_s - stance_s, reason=reason,
-            )
-        )  # fmt: skip
+        decision = Decision(
+            stance_s=told.stance.time_s,
+            told_s=told.frame.time_s,
+            epoch=told.frame.epoch,
+            pose=pose.values if len(pose.values) == 3 else (math.nan,) * 3,
+            boom_angle_rad=boom.values[0],
+            swung_rad=math.nan if swung is None else swung,
+            asked_s=asked_s,
+            pose_age_s=pose_age_s,
+            boom_age_s=boom_age_s,
+            outcome=outcome,
+            planned_rad=planned,
+            command_rad=command,
+            planning_s=planning_s,
+            latency_s=sent_s - told.frame.arrival_s,
+            since_stance_s=sent_s - stance_s,
+            reason=reason,
+        )
+        self._log(decision)
+
+    def _sent(
+        self, outcome: Outcome, command: float, reason: str
+    ) -> tuple[Outcome, float, str]:
+        """Send a command; return outcome, command and reason as they then are."""
+        try:
+            refused = self.watch.swing(command)
+        except Exception as error:
+            self._boom_failure = f"the boom failed: {error!r}"
+            return outcome, command, self._boom_failure  # it may have begun to move
+        if refused:
+            return "held", 0.0, refused
+        self._sent_rad = command
+        return outcome, command, reason
 
     def _refusal(
         self,
@@ -385,30 +418,31 @@ class ControlLoop(Worker):
         if self.watch.cause:
             return "held", self.watch.cause
         if stance_age_s > self.limits.command_s:
-            return (
-                "held",
-                f"the stance was reported too late, {stance_age_s:.3f} s after it",
-            )
+            late = f"the stance was reported too late, {stance_age_s:.3f} s after it"
+            return "held", late
+        limit_s = self.limits.pose_age_s
         for name, age in (("pose", pose_age_s), ("boom angle", boom_age_s)):
             if not math.isfinite(age):
                 return "held", f"no {name} yet"
-            if age > self.limits.pose_age_s:
-                return (
-                    "held",
-                    f"stale {name}: {age:.3f} s old, beyond {self.limits.pose_age_s:g} s",
-                )
+            if age > limit_s:
+                stale = f"stale {name}: {age:.3f} s old, beyond {limit_s:g} s"
+                return "held", stale
         return "planned", ""
 
     def _swung(self, stance_s: float, boom_angle_rad: float) -> float | None:
-        """Return the measured swing since the previous stance, if that was one hop before."""
-        before, self._last_stance = self._last_stance, (stance_s, boom_angle_rad)
-        if before is None or stance_s - before[0] > self.limits.hop_s:
+        """Return the measured swing since the last stance, if that was a hop before."""
+        before = self._last_stance
+        self._last_stance = (stance_s, boom_angle_rad)
+        if before is None:
             return None
-        swing = float(wrapped(boom_angle_rad - before[1]))
+        before_s, before_rad = before
+        if stance_s - before_s > self.limits.hop_s:
+            return None
+        swing = float(wrapped(boom_angle_rad - before_rad))
         return swing if math.isfinite(swing) else None
 
     def _compare(self, swung: float | None) -> None:
-        """Compare the last hop's swing with the one sent; wrong ones in a row end the drive."""
+        """Compare the last hop's swing with the one sent; wrong ones end the drive."""
         if not self._is_sending:
             return
         sent = self._sent_rad
@@ -441,20 +475,18 @@ class ControlLoop(Worker):
     def _permitted(
         self, swing: float, failure: str, stance_s: float
     ) -> tuple[Outcome, float, str]:
-        """Return outcome and command for a planned swing, and the reason for any difference."""
-        late, limit = self._clock() - stance_s, self.limits.swing_rad
+        """Return outcome and command for a planned swing, and why they differ."""
+        late_s = self._clock() - stance_s
+        limit = self.limits.swing_rad
         if self._stop.is_set():
             return "held", 0.0, "the drive ended while it was planned"
         if not math.isfinite(swing):
             return "held", 0.0, failure or f"the controller's swing is {swing}"
-        if late > self.limits.command_s:
-            return "held", 0.0, f"planned too late, {late:.3f} s after the stance"
+        if late_s > self.limits.command_s:
+            return "held", 0.0, f"planned too late, {late_s:.3f} s after the stance"
         if abs(swing) > limit:
-            return (
-                "cut",
-                math.copysign(limit, swing),
-                f"{swing:.3f} rad cut to {limit:.3f} rad",
-            )
+            cut = f"{swing:.3f} rad cut to {limit:.3f} rad"
+            return "cut", math.copysign(limit, swing), cut
         return "planned", swing, ""
 
     def _log(self, decision: Decision) -> None:
@@ -484,9 +516,6 @@ def _does_not_follow(wrong: Sequence[tuple[float, float]]) -> str:
     return f"the boom does not follow: {how} ({pairs})"
 
 
-LEAST_GAIN = 0.15  # share of its swings below which a boom counts as not moving
-
-
 @dataclass(frozen=True)
 class _Newest:
     """A measurement, and its capture time on the monotonic clock, s."""
@@ -495,9 +524,25 @@ class _Newest:
     captured_s: float = -math.inf
 
 
+@dataclass(frozen=True)
+class _Told:
+    """A stance, the frame that revealed it, and the newest measurements up to it."""
+
+    stance: Stance
+    frame: Frame
+    pose: _Newest
+    boom: _Newest
+
+    @property
+    def stance_s(self) -> float:
+        """Time of the stance on the monotonic clock, s."""
+        return self.frame.captured_s - (self.frame.time_s - self.stance.time_s)
+
+
 def _same_clock(old: Frame, new: Frame) -> bool:
     """Return whether the camera time of a frame continues that of another."""
     if new.epoch == old.epoch:
         return True
-    passed, told = new.arrival_s - old.arrival_s, new.time_s - old.time_s
-    return told > 0 and abs(told - passed) < SAME_CLOCK_S
+    passed_s = new.arrival_s - old.arrival_s
+    told_s = new.time_s - old.time_s
+    return told_s > 0 and abs(told_s - passed_s) < SAME_CLOCK_S

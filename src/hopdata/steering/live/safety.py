@@ -1,4 +1,4 @@
-"""The interface to the boom, the limits of the loop, and the watch that brings the boom to rest."""
+"""The boom, the limits of the loop, and the watch that brings the boom to rest."""
 
 import itertools
 import logging
@@ -19,7 +19,8 @@ from hopdata.steering.live.buffer import Worker
 from hopdata.steering.live.packets import LOOPBACK, LiveError, PortError
 
 PORTS = 1 << 16
-ANSWER_BYTES, DIGITS = 64, 18  # longest answer and number that are read
+ANSWER_BYTES = 64  # longest answer that is read
+DIGITS = 18  # longest number that is read
 
 
 class Boom(Protocol):
@@ -89,7 +90,7 @@ class UdpBoom:
         return self._heard >= self._wanted
 
     def _number_heard(self, answer: bytes) -> int:
-        """Return the number in a robot's answer; 0 if it answers none of the lines sent."""
+        """Return the number in an answer; 0 if it answers none of the lines sent."""
         words = answer.split()
         if len(words) != 2 or words[0] != b"heard" or not words[1].isdigit():
             return 0
@@ -167,23 +168,29 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("pose_age_s", "command_s", "hop_s", "fence_m"):
-            require(getattr(self, name) > 0, name, "more than 0", getattr(self, name))
+            value = getattr(self, name)
+            require(value > 0, name, "more than 0", value)
         for name in ("swing_rad", "tilt_rad"):
-            require(
-                0 <= getattr(self, name) <= np.pi, name, "0 to pi", getattr(self, name)
-            )
+            angle = getattr(self, name)
+            require(0 <= angle <= np.pi, name, "0 to pi", angle)
         require(self.wrong_swings >= 1, "wrong_swings", "1 or more", self.wrong_swings)
 
 
 # Bringing the boom to rest.
+
+#: Time between looks for a cause to rest, and between rests that are sent again.
+#: Unit: s. Origin: chosen.
 LOOK_S = 0.01
-LAST_REST_S = 1.0  # longest time for the last rest to arrive
+#: Longest time for the last rest to arrive.
+#: Unit: s. Origin: chosen.
+LAST_REST_S = 1.0
+
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Rest:
-    """A command to rest: when the cause was seen, when it was sent, monotonic s; and the cause."""
+    """A command to rest: when its cause was seen and it was sent, monotonic, s; why."""
 
     seen_s: float
     sent_s: float
@@ -209,7 +216,7 @@ class Command:
 
 
 class Sender(Worker):
-    """Calls the boom in a thread of its own, so that a driver that blocks delays nobody else.
+    """Calls the boom in a thread of its own; a driver that blocks delays nobody else.
 
     Only the newest command counts: it replaces those that the driver has not been
     given. A rest is sent again every `LOOK_S` until the driver returns without an error
@@ -237,12 +244,12 @@ class Sender(Worker):
         return command
 
     def again(self) -> None:
-        """Send the last rest again, unless it has been heard; for callers without a thread."""
+        """Send the last rest again, unless heard; for callers without a thread."""
         if self._thread.ident is None:
             self._insist()
 
     def blocked_s(self) -> float:
-        """Return for how long the driver has not returned, s; 0 if it is not being called."""
+        """Return for how long the driver has not returned, s; 0 if it is not called."""
         return max(0.0, self._clock() - self._called_s)
 
     def close(self) -> None:
@@ -278,7 +285,7 @@ class Sender(Worker):
                 self._send(command)
 
     def _newest(self) -> Command | None:
-        """Return the newest command within `LOOK_S`, if any; those before it are replaced."""
+        """Return the newest command within `LOOK_S`, if any; it replaces the others."""
         newest: Command | None = None
         with suppress(queue.Empty):
             newest = self._waiting.get(timeout=LOOK_S)
@@ -337,10 +344,10 @@ class Sender(Worker):
 
 
 def rest_within(boom: Boom, seconds: float) -> bool:
-    """Command a boom to rest from a thread of its own; return whether its driver has returned.
+    """Command a boom to rest from a thread of its own.
 
-    For the end of a drive, where the sender's thread may never have begun, or is
-    blocked.
+    Return whether its driver has returned. For the end of a drive, where the sender's
+    thread may never have begun, or is blocked.
     """
     returned = threading.Event()
 
@@ -388,14 +395,18 @@ class Watch(Worker):
         patience_s: float = 0.2,
     ) -> None:
         super().__init__("hopdata-watch", self._run)
-        self.cause, self.rests = "", list[Rest]()
-        self._ask, self._clock, self._patience_s = ask, clock, patience_s
+        self.cause = ""
+        self.rests: list[Rest] = []
+        self._ask = ask
+        self._clock = clock
+        self._patience_s = patience_s
         self._sender = Sender(boom, clock)
         self._lock = threading.Lock()
         self._tickets = itertools.count()
         self._latest = -1  # ticket of the newest answer heeded
         self._resting: Command | None = None  # whose arrival is not recorded yet
-        self._rest_cause, self._seen_s = "", math.nan
+        self._rest_cause = ""
+        self._seen_s = math.nan
 
     def start(self) -> Self:
         """Start the threads of the watch and of the boom."""
@@ -452,7 +463,8 @@ class Watch(Worker):
             is_new = bool(cause) and not self.cause
             self.cause = cause
             if is_new:
-                self._rest_cause, self._seen_s = cause, seen_s
+                self._rest_cause = cause
+                self._seen_s = seen_s
                 self._resting = self._sender.put(0.0)
         if cause and not is_new:
             self._sender.again()

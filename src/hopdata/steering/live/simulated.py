@@ -33,7 +33,7 @@ class TrueHop:
 
 
 class LiveHopper:
-    """A source of frames: a hopper that integrates each hop when its first frame is requested.
+    """A source of frames: a hopper whose hops are integrated when they are asked for.
 
     Driven in real time, it is thus at most one hop ahead of the clock. The swing of a
     flight is the last one commanded before the apex at which the flight begins, or 0 if
@@ -67,21 +67,23 @@ class LiveHopper:
         noise_m: float = 0.0006,
         seed: int | Sequence[int] = 0,
     ) -> None:
-        self.robot, self.rate_hz, self.noise_m = robot, rate_hz, noise_m
+        self.robot = robot
+        self.rate_hz = rate_hz
+        self.noise_m = noise_m
         self.hops: list[TrueHop] = []
-        self._swings, self._apex = swings, released(robot, pose, boom_angle_rad)
-        streams = np.random.SeedSequence(seed).spawn(2)
-        self._kicks, self._noise = (np.random.default_rng(stream) for stream in streams)
+        self._swings = swings
+        self._apex = released(robot, pose, boom_angle_rad)
+        kicks, noise = np.random.SeedSequence(seed).spawn(2)
+        self._kicks = np.random.default_rng(kicks)
+        self._noise = np.random.default_rng(noise)
         # Compile beforehand, so that the first hop is in time.
         steer_hop(robot.still(), self._apex, 0.0, rng=np.random.default_rng(0))
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the markers, in the order of the frames."""
-        return (
-            *(f"body{k + 1}" for k in range(len(self.robot.markers.body_m))),
-            "boom",
-        )
+        n_body = len(self.robot.markers.body_m)
+        return (*(f"body{k + 1}" for k in range(n_body)), "boom")
 
     def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
         """Hop for ever: yield the time, s, and the markers (M, 3), m, of each frame."""
@@ -97,7 +99,7 @@ class LiveHopper:
             self.robot, self._apex, swing, rng=self._kicks, rate_hz=self.rate_hz
         )
         self.hops.append(TrueHop(hop.start.time_s, hop.swing_rad, hop.stance))
-        self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
+        self._apex = self._put_up(hop) if hop.stance.fell else hop.end
         return hop
 
     def _put_up(self, hop: SteeredHop) -> Apex:
@@ -118,7 +120,8 @@ class SimulatedBoom:
 
     def newest(self) -> float | None:
         """Return the swing received since the last call, rad, or None."""
-        swing, self._swing = self._swing, None
+        swing = self._swing
+        self._swing = None
         return swing
 
 
@@ -134,7 +137,8 @@ class SimulatedStream(Stream):
 
     def __init__(self, hopper: LiveHopper, *, speed: float = 1.0) -> None:
         super().__init__("hopdata-simulated", self._hop, 4096)
-        self._hopper, self._speed = hopper, speed
+        self._hopper = hopper
+        self._speed = speed
 
     async def _hop(self) -> None:
         begun = time.monotonic()

@@ -1,4 +1,4 @@
-"""The thread that reads the motion-capture stream into a buffer, and reconnects after losses."""
+"""The thread that reads the stream into a buffer, and reconnects after losses."""
 
 import asyncio
 import math
@@ -39,16 +39,22 @@ class Patience:
 
 Verdict = Literal["next", "restart", "outdated", "implausible"]
 
-SLACK = (
-    0.05  # relative difference allowed between the actual and the reported frame rate
-)
-MOST_IN_A_ROW = (
-    10  # out-of-place frames after which the rate, or the last good frame, is wrong
-)
-RECENT = (
-    100  # frames; one at most this far behind the last may merely have been delayed
-)
-# Relative drift allowed between two clocks; quartz clocks drift by at most 1e-4
+#: Relative difference allowed between the actual and the reported frame rate.
+#: Unit: 1. Origin: chosen.
+SLACK = 0.05
+#: Largest difference of the time between neighbours from what the rate demands, in
+#: times between frames: with half of one, rounding would decide whether frames at twice
+#: the rate follow.
+#: Unit: 1. Origin: derived: a little less than half.
+SLACK_FRAMES = 0.45
+#: Out-of-place frames in a row after which the rate, or the last good frame, is wrong.
+#: Unit: 1. Origin: chosen.
+MOST_IN_A_ROW = 10
+#: Frames; one at most this far behind the last may merely have been delayed.
+#: Unit: frames. Origin: chosen.
+RECENT = 100
+#: Relative drift allowed between two clocks.
+#: Unit: 1. Origin: derived: twice the 1e-4 by which quartz clocks drift at most.
 CREEP = 2e-4
 
 
@@ -72,7 +78,7 @@ class Timeline:
         self.missing = 0  # frames missing just before the last good one
 
     def judge(self, number: int, time_s: float) -> Verdict:
-        """Return whether a frame follows the last, is the first after a restart, or is dropped."""
+        """Return whether a frame follows, begins after a restart, or is dropped."""
         new = (number, time_s)
         verdict: Verdict = "implausible"
         if self._last is None or self._follows(self._last, new):
@@ -82,39 +88,50 @@ class Timeline:
         elif self._suspect is not None and self._follows(self._suspect, new):
             verdict = "restart"
         if verdict in ("outdated", "implausible"):
-            self._suspect, self._in_a_row = new, self._in_a_row + 1
+            self._suspect = new
+            self._in_a_row += 1
             if verdict == "implausible" and self._in_a_row == MOST_IN_A_ROW:
                 self._period_s = None
             return verdict
         before = self._last if verdict == "next" else self._suspect
         self.missing = 0 if before is None else number - before[0] - 1
-        self._last, self._suspect, self._in_a_row = new, None, 0
+        self._last = new
+        self._suspect = None
+        self._in_a_row = 0
         return verdict
 
     def _is_outdated(self, last: tuple[int, float], new: tuple[int, float]) -> bool:
-        return new == last or (last[0] - new[0] <= RECENT and self._follows(new, last))
+        """Tell whether a frame is the last one again, or one shortly before it."""
+        if new == last:
+            return True
+        return last[0] - new[0] <= RECENT and self._follows(new, last)
 
     def _follows(self, old: tuple[int, float], new: tuple[int, float]) -> bool:
-        frames, span = new[0] - old[0], new[1] - old[1]
-        if frames < 1 or span <= 0:
+        """Tell whether number and time have increased as the frame rate demands."""
+        n_frames = new[0] - old[0]
+        span_s = new[1] - old[1]
+        if n_frames < 1 or span_s <= 0:
             return False
         if self._period_s is None:
             return True
-        expected = frames * self._period_s
-        # With half a period, rounding would decide whether frames at twice the rate
-        # follow.
-        return abs(span - expected) <= max(0.45 * self._period_s, SLACK * expected)
+        expected_s = n_frames * self._period_s
+        allowed_s = max(SLACK_FRAMES * self._period_s, SLACK * expected_s)
+        return abs(span_s - expected_s) <= allowed_s
 
 
-BIN_S = 1.0  # the shortest delay is noted in every such span
-BINS = 20  # spans remembered: a clock's pace is known from their shortest delays
-LEAST_BINS = (
-    4  # spans before a pace is estimated; until then clocks drift by CREEP at most
-)
-MOST_DRIFT = (
-    2e-3  # relative; twice that of 59.94 Hz taken for 60. A delay that grows as slowly
-)
-# cannot be told from a drift, so a larger limit would hide a queue that fills.
+#: The shortest delay is noted in every such span.
+#: Unit: s. Origin: chosen.
+BIN_S = 1.0
+#: Spans remembered: the drift of a clock is known from their shortest delays.
+#: Unit: 1. Origin: chosen.
+BINS = 20
+#: Spans before a drift is estimated; until then clocks drift by `CREEP` at most.
+#: Unit: 1. Origin: chosen.
+LEAST_BINS = 4
+#: Largest relative drift of a camera's clock. A delay that grows as slowly cannot be
+#: told from a drift, so a larger limit would hide a queue that fills.
+#: Unit: 1. Origin: derived: twice that of 59.94 Hz taken for 60.
+MOST_DRIFT = 2e-3
 
 
 class CameraClock:
@@ -122,30 +139,29 @@ class CameraClock:
 
     A frame that was delayed thus keeps its capture time, and appears as old as it is. A
     constant delay cannot be observed and is not included. The camera's clock may be
-    slow or fast by `MOST_DRIFT`: its pace is the median slope of the shortest delays of
-    the last spans.
+    slow or fast by `MOST_DRIFT`: its drift is the median slope of the shortest delays
+    of the last spans.
     """
 
     def __init__(self) -> None:
-        self._bins: deque[tuple[float, float]] = deque(
-            maxlen=BINS
-        )  # arrival and offset, s
+        # Arrival and offset of the shortest delay in each span, s.
+        self._bins: deque[tuple[float, float]] = deque(maxlen=BINS)
         self._bin_ends_s = -math.inf
         self._drift = 0.0
-        # What spans that are no longer remembered foresee. Without it, a queue that
+        # What spans that are no longer remembered predict. Without it, a queue that
         # fills a little faster than `MOST_DRIFT` would never look older than 20 s of
         # it.
         self._earlier = (0.0, math.inf)
 
     def captured(self, time_s: float, arrival_s: float) -> float:
-        """Return when a frame was captured, s, given its camera time and its arrival."""
+        """Return when a frame was captured, s, by its camera time and its arrival."""
         self._note(arrival_s, arrival_s - time_s)
         noted = (*self._bins, self._earlier)
         offset_s = min(self._foreseen(one, arrival_s) for one in noted)
         return time_s + min(offset_s, arrival_s - time_s)
 
     def _note(self, arrival_s: float, offset_s: float) -> None:
-        """Keep the smallest offset of each span; at its end, estimate the drift anew."""
+        """Keep the smallest offset of each span; then estimate the drift anew."""
         if arrival_s >= self._bin_ends_s:
             self._drift = _slope(self._bins)
             if len(self._bins) == BINS:
@@ -166,7 +182,7 @@ class CameraClock:
 
 
 def _slope(bins: Sequence[tuple[float, float]]) -> float:
-    """Return the median slope of offsets over time (Theil and Sen), within `MOST_DRIFT`."""
+    """Return the median slope of offsets (Theil and Sen), within `MOST_DRIFT`."""
     if len(bins) < LEAST_BINS:
         return 0.0
     at_s, offset_s = np.array(bins).T
@@ -177,15 +193,17 @@ def _slope(bins: Sequence[tuple[float, float]]) -> float:
 
 Result = TypeVar("Result")
 
-FARTHEST_MM = 1e6  # from the origin: no camera system sees a marker a kilometre away
+#: Largest coordinate of a marker: no camera system sees one a kilometre away.
+#: Unit: mm. Origin: chosen.
+FARTHEST_MM = 1e6
 
 
 class MarkerStream(buffer.Stream):
-    """Reads the markers of a Qualisys system, or of the loopback server, in a thread of its own.
+    """Reads the markers of a Qualisys system in a thread of its own.
 
-    Use it as a context manager, or with `start` and `close`. The frames are in
-    `buffer`, with the markers in the order of `labels`, m. No received data can end the
-    thread.
+    The loopback server speaks its protocol too. Use it as a context manager, or with
+    `start` and `close`. The frames are in `buffer`, with the markers in the order of
+    `labels`, m. No received data can end the thread.
 
     Parameters
     ----------
@@ -211,12 +229,10 @@ class MarkerStream(buffer.Stream):
         patience: Patience | None = None,
     ) -> None:
         super().__init__("hopdata-stream", self._read, capacity)
-        self.labels, self.host, self.port, self.rate_hz = (
-            tuple(labels),
-            host,
-            port,
-            rate_hz,
-        )
+        self.labels = tuple(labels)
+        self.host = host
+        self.port = port
+        self.rate_hz = rate_hz
         self.patience = patience or Patience()
         self.last_fault = ""  # fault of the last dropped packet
         self._epoch = -1
@@ -246,11 +262,12 @@ class MarkerStream(buffer.Stream):
         if status is None or status.state == "failed":
             if isinstance(self.failure, packets.LiveError):
                 raise self.failure
+            where = f"{self.host}, port {self.port}"
+            message = f"no frame from {where}, within {timeout_s:g} s"
             reasons = [s.message for s in self.states.history() if s.message]
-            raise packets.ConnectionLostError(
-                f"no frame from {self.host}, port {self.port}, within {timeout_s:g} s"
-                + (f": {reasons[-1]}" if reasons else "")
-            )
+            if reasons:
+                message += f": {reasons[-1]}"
+            raise packets.ConnectionLostError(message)
         return status
 
     async def _read(self) -> None:
@@ -268,12 +285,13 @@ class MarkerStream(buffer.Stream):
                 self.counts.broken += isinstance(error, packets.GarbageError)
                 ours = isinstance(error, packets.LiveError | OSError)
                 self.states.report("lost", str(error) if ours else repr(error))
-            delay = self.patience.retry_s if self.counts.frames > before else delay
+            if self.counts.frames > before:  # it was a good connection
+                delay = self.patience.retry_s
             await asyncio.sleep(delay)
             delay = min(2 * delay, self.patience.longest_retry_s)
 
     async def _session(self) -> None:
-        """Connect and read until the connection is lost, which always raises an exception."""
+        """Connect and read until the connection is lost, which raises an exception."""
         self.states.report("connecting")
         line = packets.Line(self._note_garbled)
         try:
@@ -293,31 +311,28 @@ class MarkerStream(buffer.Stream):
             line.close()
 
     async def _connect(self, line: packets.Line) -> Any:
+        # Our own timeout comes first, and says more.
+        client_timeout_s = 2 * self.patience.answer_s
         connection = await self._client.connect(
             self.host,
             port=self.port,
             version=packets.VERSION,
-            timeout=2
-            * self.patience.answer_s,  # our own timeout comes first, and says more
+            timeout=client_timeout_s,
             loop=line,
             on_event=self._on_event,
         )
         if connection is None:
-            reason = (
-                line.error
-                or f"it does not speak version {packets.VERSION} of the protocol"
-            )
+            version = f"it does not speak version {packets.VERSION} of the protocol"
+            where = f"{self.host}, port {self.port}"
             raise packets.ConnectionLostError(
-                f"cannot connect to {self.host}, port {self.port}: {reason}"
+                f"cannot connect to {where}: {line.error or version}"
             )
         return connection
 
     async def _answer(self, line: packets.Line, work: Awaitable[Result]) -> Result:
         """Wait for an answer as long as there is a connection, at most `answer_s`."""
-        task, lost = (
-            asyncio.ensure_future(work),
-            asyncio.ensure_future(line.lost.wait()),
-        )
+        task = asyncio.ensure_future(work)
+        lost = asyncio.ensure_future(line.lost.wait())
         try:
             await asyncio.wait(
                 {task, lost},
@@ -356,23 +371,22 @@ class MarkerStream(buffer.Stream):
         packets.check_settings(parameters, self.rate_hz)
         self._places = packets.find_labels(self.labels, parameters.labels)
         self._n_streamed = len(parameters.labels)
-        self._timeline, self._clock = Timeline(parameters.rate_hz), CameraClock()
+        self._timeline = Timeline(parameters.rate_hz)
+        self._clock = CameraClock()
         self._epoch += 1
         self._last_good_s = time.monotonic()
 
     def _on_event(self, event: Any) -> None:
-        self.states.report(
-            self.states.status.state, f"the server reports: {event.name}"
-        )
+        state = self.states.status.state
+        self.states.report(state, f"the server reports: {event.name}")
 
     def _on_packet(self, packet: Any) -> None:
         arrival = time.monotonic()
         found = packet.get_3d_markers()
         if found is None or len(found[1]) != self._n_streamed:
             count = "none" if found is None else len(found[1])
-            self._note_garbled(
-                f"a frame with {self._n_streamed} markers was expected, not {count}"
-            )
+            wanted = f"a frame with {self._n_streamed} markers was expected"
+            self._note_garbled(f"{wanted}, not {count}")
             return
         markers = np.array(found[1], dtype=float).reshape(-1, 3)[self._places]
         if np.any(np.abs(markers) > FARTHEST_MM):  # False for NaN, a hidden marker
@@ -383,13 +397,15 @@ class MarkerStream(buffer.Stream):
     def _keep(
         self, number: int, time_s: float, arrival_s: float, markers: np.ndarray
     ) -> None:
+        """Keep a frame if it follows the last one, or begins after a restart."""
         verdict = self._timeline.judge(number, time_s)
         if verdict == "implausible":
             self._note_garbled(
                 f"frame {number} at {time_s:.3f} s does not follow the last one"
             )
-        self.counts.outdated += verdict == "outdated"
-        if verdict in ("implausible", "outdated"):
+            return
+        if verdict == "outdated":
+            self.counts.outdated += 1
             return
         if verdict == "restart":
             self._clock = CameraClock()
@@ -397,7 +413,8 @@ class MarkerStream(buffer.Stream):
         captured = self._clock.captured(time_s, arrival_s)
         self.counts.frames += 1
         self.counts.missing += self._timeline.missing
-        self.counts.late += arrival_s - captured > self.patience.late_s
+        if arrival_s - captured > self.patience.late_s:
+            self.counts.late += 1
         self.counts.hidden_markers += int(np.isnan(markers).any(axis=1).sum())
         self._last_good_s = arrival_s
         if self.states.status.state != "streaming":

@@ -15,7 +15,9 @@ from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models import process as gp
 from hopdata.steering.models.tabulated import COMPONENTS
 
-WIDTH_95 = 1.959963984540054  # half of the central 95 % of a standard normal
+#: Half of the central 95 % of a hop's prediction, in deviations.
+#: Unit: 1. Origin: table: the standard normal distribution.
+WIDTH_95 = 1.959963984540054
 UNITS = ("mm", "mm", "deg")
 IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
@@ -35,14 +37,15 @@ def prediction_score(
     """
     error = process.change(hops.boom_angle_rad, hops.swing_rad) - hops.change
     sd = process.sd(hops.boom_angle_rad, hops.swing_rad, observed=True)
-    square = np.mean(error**2, axis=0)
+    mean_square = np.mean(error**2, axis=0)
+    is_within = np.abs(error) <= WIDTH_95 * sd
     return pd.DataFrame(
         {
             "component": COMPONENTS,
             "unit": UNITS,
-            "r2": 1 - square / hops.change.var(axis=0),
-            "rmse": np.sqrt(square) * IN_UNITS,
-            "coverage": np.mean(np.abs(error) <= WIDTH_95 * sd, axis=0),
+            "r2": 1 - mean_square / hops.change.var(axis=0),
+            "rmse": np.sqrt(mean_square) * IN_UNITS,
+            "coverage": np.mean(is_within, axis=0),
         }
     )
 
@@ -76,7 +79,7 @@ def learning_scores(
     seed: int,
     names: Sequence[str] = ("model",),
 ) -> pd.DataFrame:
-    """Train on random hops and test on the rest, for several set-ups and numbers of hops.
+    """Train on random hops and test on the rest, by set-up and number of hops.
 
     All set-ups use the same draws, so they can be compared.
 
@@ -101,23 +104,18 @@ def learning_scores(
         each component of each draw.
     """
     hops = changes.used()
-    rows = []
+    tables = []
     for size in sizes:
-        for draw, stream in enumerate(
-            np.random.SeedSequence([seed, size]).spawn(draws)
-        ):
+        streams = np.random.SeedSequence([seed, size]).spawn(draws)
+        for draw, stream in enumerate(streams):
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
                 _, score = tested(hops, train, test, chosen, seed + draw)
-                labels = dict(
-                    zip(
-                        names, name if isinstance(name, tuple) else (name,), strict=True
-                    )
-                )
-                rows.append(
-                    pd.DataFrame({**labels, "hops": size, "draw": draw, **score})
-                )
-    return pd.concat(rows, ignore_index=True)
+                name_parts = name if isinstance(name, tuple) else (name,)
+                columns = dict(zip(names, name_parts, strict=True))
+                columns |= {"hops": size, "draw": draw}
+                tables.append(pd.DataFrame({**columns, **score}))
+    return pd.concat(tables, ignore_index=True)
 
 
 def with_intervals(
@@ -149,7 +147,7 @@ def with_intervals(
 # The process as a table over its inputs, as Figure 3.3 shows it.
 
 COLUMNS = ("dx_mm", "dy_mm", "dtheta_deg")
-CELLS_PER_TURN = 48
+CELLS_PER_TURN = 48  # of the drawn map
 
 
 @one_blas_thread()
@@ -178,7 +176,8 @@ def map_table(
     """
     angle = np.linspace(-gp.TURN, 2 * gp.TURN, 3 * CELLS_PER_TURN + 1)
     swing = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
-    points = np.stack(np.meshgrid(angle, swing, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = np.meshgrid(angle, swing, indexing="ij")
+    points = np.stack(grid, axis=-1).reshape(-1, 2)
     table = pd.DataFrame(points, columns=["boom_angle_rad", "swing_rad"])
     table[list(COLUMNS)] = process.mean_at(points) * IN_UNITS
     table[[f"{name}_sd" for name in COLUMNS]] = process.sd_at(points) * IN_UNITS
@@ -186,12 +185,14 @@ def map_table(
 
 
 def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
-    """Return the training hops of a process without copies, with the columns of `map_table`."""
+    """Return the training hops of a process, with the columns of `map_table`.
+
+    Copies of hops a turn before and after are left out.
+    """
     angle = process.inputs[:, 0]
     once = (angle >= 0) & (angle < gp.TURN)
-    table = pd.DataFrame(
-        process.inputs[once, :2], columns=["boom_angle_rad", "swing_rad"]
-    )
+    inputs = process.inputs[once, :2]
+    table = pd.DataFrame(inputs, columns=["boom_angle_rad", "swing_rad"])
     table[list(COLUMNS)] = process.outputs[once] * IN_UNITS
     return table
 
@@ -230,7 +231,7 @@ def smoothness_scores(
     seed: int,
     readings: Mapping[str, gp.ProcessOptions] = READINGS,
 ) -> pd.DataFrame:
-    """Score the four smoothnesses in each reading of the set-up on the same random hops.
+    """Score the four smoothnesses in each reading of the set-up, on the same hops.
 
     Returns
     -------
@@ -238,11 +239,10 @@ def smoothness_scores(
         Columns of `learning_scores` with ``reading`` and ``smoothness`` in place of
         ``model``.
     """
-    options = {
-        (reading, smoothness): replace(one, smoothness=smoothness)
-        for reading, one in readings.items()
-        for smoothness in gp.SMOOTHNESSES
-    }
+    options = {}
+    for reading, one in readings.items():
+        for smoothness in gp.SMOOTHNESSES:
+            options[reading, smoothness] = replace(one, smoothness=smoothness)
     names = ("reading", "smoothness")
     return learning_scores(
         changes, options, [train], draws=draws, seed=seed, names=names
@@ -251,7 +251,9 @@ def smoothness_scores(
 
 # From the table of frame changes to a model, and its score on the other hops.
 
-LEFT_TO_TEST = 2  # hops: the fewest that have a variance
+#: Hops that must be left to test on.
+#: Unit: 1. Origin: derived: the fewest that have a variance.
+LEFT_TO_TEST = 2
 
 
 @one_blas_thread()
@@ -278,19 +280,16 @@ def learn(
     AnalysisError
         If there are too few hops.
     """
-    hops, wanted = (
-        hops_to_learn_from(changes, options["training_hops"]),
-        options["training_hops"],
-    )
-    train, rest = random_split(
-        len(hops), wanted, np.random.default_rng(child(seed, TRAINING))
-    )
+    n_train = options["training_hops"]
+    hops = hops_to_learn_from(changes, n_train)
+    rng = np.random.default_rng(child(seed, TRAINING))
+    train, rest = random_split(len(hops), n_train, rng)
     process, score = tested(hops, train, rest, gp.process_of(options), 0)
-    return process, score.assign(training_hops=wanted, test_hops=len(hops) - wanted)
+    return process, score.assign(training_hops=n_train, test_hops=len(hops) - n_train)
 
 
 def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChanges:
-    """Return the used hops, if they suffice to learn from `training_hops` and to test on two more.
+    """Return the used hops, if they suffice to learn from and to test on two more.
 
     Raises
     ------
@@ -304,21 +303,22 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
         wanted = f"at least {least} hops that can be used, to learn from and to test on"
         raise AnalysisError.at("steering", wanted, f"{len(hops)} {left_out}")
     if len(hops) < training_hops + LEFT_TO_TEST:
-        most = (
-            f"at most {len(hops) - LEFT_TO_TEST}, two fewer than the {len(hops)} hops"
-        )
+        most = len(hops) - LEFT_TO_TEST
+        wanted = f"at most {most}, two fewer than the {len(hops)} hops that can be used"
         found = f"{training_hops} {left_out}"
-        raise AnalysisError.at(
-            "steering.model.training_hops", f"{most} that can be used", found
-        )
+        raise AnalysisError.at("steering.model.training_hops", wanted, found)
     return hops
 
 
 # How many hops it takes to learn the frame change, and whether the kernel matters.
 
 MODELS = {"printed": gp.PRINTED, "recommended": gp.RECOMMENDED}
+#: Numbers of hops of the learning curve.
+#: Unit: 1. Origin: chosen.
 SIZES = (20, 35, 60, 100, 170)
-LEAST_TESTED = 30  # fewest hops left to test on
+#: Fewest hops left to test on, for a size to be on the curve.
+#: Unit: 1. Origin: chosen.
+LEAST_TESTED = 30
 SCORES = ("r2", "rmse", "coverage")
 
 
@@ -326,7 +326,7 @@ SCORES = ("r2", "rmse", "coverage")
 def learning_tables(
     changes: FrameChanges, *, training_hops: int, draws: int, seed: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Learn from random sets of hops: of several sizes, and with kernels of several smoothnesses.
+    """Learn from random sets of hops, of several sizes and with several kernels.
 
     Both tables hold means over the random sets, with their spread.
 
@@ -361,8 +361,10 @@ def learning_tables(
         raise AnalysisError.at("learning curve", f"at least {least} hops", len(used))
     curve = learning_scores(changes, MODELS, sizes, draws=draws, seed=seed)
     kernels = smoothness_scores(changes, train=training_hops, draws=draws, seed=seed)
-    by = ["data", "reading", "smoothness", "component", "unit"]
+    kernels = kernels.assign(data="hopper")
+    settings = ["model", "hops", "component", "unit"]
+    kernel_settings = ["data", "reading", "smoothness", "component", "unit"]
     return (
-        with_intervals(curve, ["model", "hops", "component", "unit"], SCORES),
-        with_intervals(kernels.assign(data="hopper"), by, SCORES),
+        with_intervals(curve, settings, SCORES),
+        with_intervals(kernels, kernel_settings, SCORES),
     )

@@ -20,20 +20,19 @@ from hopdata.steering.frame_changes import FrameChanges
 
 
 def input_rows(boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-    """Return the arguments of a map as rows (2, n); a single number applies to all hops.
+    """Return the arguments of a map as rows (2, n); a single number is for all hops.
 
     Raises
     ------
     AnalysisError
         If their lengths differ.
     """
-    arrays = [np.asarray(values, dtype=float).ravel() for values in (boom_angle, swing)]
-    sizes = {array.size for array in arrays} - {1}
+    booms = np.asarray(boom_angle, dtype=float).ravel()
+    swings = np.asarray(swing, dtype=float).ravel()
+    sizes = {booms.size, swings.size} - {1}
     if len(sizes) > 1:
-        raise AnalysisError(
-            f"frame change: expected inputs of one length, found {sorted(sizes)}"
-        )
-    return np.array(np.broadcast_arrays(*arrays))
+        raise AnalysisError.at("frame change", "inputs of one length", sorted(sizes))
+    return np.array(np.broadcast_arrays(booms, swings))
 
 
 # Covariance functions of boom angle and swing.
@@ -50,7 +49,10 @@ SMOOTHNESSES = (0.5, 1.5, 2.5, np.inf)
 
 
 def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
-    """Return inputs (n, 2), or (n, 3) if `periodic`: the boom angle as a point on the circle."""
+    """Return inputs (n, 2), or (n, 3) if `periodic`.
+
+    Then the boom angle is a point on the circle.
+    """
     inputs = np.asarray(inputs, dtype=float)
     if not periodic:
         return inputs
@@ -59,9 +61,11 @@ def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
 
 
 def embedded_scales(length_scales: ArrayLike, periodic: bool) -> FloatArray:
-    """Return the length scales (..., 2) for the embedded inputs: cosine and sine share one."""
+    """Return length scales (..., 2) for embedded inputs; cosine and sine share one."""
     scales = np.asarray(length_scales, dtype=float)
-    return np.concatenate([scales[..., :1], scales], axis=-1) if periodic else scales
+    if not periodic:
+        return scales
+    return np.concatenate([scales[..., :1], scales], axis=-1)
 
 
 def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
@@ -122,7 +126,7 @@ class FrameChangeProcess:
 
     @property
     def chance(self) -> FloatArray:
-        """Standard deviation of a hop about its expected frame change, (3,), m, m, rad."""
+        """Standard deviation of a hop about its expected change, (3,), m, m, rad."""
         return np.asarray(np.sqrt(self.noise) * self.unit)
 
     @cached_property
@@ -138,7 +142,10 @@ class FrameChangeProcess:
                 factors = np.linalg.cholesky(covariances)
             except np.linalg.LinAlgError as error:
                 wanted = "a positive definite covariance"
-                found = "one that is not; the noise is too small for hops that are this similar"
+                found = (
+                    "one that is not; the noise is too small for hops that are this "
+                    "similar"
+                )
                 raise AnalysisError.at("Gaussian process", wanted, found) from error
             return np.array(
                 [solve_triangular(one, unit, lower=True) for one in factors]
@@ -153,7 +160,7 @@ class FrameChangeProcess:
         return np.asarray(solved * (self.variance * self.unit)[:, None])
 
     def change(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-        """Return the expected frame changes (n, 3) of hops with these inputs, each (n,)."""
+        """Return the expected frame changes (n, 3) of hops, by inputs each (n,)."""
         return self.mean_at(self._points(boom_angle, swing))
 
     def sd(
@@ -167,33 +174,35 @@ class FrameChangeProcess:
         return self.sd_at(self._points(boom_angle, swing), observed=observed)
 
     def mean_at(self, points: ArrayLike) -> FloatArray:
-        """Return expected frame changes (n, 3) at inputs (n, 2), without wrapping the boom angle.
+        """Return expected frame changes (n, 3) at inputs (n, 2).
 
-        This matters only for processes that are not periodic.
+        The boom angle is not wrapped, which matters only for processes that are not
+        periodic.
         """
         means = np.einsum("jna,ja->nj", self._correlations(points), self.weights)
         return np.asarray(self.offset + means)
 
     @one_blas_thread()
     def sd_at(self, points: ArrayLike, *, observed: bool = False) -> FloatArray:
-        """Return predictive standard deviations (n, 3) at inputs (n, 2); see `mean_at`, `sd`."""
+        """Return predictive standard deviations (n, 3) at inputs (n, 2).
+
+        See `mean_at` and `sd`.
+        """
         crossed = self.variance[:, None, None] * self._correlations(points)
         explained = crossed @ self.inverse_factors.swapaxes(1, 2)
-        variances = self.variance - (explained**2).sum(axis=2).T
-        variances = np.maximum(variances, 0.0) + (self.noise if observed else 0.0)
-        return np.asarray(np.sqrt(variances) * self.unit)
+        of_change = np.maximum(self.variance - (explained**2).sum(axis=2).T, 0.0)
+        of_noise = self.noise if observed else 0.0
+        return np.asarray(np.sqrt(of_change + of_noise) * self.unit)
 
     @cached_property
     def _scaled(self) -> list[tuple[FloatArray, FloatArray]]:
         """Length scales and scaled training inputs of each process, both embedded."""
         train = embedded(self.inputs, self.periodic)
-        return [
-            (one, train / one)
-            for one in embedded_scales(self.length_scales, self.periodic)
-        ]
+        every = embedded_scales(self.length_scales, self.periodic)
+        return [(scales, train / scales) for scales in every]
 
     def _correlations(self, points: ArrayLike) -> FloatArray:
-        """Return the kernels between points (n, 2) and the training inputs, (3, n, m)."""
+        """Return the kernels of points (n, 2) with the training inputs, (3, n, m)."""
         from scipy.spatial.distance import cdist
 
         at = embedded(points, self.periodic)
@@ -226,11 +235,9 @@ FOREIGN = (
 
 def save_process(path: str | Path, process: FrameChangeProcess) -> None:
     """Write a process; its fields are the file's arrays."""
+    arrays = {field.name: getattr(process, field.name) for field in fields(process)}
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(
-            file,
-            **{field.name: getattr(process, field.name) for field in fields(process)},
-        )
+        np.savez(file, **arrays)
 
 
 def load_process(path: str | Path) -> FrameChangeProcess:
@@ -249,9 +256,7 @@ def load_process(path: str | Path) -> FrameChangeProcess:
         arrays["periodic"] = bool(arrays["periodic"])
         return FrameChangeProcess(**arrays)
     except FileNotFoundError:
-        raise RecordingError(
-            f"{path}: expected a trained process, found no such file"
-        ) from None
+        raise RecordingError.at(path, "a trained process", "no such file") from None
     except FOREIGN as error:
         wanted = f"a trained process with {', '.join(names)}"
         raise RecordingError.at(path, wanted, "another file") from error
@@ -305,13 +310,9 @@ class ProcessOptions:
     restarts: int = 1
 
     def __post_init__(self) -> None:
-        known = ", ".join(map(str, SMOOTHNESSES))
-        require(
-            self.smoothness in SMOOTHNESSES,
-            "smoothness",
-            f"one of {known}",
-            self.smoothness,
-        )
+        is_known = self.smoothness in SMOOTHNESSES
+        known = f"one of {', '.join(map(str, SMOOTHNESSES))}"
+        require(is_known, "smoothness", known, self.smoothness)
         for name in ("variance", "noise", "length_scale", "length_unit_m"):
             value = getattr(self, name)
             require(value is None or value > 0, name, "more than 0", value)
@@ -322,20 +323,33 @@ RECOMMENDED = ProcessOptions()
 # The formula in Section 3.4.2 has neither a variance nor a length scale, so both are 1.
 # Motion capture yields mm.
 PRINTED = ProcessOptions(
-    periodic=False, standardised=False, own_scales=False,
-    variance=1.0, noise=0.1, length_scale=1.0, restarts=0,
-)  # fmt: skip
+    periodic=False,
+    standardised=False,
+    own_scales=False,
+    variance=1.0,
+    noise=0.1,
+    length_scale=1.0,
+    restarts=0,
+)
 
 
 # Hyper-parameters of largest marginal likelihood, by scikit-learn.
 
-# Bounds of the search, for standardised inputs and outputs. 100 hops cannot resolve
-# anything finer than a third of the spread of an input, which is about a step of the
-# printed grid of boom angles.
+#: Bounds of the variance of a process, of standardised inputs and outputs.
+#: Unit: 1. Origin: chosen.
 VARIANCES = (1e-4, 1e4)
+#: Bounds of the variance of the noise, likewise.
+#: Unit: 1. Origin: chosen.
 NOISES = (1e-6, 1e2)
+#: Bounds of a length scale, likewise.
+#: Unit: 1. Origin: derived: 100 hops cannot resolve anything finer than a third of the
+#: spread of an input, which is about a step of the printed grid of boom angles.
 LENGTHS = (0.3, 1e3)
-UNSCALED = (1e-5, 1e5)  # of all parameters if not standardised: scikit-learn's own
+#: Bounds of all parameters if inputs and outputs are not standardised.
+#: Unit: of the parameter. Origin: convention: scikit-learn's own.
+UNSCALED = (1e-5, 1e5)
+#: Variance of the noise with which the search begins.
+#: Unit: 1. Origin: chosen.
 FIRST_NOISE = 0.1
 
 
@@ -366,43 +380,49 @@ def fitted_regressor(
         random_state=seed,
     )
     with one_blas_thread(), warnings.catch_warnings():
-        # A length scale at its bound means that the input does not matter: no need to
-        # warn.
+        # A length scale at its bound means that the input does not matter: that is no
+        # reason to warn.
         warnings.simplefilter("ignore", ConvergenceWarning)
         return regressor.fit(embedded(inputs, options.periodic), target)
 
 
 def hyper_parameters(regressor: Any) -> tuple[float, FloatArray, float]:
     """Return variance, length scales (2,) and noise of a regressor."""
-    product, white = regressor.kernel_.k1, regressor.kernel_.k2
+    # As `_kernel` puts them together: (constant * Matern) + white.
+    product = regressor.kernel_.k1
+    white = regressor.kernel_.k2
+    variance = float(product.k1.constant_value)
     lengths = np.full(2, product.k2.length_scale, dtype=float)
-    return float(product.k1.constant_value), lengths, float(white.noise_level)
+    return variance, lengths, float(white.noise_level)
 
 
 def _kernel(options: ProcessOptions) -> Any:
+    """Return scikit-learn's kernel with its first values and bounds."""
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
     def bounds(value: float | None, free: tuple[float, float]) -> Any:
-        return (
-            "fixed" if value is not None else free if options.standardised else UNSCALED
-        )
+        if value is not None:
+            return "fixed"
+        return free if options.standardised else UNSCALED
 
     length = options.length_scale or 1.0
     lengths = np.full(2, length) if options.own_scales else length
     matern = _embedded_matern() if options.periodic else Matern
-    variance = ConstantKernel(
-        options.variance or 1.0, bounds(options.variance, VARIANCES)
-    )
-    shape = matern(
-        lengths, bounds(options.length_scale, LENGTHS), nu=options.smoothness
-    )
-    noise = WhiteKernel(options.noise or FIRST_NOISE, bounds(options.noise, NOISES))
+    variance_bounds = bounds(options.variance, VARIANCES)
+    length_bounds = bounds(options.length_scale, LENGTHS)
+    noise_bounds = bounds(options.noise, NOISES)
+    variance = ConstantKernel(options.variance or 1.0, variance_bounds)
+    shape = matern(lengths, length_bounds, nu=options.smoothness)
+    noise = WhiteKernel(options.noise or FIRST_NOISE, noise_bounds)
     return variance * shape + noise
 
 
 @cache
 def _embedded_matern() -> Any:
-    """Return scikit-learn's Matern kernel for embedded inputs: cosine and sine share a length."""
+    """Return scikit-learn's Matern kernel for embedded inputs.
+
+    Cosine and sine of the boom angle share a length scale.
+    """
     from sklearn.gaussian_process.kernels import Matern
 
     class EmbeddedMatern(Matern):  # type: ignore[misc]
@@ -418,12 +438,15 @@ def _embedded_matern() -> Any:
             if not eval_gradient or self.hyperparameter_length_scale.fixed:
                 return plain(X, Y, eval_gradient)
             covariance, gradient = plain(X, Y, True)
+            # The derivative by the shared length is that by both.
             gradient[..., 1] += gradient[..., 0]
             return covariance, gradient[..., 1:]
 
     return EmbeddedMatern
 
 
+#: Least number of hops to learn from.
+#: Unit: 1. Origin: chosen.
 LEAST_HOPS = 10
 
 
@@ -448,30 +471,34 @@ def trained_process(
     offset, unit = _modelled(outputs, options)
     scale = input_units(inputs, options)
     if not options.periodic:
-        turn = np.array(
-            [TURN, 0.0]
-        )  # copies a turn before and a turn after (Sec. 3.4.2)
+        # Copies a turn before and a turn after (Sec. 3.4.2).
+        turn = np.array([TURN, 0.0])
         inputs = np.concatenate([inputs - turn, inputs, inputs + turn])
         outputs = np.tile(outputs, (3, 1))
     targets = (outputs - offset) / unit
     regressors = [fitted_regressor(inputs / scale, y, options, seed) for y in targets.T]
-    variance, lengths, noise = zip(*map(hyper_parameters, regressors), strict=True)
+    found = [hyper_parameters(regressor) for regressor in regressors]
     return FrameChangeProcess(
-        options.smoothness, options.periodic, inputs, outputs, offset, unit,
-        variance=np.array(variance), noise=np.array(noise), length_scales=np.array(lengths) * scale,
-    )  # fmt: skip
+        smoothness=options.smoothness,
+        periodic=options.periodic,
+        inputs=inputs,
+        outputs=outputs,
+        offset=offset,
+        unit=unit,
+        variance=np.array([variance for variance, _, _ in found]),
+        noise=np.array([noise for _, _, noise in found]),
+        length_scales=np.array([lengths for _, lengths, _ in found]) * scale,
+    )
 
 
 def training_set(changes: FrameChanges) -> tuple[FloatArray, FloatArray]:
-    """Return boom angles and swings (n, 2) and frame changes (n, 3) of the used hops."""
+    """Return boom angles and swings (n, 2) and frame changes (n, 3) of used hops."""
     used = changes.used()
     if len(used) < LEAST_HOPS:
-        found = (
-            f"{len(used)} of {len(changes)} (excluded: {changes.excluded() or 'none'})"
-        )
-        raise AnalysisError.at(
-            "frame changes", f"at least {LEAST_HOPS} hops to learn from", found
-        )
+        wanted = f"at least {LEAST_HOPS} hops to learn from"
+        excluded = changes.excluded() or "none"
+        found = f"{len(used)} of {len(changes)} (excluded: {excluded})"
+        raise AnalysisError.at("frame changes", wanted, found)
     return np.column_stack([used.boom_angle_rad, used.swing_rad]), used.change
 
 
@@ -480,17 +507,20 @@ def _modelled(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the offset and unit of the modelled outputs."""
     if not options.standardised:
-        return np.zeros(3), np.array(
-            [options.length_unit_m, options.length_unit_m, 1.0]
-        )
-    unit = outputs.std(axis=0)
-    return outputs.mean(axis=0), np.where(unit > 0, unit, 1.0)
+        length = options.length_unit_m
+        return np.zeros(3), np.array([length, length, 1.0])
+    spread = outputs.std(axis=0)
+    return outputs.mean(axis=0), np.where(spread > 0, spread, 1.0)
 
 
 def input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
-    """Return the units of the inputs, (2,): 1 rad, and the swing's standard deviation."""
-    swing = float(inputs[:, 1].std()) if options.standardised else 1.0
-    return np.array([1.0, swing or 1.0])
+    """Return the units of the inputs, (2,): 1 rad, and the swing's deviation."""
+    swing = 1.0
+    if options.standardised:
+        swing = float(inputs[:, 1].std())
+    if swing == 0.0:  # all alike
+        swing = 1.0
+    return np.array([1.0, swing])
 
 
 KERNELS = {"recommended": RECOMMENDED, "printed": PRINTED}

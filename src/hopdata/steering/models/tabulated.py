@@ -1,4 +1,4 @@
-"""Maps as tables with cubic splines between the nodes, so that any map is as fast as a look-up.
+"""Maps as tables with cubic splines between the nodes, as fast as a look-up.
 
 Both models and the robot's true map are tabulated.
 """
@@ -27,11 +27,13 @@ class FrameChangeMap(Protocol):
     """Frame change as a function of boom angle and swing."""
 
     def change(self, boom_angle: FloatArray, swing: FloatArray, /) -> FloatArray:
-        """Return the frame changes (n, 3) of hops from boom angles (n,) by swings (n,)."""
+        """Return the frame changes (n, 3) of hops, by boom angles and swings (n,)."""
         ...
 
 
-BEYOND = 1e-3  # fraction of the limit: margin for finite differences at the bounds
+#: How far a swing may be beyond the limit, as a share of it.
+#: Unit: 1. Origin: chosen: a margin for finite differences at the bounds.
+MARGIN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class TabulatedMap:
 
     @cached_property
     def _spline(self) -> Any:
-        """Cubic spline of swing and angle: not-a-knot in the swing, periodic in the angle."""
+        """Cubic spline: not-a-knot in the swing, periodic in the boom angle."""
         from scipy.interpolate import NdBSpline, make_interp_spline
 
         closed = np.concatenate([self.values, self.values[:1]])
@@ -86,7 +88,7 @@ class TabulatedMap:
         """
         angles, swings = input_rows(boom_angle, swing)
         largest = float(np.abs(swings).max(initial=0.0))
-        if not largest <= self.swing_limit_rad * (1 + BEYOND):
+        if not largest <= self.swing_limit_rad * (1 + MARGIN):
             wanted = f"swings within {self.swing_limit_rad:.4f} rad"
             raise AnalysisError.at("table", wanted, f"{largest:.4f}")
         return np.asarray(self._spline(np.stack([swings, angles % TURN], axis=-1)))
@@ -113,19 +115,33 @@ def turn_nodes(number: int) -> FloatArray:
 
 # Errors of a map, learned as they appear: a recursive regression with forgetting.
 
-HARMONICS, DEGREE = 2, 2  # of the correction: in the boom angle, and in the swing
-FIRST_SD = 3.0  # prior of the correction's constant, in standard deviations of a hop
-FALL_OFF = 0.5  # factor of the prior with each harmonic and each degree
-MEMORY_HOPS = 60.0  # number of hops after which an unconfirmed correction is forgotten
-FARTHEST_SD = 8.0  # larger misses come from disturbances, and are clipped to this
+#: Harmonics of the correction in the boom angle.
+#: Unit: 1. Origin: chosen.
+HARMONICS = 2
+#: Degree of the correction in the swing.
+#: Unit: 1. Origin: chosen.
+DEGREE = 2
+#: Prior deviation of the correction's constant, in deviations of a hop.
+#: Unit: 1. Origin: chosen.
+FIRST_SD = 3.0
+#: Factor of the prior deviation with each harmonic and each degree.
+#: Unit: 1. Origin: chosen.
+FALL_OFF = 0.5
+#: Number of hops after which an unconfirmed correction is forgotten.
+#: Unit: hops. Origin: chosen.
+MEMORY_HOPS = 60.0
+#: Largest miss that is learned from, in expected deviations: larger ones come from
+#: disturbances, and are clipped to this.
+#: Unit: 1. Origin: chosen.
+FARTHEST_SD = 8.0
 
 
 class Correction:
-    """Correction added to a map: a Bayesian linear model, updated hop by hop (a Kalman filter).
+    """Correction added to a map: a Bayesian linear model, updated hop by hop.
 
-    Over `MEMORY_HOPS` hops its coefficients decay to zero and their covariance returns
-    to its initial value (an Ornstein-Uhlenbeck prior). Memory and time per hop stay
-    constant.
+    It is a Kalman filter. Over `MEMORY_HOPS` hops its coefficients decay to zero and
+    their covariance returns to its initial value (an Ornstein-Uhlenbeck prior). Memory
+    and time per hop stay constant.
 
     Parameters
     ----------
@@ -135,30 +151,33 @@ class Correction:
     """
 
     def __init__(self, swing_limit_rad: float, noise: FloatArray) -> None:
-        self.swing_limit_rad, self.noise = swing_limit_rad, noise
-        orders = np.add.outer(
-            np.arange(DEGREE + 1), (np.arange(2 * HARMONICS + 1) + 1) // 2
-        )
+        self.swing_limit_rad = swing_limit_rad
+        self.noise = noise
+        # The constant wave has order 0, cosine and sine of a harmonic have its order.
+        degrees = np.arange(DEGREE + 1)
+        harmonics = (np.arange(2 * HARMONICS + 1) + 1) // 2
+        orders = np.add.outer(degrees, harmonics)
         self._first = np.diag((FIRST_SD * FALL_OFF ** orders.ravel()) ** 2)
         self.covariance = self._first.copy()  # (k, k), the same for all three
         self.coefficients = np.zeros((len(self._first), 3))  # in units of the noise
 
     def functions(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-        """Return basis functions (..., k) at boom angles and swings (...): waves times powers."""
+        """Return basis functions (..., k) at boom angles and swings (...).
+
+        They are the products of waves of the boom angle and powers of the swing.
+        """
         boom = np.asarray(boom_angle, dtype=float)
-        turns = [
-            wave(h * boom) for h in range(1, HARMONICS + 1) for wave in (np.cos, np.sin)
-        ]
-        waves = np.stack([np.ones_like(boom), *turns], axis=-1)
-        powers = (np.asarray(swing)[..., None] / self.swing_limit_rad) ** np.arange(
-            DEGREE + 1
-        )
-        return np.asarray(
-            (powers[..., :, None] * waves[..., None, :]).reshape(*boom.shape, -1)
-        )
+        waves = [np.ones_like(boom)]
+        for harmonic in range(1, HARMONICS + 1):
+            waves += [np.cos(harmonic * boom), np.sin(harmonic * boom)]
+        of_boom = np.stack(waves, axis=-1)
+        share = np.asarray(swing)[..., None] / self.swing_limit_rad
+        of_swing = share ** np.arange(DEGREE + 1)
+        products = of_swing[..., :, None] * of_boom[..., None, :]
+        return np.asarray(products.reshape(*boom.shape, -1))
 
     def added(self, functions: FloatArray) -> FloatArray:
-        """Return the correction, (..., 3), m, m, rad, given the basis functions (..., k)."""
+        """Return the correction, (..., 3), m, m, rad, by basis functions (..., k)."""
         return np.asarray(functions @ self.coefficients * self.noise)
 
     def learn(self, boom_angle: float, swing: float, missed: FloatArray) -> None:
@@ -166,12 +185,12 @@ class Correction:
         kept = np.exp(-1.0 / MEMORY_HOPS)
         self.coefficients *= kept
         self.covariance = kept**2 * self.covariance + (1 - kept**2) * self._first
-        at = self.functions(boom_angle, swing)
-        gain = self.covariance @ at
-        spread = float(at @ gain) + 1.0
-        surprise = missed / self.noise - at @ self.coefficients
-        surprise = np.clip(
-            surprise, -FARTHEST_SD * spread**0.5, FARTHEST_SD * spread**0.5
-        )
-        self.coefficients += np.outer(gain / spread, surprise)
-        self.covariance -= np.outer(gain, gain) / spread
+        functions = self.functions(boom_angle, swing)
+        gain = self.covariance @ functions
+        # Variance of the innovation: of the correction, and of the hop itself.
+        variance = float(functions @ gain) + 1.0
+        most = FARTHEST_SD * variance**0.5
+        innovation = missed / self.noise - functions @ self.coefficients
+        innovation = np.clip(innovation, -most, most)
+        self.coefficients += np.outer(gain / variance, innovation)
+        self.covariance -= np.outer(gain, gain) / variance

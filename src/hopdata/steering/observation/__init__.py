@@ -1,1 +1,1 @@
-"""From markers to planar pose, boom angle and stances: whole recordings, or frame by frame."""
+"""From markers to pose, boom angle and stances: whole recordings, or frame by frame."""

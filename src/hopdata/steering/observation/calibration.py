@@ -1,5 +1,7 @@
 """Calibration: estimate the geometry of a hopper from a recording."""
 
+import math
+
 import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread
@@ -32,14 +34,16 @@ def algebraic_circle(points: FloatArray) -> tuple[FloatArray, float]:
         Radius, m.
     """
     middle = points.mean(axis=0)
-    x = points - middle
-    design = np.column_stack([2 * x, np.ones(len(x))])
-    (a, b, c), *_ = np.linalg.lstsq(design, (x**2).sum(axis=1), rcond=None)
+    arms = points - middle
+    # |arm|^2 = 2 arm . centre + (radius^2 - |centre|^2) is linear in what is unknown.
+    design = np.column_stack([2 * arms, np.ones(len(arms))])
+    squares = (arms**2).sum(axis=1)
+    a, b, c = np.linalg.lstsq(design, squares, rcond=None)[0]
     return middle + np.array([a, b]), float(np.sqrt(c + a**2 + b**2))
 
 
 def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
-    """Fit a circle by least squares on the distances from it; see `algebraic_circle`."""
+    """Fit a circle by least squares on the distances; see `algebraic_circle`."""
     from scipy.optimize import least_squares
 
     centre, radius = algebraic_circle(points)
@@ -61,20 +65,48 @@ def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
 
 
 def arc_span(angles: FloatArray) -> float:
-    """Return the angle spanned by directions (N,) in (-pi, pi], rad: a turn less the widest gap."""
+    """Return the angle spanned by directions (N,) in (-pi, pi], rad.
+
+    It is a turn less the widest gap between neighbours.
+    """
     angles = np.sort(angles)
-    return float(2 * np.pi - np.diff(np.append(angles, angles[0] + 2 * np.pi)).max())
+    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    return float(2 * np.pi - gaps.max())
 
 
 # The circle of the boom marker in body axes (dissertation, Algorithm 3).
 
+#: Most positions of the boom marker that are fitted, to bound the time.
+#: Unit: 1. Origin: chosen.
 MOST_POINTS = 20000
+#: Least positions of the boom marker.
+#: Unit: 1. Origin: chosen.
 LEAST_POINTS = 30
+#: Least arc on which the boom marker must be seen.
+#: Unit: rad. Origin: chosen.
 LEAST_ARC_RAD = np.deg2rad(30.0)
-LEAST_RADIUS_RESIDUALS = 10.0  # with fewer, the boom angle errs by more than 0.1 rad
+#: Least radius of the circle, in rms distances from it; a smaller circle is noise.
+#: Unit: 1. Origin: derived: with fewer, the boom angle errs by more than 0.1 rad.
+LEAST_RADIUS_RESIDUALS = 10.0
+#: Distance from the circle beyond which a position is discarded, in median distances.
+#: Unit: 1. Origin: chosen.
 OUTLIER_SIGMAS = 5.0
+#: The same for the circle through three positions, in noises of a coordinate: it errs
+#: more than a fitted one.
+#: Unit: 1. Origin: chosen.
+START_NOISES = 4
+#: How often the circle is fitted and positions are discarded in turn.
+#: Unit: 1. Origin: chosen.
 ROUNDS = 5
+#: Circles through three random positions, of which the best is the start.
+#: Unit: 1. Origin: chosen.
 TRIES = 300
+#: Most positions by which these circles are compared, to bound the time.
+#: Unit: 1. Origin: chosen.
+MOST_COMPARED = 1000
+#: Percentile of the distances by which these circles are compared.
+#: Unit: %. Origin: chosen.
+COMPARED_PERCENTILE = 75
 
 
 def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
@@ -103,13 +135,13 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     if len(points) < LEAST_POINTS:
         wanted = f"its marker in at least {LEAST_POINTS} frames with a pose"
         raise AnalysisError.at("boom", wanted, len(points))
-    points = points[:: -(-len(points) // MOST_POINTS)]
+    points = _thinned(points, MOST_POINTS)
     start = _start(points)
     if not np.isfinite(start.radius_m):
         raise AnalysisError(
             "boom: expected it to move, found positions at a point or on a line"
         )
-    kept = _near(points, start, 4 * noise_m)
+    kept = _near(points, start, START_NOISES * noise_m)
     for _ in range(ROUNDS):
         circle = _circle_through(kept)
         kept = _near(points, circle, noise_m)
@@ -117,28 +149,42 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     return circle
 
 
+def _thinned(rows: FloatArray, most: int) -> FloatArray:
+    """Return every n-th row, so that there are at most so many."""
+    every = math.ceil(len(rows) / most)
+    return rows[::every]
+
+
 def _near(points: FloatArray, circle: BoomCircle, noise_m: float) -> FloatArray:
+    """Return the points near a circle, by their typical distance or the noise."""
     misses = circle.misses(points)
-    return points[misses <= OUTLIER_SIGMAS * max(float(np.median(misses)), noise_m)]
+    typical = max(float(np.median(misses)), noise_m)
+    return points[misses <= OUTLIER_SIGMAS * typical]
 
 
 def _start(points: FloatArray) -> BoomCircle:
-    """Return the circle through three points with the smallest upper quartile of distances."""
+    """Return the best of many circles through three points.
+
+    It has the smallest upper quartile of distances. The draws are the same each time.
+    """
     rng = np.random.default_rng(np.random.SeedSequence(0))
-    circles = [
-        _through_three(*points[rng.integers(0, len(points), 3)]) for _ in range(TRIES)
-    ]
-    few = points[:: -(-len(points) // 1000)]
+    compared = _thinned(points, MOST_COMPARED)
+    circles = []
+    for _ in range(TRIES):
+        three = points[rng.integers(0, len(points), 3)]
+        circles.append(_through_three(*three))
 
     def size(circle: BoomCircle) -> float:
-        return float(np.nan_to_num(np.percentile(circle.misses(few), 75), nan=np.inf))
+        distance = np.percentile(circle.misses(compared), COMPARED_PERCENTILE)
+        return float(np.nan_to_num(distance, nan=np.inf))
 
     return min(circles, key=size)
 
 
 def _through_three(a: FloatArray, b: FloatArray, c: FloatArray) -> BoomCircle:
     """Return the circle through three points; NaN if they lie on a line."""
-    u, v = b - a, c - a
+    u = b - a
+    v = c - a
     normal = np.cross(u, v)
     square = float(normal @ normal)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -147,25 +193,30 @@ def _through_three(a: FloatArray, b: FloatArray, c: FloatArray) -> BoomCircle:
 
 
 def _circle_through(points: FloatArray) -> BoomCircle:
+    """Return the circle in the plane of the points that is nearest to them."""
     middle = points.mean(axis=0)
-    _, _, (along, across, normal) = np.linalg.svd(points - middle, full_matrices=False)
-    plane = np.stack([along, across])
+    components = np.linalg.svd(points - middle, full_matrices=False)[2]
+    plane = np.stack([components[0], components[1]])
+    normal = components[2]
+    if not normal[2] > 0:
+        normal = -normal
     centre, radius = geometric_circle((points - middle) @ plane.T)
-    return BoomCircle(
-        middle + centre @ plane, normal if normal[2] > 0 else -normal, radius
-    )
+    return BoomCircle(middle + centre @ plane, normal, radius)
 
 
 def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
     """Refuse a circle of too short an arc, or that noise makes of a boom at rest."""
     residual = float(np.sqrt(np.mean(circle.misses(points) ** 2)))
     if not circle.radius_m > LEAST_RADIUS_RESIDUALS * residual:
-        raise AnalysisError(
-            "boom: expected it to move on a circle with a radius of more than "
-            f"{LEAST_RADIUS_RESIDUALS:.0f} times its rms distance from the circle, found "
-            f"{1e3 * circle.radius_m:.2g} mm and {1e3 * residual:.2g} mm: does the boom move in "
-            "this recording?"
+        wanted = (
+            "it to move on a circle with a radius of more than "
+            f"{LEAST_RADIUS_RESIDUALS:.0f} times its rms distance from the circle"
         )
+        found = (
+            f"{1e3 * circle.radius_m:.2g} mm and {1e3 * residual:.2g} mm: "
+            "does the boom move in this recording?"
+        )
+        raise AnalysisError.at("boom", wanted, found)
     span = arc_span(circle.angles(points))
     if span < LEAST_ARC_RAD:
         least = f"at least {np.rad2deg(LEAST_ARC_RAD):.0f} degrees to define a circle"
@@ -177,11 +228,22 @@ def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
 # Positions of the body markers in the body, estimated robustly from the recording
 # itself.
 
+#: Most frames that the shape is estimated from, to bound the time.
+#: Unit: 1. Origin: chosen.
 MOST_FRAMES = 4000
+#: Least frames with three markers or more.
+#: Unit: 1. Origin: chosen.
 LEAST_FRAMES = 20
+#: How often the shape is aligned and frames are discarded in turn.
+#: Unit: 1. Origin: chosen.
 REFERENCE_ROUNDS = 10
+#: Residual beyond which a frame is discarded, in median residuals.
+#: Unit: 1. Origin: chosen.
 REFERENCE_OUTLIER_SIGMAS = 4.0
-ON_A_LINE = 0.02  # width of the markers across their line, relative to that along it
+#: Width of the markers across their line, as a share of that along it, below which they
+#: lie on a line; and across their plane, below which they lie in a plane.
+#: Unit: 1. Origin: chosen.
+ON_A_LINE = 0.02
 
 
 def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
@@ -225,7 +287,7 @@ def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
-    """Return the shape, its mirror image, or the flat shape between, whichever fits best.
+    """Return the shape, its mirror image, or the flat one between: the best fit.
 
     The mirror image has the same distances. If the markers are flat except for noise,
     neither image fits better than the other.
@@ -239,32 +301,42 @@ def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
             f"four in sight in {LEAST_FRAMES} frames, to rule out their mirror image"
         )
         raise AnalysisError.at("body markers", wanted, len(telling))
-    three = [shape * [1, 1, side] for side in (0, 1, -1)]
-    return min(
-        three, key=lambda one: float(np.median(rigid_fit(telling, one).residual_m))
-    )
+
+    def misfit(one: FloatArray) -> float:
+        return float(np.median(rigid_fit(telling, one).residual_m))
+
+    flat = shape * [1, 1, 0]
+    mirrored = shape * [1, 1, -1]
+    return min([flat, shape * [1, 1, 1], mirrored], key=misfit)
 
 
 def _usable(markers: FloatArray) -> FloatArray:
-    """Return at most `MOST_FRAMES` frames, evenly spread over those with three markers or more."""
+    """Return at most `MOST_FRAMES` frames with three markers or more, evenly spread."""
     seen = np.isfinite(markers).all(axis=2)
     usable = np.flatnonzero(seen.sum(axis=1) >= 3)
-    together = seen.T.astype(int) @ seen.astype(int)
+    together = seen.T.astype(int) @ seen.astype(int)  # frames in which a pair is seen
     if len(usable) < LEAST_FRAMES or together.min() == 0:
-        wanted = f"{LEAST_FRAMES} frames with three of them in sight, and each pair in sight together"
-        raise AnalysisError.at(
-            "body markers", wanted, f"{len(usable)} of {len(markers)} frames"
+        wanted = (
+            f"{LEAST_FRAMES} frames with three of them in sight, "
+            "and each pair in sight together"
         )
-    return markers[usable[:: -(-len(usable) // MOST_FRAMES)]]
+        found = f"{len(usable)} of {len(markers)} frames"
+        raise AnalysisError.at("body markers", wanted, found)
+    return _thinned(markers[usable], MOST_FRAMES)
 
 
 def _from_distances(frames: FloatArray) -> FloatArray:
-    """Return a shape with the median distances, by classical scaling (Torgerson 1952)."""
+    """Return a shape with the median distances, by classical scaling.
+
+    References
+    ----------
+    Torgerson 1952.
+    """
     apart = np.linalg.norm(frames[:, :, None] - frames[:, None], axis=3)
     square = np.nanmedian(apart, axis=0) ** 2
     centring = np.eye(len(square)) - 1.0 / len(square)
     values, vectors = np.linalg.eigh(-0.5 * centring @ square @ centring)
-    largest = np.argsort(values)[: -len(square) - 1 : -1][:3]
+    largest = np.argsort(values)[::-1][:3]
     width = np.sqrt(np.maximum(values[largest], 0.0))
     if width[1] < ON_A_LINE * width[0]:
         raise AnalysisError(
@@ -274,6 +346,7 @@ def _from_distances(frames: FloatArray) -> FloatArray:
 
 
 def _mean_shape(frames: FloatArray, shape: FloatArray) -> FloatArray:
+    """Return the mean of the frames, each turned onto the shape."""
     fit = rigid_fit(frames, shape)
     known = fit.known
     arms = frames[known] - fit.centre[known, None]
@@ -281,11 +354,13 @@ def _mean_shape(frames: FloatArray, shape: FloatArray) -> FloatArray:
     return np.asarray(aligned - aligned.mean(axis=0))
 
 
+#: Least distance of the first foot from the vertical axis, so that forward is known.
+#: Unit: m. Origin: chosen.
 LEAST_LENGTH_M = 1e-3
 
 
 def calibrate(recording: Recording) -> HopperGeometry:
-    """Estimate the positions of the markers, the motion of the boom, and the heights of a hop.
+    """Estimate the markers' positions, the boom's circle, and the heights of a hop.
 
     The level plane is that of the feet in free fall or, with fewer than three feet,
     that of the median attitude over the recording, which leans if the boom does. The
@@ -311,19 +386,20 @@ def calibrate(recording: Recording) -> HopperGeometry:
     if len(feet) > 2:
         up = _normal_of(feet, up)
     axes = _body_axes(up, _first_foot(feet))
-    boom_name, circle = None, None
+    boom_name = None
+    circle = None
     if recording.indices("boom"):
         boom_name = recording.names("boom")[0]
         boom = recording.positions[:, recording.indices("boom")[0]]
         circle = fit_boom_circle(_in_body(fit, boom) @ axes.T, noise_m)
     return HopperGeometry(
-        recording.names("body"),
-        shape @ axes.T,
-        noise_m,
-        below,
-        above,
-        boom_name,
-        circle,
+        body_names=recording.names("body"),
+        body_m=shape @ axes.T,
+        noise_m=noise_m,
+        stance_below_m=below,
+        flight_above_m=above,
+        boom_name=boom_name,
+        circle=circle,
     )
 
 
@@ -333,10 +409,10 @@ def _in_body(fit: RigidFit, marker: FloatArray) -> FloatArray:
 
 
 def _feet(recording: Recording, fit: RigidFit, above_m: float) -> FloatArray:
-    """Return median foot positions (n, 3) in free fall, in the axes of the fit; NaN if unseen.
+    """Return median foot positions (n, 3) in free fall, in the axes of the fit.
 
-    Only falling frames count, since the legs are still retracting while the hopper
-    rises.
+    A foot that is not seen then is NaN. Only falling frames count, since the legs are
+    still retracting while the hopper rises.
     """
     height = fit.centre[:, 2]
     flying = (height > above_m) & (np.gradient(height, recording.time) < 0)

@@ -1,7 +1,10 @@
-"""Geometry of a hopper, calibrated once and read by live use: markers, boom circle, heights."""
+"""Geometry of a hopper, calibrated once and read by live use.
+
+It holds the body markers, the circle of the boom marker, and the heights of a hop.
+"""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -34,13 +37,13 @@ class BoomCircle:
 
     @cached_property
     def axes(self) -> FloatArray:
-        """Two unit vectors in the plane, (2, 3): along the body x axis, and 90 degrees on."""
+        """Unit vectors in the plane, (2, 3): along the body x axis, then across it."""
         first = np.array([1.0, 0.0, 0.0]) - self.normal[0] * self.normal
         first /= np.linalg.norm(first)
         return np.stack([first, np.cross(self.normal, first)])
 
     def angles(self, boom: FloatArray) -> FloatArray:
-        """Return the boom angle, (...), rad, of the boom marker (..., 3) in body axes.
+        """Return the boom angle, (...), rad, of the marker (..., 3) in body axes.
 
         It is zero along the body x axis, counter-clockwise seen from above, and in
         (-pi, pi].
@@ -49,7 +52,7 @@ class BoomCircle:
         return np.asarray(np.arctan2(y, x))
 
     def misses(self, boom: FloatArray) -> FloatArray:
-        """Return the distance from the circle, (...), m, of boom markers (..., 3) in body axes."""
+        """Return the distance from the circle, (...), m, of markers (..., 3)."""
         arm = boom - self.centre_m
         across = np.linalg.norm(np.cross(arm, self.normal), axis=-1)
         return np.asarray(np.hypot(across - self.radius_m, arm @ self.normal))
@@ -88,7 +91,7 @@ class HopperGeometry:
     circle: BoomCircle | None = None
 
     def body_places(self, markers: Sequence[str]) -> list[int]:
-        """Return the indices of the body markers among those of a stream or a recording.
+        """Return the indices of the body markers in a stream or a recording.
 
         Raises
         ------
@@ -99,7 +102,9 @@ class HopperGeometry:
 
     def boom_place(self, markers: Sequence[str]) -> int | None:
         """Return the index of the boom marker; None if this hopper has none."""
-        return None if self.boom_name is None else _place(self.boom_name, markers)
+        if self.boom_name is None:
+            return None
+        return _place(self.boom_name, markers)
 
     def save(self, path: str | Path) -> None:
         """Write the geometry as JSON, whole or not at all."""
@@ -127,24 +132,34 @@ def load_geometry(path: str | Path) -> HopperGeometry:
 
 def _plain(fields_of_one: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """Return the fields, with arrays as lists."""
-    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in fields_of_one}
+    plain = {}
+    for name, value in fields_of_one:
+        plain[name] = value.tolist() if isinstance(value, np.ndarray) else value
+    return plain
 
 
 def _from_json(content: dict[str, Any]) -> HopperGeometry:
-    given = {field.name: content.get(field.name) for field in fields(HopperGeometry)}
-    body, circle = np.array(content["body_m"], dtype=float), given["circle"]
     names = tuple(map(str, content["body_names"]))
+    body = np.array(content["body_m"], dtype=float)
     if body.shape != (len(names), 3) or len(names) < 3:
         raise ValueError(f"body_m of shape {body.shape} for {len(names)} body markers")
-    for name in ("noise_m", "stance_below_m", "flight_above_m"):
-        given[name] = float(content[name])
-    if circle is not None:
-        centre, normal = (
-            np.array(circle[key], float).reshape(3) for key in ("centre_m", "normal")
-        )
-        circle = BoomCircle(centre, normal, float(circle["radius_m"]))
+    circle = content.get("circle")
     return HopperGeometry(
-        **given | {"body_names": names, "body_m": body, "circle": circle}
+        body_names=names,
+        body_m=body,
+        noise_m=float(content["noise_m"]),
+        stance_below_m=float(content["stance_below_m"]),
+        flight_above_m=float(content["flight_above_m"]),
+        boom_name=content.get("boom_name"),
+        circle=None if circle is None else _circle_from_json(circle),
+    )
+
+
+def _circle_from_json(content: dict[str, Any]) -> BoomCircle:
+    return BoomCircle(
+        centre_m=np.array(content["centre_m"], float).reshape(3),
+        normal=np.array(content["normal"], float).reshape(3),
+        radius_m=float(content["radius_m"]),
     )
 
 
@@ -158,11 +173,18 @@ def _place(name: str, markers: Sequence[str]) -> int:
 
 # Heights that separate stances from flights.
 
-LOW, HIGH = (
-    2.0,
-    90.0,
-)  # percentiles of the heights: near the lowest points, near the apexes
-BELOW, ABOVE = 0.35, 0.45  # fractions of the travel between them
+#: Percentile of the heights that stands for the lowest points.
+#: Unit: %. Origin: chosen.
+LOW = 2.0
+#: Percentile of the heights that stands for the apexes.
+#: Unit: %. Origin: chosen.
+HIGH = 90.0
+#: Share of the travel between `LOW` and `HIGH` that every stance falls below.
+#: Unit: 1. Origin: chosen.
+BELOW = 0.35
+#: Share of the travel between `LOW` and `HIGH` that every flight rises above.
+#: Unit: 1. Origin: chosen.
+ABOVE = 0.45
 
 
 def height_band(height_m: FloatArray) -> tuple[float, float]:
@@ -173,4 +195,5 @@ def height_band(height_m: FloatArray) -> tuple[float, float]:
     stands still.
     """
     low, high = np.nanpercentile(height_m, [LOW, HIGH])
-    return float(low + BELOW * (high - low)), float(low + ABOVE * (high - low))
+    travel = high - low
+    return float(low + BELOW * travel), float(low + ABOVE * travel)

@@ -26,14 +26,21 @@ from hopdata.steering.observation.tracking import HopperMotion, hopper_motion, u
 
 # Pose and boom angle at each stance, from which the frame changes are computed.
 
-POSE_HALF_S = 0.035  # half-width of the window of the fit to the poses
-BOOM_S = 0.11  # the dissertation's 11 frames at 100 Hz
+#: Half the window of the parabola that the pose of a stance is read from.
+#: Unit: s. Origin: chosen.
+POSE_HALF_S = 0.035
+#: Time after a stance in which the boom is at rest and its angle is read.
+#: Unit: s. Origin: table: the dissertation's 11 frames at 100 Hz (chapter III, note 4).
+BOOM_S = 0.11
+#: Least frames in that time for the boom angle to be known.
+#: Unit: 1. Origin: chosen.
 LEAST_BOOM_FRAMES = 3
 
 
 def observe_stances(recording: Recording, geometry: HopperGeometry) -> StanceStates:
-    """Find the stances of a recording and their states, with the defaults of all steps."""
-    return stance_states(*_seen(recording, geometry))
+    """Find the stances of a recording and their states, with the default steps."""
+    motion, stances = _seen(recording, geometry)
+    return stance_states(motion, stances)
 
 
 def _seen(
@@ -51,42 +58,55 @@ def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:
     angle is the median over a short time after the stance, in which the boom is at rest
     (footnote 4 of chapter III); it is unknown with fewer than three frames.
     """
-    pose, boom = _poses(motion, stances), _boom_angles(motion, stances)
     return StanceStates(
-        stances.time_s, pose, boom, stances.pairs, motion.tilt_rad[stances.frame]
+        time_s=stances.time_s,
+        pose=_poses(motion, stances),
+        boom_angle_rad=_boom_angles(motion, stances),
+        pairs=stances.pairs,
+        tilt_rad=motion.tilt_rad[stances.frame],
     )
 
 
 def _poses(motion: HopperMotion, stances: Stances) -> FloatArray:
+    """Return the pose at each stance; where frames lack, that of the nearest frame."""
     known = np.isfinite(motion.pose).all(axis=1)
-    time, pose = motion.time[known], motion.pose[known]
-    poses = motion.pose[stances.frame]  # fallback where the parabola lacks frames
+    time = motion.time[known]
+    pose = motion.pose[known]
+    poses = motion.pose[stances.frame]
     for row, instant in zip(poses, stances.time_s, strict=True):
-        fit = local_fit(
-            time, pose, instant - POSE_HALF_S, instant + POSE_HALF_S, degree=2
-        )
+        begin = instant - POSE_HALF_S
+        end = instant + POSE_HALF_S
+        fit = local_fit(time, pose, begin, end, degree=2)
         if fit is not None and fit.first_s < instant < fit.last_s:
             row[:] = fit.at(instant)
     return poses
 
 
 def _boom_angles(motion: HopperMotion, stances: Stances) -> FloatArray:
+    """Return the median boom angle after each stance, rad; NaN where unknown."""
     begin = motion.time[stances.frame]
     first = np.searchsorted(motion.time, begin, side="right")
     last = np.searchsorted(motion.time, begin + BOOM_S + 1e-9, side="right")
     medians = np.full(len(begin), np.nan)
     for k, (i, j) in enumerate(zip(first, last, strict=True)):
         angles = motion.boom_angle_rad[i:j]
-        angles = angles[np.isfinite(angles)]
-        if len(angles) >= LEAST_BOOM_FRAMES:
-            medians[k] = np.median(angles)
+        known = angles[np.isfinite(angles)]
+        if len(known) >= LEAST_BOOM_FRAMES:
+            medians[k] = np.median(known)
     return medians
 
 
 # Observation as printed (Algorithms 2 to 4), with its slips corrected: taken literally
 # it finds no hop at all.
 
-REST_FRAMES = 40  # first frames, whose mean is the home configuration
+#: First frames, whose mean is the home configuration.
+#: Unit: 1. Origin: chosen.
+REST_FRAMES = 40
+
+
+# The printed filter of the heights: cubics through seven frames.
+PRINTED_WINDOW = 7
+PRINTED_DEGREE = 3
 
 
 def phasor_poses(body: FloatArray) -> FloatArray:
@@ -109,13 +129,12 @@ def phasor_poses(body: FloatArray) -> FloatArray:
     phasors = places - middle[:, None]
     with np.errstate(invalid="ignore"):
         ratios = np.nanmean(phasors[:, :1] / phasors, axis=0)
-    return np.column_stack(
-        [middle.real, middle.imag, unwrapped(np.angle(phasors @ ratios))]
-    )
+    heading = unwrapped(np.angle(phasors @ ratios))
+    return np.column_stack([middle.real, middle.imag, heading])
 
 
 def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
-    """Return boom angles, (N,), rad, wrapped, with an arbitrary zero and sense (Algorithm 3).
+    """Return boom angles, (N,), rad, wrapped, with any zero and sense (Algorithm 3).
 
     The home configuration is the mean over the first frames of three body markers and a
     fourth, virtual one normal to their plane. Circle and angle are found in the plane
@@ -130,19 +149,23 @@ def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
     boom : (N, 3) array
         Boom marker, m.
     """
-    first, second = body[:, 1] - body[:, 0], body[:, 2] - body[:, 0]
-    across, arms = np.cross(first, second), np.linalg.norm([first, second], axis=2)
-    length = arms.mean(axis=0) / np.linalg.norm(across, axis=1)
-    four = np.concatenate(
-        [body, (body[:, 0] + length[:, None] * across)[:, None]], axis=1
-    )
+    first_arm = body[:, 1] - body[:, 0]
+    second_arm = body[:, 2] - body[:, 0]
+    across = np.cross(first_arm, second_arm)
+    lengths = np.linalg.norm([first_arm, second_arm], axis=2)
+    # The virtual marker is as far from the first as the other two are on average.
+    scale = lengths.mean(axis=0) / np.linalg.norm(across, axis=1)
+    virtual = body[:, 0] + scale[:, None] * across
+    four = np.concatenate([body, virtual[:, None]], axis=1)
     home = np.nanmean(four[:REST_FRAMES], axis=0)
     fit = rigid_fit(four, home - home.mean(axis=0))
-    places = np.einsum("nji,nj->ni", fit.rotation, boom - fit.centre)
-    known = np.isfinite(places).all(axis=1)
-    places -= places[known].mean(axis=0)
-    flat = places @ np.linalg.svd(places[known], full_matrices=False)[2][:2].T
-    x, y = (flat - algebraic_circle(flat[known])[0]).T
+    in_body = np.einsum("nji,nj->ni", fit.rotation, boom - fit.centre)
+    known = np.isfinite(in_body).all(axis=1)
+    in_body -= in_body[known].mean(axis=0)
+    components = np.linalg.svd(in_body[known], full_matrices=False)[2]
+    flat = in_body @ components[:2].T
+    centre, _ = algebraic_circle(flat[known])
+    x, y = (flat - centre).T
     return np.arctan2(y, x)
 
 
@@ -166,22 +189,36 @@ def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray
     """
     from scipy.signal import savgol_filter
 
-    frames, known = np.arange(len(height)), np.isfinite(height)
-    z = np.interp(frames, frames[known], height[known])
-    low, high = z.mean() - z.std(), z.mean() + z.std()
-    turn = np.diff((savgol_filter(z, 7, 3, deriv=derivative) < 0).astype(int))
-    stances, flights = np.flatnonzero(turn < 0) + 1, np.flatnonzero(turn > 0) + 1
-    group = np.searchsorted(flights[z[flights] > high], stances)
-    order = np.lexsort([z[stances], group])
-    stances = stances[order][np.unique(group[order], return_index=True)[1]]
-    z, end = (
-        np.append(z, np.nan),
-        len(z),
-    )  # a sentinel after the last frame, neither low nor high
-    flight = np.append(flights, end)[np.searchsorted(flights, stances)]
-    last = np.append(stances, end)[np.searchsorted(stances, flight)]
-    paired = (z[stances] < low) & (z[flight] > high) & (z[last] < low)
-    return np.column_stack([stances, last])[paired]
+    frames = np.arange(len(height))
+    known = np.isfinite(height)
+    heights = np.interp(frames, frames[known], height[known])
+    low = heights.mean() - heights.std()
+    high = heights.mean() + heights.std()
+    speed = savgol_filter(heights, PRINTED_WINDOW, PRINTED_DEGREE, deriv=derivative)
+    turns = np.diff((speed < 0).astype(int))
+    minima = np.flatnonzero(turns < 0) + 1
+    maxima = np.flatnonzero(turns > 0) + 1
+    flights = maxima[heights[maxima] > high]
+    stances = _lowest_between(minima, heights, flights)
+    # A sentinel after the last frame, neither low nor high.
+    end = len(heights)
+    heights = np.append(heights, np.nan)
+    flight = np.append(maxima, end)[np.searchsorted(maxima, stances)]
+    following = np.append(stances, end)[np.searchsorted(stances, flight)]
+    is_hop = (
+        (heights[stances] < low) & (heights[flight] > high) & (heights[following] < low)
+    )
+    return np.column_stack([stances, following])[is_hop]
+
+
+def _lowest_between(
+    frames: IntArray, heights: FloatArray, flights: IntArray
+) -> IntArray:
+    """Return the lowest of the frames before, between and after flights."""
+    group = np.searchsorted(flights, frames)
+    order = np.lexsort([heights[frames], group])
+    first_of_group = np.unique(group[order], return_index=True)[1]
+    return np.asarray(frames[order][first_of_group])
 
 
 def _as_printed(
@@ -192,35 +229,38 @@ def _as_printed(
     The print leaves the zeros and senses of the angles open; they are taken from
     `motion`.
     """
-    poses, boom = (
-        phasor_poses(recording.body),
-        recording.positions[:, recording.indices("boom")[0]],
-    )
+    boom = recording.positions[:, recording.indices("boom")[0]]
+    boom_angles = printed_boom_angles(recording.body[:, :3], boom)
+    poses = phasor_poses(recording.body)
     poses[:, 2] = _alike(poses[:, 2], motion.pose[:, 2])
-    angles = _alike(
-        printed_boom_angles(recording.body[:, :3], boom), motion.boom_angle_rad
+    printed = replace(
+        motion,
+        pose=poses,
+        boom_angle_rad=_alike(boom_angles, motion.boom_angle_rad),
+        tilt_rad=np.nan * motion.tilt_rad,
     )
-    motion = replace(
-        motion, pose=poses, boom_angle_rad=angles, tilt_rad=np.nan * motion.tilt_rad
+    pairs = printed_stance_pairs(recording.body_height)
+    frames, stance_of = np.unique(pairs, return_inverse=True)
+    stances = Stances(
+        time_s=printed.time[frames],
+        height_m=printed.height[frames],
+        frame=frames,
+        bridged=np.zeros(len(frames), dtype=bool),
+        pairs=stance_of.reshape(-1, 2),
+        rejected={},
     )
-    frames, pairs = np.unique(
-        printed_stance_pairs(recording.body_height), return_inverse=True
-    )
-    at = (
-        motion.time[frames],
-        motion.height[frames],
-        frames,
-        np.zeros(len(frames), dtype=bool),
-    )
-    stances = Stances(*at, pairs.reshape(-1, 2), {})
-    return motion, stances, replace(stance_states(motion, stances), pose=poses[frames])
+    states = stance_states(printed, stances)
+    return printed, stances, replace(states, pose=poses[frames])
 
 
 def _alike(angle: FloatArray, other: FloatArray) -> FloatArray:
     """Return angles (N,) with the sense and zero that best match the other angles."""
-    off = {sense: np.nanmean(np.exp(1j * (other - sense * angle))) for sense in (1, -1)}
-    sense = max(off, key=lambda one: abs(off[one]))
-    return unwrapped(sense * angle + np.angle(off[sense]))
+    # The mean phasor of the differences is the longer, the less they scatter.
+    same = np.nanmean(np.exp(1j * (other - angle)))
+    opposite = np.nanmean(np.exp(1j * (other + angle)))
+    if abs(opposite) > abs(same):
+        return unwrapped(-angle + np.angle(opposite))
+    return unwrapped(angle + np.angle(same))
 
 
 @dataclass(frozen=True)
@@ -254,7 +294,7 @@ def observe_recordings(
     swing_limit_rad: float,
     observation: str = CORRECTED,
 ) -> Observed:
-    """Observe pose, boom angle and stances of recordings, and collect their frame changes.
+    """Observe pose, boom angle and stances, and collect the frame changes.
 
     Parameters
     ----------
@@ -285,10 +325,12 @@ def _observed(
     recording: Recording, swing_limit_rad: float, observation: str
 ) -> Observed:
     if not recording.indices("boom"):
-        wanted = "a marker with the role boom (markers.boom), on whose angle the frame changes depend"
-        raise AnalysisError.at(
-            recording.name, wanted, f"only {', '.join(recording.markers)}"
+        wanted = (
+            "a marker with the role boom (markers.boom), on whose angle the frame "
+            "changes depend"
         )
+        found = f"only {', '.join(recording.markers)}"
+        raise AnalysisError.at(recording.name, wanted, found)
     try:
         geometry = calibrate(recording)
     except AnalysisError as error:
@@ -308,30 +350,45 @@ def _observed(
         "used": len(changes.used()),
         "excluded": changes.excluded(),
     }
-    tables = _stance_table(name, stances, states), _motion_table(name, motion)
-    return Observed(geometry, changes, *tables, [counts])
+    return Observed(
+        geometry=geometry,
+        changes=changes,
+        stances=_stance_table(name, stances, states),
+        motion=_motion_table(name, motion),
+        counts=[counts],
+    )
 
 
 def _stance_table(name: str, stances: Stances, states: StanceStates) -> pd.DataFrame:
-    x, y, heading = states.pose.T
     follows = np.zeros(len(stances.time_s), dtype=bool)
     follows[stances.pairs[:, 1]] = True
     return pd.DataFrame(
         {
-            "recording": name, "frame": stances.frame, "time_s": stances.time_s,
-            "height_m": stances.height_m, "x_m": x, "y_m": y, "heading_rad": heading,
-            "boom_angle_rad": states.boom_angle_rad, "tilt_rad": states.tilt_rad,
-            "follows": follows
+            "recording": name,
+            "frame": stances.frame,
+            "time_s": stances.time_s,
+            "height_m": stances.height_m,
+            "x_m": states.pose[:, 0],
+            "y_m": states.pose[:, 1],
+            "heading_rad": states.pose[:, 2],
+            "boom_angle_rad": states.boom_angle_rad,
+            "tilt_rad": states.tilt_rad,
+            "follows": follows,
         }
-    )  # fmt: skip
+    )
 
 
 def _motion_table(name: str, motion: HopperMotion) -> pd.DataFrame:
-    x, y, heading = motion.pose.T
     return pd.DataFrame(
         {
-            "recording": name, "time_s": motion.time, "x_m": x, "y_m": y, "heading_rad": heading,
-            "height_m": motion.height, "boom_angle_rad": motion.boom_angle_rad,
-            "residual_m": motion.residual, "status": motion.status
+            "recording": name,
+            "time_s": motion.time,
+            "x_m": motion.pose[:, 0],
+            "y_m": motion.pose[:, 1],
+            "heading_rad": motion.pose[:, 2],
+            "height_m": motion.height,
+            "boom_angle_rad": motion.boom_angle_rad,
+            "residual_m": motion.residual,
+            "status": motion.status,
         }
-    )  # fmt: skip
+    )

@@ -1,7 +1,8 @@
-"""Stances of a recording and the hops between them (dissertation, Algorithm 4, made robust)."""
+"""Stances of a recording and the hops between them (Algorithm 4, made robust)."""
 
 import math
 from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -11,6 +12,9 @@ from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
 from hopdata.steering.observation.geometry import HopperGeometry, height_band
 
 # Local polynomial fits to frames that need not be evenly spaced.
+
+# Times of frames on the edge of a window differ by rounding from the window's ends.
+_EDGE_S = 1e-9
 
 
 @dataclass(frozen=True)
@@ -39,21 +43,26 @@ class LocalFit:
         )
 
     def lowest(self) -> float | None:
-        """Return the time of a parabola's or cubic's minimum, s; None if outside the frames."""
-        c, b, a = np.polynomial.polynomial.polyder(
-            np.append(self.coefficients, [0.0, 0.0])[:4]
-        )
-        square = b * b - 4 * a * c  # squared curvature at the extrema
-        if square <= 0:
+        """Return the time of a parabola's or cubic's minimum, s.
+
+        None if there is none, or if it lies outside the frames.
+        """
+        cubic = np.append(self.coefficients, [0.0, 0.0])[:4]
+        c, b, a = np.polynomial.polynomial.polyder(cubic)
+        squared_curvature = b * b - 4 * a * c  # at both extrema
+        if squared_curvature <= 0:
             return None
-        bend = np.sqrt(square)
-        if b + bend > 0:
-            instant = self.middle_s - 2 * c / (b + bend)
+        curvature = np.sqrt(squared_curvature)
+        # Of the two forms of the root, the one without a difference of like numbers.
+        if b + curvature > 0:
+            instant = self.middle_s - 2 * c / (b + curvature)
         elif a != 0:
-            instant = self.middle_s + (bend - b) / (2 * a)
+            instant = self.middle_s + (curvature - b) / (2 * a)
         else:
             return None
-        return float(instant) if self.first_s <= instant <= self.last_s else None
+        if not self.first_s <= instant <= self.last_s:
+            return None
+        return float(instant)
 
 
 def local_fit(
@@ -76,31 +85,44 @@ def local_fit(
     LocalFit or None
         None if there are too few frames.
     """
-    first, last = np.searchsorted(time, [begin_s - 1e-9, end_s + 1e-9])
+    first, last = np.searchsorted(time, [begin_s - _EDGE_S, end_s + _EDGE_S])
     if last - first < degree + 1:
         return None
-    half_s, middle_s = 0.5 * (end_s - begin_s), 0.5 * (begin_s + end_s)
+    # Times are scaled to [-1, 1], so that the powers are of like size.
+    half_s = 0.5 * (end_s - begin_s)
+    middle_s = 0.5 * (begin_s + end_s)
     powers = np.arange(degree + 1)
     design = ((time[first:last] - middle_s) / half_s)[:, None] ** powers
-    found = np.linalg.lstsq(design, values[first:last], rcond=None)[0]
-    scaled = (found.T * half_s ** -powers.astype(float)).T
-    return LocalFit(middle_s, float(time[first]), float(time[last - 1]), scaled)
+    scaled = np.linalg.lstsq(design, values[first:last], rcond=None)[0]
+    coefficients = (scaled.T * half_s ** -powers.astype(float)).T
+    return LocalFit(middle_s, float(time[first]), float(time[last - 1]), coefficients)
 
 
 # The lowest point of a stance, between frames, and also where frames are missing.
 
-BOTTOM_S = 0.045  # half-width of the window of the fit at the lowest point
-SIDE_S = 0.05  # width of the window of the fit on one side of a gap
-WIDEST_HOLE_S, WIDEST_HOLE_FRAMES = (
-    0.035,
-    3.5,
-)  # widest gap within a fit: the larger of the two
+#: Half the window of the cubic whose minimum is the lowest point of a stance.
+#: Unit: s. Origin: chosen.
+BOTTOM_S = 0.045
+#: Window of the fit to the heights on one side of a gap, for the speed there.
+#: Unit: s. Origin: chosen.
+SIDE_S = 0.05
+#: Longest gap within the cubic; a longer one is bridged from the speeds beside it.
+#: `WIDEST_HOLE_FRAMES` counts where frames are further apart.
+#: Unit: s. Origin: chosen.
+WIDEST_HOLE_S = 0.035
+#: The same, in times between frames; the larger of the two counts.
+#: Unit: 1. Origin: chosen.
+WIDEST_HOLE_FRAMES = 3.5
+#: Longest gap of which the lowest point is estimated from the speeds beside it.
+#: Unit: s. Origin: chosen.
 LONGEST_BRIDGE_S = 0.2
-LEAST_BEND_M_S2 = (
-    5.0  # half of g: the floor accelerates a hopper upwards harder than a hand does
-)
+#: Least upward acceleration at the lowest point of a stance.
+#: Unit: m/s^2. Origin: derived: about half of g, since the floor accelerates a hopper
+#: upwards harder than a hand does.
+LEAST_BEND_M_S2 = 5.0
 
-BOTTOM_UNSEEN, NO_BOUNCE = "lowest point not seen", "no bounce"
+BOTTOM_UNSEEN = "lowest point not seen"
+NO_BOUNCE = "no bounce"
 
 
 @dataclass(frozen=True)
@@ -144,13 +166,14 @@ def find_bottom(
     below_m : float
         Height that every stance falls below.
     """
-    begin, end = time[lowest] - BOTTOM_S, time[lowest] + BOTTOM_S
-    first, last = np.searchsorted(time, [begin - 1e-9, end + 1e-9])
-    waits = np.diff(np.concatenate([[begin], time[first:last], [end]]))
+    begin = time[lowest] - BOTTOM_S
+    end = time[lowest] + BOTTOM_S
     fit = local_fit(time, height, begin, end, degree=3)
-    allowed_s = max(WIDEST_HOLE_S, WIDEST_HOLE_FRAMES * frame_s) if fit else 0.0
-    for k in np.argsort(-waits, kind="stable")[: np.sum(waits > allowed_s)]:
-        bridged = _bridged(time, height, int(first - 1 + k), below_m)
+    allowed_s = 0.0
+    if fit is not None:
+        allowed_s = max(WIDEST_HOLE_S, WIDEST_HOLE_FRAMES * frame_s)
+    for before in _frames_before_gaps(time, begin, end, allowed_s):
+        bridged = _bridged(time, height, before, below_m)
         if bridged is not None:
             return bridged
     if fit is None:
@@ -158,27 +181,45 @@ def find_bottom(
     instant = fit.lowest()
     if instant is None or fit.at(instant, 2) < LEAST_BEND_M_S2:
         return NO_BOUNCE
-    return Bottom(instant, float(fit.at(instant)), False)
+    return Bottom(time_s=instant, height_m=float(fit.at(instant)), bridged=False)
+
+
+def _frames_before_gaps(
+    time: FloatArray, begin_s: float, end_s: float, allowed_s: float
+) -> list[int]:
+    """Return the frames before the gaps of a window, the widest gap first.
+
+    A gap is longer than `allowed_s` within the window; at the window's ends the number
+    of a frame may be outside the recording.
+    """
+    first, last = np.searchsorted(time, [begin_s - _EDGE_S, end_s + _EDGE_S])
+    waits = np.diff(np.concatenate([[begin_s], time[first:last], [end_s]]))
+    n_gaps = np.sum(waits > allowed_s)
+    widest_first = np.argsort(-waits, kind="stable")[:n_gaps]
+    return [int(first - 1 + k) for k in widest_first]
 
 
 def _bridged(
     time: FloatArray, height: FloatArray, before: int, below_m: float
 ) -> Bottom | str | None:
-    """Find the lowest point in the gap after a frame; None if it is outside of the gap."""
-    if (
-        not 0 <= before < len(time) - 1
-        or time[before + 1] - time[before] > LONGEST_BRIDGE_S
-    ):
+    """Find the lowest point in the gap after a frame; None if it is outside of it."""
+    if not 0 <= before < len(time) - 1:
         return BOTTOM_UNSEEN
-    out_s, in_s = time[before], time[before + 1]
+    if time[before + 1] - time[before] > LONGEST_BRIDGE_S:
+        return BOTTOM_UNSEEN
+    out_s = time[before]
+    in_s = time[before + 1]
     fall, rise = side_speeds(time, height, before)
-    if not (fall < 0 < rise):
-        return BOTTOM_UNSEEN if np.isnan(fall + rise) else None
+    if np.isnan(fall + rise):
+        return BOTTOM_UNSEEN
+    if not fall < 0 < rise:
+        return None
     if (rise - fall) / (in_s - out_s) < LEAST_BEND_M_S2:
         return NO_BOUNCE
     falling = (float(out_s), float(height[before]), fall)
     rising = (float(in_s), float(height[before + 1]), rise)
-    return Bottom(*turning_point(falling, rising, below_m), True)
+    lowest_s, lowest_m = turning_point(falling, rising, below_m)
+    return Bottom(time_s=lowest_s, height_m=lowest_m, bridged=True)
 
 
 Motion: TypeAlias = tuple[float, float, float]  # time, s; height, m; speed, m/s
@@ -193,57 +234,73 @@ def turning_point(
     symmetric in time, so the lowest point is halfway between equal heights. A
     difference in height is converted to time at the mean of the two speeds.
     """
-    (out_s, out_m, fall), (in_s, in_m, rise) = (
-        _flown(falling, below_m),
-        _flown(rising, below_m),
-    )
+    out_s, out_m, fall = _flown(falling, below_m)
+    in_s, in_m, rise = _flown(rising, below_m)
     lowest_s = 0.5 * (out_s + in_s) + (out_m - in_m) / (rise - fall)
     lowest_s = min(max(lowest_s, falling[0]), rising[0])
-    after = lowest_s < 0.5 * (out_s + in_s)
-    when, height_m, speed = (out_s, out_m, fall) if after else (in_s, in_m, rise)
-    return lowest_s, height_m + 0.5 * speed * (lowest_s - when)
+    # From the nearer of the two on, the speed falls evenly to zero.
+    if lowest_s < 0.5 * (out_s + in_s):
+        return lowest_s, out_m + 0.5 * fall * (lowest_s - out_s)
+    return lowest_s, in_m + 0.5 * rise * (lowest_s - in_s)
 
 
 def _flown(motion: Motion, to_m: float) -> Motion:
-    """Extrapolate free flight to a lower height, forwards in a fall and backwards in a rise."""
+    """Extrapolate free flight to a lower height: a fall forwards, a rise backwards."""
     time_s, height_m, speed = motion
     if height_m <= to_m:
         return motion
     gained = math.sqrt(2 * GRAVITY_M_S2 * (height_m - to_m))
-    there = math.copysign(math.hypot(speed, gained), speed)
-    return time_s + (speed - there) / GRAVITY_M_S2, to_m, there
+    speed_there = math.copysign(math.hypot(speed, gained), speed)
+    return time_s + (speed - speed_there) / GRAVITY_M_S2, to_m, speed_there
 
 
 def side_speeds(
     time: FloatArray, height: FloatArray, before: int
 ) -> tuple[float, float]:
     """Return the speeds just before and just after a gap, m/s; NaN if unknown."""
-    speeds = []
-    for frame, begin, end in ((before, -SIDE_S, 0.0), (before + 1, 0.0, SIDE_S)):
-        at = time[frame]
-        window = (time, height, at + begin, at + end)
-        fit = local_fit(*window, degree=2) or local_fit(*window, degree=1)
-        speeds.append(float("nan") if fit is None else float(fit.at(at, 1)))
-    return speeds[0], speeds[1]
+    out_s = time[before]
+    in_s = time[before + 1]
+    return (
+        _speed_at(time, height, out_s, out_s - SIDE_S, out_s),
+        _speed_at(time, height, in_s, in_s, in_s + SIDE_S),
+    )
+
+
+def _speed_at(
+    time: FloatArray, height: FloatArray, at_s: float, begin_s: float, end_s: float
+) -> float:
+    """Return the speed by a parabola through a window, or a line if frames lack."""
+    fit = local_fit(time, height, begin_s, end_s, degree=2)
+    if fit is None:
+        fit = local_fit(time, height, begin_s, end_s, degree=1)
+    if fit is None:
+        return float("nan")
+    return float(fit.at(at_s, 1))
 
 
 # Visits below a height threshold, and what lies between them.
 
-HOLE_S = 0.3  # in a longer gap anything may have happened
-SIDE_HOLE_S = (
-    0.04  # at a longer gap, the apex is also estimated from the speeds on both sides
-)
-SHORTEST, LONGEST = (
-    0.6,
-    1.5,
-)  # time above the threshold, relative to free fall from the apex
+#: Longest gap between two stances of a hop: in a longer one anything may have happened.
+#: Unit: s. Origin: chosen.
+HOLE_S = 0.3
+#: At a longer gap in the flight, the apex is also estimated from the speeds beside it.
+#: Unit: s. Origin: chosen.
+SIDE_HOLE_S = 0.04
+#: Least time above the threshold, as a share of that of free fall from the apex.
+#: Unit: 1. Origin: chosen.
+SHORTEST = 0.6
+#: Most time above the threshold, as a share of that of free fall from the apex: hands
+#: hold a hopper for longer.
+#: Unit: 1. Origin: chosen.
+LONGEST = 1.5
 
-HELD, HOLE = "held or carried in between", "heights missing in between"
+HELD = "held or carried in between"
+HOLE = "heights missing in between"
 
 
 @dataclass(frozen=True)
 class Visits:
-    """Visits below one threshold; each lasts until the height is above the other one again.
+    """Visits below one threshold; each lasts until the height is above the other again.
 
     Parameters
     ----------
@@ -275,21 +332,24 @@ def find_visits(
     below_m, above_m : float
         The two thresholds.
     """
-    side = np.where(height < below_m, -1, np.where(height > above_m, 1, 0))
-    outside = np.flatnonzero(side)
-    holes = np.cumsum(np.diff(time, prepend=time[:1]) > HOLE_S)
-    low = side[outside] < 0
-    begins = low.copy()
-    begins[1:] &= ~low[:-1] | (np.diff(holes[outside]) > 0)
-    number = np.cumsum(begins)[low] - 1
-    inside = outside[low]
-    first = inside[np.flatnonzero(np.diff(number, prepend=-1))]
-    last = inside[np.flatnonzero(np.diff(number, append=number[-1:] + 1))]
+    # Frames between the thresholds belong to what was before, and are left out.
+    decided = np.flatnonzero((height < below_m) | (height > above_m))
+    is_low = height[decided] < below_m
+    n_holes_before = np.cumsum(np.diff(time, prepend=time[:1]) > HOLE_S)
+    begins = is_low.copy()
+    begins[1:] &= ~is_low[:-1] | (np.diff(n_holes_before[decided]) > 0)
+    visit_of_frame = np.cumsum(begins)[is_low] - 1
+    low_frames = decided[is_low]
+    is_first = np.diff(visit_of_frame, prepend=-1)
+    is_last = np.diff(visit_of_frame, append=visit_of_frame[-1:] + 1)
+    first = low_frames[np.flatnonzero(is_first)]
+    last = low_frames[np.flatnonzero(is_last)]
     lowest = [
-        a + int(np.argmin(height[a : b + 1])) for a, b in zip(first, last, strict=True)
+        one + int(np.argmin(height[one : other + 1]))
+        for one, other in zip(first, last, strict=True)
     ]
     after_hole = np.zeros(len(first), dtype=bool)
-    after_hole[1:] = holes[first[1:]] > holes[last[:-1]]
+    after_hole[1:] = n_holes_before[first[1:]] > n_holes_before[last[:-1]]
     return Visits(first, last, np.array(lowest, dtype=int), after_hole)
 
 
@@ -320,21 +380,27 @@ def not_a_hop(
         whichever is longer, s.
     """
     high = leave + np.flatnonzero(height[leave : back + 1] > above_m)
-    up = _crossing(time, height, int(high[0]) - 1, above_m)
-    down = _crossing(time, height, int(high[-1]), above_m)
-    top = float(height[high].max())
-    for before in (
-        high[0]
-        - 1
-        + np.flatnonzero(np.diff(time[high[0] - 1 : back + 1]) > SIDE_HOLE_S)
-    ):
-        rise, fall = side_speeds(time, height, int(before))
-        for speed, frame in ((rise, before), (-fall, before + 1)):
-            if speed > 0:
-                top = max(top, float(height[frame] + speed**2 / (2 * GRAVITY_M_S2)))
-    free = 2 * np.sqrt(2 * (top - above_m) / GRAVITY_M_S2)
-    flies = max(SHORTEST * free, stood_s) <= down - up <= LONGEST * free
-    return None if flies else HELD
+    before_up = int(high[0]) - 1
+    up_s = _crossing(time, height, before_up, above_m)
+    down_s = _crossing(time, height, int(high[-1]), above_m)
+    apex_m = float(height[high].max())
+    gaps = np.flatnonzero(np.diff(time[before_up : back + 1]) > SIDE_HOLE_S)
+    for before in before_up + gaps:
+        speed_up, speed_down = side_speeds(time, height, int(before))
+        if speed_up > 0:
+            apex_m = max(apex_m, _apex_of(height[before], speed_up))
+        if -speed_down > 0:
+            apex_m = max(apex_m, _apex_of(height[before + 1], -speed_down))
+    free_s = 2 * np.sqrt(2 * (apex_m - above_m) / GRAVITY_M_S2)
+    flight_s = down_s - up_s
+    if max(SHORTEST * free_s, stood_s) <= flight_s <= LONGEST * free_s:
+        return None
+    return HELD
+
+
+def _apex_of(height_m: float, speed_m_s: float) -> float:
+    """Return the height to which a free flight with this speed leads."""
+    return float(height_m + speed_m_s**2 / (2 * GRAVITY_M_S2))
 
 
 def _crossing(
@@ -400,92 +466,138 @@ def find_stances(
     band_m : (float, float), optional
         The two thresholds; by default `height_band` of these heights.
     """
-    below, above = height_band(height) if band_m is None else band_m
-    frames = np.flatnonzero(np.isfinite(height))
-    t, z = time[frames], height[frames]
-    visits = find_visits(t, z, below, above)
-    frame_s = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    bottoms = [
-        _bottom(t, z, visits, k, frame_s, below) for k in range(len(visits.lowest))
+    if band_m is None:
+        band_m = height_band(height)
+    below_m, above_m = band_m
+    known = np.flatnonzero(np.isfinite(height))
+    known_time = time[known]
+    known_height = height[known]
+    visits = find_visits(known_time, known_height, below_m, above_m)
+    bottoms = _bottoms(known_time, known_height, visits, below_m)
+    links = [
+        _link(known_time, known_height, visits, bottoms, k, above_m)
+        for k in range(len(bottoms) - 1)
     ]
-    links = [_link(t, z, visits, bottoms, k, above) for k in range(len(bottoms) - 1)]
-    found = [bottom for bottom in bottoms if isinstance(bottom, Bottom)]
-    number = np.cumsum([isinstance(bottom, Bottom) for bottom in bottoms]) - 1
+    stances = [bottom for bottom in bottoms if isinstance(bottom, Bottom)]
+    stance_of_visit = np.cumsum([isinstance(one, Bottom) for one in bottoms]) - 1
+    # Two visits that are a hop apart are two stances that follow each other.
     first = np.array(
-        [number[k] for k, link in enumerate(links) if link is None], dtype=int
+        [stance_of_visit[k] for k, link in enumerate(links) if link is None], dtype=int
     )
-    why = Counter(reason for reason in [*bottoms, *links] if isinstance(reason, str))
-    instants = np.array([bottom.time_s for bottom in found])
+    instants = np.array([stance.time_s for stance in stances])
     return Stances(
-        instants,
-        np.array([bottom.height_m for bottom in found]),
-        frames[_nearest(t, instants)],
-        np.array([bottom.bridged for bottom in found], dtype=bool),
-        np.column_stack([first, first + 1]),
-        {reason: why[reason] for reason in REASONS},
+        time_s=instants,
+        height_m=np.array([stance.height_m for stance in stances]),
+        frame=known[_nearest(known_time, instants)],
+        bridged=np.array([stance.bridged for stance in stances], dtype=bool),
+        pairs=np.column_stack([first, first + 1]),
+        rejected=_counted([*bottoms, *links]),
     )
 
 
-def _bottom(
-    t: FloatArray, z: FloatArray, visits: Visits, k: int, frame_s: float, below: float
-) -> Bottom | str:
-    """Return the lowest point of a visit, which must lie within it, or why it has none."""
-    found = find_bottom(t, z, int(visits.lowest[k]), frame_s, below)
-    first, last = max(visits.first[k] - 1, 0), min(visits.last[k] + 1, len(t) - 1)
-    if isinstance(found, Bottom) and not t[first] < found.time_s < t[last]:
-        return BOTTOM_UNSEEN
-    return found
+def _counted(found: Sequence[Bottom | str | None]) -> dict[str, int]:
+    """Return how often each reason occurs among what was found."""
+    why = Counter(one for one in found if isinstance(one, str))
+    return {reason: why[reason] for reason in REASONS}
+
+
+def _bottoms(
+    time: FloatArray, height: FloatArray, visits: Visits, below_m: float
+) -> list[Bottom | str]:
+    """Return the lowest point of each visit, or why it has none."""
+    frame_s = 0.0
+    if len(time) > 1:
+        frame_s = float(np.median(np.diff(time)))
+    bottoms: list[Bottom | str] = []
+    for k, lowest in enumerate(visits.lowest):
+        bottom = find_bottom(time, height, int(lowest), frame_s, below_m)
+        # It must lie within the visit.
+        before = max(visits.first[k] - 1, 0)
+        after = min(visits.last[k] + 1, len(time) - 1)
+        outside = isinstance(bottom, Bottom) and not (
+            time[before] < bottom.time_s < time[after]
+        )
+        bottoms.append(BOTTOM_UNSEEN if outside else bottom)
+    return bottoms
 
 
 def _link(
-    t: FloatArray,
-    z: FloatArray,
+    time: FloatArray,
+    height: FloatArray,
     visits: Visits,
     bottoms: list[Bottom | str],
     k: int,
-    above: float,
+    above_m: float,
 ) -> str | None:
     """Return why visits k and k + 1 are not a hop apart; None if they are."""
-    one, other = bottoms[k : k + 2]
+    one = bottoms[k]
+    other = bottoms[k + 1]
     if isinstance(one, str) or isinstance(other, str):
         return NO_STANCE
     if visits.after_hole[k + 1]:
         return HOLE
-    leave, back = int(visits.last[k]), int(visits.first[k + 1])
-    stood_s = max(float(t[leave]) - one.time_s, other.time_s - float(t[back]))
-    return not_a_hop(t, z, leave, back, above, stood_s)
+    leave = int(visits.last[k])
+    back = int(visits.first[k + 1])
+    stood_s = max(float(time[leave]) - one.time_s, other.time_s - float(time[back]))
+    return not_a_hop(time, height, leave, back, above_m, stood_s)
 
 
 def _nearest(time: FloatArray, instants: FloatArray) -> IntArray:
+    """Return the frame nearest to each instant."""
     after = np.searchsorted(time, instants).clip(1, max(len(time) - 1, 1))
-    early = instants - time[after - 1] < time[after] - instants
-    return np.asarray(after - early)
+    is_nearer_before = instants - time[after - 1] < time[after] - instants
+    return np.asarray(after - is_nearer_before)
 
 
 # Live recognition of stances, from one height after another.
 
-WINDOW_S = 0.055  # window of the parabola through the last frames,
-WINDOW_FRAMES = 3.5  # but at least this many frames
-TOLD_HOLE_S = 0.25  # longest gap in the frames across which a stance is still reported
-RESTART_S = 1.0  # a clock that goes back by more has been restarted
-FASTEST_M_S, HARDEST_M_S2 = 4.0, 60.0  # a height that needs more has jumped
+#: Window of the parabola through the last frames; `WINDOW_FRAMES` counts at low rates.
+#: Unit: s. Origin: chosen.
+WINDOW_S = 0.055
+#: Least window of the parabola through the last frames, in times between frames.
+#: Unit: 1. Origin: derived: a little more than three, so that it holds four frames.
+WINDOW_FRAMES = 3.5
+#: Longest gap in the frames across which a stance is still reported.
+#: Unit: s. Origin: chosen.
+TOLD_HOLE_S = 0.25
+#: A clock that goes back by more has been restarted.
+#: Unit: s. Origin: chosen.
+RESTART_S = 1.0
+#: A height that needs a larger speed has jumped.
+#: Unit: m/s. Origin: chosen.
+FASTEST_M_S = 4.0
+#: A height that needs a larger acceleration has jumped.
+#: Unit: m/s^2. Origin: chosen.
+HARDEST_M_S2 = 60.0
+#: How clearly the height must fall or rise, in errors of its speed.
+#: Unit: 1. Origin: chosen.
 SIGMAS = 4.0
+#: A frame that comes sooner after the last one repeats it.
+#: Unit: times between frames. Origin: chosen.
+LEAST_STEP_FRAMES = 0.1
 
 
 @dataclass(frozen=True)
 class Stance(Bottom):
-    """The lowest point of a recognised stance, and the time of the frame that revealed it, s."""
+    """The lowest point of a recognised stance, and the time of the frame that told, s.
+
+    Parameters
+    ----------
+    told_s : float
+        Time of the frame that revealed it.
+    """
 
     told_s: float
 
 
 class StanceDetector:
-    """Reports each stance once, about 30, 20 or 10 ms after its lowest point at 60, 100 or 250 Hz.
+    """Reports each stance once, 30, 20 or 10 ms after its lowest point.
 
-    A stance is reported when the height, after rising above one threshold, is below
-    another, and a parabola through the last frames has clearly turned upwards in two
-    consecutive frames. Frames may be late or missing; parabolas then have fewer points.
-    A height that jumps is left out unless the next one confirms it.
+    These are the delays at 60, 100 and 250 Hz. A stance is reported when the height,
+    after rising above one threshold, is below another, and a parabola through the last
+    frames has clearly turned upwards in two consecutive frames. Frames may be late or
+    missing; parabolas then have fewer points. A height that jumps is left out unless
+    the next one confirms it.
 
     Parameters
     ----------
@@ -503,25 +615,30 @@ class StanceDetector:
     """
 
     def __init__(self, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> None:
-        self.geometry, self.n_left_out = geometry, 0
+        self.geometry = geometry
+        self.n_left_out = 0
         self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
-        self.least_step_s = 0.1 / rate_hz
-        self.noise_m = geometry.noise_m / np.sqrt(
-            len(geometry.body_m)
-        )  # noise of a height
+        self.least_step_s = LEAST_STEP_FRAMES / rate_hz
+        # A height is the mean over the body markers.
+        self.noise_m = geometry.noise_m / np.sqrt(len(geometry.body_m))
         self._forget()
 
     def _forget(self) -> None:
         """Reset, as if nothing had been seen."""
+        # Frames in the window, each with time and height; one that is far from them.
         self._frames: deque[tuple[float, float]] = deque()
         self._stray: tuple[float, float] | None = None
+        # The last clear fall, whether a flight was seen since the last stance, and
+        # whether the last frame already rose.
         self._falling: Motion | None = None
-        self._armed, self._turned = False, False
-        self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
-        self._kept_s, self._hole_s = (
-            np.inf,
-            0.0,
-        )  # last accepted frame; longest gap since a fall
+        self._armed = False
+        self._turned = False
+        self._lowest_m = np.inf
+        self._speed = 0.0
+        self._last_s = -np.inf
+        # Time of the last frame that was kept, and the longest gap since the fall.
+        self._kept_s = np.inf
+        self._hole_s = 0.0
 
     def feed(self, time_s: float, height_m: float) -> Stance | None:
         """Take the next frame; return the stance it reveals, if any.
@@ -538,17 +655,22 @@ class StanceDetector:
             return None
         slope, bend, noise = self._parabola(time_s)
         self._speed = slope
-        if height_m > self.geometry.flight_above_m and (slope < 0 or not self._armed):
-            self._armed, self._lowest_m = True, np.inf
+        is_high = height_m > self.geometry.flight_above_m
+        if is_high and (slope < 0 or not self._armed):
+            self._armed = True
+            self._lowest_m = np.inf
         self._lowest_m = min(self._lowest_m, height_m)
         if slope < 0 and self._armed:
             self._turned = False
             if slope < -SIGMAS * noise:
-                self._falling, self._hole_s = (time_s, height_m, slope), 0.0
+                self._falling = (time_s, height_m, slope)
+                self._hole_s = 0.0
         if not self._armed or slope <= SIGMAS * noise or self._falling is None:
             return None
-        turned, self._turned = self._turned, True
-        return self._told((time_s, height_m, slope), bend) if turned else None
+        if not self._turned:  # a single frame that rises is not enough
+            self._turned = True
+            return None
+        return self._told((time_s, height_m, slope), bend)
 
     def _taken(self, time_s: float, height_m: float) -> bool:
         """Keep a frame if it is plausible, and forget those that are too old."""
@@ -567,68 +689,97 @@ class StanceDetector:
             self._frames.append(self._stray)
             self._turned = False
         self._stray = None
-        self._hole_s, self._kept_s = max(self._hole_s, time_s - self._kept_s), time_s
+        self._hole_s = max(self._hole_s, time_s - self._kept_s)
+        self._kept_s = time_s
         self._frames.append(frame)
         while self._frames[0][0] < time_s - self.window_s:
             self._frames.popleft()
         return True
 
     def _far(self, one: tuple[float, float], other: tuple[float, float]) -> bool:
-        """Return whether a height is out of reach from another, or from where it was heading."""
-        wait = other[0] - one[0]
-        rise, reach = other[1] - one[1], FASTEST_M_S * wait
+        """Return whether a height is out of reach from another one.
+
+        From the last frame, it is compared with where the height was heading.
+        """
+        wait_s = other[0] - one[0]
+        rise = other[1] - one[1]
+        reach = FASTEST_M_S * wait_s
         if len(self._frames) > 2 and one == self._frames[-1]:
-            rise -= self._speed * wait
-            reach = min(reach, 0.5 * HARDEST_M_S2 * wait**2)
+            rise -= self._speed * wait_s
+            reach = min(reach, 0.5 * HARDEST_M_S2 * wait_s**2)
         return abs(rise) > reach + 4 * SIGMAS * self.noise_m
 
     def _parabola(self, time_s: float) -> tuple[float, float, float]:
-        """Return speed, m/s, acceleration, m/s^2, and error of the speed at the last frame."""
-        n, b, c, d, e, p, q, r = (
-            0.0,
-        ) * 8  # sums of s^0 to s^4, and of the heights by s^0 to s^2
-        for (
-            when,
-            z,
-        ) in self._frames:  # so few numbers that arrays take eight times as long
+        """Return speed, m/s, acceleration, m/s^2, and error of the speed, at a time.
+
+        The parabola goes through the frames in the window by least squares. There are
+        so few numbers that arrays would take eight times as long.
+        """
+        # Sums of the powers of the time before the last frame, and of the heights
+        # times these powers.
+        s0 = s1 = s2 = s3 = s4 = 0.0
+        z0 = z1 = z2 = 0.0
+        for when, z in self._frames:
             s = when - time_s
             ss = s * s
-            n, b, c, d, e = n + 1, b + s, c + ss, d + s * ss, e + ss * ss
-            p, q, r = p + z, q + s * z, r + ss * z
-        if n < 2:
+            s0 += 1
+            s1 += s
+            s2 += ss
+            s3 += s * ss
+            s4 += ss * ss
+            z0 += z
+            z1 += s * z
+            z2 += ss * z
+        if s0 < 2:
             return 0.0, 0.0, np.inf
-        if n < 3:
-            whole = n * c - b * b
-            return (n * q - b * p) / whole, np.nan, self.noise_m * np.sqrt(n / whole)
-        f, g, h = (
-            c * e - d * d,
-            c * d - b * e,
-            b * d - c * c,
-        )  # cofactors of the first row
-        whole = n * f + b * g + c * h
-        slope = (g * p + (n * e - c * c) * q + (b * c - n * d) * r) / whole
-        bend = 2 * (h * p + (b * c - n * d) * q + (n * c - b * b) * r) / whole
-        return slope, bend, self.noise_m * np.sqrt((n * e - c * c) / whole)
+        if s0 < 3:  # a line
+            determinant = s0 * s2 - s1 * s1
+            slope = (s0 * z1 - s1 * z0) / determinant
+            return slope, np.nan, self.noise_m * np.sqrt(s0 / determinant)
+        # Cramer's rule for the normal equations: cofactors of the first row, then those
+        # of the others where they are needed.
+        c00 = s2 * s4 - s3 * s3
+        c01 = s2 * s3 - s1 * s4
+        c02 = s1 * s3 - s2 * s2
+        c11 = s0 * s4 - s2 * s2
+        c12 = s1 * s2 - s0 * s3
+        c22 = s0 * s2 - s1 * s1
+        determinant = s0 * c00 + s1 * c01 + s2 * c02
+        slope = (c01 * z0 + c11 * z1 + c12 * z2) / determinant
+        bend = 2 * (c02 * z0 + c12 * z1 + c22 * z2) / determinant
+        return slope, bend, self.noise_m * np.sqrt(c11 / determinant)
 
     def _told(self, rising: Motion, bend: float) -> Stance | None:
         """Return the stance before a rise, if it was low, recent and curved enough."""
         assert self._falling is not None
-        (before, _, fall), (time_s, _, slope) = self._falling, rising
-        bridged, below_m = (
-            bool(time_s - before > self.window_s),
-            self.geometry.stance_below_m,
-        )
-        if bridged:
+        before_s, _, fall = self._falling
+        time_s, _, slope = rising
+        below_m = self.geometry.stance_below_m
+        is_bridged = bool(time_s - before_s > self.window_s)
+        if is_bridged:
             lowest_s, _ = turning_point(self._falling, rising, below_m)
-            bend = (slope - fall) / (time_s - before)
+            bend = (slope - fall) / (time_s - before_s)
+        elif bend > 0:
+            lowest_s = time_s - slope / bend
         else:
-            lowest_s = time_s - slope / bend if bend > 0 else before
-        # In a gap it may have been low, if there was time to fly down and up again.
-        out_s, in_s = (_flown(motion, below_m)[0] for motion in (self._falling, rising))
-        low = self._lowest_m < below_m or (
-            self._hole_s > self.window_s and out_s < in_s
-        )
-        if time_s - before > TOLD_HOLE_S or not low or not bend > LEAST_BEND_M_S2:
+            lowest_s = before_s
+        if time_s - before_s > TOLD_HOLE_S or not bend > LEAST_BEND_M_S2:
             return None
-        self._armed, self._falling = False, None
-        return Stance(float(lowest_s), float(self._lowest_m), bridged, float(time_s))
+        if not (self._lowest_m < below_m or self._may_have_been_low(rising)):
+            return None
+        self._armed = False
+        self._falling = None
+        return Stance(
+            time_s=float(lowest_s),
+            height_m=float(self._lowest_m),
+            bridged=is_bridged,
+            told_s=float(time_s),
+        )
+
+    def _may_have_been_low(self, rising: Motion) -> bool:
+        """Tell whether there was a gap with time to fly down and up again in it."""
+        assert self._falling is not None
+        below_m = self.geometry.stance_below_m
+        down_s = _flown(self._falling, below_m)[0]
+        up_s = _flown(rising, below_m)[0]
+        return self._hole_s > self.window_s and down_s < up_s

@@ -11,14 +11,26 @@ from hopdata.recording import Recording
 from hopdata.rigid import RigidFit, headings, rigid_fit, wrapped
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 
-SEEN, LEANED, MISFIT, UNSEEN = "seen", "leaned on an earlier frame", "misfit", "unseen"
+SEEN = "seen"
+LEANED = "leaned on an earlier frame"
+MISFIT = "misfit"
+UNSEEN = "unseen"
 STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
 KNOWN = (SEEN, LEANED)  # with a pose
 
-MISFIT_NOISES = 5.0  # times the noise: larger residuals mean that markers are mixed up
+#: Largest residual of a rigid body, in noises of a coordinate: larger ones mean that
+#: markers are mixed up.
+#: Unit: 1. Origin: chosen.
+MISFIT_NOISES = 5.0
+#: Largest distance of the boom marker from its circle; beyond, it is another marker.
+#: Unit: m. Origin: chosen.
 BOOM_MISS_M = 0.02
-LEAST_BODY = 3  # body markers that give a pose on their own
-HOLD_S = 0.5  # with two markers, the attitude of a frame within this time is used
+#: Body markers that give a pose on their own.
+#: Unit: 1. Origin: derived: three points that are not on a line fix a rigid body.
+LEAST_BODY = 3
+#: With two markers, the attitude of a frame within this time is used.
+#: Unit: s. Origin: chosen.
+HOLD_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -82,21 +94,28 @@ def observe_frame(
     earlier : (3, 3) array, optional
         Rotation of an earlier frame, used if only two markers are seen.
     """
-    fit = rigid_fit(
-        body[None], geometry.body_m, None if earlier is None else earlier[None]
-    )
-    status, centre, rotation = (part[0] for part in _known(fit, geometry.noise_m))
-    pose, angle = np.array([centre[0], centre[1], headings(rotation)]), np.nan
+    earlier_frames = None if earlier is None else earlier[None]
+    fit = rigid_fit(body[None], geometry.body_m, earlier_frames)
+    statuses, centres, rotations = _known(fit, geometry.noise_m)
+    centre = centres[0]
+    rotation = rotations[0]
+    angle = np.nan
     if boom is not None and geometry.circle is not None:
         angle = float(_angles_on(geometry.circle, (boom - centre) @ rotation))
     return Observation(
-        pose, float(centre[2]), angle, float(fit.residual_m[0]), status, rotation
+        pose=np.array([centre[0], centre[1], headings(rotation)]),
+        height_m=float(centre[2]),
+        boom_angle_rad=angle,
+        residual_m=float(fit.residual_m[0]),
+        status=statuses[0],
+        rotation=rotation,
     )
 
 
 def _angles_on(circle: BoomCircle, boom: FloatArray) -> FloatArray:
-    """Return boom angles of markers (..., 3); NaN where one is unseen or off the circle."""
-    return np.where(circle.misses(boom) < BOOM_MISS_M, circle.angles(boom), np.nan)
+    """Return boom angles of markers (..., 3); NaN where unseen or off the circle."""
+    is_on_it = circle.misses(boom) < BOOM_MISS_M
+    return np.where(is_on_it, circle.angles(boom), np.nan)
 
 
 class HopperTracker:
@@ -119,28 +138,41 @@ class HopperTracker:
         self._body = geometry.body_places(markers)
         self._boom = geometry.boom_place(markers)
         self._names = tuple(markers)
-        self._seen_s, self._rotation = -np.inf, np.full((3, 3), np.nan)
+        # When at least three markers were last seen, and the rotation then.
+        self._seen_s = -np.inf
+        self._rotation = np.full((3, 3), np.nan)
         self._heading = 0.0
 
     def feed(self, time_s: float, markers: FloatArray) -> Observation:
-        """Take the next frame: its time, s, and its markers, (M, 3), m, NaN where unseen."""
-        earlier = self._rotation if 0 <= time_s - self._seen_s <= HOLD_S else None
+        """Take the next frame.
+
+        Parameters
+        ----------
+        time_s : float
+            Time of the frame, s.
+        markers : (M, 3) array
+            Its markers, m; NaN where unseen.
+        """
+        earlier = None
+        if 0 <= time_s - self._seen_s <= HOLD_S:
+            earlier = self._rotation
         boom = None if self._boom is None else markers[self._boom]
         found = observe_frame(self.geometry, markers[self._body], boom, earlier)
         found = replace(found, lacking=self._lacking(markers, found))
         if not found.known:
             return found
         if found.status == SEEN:
-            self._seen_s, self._rotation = time_s, found.rotation
+            self._seen_s = time_s
+            self._rotation = found.rotation
         self._heading += float(wrapped(found.pose[2] - self._heading))
         return replace(found, pose=np.append(found.pose[:2], self._heading))
 
     def _lacking(self, markers: FloatArray, found: Observation) -> tuple[str, ...]:
         """Return which of the markers that are needed a frame does not show."""
+        lacking = []
         unseen = [k for k in self._body if np.isnan(markers[k]).any()]
-        if len(self._body) - len(unseen) >= LEAST_BODY:
-            unseen = []
-        lacking = [f"marker '{self._names[k]}' is not seen" for k in unseen]
+        if len(self._body) - len(unseen) < LEAST_BODY:
+            lacking = [f"marker '{self._names[k]}' is not seen" for k in unseen]
         if self._boom is None:
             return tuple(lacking)
         boom = f"marker '{self._names[self._boom]}'"
@@ -190,7 +222,7 @@ class HopperMotion:
 
 
 def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotion:
-    """Observe a hopper in all frames of a recording, by fitting its geometry to the markers.
+    """Observe a hopper in all frames of a recording, by fitting its geometry to them.
 
     Where only two body markers are seen, the rotation about the line through them is
     taken from the frames with more markers before and after, or from one of them,
@@ -210,15 +242,17 @@ def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotio
     fit = rigid_fit(body, geometry.body_m)
     fits = fit.known & (fit.residual_m <= MISFIT_NOISES * geometry.noise_m)
     if not fits.all() and fits.any():
-        fit = rigid_fit(
-            body, geometry.body_m, _between(recording.time, fit.rotation, fits)
-        )
+        neighbours = _between(recording.time, fit.rotation, fits)
+        fit = rigid_fit(body, geometry.body_m, neighbours)
     status, centre, rotation = _known(fit, geometry.noise_m)
-    pose = np.column_stack([centre[:, :2], unwrapped(headings(rotation))])
-    boom = _boom_angles(recording, geometry, centre, rotation)
-    tilt = np.arccos(np.clip(rotation[:, 2, 2], -1, 1))
     return HopperMotion(
-        recording.time, pose, centre[:, 2], boom, fit.residual_m, status, tilt
+        time=recording.time,
+        pose=np.column_stack([centre[:, :2], unwrapped(headings(rotation))]),
+        height=centre[:, 2],
+        boom_angle_rad=_boom_angles(recording, geometry, centre, rotation),
+        residual=fit.residual_m,
+        status=status,
+        tilt_rad=np.arccos(np.clip(rotation[:, 2, 2], -1, 1)),
     )
 
 
@@ -230,27 +264,32 @@ def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatAr
     gap, which would look like a lowest point.
     """
     good = np.flatnonzero(fits)
-    place = np.searchsorted(good, np.arange(len(time)))
-    before, after = good[(place - 1).clip(0)], good[place.clip(0, len(good) - 1)]
+    following = np.searchsorted(good, np.arange(len(time)))
+    before = good[(following - 1).clip(0)]
+    after = good[following.clip(0, len(good) - 1)]
     waits = np.abs(np.stack([time - time[before], time[after] - time]))
     weights = np.where(waits <= HOLD_S, 1.0 / np.maximum(waits, 1e-9), 0.0)
     total = weights.sum(axis=0)
-    first, second = weights / np.where(total > 0, total, np.nan)
-    return np.asarray(
-        first[:, None, None] * rotation[before]
-        + second[:, None, None] * rotation[after]
-    )
+    shares = weights / np.where(total > 0, total, np.nan)
+    share_before = shares[0][:, None, None]
+    share_after = shares[1][:, None, None]
+    return np.asarray(share_before * rotation[before] + share_after * rotation[after])
 
 
 def _known(
     fit: RigidFit, noise_m: float
 ) -> tuple[NDArray[np.str_], FloatArray, FloatArray]:
-    """Return the status of each frame, its centre and its rotation; NaN where there is no pose."""
+    """Return the status of each frame, its centre and its rotation.
+
+    The latter are NaN where there is no pose.
+    """
     misfit = fit.residual_m > MISFIT_NOISES * noise_m
+    # The first that applies counts.
     status = np.select([~fit.known, misfit, fit.leaned], [UNSEEN, MISFIT, LEANED], SEEN)
-    known = np.isin(status, KNOWN)[:, None]
-    centre = np.where(known, fit.centre, np.nan)
-    return status, centre, np.where(known[..., None], fit.rotation, np.nan)
+    known = np.isin(status, KNOWN)
+    centre = np.where(known[:, None], fit.centre, np.nan)
+    rotation = np.where(known[:, None, None], fit.rotation, np.nan)
+    return status, centre, rotation
 
 
 def _boom_angles(
@@ -259,11 +298,13 @@ def _boom_angles(
     centre: FloatArray,
     rotation: FloatArray,
 ) -> FloatArray:
-    place = geometry.boom_place(recording.markers)
-    if place is None or geometry.circle is None:
+    """Return the unwrapped boom angle of each frame, rad; NaN where unknown."""
+    index = geometry.boom_place(recording.markers)
+    if index is None or geometry.circle is None:
         return np.full(len(centre), np.nan)
-    boom = np.einsum("nji,nj->ni", rotation, recording.positions[:, place] - centre)
-    return unwrapped(_angles_on(geometry.circle, boom))
+    arm = recording.positions[:, index] - centre
+    in_body = np.einsum("nji,nj->ni", rotation, arm)
+    return unwrapped(_angles_on(geometry.circle, in_body))
 
 
 def unwrapped(angle: FloatArray) -> FloatArray:
