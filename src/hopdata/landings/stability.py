@@ -238,7 +238,7 @@ def _farthest_frames(
     frames_of = [sections.pooled([one]) for one in heights]
     with_a_foot_down = [frames.body[~frames.all_up] for frames in frames_of]
     with_a_foot_up = [frames.body[~frames.all_down] for frames in frames_of]
-    # With the sign, both are the largest.
+    # With its sign, the height that is sought is the largest in both.
     for sign, bodies in ((1.0, with_a_foot_down), (-1.0, with_a_foot_up)):
         farthest = [np.max(sign * body, initial=-np.inf) for body in bodies]
         number = int(np.argmax(farthest))

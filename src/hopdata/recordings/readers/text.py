@@ -102,9 +102,8 @@ def _converted(begin: bytes, file: BinaryIO) -> BinaryIO:
 def _require_lines(path: Path, file: BinaryIO) -> None:
     """Refuse a file with a line that is longer than any of a sound file.
 
-    Reading the whole file would take long. A line that is too long fills a window of
-    the samples, so the file is sound if each window has a line end. Only if one has
-    none are all lines measured.
+    A line that is too long fills a window of the samples. So a look at these suffices
+    if each has a line end; otherwise all lines are measured.
     """
     if _has_line_ends_everywhere(file):
         file.seek(0)
@@ -481,7 +480,7 @@ class Rows:
         """Return the numbers of a block: an array for each list of columns.
 
         They are read with pandas, which infers the types of columns faster than it
-        applies given ones. What pandas does not read as finite numbers is a fault.
+        applies given ones. Anything but finite numbers and missing values is a fault.
         """
         wanted = sorted({column for of in columns for column in of})
         content = b"".join(block.rows)
