@@ -21,16 +21,14 @@ from hopdata.landings.states import assemble as pair_assembly
 from hopdata.landings.states import fits as states
 from hopdata.maps.truth import scoring as landing_scores
 from hopdata.recordings import (
+    axes,
+    importing,
+)
+from hopdata.recordings import (
     external as external_contacts,
 )
 from hopdata.recordings import (
     external as force_signals,
-)
-from hopdata.recordings import (
-    importing,
-)
-from hopdata.recordings import (
-    raw as axes,
 )
 from hopdata.recordings.quality import orientation
 from hopdata.scenes import SCENES

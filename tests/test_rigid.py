@@ -2,12 +2,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from hopdata.rigid import (
     LEAST_WIDTH,
     composed,
     headings,
     inverse,
+    kabsch,
     relative,
     rigid_fit,
     wrapped,
@@ -55,6 +57,19 @@ def test_rotations_are_proper_also_where_a_mirror_image_fits_better():
     fit = rigid_fit((shape * [1, 1, -1])[None], shape)
     assert np.linalg.det(fit.rotation[0]) == pytest.approx(1.0)
     assert fit.residual_m[0] > 0.01
+
+
+@pytest.mark.parametrize("number", [3, 4, 8])
+def test_rotations_are_those_of_scipy(number):
+    shape = generator(number).uniform(-0.2, 0.2, (number, 3))
+    shape -= shape.mean(axis=0)
+    points = moved(shape, 20, number, tilt=1.5)[0]
+    points += 0.02 * generator(30 + number).standard_normal(points.shape)
+    points -= points.mean(axis=1, keepdims=True)
+    expected = [Rotation.align_vectors(one, shape)[0].as_matrix() for one in points]
+    np.testing.assert_allclose(kabsch(points, shape), expected, atol=1e-13)
+    fit = rigid_fit(points, shape)
+    np.testing.assert_allclose(fit.rotation, expected, atol=1e-13)
 
 
 def test_three_of_four_markers_are_enough():

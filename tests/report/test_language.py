@@ -41,11 +41,9 @@ def german(tmp_path, monkeypatch):
     )
     monkeypatch.setattr(messages, "PACKAGE", tmp_path)
     monkeypatch.setattr(language, "FOLDER", tmp_path / "report")
-    for cached in (messages._templates, language._words):
-        cached.cache_clear()
+    messages._templates.cache_clear()
     yield
-    for cached in (messages._templates, language._words):
-        cached.cache_clear()
+    messages._templates.cache_clear()
 
 
 def study():

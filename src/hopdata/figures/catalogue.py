@@ -79,7 +79,9 @@ for product in products.installed():
 def tables_of(name: str, *, simulated: bool = False) -> tuple[str, ...]:
     """Return the files that a figure is drawn from, relative to the results."""
     drawing = _drawing(name)
-    return (*drawing.files, *(drawing.truth if simulated else ()))
+    if simulated:
+        return (*drawing.files, *drawing.truth)
+    return tuple(drawing.files)
 
 
 def source_of(name: str) -> Path:

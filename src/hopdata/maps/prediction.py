@@ -206,7 +206,7 @@ class PredictionStudy:
 
 
 @one_blas_thread()
-def bootstrap_prediction(
+def bootstrap_prediction(  # noqa: PLR0913 - the data, and the method's options
     x: FloatArray,
     y: FloatArray,
     schedule: ArrayLike,

@@ -431,7 +431,9 @@ def _missing_times(recording: Recording) -> list[Message]:
     elif dropped:
         remarks.append(Message("recordings.frames_missing", {"number": dropped}))
     if len(pauses_s):
-        code = "pauses" if len(pauses_s) > 1 else "one_pause"
+        code = "recordings.one_pause"
+        if len(pauses_s) > 1:
+            code = "recordings.pauses"
         values = {"number": len(pauses_s), "duration_s": float(pauses_s.sum())}
-        remarks.append(Message(f"recordings.{code}", values))
+        remarks.append(Message(code, values))
     return remarks

@@ -31,7 +31,7 @@ def said(content: Any, language: str = ENGLISH) -> Any:
     if isinstance(content, Message):
         return content.text(language)
     if isinstance(content, str):
-        return _words(language).get(content, content)
+        return _words(FOLDER / f"words.{language}.toml").get(content, content)
     return content
 
 
@@ -41,9 +41,8 @@ def sentence(name: str, language: str = ENGLISH, **values: Any) -> str:
 
 
 @cache
-def _words(language: str) -> dict[str, str]:
-    """Return the translations of English words; none for English."""
-    path = FOLDER / f"words.{language}.toml"
+def _words(path: Path) -> dict[str, str]:
+    """Return the translations of English words; none if there is no such file."""
     if not path.exists():
         return {}
     return dict(tomllib.loads(path.read_text("utf-8")))

@@ -67,10 +67,10 @@ def horizons() -> pd.DataFrame:
 
 def examples(controller: str = "planner", *, success: bool = True) -> pd.DataFrame:
     """Return what captions need of the runs shown: a stance of each."""
-    foretold = controller not in ("random", "none")
+    predicted = controller not in ("random", "none")
     rows = [
         {"experiment": experiment, "controller": controller, "success": success, "curve": curve,
-         "x_m": 0.1 if foretold or curve == "measured" else np.nan}
+         "x_m": 0.1 if predicted or curve == "measured" else np.nan}
         for experiment in ("origin", "turn", "origin_board", "turn_board")
         for curve in ("measured", "response")
     ]  # fmt: skip

@@ -40,7 +40,8 @@ def entry(value: float | int | bool, unit: str, what: str) -> Entry:
     """Return one entry; a value that is not finite becomes None."""
     if not isinstance(value, bool | int):
         value = float(value)
-    return {"value": value if np.isfinite(value) else None, "unit": unit, "what": what}
+    known = value if np.isfinite(value) else None
+    return {"value": known, "unit": unit, "what": what}
 
 
 def mean(values: NDArray[Any]) -> float:

@@ -337,7 +337,7 @@ def score_states(errors: pd.DataFrame) -> Entries:
 
 
 @one_blas_thread()
-def score(
+def score(  # noqa: PLR0913 - every kind of result that is scored
     known: Mapping[str, Truth],
     *,
     floors: Mapping[str, FloorModel],

@@ -125,7 +125,7 @@ class Verdict(Shown):
 
 @told_call
 @one_blas_thread()
-def judge(
+def judge(  # noqa: PLR0913 - the data, and the method's options
     x: ArrayLike,
     y: ArrayLike,
     instants: ArrayLike,

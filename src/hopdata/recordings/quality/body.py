@@ -147,7 +147,7 @@ def _highest_cluster(
 
 
 def _reason(why: Message, *left_out: Message | None) -> Message:
-    return also(why, *(told for told in left_out if told is not None))
+    return also(why, *(one for one in left_out if one is not None))
 
 
 def _left_out(
@@ -197,14 +197,14 @@ class _Flaws:
     suspected_faults: int
     share_unseen: float
 
-    def told(self) -> Message:
+    def message(self) -> Message:
         """Return the flaws in words, of which there is at least one."""
-        some = "some" if self.suspected_faults > 1 else "one"
-        suspected = Message(
-            f"recordings.flaws_{some}_suspected", {"number": self.suspected_faults}
-        )
+        code = "recordings.one_suspected_fault"
+        if self.suspected_faults > 1:
+            code = "recordings.suspected_faults"
+        suspected = Message(code, {"number": self.suspected_faults})
         unseen = Message(
-            "recordings.flaws_unseen", {"percent": 100 * self.share_unseen}
+            "recordings.unseen_share", {"percent": 100 * self.share_unseen}
         )
         if not self.share_unseen:
             return suspected
@@ -240,13 +240,13 @@ def home_marker(body: list[int], inspection: Inspection) -> tuple[str, Message |
 
     if flaws[best] != NO_FLAWS:
         return names[best], Message(
-            "recordings.home_best_of_bad", {"flaws": flaws[best].told()}
+            "recordings.home_best_of_bad", {"flaws": flaws[best].message()}
         )
     if best == 0:
         return names[best], None
     passed = [
         Message(
-            "recordings.home_passed", {"marker": names[k], "flaws": flaws[k].told()}
+            "recordings.home_passed", {"marker": names[k], "flaws": flaws[k].message()}
         )
         for k in range(best)
     ]

@@ -185,13 +185,13 @@ def _how_they_rest(group: list[int], rests: BoolArray) -> list[Message]:
     often = f"{fewest}" if fewest == most else f"{fewest} to {most}"
     values = {"often": often, "percent": 100 * float(rests[:, group].mean())}
     code = "recordings.feet_rest_once" if most == 1 else "recordings.feet_rest"
-    told = [Message(code, values)]
+    reasons = [Message(code, values)]
     for m in group:
         others = [k for k in group if k != m]
         if not any(rest_together(rests[:, m], rests[:, k]) for k in others):
-            told.append(Message("recordings.feet_apart"))
+            reasons.append(Message("recordings.feet_apart"))
             break
-    return told
+    return reasons
 
 
 def _left_out(
@@ -204,14 +204,13 @@ def _left_out(
             left += [markers[m] for m in other if m not in group]
     if not left:
         return None
-    told = Message("recordings.feet_left_out", {"markers": ", ".join(left)})
+    message = Message("recordings.feet_left_out", {"markers": ", ".join(left)})
     if len(group) + 1 >= MOST_FEET:
-        told = Message(
-            "recordings.feet_too_many", {"most": MOST_FEET, "left_out": told}
-        )
+        values = {"most": MOST_FEET, "left_out": message}
+        message = Message("recordings.feet_too_many", values)
     if any(is_heel(name) for name in left):
-        told = Message("recordings.feet_one_heel", {"left_out": told})
-    return told
+        message = Message("recordings.feet_one_heel", {"left_out": message})
+    return message
 
 
 def _too_few(group: list[int], inspection: Inspection) -> Message:
@@ -282,13 +281,13 @@ def _higher_ones_named_alike(
     stems_of_feet = {stems[m] for m in feet if part_by_name(stems[m]) == "foot"}
     heights = inspection.positions[:, :, 2]
     above_m = lowest(heights) - lowest(heights[:, feet]).min()
-    told = []
+    higher = []
     for m, name in enumerate(inspection.markers):
         is_alike = stems[m] in stems_of_feet and m not in taken
         if is_alike and np.isfinite(above_m[m]):
             values = {"marker": name, "above_mm": 1e3 * float(above_m[m])}
-            told.append(Message("recordings.doubt_higher", values))
-    return chained(told, "recordings.and")
+            higher.append(Message("recordings.doubt_higher", values))
+    return chained(higher, "recordings.and")
 
 
 def joined_feet(group: Sequence[int], inspection: Inspection) -> dict[str, list[str]]:

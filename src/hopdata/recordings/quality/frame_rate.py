@@ -76,8 +76,8 @@ def guess_rate(
     stated = f"{raw.rate_hz:g}"
     by_stamps = rate_by_stamps(raw)
     if by_stamps != raw.rate_hz:
-        told = Message("recordings.rate_but_stamps", {"rate_hz": by_stamps})
-        return Guess(stated, told, is_sure=False, other=f"{by_stamps:g}")
+        why = Message("recordings.rate_but_stamps", {"rate_hz": by_stamps})
+        return Guess(stated, why, is_sure=False, other=f"{by_stamps:g}")
 
     pull = _pull_down(raw, up, units[unit])
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
@@ -89,8 +89,9 @@ def guess_rate(
     if falls_as_stated and not another_falls:
         return Guess(stated, Message("recordings.rate_confirmed"))
     if not another_falls and not pull > LARGEST_PULL:
-        code = "rate_stated_and_stamps" if raw.has_stamps else "rate_stated"
-        return Guess(stated, Message(f"recordings.{code}"))
+        if raw.has_stamps:
+            return Guess(stated, Message("recordings.rate_stated_and_stamps"))
+        return Guess(stated, Message("recordings.rate_stated"))
     return _doubted(raw, units, pull, fall)
 
 
@@ -100,8 +101,8 @@ def _by_fall_alone(raw: RawRecording, units: Mapping[str, float]) -> Guess:
     if share < LEAST_SHARE:
         nothing = Message("recordings.rate_nothing_falls")
         return Guess("", nothing, is_sure=False, other=following)
-    told = Message("recordings.rate_by_fall", {"percent": 100 * share, "rate": best})
-    return Guess(best, told, is_sure=False, other=following)
+    why = Message("recordings.rate_by_fall", {"percent": 100 * share, "rate": best})
+    return Guess(best, why, is_sure=False, other=following)
 
 
 def _doubted(
@@ -111,16 +112,16 @@ def _doubted(
     stated = f"{raw.rate_hz:g}"
     pulls_too_much = pull > LARGEST_PULL
     if pulls_too_much:
-        told = Message("recordings.rate_pulls_too_much", {"pull": pull})
+        why = Message("recordings.rate_pulls_too_much", {"pull": pull})
         other_hz = raw.rate_hz / 2
     else:
-        told = Message("recordings.rate_falls_less", {"percent": 100 * fall.share})
+        why = Message("recordings.rate_falls_less", {"percent": 100 * fall.share})
         other_hz = 2 * raw.rate_hz
     (best, share), (_, next_share) = _usual_rates_by_fall(raw, units)
     is_clear = not share < max(LEAST_SHARE, falling.CLEARER * next_share)
     if best == stated or not is_clear:
         best = f"{other_hz:g}"
-    return Guess(stated, told, is_sure=False, other=best)
+    return Guess(stated, why, is_sure=False, other=best)
 
 
 def _another_rate_falls(

@@ -51,6 +51,11 @@ STENCIL = 3
 #: Unit: frames. Origin: derived: halfway to the step with one frame lost.
 SILENT = 1.5
 
+_CODE_OF_KIND = {
+    repeats.FROZEN: "recordings.frozen",
+    repeats.FILLED: "recordings.filled",
+}
+
 
 @dataclass(frozen=True)
 class Faults:
@@ -261,7 +266,7 @@ class Inspection:
             yield Fault("jump", (name,), jump.start, jump.stop, message)
         for one in self.faults.frozen:
             values = {"marker": one.marker, "number": one.stop - one.start}
-            message = Message(f"recordings.{one.kind}", values)
+            message = Message(_CODE_OF_KIND[one.kind], values)
             yield Fault(one.kind, (one.marker,), one.start, one.stop, message)
 
     def _swap(self, swap: Swap) -> Fault:
@@ -301,8 +306,10 @@ class Inspection:
             rates = {"found_hz": found_hz, "stated_hz": self.rate_hz}
             yield Fault("rate", (), 0, 1, Message("recordings.rate_of_stamps", rates))
         for k, n_lost in self.timing.drops.tolist():
-            code = "dropped_silently" if self._is_silent(k) else "dropped"
-            message = Message(f"recordings.{code}", {"lost": frames(n_lost)})
+            code = "recordings.dropped"
+            if self._is_silent(k):
+                code = "recordings.dropped_silently"
+            message = Message(code, {"lost": frames(n_lost)})
             yield Fault("dropped", (), k, k + 1, message)
 
         irregular = self.timing.irregular.tolist()

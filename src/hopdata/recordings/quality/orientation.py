@@ -255,11 +255,11 @@ def choose_up(
 def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
     """Guess the unit by a clear fall, or by the size and the motion of the markers."""
     if fall.is_clear and fall.share > UNIT_CLEARER * fall.other_unit_share:
-        code = "unit_by_fall"
+        code = "recordings.unit_by_fall"
         if raw.unit_is_stated and fall.unit != raw.unit:
-            code = "unit_by_fall_not_stated"
+            code = "recordings.unit_by_fall_not_stated"
         values = {"percent": 100 * fall.share, "unit": fall.unit}
-        return Guess(fall.unit, Message(f"recordings.{code}", values))
+        return Guess(fall.unit, Message(code, values))
 
     unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
     moves_m_s2 = {}
@@ -362,9 +362,11 @@ def _up(raw: RawRecording, fall: FreeFall, over: FloatArray) -> Guess:
         return Guess(raw.stated_up, Message("recordings.up_as_stated"))
     if upright:
         other = flattest if is_flat else raw.stated_up
-        code = "up_by_body_but_rest" if is_flat else "up_by_body_but_stated"
-        told = Message(f"recordings.{code}", {"other": other})
-        return Guess(upright, told, is_sure=False, other=other)
+        code = "recordings.up_by_body_but_stated"
+        if is_flat:
+            code = "recordings.up_by_body_but_rest"
+        why = Message(code, {"other": other})
+        return Guess(upright, why, is_sure=False, other=other)
 
     likely, other = ("y", "z") if flattest == "y" else ("z", "y")  # both are common
     usual = Message("recordings.up_usual", {"other": other})

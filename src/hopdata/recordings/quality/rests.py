@@ -89,12 +89,12 @@ def high_feet(
     """Report feet, of heights (N, n) m, that stay `above_m` above the lowest one."""
     low_m = lowest(heights)
     floor = int(np.nanargmin(low_m))
-    told = []
+    remarks = []
     for name, height_m in zip(names, (low_m - low_m[floor]).tolist(), strict=True):
         if height_m > above_m:
             values = {"foot": name, "height_m": height_m, "lowest": names[floor]}
-            told.append(Message("recordings.high_foot", values))
-    return told
+            remarks.append(Message("recordings.high_foot", values))
+    return remarks
 
 
 def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[Message]:
@@ -104,7 +104,7 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[Message]:
     the floor are used, because on the floor rounding alone can make heights equal. The
     outer tenths may be wrong.
     """
-    told = []
+    remarks = []
     low, high = quantiles(heights, [0.01, 0.99])
     up = heights > low + OFF_THE_FLOOR * (high - low)
     for i, j in combinations(range(len(names)), 2):
@@ -116,10 +116,10 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[Message]:
         values: dict[str, object] = {"one": names[i], "other": names[j]}
         if abs(usual) > ONE_M:
             values["apart_mm"] = 1e3 * abs(usual)
-            told.append(Message("recordings.feet_at_one_distance", values))
+            remarks.append(Message("recordings.feet_at_one_distance", values))
         else:
-            told.append(Message("recordings.feet_the_same", values))
-    return told
+            remarks.append(Message("recordings.feet_the_same", values))
+    return remarks
 
 
 def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:

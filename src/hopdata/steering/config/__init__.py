@@ -1,1 +1,1 @@
-"""The block ``steering`` of the configuration: its schema, and whether its keys fit together."""
+"""The block ``steering`` of the configuration: its schema, and what fits together."""

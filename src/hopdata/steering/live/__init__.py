@@ -1,1 +1,1 @@
-"""The loop of Fig. 3.4 over a real-time motion-capture stream, and a simulated source for it."""
+"""The loop of Fig. 3.4 over a real-time stream, and a simulated source for it."""

@@ -1,4 +1,4 @@
-"""A ring buffer of the newest frames: one thread writes, others read without delaying it."""
+"""A ring buffer of the newest frames: one thread writes, others do not delay it."""
 
 import asyncio
 import threading
@@ -216,7 +216,7 @@ class LoopThread(Worker):
                 self._loop.call_soon_threadsafe(function, *arguments)
 
     def close(self) -> None:
-        """Cancel the coroutine and wait for the end of the thread, like `Worker.close`."""
+        """Cancel the coroutine and wait for the thread's end, like `Worker.close`."""
         if self._task is not None:
             self.call(self._task.cancel)
         super().close()
@@ -280,7 +280,7 @@ class StatusLog:
             self._changed.notify_all()
 
     def wait_for(self, *states: State, timeout_s: float) -> Status | None:
-        """Wait until the state is one of these; return it, or None after the timeout."""
+        """Wait for one of these states; return it, or None after the timeout."""
         with self._changed:
             reached = self._changed.wait_for(
                 lambda: self.status.state in states, timeout_s

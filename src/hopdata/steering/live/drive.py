@@ -1,4 +1,4 @@
-"""Drive a robot: the whole loop of Fig. 3.4, from the cameras to the boom, with its logs."""
+"""Drive a robot: the whole loop of Fig. 3.4, from cameras to boom, with its logs."""
 
 import math
 import signal
@@ -57,7 +57,7 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     log: DriveLog | None = None,
     rest_without_log: bool = False,
 ) -> Drive:
-    """Plan at each stance of a hopper that a Qualisys system sees, and command its boom.
+    """Plan at each stance of a hopper that cameras see, and command its boom.
 
     Returns when `stop` is set, or after `seconds`. However it ends, the boom is then
     commanded to stay, no thread is left, and the logs are written. This also holds if a
@@ -191,8 +191,8 @@ def _decided(
 class _Signals:
     """Holds back signals that would end the process.
 
-    They wait until the boom rests and the logs are written. The first signal is raised as `SystemExit`: within `heeded` at once, otherwise at
-    the end.
+    They wait until the boom rests and the logs are written. The first signal is raised
+    as `SystemExit`: within `heeded` at once, otherwise at the end.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Log of a drive: an HDF5 file that is written during the drive, read back, and replayed.
+"""Log of a drive: an HDF5 file, written during the drive, read back and replayed.
 
 Others may read the file while it is written (HDF5's SWMR), and if the process dies,
 only the last moment is lost. `frames` are those that the loop took, in order, with the

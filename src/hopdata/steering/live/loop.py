@@ -1,7 +1,8 @@
-"""The control loop: a thread that plans at each stance and commands the boom (Fig. 3.4).
+"""The control loop: a thread that plans at each stance and commands the boom.
 
-No event ends the loop: if the controller fails, a pose is too old or a plan is late, it
-sends the safe command, which leaves the boom where it is, and logs the reason.
+This is Fig. 3.4. No event ends the loop: if the controller fails, a pose is too old or
+a plan is late, it sends the safe command, which leaves the boom where it is, and logs
+the reason.
 """
 
 from __future__ import annotations
@@ -235,7 +236,6 @@ class ControlLoop(Worker):
 
     def _cause(self) -> str:
         """Return why the boom must rest now, or an empty string."""
-        # The newest frame is read before the clock: it must not look younger than it is.
         newest = self._buffer.newest()
         now = self._clock()
         if self._over:
@@ -475,7 +475,7 @@ class ControlLoop(Worker):
     def _permitted(
         self, swing: float, failure: str, stance_s: float
     ) -> tuple[Outcome, float, str]:
-        """Return outcome and command for a planned swing, and why they differ from it."""
+        """Return outcome and command for a planned swing, and why they differ."""
         late_s = self._clock() - stance_s
         limit = self.limits.swing_rad
         if self._stop.is_set():

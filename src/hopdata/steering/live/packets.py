@@ -35,7 +35,7 @@ class ConnectionLostError(LiveError):
 
 
 class GarbageError(LiveError):
-    """The received bytes are not of the protocol, so the start of the next packet is unknown."""
+    """The bytes are not of the protocol: where the next packet starts is unknown."""
 
 
 class SettingsError(LiveError):
@@ -53,12 +53,21 @@ class PortError(LiveError):
 VERSION = "1.25"
 PORT = 22223  # where a Qualisys system listens for little-endian clients
 
-ERROR, COMMAND, XML, DATA, EVENT = 0, 1, 2, 3, 6
+# Types of packets.
+ERROR = 0
+COMMAND = 1
+XML = 2
+DATA = 3
+EVENT = 6
 PACKET_TYPES = range(10)
 
 HEADER = struct.Struct("<II")
 
-LONGEST = 1 << 16  # bytes of a packet other than XML: a thousand markers and more
+#: Longest packet other than XML; a longer one is not of the protocol.
+#: Unit: bytes. Origin: chosen: room for a thousand markers and more.
+LONGEST = 1 << 16
+#: Longest packet of XML.
+#: Unit: bytes. Origin: chosen.
 LONGEST_XML = 1 << 24
 
 
@@ -67,13 +76,14 @@ def header_fault(size: int, kind: int) -> str:
     longest = LONGEST_XML if kind == XML else LONGEST
     if kind in PACKET_TYPES and HEADER.size <= size <= longest:
         return ""
-    return f"packet of type {kind} with {size} bytes, expected {HEADER.size} to {longest} bytes"
+    expected = f"expected {HEADER.size} to {longest} bytes"
+    return f"packet of type {kind} with {size} bytes, {expected}"
 
 
-FRAME_HEADER = struct.Struct(
-    "<qII"
-)  # time stamp, us; frame number; number of components
-MARKERS_HEADER = struct.Struct("<Ihh")  # number of markers; two rates of frames lost
+# Time stamp, us; frame number; number of components.
+FRAME_HEADER = struct.Struct("<qII")
+# Number of markers; two rates of frames lost.
+MARKERS_HEADER = struct.Struct("<Ihh")
 # Bytes of a marker in the components of markers, by their type: three floats, and a
 # label, a residual or both.
 MARKER_BYTES = {1: 12, 2: 16, 9: 16, 10: 20}
@@ -86,13 +96,13 @@ def parts_fault(payload: bytes) -> str:
     frame of n bytes cannot hold more than n / 8 of them, whatever it states.
     """
     if len(payload) < FRAME_HEADER.size:
-        return f"expected {FRAME_HEADER.size} bytes before the components, found {len(payload)}"
+        wanted = f"{FRAME_HEADER.size} bytes before the components"
+        return f"expected {wanted}, found {len(payload)}"
     stated = FRAME_HEADER.unpack_from(payload)[2]
     most = (len(payload) - FRAME_HEADER.size) // HEADER.size
     if stated > most:
-        return (
-            f"expected room for the {stated} components stated, found room for {most}"
-        )
+        wanted = f"room for the {stated} components stated"
+        return f"expected {wanted}, found room for {most}"
     at = FRAME_HEADER.size
     for _ in range(stated):
         if at + HEADER.size > len(payload):
@@ -101,8 +111,10 @@ def parts_fault(payload: bytes) -> str:
         if not HEADER.size <= size <= len(payload) - at:
             wanted = f"{HEADER.size} to {len(payload) - at} bytes of a component"
             return f"expected {wanted} at byte {at}, found {size}"
-        if kind in MARKER_BYTES and (fault := _markers_fault(payload, at, size, kind)):
-            return fault
+        if kind in MARKER_BYTES:
+            fault = _markers_fault(payload, at, size, kind)
+            if fault:
+                return fault
         at += size
     return ""
 
@@ -115,12 +127,13 @@ def _markers_fault(payload: bytes, at: int, size: int, kind: int) -> str:
     stated = MARKERS_HEADER.unpack_from(payload, at + HEADER.size)[0]
     room = (size - header) // MARKER_BYTES[kind]
     if stated > room:
-        return f"expected room for the {stated} markers stated at byte {at}, found room for {room}"
+        wanted = f"room for the {stated} markers stated at byte {at}"
+        return f"expected {wanted}, found room for {room}"
     return ""
 
 
 def payload_fault(kind: int, payload: bytes) -> str:
-    """Return why the client cannot read the payload of a frame or event, or an empty string."""
+    """Return why the client cannot read a frame or event, or an empty string."""
     # The client believes what a packet says of its own parts, so that comes first.
     fault = ""
     if kind == DATA:
@@ -135,22 +148,24 @@ def payload_fault(kind: int, payload: bytes) -> str:
         elif kind == EVENT:
             QRTEvent(*payload)
     except Exception as error:
-        return (
-            f"{'a frame' if kind == DATA else 'an event'} that cannot be read: {error}"
-        )
+        what = "a frame" if kind == DATA else "an event"
+        return f"{what} that cannot be read: {error}"
     return ""
 
 
 # Settings of a Qualisys system that are used: labels and frame rate, in XML.
 
+#: Largest difference from the expected frame rate, as a share of it.
+#: Unit: 1. Origin: chosen.
 RATE_SLACK = 0.05
 
 
 @dataclass(frozen=True)
 class StreamParameters:
-    """Labels of the markers in the order of the stream; unknown settings are None or empty.
+    """Settings of a stream; unknown ones are None or empty.
 
-    `rate_hz` is the frame rate, Hz; `upwards` is the axis that points up, such as "+Z".
+    `labels` are those of the markers in the order of the stream; `rate_hz` is the frame
+    rate, Hz; `upwards` is the axis that points up, such as "+Z".
     """
 
     labels: tuple[str, ...]
@@ -169,12 +184,13 @@ def read_parameters(document: str | bytes) -> StreamParameters:
     try:
         root = ET.fromstring(document)
         frequency = root.findtext("./General/Frequency")
-        rate = float(frequency) if frequency else None
+        rate = float(frequency) if frequency else 0.0
     except (ET.ParseError, ValueError) as error:
         raise GarbageError(f"settings of the stream: expected XML ({error})") from error
     names = [label.findtext("Name", "") for label in root.findall("./The_3D/Label")]
     upwards = root.findtext("./The_3D/AxisUpwards", "").strip().upper()
-    return StreamParameters(tuple(names), rate if rate and rate > 0 else None, upwards)
+    known_rate = rate if rate > 0 else None
+    return StreamParameters(tuple(names), known_rate, upwards)
 
 
 def check_settings(parameters: StreamParameters, rate_hz: float | None) -> None:
@@ -191,16 +207,13 @@ def check_settings(parameters: StreamParameters, rate_hz: float | None) -> None:
     SettingsError
         If z does not point up, or the frame rate differs.
     """
-    if parameters.upwards not in ("", "+Z", "Z"):
-        raise SettingsError.at(
-            "axis that points up in the stream", "+Z", parameters.upwards
-        )
+    upwards = parameters.upwards
+    if upwards not in ("", "+Z", "Z"):
+        raise SettingsError.at("axis that points up in the stream", "+Z", upwards)
     told = parameters.rate_hz
-    if (
-        rate_hz is not None
-        and told is not None
-        and abs(told - rate_hz) > RATE_SLACK * rate_hz
-    ):
+    if rate_hz is None or told is None:
+        return
+    if abs(told - rate_hz) > RATE_SLACK * rate_hz:
         asked = f"{rate_hz:g} Hz (rate_hz, or hopdata drive --rate)"
         raise SettingsError.at("frame rate of the stream", asked, f"{told:g} Hz")
 
@@ -214,13 +227,15 @@ def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:
         If a label is missing or occurs more than once.
     """
     for name in wanted:
-        if labels.count(name) != 1:
-            found = ", ".join(labels) or "none"
-            often = "not one of" if name not in labels else "more than once among"
-            raise LabelError(
-                f"marker {name!r} is {often} the labelled markers of the stream ({found})"
-                f"{did_you_mean(name, labels) if name not in labels else ''}"
-            )
+        count = labels.count(name)
+        of_stream = (
+            f"the labelled markers of the stream ({', '.join(labels) or 'none'})"
+        )
+        if count == 0:
+            near = did_you_mean(name, labels)
+            raise LabelError(f"marker {name!r} is not one of {of_stream}{near}")
+        if count > 1:
+            raise LabelError(f"marker {name!r} is more than once among {of_stream}")
     return [list(labels).index(name) for name in wanted]
 
 
@@ -233,11 +248,12 @@ def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:
 
 
 class Line(asyncio.Protocol):
-    """A screened connection that poses as the event loop of the client (futures, connecting).
+    """A screened connection that poses as the event loop of the client.
 
-    A frame or event that cannot be read is dropped and reported. If packet boundaries
-    are lost, the connection is closed and `error` is set, as it is if there is no
-    connection. `lost` is set when the connection is gone.
+    The client asks its loop for futures and connections only. A frame or event that
+    cannot be read is dropped and reported. If packet boundaries are lost, the
+    connection is closed and `error` is set, as it is if there is no connection. `lost`
+    is set when the connection is gone.
 
     Parameters
     ----------
@@ -259,7 +275,7 @@ class Line(asyncio.Protocol):
     async def create_connection(
         self, factory: Callable[[], asyncio.Protocol], host: str, port: int
     ) -> tuple[asyncio.BaseTransport, asyncio.Protocol]:
-        """Connect, with this object between the network and the protocol made by the factory."""
+        """Connect, with this object between the network and the factory's protocol."""
         self._client = factory()
         try:
             loop = asyncio.get_running_loop()
@@ -294,7 +310,10 @@ class Line(asyncio.Protocol):
                 whole = bytes(self._bytes[:size])
                 del self._bytes[:size]
                 fault = payload_fault(kind, whole[HEADER.size :])
-                self._on_garbled(fault) if fault else self._client.data_received(whole)
+                if fault:
+                    self._on_garbled(fault)
+                else:
+                    self._client.data_received(whole)
 
     def close(self) -> None:
         """Close the connection at once, if there is one."""

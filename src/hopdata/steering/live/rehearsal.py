@@ -1,4 +1,4 @@
-"""Rehearsal: each act that must bring the boom to rest, performed on the simulated robot.
+"""Rehearsal: each act that must bring the boom to rest, on the simulated robot.
 
 Most acts are performed on a simulated clock, so that a rehearsal takes seconds and
 gives the same result every time. Those that need threads or signals (Ctrl-C, a driver
@@ -37,9 +37,7 @@ from hopdata.steering.trial import record_trial
 
 RATE_HZ = 100.0
 SEED = 1
-SWING_RAD = (
-    0.4  # to and fro: a third of the limit, and eight times what the loop can tell
-)
+SWING_RAD = 0.4  # to and fro: a third of the limit, eight times what the loop can tell
 BEFORE_S = 3.0  # drive before each act: four hops
 # Time for what must be told within two hops of 0.6 to 0.7 s: the hop that has begun
 # does not count, since its swing was executed before the act.
@@ -132,78 +130,151 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
     late_s = ONE_HOP_S + limits.command_s
     covered = [
         Act(
-            f"marker {name} is covered", f"cover marker {name}",
-            f"marker '{name}' is not seen", unseen_s, cameras=_covered(k),
+            name=f"marker {name} is covered",
+            by_hand=f"cover marker {name}",
+            rest=f"marker '{name}' is not seen",
+            within_s=unseen_s,
+            cameras=_covered(k),
         )
         for k, name in enumerate(names)
-    ]  # fmt: skip
+    ]
     return (
         Act(
-            "the cable of the cameras is pulled", "pull the cable of the cameras",
-            "no frame for", unseen_s, cameras=lambda _: None,
+            name="the cable of the cameras is pulled",
+            by_hand="pull the cable of the cameras",
+            rest="no frame for",
+            within_s=unseen_s,
+            cameras=lambda _: None,
         ),
         Act(
-            "the server of the cameras goes away", "quit Qualisys Track Manager",
-            "the stream is lost", REAL_S, in_real_time=_lose_stream,
+            name="the server of the cameras goes away",
+            by_hand="quit Qualisys Track Manager",
+            rest="the stream is lost",
+            within_s=REAL_S,
+            in_real_time=_lose_stream,
         ),
         *covered,
         Act(
-            f"markers {names[0]} and {names[-1]} are exchanged",
-            f"exchange the names of markers {names[0]} and {names[-1]}",
-            "the markers do not fit together", SOON_S, cameras=_exchanged,
+            name=f"markers {names[0]} and {names[-1]} are exchanged",
+            by_hand=f"exchange the names of markers {names[0]} and {names[-1]}",
+            rest="the markers do not fit together",
+            within_s=SOON_S,
+            cameras=_exchanged,
         ),
         Act(
-            f"marker {names[-1]} is off the circle of the boom",
-            f"hold marker {names[-1]} 10 cm above its place",
-            f"marker '{names[-1]}' is off the circle", unseen_s, cameras=_lifted,
+            name=f"marker {names[-1]} is off the circle of the boom",
+            by_hand=f"hold marker {names[-1]} 10 cm above its place",
+            rest=f"marker '{names[-1]}' is off the circle",
+            within_s=unseen_s,
+            cameras=_lifted,
         ),
         Act(
-            "a frame cannot be understood", "",
-            "a frame could not be understood", SOON_S, cameras=lambda markers: markers[:1],
-        ),
-        Act("a plan is late", "", "planned too late", late_s, plan=_late),
-        Act("the controller fails", "", "the controller failed", ONE_HOP_S, plan=_failing),
-        Act(
-            "the hopper leaves the arena", "carry the robot beyond the fence",
-            "left the arena", SOON_S, cameras=_beyond(limits.fence_m),
+            name="a frame cannot be understood",
+            by_hand="",
+            rest="a frame could not be understood",
+            within_s=SOON_S,
+            cameras=lambda markers: markers[:1],
         ),
         Act(
-            "the hopper tips over", "tilt the robot by 60 degrees",
-            "tips over", SOON_S, cameras=_tilted,
+            name="a plan is late",
+            by_hand="",
+            rest="planned too late",
+            within_s=late_s,
+            plan=_late,
         ),
         Act(
-            "the operator's key is pressed", "press Enter",
-            "the operator's key", SOON_S, presses_key=True,
-        ),
-        Act("Ctrl-C is pressed", "press Ctrl-C", f"{ENDED_BY} SIGINT", REAL_S,
-            in_real_time=_signalled(signal.SIGINT)),
-        Act("SIGTERM comes", "kill the process of hopdata (kill PID)",
-            f"{ENDED_BY} SIGTERM", REAL_S,
-            in_real_time=_signalled(signal.SIGTERM)),
-        Act("the boom's driver blocks", "", BLOCKED, REAL_S, in_real_time=_block),
-        Act("the boom's driver fails", "", "the boom failed", ONE_HOP_S, refuses=3),
-        Act(
-            "the boom is wired backwards", "swap the wires of the boom's motor",
-            "it turns the other way", TWO_HOPS_S, boom=lambda rad: -rad,
+            name="the controller fails",
+            by_hand="",
+            rest="the controller failed",
+            within_s=ONE_HOP_S,
+            plan=_failing,
         ),
         Act(
-            "the boom is dead", "pull the cable of the boom, or switch off its motor",
-            "it does not move", TWO_HOPS_S, boom=lambda _: 0.0,
+            name="the hopper leaves the arena",
+            by_hand="carry the robot beyond the fence",
+            rest="left the arena",
+            within_s=SOON_S,
+            cameras=_beyond(limits.fence_m),
         ),
         Act(
-            "the boom moves by half of each swing", "set the gain of the boom to one half",
-            "% of its swings", TWO_HOPS_S, boom=lambda rad: 0.5 * rad,
+            name="the hopper tips over",
+            by_hand="tilt the robot by 60 degrees",
+            rest="tips over",
+            within_s=SOON_S,
+            cameras=_tilted,
         ),
         Act(
-            "the boom moves though it is told to stay", "turn the boom by hand",
-            "though it was told to stay", TWO_HOPS_S, boom=lambda rad: rad or SWING_RAD,
+            name="the operator's key is pressed",
+            by_hand="press Enter",
+            rest="the operator's key",
+            within_s=SOON_S,
+            presses_key=True,
+        ),
+        Act(
+            name="Ctrl-C is pressed",
+            by_hand="press Ctrl-C",
+            rest=f"{ENDED_BY} SIGINT",
+            within_s=REAL_S,
+            in_real_time=_signalled(signal.SIGINT),
+        ),
+        Act(
+            name="SIGTERM comes",
+            by_hand="kill the process of hopdata (kill PID)",
+            rest=f"{ENDED_BY} SIGTERM",
+            within_s=REAL_S,
+            in_real_time=_signalled(signal.SIGTERM),
+        ),
+        Act(
+            name="the boom's driver blocks",
+            by_hand="",
+            rest=BLOCKED,
+            within_s=REAL_S,
+            in_real_time=_block,
+        ),
+        Act(
+            name="the boom's driver fails",
+            by_hand="",
+            rest="the boom failed",
+            within_s=ONE_HOP_S,
+            refuses=3,
+        ),
+        Act(
+            name="the boom is wired backwards",
+            by_hand="swap the wires of the boom's motor",
+            rest="it turns the other way",
+            within_s=TWO_HOPS_S,
+            boom=lambda rad: -rad,
+        ),
+        Act(
+            name="the boom is dead",
+            by_hand="pull the cable of the boom, or switch off its motor",
+            rest="it does not move",
+            within_s=TWO_HOPS_S,
+            boom=lambda _: 0.0,
+        ),
+        Act(
+            name="the boom moves by half of each swing",
+            by_hand="set the gain of the boom to one half",
+            rest="% of its swings",
+            within_s=TWO_HOPS_S,
+            boom=lambda rad: 0.5 * rad,
+        ),
+        Act(
+            name="the boom moves though it is told to stay",
+            by_hand="turn the boom by hand",
+            rest="though it was told to stay",
+            within_s=TWO_HOPS_S,
+            boom=lambda rad: rad or SWING_RAD,
             plan=lambda _: 0.0,
         ),
         Act(
-            "the disk of the log is full, with --log-full rest", "",
-            "the log could not be written", REAL_S, in_real_time=_fill_disk,
+            name="the disk of the log is full, with --log-full rest",
+            by_hand="",
+            rest="the log could not be written",
+            within_s=REAL_S,
+            in_real_time=_fill_disk,
         ),
-    )  # fmt: skip
+    )
 
 
 def _covered(index: int) -> Callable[[FloatArray], FloatArray]:
@@ -263,7 +334,7 @@ def perform(geometry: HopperGeometry, limits: Limits) -> Iterator[Performed]:
 
 
 def simulated_geometry() -> HopperGeometry:
-    """Return the geometry of the simulated hopper, as learned from a recording of it."""
+    """Return the geometry of the simulated hopper, learned from a recording of it."""
     swings = [0.5, 0.4, -0.6, -0.5, 0.7] * 8
     return calibrate(record_trial(SteeredHopper(), swings, seed=SEED).recording)
 
@@ -371,9 +442,8 @@ def _on_simulated_clock(
     simulated.run(BEFORE_S)
     early = [rest.cause for rest in loop.watch.rests]
     if early or not any(rad for _, rad in simulated.swings):
-        return Performed(
-            act, f"before the act: {early or 'no swing'}", math.nan, moved=False
-        )
+        why = f"before the act: {early or 'no swing'}"
+        return Performed(act, why, math.nan, moved=False)
     begun_s = simulated.now_s
     simulated.cameras = act.cameras
     simulated.boom = act.boom
@@ -382,9 +452,8 @@ def _on_simulated_clock(
         simulated.plan = act.plan
     if act.presses_key:
         loop.rest("the operator's key")
-    simulated.run(
-        begun_s + act.within_s + SOON_S, ended=lambda: bool(_told_since(loop, begun_s))
-    )
+    until_s = begun_s + act.within_s + SOON_S
+    simulated.run(until_s, ended=lambda: bool(_told_since(loop, begun_s)))
     told = _told_since(loop, begun_s)
     if not told:
         return Performed(act, "", math.nan, moved=False)
@@ -474,9 +543,8 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
                 begun_s = time.monotonic()
                 perform_act(loop, stream, parts)
             return
-        if (
-            BLOCKED in loop.watch.cause
-        ):  # the driver returns, and the rest that waits is sent
+        if BLOCKED in loop.watch.cause:
+            # The driver returns, and the rest that waits is sent.
             parts.released.set()
         if any(act.rest in rest.cause for rest in loop.watch.rests):
             stop.set()
@@ -491,9 +559,17 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
         )
         try:
             drive(
-                geometry, controller, parts, stream=SimulatedStream(hopper), stop=stop,
-                seconds=REAL_S, limits=limits, on_look=look, log=parts.log, rest_without_log=True,
-            )  # fmt: skip
+                geometry,
+                controller,
+                parts,
+                stream=SimulatedStream(hopper),
+                stop=stop,
+                seconds=REAL_S,
+                limits=limits,
+                on_look=look,
+                log=parts.log,
+                rest_without_log=True,
+            )
         except LiveError:  # a driver that never returns
             pass
         except SystemExit:
@@ -518,7 +594,7 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
 
 @contextmanager
 def _default_handlers() -> Iterator[None]:
-    """Handle signals as in a terminal: a command in the background inherits that some are ignored.
+    """Handle signals as in a terminal; in the background some are ignored.
 
     Only the main thread may do so.
     """

@@ -90,7 +90,7 @@ class UdpBoom:
         return self._heard >= self._wanted
 
     def _number_heard(self, answer: bytes) -> int:
-        """Return the number in a robot's answer; 0 if it answers none of the lines sent."""
+        """Return the number in an answer; 0 if it answers none of the lines sent."""
         words = answer.split()
         if len(words) != 2 or words[0] != b"heard" or not words[1].isdigit():
             return 0
@@ -344,10 +344,10 @@ class Sender(Worker):
 
 
 def rest_within(boom: Boom, seconds: float) -> bool:
-    """Command a boom to rest from a thread of its own; return whether its driver has returned.
+    """Command a boom to rest from a thread of its own.
 
-    For the end of a drive, where the sender's thread may never have begun, or is
-    blocked.
+    Return whether its driver has returned. For the end of a drive, where the sender's
+    thread may never have begun, or is blocked.
     """
     returned = threading.Event()
 

@@ -1,4 +1,4 @@
-"""The thread that reads the motion-capture stream into a buffer, and reconnects after losses."""
+"""The thread that reads the stream into a buffer, and reconnects after losses."""
 
 import asyncio
 import math
@@ -42,8 +42,9 @@ Verdict = Literal["next", "restart", "outdated", "implausible"]
 #: Relative difference allowed between the actual and the reported frame rate.
 #: Unit: 1. Origin: chosen.
 SLACK = 0.05
-#: Largest difference between the times of neighbours, in times between frames: with half
-#: of one, rounding would decide whether frames at twice the rate follow.
+#: Largest difference of the time between neighbours from what the rate demands, in
+#: times between frames: with half of one, rounding would decide whether frames at twice
+#: the rate follow.
 #: Unit: 1. Origin: derived: a little less than half.
 SLACK_FRAMES = 0.45
 #: Out-of-place frames in a row after which the rate, or the last good frame, is wrong.
@@ -153,14 +154,14 @@ class CameraClock:
         self._earlier = (0.0, math.inf)
 
     def captured(self, time_s: float, arrival_s: float) -> float:
-        """Return when a frame was captured, s, given its camera time and its arrival."""
+        """Return when a frame was captured, s, by its camera time and its arrival."""
         self._note(arrival_s, arrival_s - time_s)
         noted = (*self._bins, self._earlier)
         offset_s = min(self._foreseen(one, arrival_s) for one in noted)
         return time_s + min(offset_s, arrival_s - time_s)
 
     def _note(self, arrival_s: float, offset_s: float) -> None:
-        """Keep the smallest offset of each span; at its end, estimate the drift anew."""
+        """Keep the smallest offset of each span; then estimate the drift anew."""
         if arrival_s >= self._bin_ends_s:
             self._drift = _slope(self._bins)
             if len(self._bins) == BINS:
@@ -181,7 +182,7 @@ class CameraClock:
 
 
 def _slope(bins: Sequence[tuple[float, float]]) -> float:
-    """Return the median slope of offsets over time (Theil, Sen), within `MOST_DRIFT`."""
+    """Return the median slope of offsets (Theil and Sen), within `MOST_DRIFT`."""
     if len(bins) < LEAST_BINS:
         return 0.0
     at_s, offset_s = np.array(bins).T
@@ -200,9 +201,9 @@ FARTHEST_MM = 1e6
 class MarkerStream(buffer.Stream):
     """Reads the markers of a Qualisys system in a thread of its own.
 
-    The loopback server speaks its protocol too. Use it as a context manager, or with `start` and `close`. The frames are in
-    `buffer`, with the markers in the order of `labels`, m. No received data can end the
-    thread.
+    The loopback server speaks its protocol too. Use it as a context manager, or with
+    `start` and `close`. The frames are in `buffer`, with the markers in the order of
+    `labels`, m. No received data can end the thread.
 
     Parameters
     ----------

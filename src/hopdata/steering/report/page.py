@@ -199,7 +199,7 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
         ``share``, texts by "experiment controller"; ``training_hops``; ``has_planner``
         and ``has_horizons``, whether the planner and other horizons were tried;
         ``examples``, the run shown of each experiment: None if there is none, else its
-        ``controller``, ``by`` (words), ``success`` and ``foretold`` (whether the
+        ``controller``, ``by`` (words), ``success`` and ``predicted`` (whether the
         controller predicts).
     """
     rows = show.records(inputs.outcomes)
@@ -238,7 +238,7 @@ def _example(examples: pd.DataFrame | None, experiment: str) -> dict[str, Any] |
         "controller": controller,
         "by": RUN_BY[controller],
         "success": bool(run["success"].iloc[0]),
-        "foretold": bool(run.loc[run["curve"] == "response", "x_m"].notna().any()),
+        "predicted": bool(run.loc[run["curve"] == "response", "x_m"].notna().any()),
     }
 
 

@@ -1,4 +1,4 @@
-"""Run the experiments of one manoeuvre, with free ground and a board, for all controllers."""
+"""Run the experiments of one manoeuvre, without and with a board."""
 
 import numpy as np
 
@@ -11,11 +11,13 @@ from hopdata.steering.trial import true_map_of
 
 with reported(snakemake.log[0]):
     seed, _, observation = snakemake.wildcards.seed.partition("_")
-    number, steering = int(seed), snakemake.params.steering
+    number = int(seed)
+    steering = snakemake.params.steering
     asked = steering["experiments"]["controllers"]
     manoeuvre = snakemake.wildcards.manoeuvre
+    names = [name for name, (kind, _) in EXPERIMENTS.items() if kind == manoeuvre]
     tables = experiments_of(
-        [name for name, (kind, _) in EXPERIMENTS.items() if kind == manoeuvre],
+        names,
         taking_part(asked, later_observation=bool(observation)),
         steering,
         snakemake.params.motion_capture,

@@ -4,8 +4,10 @@ from hopdata.jobs import read_table, reported
 from hopdata.steering.figures.runs import save_film
 
 with reported(snakemake.log[0]):
-    film, example = (
-        read_table(path) for path in (snakemake.input.film, snakemake.input.example)
+    film = read_table(snakemake.input.film)
+    example = read_table(snakemake.input.example)
+    save_film(
+        snakemake.output.film,
+        film[film["experiment"] == "origin"],
+        example[example["experiment"] == "origin"],
     )
-    chosen = [table[table["experiment"] == "origin"] for table in (film, example)]
-    save_film(snakemake.output.film, *chosen)

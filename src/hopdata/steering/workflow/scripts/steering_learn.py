@@ -1,4 +1,4 @@
-"""Observe an excitation, simulated if none was recorded, and learn the frame change from it."""
+"""Observe an excitation, simulated if none was recorded, and learn from it."""
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.trial import simulate_excitation
 
 with reported(snakemake.log[0]):
-    steering, output = snakemake.params.steering, snakemake.output
+    steering = snakemake.params.steering
+    output = snakemake.output
     observation = snakemake.params.observation
     number = int(snakemake.wildcards.seed.partition("_")[0])
     seed = np.random.SeedSequence(snakemake.params.seed, spawn_key=(number,))

@@ -1,4 +1,4 @@
-"""Tabulate the learned map, the hops it takes to learn, and the effect of the kernel."""
+"""Tabulate the learned map, how many hops it takes, and the effect of the kernel."""
 
 from hopdata.jobs import read_table, reported, write_table
 from hopdata.steering.frame_changes import from_table
@@ -6,7 +6,8 @@ from hopdata.steering.models.learning import learning_tables, map_table, trainin
 from hopdata.steering.models.process import load_process
 
 with reported(snakemake.log[0]):
-    process, output = load_process(snakemake.input.model), snakemake.output
+    process = load_process(snakemake.input.model)
+    output = snakemake.output
     write_table(output.map, map_table(process, snakemake.params.swing_limit_rad))
     write_table(output.training, training_table(process))
     curve, kernels = learning_tables(

@@ -1,10 +1,11 @@
-"""Gather the experiments of all seeds: outcomes, trajectories, typical runs of the first seed."""
+"""Gather the experiments of all seeds: outcomes, trajectories, typical runs."""
 
 from hopdata.jobs import read_tables, reported, write_table
 from hopdata.steering.experiments.outcomes import outcome_table
 
 with reported(snakemake.log[0]):
-    source, output = snakemake.input, snakemake.output
+    source = snakemake.input
+    output = snakemake.output
     runs = read_tables(source.runs)
     write_table(output.runs, runs)
     write_table(output.outcomes, outcome_table(runs))
