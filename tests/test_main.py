@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hopdata import __version__
-from hopdata.__main__ import main
+from hopdata.__main__ import COMMANDS, main
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
 ROOT = Path(__file__).parents[1]
@@ -301,3 +301,54 @@ def test_a_closed_pipe_is_no_error():
     )
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout == "# Configuration\n"
+
+
+def completed(words, folder):
+    """Return what bash offers for the last of the words."""
+    script = hopdata("completion", "bash")
+    assert script.returncode == 0, script.stderr
+    line = " ".join(words)
+    ask = (
+        f"{script.stdout}\nCOMP_WORDS=({line})\nCOMP_CWORD={len(words) - 1}\n"
+        f"COMP_LINE='{line}'\n_shtab_hopdata\nprintf '%s\\n' \"${{COMPREPLY[@]}}\""
+    )
+    bash = subprocess.run(
+        ["bash", "-c", ask], capture_output=True, text=True, check=True, cwd=folder
+    )
+    return bash.stdout.split()
+
+
+def test_bash_completes_commands_options_and_files(tmp_path):
+    (tmp_path / "monday.yaml").touch()
+    (tmp_path / "other.yaml").touch()
+    assert completed(["hopdata", "do"], tmp_path) == ["doctor"]
+    assert completed(["hopdata", "inspect", "--ht"], tmp_path) == ["--html"]
+    for command in ("check", "run", "inspect"):
+        assert completed(["hopdata", command, "mon"], tmp_path) == ["monday.yaml"]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_the_script_of_each_shell_names_every_command(shell):
+    script = hopdata("completion", shell).stdout
+    assert all(command in script for command in COMMANDS)
+    assert "--vertical-axis" in script or shell == "tcsh"
+
+
+def test_an_unknown_shell_is_told():
+    result = hopdata("completion", "cmd")
+    assert result.returncode == 2
+    assert "expected one of bash, zsh, tcsh, found 'cmd'" in result.stderr
+
+
+def test_what_draws_on_a_terminal_is_not_loaded_for_a_pipe(short_sample):
+    code = (
+        "import sys\nfrom hopdata.__main__ import main\n"
+        f"main(['inspect', {str(short_sample)!r}])\n"
+        "drawing = {'rich', 'shtab'} & set(sys.modules)\n"
+        "assert not drawing, drawing"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    assert "\x1b" not in result.stdout + result.stderr

@@ -11,7 +11,7 @@ if __name__ == "__main__" and not sys.flags.safe_path:
 import argparse
 import os
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from pkgutil import resolve_name
@@ -51,11 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         argparse raises SystemExit with code 2.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    # Arguments after "--" are for Snakemake; argparse would take them for our own.
-    own = given.index("--") if given[:1] == ["run"] and "--" in given else len(given)
-    options = _parser().parse_args(
-        given[:own], argparse.Namespace(passed_on=given[own + 1 :])
-    )
+    own, passed_on = _apart(given)
+    options = _parser().parse_args(own, argparse.Namespace(passed_on=passed_on))
     try:
         code: int = resolve_name(options.run)(options)
         sys.stdout.flush()
@@ -63,9 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except HopdataError as error:
         print(f"hopdata: error: {error}", file=sys.stderr)
         return PROBLEM
-    except (
-        BrokenPipeError
-    ):  # the reader of our output, such as head, has closed the pipe
+    except BrokenPipeError:
+        # The reader of our output, such as head, has closed the pipe.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except KeyboardInterrupt:
@@ -73,18 +69,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
+def _apart(given: list[str]) -> tuple[list[str], list[str]]:
+    """Return our own arguments, and those for Snakemake, which follow a "--".
+
+    Argparse would take the latter for our own.
+    """
+    if given[:1] == ["run"] and "--" in given:
+        end = given.index("--")
+        return given[:end], given[end + 1 :]
+    return given, []
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser that suggests the nearest command for a misspelt one."""
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
-        choices = [str(choice) for choice in action.choices or ()]
-        if choices and value not in (action.choices or ()):
-            near = did_you_mean(str(value), choices)
-            told = f"expected one of {', '.join(choices)}, found '{value}'{near}"
-            raise argparse.ArgumentError(action, told)
+        choices = list(action.choices or ())
+        if choices and value not in choices:
+            names = [str(choice) for choice in choices]
+            near = did_you_mean(str(value), names)
+            message = f"expected one of {', '.join(names)}, found '{value}'{near}"
+            raise argparse.ArgumentError(action, message)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(complete_files: Mapping[str, Any] | None = None) -> argparse.ArgumentParser:
+    """Return the parser of the whole command line.
+
+    Parameters
+    ----------
+    complete_files : mapping, optional
+        How each shell completes the name of a file, as in `shtab.FILE`.
+    """
     parser: argparse.ArgumentParser = _Parser(
         prog="hopdata",
         description=TABLE["description"],
@@ -93,33 +108,48 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"hopdata {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, told in COMMANDS.items():
+    for name, entry in COMMANDS.items():
         command = commands.add_parser(
             name,
-            usage=told.get("usage"),
-            help=told["summary"],
-            description=told["description"],
-            epilog=f"examples:\n{told['examples']}\n{TABLE['exit_codes']}",
+            usage=entry.get("usage"),
+            help=entry["summary"],
+            description=entry["description"],
+            epilog=f"examples:\n{entry['examples']}\n{TABLE['exit_codes']}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        command.set_defaults(run=told["run"])
-        of_file = TABLE["recording"] * told.get("reads_file", False)
-        for option in (*of_file, *told.get("options", ())):
-            given = (
-                {**option, "type": TYPES[option["type"]]}
-                if "type" in option
-                else dict(option)
-            )
-            command.add_argument(*given.pop("flags"), **given)
+        command.set_defaults(run=entry["run"])
+        if entry.get("reads_file"):
+            _add_options(command, TABLE["recording"], complete_files)
+        _add_options(command, entry.get("options", []), complete_files)
     return parser
 
 
-def completion(_options: argparse.Namespace) -> int:
-    """Print the line with which bash, or zsh after bashcompinit, completes commands and files."""
-    print(
-        f'complete -o default -W "{" ".join(COMMANDS)}" {Path(sys.argv[0]).name or "hopdata"}'
-    )
+def _add_options(
+    command: argparse.ArgumentParser,
+    options: list[dict[str, Any]],
+    complete_files: Mapping[str, Any] | None,
+) -> None:
+    for option in options:
+        given = dict(option)
+        flags = given.pop("flags")
+        if "type" in given:
+            given["type"] = TYPES[given["type"]]
+        action = command.add_argument(*flags, **given)
+        is_file = action.type is Path or action.metavar == "CONFIG"
+        if is_file and complete_files is not None:
+            action.complete = complete_files  # type: ignore[attr-defined]
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print the script by which a shell completes commands, options and files."""
+    import shtab
+
+    parser = _parser(complete_files=shtab.FILE)
+    print(shtab.complete(parser, shell=options.shell))
     return OK
+
+
+# Types of the options' values.
 
 
 def _point(text: str) -> tuple[float, ...]:
@@ -131,18 +161,18 @@ def _point(text: str) -> tuple[float, ...]:
 
 def _positive(text: str) -> float:
     with suppress(ValueError):
-        if 0 < (value := float(text)) < float("inf"):
+        value = float(text)
+        if 0 < value < float("inf"):
             return value
     raise argparse.ArgumentTypeError(f"expected a number above 0, found '{text}'")
 
 
 def _cores(text: str) -> str:
-    if text != "all" and not (
-        text.isdecimal() and int(text)
-    ):  # Snakemake waits forever with 0
-        raise argparse.ArgumentTypeError(
-            f"expected a whole number above 0, or all, found '{text}'"
-        )
+    # Snakemake would wait for ever with 0.
+    is_number = text.isdecimal() and int(text) > 0
+    if text != "all" and not is_number:
+        wanted = "expected a whole number above 0, or all"
+        raise argparse.ArgumentTypeError(f"{wanted}, found '{text}'")
     return text
 
 

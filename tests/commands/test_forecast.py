@@ -16,6 +16,7 @@ from made_up_hopper import hopping, with_gap
 import hopdata.landings
 from hopdata.__main__ import main
 from hopdata.commands import forecast
+from hopdata.messages import Message
 
 STUDY = """study: trial
 recordings:
@@ -91,16 +92,17 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
         "sections": {"rule": "landings"},
     }
     found = forecast.Forecast(
-        touchdowns, 1.0, reason="contact orders: expected 2, found 0"
+        touchdowns, 1.0, reason="few orders", code=forecast.TOO_FEW_ORDERS
     )
-    lines = forecast.told(found, config, [])
+    lines = forecast.describe(found, config, [])
     assert found.vain == "its verdict is out of reach"
     unsure = forecast.Forecast(touchdowns.assign(**{"class": "ambiguous"}), 1.0, 0.1)
     assert unsure.vain == "100 % of its contact orders are unsure"
     assert forecast.Forecast(touchdowns, 1.0, 0.1).vain == ""
     mixed = forecast.Forecast(touchdowns, 1.0, 0.1, kinds="by their velocity")
-    assert "  note      landings are of two kinds by their velocity" in forecast.told(
-        mixed, config, []
+    assert (
+        "  note      landings are of two kinds by their velocity"
+        in forecast.describe(mixed, config, [])
     )
     assert not any("two kinds" in line for line in lines)
     changes = starting([line.strip() for line in lines], "change")
@@ -127,13 +129,13 @@ def test_the_foot_that_makes_orders_unsure_is_named():
         "touchdowns": {"ambiguous_below": 0.9},
     }  # fmt: skip
     changes = starting(
-        [line.strip() for line in forecast.told(found, config, [])], "change"
+        [line.strip() for line in forecast.describe(found, config, [])], "change"
     )
     assert changes[0] == "take a off markers.feet: of the others' orders 0 % are unsure"
     sure = forecast.Forecast(
         touchdowns.assign(**{"class": "1>2>3"}), 1.0, reason="none"
     )
-    assert not any("take a off" in line for line in forecast.told(sure, config, []))
+    assert not any("take a off" in line for line in forecast.describe(sure, config, []))
 
 
 def test_a_foot_that_is_hidden_where_it_lands_is_named(check):
@@ -169,7 +171,7 @@ def test_a_foot_that_only_drags_is_to_be_left_out():
         "sections": {"rule": "landings"},
     }  # fmt: skip
     changes = starting(
-        [line.strip() for line in forecast.told(found, config, [])], "change"
+        [line.strip() for line in forecast.describe(found, config, [])], "change"
     )
     assert changes == ["b is hardly ever seen to land: take it off markers.feet"]
 
@@ -184,7 +186,7 @@ def test_feet_that_never_come_down_to_the_floor_are_told():
         "feet": [],
     }
     changes = starting(
-        [line.strip() for line in forecast.told(found, config, [])], "change"
+        [line.strip() for line in forecast.describe(found, config, [])], "change"
     )
     assert len(changes) == 1
     assert "touchdowns.down_height_m" in changes[0]
@@ -210,7 +212,7 @@ def test_where_no_height_holds_the_landings_none_is_to_be_set():
         (0.9, "set sections.post_height_m"),
     ):
         found = forecast.Forecast(table, 1.0, stops=True, best={"post": share})
-        told = [line.strip() for line in forecast.told(found, config, [])]
+        told = [line.strip() for line in forecast.describe(found, config, [])]
         (change,) = (
             x
             for x in starting(told, "change")
@@ -221,7 +223,7 @@ def test_where_no_height_holds_the_landings_none_is_to_be_set():
     printed = config | {"sections": {"rule": "printed"}}
     told = [
         line.strip()
-        for line in forecast.told(forecast.Forecast(table, 1.0), printed, [])
+        for line in forecast.describe(forecast.Forecast(table, 1.0), printed, [])
     ]
     (change,) = (
         x for x in starting(told, "change") if x.startswith("the body does not sink")
@@ -276,7 +278,7 @@ def test_of_long_studies_the_middle_is_looked_at_and_counts_are_scaled(
 def test_what_is_seen_says_how_near_the_verdict_is():
     config = {"verdict": {"margin": 0.2, "power": 0.8}}
     told = {
-        seen: forecast._reach(forecast.Forecast(pd.DataFrame(), 1.0, seen), config)
+        seen: str(forecast.reach(forecast.Forecast(pd.DataFrame(), 1.0, seen), config))
         for seen in (0.1, 0.25, 0.4, 2.0)
     }
     starts = ("in reach: ", "in doubt: ", "in reach only if", "out of reach: ")
@@ -295,3 +297,25 @@ def test_every_change_answers_a_reason_that_the_tables_give():
 def test_without_landings_no_contact_is_timed():
     none = pd.DataFrame({"reason": [], "contact_toe_s": []})
     assert forecast.Forecast(none, 1.0).timed("toe") == 0
+
+
+def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
+    """Of messages that have templates, and not for the words that they are put in."""
+    values = {"least": 10, "commonest": "1 → 2 has 9", "what_is_missing": "meet"}
+    for code in (forecast.TOO_FEW_ORDERS, forecast.NO_TWO_FEET):
+        assert Message(code, values).text()
+    columns = {"schedule": "1>2", "class": "1>2", "excluded": False, "reason": ""}
+    touchdowns = pd.DataFrame(
+        columns | {"contact_a_s": 0.0, "contact_b_s": 0.0}, index=range(30)
+    )
+    config = {
+        "markers": {"body": [], "feet": ["a", "b"]},
+        "verdict": {"margin": 0.2},
+        "feet": [],
+        "sections": {"rule": "landings"},
+    }
+    for code, varies in ((forecast.NO_TWO_FEET, 1), ("maps.outcome_constant", 0)):
+        words = "no two feet, in one contact order"
+        found = forecast.Forecast(touchdowns, 1.0, reason=words, code=code)
+        codes = [change.code for change in forecast.changes(found, config, [])]
+        assert codes.count("commands.vary_the_order") == varies

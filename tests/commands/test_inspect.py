@@ -6,7 +6,7 @@ from made_up_files import export
 from made_up_hopper import hopping, with_frozen, with_gap, with_spike, with_swap
 
 from hopdata.__main__ import main
-from hopdata.commands.terminal import listing
+from hopdata.commands.listing import listing
 from hopdata.recordings.readers.formats import read_raw
 
 

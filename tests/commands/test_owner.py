@@ -63,7 +63,7 @@ def test_a_dead_process_and_one_with_its_number_are_told_from_it(ended):
 def test_a_change_of_the_clock_makes_no_run_dead_and_ticks_tell_numbers_apart(
     monkeypatch,
 ):
-    monkeypatch.setattr(owning, "_ticks", lambda _: "boot 100")
+    monkeypatch.setattr(owning, "ticks_of", lambda _: "boot 100")
     me = os.getpid()
     assert not Owner("a", HERE, me, began(me) - 48 * HOUR_S, "boot 100").is_dead
     assert Owner("a", HERE, me, began(me), "boot 99").is_dead
@@ -71,18 +71,18 @@ def test_a_change_of_the_clock_makes_no_run_dead_and_ticks_tell_numbers_apart(
 
 
 def test_the_ticks_of_a_process_whose_name_holds_parentheses(tmp_path, monkeypatch):
-    monkeypatch.setattr(owning, "_PROC", tmp_path)
+    monkeypatch.setattr(owning, "PROC", tmp_path)
     (tmp_path / "sys/kernel/random").mkdir(parents=True)
     (tmp_path / "sys/kernel/random/boot_id").write_text("b00t\n")
     (tmp_path / "7").mkdir()
     fields = " ".join(str(number) for number in range(4, 53))
     (tmp_path / "7/stat").write_text(f"7 (a) b) S {fields}\n")
-    assert owning._ticks(7) == "b00t 22"
-    assert owning._ticks(8) == ""
+    assert owning.ticks_of(7) == "b00t 22"
+    assert owning.ticks_of(8) == ""
 
 
 def test_without_ticks_a_change_of_the_clock_by_hours_makes_no_run_dead(monkeypatch):
-    monkeypatch.setattr(owning, "_ticks", lambda _: "")
+    monkeypatch.setattr(owning, "ticks_of", lambda _: "")
     me = os.getpid()
     assert not Owner("a", HERE, me, began(me) - HOUR_S, "boot 1").is_dead
     assert Owner("a", HERE, me, began(me) - 48 * HOUR_S, "boot 1").is_dead
@@ -92,7 +92,7 @@ def test_a_process_that_may_not_be_seen_counts_as_alive(monkeypatch):
     def denied(*_):
         raise psutil.AccessDenied
 
-    monkeypatch.setattr(owning, "_ticks", lambda _: "")
+    monkeypatch.setattr(owning, "ticks_of", lambda _: "")
     monkeypatch.setattr(psutil.Process, "create_time", denied)
     assert not Owner("a", HERE, os.getpid(), 0.0).is_dead
     monkeypatch.setattr(psutil.Process, "status", denied)
@@ -199,7 +199,7 @@ def test_a_record_lasts_as_long_as_its_run(tmp_path, monkeypatch):
     with recorded("trial", os.getpid()):
         (known,) = owners().values()
         assert (known.study, known.host, known.pid) == ("trial", HERE, os.getpid())
-        assert known.ticks == owning._ticks(os.getpid())
+        assert known.ticks == owning.ticks_of(os.getpid())
         assert known.ticks or not Path("/proc/self/stat").exists()
         assert not known.is_dead
     assert owners() == {}

@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 from checkouts import part_of_sample
 
-import hopdata
 from hopdata import __version__
-from hopdata.__main__ import COMMANDS, main
+from hopdata.__main__ import main
 from hopdata.commands.workflow import run_workflow
 
 ROOT = Path(__file__).parents[2]
@@ -307,20 +306,6 @@ def test_doctor_names_a_lock(folder, capsys):
     Path(".snakemake/locks/0.output.lock").touch()
     assert main(["doctor"]) == 1
     assert "a run is at work here" in capsys.readouterr().out
-
-
-def test_a_shell_completes_every_command():
-    line = subprocess.run(
-        [sys.executable, "-m", "hopdata", "completion"],
-        env=os.environ | {"PYTHONPATH": str(Path(hopdata.__file__).parents[1])},
-        capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
-    words = f'{line}\ncompgen -W "$(complete -p | sed "s/.*-W .\\(.*\\). .*/\\1/")" d'
-    found = subprocess.run(
-        ["bash", "-c", words], capture_output=True, text=True, check=False
-    )
-    assert set(COMMANDS) <= set(line.split('"')[1].split())
-    assert "doctor" in found.stdout, found.stderr
 
 
 def test_of_two_runs_in_one_folder_the_second_says_so(folder, capfd):

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2
-from hopdata.commands import terminal
+from hopdata.commands import listing, terminal
 from hopdata.errors import AnalysisError, RecordingError
+from hopdata.messages import Message
 from hopdata.recordings.external import (
     ForceSignal,
     read_contact_times,
@@ -26,80 +27,151 @@ if TYPE_CHECKING:
 def check(options: argparse.Namespace) -> int:
     """Check a configuration, read all its recordings and forecast its first study."""
     from hopdata.commands.run import bring_bundled
-    from hopdata.config.consistency import feet_of, files_of, simulation_of
-    from hopdata.config.loading import load_config, place_of, read_yaml
-    from hopdata.samples import read_group
-    from hopdata.landings.floor import moving
-    from hopdata.recording import extent, require_distinct
-    from hopdata.recordings.importing import import_recording
-    from hopdata.recordings.plausibility import check_plausible, notes
+    from hopdata.config.consistency import files_of
+    from hopdata.recording import require_distinct
 
     bring_bundled(Path(options.config))
-    content, studies = read_yaml(options.config), [options.config]
-    if isinstance(content, Mapping) and "samples" in content:
-        studies = [
-            one["config"] for one in read_group(options.config)["members"].values()
-        ]
-    first, *others = (load_config(one, files=[options.config]) for one in studies)
-    print(
-        f"study {first['study']}"
-        + f", the first of {len(studies)} of a group" * bool(others)
-    )
+    configs = _configs(options.config)
+    first = configs[0]
+    group = ""
+    if len(configs) > 1:
+        group = f", the first of {len(configs)} of a group"
+    print(f"study {first['study']}{group}")
     mistakes: list[str] = []
     remarks: list[str] = []
-    sound: list[Recording] = []
-    for config, entry in (
-        (one, entry) for one in (first, *others) for entry in one["recordings"]
-    ):
-        if not (files := files_of(entry)):
-            hops, cut_s = map(
-                simulation_of(config, entry["name"]).get, ("hops", "duration_s")
-            )
-            cut = "" if cut_s is None else f", cut at {cut_s:g} s"
-            print(f"{entry['name']}: simulated, {hops} hops{cut}: see hopdata plan")
-            continue
-        asked = {key: entry[key] for key in ("name", "exclude")} | config["input"]
-        try:
-            with terminal.progress_line(f"reading {', '.join(files)}") as progress:
-                recording, _ = import_recording(
-                    files, markers=config["markers"], **asked
-                )
-                progress(f"checking {', '.join(files)}")
-                check_plausible(recording, **config["quality"])
-            span_s, rate_hz = (
-                recording.time[[0, -1]].tolist(),
-                config["input"]["rate_hz"],
-            )
-            of: dict[str, Any] = {
-                "feet": feet_of(config),
-                "extent_m": extent(recording.positions),
-            }
-            known = describe_external(entry, span_s=span_s, rate_hz=rate_hz, **of)
-        except RecordingError as error:
-            key = re.search(r"markers\.\w+: expected .*", str(error))
-            place = place_of(key[0], [options.config], "") if key else ""
-            mistakes.append(f"{place}: {error}" if place else str(error))
-            continue
-        brief = f"study {config['study']}: {recording.told()}"
-        print(
-            "\n".join([_summary(recording, config), *known])
-            if config is first
-            else brief
-        )
-        sound += [recording] * (config is first)
-        remarks += [*map(str, notes(recording)), *_suspects(recording, rate_hz)]
-        remarks += [
-            f"{recording.place}: {moves}" for moves in [moving(recording)] if moves
-        ]
+    of_first_study: list[Recording] = []
+    for config in configs:
+        for entry in config["recordings"]:
+            if not files_of(entry):
+                print(_simulated(config, entry))
+                continue
+            try:
+                recording, lines = _read(config, entry)
+            except RecordingError as error:
+                mistakes.append(_with_line(error, options.config))
+                continue
+            if config is first:
+                print("\n".join([_summary(recording, config), *lines]))
+                of_first_study.append(recording)
+            else:
+                print(f"study {config['study']}: {recording.told()}")
+            remarks += _remarks(recording, config["input"]["rate_hz"])
     for remark in remarks:
         print(f"note: {remark}")
     if mistakes:
         raise RecordingError(*mistakes)
-    require_distinct(sound)
-    but = _foretell(first, sound) if len(sound) == len(first["recordings"]) else ""
-    but = but or "see the notes above" * bool(remarks)
-    print(f"{options.config} " + (f"can be run, but {but}" if but else "is sound"))
+    require_distinct(of_first_study)
+    print(_conclusion(options.config, first, of_first_study, remarks))
     return terminal.OK
+
+
+def _configs(file: str) -> list[dict[str, Any]]:
+    """Return the configuration of a study, or of each study of a group."""
+    from hopdata.config.loading import load_config, read_yaml
+    from hopdata.samples import read_group
+
+    content = read_yaml(file)
+    studies: list[Any] = [file]
+    if isinstance(content, Mapping) and "samples" in content:
+        studies = [member["config"] for member in read_group(file)["members"].values()]
+    return [load_config(study, files=[file]) for study in studies]
+
+
+def _simulated(config: dict[str, Any], entry: Mapping[str, Any]) -> str:
+    from hopdata.config.consistency import simulation_of
+
+    simulation = simulation_of(config, entry["name"])
+    duration_s = simulation.get("duration_s")
+    cut = "" if duration_s is None else f", cut at {duration_s:g} s"
+    hops = f"{simulation.get('hops')} hops{cut}"
+    return f"{entry['name']}: simulated, {hops}: see hopdata plan"
+
+
+def _read(
+    config: dict[str, Any], entry: Mapping[str, Any]
+) -> tuple[Recording, list[str]]:
+    """Import one recording and check it; describe its external contacts and forces."""
+    from hopdata.config.consistency import feet_of, files_of
+    from hopdata.recording import extent
+    from hopdata.recordings.importing import import_recording
+    from hopdata.recordings.plausibility import check_plausible
+
+    files = files_of(entry)
+    names = ", ".join(files)
+    with terminal.progress_line(f"reading {names}") as progress:
+        recording, _ = import_recording(
+            files,
+            markers=config["markers"],
+            name=entry["name"],
+            exclude=entry["exclude"],
+            **config["input"],
+        )
+        progress(f"checking {names}")
+        check_plausible(recording, **config["quality"])
+    first_s, last_s = recording.time[[0, -1]].tolist()
+    lines = describe_external(
+        entry,
+        feet=feet_of(config),
+        span_s=(first_s, last_s),
+        rate_hz=config["input"]["rate_hz"],
+        extent_m=extent(recording.positions),
+    )
+    return recording, lines
+
+
+def _with_line(error: RecordingError, config: str) -> str:
+    """Return the error with the line of the markers' key that it names, if any."""
+    from hopdata.config.loading import place_of
+
+    key = re.search(r"markers\.\w+: expected .*", str(error))
+    if key is None:
+        return str(error)
+    place = place_of(key[0], [config], "")
+    return f"{place}: {error}" if place else str(error)
+
+
+def _remarks(recording: Recording, rate_hz: float | None) -> list[str]:
+    """Return what should be known of a recording: faults, and what is unsure."""
+    from hopdata.landings.floor import moving
+    from hopdata.recordings.plausibility import notes
+
+    remarks = [str(note) for note in notes(recording)]
+    remarks += _suspects(recording, rate_hz)
+    floor_moves = moving(recording)
+    if floor_moves:
+        remarks.append(f"{recording.place}: {floor_moves}")
+    return remarks
+
+
+def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
+    """Return a line on suspect data of the study's markers; ask for a missing rate."""
+    from hopdata.recordings.quality.inspection import inspect
+
+    place = recording.place
+    with terminal.progress_line(f"looking for faults in {place}"):
+        found = inspect(recording)
+    lines = []
+    if not rate_hz:
+        lines += listing.question("input.rate_hz", found.rate)
+    lines += [str(one) for one in found.lost]
+    if found.faults.count or len(found.timing.irregular) or found.lost:
+        suspects = {"answer": listing.answer(found)}
+        lines.append(str(Message("commands.see_inspect", suspects)))
+    return [f"{place}: {line}" for line in lines]
+
+
+def _conclusion(
+    file: str, config: dict[str, Any], recordings: list[Recording], remarks: list[str]
+) -> str:
+    """Forecast the study if it has all its recordings; tell whether it can be run."""
+    why_not = ""
+    if len(recordings) == len(config["recordings"]):
+        why_not = _foretell(config, recordings)
+    if not why_not and remarks:
+        why_not = str(Message("commands.see_notes"))
+    if why_not:
+        return str(Message("commands.can_run_but", {"file": file, "but": why_not}))
+    return str(Message("commands.is_sound", {"file": file}))
 
 
 def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
@@ -110,43 +182,38 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
     AnalysisError
         If the study will stop.
     """
-    from hopdata.commands.forecast import foretell, told
+    from hopdata.commands.forecast import describe, foretell
 
     with terminal.progress_line("looking for landings"):
         forecast = foretell(config, recordings)
-    print("\n".join(told(forecast, config, recordings)))
+    print("\n".join(describe(forecast, config, recordings)))
     if forecast.stops:
         raise AnalysisError(forecast.reason)
     return forecast.vain
-
-
-def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
-    """Return a line on suspect data of the study's markers, and ask for a missing rate."""
-    from hopdata.recordings.quality.inspection import inspect
-
-    with terminal.progress_line(f"looking for faults in {recording.place}"):
-        found = inspect(recording)
-    told = f"{recording.place}: {terminal.answer(found)} See 'hopdata inspect'"
-    asked = [] if rate_hz else terminal.question("input.rate_hz", found.rate)
-    faulty = bool(found.faults.count or len(found.timing.irregular) or found.lost)
-    return [f"{recording.place}: {one}" for one in asked + found.lost] + [told] * faulty
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
     """Summarise the contents of a recording in a few lines."""
     from hopdata.recording import body_over_feet, fraction_seen
 
-    duration = recording.time[-1] - recording.time[0]
+    n_frames = len(recording.time)
+    duration_s = recording.time[-1] - recording.time[0]
+    height_m = body_over_feet(recording)[2]
     seen = fraction_seen(recording)
     worst = int(seen.argmin())
-    return "\n".join([
+    least = f"least {recording.markers[worst]}, {_percent(seen[worst])}"
+    lines = [
         f"{recording.name}: {recording.place}",
-        f"  frames  {len(recording.time)} at {recording.rate_hz:g} Hz, {duration:.1f} s",
-        *(f"  {key:6}  {', '.join(names)}" for key, names in config["markers"].items() if names),
-        f"  height  body {body_over_feet(recording)[2]:.3f} m above the feet (median)",
-        f"  seen    {_percent(seen.mean())} of all markers and frames; "
-        f"least {recording.markers[worst]}, {_percent(seen[worst])}",
-    ])  # fmt: skip
+        f"  frames  {n_frames} at {recording.rate_hz:g} Hz, {duration_s:.1f} s",
+    ]
+    for role, names in config["markers"].items():
+        if names:
+            lines.append(f"  {role:6}  {', '.join(names)}")
+    lines += [
+        f"  height  body {height_m:.3f} m above the feet (median)",
+        f"  seen    {_percent(seen.mean())} of all markers and frames; {least}",
+    ]
+    return "\n".join(lines)
 
 
 def _percent(share: float) -> str:
@@ -156,17 +223,18 @@ def _percent(share: float) -> str:
 
 # Contents of a recording's external files, in a few lines.
 
-# Mass over the cube of the markers' span, kg/m³: about 40 for a runner, 20 for the
-# hopper, 5000 for a runner of whom only a shoe is seen. A wrong unit changes it by a
-# factor of 1000.
+#: Least and most mass over the cube of the markers' span that a body weight may mean.
+#: Unit: kg/m³. Origin: measured. About 40 for a runner, 20 for the hopper, 5000 for a
+#: runner of whom only a shoe is seen. A wrong unit changes it by a factor of 1000.
 PLAUSIBLE_MASS = (1.0, 5000.0)
-PLAUSIBLE_SHARE = (
-    0.02,
-    3.0,
-)  # mean force over body weight, including a plate under one foot
-LEAST_OVERLAP = (
-    0.75  # of the recording and of the signal; below it, their clocks are doubtful
-)
+
+#: Least and most mean force over body weight, including a plate under one foot.
+#: Unit: 1. Origin: chosen.
+PLAUSIBLE_SHARE = (0.02, 3.0)
+
+#: Share of the recording, and of the signal, below which their clocks are doubtful.
+#: Unit: 1. Origin: chosen.
+LEAST_OVERLAP = 0.75
 
 
 def describe_external(
@@ -203,47 +271,67 @@ def describe_external(
         If a file cannot be read.
     """
     lines = []
-    if recording["contacts"]["file"] is not None:
-        for known in read_contact_times(
-            recording["contacts"], feet=feet, rate_hz=rate_hz
-        ):
-            first, last = known.span_s
-            told = f"{known.column.name}: {len(known.instant)}, {first:.3f} to {last:.3f} s"
-            lines.append(f"  contacts  {told}, of {', '.join(known.column.feet)}")
-    if recording["forces"]["file"] is not None:
-        for signal in read_force_signals(recording["forces"], feet=feet):
-            first, last = signal.time[[0, -1]].tolist()
-            told = f"{signal.column.name}: {len(signal.time)} samples, {first:.3f} to {last:.3f} s"
-            told += f", up to {np.nanmax(signal.force):.4g} {signal.unit}"
-            odd = _misplaced((first, last), span_s) + _misjudged(signal, extent_m)
-            lines.append(f"  force     {told}, of {', '.join(signal.column.feet)}{odd}")
+    contacts = recording["contacts"]
+    if contacts["file"] is not None:
+        for known in read_contact_times(contacts, feet=feet, rate_hz=rate_hz):
+            first_s, last_s = known.span_s
+            span = f"{first_s:.3f} to {last_s:.3f} s"
+            of = f"of {', '.join(known.column.feet)}"
+            count = len(known.instant)
+            lines.append(f"  contacts  {known.column.name}: {count}, {span}, {of}")
+    forces = recording["forces"]
+    if forces["file"] is not None:
+        for signal in read_force_signals(forces, feet=feet):
+            lines.append(_describe_force(signal, span_s, extent_m))
     return lines
 
 
+def _describe_force(
+    signal: ForceSignal, recording_s: tuple[float, float], extent_m: float | None
+) -> str:
+    first_s, last_s = signal.time[[0, -1]].tolist()
+    samples = f"{len(signal.time)} samples, {first_s:.3f} to {last_s:.3f} s"
+    most = f"up to {np.nanmax(signal.force):.4g} {signal.unit}"
+    of = f"of {', '.join(signal.column.feet)}"
+    line = f"  force     {signal.column.name}: {samples}, {most}, {of}"
+    line += _misplaced((first_s, last_s), recording_s)
+    line += _misjudged(signal, extent_m)
+    return line
+
+
 def _misplaced(span_s: tuple[float, float], recording_s: tuple[float, float]) -> str:
-    """Report a signal that misses much of the recording or lies far outside it: a wrong clock."""
-    overlap = max(0.0, min(span_s[1], recording_s[1]) - max(span_s[0], recording_s[0]))
-    covered = overlap / max(recording_s[1] - recording_s[0], 1e-9)
-    inside = overlap / max(span_s[1] - span_s[0], 1e-9)
+    """Report a signal that misses much of the recording, or lies outside: its clock."""
+    begin_s = max(span_s[0], recording_s[0])
+    end_s = min(span_s[1], recording_s[1])
+    overlap_s = max(0.0, end_s - begin_s)
+    # The least duration avoids a division by zero, of a single sample.
+    covered = overlap_s / max(recording_s[1] - recording_s[0], 1e-9)
+    inside = overlap_s / max(span_s[1] - span_s[0], 1e-9)
     if min(covered, inside) >= LEAST_OVERLAP:
         return ""
-    beyond = f"{100 * (1 - inside):.0f} % of it lies outside"
-    told = f"covers {100 * covered:.0f} % of the recording, {beyond}"
-    return f" ({told}: are rate_hz and offset_s right?)"
+    values = {"covered": 100 * covered, "outside": 100 * (1 - inside)}
+    return str(Message("commands.force_misplaced", values))
 
 
 def _misjudged(signal: ForceSignal, extent_m: float | None) -> str:
     """Report a mean force that cannot be a body weight: a wrong unit."""
-    mean, weight = float(np.nanmean(signal.force)), signal.options["body_weight_n"]
-    if signal.unit == "body_weight" or weight is not None:
-        share = mean if signal.unit == "body_weight" else mean / weight
-        if PLAUSIBLE_SHARE[0] <= share <= PLAUSIBLE_SHARE[1]:
-            return ""
-        return f" (on average {share:.3g} times the body weight: is forces.unit right?)"
+    mean = float(np.nanmean(signal.force))
+    weight_n = signal.options["body_weight_n"]
+    if signal.unit == "body_weight":
+        return _odd_share(mean)
+    if weight_n is not None:
+        return _odd_share(mean / weight_n)
     if extent_m is None or not extent_m > 0:
         return ""
     low, high = (GRAVITY_M_S2 * mass * extent_m**3 for mass in PLAUSIBLE_MASS)
     if low <= mean <= high:
         return ""
-    weighs = f"where a body of {extent_m:.2g} m weighs {low:.2g} to {high:.2g} N"
-    return f" ({mean:.3g} N on average, {weighs}: is forces.unit right?)"
+    values = {"mean": mean, "extent_m": extent_m, "low": low, "high": high}
+    return str(Message("commands.force_no_weight", values))
+
+
+def _odd_share(share: float) -> str:
+    least, most = PLAUSIBLE_SHARE
+    if least <= share <= most:
+        return ""
+    return str(Message("commands.force_share", {"share": share}))

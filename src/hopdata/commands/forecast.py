@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,28 +22,66 @@ from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
-from hopdata.maps.verdict.judge import TWO_KINDS
+from hopdata.maps.verdict.judge import TWO_KINDS, TWO_KINDS_CODE
 from hopdata.maps.verdict.model import LEFT
+from hopdata.messages import Message
 from hopdata.recording import Recording, fraction_seen
 from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
-from hopdata.report.formatting import WORDS
 
-FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
-MOST_FRAMES = 60_000  # frames examined; of longer studies, the middle of each recording
-LEAST_SHARE = 0.1  # of the landings: least cost of a reason that is worth a change
-LEFT_BY_BEST = (
-    0.5  # of the landings: a section that holds fewer at any height cannot be improved
-)
-MOST_ALIKE = (
-    0.8  # of the landings in one contact order: beyond it, more of them hardly help
-)
-MOST_UNSURE = 0.5  # of the orders: beyond it they reveal little
-FEW_LANDINGS = 10  # per recording; with fewer, contacts are learned less well
-#: Bound of a study without a difference, as a share of the difference it detects (0.75
-#: to 1).
+# Codes of the errors by which landings are too alike for a comparison: of a study with
+# few feet, and of one with many.
+TOO_FEW_ORDERS = "maps.too_few_orders"
+NO_TWO_FEET = "maps.no_two_feet"
+
+# A foot in a reason of the table, counted from 1.
+FOOT = r"foot (\d+)"
+
+#: Frames that are examined; of longer studies, the middle of each recording.
+#: Unit: frames. Origin: chosen.
+MOST_FRAMES = 60_000
+
+#: Share of the landings that a reason costs from which it is worth a change, and share
+#: in which a foot is timed below which it hardly ever lands.
+#: Unit: 1. Origin: chosen.
+LEAST_SHARE = 0.1
+
+#: Share of the landings below which a section that holds no more at any height cannot
+#: be improved.
+#: Unit: 1. Origin: chosen.
+LEFT_BY_BEST = 0.5
+
+#: Share of the landings in one contact order beyond which more of them hardly help.
+#: Unit: 1. Origin: chosen.
+MOST_ALIKE = 0.8
+
+#: Share of unsure orders beyond which they reveal little.
+#: Unit: 1. Origin: chosen.
+MOST_UNSURE = 0.5
+
+#: Landings a recording below which contacts are learned less well.
+#: Unit: landings. Origin: chosen.
+FEW_LANDINGS = 10
+
+#: Bound of a study without a difference, as a share of the difference it detects.
+#: Unit: 1. Origin: measured: 0.75 to 1.
 BOUND_SHARE = 0.75
+
 #: Advice for each reason that costs landings.
-CHANGES: dict[str, str] = WORDS["changes"]
+CHANGES: dict[str, str] = {
+    "frames missing at the contact of foot": "commands.foot_hidden_where_it_lands",
+    "too few frames to time foot": "commands.foot_seen_too_briefly",
+    "not down by the post section": "commands.foot_not_down",
+    "down before the pre section": "commands.foot_down_too_early",
+    "rises where it should touch": "commands.foot_rises",
+    "poor fit of foot": "commands.foot_falls_oddly",
+    "not determined": "commands.foot_without_kink",
+    "frames missing at the pre section": "commands.body_hidden",
+    "frames missing at the post section": "commands.body_hidden",
+    "post section never reached": "commands.post_not_reached",
+    "body stayed below the pre section": "commands.hops_too_low",
+    "too much of the body filled in": "commands.much_filled",
+    "too few frames of the body markers": "commands.body_seen_too_briefly",
+}
 
 
 @dataclass(frozen=True)
@@ -62,8 +99,9 @@ class Forecast:
         it cannot show any.
     allowed
         Largest difference that is no evidence, with any number of landings.
-    reason
-        Why the verdict cannot show a difference; empty if it can.
+    reason, code
+        Why the verdict cannot show a difference, in words and as the code of a message;
+        empty if it can.
     stops
         Whether the study has too few touchdowns to run to its end.
     best
@@ -78,6 +116,7 @@ class Forecast:
     detectable: float | None = None
     allowed: float = LEFT
     reason: str = ""
+    code: str = ""
     stops: bool = False
     best: Mapping[str, float] = field(default_factory=dict)
     kinds: str = ""
@@ -95,42 +134,54 @@ class Forecast:
     def timed(self, foot: str) -> float:
         """Return the share of landings in which the contact of a foot is found."""
         landed = self.touchdowns[self.touchdowns["reason"] != NO_FOOT_LANDED]
-        return float(landed[f"contact_{foot}_s"].notna().mean()) if len(landed) else 0.0
+        if not len(landed):
+            return 0.0
+        return float(landed[f"contact_{foot}_s"].notna().mean())
 
     @property
     def unsure(self) -> float:
-        """Return the share of landings used with an order less probable than required."""
+        """Return the share of landings used whose order is unsure."""
         used = self.touchdowns[~self.touchdowns["excluded"]]
-        return float((used["class"] == AMBIGUOUS).mean()) if len(used) else 0.0
+        if not len(used):
+            return 0.0
+        return float((used["class"] == AMBIGUOUS).mean())
 
     def unsure_without(self, foot: str, feet: Sequence[str], below: float) -> float:
-        """Return the share of landings used with an order too improbable without a foot."""
-        used, others = (
-            self.touchdowns[~self.touchdowns["excluded"]],
-            [f for f in feet if f != foot],
-        )
-        of = [
-            used[[f"{what}_{f}_s" for f in others]].to_numpy()
-            for what in ("contact", "se")
-        ]
-        return float((order_probability(*of) < below).mean())
+        """Return the share of landings used whose order is unsure without a foot.
+
+        Parameters
+        ----------
+        foot : str
+            The foot that is left out.
+        feet : sequence of str
+            All feet.
+        below : float
+            Probability below which an order is unsure.
+        """
+        used = self.touchdowns[~self.touchdowns["excluded"]]
+        others = [other for other in feet if other != foot]
+        instants = used[[f"contact_{other}_s" for other in others]].to_numpy()
+        errors = used[[f"se_{other}_s" for other in others]].to_numpy()
+        return float((order_probability(instants, errors) < below).mean())
 
     @property
     def vain(self) -> str:
         """Return why little can be learned from the study; empty if much can."""
         if self.unsure > MOST_UNSURE:
-            return f"{100 * self.unsure:.0f} % of its contact orders are unsure"
+            percent = 100 * self.unsure
+            return str(Message("commands.orders_unsure", {"percent": percent}))
         if self.detectable is None or self.detectable > 1:
-            return "its verdict is out of reach"
+            return str(Message("commands.verdict_out_of_reach"))
         return ""
 
     def left_out(self) -> dict[str, int]:
         """Return how many landings each reason costs, the most costly first."""
-        out = self.touchdowns.loc[self.touchdowns["excluded"], "reason"]
-        counts = out[out != NO_FOOT_LANDED].value_counts().items()
-        return {str(reason): self._scaled(count) for reason, count in counts}
+        reasons = self.touchdowns.loc[self.touchdowns["excluded"], "reason"]
+        counts = reasons[reasons != NO_FOOT_LANDED].value_counts()
+        return {str(reason): self._scaled(count) for reason, count in counts.items()}
 
     def _scaled(self, count: float) -> int:
+        """Return a count in the frames examined as that of the whole study."""
         return round(float(count) / self.frames_share)
 
 
@@ -149,170 +200,251 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     AnalysisError
         If the study stops before it has touchdowns.
     """
-    numbered = any(
-        e.get("landings") for r in config["recordings"] for e in r["exclude"]
+    # Landings that are left out by their number would be others in a part.
+    by_number = any(
+        entry.get("landings")
+        for recording in config["recordings"]
+        for entry in recording["exclude"]
     )
-    parts, share = _parts(recordings, math.inf if numbered else MOST_FRAMES)
+    most_frames = math.inf if by_number else MOST_FRAMES
+    parts, share = _parts(recordings, most_frames)
     study = Study(config, tuple(parts))
-    looked_at, made = study.candidates, study.sections
-    best = dict[str, float]()
-    for side, held in made.held.items():
-        by_landings = (
-            made.rule == "landings" and made.decided[f"{side}_height_m"] == "data"
-        )
-        if by_landings and held is not None:
-            best[side] = held
-    some = partial(Forecast, frames_share=share, best=best)
+    candidates = study.candidates
+    best = _best_sections(study)
     try:
         touchdowns = study.touchdowns
     except AnalysisError as error:
-        return some(looked_at, reason=str(error), stops=True)
+        return Forecast(
+            candidates,
+            share,
+            reason=str(error),
+            code=error.code,
+            stops=True,
+            best=best,
+        )
     verdict = study.verdict
     if verdict.effect is None:
-        return some(touchdowns, reason=verdict.notes[-1]["reason"])
+        note = verdict.notes[-1]
+        return Forecast(
+            touchdowns, share, reason=note["reason"], code=note["code"], best=best
+        )
     allowed = verdict.effect.allowed
-    seen = allowed + max(0.0, verdict.effect.detectable - allowed) * float(
-        np.sqrt(share)
+    beyond_allowed = max(0.0, verdict.effect.detectable - allowed)
+    # Errors fall with the root of the number of landings.
+    detectable = allowed + beyond_allowed * float(np.sqrt(share))
+    kinds = [note["reason"] for note in verdict.notes if note["code"] == TWO_KINDS_CODE]
+    return Forecast(
+        touchdowns,
+        share,
+        detectable=detectable,
+        allowed=allowed,
+        best=best,
+        kinds="".join(kinds),
     )
-    kinds = "".join(
-        note["reason"] for note in verdict.notes if note["what"] == TWO_KINDS
-    )
-    return some(touchdowns, detectable=seen, allowed=allowed, kinds=kinds)
+
+
+def _best_sections(study: Study) -> dict[str, float]:
+    """Return the share of the landings held by each section that was chosen for it."""
+    sections = study.sections
+    best: dict[str, float] = {}
+    if sections.rule != "landings":
+        return best
+    for side, share in sections.held.items():
+        is_chosen = sections.decided[f"{side}_height_m"] == "data"
+        if is_chosen and share is not None:
+            best[side] = share
+    return best
 
 
 def _parts(
     recordings: Sequence[Recording], most: float
 ) -> tuple[list[Recording], float]:
-    """Return the recordings, or their middles with at most `most` frames, and that share."""
+    """Return the recordings, or their middles with `most` frames, and their share."""
     total = sum(len(one.time) for one in recordings)
-    share, parts = min(1.0, most / total), []
+    share = min(1.0, most / total)
+    parts = []
     for one in recordings:
-        few = math.ceil(share * len(one.time))
-        first = (len(one.time) - few) // 2
-        parts.append(one.part(slice(first, first + few)))
-    return parts, sum(len(one.time) for one in parts) / total
+        n_frames = math.ceil(share * len(one.time))
+        first = (len(one.time) - n_frames) // 2
+        parts.append(one.part(slice(first, first + n_frames)))
+    examined = sum(len(part.time) for part in parts)
+    return parts, examined / total
 
 
-def told(
+# A forecast in lines.
+
+
+def describe(
     forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
 ) -> list[str]:
-    """Describe a forecast in lines: landings and feet, losses, the verdict, what to change."""
-    feet, about = feet_of(config), "about " * (forecast.frames_share < 1)
-    timed = ", ".join(f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet)
-    out = [
-        f"{re.sub(FOOT, lambda number: feet[int(number[1]) - 1], reason)}: {count}"
-        for reason, count in forecast.left_out().items()
-    ]
+    """Return lines on landings and feet, losses, the verdict, and what to change."""
+    feet = feet_of(config)
+    about = "about " if forecast.frames_share < 1 else ""
+    used = f"{about}{forecast.used} of {forecast.landings} will be used"
+    unsure = f"{100 * forecast.unsure:.0f} % of their orders unsure"
+    timed = [f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet]
     lines = [
         "forecast",
-        f"  landings  {about}{forecast.used} of {forecast.landings} will be used, "
-        f"{100 * forecast.unsure:.0f} % of their orders unsure; contacts timed: {timed}",
-        *([f"  left out  {'; '.join(out)}"] if out else []),
-        *([f"  note      {TWO_KINDS} {forecast.kinds}"] if forecast.kinds else []),
-        f"  verdict   {_reach(forecast, config)}",
+        f"  landings  {used}, {unsure}; contacts timed: {', '.join(timed)}",
     ]
-    return lines + [
-        f"  change    {change}" for change in _changes(forecast, config, recordings)
+    left_out = [
+        f"{_with_foot(reason, feet)}: {count}"
+        for reason, count in forecast.left_out().items()
     ]
+    if left_out:
+        lines.append(f"  left out  {'; '.join(left_out)}")
+    if forecast.kinds:
+        lines.append(f"  note      {TWO_KINDS} {forecast.kinds}")
+    lines.append(f"  verdict   {reach(forecast, config)}")
+    for change in changes(forecast, config, recordings):
+        lines.append(f"  change    {change}")
+    return lines
 
 
-def _reach(forecast: Forecast, config: Mapping[str, Any]) -> str:
-    """Report whether the verdict can be reached."""
-    seen, margin = forecast.detectable, config["verdict"]["margin"]
-    if seen is None:
-        return f"out of reach: {forecast.reason}"
-    if seen > 1:
-        return (
-            "out of reach: a difference would have to be larger than the map to be seen"
-        )
-    shows = f"a difference of {100 * seen:.2g} % of the map shows in "
-    shows += f"{100 * config['verdict']['power']:g} % of such studies"
-    reach = (
-        "in reach"
-        if seen <= margin
-        else "in doubt"
-        if BOUND_SHARE * seen <= margin
-        else ""
-    )
-    asked = f"verdict.margin is {100 * margin:g} %"
-    return f"{reach or 'in reach only if the difference is large'}: {shows}, {asked}"
+def _with_foot(reason: str, feet: Sequence[str]) -> str:
+    """Replace the number of a foot in a reason by its name."""
+    return re.sub(FOOT, lambda number: feet[int(number[1]) - 1], reason)
 
 
-def _changes(
+def reach(forecast: Forecast, config: Mapping[str, Any]) -> Message:
+    """Tell whether the verdict can be reached."""
+    detectable = forecast.detectable
+    margin = config["verdict"]["margin"]
+    if detectable is None:
+        return Message("commands.out_of_reach", {"reason": forecast.reason})
+    if detectable > 1:
+        return Message("commands.beyond_the_map")
+    values = {
+        "percent": 100 * detectable,
+        "power": 100 * config["verdict"]["power"],
+        "margin": 100 * margin,
+    }
+    shown = {"shown": Message("commands.shown_difference", values)}
+    if detectable <= margin:
+        return Message("commands.in_reach", shown)
+    # A study without a difference may still bound it below the margin.
+    if BOUND_SHARE * detectable <= margin:
+        return Message("commands.in_doubt", shown)
+    return Message("commands.in_reach_if_large", shown)
+
+
+# What to change.
+
+
+def changes(
     forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
-) -> list[str]:
+) -> list[Message]:
     """List what to change, the most costly reason first."""
-    feet, body = feet_of(config), config["markers"]["body"]
+    feet = feet_of(config)
     idle = [foot for foot in feet if forecast.timed(foot) < LEAST_SHARE]
     if idle and len(feet) - len(idle) >= MIN_FEET:
-        return [
-            f"{foot} is hardly ever seen to land: take it off markers.feet"
-            for foot in idle
-        ]
+        return [Message("commands.foot_hardly_lands", {"foot": foot}) for foot in idle]
     if not forecast.landings and len(forecast.touchdowns):
-        raise_it = "raise touchdowns.down_height_m above where they stand"
-        return [f"no foot comes down to z = 0: {raise_it}"]
-    seen = {
-        x: sum(fraction_seen(r)[r.markers.index(x)] for r in recordings) for x in body
+        return [Message("commands.no_foot_down")]
+    found = [
+        *_for_lost_landings(forecast, config, recordings),
+        *_for_unsure_orders(forecast, config, recordings),
+        *_for_few_landings(forecast, config),
+        *_for_one_order(forecast),
+    ]
+    # Two reasons may have the same advice.
+    by_text: dict[str, Message] = {}
+    for change in found:
+        by_text.setdefault(str(change), change)
+    return list(by_text.values())
+
+
+def _for_lost_landings(
+    forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
+) -> Iterator[Message]:
+    """Yield advice on each reason that costs many landings."""
+    feet = feet_of(config)
+    body = config["markers"]["body"]
+    values: dict[str, object] = {
+        "body": _most_hidden(body, recordings),
+        "or_else": "",
+        "pre": _section_advice("pre", forecast, config),
+        "post": _section_advice("post", forecast, config),
     }
-    hidden = min(seen, default="", key=seen.__getitem__)
-    by_landings = ""
-    if config["sections"]["rule"] == "printed":
-        by_landings = ", or sections.rule to landings"
-    sections, changes = {}, []
-    for side, state, last in (("pre", "up", "first"), ("post", "down", "last")):
-        sections[side] = f"set sections.{side}_height_m{by_landings}"
-        if (share := forecast.best.get(side, 1.0)) < LEFT_BY_BEST:
-            most = f"in more than {100 * share:.0f} % of the landings: drop from markers.feet those"
-            sections[side] = (
-                f"at no height are all feet {state} {most} that touch {last}"
-            )
+    if len(body) > MIN_BODY_MARKERS:
+        values["or_else"] = ", or take it off markers.body"
     for reason, count in forecast.left_out().items():
-        foot = "".join(feet[int(number) - 1] for number in re.findall(FOOT, reason))
-        texts = [text for key, text in CHANGES.items() if key in reason]
-        if texts and count >= LEAST_SHARE * forecast.landings:
-            or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
-            changes.append(
-                texts[0].format(foot=foot, body=hidden, or_else=or_else, **sections)
-            )
-    if len(feet) > MIN_FEET and forecast.unsure > MOST_UNSURE:
+        codes = [code for words, code in CHANGES.items() if words in reason]
+        if codes and count >= LEAST_SHARE * forecast.landings:
+            numbers = re.findall(FOOT, reason)
+            foot = "".join(feet[int(number) - 1] for number in numbers)
+            yield Message(codes[0], {"foot": foot, **values})
+
+
+def _most_hidden(body: Sequence[str], recordings: Sequence[Recording]) -> str:
+    """Return the body marker that is seen least; empty without body markers."""
+    seen = {}
+    for marker in body:
+        shares = [fraction_seen(one)[one.markers.index(marker)] for one in recordings]
+        seen[marker] = sum(shares)
+    return min(seen, default="", key=seen.__getitem__)
+
+
+def _section_advice(
+    side: str, forecast: Forecast, config: Mapping[str, Any]
+) -> Message:
+    """Return what to do about a section that few landings reach."""
+    share = forecast.best.get(side, 1.0)
+    if share < LEFT_BY_BEST:
+        return Message(f"commands.no_{side}_section", {"percent": 100 * share})
+    if config["sections"]["rule"] == "printed":
+        return Message("commands.set_section_or_rule", {"side": side})
+    return Message("commands.set_section", {"side": side})
+
+
+def _for_unsure_orders(
+    forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
+) -> Iterator[Message]:
+    if not forecast.unsure > MOST_UNSURE:
+        return
+    feet = feet_of(config)
+    if len(feet) > MIN_FEET:
         below = config["touchdowns"]["ambiguous_below"]
-        share, foot = min(
+        unsure_without = [
             (forecast.unsure_without(foot, feet, below), foot) for foot in feet
-        )
+        ]
+        share, foot = min(unsure_without)
         if share < forecast.unsure / 2:
-            left = f"of the others' orders {100 * share:.0f} % are unsure"
-            changes.append(f"take {foot} off markers.feet: {left}")
-    few = forecast.landings < FEW_LANDINGS * len(recordings)
-    if forecast.unsure > MOST_UNSURE and few and len(recordings) > 1:
-        joined = "give the files of one day as one recording (file: a list, in the order of time)"
-        changes.append(f"{joined}: with few landings each, contacts are less sure")
+            values = {"foot": foot, "percent": 100 * share}
+            yield Message("commands.foot_makes_unsure", values)
+    are_few = forecast.landings < FEW_LANDINGS * len(recordings)
+    if are_few and len(recordings) > 1:
+        yield Message("commands.join_files")
+
+
+def _for_few_landings(
+    forecast: Forecast, config: Mapping[str, Any]
+) -> Iterator[Message]:
     margin = config["verdict"]["margin"]
-    enough = forecast.detectable is not None and forecast.detectable <= margin
-    known = (
-        forecast.used,
-        forecast.detectable or 0.0,
-        forecast.allowed,
-        margin,
-        len(feet),
-    )
-    if margin <= forecast.allowed < 1:
-        changes.append(
-            f"ask verdict.margin for more than {forecast.allowed:.2g}: see its notes"
-        )
-    elif (needed := landings_needed(*known)) > forecast.used and not enough:
-        more = f"record some {float(f'{needed:.2g}'):,.0f} landings in all for verdict.margin"
-        more += MORE_SPREAD * (needed > MOST_LANDINGS)
-        if forecast.detectable is None:
-            more = f"record more: at least {needed} landings before anything can be compared; "
-            more += "verdict.margin typically takes more than 1000"
-        changes.append(more)
-    orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "schedule"]
-    alike = orders.value_counts(normalize=True).max() > MOST_ALIKE
-    if (
-        "contact order" in forecast.reason and alike
-    ) or "no two feet" in forecast.reason:
-        vary = "vary how the body lands (push, tilt, speed) until other feet come first"
-        single = "maps of one contact order cannot be compared"
-        changes.append(f"{vary}, or name feet that do: {single}")
-    return list(dict.fromkeys(changes))
+    allowed = forecast.allowed
+    detectable = forecast.detectable
+    if margin <= allowed < 1:
+        yield Message("commands.larger_margin", {"allowed": allowed})
+        return
+    n_feet = len(feet_of(config))
+    needed = landings_needed(forecast.used, detectable or 0.0, allowed, margin, n_feet)
+    is_enough = detectable is not None and detectable <= margin
+    if needed <= forecast.used or is_enough:
+        return
+    if detectable is None:
+        yield Message("commands.record_to_compare", {"landings": needed})
+        return
+    or_spread = MORE_SPREAD if needed > MOST_LANDINGS else ""
+    two_digits = float(f"{needed:.2g}")
+    values = {"landings": two_digits, "or_spread": or_spread}
+    yield Message("commands.record_landings", values)
+
+
+def _for_one_order(forecast: Forecast) -> Iterator[Message]:
+    """Yield advice if the landings have one contact order, or nearly so."""
+    used = forecast.touchdowns[~forecast.touchdowns["excluded"]]
+    shares = used["schedule"].value_counts(normalize=True)
+    are_alike = shares.max() > MOST_ALIKE
+    is_one_order = forecast.code == TOO_FEW_ORDERS and are_alike
+    if is_one_order or forecast.code == NO_TWO_FEET:
+        yield Message("commands.vary_the_order")

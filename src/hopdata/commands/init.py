@@ -9,16 +9,15 @@ import re
 import shlex
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hopdata.commands import terminal
-from hopdata.commands.inspect import inspected
-from hopdata.errors import AnalysisError, HopdataError, printable
+from hopdata.commands import listing, terminal
+from hopdata.commands.guesses import guessed_roles, inspected
+from hopdata.errors import HopdataError, printable
 from hopdata.jobs import study_name
 from hopdata.messages import Message
-from hopdata.recordings.wording import chained
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -39,7 +38,10 @@ def config_docs(options: argparse.Namespace) -> int:
 
 # A first configuration of a study, with a comment on every choice made.
 
+# Characters of a line of the configuration.
 WIDTH = 96
+
+# Texts that YAML reads as text without quotes, unless they are words of its own.
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./-]*")
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null"}
 
@@ -97,45 +99,78 @@ def draft_config(draft: Draft, *, path: str) -> str:
         Path of the new file, for the comment on how to run it.
     """
     lines = [
-        *_comment(f"Study of {draft.file}, drafted by hopdata init from what is in the file."),
-        *_comment("Every value with a reason is a guess: check it. All other keys keep their "
-                  "defaults; `hopdata config-docs` lists them."),
-        *_comment(f"Check: hopdata check {shlex.quote(path)}"),
-        *_comment(f"Run:   hopdata run {shlex.quote(path)}"),
-        *(line for remark in draft.remarks for line in _comment(f"TO DO: {remark}")),
-        *(line for note in draft.notes for line in _comment(f"Note: {note}")),
+        *_head(draft, path),
         "",
         f"study: {scalar(draft.study)}  # results go to results/{draft.study}",
         "",
         "recordings:  # files relative to the folder in which the workflow runs",
-        *(f"  - {{name: {scalar(name)}, file: {scalar(file)}}}" for name, file in draft.recordings),
-        "",
-        *_markers(draft),
-    ]  # fmt: skip
+    ]
+    for name, file in draft.recordings:
+        lines.append(f"  - {{name: {scalar(name)}, file: {scalar(file)}}}")
+    lines += ["", *_markers(draft)]
     if draft.joined:
-        lines += [
-            "",
-            "feet:  # each of markers that keep their distance; the first to land counts",
-        ]
-    for name, names in draft.joined.items():
-        lines.append(
-            f"  - {{name: {scalar(name)}, markers: [{', '.join(map(scalar, names))}]}}"
-        )
+        joined = "each of markers that keep their distance; the first to land counts"
+        lines += ["", f"feet:  # {joined}"]
+        for name, markers in draft.joined.items():
+            lines.append(f"  - {{name: {scalar(name)}, markers: {_flow(markers)}}}")
     for section, values in draft.settings.items():
         lines += ["", f"{section}:"]
         for key, value in values.items():
-            lines += _comment(draft.reasons.get(f"{section}.{key}", ""), indent="  ")
+            lines += _reason(draft, f"{section}.{key}")
             lines.append(f"  {key}: {scalar(value)}")
     if draft.home:
-        lines += [
-            "",
-            "home:",
-            *_comment(draft.reasons.get("home.marker", ""), indent="  "),
-        ]
-        lines.append(
-            f"  marker: {scalar(draft.home)}  # the home frame's x-axis runs through it"
-        )
+        through = "the home frame's x-axis runs through it"
+        lines += ["", "home:", *_reason(draft, "home.marker")]
+        lines.append(f"  marker: {scalar(draft.home)}  # {through}")
     return "\n".join(lines) + "\n"
+
+
+def _head(draft: Draft, path: str) -> list[str]:
+    """Write the comments at the top: what to do, and what the reader remarked."""
+    lines = _comment(
+        f"Study of {draft.file}, drafted by hopdata init from what is in the file."
+    )
+    lines += _comment(
+        "Every value with a reason is a guess: check it. All other keys keep their "
+        "defaults; `hopdata config-docs` lists them."
+    )
+    lines += _comment(f"Check: hopdata check {shlex.quote(path)}")
+    lines += _comment(f"Run:   hopdata run {shlex.quote(path)}")
+    for remark in draft.remarks:
+        lines += _comment(f"TO DO: {remark}")
+    for note in draft.notes:
+        lines += _comment(f"Note: {note}")
+    return lines
+
+
+def _markers(draft: Draft) -> list[str]:
+    """Write the section of the markers, with the unused names."""
+    lines = ["markers:  # names as in the file"]
+    for role in ("body", "feet", "boom"):
+        names = list(draft.markers.get(role) or ())
+        if role == "boom" and not names:
+            continue
+        lines += _reason(draft, f"markers.{role}")
+        lines += _list(role, names)
+        if not names:
+            lines[-1] += "  # TO DO: fill in, see above"
+    used = {name for names in draft.markers.values() for name in names}
+    unused = [name for name in draft.all_markers if name not in used]
+    if unused:
+        why = draft.reasons.get("markers.unused", "")
+        lines += _comment("Not used: " + ", ".join(unused) + why, indent="  ")
+    return lines
+
+
+def _list(key: str, names: Sequence[str]) -> list[str]:
+    in_one_line = f"  {key}: {_flow(names)}"
+    if len(in_one_line) <= WIDTH:
+        return [in_one_line]
+    return [f"  {key}:", *(f"    - {scalar(name)}" for name in names)]
+
+
+def _flow(names: Sequence[str]) -> str:
+    return f"[{', '.join(map(scalar, names))}]"
 
 
 def scalar(value: object) -> str:
@@ -152,127 +187,107 @@ def scalar(value: object) -> str:
     return quoted.rstrip("\n")
 
 
-def _markers(draft: Draft) -> list[str]:
-    """Write the section of the markers, with the unused names."""
-    lines = ["markers:  # names as in the file"]
-    for key in ("body", "feet", "boom"):
-        names = list(draft.markers.get(key) or ())
-        if names or key != "boom":
-            lines += _comment(draft.reasons.get(f"markers.{key}", ""), indent="  ")
-            lines += _list(key, names)
-            lines[-1] += "" if names else "  # TO DO: fill in, see above"
-    used = {name for names in draft.markers.values() for name in names}
-    left = [name for name in draft.all_markers if name not in used]
-    why = draft.reasons.get("markers.unused", "")
-    return lines + (
-        _comment("Not used: " + ", ".join(left) + why, indent="  ") if left else []
-    )
-
-
-def _list(key: str, names: Sequence[str]) -> list[str]:
-    short = f"  {key}: [{', '.join(map(scalar, names))}]"
-    long = [f"  {key}:", *(f"    - {scalar(name)}" for name in names)]
-    return [short] if len(short) <= WIDTH else long
+def _reason(draft: Draft, key: str) -> list[str]:
+    """Write the reason for a key above it."""
+    return _comment(draft.reasons.get(key, ""), indent="  ")
 
 
 def _comment(text: str, *, indent: str = "") -> list[str]:
     text = printable(text[:1].upper() + text[1:])
-    return [
-        f"{indent}# {line}" for line in textwrap.wrap(text, WIDTH - len(indent) - 2)
-    ]
+    wrapped = textwrap.wrap(text, WIDTH - len(indent) - len("# "))
+    return [f"{indent}# {line}" for line in wrapped]
 
+
+# The command.
 
 READABLE_UNITS = ("mm", "m")
-# Of the scale: largest error, at its rim, of a sloping floor used to find feet
-ROUGH = 0.005
+
+# Beginning of the reason for each role.
+_WHAT = {
+    "body": "The body:",
+    "feet": "The feet, numbered in this order:",
+    "boom": "The boom:",
+}
 
 
 def init(options: argparse.Namespace) -> int:
-    """Write a configuration with guessed roles; exit code 1 if anything must be filled in."""
-    from hopdata.landings.floor import moving
+    """Write a configuration with guessed roles.
+
+    Exit code 1 if anything must be filled in.
+    """
     from hopdata.recordings.plausibility import check_order
 
     out = options.out or Path("config", f"{study_name(options.file.stem)}.yaml")
     if out.exists() and not options.force:
-        raise HopdataError(
-            f"{out}: expected no such file yet, found one; --force replaces it"
-        )
+        wanted = "expected no such file yet, found one; --force replaces it"
+        raise HopdataError(f"{out}: {wanted}")
     inspection = inspected(options)
     check_order(str(options.file), inspection.time)
     roles = guessed_roles(inspection)
-    guessed = {key: ", ".join(getattr(roles, key)) for key in ("body", "feet", "boom")}
-    asked = [
-        f"markers.{key}: {guessed[key]}, or {other}?"
-        for key, other in roles.unsure.items()
-    ]
-    moves = moving(inspection.recording(roles.feet, roles.body))
-    remarks = [
-        *map(str, roles.problems),
-        *asked,
-        *_remarks(inspection),
-        *[moves] * bool(moves),
-    ]
+    remarks = _remarks(inspection, roles)
     draft = _draft(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
-    guessed |= {
-        "home": draft.home,
-        "unit": str(draft.settings.get("input", {}).get("unit", "")),
-    }
-    for key, found in guessed.items():
-        if names := found or "not guessed" * (key in ("body", "feet")):
-            reason = (roles.reasons | {"unit": inspection.unit.reason}).get(key)
-            print(f"  {key:5} {names}" + (f" ({reason})" if reason else ""))
+    _print_guesses(draft, inspection, roles)
     for remark in remarks:
         print(f"note: {remark}")
     quoted = shlex.quote(str(out))
     if roles.problems:
-        print(
-            f"next: fill in what is missing in {out} (TO DO), then hopdata check {quoted}"
-        )
+        fill_in = f"fill in what is missing in {out} (TO DO)"
+        print(f"next: {fill_in}, then hopdata check {quoted}")
         return terminal.PROBLEM
     print("These are guesses: correct any that are wrong in the file.")
-    print(f"next: hopdata check {quoted}\n      hopdata run {quoted}")
+    print(f"next: hopdata check {quoted}")
+    print(f"      hopdata run {quoted}")
     return terminal.OK
 
 
-def guessed_roles(inspection: Inspection) -> Roles:
-    """Guess the roles; if feet may be missing on a sloping floor, guess again on it levelled."""
-    from hopdata.landings.floor import fit_floor, level
-    from hopdata.recordings.quality.part_names import part_by_name
-    from hopdata.recordings.quality.roles import guess_roles
+def _print_guesses(draft: Draft, inspection: Inspection, roles: Roles) -> None:
+    """Print each guess with its reason."""
+    guessed = {
+        "body": ", ".join(roles.body) or "not guessed",
+        "feet": ", ".join(roles.feet) or "not guessed",
+        "boom": ", ".join(roles.boom),
+        "home": draft.home,
+        "unit": str(draft.settings.get("input", {}).get("unit", "")),
+    }
+    reasons = {**roles.reasons, "unit": inspection.unit.why}
+    for key, value in guessed.items():
+        if not value:
+            continue
+        line = f"  {key:5} {value}"
+        if reasons.get(key):
+            line += f" ({reasons[key]})"
+        print(line)
 
-    found, names = guess_roles(inspection), inspection.markers
-    named = [name for name in names if part_by_name(name) == "foot"]
-    feet = named if len(named) > 1 else [*found.feet]
-    while (
-        feet
-        and len(feet) < len(names)
-        and ({*feet} - {*found.feet} or found.reasons["unused"])
-    ):
-        recording = inspection.recording(
-            feet, [name for name in names if name not in feet]
-        )
-        try:
-            floor = fit_floor(
-                recording, degree=1, largest_error_m=ROUGH * recording.scale
-            )
-        except AnalysisError:
-            break
-        plane = replace(floor, rim_m=1e3 * floor.rim_m)  # extends beyond the known feet
-        roles = guess_roles(
-            replace(inspection, positions=level(recording, plane).positions)
-        )
-        if (
-            "slopes" not in floor.note
-            or roles.problems
-            or not {*found.feet} < {*roles.feet}
-        ):
-            break
-        told = [roles.reasons["feet"], Message("recordings.feet_on_a_slope")]
-        roles.reasons["feet"] = chained([one for one in told if one])
-        found, feet = roles, [*roles.feet]
-    return found
+
+def _remarks(inspection: Inspection, roles: Roles) -> list[str]:
+    """List what needs manual attention before the study can be trusted."""
+    from hopdata.landings.floor import moving
+
+    remarks = [str(problem) for problem in roles.problems]
+    for role, other in roles.unsure.items():
+        guessed = ", ".join(getattr(roles, role))
+        values = {"role": role, "guessed": guessed, "other": other}
+        remarks.append(str(Message("commands.which_markers", values)))
+    remarks += listing.notes(inspection)
+    unit = inspection.unit
+    if unit.value not in READABLE_UNITS:
+        values = {"unit": unit.value, "reason": unit.why}
+        remarks.append(str(Message("commands.unit_not_read", values)))
+    suspects = inspection.suspects()
+    if suspects:
+        first = {"frame": suspects[0].start + 1, "text": suspects[0].text}
+        if len(suspects) == 1:
+            remark = Message("commands.one_suspect", first)
+        else:
+            more = len(suspects) - 1
+            remark = Message("commands.first_suspect", {**first, "more": more})
+        remarks.append(str(remark))
+    floor_moves = moving(inspection.recording(roles.feet, roles.body))
+    if floor_moves:
+        remarks.append(floor_moves)
+    return remarks
 
 
 def _draft(
@@ -282,96 +297,78 @@ def _draft(
     roles: Roles,
     remarks: list[str],
 ) -> Draft:
-    told = {key: what for key, what in _WHAT.items() if roles.reasons.get(key)}
-    reasons = {
-        f"markers.{key}": f"{what} {roles.reasons[key]}." for key, what in told.items()
-    }
-    if roles.reasons["unused"]:
+    reasons = {}
+    for role, what in _WHAT.items():
+        if roles.reasons.get(role):
+            reasons[f"markers.{role}"] = f"{what} {roles.reasons[role]}."
+    if roles.reasons.get("unused"):
         reasons["markers.unused"] = f" ({roles.reasons['unused']})"
     home = ""
-    if roles.reasons[
-        "home"
-    ]:  # otherwise the default, which no order of markers decides
+    # Without a reason it is the default, which no order of markers decides.
+    if roles.reasons.get("home"):
         home = roles.home
         reasons["home.marker"] = f"{roles.reasons['home']}."
-    settings: dict[str, dict[str, object]] = {"input": {}}
-    unit, up = inspection.unit, inspection.up
-    if (
-        unit.is_sure
-        and unit.value in READABLE_UNITS
-        and (options.unit or not options.more)
-    ):
-        settings["input"]["unit"] = unit.value
-        reasons["input.unit"] = f"{unit.reason}."
-    if options.more and not options.vertical_axis:
-        up = replace(up, value="auto", why=Message("recordings.up_of_each_file"))
-    if up.value != "z":
-        settings["input"]["vertical_axis"] = up.value
-        reasons["input.vertical_axis"] = f"{up.reason}."
-    if options.rate is not None:
-        settings["input"]["rate_hz"] = options.rate
-        reasons["input.rate_hz"] = "As given."
+    settings: dict[str, Mapping[str, object]] = {}
+    of_input = _input_settings(options, inspection)
+    if of_input:
+        settings["input"] = {key: value for key, (value, _) in of_input.items()}
+    for key, (_, reason) in of_input.items():
+        reasons[f"input.{key}"] = reason
     if roles.other_feet:
         settings["sections"] = {"frames": "landings"}
-        others = "; ".join(", ".join(group) for group in roles.other_feet)
-        only = "Fig. 2.2 shows only the landings of those named above"
-        reasons["sections.frames"] = (
-            f"Other feet land in between ({others}), so {only}."
-        )
+        groups = "; ".join(", ".join(group) for group in roles.other_feet)
+        only_those = Message("commands.other_feet", {"groups": groups})
+        reasons["sections.frames"] = str(only_those)
     return Draft(
-        study_name(out.stem),
-        _relative(options.file),
-        _recordings([options.file, *options.more]),
-        {"body": roles.body, "feet": roles.feet, "boom": roles.boom},
-        reasons,
-        {section: values for section, values in settings.items() if values},
-        [remark for remark in remarks if remark not in inspection.remarks],
-        inspection.remarks, inspection.markers, home, roles.joined,
-    )  # fmt: skip
+        study=study_name(out.stem),
+        file=_relative(options.file),
+        recordings=_recordings([options.file, *options.more]),
+        markers={"body": roles.body, "feet": roles.feet, "boom": roles.boom},
+        reasons=reasons,
+        settings=settings,
+        remarks=[remark for remark in remarks if remark not in inspection.remarks],
+        notes=inspection.remarks,
+        all_markers=inspection.markers,
+        home=home,
+        joined=roles.joined,
+    )
 
 
-_WHAT = {
-    "body": "The body:",
-    "feet": "The feet, numbered in this order:",
-    "boom": "The boom:",
-}
+def _input_settings(
+    options: argparse.Namespace, inspection: Inspection
+) -> dict[str, tuple[object, str]]:
+    """Return the keys of ``input`` that are no defaults, with their reasons."""
+    settings: dict[str, tuple[object, str]] = {}
+    unit = inspection.unit
+    # Of several files, only the first was inspected.
+    holds_for_all = bool(options.unit or not options.more)
+    if unit.is_sure and unit.value in READABLE_UNITS and holds_for_all:
+        settings["unit"] = (unit.value, f"{unit.reason}.")
+    up = inspection.up.value
+    why_up = inspection.up.why
+    if options.more and not options.vertical_axis:
+        up = "auto"
+        why_up = Message("recordings.up_of_each_file")
+    if up != "z":
+        settings["vertical_axis"] = (up, f"{why_up}.")
+    if options.rate is not None:
+        settings["rate_hz"] = (options.rate, "As given.")
+    return settings
 
 
 def _recordings(files: Sequence[Path]) -> list[tuple[str, str]]:
     """Name the recordings after their files, with a number if two share a name."""
     names = [study_name(file.stem) for file in files]
-    numbers = [
-        f"-{k}" * (names.count(name) > 1) for k, name in enumerate(names, start=1)
-    ]
-    return [
-        (n + k, _relative(file))
-        for n, k, file in zip(names, numbers, files, strict=True)
-    ]
+    recordings = []
+    for number, (name, file) in enumerate(zip(names, files, strict=True), start=1):
+        is_shared = names.count(name) > 1
+        recordings.append((f"{name}-{number}" if is_shared else name, _relative(file)))
+    return recordings
 
 
 def _relative(file: Path) -> str:
-    """Return the path relative to the working directory if below it; else as it was given."""
+    """Return the path from the working folder if it is in there; else as given."""
     path = Path(os.path.abspath(file))
-    return (
-        path.relative_to(Path.cwd()).as_posix()
-        if path.is_relative_to(Path.cwd())
-        else str(file)
-    )
-
-
-def _remarks(inspection: Inspection) -> list[str]:
-    """List what in the file needs manual attention before the study can be trusted."""
-    remarks, unit = terminal.notes(inspection), inspection.unit
-    if unit.value not in READABLE_UNITS:
-        remarks.append(
-            f"the numbers look like {unit.value} ({unit.reason}): export in mm or m"
-        )
-    if found := inspection.suspects():
-        more = (
-            f", and {len(found) - 1} more: hopdata inspect --html lists all"
-            if found[1:]
-            else ""
-        )
-        first = f"frame {found[0].start + 1}: {found[0].text}"
-        remarks.append(first + more)
-    return remarks
+    if path.is_relative_to(Path.cwd()):
+        return path.relative_to(Path.cwd()).as_posix()
+    return str(file)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import argparse
 import io
-import sys
+import tempfile
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hopdata import __version__
 from hopdata.arrays import pd
-from hopdata.commands import terminal
-from hopdata.errors import RecordingError, counted
+from hopdata.commands import listing, terminal
+from hopdata.commands.guesses import guessed_roles, inspected
+from hopdata.errors import counted
 from hopdata.report.formatting import NOTES, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
@@ -23,8 +25,7 @@ if TYPE_CHECKING:
 def inspect(options: argparse.Namespace) -> int:
     """Show what is in a file; exit code 1 if anything looks wrong."""
     inspection = inspected(options)
-    encoding = sys.stdout.encoding or "ascii"
-    print(terminal.listing(inspection, str(options.file), encoding=encoding))
+    listing.show(inspection, str(options.file))
     if options.html is not None:
         with terminal.progress_line("drawing the page"):
             page = inspection_html(inspection, options.file.name)
@@ -34,12 +35,9 @@ def inspect(options: argparse.Namespace) -> int:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Write the 3-D page of a file, roles guessed as in `init`, and open it in a browser."""
-    import tempfile
+    """Write the 3-D page of a file, roles guessed as in `init`, and open it."""
     import webbrowser
-    from pathlib import Path
 
-    from hopdata.commands.init import guessed_roles
     from hopdata.report.scene import recording_scene
 
     inspection = inspected(options)
@@ -59,40 +57,6 @@ def view(options: argparse.Namespace) -> int:
     return terminal.OK
 
 
-def inspected(options: argparse.Namespace) -> Inspection:
-    """Read and measure the file given by ``file``, ``unit``, ``vertical_axis``, ``rate`` ...."""
-    from hopdata.recording import extent
-    from hopdata.recordings.quality.frame_rate import guess_rate
-    from hopdata.recordings.quality.inspection import inspect_recording
-    from hopdata.recordings.quality.orientation import choose_unit
-    from hopdata.recordings.raw import METRES_PER_UNIT, RateUnknownError
-    from hopdata.recordings.readers.formats import read_raw
-
-    with terminal.progress_line(f"reading {options.file}") as progress:
-        limit = {"most_unpacked_mb": options.most_unpacked_mb}
-        try:
-            raw = read_raw(options.file, rate_hz=options.rate, **limit)
-        except RateUnknownError as error:
-            raw = read_raw(options.file, rate_hz=100.0, **limit)
-            unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
-            rate = guess_rate(raw, unit, is_stated=False)
-            try_it = f": --rate {rate.value} or {rate.other}?" if rate.value else ""
-            raise RecordingError(f"{error}; {rate.reason}{try_it}") from None
-        likely = choose_unit(
-            raw.positions, unit="auto", nominal=options.unit or raw.unit
-        )
-        if likely != (options.unit or likely):
-            size = METRES_PER_UNIT[likely] * extent(raw.positions)
-            wanted = f"{likely}, in which the markers span {size:.3g} m"
-            raise RecordingError.at(f"{options.file}: --unit", wanted, options.unit)
-        guessed = {
-            "unit": options.unit,
-            "up": options.vertical_axis,
-            "rate_hz": options.rate,
-        }
-        return inspect_recording(raw, **guessed, progress=progress)
-
-
 # An inspection as a self-contained page.
 
 
@@ -100,32 +64,44 @@ def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
     found = inspection.suspects()
     image, ends = _timeline(inspection, found)
+    picture = ReportFigure("seen", image, "image/svg+xml", NOTES["seen"])
+    tables = (
+        _suspect_table(found),
+        _gap_table(inspection),
+        _rigid_table(inspection),
+    )
+    span: tuple[float, ...] = ()
+    if ends:
+        first_s = float(inspection.time[0])
+        last_s = float(inspection.time[-1])
+        span = (*ends, first_s, last_s)
     return rendered(
         "inspection.html.j2",
         version=__version__,
         title=file,
-        answer=terminal.answer(inspection),
+        answer=listing.answer(inspection),
         highlights=_highlights(inspection),
-        notes=terminal.notes(inspection),
-        pictures=[picture_of(ReportFigure("seen", image, "image/svg+xml", NOTES["seen"]), {})],
-        tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
-                if t.rows],
+        notes=listing.notes(inspection),
+        pictures=[picture_of(picture, {})],
+        tables=[table for table in tables if table.rows],
         markers=inspection.markers,
-        span=(*ends, *(float(t) for t in inspection.time[[0, -1]])) if ends else (),
-    )  # fmt: skip
+        span=span,
+    )
 
 
 def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
-    timing, unit, up = inspection.timing, inspection.unit, inspection.up
+    """Return title, value and remark of each fact at the top of the page."""
+    unit = inspection.unit
+    up = inspection.up
+    n_frames = f"{len(inspection.time)}"
+    n_markers = f"{len(inspection.markers)}"
+    rate = f"{inspection.rate_hz:g} Hz"
+    dropped = f"{counted(inspection.timing.n_dropped, 'frame')} dropped"
     noise = f"{1e3 * inspection.typical_noise_m:.2f} mm"
     return [
-        ("Frames", f"{len(inspection.time)}", f"{inspection.duration_s:.1f} s"),
-        (
-            "Rate",
-            f"{inspection.rate_hz:g} Hz",
-            f"{counted(timing.n_dropped, 'frame')} dropped",
-        ),
-        ("Markers", f"{len(inspection.markers)}", "their names beside the picture"),
+        ("Frames", n_frames, f"{inspection.duration_s:.1f} s"),
+        ("Rate", rate, dropped),
+        ("Markers", n_markers, "their names beside the picture"),
         ("Unit", unit.value, unit.reason),
         ("Up", up.value, up.reason),
         ("Noise", noise, "a coordinate, from frame to frame; median of the markers"),
@@ -135,31 +111,37 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
 def _timeline(
     inspection: Inspection, found: list[Suspect]
 ) -> tuple[bytes, tuple[float, ...]]:
-    """Draw the timeline as SVG; return it with the span of its time axis as shares of its width."""
+    """Draw the timeline as SVG; with it, the ends of its time axis.
+
+    The ends are shares of the picture's width.
+    """
     from hopdata.figures.catalogue import FORMATS
     from hopdata.figures.quality import recording_gaps_figure
     from hopdata.figures.style import style_context
 
     time = inspection.time - inspection.time[0]
-    columns = ["recording", "marker", "start_s", "stop_s"]
-    stretches = [
-        (g.marker, *stretch) for g in inspection.gaps for stretch in g.stretches
-    ]
+    last = len(time) - 1
+    # The figure groups rows by recording; here is one, without a name.
+    recording = ""
     gaps = [
-        ("", name, time[a], time[min(b, len(time) - 1)]) for name, a, b in stretches
+        (recording, one.marker, time[start], time[min(stop, last)])
+        for one in inspection.gaps
+        for start, stop in one.stretches
     ]
     faults = [
-        ("", name, s.time_s, s.kind) for s in found for name in (s.markers or ("",))
+        (recording, marker, suspect.time_s, suspect.kind)
+        for suspect in found
+        for marker in suspect.markers or ("",)
     ]
     markers = {
-        "recording": "",
+        "recording": recording,
         "marker": inspection.markers,
         "duration_s": inspection.duration_s,
     }
     figure = recording_gaps_figure(
         pd.DataFrame(markers),
-        pd.DataFrame(gaps, columns=columns),
-        pd.DataFrame(faults, columns=[*columns[:3], "kind"]),
+        pd.DataFrame(gaps, columns=["recording", "marker", "start_s", "stop_s"]),
+        pd.DataFrame(faults, columns=["recording", "marker", "start_s", "kind"]),
     )
     buffer = io.BytesIO()
     with style_context():
@@ -169,39 +151,45 @@ def _timeline(
 
 
 def _suspect_table(found: list[Suspect]) -> Table:
-    rows = tuple((s.kind, s.text, f"{s.start + 1}", f"{s.time_s:.3f}") for s in found)
-    head = ("kind", "what", "frame", "time (s)")
+    rows = [
+        (suspect.kind, suspect.text, f"{suspect.start + 1}", f"{suspect.time_s:.3f}")
+        for suspect in found
+    ]
     return Table(
-        "What looks wrong", head, rows, text_columns=2, note="Frames count from 1."
+        "What looks wrong",
+        ("kind", "what", "frame", "time (s)"),
+        tuple(rows),
+        text_columns=2,
+        note="Frames count from 1.",
     )
 
 
 def _gap_table(inspection: Inspection) -> Table:
     rows = []
-    for g, noise in zip(inspection.gaps, inspection.noise_m, strict=True):
-        seconds, noise_mm = (
-            f"{g.longest / inspection.rate_hz:.3f}",
-            f"{1e3 * noise:.2f}",
-        )
-        numbers = (f"{g.count}", f"{g.longest}", seconds, f"{100 * g.share:.2f}")
-        rows.append((g.marker, *numbers, noise_mm if np.isfinite(noise) else "—"))
-    head = (
-        "marker",
-        "gaps",
-        "longest (frames)",
-        "longest (s)",
-        "unseen (%)",
-        "noise (mm)",
-    )
+    for gaps, noise_m in zip(inspection.gaps, inspection.noise_m, strict=True):
+        longest_s = f"{gaps.longest / inspection.rate_hz:.3f}"
+        unseen = f"{100 * gaps.share:.2f}"
+        noise = f"{1e3 * noise_m:.2f}" if np.isfinite(noise_m) else "—"
+        numbers = (f"{gaps.count}", f"{gaps.longest}", longest_s, unseen, noise)
+        rows.append((gaps.marker, *numbers))
+    heads = ("gaps", "longest (frames)", "longest (s)", "unseen (%)", "noise (mm)")
     return Table(
-        "Markers", head, tuple(rows), note="Noise of a coordinate, from frame to frame."
+        "Markers",
+        ("marker", *heads),
+        tuple(rows),
+        note="Noise of a coordinate, from frame to frame.",
     )
 
 
 def _rigid_table(inspection: Inspection) -> Table:
-    rows = tuple(
-        (", ".join(inspection.markers[m] for m in c.markers), f"{1e3 * c.noise:.2f}")
-        for c in inspection.clusters
+    rows = []
+    for cluster in inspection.clusters:
+        names = ", ".join(inspection.markers[marker] for marker in cluster.markers)
+        rows.append((names, f"{1e3 * cluster.noise:.2f}"))
+    by_distances = "Noise of a coordinate by the distances within"
+    return Table(
+        "Rigid clusters",
+        ("markers", "noise (mm)"),
+        tuple(rows),
+        note=f"{by_distances}; what bends counts as noise.",
     )
-    note = "Noise of a coordinate by the distances within; what bends counts as noise."
-    return Table("Rigid clusters", ("markers", "noise (mm)"), rows, note=note)

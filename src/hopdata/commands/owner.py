@@ -20,13 +20,16 @@ from typing import Any
 
 LOCKS = Path(".snakemake/locks")
 RECORDS = Path(".snakemake/hopdata")
-# s; a day. Where the system does not count from its own start, the start of a process
-# follows the clock, which may be set by hours: by a wrong time zone, or by the network
-# after a wrong battery clock. 1.5 times larger: another process with the number of a
-# killed run is told from it only if they began 1.5 days apart, and until then the lock
-# has to be removed by hand.
+
+#: Time by which the start of a run may seem to move while it lives: a day.
+#: Unit: s. Origin: chosen. Where the system does not count from its own start, the
+#: start of a process follows the clock, which may be set by hours: by a wrong time
+#: zone, or by the network after a wrong battery clock. 1.5 times larger: another
+#: process with the number of a killed run is told from it only if they began 1.5 days
+#: apart, and until then the lock has to be removed by hand.
 _CLOCK_S = 86_400.0
-_PROC = Path("/proc")
+
+PROC = Path("/proc")
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,8 @@ class Owner:
 
     def __str__(self) -> str:
         since = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self.began_s))
-        return f"the run of '{self.study}' (process {self.pid} on {self.host}, since {since})"
+        process = f"process {self.pid} on {self.host}, since {since}"
+        return f"the run of '{self.study}' ({process})"
 
     @property
     def is_here(self) -> bool:
@@ -64,12 +68,12 @@ class Owner:
 
     @property
     def is_dead(self) -> bool:
-        """Whether the process is known to have ended; that of another machine never is."""
+        """Whether the process has surely ended; that of another machine never has."""
         if not self.is_here:
             return False
         if not _is_alive(self.pid):
             return True
-        ticks = _ticks(self.pid)
+        ticks = ticks_of(self.pid)
         if ticks and self.ticks:
             return ticks != self.ticks
         began = _began(self.pid)
@@ -100,11 +104,11 @@ def _began(pid: int) -> float | None:
         return None
 
 
-def _ticks(pid: int) -> str:
+def ticks_of(pid: int) -> str:
     """Return when a process began, by the machine's start; nothing if not known."""
     try:
-        boot = (_PROC / "sys/kernel/random/boot_id").read_text().strip()
-        stat = (_PROC / str(pid) / "stat").read_text(errors="replace")
+        boot = (PROC / "sys/kernel/random/boot_id").read_text().strip()
+        stat = (PROC / str(pid) / "stat").read_text(errors="replace")
     except OSError:
         return ""
     # The second field is the name in parentheses, which may itself hold spaces and
@@ -126,7 +130,7 @@ def recorded(study: str, pid: int) -> Iterator[None]:
     with suppress(OSError):  # Snakemake itself complains if a folder is not writable
         if alive:
             RECORDS.mkdir(parents=True, exist_ok=True)
-            owner = Owner(study, platform.node(), pid, began, _ticks(pid))
+            owner = Owner(study, platform.node(), pid, began, ticks_of(pid))
             record.write_text(json.dumps(asdict(owner)), encoding="utf-8")
     try:
         yield
@@ -136,19 +140,18 @@ def recorded(study: str, pid: int) -> Iterator[None]:
 
 
 def owners() -> dict[Path, Owner]:
-    """Return the runs that left a record in the current folder, by the record's file."""
+    """Return the runs that left a record in the current folder, by its file."""
     found = {}
     for record in sorted(RECORDS.glob("*.json")):
         with suppress(OSError, ValueError, TypeError, KeyError):
             content = json.loads(record.read_text(encoding="utf-8"))
             found[record] = Owner(
-                str(content["study"]),
-                str(content["host"]),
-                int(content["pid"]),
-                float(content["began_s"]),
-                str(
-                    content.get("ticks", "")
-                ),  # absent from records of earlier versions
+                study=str(content["study"]),
+                host=str(content["host"]),
+                pid=int(content["pid"]),
+                began_s=float(content["began_s"]),
+                # Records of earlier versions have none.
+                ticks=str(content.get("ticks", "")),
             )
     return found
 
@@ -203,7 +206,7 @@ def snakemakes() -> tuple[list[int], list[int]]:
 
 
 def _runs_snakemake(process: Any) -> bool:
-    """Tell whether a process runs Snakemake: the command, or ``python -m snakemake``."""
+    """Tell whether a process is ``snakemake`` or ``python -m snakemake``."""
     import psutil
 
     try:
@@ -217,7 +220,7 @@ def _runs_snakemake(process: Any) -> bool:
 
 
 def _may_own_lock(process: Any) -> bool:
-    """Tell whether a process may have locked files here: not if no lock is its user's."""
+    """Tell whether a process may have locked files here: its user owns a lock."""
     import psutil
 
     try:
@@ -225,34 +228,36 @@ def _may_own_lock(process: Any) -> bool:
         return user in {lock.stat().st_uid for lock in LOCKS.glob("*.lock")}
     except psutil.NoSuchProcess:
         return False
-    except (
-        psutil.AccessDenied,
-        AttributeError,
-        OSError,
-    ):  # Windows has no such numbers
-        return True
+    except (psutil.AccessDenied, AttributeError, OSError):
+        return True  # not known; Windows has no such numbers
 
 
 def release_dead() -> str:
-    """Remove the lock of a killed run, and its record; return what was done, or nothing.
+    """Remove the lock of a killed run, and its record.
 
     The lock stays while any run here is alive or may be, since it may be that run's. If
     that is a Snakemake without a record, the records stay too: it may be a job that has
     outlived its killed run, and the lock can be removed after its end.
+
+    Returns
+    -------
+    str
+        What was done; empty if nothing.
     """
     known = owners()
     dead = {record: owner for record, owner in known.items() if owner.is_dead}
-    told = ""
+    done = ""
     if dead and len(dead) == len(known) and is_locked():
         if not lock_is_dead():
             return ""
         shutil.rmtree(LOCKS, ignore_errors=True)
         killed = " and ".join(map(str, dead.values()))
-        told = f"{killed} was killed; its lock is removed, and what it left unfinished is made anew"
+        anew = "what it left unfinished is made anew"
+        done = f"{killed} was killed; its lock is removed, and {anew}"
     for record in dead:
         with suppress(OSError):
             os.unlink(record)
-    return told
+    return done
 
 
 def who_is_at_work() -> str:
@@ -261,10 +266,10 @@ def who_is_at_work() -> str:
     elsewhere = [owner for owner in alive if not owner.is_here]
     how = f"if none is at work: rm -r {LOCKS}"
     if alive:
-        told = " and ".join(map(str, alive))
-        return f"{told} is at work here" + (
-            f"; {how}" if elsewhere else "; wait for its end"
-        )
+        runs = " and ".join(map(str, alive))
+        if elsewhere:
+            return f"{runs} is at work here; {how}"
+        return f"{runs} is at work here; wait for its end"
     here, perhaps = snakemakes()
     if here:
         numbers = " and ".join(map(str, here))

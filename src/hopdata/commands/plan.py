@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hopdata.analysis import planned
-from hopdata.commands.terminal import OK
+from hopdata.commands.terminal import OK, print_table
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import run_workflow
 from hopdata.errors import ConfigError
@@ -41,12 +41,24 @@ def plan(options: argparse.Namespace) -> int:
         difference: landings_needed(landings, detectable, allowed, difference, feet)
         for difference in sorted(asked)
     }
-    print("difference  landings")
-    for difference, number in needed.items():
-        print(f"{100 * difference:8.2g} %  {int(float(f'{number:.1e}')):8,}")
+    _print_needed(needed)
     if options.figure is not None:
         _draw(options.figure, needed, (landings, detectable), power)
     return OK
+
+
+def _print_needed(needed: Mapping[float, int]) -> None:
+    """Print the table of differences and landings, these to two digits."""
+    rows = [
+        (f"{100 * difference:.2g} %", f"{int(float(f'{number:.1e}')):,}")
+        for difference, number in needed.items()
+    ]
+    lines = [f"{difference:>10}  {landings:>8}" for difference, landings in rows]
+    print_table(
+        {"difference": "right", "landings": "right"},
+        rows,
+        plain="\n".join(["difference  landings", *lines]),
+    )
 
 
 def _draw(

@@ -20,7 +20,7 @@ from hopdata.commands.owner import (
     release_dead,
     who_is_at_work,
 )
-from hopdata.commands.terminal import OK, PROBLEM
+from hopdata.commands.terminal import OK, PROBLEM, print_table
 from hopdata.errors import ConfigError
 from hopdata.jobs import read_json
 from hopdata.provenance import MISSING, REPORTED, version_of
@@ -64,8 +64,11 @@ def doctor(_options: argparse.Namespace) -> int:
         problems.append(f"{here}: expected a folder that can be written; go to another")
     if is_locked():
         problems.append(f"{LOCKS}: {_why_locked()}")
-    for name, what in facts.items():
-        print(f"{name:12} {what}")
+    print_table(
+        {"": "left", "this installation": "left"},
+        facts.items(),
+        plain="\n".join(f"{name:12} {what}" for name, what in facts.items()),
+    )
     print("\n".join(problems) or "nothing is missing")
     return PROBLEM if problems else OK
 

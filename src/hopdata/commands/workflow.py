@@ -1,4 +1,4 @@
-"""Snakemake as a process: its options, its progress in plain lines, its errors."""
+"""Snakemake as a process: its options, its progress, its errors."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 from hopdata.commands.owner import LOCKS, recorded, release_dead, who_is_at_work
+from hopdata.commands.terminal import progress_bar
 from hopdata.errors import counted, require
 from hopdata.walk import SNAKEFILE
 
@@ -50,7 +51,6 @@ def run_workflow(
     listed = "--dry-run" in options
     given_cores = options[options.index("--cores") + 1]
     cores = int(given_cores) if given_cores.isdigit() else os.cpu_count() or 1
-    progress = _Progress(study, cores)
     process = subprocess.Popen(
         _command(config, snakefile, options, listed=listed),
         stdout=subprocess.PIPE if listed else None,
@@ -61,7 +61,12 @@ def run_workflow(
         encoding="utf-8",
         errors="replace",
     )
-    with process as snakemake, recorded(study, snakemake.pid):
+    with (
+        process as snakemake,
+        recorded(study, snakemake.pid),
+        progress_bar(study) as show,
+    ):
+        progress = _Progress(show, cores)
         try:
             for line in snakemake.stderr or ():
                 progress.take(line)
@@ -99,7 +104,14 @@ def _command(
 
 
 class _Progress:
-    """What Snakemake has said, and a plain line for each job that ended.
+    """What Snakemake has said, and how far it is.
+
+    Parameters
+    ----------
+    show
+        Takes the number of jobs that are done, that of all jobs, and a remark.
+    cores
+        Number of jobs that run at once.
 
     Attributes
     ----------
@@ -107,9 +119,9 @@ class _Progress:
         All its lines.
     """
 
-    def __init__(self, study: str, cores: int) -> None:
+    def __init__(self, show: Callable[[int, int, str], None], cores: int) -> None:
         self.said: list[str] = []
-        self._study = study
+        self._show = show
         self._cores = cores
         self._start = time.monotonic()
         #: When each job began, by its number.
@@ -135,16 +147,16 @@ class _Progress:
             self._took.append(seconds)
             self._last_job = f"{rule} {seconds:.0f} s"
         else:
-            self._print(int(done), int(number))
+            self._show_step(int(done), int(number))
 
-    def _print(self, done: int, number: int) -> None:
+    def _show_step(self, done: int, number: int) -> None:
         mean_s = fmean(self._took or [0.0])
         left_s = (number - done) * mean_s / self._cores
         if left_s:
             when = f"{self._last_job}, about {_in_words(left_s)} left"
         else:
             when = f"after {_in_words(time.monotonic() - self._start)}"
-        print(f"{self._study}: {done} of {number} jobs done, {when}", file=sys.stderr)
+        self._show(done, number, when)
 
 
 def _in_words(seconds: float) -> str:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
 from inspect import signature
-from itertools import islice, pairwise
+from itertools import pairwise
 from operator import getitem
 from pathlib import Path
 from pkgutil import resolve_name
@@ -17,7 +17,7 @@ from hopdata.scenes import STANDARD
 def _unknown(
     what: str, known: list[str], places: Iterable[tuple[str, str]]
 ) -> Iterator[str]:
-    """Yield an error for each name, given as (key, name), that is not among the known ones."""
+    """Yield an error for each name, given as (key, name), that is not a known one."""
     for key, name in places:
         if name not in known:
             found = f"'{name}'{did_you_mean(name, known)}"
@@ -26,11 +26,13 @@ def _unknown(
 
 def _once(what: str, places: Iterable[tuple[str, str]]) -> Iterator[str]:
     """Yield an error for each name, given as (key, name), that occurred before."""
-    seen: dict[str, str] = {}
+    first_key: dict[str, str] = {}
     for key, name in places:
-        first = seen.setdefault(name, key)
-        if first != key:
-            yield mismatch(key, f"each {what} once", f"'{name}' in {first} as well")
+        if name in first_key:
+            found = f"'{name}' in {first_key[name]} as well"
+            yield mismatch(key, f"each {what} once", found)
+        else:
+            first_key[name] = key
 
 
 # Mistakes in the blocks for external contacts and forces.
@@ -41,7 +43,8 @@ BLOCKS = ("contacts", "forces")
 def _blocks(config: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield key and content of each such block."""
     for i, recording in enumerate(config["recordings"]):
-        yield from ((f"recordings[{i}].{kind}", recording[kind]) for kind in BLOCKS)
+        for kind in BLOCKS:
+            yield f"recordings[{i}].{kind}", recording[kind]
 
 
 def external_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -55,17 +58,19 @@ def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
     """Yield mistakes in columns, feet and thresholds."""
     feet = feet_of(config)
     for key, block in _blocks(config):
-        columns = list(enumerate(block["columns"]))
+        columns = block["columns"]
         if columns and block["file"] is None:
             yield mismatch(f"{key}.file", "a file beside the columns", "null (nothing)")
-        yield from _once(
-            "column", ((f"{key}.columns[{k}].name", c["name"]) for k, c in columns)
-        )
-        for k, column in columns:
-            of, place = column["feet"] or [column["name"]], f"{key}.columns[{k}].feet"
-            yield from _unknown(
-                "feet of markers.feet", feet, ((place, foot) for foot in of)
-            )
+        names = [
+            (f"{key}.columns[{k}].name", column["name"])
+            for k, column in enumerate(columns)
+        ]
+        yield from _once("column", names)
+        for k, column in enumerate(columns):
+            place = f"{key}.columns[{k}].feet"
+            feet_of_column = column["feet"] or [column["name"]]
+            named = [(place, foot) for foot in feet_of_column]
+            yield from _unknown("feet of markers.feet", feet, named)
         if block.get("label_column") is not None and block["time_column"] is None:
             wanted = "the column of the instants beside label_column"
             yield mismatch(f"{key}.time_column", wanted, "null (nothing)")
@@ -87,27 +92,34 @@ def simulation_of(config: dict[str, Any], name: str) -> dict[str, Any]:
     name : str
         Name of the recording, whose own values override those of the block.
     """
-    own = next(
-        entry["simulation"] for entry in config["recordings"] if entry["name"] == name
-    )
-    given = {key: value for key, value in own.items() if value is not None}
-    return {**config["simulation"], **given}
+    entry = next(one for one in config["recordings"] if one["name"] == name)
+    simulation = dict(config["simulation"])
+    for key, value in entry["simulation"].items():
+        if value is not None:
+            simulation[key] = value
+    return simulation
 
 
 def files_of(entry: Mapping[str, Any]) -> list[str]:
-    """Return the files of one entry of ``recordings``, in order; none if it is simulated."""
+    """Return the files of an entry of ``recordings``, in order; none if simulated."""
     file = entry.get("file")
-    return [] if file is None else [file] if isinstance(file, str) else list(file)
+    if file is None:
+        return []
+    if isinstance(file, str):
+        return [file]
+    return list(file)
 
 
 # Settings that follow from several keys.
 
 
 def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the ``touchdowns`` keys that `find_landings` takes; others judge what it found."""
-    taken = signature(
-        resolve_name("hopdata.landings.contacts.find:find_landings")
-    ).parameters
+    """Return the ``touchdowns`` keys that `find_landings` takes.
+
+    The other keys judge what it found.
+    """
+    find_landings = resolve_name("hopdata.landings.contacts.find:find_landings")
+    taken = signature(find_landings).parameters
     return {key: value for key, value in config["touchdowns"].items() if key in taken}
 
 
@@ -117,17 +129,19 @@ def fills(config: Mapping[str, Any]) -> bool:
 
 
 def is_simulated(config: Mapping[str, Any]) -> bool:
-    """Tell whether all recordings are simulated, so that scenes are known and can be integrated."""
+    """Tell whether all recordings are simulated, so that their scenes are known."""
     return not any(files_of(entry) for entry in config["recordings"])
 
 
-# Formats with a place for a truth, and axes of the file for which it holds: see
-# `import_recording`.
-_WITH_TRUTH, _UPRIGHT = (".h5", ".hdf5"), ("z", "auto")
+# Formats with a place for a truth.
+_FORMATS_WITH_TRUTH = (".h5", ".hdf5")
+
+# Axes of the file for which its truth holds: see `import_recording`.
+_UPRIGHT_AXES = ("z", "auto")
 
 
 def knows_truth(config: Mapping[str, Any]) -> bool:
-    """Tell whether the truth of any recording is known, so that the study is scored against it.
+    """Tell whether the truth of any recording is known, to score the study against it.
 
     That of a simulated recording is. That of a file is if it stands in the file and
     holds for the markers that the study takes; files that are joined to one recording
@@ -137,11 +151,14 @@ def knows_truth(config: Mapping[str, Any]) -> bool:
 
 
 def _has_truth(config: Mapping[str, Any], files: list[str]) -> bool:
-    if len(files) != 1:
-        return not files
-    if Path(files[0]).suffix.lower() not in _WITH_TRUTH:
-        return False  # so that h5py is not loaded, for which every start would pay
-    if config["input"]["vertical_axis"] not in _UPRIGHT:
+    if not files:
+        return True
+    if len(files) > 1:
+        return False
+    # The suffix is asked first: h5py takes time to load, which every start would pay.
+    if Path(files[0]).suffix.lower() not in _FORMATS_WITH_TRUTH:
+        return False
+    if config["input"]["vertical_axis"] not in _UPRIGHT_AXES:
         return False
     holds_truth = resolve_name("hopdata.recordings.readers.hdf5:holds_truth")
     markers = config["markers"]
@@ -150,22 +167,25 @@ def _has_truth(config: Mapping[str, Any], files: list[str]) -> bool:
 
 def expected_noise_m(config: Mapping[str, Any]) -> float:
     """Return the marker noise that the quality is compared with, m."""
-    simulated: float = config["motion_capture"]["noise_m"]
-    expected: float = config["report"]["expected_noise_m"]
-    return simulated if is_simulated(config) else expected
+    noise_m: float = config["report"]["expected_noise_m"]
+    if is_simulated(config):
+        noise_m = config["motion_capture"]["noise_m"]
+    return noise_m
 
 
 # Files named by a configuration, and whether they exist.
 
-YAML = (".yaml", ".yml")  # not recordings; the only formats of a configuration
+# Suffixes of configurations, which no recording has.
+YAML = (".yaml", ".yml")
 
 
 def recording_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield key and file of each recording's files."""
     for i, recording in enumerate(config["recordings"]):
+        key = f"recordings[{i}].file"
+        is_list = isinstance(recording["file"], list)
         for k, name in enumerate(files_of(recording)):
-            which = f"[{k}]" if isinstance(recording["file"], list) else ""
-            yield f"recordings[{i}].file{which}", name
+            yield f"{key}[{k}]" if is_list else key, name
 
 
 def missing_files(config: dict[str, Any]) -> Iterator[str]:
@@ -174,127 +194,143 @@ def missing_files(config: dict[str, Any]) -> Iterator[str]:
         file = Path(name)
         if file.is_file():
             continue
-        found = (
-            f"the folder '{file}'"
-            if file.is_dir()
-            else f"no '{file}'{nearest_file(file)}"
-        )
+        if file.is_dir():
+            found = f"the folder '{file}'"
+        else:
+            found = f"no '{file}'{nearest_file(file)}"
         yield mismatch(key, "a file", found)
 
 
 def nearest_file(file: Path) -> str:
-    """Suggest an existing file: nearby, of a similar name, or others; or report no folder."""
-    for folder in (*Path.cwd().parents[:2], *sorted(Path.cwd().glob("*/"))):
-        if os.path.isfile(folder / file):
-            return f"; it is in {folder}: paths hold from where hopdata runs, so go there (cd)"
+    """Suggest an existing file nearby or of a similar name, or report no folder."""
+    here = Path.cwd()
+    above = here.parents[:2]
+    below = sorted(here.glob("*/"))
+    for other_folder in (*above, *below):
+        if os.path.isfile(other_folder / file):
+            go = "paths hold from where hopdata runs, so go there (cd)"
+            return f"; it is in {other_folder}: {go}"
     folder = file.parent
     if not folder.is_dir():
-        return f"; there is no folder '{folder}' in {Path.cwd()}"
-    files = (p for p in sorted(folder.iterdir()) if p.is_file() and p.name[0] != ".")
-    names = [p.name for p in files if (p.suffix in YAML) == (file.suffix in YAML)]
-    if near := did_you_mean(file.name, names):
+        return f"; there is no folder '{folder}' in {here}"
+    # A configuration is not offered where a recording is meant, nor the reverse.
+    names = [
+        one.name
+        for one in sorted(folder.iterdir())
+        if one.is_file()
+        and not one.name.startswith(".")
+        and (one.suffix in YAML) == (file.suffix in YAML)
+    ]
+    near = did_you_mean(file.name, names)
+    if near:
         return near
-    same = [name for name in names if name.endswith(file.suffix)][:3]
-    return f"; in that folder are {', '.join(same)}" if same else f" in {Path.cwd()}"
+    same_format = [name for name in names if name.endswith(file.suffix)]
+    if same_format:
+        return f"; in that folder are {', '.join(same_format[:3])}"
+    return f" in {here}"
 
 
-RESERVED_STUDIES = (
-    "benchmarks",
-    "both_sides",
-)  # their folders hold other results already
+# Names, markers and feet.
+
+# Names under results/ whose folders hold other results already.
+RESERVED_STUDIES = ("benchmarks", "both_sides")
 
 
 def _repeated(config: dict[str, Any]) -> Iterator[str]:
     """Yield names that occur twice; the landings of a file would count twice."""
-    named = enumerate(config["recordings"])  # some file systems ignore case
-    yield from _once(
-        "name", ((f"recordings[{i}].name", one["name"].lower()) for i, one in named)
-    )
-    roles = config["markers"].items()
-    markers = (
-        (f"markers.{role}[{k}]", one)
-        for role, names in roles
-        for k, one in enumerate(names)
-    )
+    # In lower case, since some file systems ignore case.
+    recordings = [
+        (f"recordings[{i}].name", entry["name"].lower())
+        for i, entry in enumerate(config["recordings"])
+    ]
+    yield from _once("name", recordings)
+    markers = [
+        (f"markers.{role}[{k}]", name)
+        for role, names in config["markers"].items()
+        for k, name in enumerate(names)
+    ]
     yield from _once("marker", markers)
-    files = ((key, os.path.realpath(name)) for key, name in recording_files(config))
-    yield from _once("file", ((key, os.path.relpath(name)) for key, name in files))
+    # By real path, so that a link to a file counts as that file.
+    files = [
+        (key, os.path.relpath(os.path.realpath(name)))
+        for key, name in recording_files(config)
+    ]
+    yield from _once("file", files)
 
 
 def _left_out(config: dict[str, Any]) -> Iterator[str]:
     known = [*config["markers"]["body"], *config["markers"]["feet"]]
     for i, recording in enumerate(config["recordings"]):
         for k, entry in enumerate(recording["exclude"]):
-            place, begin, end = (
-                f"recordings[{i}].exclude[{k}]",
-                entry["from_s"],
-                entry["to_s"],
-            )
-            if begin is not None and end is not None and not end > begin:
-                yield mismatch(
-                    f"{place}.to_s", f"more than from_s ({begin:g} s)", f"{end:g} s"
-                )
-            others = [
-                key
-                for key in ("from_s", "to_s", "markers")
-                if entry[key] not in (None, [])
-            ]
-            if entry["landings"] and others:
-                yield mismatch(
-                    f"{place}.landings", "no other choice beside them", others[0]
-                )
-            named = ((f"{place}.markers", name) for name in entry["markers"])
+            place = f"recordings[{i}].exclude[{k}]"
+            yield from _wrong_exclusion(place, entry)
+            named = [(f"{place}.markers", name) for name in entry["markers"]]
             yield from _unknown("a marker of body or feet", known, named)
 
 
+def _wrong_exclusion(place: str, entry: Mapping[str, Any]) -> Iterator[str]:
+    """Yield mistakes in one entry of ``exclude``: times in no order, two choices."""
+    begin = entry["from_s"]
+    end = entry["to_s"]
+    if begin is not None and end is not None and not end > begin:
+        wanted = f"more than from_s ({begin:g} s)"
+        yield mismatch(f"{place}.to_s", wanted, f"{end:g} s")
+    others = [
+        key for key in ("from_s", "to_s", "markers") if entry[key] not in (None, [])
+    ]
+    if entry["landings"] and others:
+        yield mismatch(f"{place}.landings", "no other choice beside them", others[0])
+
+
+#: Most feet of a study.
+#: Unit: feet. Origin: chosen. Six feet have 720 contact orders.
 MOST_FEET = 6
 
 
 def feet_of(config: Mapping[str, Any]) -> list[str]:
-    """Return the names of the feet, in order; the block ``feet`` joins several markers in one."""
-    taken = {
-        marker: foot["name"] for foot in config["feet"] for marker in foot["markers"]
-    }
-    return list(dict.fromkeys(taken.get(one, one) for one in config["markers"]["feet"]))
+    """Return the feet, in order; the block ``feet`` joins several markers in one."""
+    foot_of_marker = {}
+    for foot in config["feet"]:
+        for marker in foot["markers"]:
+            foot_of_marker[marker] = foot["name"]
+    feet = [foot_of_marker.get(marker, marker) for marker in config["markers"]["feet"]]
+    return list(dict.fromkeys(feet))
 
 
 def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
-    known, joined = config["markers"]["feet"], list[tuple[str, str]]()
-    others = [name for role in ("body", "boom") for name in config["markers"][role]]
+    markers = config["markers"]
+    joined: list[tuple[str, str]] = []
+    taken = [*markers["feet"], *markers["body"], *markers["boom"]]
     for i, foot in enumerate(config["feet"]):
-        joined += [
-            (f"feet[{i}].markers[{k}]", name) for k, name in enumerate(foot["markers"])
-        ]
-        named = ((f"feet[{i}].markers", name) for name in foot["markers"])
-        yield from _unknown("a marker of markers.feet", known, named)
-        if foot["name"] in [
-            *known,
-            *others,
-            *(one["name"] for one in config["feet"][:i]),
-        ]:
+        of_foot = enumerate(foot["markers"])
+        joined += [(f"feet[{i}].markers[{k}]", name) for k, name in of_foot]
+        named = [(f"feet[{i}].markers", name) for name in foot["markers"]]
+        yield from _unknown("a marker of markers.feet", markers["feet"], named)
+        if foot["name"] in taken:
             yield mismatch(f"feet[{i}].name", "a name of its own", f"'{foot['name']}'")
+        taken.append(foot["name"])
     yield from _once("marker", joined)
     count = len(feet_of(config))
     if not 2 <= count <= MOST_FEET:
-        yield mismatch(
-            "markers.feet", f"2 to {MOST_FEET} feet", f"{count}; feet joins markers"
-        )
+        found = f"{count}; feet joins markers"
+        yield mismatch("markers.feet", f"2 to {MOST_FEET} feet", found)
     simulated = [entry["name"] for entry in config["recordings"] if not files_of(entry)]
     if config["feet"] and simulated:
-        beside = (
-            f"the simulated recording {simulated[0]}, whose feet have one marker each"
-        )
-        yield f"feet: expected none beside {beside}"
+        beside = f"the simulated recording {simulated[0]}"
+        yield f"feet: expected none beside {beside}, whose feet have one marker each"
 
 
 def _home_marker(config: dict[str, Any]) -> Iterator[str]:
-    if (marker := config["home"]["marker"]) is not None:
-        yield from _unknown(
-            "a body marker", config["markers"]["body"], [("home.marker", marker)]
-        )
+    marker = config["home"]["marker"]
+    if marker is not None:
+        named = [("home.marker", marker)]
+        yield from _unknown("a body marker", config["markers"]["body"], named)
 
 
-DEFAULT_SIGMAS = 3.0  # of sections.threshold_sigmas in the schema
+# Keys that limit one another.
+
+# The default of sections.threshold_sigmas in the schema.
+DEFAULT_SIGMAS = 3.0
 
 _IN_ORDER = (
     ("sections.pre_height_m", "more", "sections.post_height_m"),
@@ -306,52 +342,66 @@ def _in_order(config: dict[str, Any]) -> Iterator[str]:
     for key, side, other in _IN_ORDER:
         value: Any = reduce(getitem, key.split("."), config)
         limit: Any = reduce(getitem, other.split("."), config)
-        if None not in (value, limit) and not (
-            value > limit if side == "more" else value < limit
-        ):
+        if value is None or limit is None:
+            continue
+        holds = value > limit if side == "more" else value < limit
+        if not holds:
             yield mismatch(key, f"{side} than {other} ({limit:g})", f"{value:g}")
 
 
 def _idle_section_keys(config: dict[str, Any]) -> Iterator[str]:
     """Yield keys of `sections` that would decide nothing beside the others."""
     sections = config["sections"]
-    printed = sections["rule"] == "printed"
-    both_given = None not in (sections["pre_height_m"], sections["post_height_m"])
-    thresholds_given = None not in (
-        sections["min_foot_threshold_m"],
-        sections["max_foot_threshold_m"],
-    )
+    is_printed = sections["rule"] == "printed"
+    heights = (sections["pre_height_m"], sections["post_height_m"])
+    thresholds = (sections["min_foot_threshold_m"], sections["max_foot_threshold_m"])
     sigmas = sections["threshold_sigmas"]
-    if printed and sigmas != DEFAULT_SIGMAS:
-        expected = "none beside sections.rule: printed, whose thresholds are knees of densities"
-        yield mismatch("sections.threshold_sigmas", expected, f"{sigmas:g}")
+    if is_printed and sigmas != DEFAULT_SIGMAS:
+        wanted = (
+            "none beside sections.rule: printed, "
+            "whose thresholds are knees of densities"
+        )
+        yield mismatch("sections.threshold_sigmas", wanted, f"{sigmas:g}")
     bandwidth_m = sections["bandwidth_m"]
-    idle = both_given and (thresholds_given or not printed)
-    if bandwidth_m is not None and idle:
-        expected = "none beside heights that are given, since it would choose nothing"
-        yield mismatch("sections.bandwidth_m", expected, f"{bandwidth_m:g}")
+    needs_thresholds = is_printed and None in thresholds
+    chooses_nothing = None not in heights and not needs_thresholds
+    if bandwidth_m is not None and chooses_nothing:
+        wanted = "none beside heights that are given, since it would choose nothing"
+        yield mismatch("sections.bandwidth_m", wanted, f"{bandwidth_m:g}")
 
 
 def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
     for one, following in pairwise(config["scaling_study"]["scales"]):
         if not following < one:
             wanted = "the largest first and each smaller than the one before"
-            yield mismatch(
-                "scaling_study.scales", wanted, f"{following:g} after {one:g}"
-            )
+            found = f"{following:g} after {one:g}"
+            yield mismatch("scaling_study.scales", wanted, found)
             return
+
+
+def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
+    """Yield a number of sign flips too small for any p-value to be small enough."""
+    flips = config["verdict"]["flips"]
+    confidence = config["verdict"]["confidence"]
+    # A p-value of n flips is at least 1 / (1 + n).
+    if (1 + flips) * (1 - confidence) <= 1:
+        least = 1 / (1 - confidence) - 1
+        small = f"with fewer no p-value is below {1 - confidence:.3g}"
+        yield mismatch("verdict.flips", f"more than {least:.0f}, {small}", flips)
+
+
+# Simulated recordings.
 
 
 def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
     """Yield the first configured marker that the simulation, if any, does not make."""
     if all(recording["file"] is not None for recording in config["recordings"]):
         return
-    n_body = len(config["motion_capture"]["markers"]["body_m"])
     simulation = config["simulation"]
-    if (
-        simulation["scene"] == STANDARD
-    ):  # not loaded, since every start would pay for it
-        n_feet, has_boom = simulation[STANDARD]["n_legs"], True
+    # The standard scene is not loaded, since every start would pay for it.
+    if simulation["scene"] == STANDARD:
+        n_feet = simulation[STANDARD]["n_legs"]
+        has_boom = True
     else:
         from hopdata.synthesis.simulate import Simulation
 
@@ -360,25 +410,31 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
         except ConfigError as error:
             yield str(error)
             return
-        n_feet, has_boom = scene.n_legs, scene.has_boom
-    made = [f"body{i + 1}" for i in range(n_body)] + [
-        f"foot{i + 1}" for i in range(n_feet)
-    ]
-    made += ["boom"] if has_boom else []
-    roles = config["markers"].items()
-    named = ((f"markers.{role}", name) for role, names in roles for name in names)
-    yield from islice(_unknown("a marker of the simulation", made, named), 1)
+        n_feet = scene.n_legs
+        has_boom = scene.has_boom
+    n_body = len(config["motion_capture"]["markers"]["body_m"])
+    made = [f"body{i + 1}" for i in range(n_body)]
+    made += [f"foot{i + 1}" for i in range(n_feet)]
+    if has_boom:
+        made.append("boom")
+    for role, names in config["markers"].items():
+        for name in names:
+            if name not in made:
+                named = [(f"markers.{role}", name)]
+                yield from _unknown("a marker of the simulation", made, named)
+                return
 
 
 def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
     for i, recording in enumerate(config["recordings"]):
-        given = [
-            key for key, value in recording["simulation"].items() if value is not None
-        ]
+        simulation = recording["simulation"]
+        given = [key for key, value in simulation.items() if value is not None]
         if recording["file"] is not None and given:
-            yield mismatch(
-                f"recordings[{i}].simulation", "nothing beside a file", ", ".join(given)
-            )
+            place = f"recordings[{i}].simulation"
+            yield mismatch(place, "nothing beside a file", ", ".join(given))
+
+
+# Names that the workflow cannot use.
 
 
 def _braces(config: dict[str, Any]) -> Iterator[str]:
@@ -391,25 +447,23 @@ def _braces(config: dict[str, Any]) -> Iterator[str]:
 def _reserved_study(config: dict[str, Any]) -> Iterator[str]:
     """Yield a study name whose folder holds the project's own results."""
     if config["study"] in RESERVED_STUDIES:
-        taken = (
-            f"{' and '.join(RESERVED_STUDIES)}, whose folders under results/ are taken"
-        )
-        yield mismatch("study", f"a name other than {taken}", f"'{config['study']}'")
-
-
-def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
-    """Yield a number of sign flips too small for any p-value to be small enough."""
-    flips, confidence = (config["verdict"][key] for key in ("flips", "confidence"))
-    if (1 + flips) * (1 - confidence) <= 1:
-        small = f"with fewer no p-value is below {1 - confidence:.3g}"
-        yield mismatch(
-            "verdict.flips", f"more than {1 / (1 - confidence) - 1:.0f}, {small}", flips
-        )
+        reserved = " and ".join(RESERVED_STUDIES)
+        wanted = f"a name other than {reserved}, whose folders under results/ are taken"
+        yield mismatch("study", wanted, f"'{config['study']}'")
 
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
-    _repeated, _left_out, _joined_feet, _home_marker, _in_order, _idle_section_keys,
+    _repeated,
+    _left_out,
+    _joined_feet,
+    _home_marker,
+    _in_order,
+    _idle_section_keys,
     _scales_in_order,
-    _simulated_markers, _simulated_files, external_mistakes, _braces, _reserved_study,
+    _simulated_markers,
+    _simulated_files,
+    external_mistakes,
+    _braces,
+    _reserved_study,
     _enough_flips,
-]  # fmt: skip
+]

@@ -15,9 +15,14 @@ from hopdata.config.schema import describe, dotted, load_schema
 from hopdata.errors import ConfigError
 from hopdata.scenes import SCENES, STANDARD
 
+# Keys and indices that lead to a value.
+KeyPath = tuple[str | int, ...]
+
 # Line numbers of the keys of a configuration file.
 
-MOST_DEPTH = 50  # a file that contains itself has no end
+#: Depth at which the search for keys ends, since a file within itself has no end.
+#: Unit: 1. Origin: chosen.
+MOST_DEPTH = 50
 
 
 def place_of(mistake: str, files: Iterable[str | Path], otherwise: str) -> str:
@@ -32,11 +37,12 @@ def place_of(mistake: str, files: Iterable[str | Path], otherwise: str) -> str:
     otherwise : str
         What to return if no file has the key, for example because it is missing.
     """
-    key, _, told = mistake.partition(": expected")
-    if told.startswith(" this key,"):
+    key, _, rest = mistake.partition(": expected")
+    if rest.startswith(" this key,"):
         return otherwise
     for file in reversed(list(files)):
-        if line := key_lines(file).get(key):
+        line = key_lines(file).get(key)
+        if line is not None:
             return f"{file}, line {line}"
     return otherwise
 
@@ -47,12 +53,12 @@ def key_lines(file: str | Path) -> dict[str, int]:
         root = yaml.compose(Path(file).read_text(encoding="utf-8"), yaml.SafeLoader)
     except (OSError, ValueError, RecursionError, yaml.YAMLError):
         return {}
-    return {dotted(path): line for path, line in _lines(root, ())} if root else {}
+    if root is None:
+        return {}
+    return {dotted(path): line for path, line in _lines(root, ())}
 
 
-def _lines(
-    node: Any, path: tuple[str | int, ...]
-) -> Iterator[tuple[tuple[str | int, ...], int]]:
+def _lines(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, int]]:
     if len(path) > MOST_DEPTH:
         return
     if isinstance(node, yaml.MappingNode):
@@ -68,6 +74,8 @@ def _lines(
 
 # YAML as written by users: a duplicate key is a mistake, not a choice.
 
+#: Entries beyond which a file is refused, so that nested aliases fill no memory.
+#: Unit: entries. Origin: chosen.
 MOST_ENTRIES = 100_000
 
 
@@ -81,52 +89,68 @@ def read_yaml(path: str | Path) -> Any:
         that would expand to more than `MOST_ENTRIES`.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        near = nearest_file(path) if isinstance(error, FileNotFoundError) else ""
-        told = f"{error.strerror or error}{near}"
-        raise ConfigError(
-            f"{path}: expected a readable configuration, found: {told}"
-        ) from None
-    except UnicodeDecodeError:
-        raise ConfigError.at(
-            path, "YAML in UTF-8", "other bytes (a recording? use init)"
-        ) from None
+    text = _text_of(path)
     try:
         loader = _StrictLoader(text)
         node = loader.get_single_node()
         if node is None:
             return None
-        if (size := _expanded(node, {})) > MOST_ENTRIES:
-            once = "once the aliases (*name) stand for what they repeat; write out what is needed"
-            raise ConfigError.at(
-                path, f"at most {MOST_ENTRIES} entries", f"{size} {once}"
-            )
+        _require_moderate(path, node)
         return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        hint = _hint(error.problem, text[mark.index : mark.index + 1] if mark else "")
-        raise ConfigError(
-            f"{path}{where}: expected YAML, found: {error.problem}{hint}"
-        ) from None
+        raise _not_yaml(path, text, error) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: expected YAML, found: {error}") from None
 
 
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        found = f"{error.strerror or error}"
+        if isinstance(error, FileNotFoundError):
+            found += nearest_file(path)
+        message = f"{path}: expected a readable configuration, found: {found}"
+        raise ConfigError(message) from None
+    except UnicodeDecodeError:
+        found = "other bytes (a recording? use init)"
+        raise ConfigError.at(path, "YAML in UTF-8", found) from None
+
+
+def _require_moderate(path: Path, node: Any) -> None:
+    """Refuse a file whose aliases expand to more than memory can hold."""
+    size = _expanded(node, {})
+    if size > MOST_ENTRIES:
+        once = "once the aliases (*name) stand for what they repeat"
+        found = f"{size} {once}; write out what is needed"
+        raise ConfigError.at(path, f"at most {MOST_ENTRIES} entries", found)
+
+
 def _expanded(node: Any, known: dict[int, int]) -> int:
     """Count the entries of a node with aliases expanded, visiting each node once."""
-    if id(node) not in known:
-        known[id(node)] = 0  # recursive nodes are refused elsewhere
-        inner = node.value if isinstance(node.value, list) else []
-        parts = [
-            part
-            for entry in inner
-            for part in (entry if isinstance(entry, tuple) else [entry])
-        ]
-        known[id(node)] = 1 + sum(_expanded(part, known) for part in parts)
-    return known[id(node)]
+    if id(node) in known:
+        return known[id(node)]
+    known[id(node)] = 0  # recursive nodes are refused elsewhere
+    size = 1
+    entries = node.value if isinstance(node.value, list) else []
+    for entry in entries:
+        # An entry of a mapping is a pair of key and value.
+        parts = entry if isinstance(entry, tuple) else (entry,)
+        for part in parts:
+            size += _expanded(part, known)
+    known[id(node)] = size
+    return size
+
+
+def _not_yaml(path: Path, text: str, error: yaml.MarkedYAMLError) -> ConfigError:
+    mark = error.problem_mark
+    place = f"{path}"
+    character = ""
+    if mark is not None:
+        place += f", line {mark.line + 1}, column {mark.column + 1}"
+        character = text[mark.index : mark.index + 1]
+    found = f"{error.problem}{_hint(error.problem, character)}"
+    return ConfigError(f"{place}: expected YAML, found: {found}")
 
 
 def _hint(problem: str | None, character: str) -> str:
@@ -143,35 +167,32 @@ class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ign
     """Safe loader that refuses duplicate keys; by default the last one would win."""
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
-        """Make a value; PyYAML raises almost anything if a tag does not fit its text."""
+        """Make a value; PyYAML raises almost anything if tag and text do not fit."""
         try:
             return super().construct_object(node, deep)
         except (yaml.YAMLError, RecursionError):
             raise
         except Exception:
             kind = node.tag.removeprefix("tag:yaml.org,2002:")
-            problem = f"a value that is no {kind}"
-            raise yaml.constructor.ConstructorError(
-                None, None, problem, node.start_mark
-            ) from None
+            raise _at_node(f"a value that is no {kind}", node) from None
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         seen = set()
         for key_node, _ in node.value:
             key = str(key_node.value)
+            # "<<" merges another mapping, and may do so several times.
             if key in seen and key != "<<":
-                raise yaml.constructor.ConstructorError(
-                    None,
-                    None,
-                    f"the key '{key}' twice in one place",
-                    key_node.start_mark,
-                )
+                raise _at_node(f"the key '{key}' twice in one place", key_node)
             seen.add(key)
         return super().construct_mapping(node, deep)
 
 
+def _at_node(problem: str, node: Any) -> yaml.MarkedYAMLError:
+    return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+
+
+# Lines of a message: more would hide the first, which often causes the others.
 MOST_MISTAKES = 10
-_POWER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
 def load_config(
@@ -201,82 +222,99 @@ def load_config(
     ConfigError
         With a line for each mistake: file, key, what was expected and what was found.
     """
-    files = list(files or ())
+    content: Any
     if isinstance(source, Mapping):
-        content: Any = source
-        for file in files:
+        content = source
+        origins = list(files)
+        for file in origins:
             read_yaml(file)
     else:
-        content, files = read_yaml(source), [source]
-    place = ", ".join(map(str, files)) or "configuration"
+        content = read_yaml(source)
+        origins = [source]
+    place = ", ".join(map(str, origins)) or "configuration"
     if not isinstance(content, Mapping):
-        kind = "nothing" if content is None else type(content).__name__
-        raise ConfigError.at(
-            place, "keys with values, as 'hopdata init' writes them", kind
-        )
+        found = "nothing" if content is None else type(content).__name__
+        wanted = "keys with values, as 'hopdata init' writes them"
+        raise ConfigError.at(place, wanted, found)
     schema = load_schema(_scene_of(content))
     try:
         config: dict[str, Any] = _with_defaults(content, schema)
     except RecursionError:
         raise ConfigError.at(place, "a tree of keys", "one within itself") from None
-    _raise_all(place, files, _schema_mistakes(config, schema))
-    checks = [*CHECKS, missing_files] if check_files else CHECKS
+    _raise_all(place, origins, _schema_mistakes(config, schema))
+    checks = [*CHECKS]
+    if check_files:
+        checks.append(missing_files)
     mistakes = [mistake for check in checks for mistake in check(config)]
     for product in products.installed():
         # A product is imported only for a configuration that speaks of it.
         if product.name in content:
             mistakes += product.mistakes(config)
-    _raise_all(place, files, mistakes)
+    _raise_all(place, origins, mistakes)
     return config
 
 
 def check_keys(place: str, keys: Mapping[str, Any]) -> None:
-    """Check sections of a configuration; raise a `ConfigError` that begins with `place`."""
+    """Check sections of a configuration.
+
+    Raises
+    ------
+    ConfigError
+        Its lines begin with `place`.
+    """
     schema = {**load_schema(_scene_of(keys)), "required": []}
     _raise_all(place, [], _schema_mistakes(dict(keys), schema))
 
 
 def _scene_of(content: Mapping[str, Any]) -> str:
-    """Return the scene to be simulated; the standard one if no known scene is named."""
+    """Return the scene to be simulated; the standard one if none known is named."""
     simulation = content.get("simulation")
-    name = (
-        simulation.get("scene", STANDARD)
-        if isinstance(simulation, Mapping)
-        else STANDARD
-    )
-    return name if isinstance(name, str) and name in SCENES else STANDARD
+    if not isinstance(simulation, Mapping):
+        return STANDARD
+    name = simulation.get("scene", STANDARD)
+    if isinstance(name, str) and name in SCENES:
+        return name
+    return STANDARD
 
 
 def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
     """Copy `value` into plain types, adding the defaults of missing keys."""
     if value is None and schema.get("default") == {}:
-        value = {}  # a section with all keys commented out
+        return _section_with_defaults({}, schema)  # all of its keys are commented out
     if isinstance(value, Mapping):
-        properties = schema.get("properties", {})
-        filled = {
-            key: _with_defaults(v, properties.get(key, {})) for key, v in value.items()
-        }
-        for key, inner in properties.items():
-            if key not in filled and "default" in inner:
-                filled[key] = _with_defaults(deepcopy(inner["default"]), inner)
-        return filled
+        return _section_with_defaults(value, schema)
     if isinstance(value, list | tuple):
-        return [_with_defaults(v, schema.get("items", {})) for v in value]
-    if (
-        isinstance(value, str)
-        and "number" in schema.get("type", ())
-        and _POWER.fullmatch(value)
-    ):
-        value = float(value)  # YAML 1.1 reads 1e-3 as text, 1.0e-3 as a number
-    is_whole = "integer" in schema.get("type", ()) and "number" not in schema.get(
-        "type", ()
-    )
+        return [_with_defaults(entry, schema.get("items", {})) for entry in value]
+    return _as_number(value, schema.get("type", ()))
+
+
+def _section_with_defaults(
+    section: Mapping[Any, Any], schema: dict[str, Any]
+) -> dict[Any, Any]:
+    properties = schema.get("properties", {})
+    filled = {}
+    for key, value in section.items():
+        filled[key] = _with_defaults(value, properties.get(key, {}))
+    for key, inner in properties.items():
+        if key not in filled and "default" in inner:
+            filled[key] = _with_defaults(deepcopy(inner["default"]), inner)
+    return filled
+
+
+_POWER_OF_TEN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
+
+
+def _as_number(value: Any, types: str | list[str]) -> Any:
+    """Return a number where YAML, or the schema, means one by another type."""
+    # YAML 1.1 reads 1e-3 as text, 1.0e-3 as a number.
+    is_power = isinstance(value, str) and _POWER_OF_TEN.fullmatch(value)
+    if is_power and "number" in types:
+        return float(value)
     # The schema accepts 1000.0 as a whole number, Python does not.
-    return (
-        int(value)
-        if isinstance(value, float) and value.is_integer() and is_whole
-        else value
-    )
+    is_whole = isinstance(value, float) and value.is_integer()
+    if is_whole and "integer" in types and "number" not in types:
+        return int(value)
+    return value
 
 
 def _schema_mistakes(config: dict[str, Any], schema: dict[str, Any]) -> list[str]:
@@ -290,7 +328,7 @@ def _schema_mistakes(config: dict[str, Any], schema: dict[str, Any]) -> list[str
     return mistakes
 
 
-def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[Any, Any]]:
+def _leaves(value: Any, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _leaves(inner, (*path, key))
@@ -306,6 +344,8 @@ def _raise_all(place: str, files: list[str | Path], mistakes: list[str]) -> None
         return
     shown = mistakes[:MOST_MISTAKES]
     lines = [f"{place_of(mistake, files, place)}: {mistake}" for mistake in shown]
-    if more := len(mistakes) - len(shown):
-        lines.append(f"{place}: and {more} more mistake" + ("s" if more > 1 else ""))
+    n_hidden = len(mistakes) - len(shown)
+    if n_hidden:
+        plural = "s" if n_hidden > 1 else ""
+        lines.append(f"{place}: and {n_hidden} more mistake{plural}")
     raise ConfigError(*lines)

@@ -25,22 +25,28 @@ if TYPE_CHECKING:
 SCHEMA_FILE = Path(__file__).with_name("schema.yaml")
 
 _TYPES = {
-    "number": "a number", "integer": "a whole number", "string": "text", "null": "null",
-    "boolean": "true or false", "array": "a list", "object": "keys with values",
-}  # fmt: skip
+    "number": "a number",
+    "integer": "a whole number",
+    "string": "text",
+    "null": "null",
+    "boolean": "true or false",
+    "array": "a list",
+    "object": "keys with values",
+}
 _BOUNDS = {
-    "exclusiveMinimum": "above {}", "minimum": "at least {}",
-    "exclusiveMaximum": "below {}", "maximum": "at most {}",
-}  # fmt: skip
+    "exclusiveMinimum": "above {}",
+    "minimum": "at least {}",
+    "exclusiveMaximum": "below {}",
+    "maximum": "at most {}",
+}
 
 
 @cache
 def load_schema(scene: str = STANDARD) -> dict[str, Any]:
-    """Return the JSON schema of the configuration with a scene's keys; do not modify it."""
+    """Return the JSON schema with the keys of a scene; do not modify it."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    schema: dict[str, Any] = yaml.load(
-        SCHEMA_FILE.read_text(encoding="utf-8"), Loader=loader
-    )
+    text = SCHEMA_FILE.read_text(encoding="utf-8")
+    schema: dict[str, Any] = yaml.load(text, Loader=loader)
     _take_choices(schema)
     for product in products.installed():
         schema["properties"] |= product.block()
@@ -60,36 +66,31 @@ def _take_choices(schema: dict[str, Any]) -> None:
             _take_choices(inner)
 
 
-def _scene_block(name: str) -> dict[str, Any]:
-    """Return the schema of a scene's parameters, as declared by its dataclass."""
-    kind = scene_class(name)
-    bare = [one.name for one in fields(kind) if type(one.default) not in _KINDS]
-    require(
-        not bare,
-        f"scene {name}",
-        "a number as default of each parameter",
-        ", ".join(bare),
-    )
-    keys = {
-        one.name: {
-            "type": _KINDS[type(one.default)],
-            "default": one.default,
-            **one.metadata,
-        }
-        for one in fields(kind)
-    }
-    description = " ".join(str(kind.__doc__).split("\n\n")[0].split())
-    return {
-        "description": description, "type": "object", "additionalProperties": False,
-        "default": {}, "properties": keys,
-    }  # fmt: skip
-
-
 _KINDS = {int: "integer", float: "number"}
 
 
+def _scene_block(name: str) -> dict[str, Any]:
+    """Return the schema of a scene's parameters, as declared by its dataclass."""
+    parameters = scene_class(name)
+    bare = [one.name for one in fields(parameters) if type(one.default) not in _KINDS]
+    wanted = "a number as default of each parameter"
+    require(not bare, f"scene {name}", wanted, ", ".join(bare))
+    keys = {}
+    for one in fields(parameters):
+        kind = _KINDS[type(one.default)]
+        keys[one.name] = {"type": kind, "default": one.default, **one.metadata}
+    summary = str(parameters.__doc__).split("\n\n")[0]
+    return {
+        "description": " ".join(summary.split()),
+        "type": "object",
+        "additionalProperties": False,
+        "default": {},
+        "properties": keys,
+    }
+
+
 def in_words(schema: dict[str, Any]) -> str:
-    """Describe a valid value, for example ``"a number above 0 and at most 1, or null"``.
+    """Describe a valid value, such as ``"a number above 0 and at most 1, or null"``.
 
     Parameters
     ----------
@@ -98,36 +99,59 @@ def in_words(schema: dict[str, Any]) -> str:
     """
     if "enum" in schema:
         return "one of " + ", ".join(f"'{choice}'" for choice in schema["enum"])
-    types = schema.get("type", "object")
-    types = [types] if isinstance(types, str) else list(types)
-    words = " or ".join(_TYPES[t] for t in types if t != "null")
+    types = _types_of(schema, otherwise="object")
+    words = " or ".join(_TYPES[kind] for kind in types if kind != "null")
     words += _items_in_words(schema)
     bounds = [
         text.format(f"{schema[key]:.12g}")
         for key, text in _BOUNDS.items()
         if key in schema
     ]
-    words += " " * bool(bounds) + " and ".join(bounds)
-    words += f" ({schema['x-pattern']})" if "x-pattern" in schema else ""
-    return words + (", or null" if "null" in types else "")
+    if bounds:
+        words += " " + " and ".join(bounds)
+    if "x-pattern" in schema:
+        words += f" ({schema['x-pattern']})"
+    if "null" in types:
+        words += ", or null"
+    return words
+
+
+def _types_of(schema: dict[str, Any], *, otherwise: str | None = None) -> list[str]:
+    """Return the types of a value, of which a schema gives one or a list."""
+    types = schema.get("type", otherwise)
+    if types is None:
+        return []
+    if isinstance(types, str):
+        return [types]
+    return list(types)
 
 
 def _items_in_words(schema: dict[str, Any]) -> str:
     """Describe how many entries a list has, and of what kind."""
     if schema.get("type") != "array":
         return ""
-    least, most = schema.get("minItems", 0), schema.get("maxItems")
-    number = f"{least} to {most}" if most else f"at least {least}"
-    words = " of " + (
-        f"{least} " if least == most else f"{number} " if least or most else ""
-    )
+    least = schema.get("minItems", 0)
+    most = schema.get("maxItems")
     items = schema.get("items", {})
-    kind = {"string": "names", "number": "numbers"}.get(
-        str(items.get("type")), "entries"
-    )
-    if number == "at least 1" and kind == "entries":
-        kind = "entry"
-    return words + kind + (f", each {in_words(items)}" if "enum" in items else "")
+    if items.get("type") == "string":
+        kind = "names"
+    elif items.get("type") == "number":
+        kind = "numbers"
+    else:
+        kind = "entries"
+    if least == most:
+        words = f" of {least} {kind}"
+    elif most:
+        words = f" of {least} to {most} {kind}"
+    elif least == 1 and kind == "entries":
+        words = " of at least 1 entry"
+    elif least:
+        words = f" of at least {least} {kind}"
+    else:
+        words = f" of {kind}"
+    if "enum" in items:
+        words += f", each {in_words(items)}"
+    return words
 
 
 # Documentation page generated from the schema.
@@ -149,20 +173,30 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
         Markdown with a table for each section.
     """
     if schema is None:
-        schema = deepcopy(load_schema())
-        others = {name: _scene_block(name) for name in SCENES if name != STANDARD}
-        schema["properties"]["simulation"]["properties"] |= others
-    single = {k: s for k, s in schema["properties"].items() if not _is_section(s)}
+        schema = _schema_of_all_scenes()
     rows = [
-        _row(k, s, k in schema["required"])
-        for k, s in single.items()
-        if "items" not in s
+        _row(key, inner, key in schema["required"])
+        for key, inner in schema["properties"].items()
+        if not _has_table(inner)
     ]
     parts = [schema["description"], HEAD + "".join(rows)]
     for key, section in schema["properties"].items():
-        if _is_section(section) or "items" in section:
+        if _has_table(section):
             parts += _sections(key, section)
     return "\n".join(parts)
+
+
+def _schema_of_all_scenes() -> dict[str, Any]:
+    schema = deepcopy(load_schema())
+    simulation = schema["properties"]["simulation"]["properties"]
+    for name in SCENES:
+        if name != STANDARD:
+            simulation[name] = _scene_block(name)
+    return schema
+
+
+def _has_table(schema: dict[str, Any]) -> bool:
+    return _is_section(schema) or "items" in schema
 
 
 def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:
@@ -170,11 +204,14 @@ def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:
     inner = section.get("items", section)
     heading = f"{path}[]" if "items" in section else path
     yield f"## `{heading}`\n\n{section['description']}\n"
-    keys = {k: s for k, s in inner["properties"].items() if not _is_section(s)}
-    if keys:
-        yield HEAD + "".join(
-            _row(k, s, k in inner.get("required", ())) for k, s in keys.items()
-        )
+    required = inner.get("required", ())
+    rows = [
+        _row(key, value, key in required)
+        for key, value in inner["properties"].items()
+        if not _is_section(value)
+    ]
+    if rows:
+        yield HEAD + "".join(rows)
     for key, deeper in inner["properties"].items():
         if _is_section(deeper):
             yield from _sections(f"{heading}.{key}", deeper)
@@ -206,7 +243,7 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def hint(value: Any, schema: dict[str, Any]) -> str:
-    """Return advice on how to write the value, to end a message; empty if there is none.
+    """Return advice on how to write the value, to end a message; empty without any.
 
     Parameters
     ----------
@@ -215,24 +252,20 @@ def hint(value: Any, schema: dict[str, Any]) -> str:
     schema : dict
         Schema of the value's key.
     """
-    kinds = schema.get("type", ())
-    kinds = [kinds] if isinstance(kinds, str) else list(kinds)
-    if isinstance(value, bool) and ("enum" in schema or "string" in kinds):
+    types = _types_of(schema)
+    if isinstance(value, bool) and ("enum" in schema or "string" in types):
         return QUOTE_TRUTHS
     if "enum" in schema:
         return _of_choice(value, [str(choice) for choice in schema["enum"]])
-    if "array" in kinds:
+    if "array" in types:
         return _of_list(value, schema)
-    if {"number", "integer"} & set(kinds):
+    if "number" in types or "integer" in types:
         return _of_number(value, schema)
-    is_slip = (
-        not isinstance(value, str | list | dict) and value is not None
-    )  # a YAML misreading
-    return (
-        "; put it in quotes, as it is to be read"
-        if is_slip and "string" in kinds
-        else ""
-    )
+    # A name that YAML reads as something else, such as a number or a date.
+    is_misread = value is not None and not isinstance(value, str | list | dict)
+    if is_misread and "string" in types:
+        return "; put it in quotes, as it is to be read"
+    return ""
 
 
 def _of_choice(value: Any, choices: list[str]) -> str:
@@ -248,8 +281,9 @@ def _of_list(value: Any, schema: dict[str, Any]) -> str:
         return "; begin each entry with '- '"
     if not isinstance(value, str):
         return ""
-    if schema.get("items", {}).get("type") == "object":
-        first = next(iter(schema["items"].get("properties", {"name": None})))
+    items = schema.get("items", {})
+    if items.get("type") == "object":
+        first = next(iter(items.get("properties", {"name": None})))
         return f"; write each entry in a line of its own, such as '- {first}: ...'"
     return f"; write [{value}]"
 
@@ -257,24 +291,29 @@ def _of_list(value: Any, schema: dict[str, Any]) -> str:
 def _of_number(value: Any, schema: dict[str, Any]) -> str:
     """Handle percent, a unit after the number, and a decimal comma."""
     if isinstance(value, str):
-        if _COMMA.fullmatch(value):
-            return f"; write {value.replace(',', '.')}, with a point"
-        found = _WITH_UNIT.fullmatch(value)
-        if found and found.group(2) == "%":
-            return _as_share(float(found.group(1)))
-        unit = schema.get("x-unit")
-        return (
-            f"; write the number alone{f', in {unit}' if unit else ''}" if found else ""
-        )
+        return _of_number_as_text(value, schema)
     if not isinstance(value, int | float) or isinstance(value, bool):
         return ""
     most = schema.get("maximum", float("inf"))
     is_share = "x-unit" not in schema and most <= 1 and schema.get("minimum", 0) >= 0
-    return (
-        _as_share(float(value))
-        if is_share and value >= 2 and value / 100 <= most
-        else ""
-    )
+    if is_share and value >= 2 and value / 100 <= most:
+        return _as_share(float(value))
+    return ""
+
+
+def _of_number_as_text(value: str, schema: dict[str, Any]) -> str:
+    if _COMMA.fullmatch(value):
+        return f"; write {value.replace(',', '.')}, with a point"
+    number_and_unit = _WITH_UNIT.fullmatch(value)
+    if number_and_unit is None:
+        return ""
+    number, written_unit = number_and_unit.groups()
+    if written_unit == "%":
+        return _as_share(float(number))
+    unit = schema.get("x-unit")
+    if unit:
+        return f"; write the number alone, in {unit}"
+    return "; write the number alone"
 
 
 def _as_share(percent: float) -> str:
@@ -283,9 +322,10 @@ def _as_share(percent: float) -> str:
 
 # Turn a violation of the schema into a message that a user can act on.
 
-SURE = (
-    0.8  # similarity from which a neighbour is meant rather than the same key elsewhere
-)
+#: Similarity of two keys from which a neighbour is meant, not the same key elsewhere.
+#: Unit: 1 (the ratio of `difflib`). Origin: chosen.
+SURE = 0.8
+
 _OF_VALUE = {"type", "enum", "minItems", "maxItems", "pattern", "minLength", *_BOUNDS}
 
 
@@ -293,9 +333,10 @@ def dotted(path: Iterable[str | int]) -> str:
     """Write a key path as a user would: ``recordings[0].file``."""
     text = ""
     for part in path:
-        text += (
-            f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-        )
+        if isinstance(part, int):
+            text += f"[{part}]"
+        else:
+            text = _join(text, str(part))
     return text
 
 
@@ -309,31 +350,31 @@ def describe(errors: Iterable[ValidationError], schema: dict[str, Any]) -> list[
     schema : dict
         The whole schema, in which unknown keys are searched for.
     """
-    # Drop duplicate lines: 3.5 violates both type and range of a whole number.
-    return list(
-        dict.fromkeys(line for error in errors for line in _lines(error, schema))
-    )
+    lines = [line for error in errors for line in _lines(error, schema)]
+    # Without repeated lines: 3.5 violates both type and range of a whole number.
+    return list(dict.fromkeys(lines))
 
 
 def _lines(error: ValidationError, schema: dict[str, Any]) -> list[str]:
-    place, local = dotted(error.absolute_path), cast("dict[str, Any]", error.schema)
+    place = dotted(error.absolute_path)
+    violated = cast("dict[str, Any]", error.schema)
     if error.validator in _OF_VALUE:
-        told = f"{place}: expected {in_words(local)}, found {found(error.instance)}"
-        return [told + hint(error.instance, local)]
+        line = f"{place}: expected {in_words(violated)}, found {found(error.instance)}"
+        return [line + hint(error.instance, violated)]
     if error.validator == "uniqueItems":
         return [f"{place}: expected each entry once, found {found(error.instance)}"]
     if error.validator not in ("additionalProperties", "required"):
         return [f"{place}: {error.message}"]
-    known = list(local["properties"])
+    known = list(violated["properties"])
     present = [str(key) for key in cast("dict[str, Any]", error.instance)]
     unknown = [key for key in present if key not in known]
     if error.validator == "additionalProperties":
         return [_unknown_key(key, place, known, schema) for key in unknown]
+    missing = [key for key in violated["required"] if key not in present]
     return [
         f"{_join(place, key)}: expected this key, found none"
-        for key in local["required"]
-        if key not in present
-        and not did_you_mean(key, unknown)  # misspelt: reported already
+        for key in missing
+        if not did_you_mean(key, unknown)  # misspelt: reported already
     ]
 
 
@@ -344,25 +385,28 @@ def found(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        told = " (text; write it without quotes)" if _NUMBER.fullmatch(value) else ""
-        return f"'{value[:60]}'{told}"
+        shown = f"'{value[:60]}'"
+        if _NUMBER.fullmatch(value):
+            shown += " (text; write it without quotes)"
+        return shown
     if isinstance(value, dict):
-        return "keys with values (" + ", ".join(map(str, list(value)[:4])) + ")"
+        keys = [str(key) for key in value]
+        return f"keys with values ({', '.join(keys[:4])})"
     if isinstance(value, list):
-        shown = ", ".join(str(entry) for entry in value[:4])
-        return (
-            f"{len(value)} ({shown}{', ...' if len(value) > 4 else ''})"
-            if value
-            else "none"
-        )
+        if not value:
+            return "none"
+        entries = [str(entry) for entry in value[:4]]
+        if len(value) > 4:
+            entries.append("...")
+        return f"{len(value)} ({', '.join(entries)})"
     return str(value)
 
 
 #: Keys that were removed, by their whole name, and what to do instead.
 REMOVED = {
     "sections.tail_fraction": (
-        "this key was removed: sections are now chosen from landings, not from tails of frames "
-        "(see sections.rule); delete the line"
+        "this key was removed: sections are now chosen from landings, "
+        "not from tails of frames (see sections.rule); delete the line"
     ),
 }
 
@@ -371,37 +415,41 @@ def _unknown_key(
     key: str, place: str, known: Sequence[str], schema: dict[str, Any]
 ) -> str:
     whole = _join(place, key)
+    message = f"{whole}: expected a known key, found '{key}'"
     if whole in REMOVED:
-        return f"{whole}: expected a known key, found '{key}'; {REMOVED[whole]}"
+        return f"{message}; {REMOVED[whole]}"
     if not place and products.is_missing(key):
-        return (
-            f"{key}: expected a known key, found '{key}', a part of hopdata that is not "
-            f"installed; run pip install 'hopdata[{key}]', or delete the block"
-        )
+        not_here = "a part of hopdata that is not installed"
+        how = f"run pip install 'hopdata[{key}]', or delete the block"
+        return f"{message}, {not_here}; {how}"
+    if place == "simulation" and key in SCENES:
+        return f"{message}; write 'scene: {key}' to simulate it"
+    section, _, inner = key.partition(".")
+    if inner and section in known:
+        line = f"'{section}:' and, indented in the next line, '{inner}:'"
+        return f"{message}; write {line}"
     near = did_you_mean(key, known)
     if not get_close_matches(key, known, n=1, cutoff=SURE):
         elsewhere = _elsewhere(key, place, schema)
-        near = f"; did you mean '{elsewhere}'?" if elsewhere else near
-    section, _, inner = key.partition(".")
-    if inner and section in known:
-        near = f"; write '{section}:' and, indented in the next line, '{inner}:'"
-    if place == "simulation" and key in SCENES:
-        near = f"; write 'scene: {key}' to simulate it"
-    near = near or f"; the keys here are {', '.join(known)}"
-    return f"{_join(place, key)}: expected a known key, found '{key}'{near}"
+        if elsewhere:
+            near = f"; did you mean '{elsewhere}'?"
+    return message + (near or f"; the keys here are {', '.join(known)}")
 
 
 def _elsewhere(key: str, place: str, schema: dict[str, Any]) -> str:
     """Find the key in another section, preferably below `place`."""
     paths = [path for path in _paths(schema) if path.rpartition(".")[2] == key]
-    below = [path for path in paths if place and path.startswith(f"{place}.")]
-    return next(iter([*below, *paths]), "")
+    for path in paths:
+        if place and path.startswith(f"{place}."):
+            return path
+    return paths[0] if paths else ""
 
 
 def _paths(schema: dict[str, Any], place: str = "") -> Iterator[str]:
     for key, inner in schema.get("properties", {}).items():
-        yield _join(place, key)
-        yield from _paths(inner, _join(place, key))
+        path = _join(place, key)
+        yield path
+        yield from _paths(inner, path)
 
 
 def _join(place: str, key: str) -> str:

@@ -15,7 +15,7 @@ from made_up_hopper import (
     with_swap,
 )
 
-from hopdata.commands.terminal import listing
+from hopdata.commands.listing import listing
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording
 from hopdata.recordings.quality.inspection import (

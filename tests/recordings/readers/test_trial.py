@@ -2,8 +2,8 @@
 
 import io
 import os
-import signal
 import struct
+import subprocess
 import sys
 
 import h5py
@@ -44,23 +44,24 @@ def endless(sound):
     return sound
 
 
+# A child that is ready, but then does something else than to read a file.
+READY = f"print({trial.READY!r}, end='', flush=True)\n"
+
+
 @pytest.fixture
 def another_child(monkeypatch):
     """Return a function that makes another program the child that tries the files."""
-    monkeypatch.setattr(trial, "_child", None)
 
-    def use(program):
-        monkeypatch.setattr(trial, "serve", None)
-        command = [sys.executable, "-c", program]
-        pipes = {"stdin": trial.subprocess.PIPE, "stdout": trial.subprocess.PIPE}
-        start = trial.subprocess.Popen
-        monkeypatch.setattr(
-            trial, "_started", lambda: start(command, **pipes, encoding="ascii")
-        )
+    def use(program=None, **limits):
+        child = trial.Child(program, **limits)
+        monkeypatch.setattr(trial, "child", child)
+        children.append(child)
+        return child
 
+    children = []
     yield use
-    if trial._child is not None:
-        trial._ended(trial._child)
+    for child in children:
+        child.end()
 
 
 def test_a_file_without_a_seal_is_read(sound):
@@ -72,7 +73,6 @@ def test_a_file_without_end_is_refused_in_the_time_that_its_size_allows(
 ):
     """A limit on the CPU time ends the child, so that a busy machine makes no difference."""
     monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.5)
-    monkeypatch.setattr(trial, "_signals", lambda *_: {signal.SIGXCPU})
     with pytest.raises(
         RecordingError, match=r"a\.h5: .*goes on and on; it is damaged, copy it"
     ):
@@ -81,7 +81,7 @@ def test_a_file_without_end_is_refused_in_the_time_that_its_size_allows(
 
 def test_a_child_that_waits_for_ever_is_ended_too(sound, another_child, monkeypatch):
     monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.02)
-    another_child("import time; input(); time.sleep(100)")
+    another_child(READY + "import time; input(); time.sleep(100)")
     with pytest.raises(RecordingError, match="goes on and on"):
         read_recording(sound)
 
@@ -99,7 +99,8 @@ def test_the_next_file_after_one_without_end_is_read(
 
 
 def test_a_library_that_crashes_is_told_and_not_shared(sound, another_child):
-    another_child("import os, signal; input(); os.kill(os.getpid(), signal.SIGSEGV)")
+    crash = "os.kill(os.getpid(), signal.SIGSEGV)"
+    another_child(READY + f"import os, signal; input(); {crash}")
     with pytest.raises(
         RecordingError, match=r"one that ends the HDF5 library \(exit code -11\)"
     ):
@@ -107,68 +108,64 @@ def test_a_library_that_crashes_is_told_and_not_shared(sound, another_child):
 
 
 def test_where_no_process_can_be_started_files_are_read_without_a_trial(
-    sound, monkeypatch
+    sound, another_child, monkeypatch
 ):
-    monkeypatch.setattr(trial, "_child", None)
+    child = another_child(trial.serving_program())
     monkeypatch.setattr(sys, "executable", "/no/such/python")
     assert read_recording(sound).markers == ("a", "b")
+    assert not child.is_alive
 
 
 def test_a_child_that_cannot_import_hopdata_says_nothing_about_a_file(
-    sound, monkeypatch
+    sound, another_child
 ):
-    monkeypatch.setattr(trial, "_child", None)
-    monkeypatch.setattr(trial, "_program", lambda: "import no_such_module")
+    child = another_child("import no_such_module")
     assert read_recording(sound).markers == ("a", "b")
-    assert trial._child is None
+    assert not child.is_alive
 
 
-def test_a_child_that_hangs_at_its_start_says_nothing_about_a_file(sound, monkeypatch):
-    monkeypatch.setattr(trial, "_child", None)
-    monkeypatch.setattr(trial, "_START_S", 0.2)
-    monkeypatch.setattr(trial, "_program", lambda: "import time; time.sleep(100)")
+def test_a_child_that_hangs_at_its_start_says_nothing_about_a_file(
+    sound, another_child
+):
+    another_child("import time; time.sleep(100)", start_s=0.2)
     assert read_recording(sound).markers == ("a", "b")
 
 
-def test_the_child_imports_a_hopdata_that_is_not_installed(sound, monkeypatch):
+def test_the_child_imports_a_hopdata_that_is_not_installed(sound, another_child):
     """The child starts without the folder in which this installation has hopdata."""
     folder = os.path.dirname(os.path.dirname(trial.hopdata.__file__))
     alone = f"import sys\nsys.path[:] = [place for place in sys.path if place != {folder!r}]\n"
-    program = alone + trial._program()
-    monkeypatch.setattr(trial, "_child", None)
-    monkeypatch.setattr(trial, "_program", lambda: program)
+    child = another_child(alone + trial.serving_program())
     assert read_recording(sound).markers == ("a", "b")
-    assert trial._child is not None
+    assert child.is_alive
 
 
-def test_what_an_installation_prints_at_its_start_is_no_answer(sound, monkeypatch):
-    program = "print('welcome')\n" + trial._program()
-    monkeypatch.setattr(trial, "_child", None)
-    monkeypatch.setattr(trial, "_program", lambda: program)
+def test_what_an_installation_prints_at_its_start_is_no_answer(sound, another_child):
+    child = another_child("print('welcome')\n" + trial.serving_program())
     assert read_recording(sound).markers == ("a", "b")
-    assert trial._child is not None
+    assert child.is_alive
 
 
 def test_a_child_that_says_something_else_and_lives_is_ended(sound, another_child):
-    another_child("import time; input(); print('warning', flush=True); time.sleep(100)")
+    says = "print('warning', flush=True); time.sleep(100)"
+    child = another_child(READY + f"import time; input(); {says}")
     with pytest.raises(
         RecordingError, match="the trial says 'warning' instead of an answer"
     ):
         read_recording(sound)
-    assert trial._child is None
+    assert not child.is_alive
 
 
-def test_a_child_that_says_nothing_more_and_lives_is_ended(
-    sound, another_child, monkeypatch
-):
-    monkeypatch.setattr(trial, "_END_S", 0.2)
-    another_child("import os, time; input(); os.close(1); time.sleep(100)")
+def test_a_child_that_says_nothing_more_and_lives_is_ended(sound, another_child):
+    closes = "os.close(1); time.sleep(100)"
+    another_child(READY + f"import os, time; input(); {closes}", end_s=0.2)
     with pytest.raises(RecordingError, match="the trial says '' instead of an answer"):
         read_recording(sound)
 
 
 def test_a_child_that_is_killed_may_have_lacked_memory(sound, another_child):
-    another_child("import os, signal; input(); os.kill(os.getpid(), signal.SIGKILL)")
+    killed = "os.kill(os.getpid(), signal.SIGKILL)"
+    another_child(READY + f"import os, signal; input(); {killed}")
     with pytest.raises(
         RecordingError, match=r"goes on and on, or .* too little free memory; try"
     ):
@@ -176,21 +173,21 @@ def test_a_child_that_is_killed_may_have_lacked_memory(sound, another_child):
 
 
 def test_a_failed_child_leaves_no_pipe_open(sound, another_child, monkeypatch):
-    another_child("import os; input(); os._exit(3)")
-    children = []
-    start = trial._started
+    another_child(READY + "import os; input(); os._exit(3)")
+    started = []
 
-    def remembered():
-        children.append(start())
-        return children[-1]
+    class Remembered(subprocess.Popen):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            started.append(self)
 
-    monkeypatch.setattr(trial, "_started", remembered)
+    monkeypatch.setattr(subprocess, "Popen", Remembered)
     with pytest.raises(RecordingError, match="exit code 3"):
         read_recording(sound)
-    (child,) = children
-    assert child.stdin.closed
-    assert child.stdout.closed
-    assert child.returncode == 3
+    (process,) = started
+    assert process.stdin.closed
+    assert process.stdout.closed
+    assert process.returncode == 3
 
 
 LIMITS = """
@@ -201,9 +198,9 @@ path = Path(sys.argv[1])
 hard = int(sys.argv[2])
 soft = hard if hard < 0 else hard - 4096
 resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
-trial._limit(path, 5.0, 10.0)
+trial.limit(path, 5.0, 10.0)
 print(*resource.getrlimit(resource.RLIMIT_AS))
-trial._limit(path, 5.0, float("inf"))
+trial.limit(path, 5.0, float("inf"))
 print(*resource.getrlimit(resource.RLIMIT_AS))
 print(*resource.getrlimit(resource.RLIMIT_CPU))
 """
@@ -212,7 +209,7 @@ print(*resource.getrlimit(resource.RLIMIT_CPU))
 @pytest.mark.parametrize("hard", [-1, 1 << 42, 1 << 30])
 def test_limits_stay_within_those_of_the_user_and_are_lifted_again(sound, hard):
     command = [sys.executable, "-c", LIMITS, str(sound), str(hard)]
-    result = trial.subprocess.run(command, capture_output=True, text=True, check=True)
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
     memory, lifted, cpu = [
         tuple(int(word) for word in line.split()) for line in result.stdout.splitlines()
     ]
@@ -225,9 +222,12 @@ def test_limits_stay_within_those_of_the_user_and_are_lifted_again(sound, hard):
     assert 5 < cpu[0] < 60
 
 
-def test_a_file_is_tried_once_and_again_when_it_has_changed(sound, monkeypatch):
+def test_a_file_is_tried_once_and_again_when_it_has_changed(
+    sound, another_child, monkeypatch
+):
     tried = []
-    monkeypatch.setattr(trial, "_tried", lambda place, *_: tried.append(place) or "")
+    child = another_child()
+    monkeypatch.setattr(child, "fault_of", lambda place, *_: tried.append(place) or "")
     read_recording(sound)
     read_recording(sound)
     assert len(tried) == 1
@@ -241,7 +241,7 @@ def test_a_file_is_tried_once_and_again_when_it_has_changed(sound, monkeypatch):
 def served(monkeypatch, path):
     """Return what the child answers about a file, in this process and without its limits."""
     answer = io.StringIO()
-    monkeypatch.setattr(trial, "_limit", lambda *_: None)
+    monkeypatch.setattr(trial, "limit", lambda *_: None)
     monkeypatch.setattr(
         sys, "stdin", io.StringIO(f"1.0 10.0 {os.fsencode(path).hex()}\n")
     )
@@ -275,7 +275,7 @@ def test_all_of_a_file_is_tried(sound, monkeypatch):
 
 
 def test_the_wish_for_memory_refuses_the_file(sound, another_child):
-    another_child("input(); print('memory')")
+    another_child(READY + "input(); print('memory')")
     with pytest.raises(RecordingError, match="wants far more memory"):
         read_recording(sound)
 

@@ -118,7 +118,7 @@ def test_a_log_that_is_not_named_is_the_next_free_one(
     model, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    assert drive._log_path(None) == Path("drive.h5")
+    assert drive.log_path(None) == Path("drive.h5")
     for name in ("drive.h5", "drive-2.h5"):
         (tmp_path / name).write_text("an earlier one")
     assert main(["drive", "--model", str(model), "--seconds", "0.1"]) == 0

@@ -22,11 +22,12 @@ from hopdata.recordings.readers.c3d_parameters import BLOCK, C3dHeader, Paramete
 from hopdata.recordings.readers.text import listed, only_place, readable
 
 MOST_PARAMETER_BYTES = 255 * BLOCK
+
 # Parameters of POINT that name model outputs, which are points but not markers.
 MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
-_OUTPUT = re.compile(
-    r".*[a-z](Angles?|Forces?|Moments?|Powers?)"
-)  # as named by Plug-in Gait
+
+# Model outputs as named by Plug-in Gait.
+_OUTPUT = re.compile(r".*[a-z](Angles?|Forces?|Moments?|Powers?)")
 
 
 def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -51,26 +52,23 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     header, parameters, size = open_c3d(path)
     available = size - header.data_start
     header, miscounted = head.settle_points(header, parameters, available)
-    n_points = header.n_points
-    if not n_points:
+    if not header.n_points:
         raise RecordingError.at(path, "markers", "none")
-    n_frames, remarks = head.count_frames(header, parameters, available)
-    markers, kept, more = _markers(parameters, n_points)
+    n_frames, of_frames = head.count_frames(header, parameters, available)
+    markers, kept, of_markers = _markers(parameters, header.n_points)
     numbers = _numbers(path, header, parameters, n_frames)
     positions, doubted = _positions(path, header, numbers, kept)
-    remarks = miscounted + remarks + doubted
     events, unread = _events(parameters)
+    first = head.first_frame(header, parameters)
+    unit = parameters.texts("POINT", "UNITS")
     return raw.assembled(
         f"{path}: header",
-        (markers, more),
+        (markers, of_markers),
         positions,
-        number=head.first_frame(header, parameters) + np.arange(n_frames, dtype=float),
-        unit=(
-            parameters.place("POINT", "UNITS"),
-            "".join(parameters.texts("POINT", "UNITS")[:1]),
-        ),
+        number=first + np.arange(n_frames, dtype=float),
+        unit=(parameters.place("POINT", "UNITS"), unit[0] if unit else ""),
         rates_hz=(frame_rate(header, parameters), rate_hz),
-        remarks=parameters.remarks + remarks + unread,
+        remarks=parameters.remarks + miscounted + of_frames + doubted + unread,
         events=events or header.events,
         stated_up=_stated_up(parameters),
     )
@@ -84,42 +82,47 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
         file.seek(start)
         section = file.read(MOST_PARAMETER_BYTES)
         size = os.fstat(file.fileno()).st_size
-    if len(section) > 3 and section[2]:
-        # Some writers count fewer blocks than they fill; the data begin where the
-        # section ends.
-        first_words = head.PROCESSORS.get(section[3], head.PROCESSORS[84]).whole(block)
-        data_start = (head.unsigned(first_words[8]) - 1) * BLOCK
-        section = section[: max(section[2] * BLOCK, data_start - start)]
-    parameters = head.read_parameters(path, section, start)
+    parameters = head.read_parameters(path, _whole(section, block, start), start)
     header = head.read_c3d_header(block, parameters.processor)
     if not BLOCK <= header.data_start <= size:
         header = head.with_stated_start(header, parameters)
     if not BLOCK <= header.data_start <= size:
         wanted = f"to start between byte {BLOCK} and the end of the file (byte {size})"
-        raise RecordingError.at(
-            f"{path}, byte 16: data", wanted, f"byte {header.data_start}"
-        )
+        found = f"byte {header.data_start}"
+        raise RecordingError.at(f"{path}, byte 16: data", wanted, found)
     if not np.isfinite(header.scale) or header.scale == 0:
         found = f"{header.scale:g}"
-        raise RecordingError.at(
-            f"{path}, byte 12: scale", "a number other than 0", found
-        )
+        place = f"{path}, byte 12: scale"
+        raise RecordingError.at(place, "a number other than 0", found)
     return header, parameters, size
+
+
+def _whole(section: bytes, block: bytes, start: int) -> bytes:
+    """Return the parameter section without what follows it.
+
+    Some writers count fewer blocks than they fill; the data begin where the section
+    ends.
+    """
+    if len(section) < 4 or not section[2]:
+        return section
+    stated_bytes = section[2] * BLOCK
+    processor = head.PROCESSORS.get(section[3], head.PROCESSORS[84])
+    data_start = (head.unsigned(processor.whole(block)[8]) - 1) * BLOCK
+    return section[: max(stated_bytes, data_start - start)]
 
 
 def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
     """Return the frame rate, Hz; that of the header and ``POINT:RATE`` must agree."""
-    stated = parameters.number("POINT", "RATE")
-    if stated is None or not stated > 0:
+    stated_hz = parameters.number("POINT", "RATE")
+    if stated_hz is None or not stated_hz > 0:
         return header.rate_hz
     if not header.rate_hz > 0:
-        return stated
-    if not abs(stated - header.rate_hz) <= raw.RATE_TOLERANCE * abs(stated):
+        return stated_hz
+    if not abs(stated_hz - header.rate_hz) <= raw.RATE_TOLERANCE * abs(stated_hz):
+        place = parameters.place("POINT", "RATE")
         wanted = f"{header.rate_hz:g} Hz as in the header"
-        raise RecordingError.at(
-            parameters.place("POINT", "RATE"), wanted, f"{stated:g} Hz"
-        )
-    return stated
+        raise RecordingError.at(place, wanted, f"{stated_hz:g} Hz")
+    return stated_hz
 
 
 def _markers(
@@ -129,63 +132,73 @@ def _markers(
     place = parameters.place("POINT", "LABELS")
     labels = parameters.texts("POINT", "LABELS")[:n_points]
     labels += [""] * (n_points - len(labels))
-    outputs = {
-        name for key in MODEL_OUTPUTS for name in parameters.texts("POINT", key)
-    } - {""}
-    outputs |= {label for label in labels if _OUTPUT.fullmatch(label)}
-    kept = [i for i, label in enumerate(labels) if label not in outputs]
-    n_outputs = n_points - len(kept)
-    if not kept:
-        raise RecordingError.at(
-            place, "markers", f"model outputs only ({listed(labels)})"
-        )
-    named, unlabelled = raw.labelled(place, [labels[i] for i in kept])
-    kept = [kept[i] for i in named]
-    markers, remarks = raw.distinct_names(
-        place, [labels[i] for i in kept], may_lack=True
-    )
+    outputs = _model_outputs(parameters, labels)
+    no_outputs = [i for i, label in enumerate(labels) if label not in outputs]
+    if not no_outputs:
+        found = f"model outputs only ({listed(labels)})"
+        raise RecordingError.at(place, "markers", found)
+    labelled, unlabelled = raw.labelled(place, [labels[i] for i in no_outputs])
+    kept = [no_outputs[i] for i in labelled]
+    kept_labels = [labels[i] for i in kept]
+    markers, remarks = raw.distinct_names(place, kept_labels, may_lack=True)
     if len(kept) == n_points:
         return markers, slice(None), remarks
-    told = listed([label for label in labels if label in outputs])
-    left_out = f"{place}: {n_outputs} model outputs are no markers and left out: {told}"
-    return markers, kept, (*remarks, *unlabelled, *(left_out,) * bool(n_outputs))
+    remarks += unlabelled
+    n_outputs = n_points - len(no_outputs)
+    if n_outputs:
+        names = listed([label for label in labels if label in outputs])
+        left_out = f"{n_outputs} model outputs are no markers and left out: {names}"
+        remarks += (f"{place}: {left_out}",)
+    return markers, kept, remarks
+
+
+def _model_outputs(parameters: Parameters, labels: list[str]) -> set[str]:
+    outputs = {label for label in labels if _OUTPUT.fullmatch(label)}
+    for key in MODEL_OUTPUTS:
+        outputs |= set(parameters.texts("POINT", key))
+    return outputs - {""}
 
 
 def _stated_up(parameters: Parameters) -> str:
     """Return the axis that points up on the screen, if it is one of x, y, z."""
-    axis = (parameters.texts("POINT", "Y_SCREEN") or [""])[0].upper()
-    return axis[1].lower() if axis in ("+X", "+Y", "+Z") else ""
+    axes = parameters.texts("POINT", "Y_SCREEN")
+    if axes and axes[0].upper() in ("+X", "+Y", "+Z"):
+        return axes[0][1].lower()
+    return ""
 
 
 def _numbers(
     path: Path, header: C3dHeader, parameters: Parameters, n_frames: int
 ) -> NDArray[Any]:
-    """Return the file's numbers, a row per frame: four per point, then the analog samples."""
+    """Return the file's numbers, a row per frame: four a point, then analog samples."""
     stored = np.asarray(
         np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start)
     )
-    data, processor = stored[: n_frames * header.frame_bytes], parameters.processor
-    numbers: NDArray[Any] = (
-        processor.floats(data) if header.scale < 0 else processor.whole(data)
-    )
+    data = stored[: n_frames * header.frame_bytes]
+    processor = parameters.processor
+    # A scale below 0 marks floats.
+    if header.scale < 0:
+        numbers: NDArray[Any] = processor.floats(data)
+    else:
+        numbers = processor.whole(data)
     return numbers.reshape(n_frames, -1)
 
 
-UNSEEN_WORD = -1  # residual of a point that was not seen; as an unsigned word 65,535
-EIGHT_CAMERAS = (
-    -256
-)  # words below it are a residual beside a mask of eight cameras, not -1
+# Residual of a point that was not seen; as an unsigned word it is 65,535.
+UNSEEN_WORD = -1
+
+# Words below it are a residual beside a mask of eight cameras, and not -1.
+EIGHT_CAMERAS = -256
 
 
 def _positions(
     path: Path, header: C3dHeader, numbers: NDArray[Any], kept: list[int] | slice
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return positions (N, M, 3) of the selected points, NaN where unseen, and remarks."""
+    """Return positions (N, M, 3) of some points, NaN where unseen, and remarks."""
     points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)
-    words = points[:, :, 3]
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         positions = points[:, kept, :3].astype(np.float64)
-        unseen, remarks = _unseen(path, words)
+        unseen, remarks = _unseen(path, points[:, :, 3])
     positions[unseen[:, kept]] = np.nan
     if header.scale > 0:
         positions *= header.scale
@@ -195,7 +208,7 @@ def _positions(
 def _unseen(
     path: Path, words: NDArray[Any]
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    """Tell which points their residual words (N, M) mark as unseen, and what was odd about them.
+    """Tell which points their residual words (N, M) mark as unseen, with remarks.
 
     The format's word holds the residual in its lower byte and a mask of seven cameras
     in the upper one; below 0 it marks an unseen point. Two habits differ. Some programs
@@ -204,41 +217,43 @@ def _unseen(
     unseen one.
     """
     if not (words >= 0).any():
-        told = "all residuals are below 0, as for unseen points; they are ignored"
-        return np.zeros(words.shape, bool), (f"{path}: {told}",)
+        ignored = "all residuals are below 0, as for unseen points; they are ignored"
+        return np.zeros(words.shape, bool), (f"{path}: {ignored}",)
     unseen = ~(words >= 0) | (words == UNSEEN_WORD % 65536)
-    if not (words < EIGHT_CAMERAS).any():
+    is_below_mask = words < EIGHT_CAMERAS
+    if not is_below_mask.any():
         return unseen, ()
-    masked = (words < EIGHT_CAMERAS) & (words >= -32768) & (words % 1 == 0)
+    is_word = (words >= -32768) & (words % 1 == 0)
+    masked = is_below_mask & is_word
     unseen &= ~masked
-    told = (
-        f"{masked.sum()} of {masked.size} residual words are below {EIGHT_CAMERAS}, as with a mask "
-        "of eight cameras; these points count as seen"
-    )
-    return unseen, (f"{path}: {told}",)
+    count = f"{masked.sum()} of {masked.size} residual words"
+    why = f"are below {EIGHT_CAMERAS}, as with a mask of eight cameras"
+    return unseen, (f"{path}: {count} {why}; these points count as seen",)
 
 
 def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
-    """Return events of the group ``EVENT``, labels with times in minutes and seconds, and remarks.
+    """Return the events of the group ``EVENT``, and remarks.
 
-    Markers do not depend on them, so inconsistent events are skipped rather than
-    refused.
+    They are labels with times in minutes and seconds. Markers do not depend on them, so
+    inconsistent events are skipped rather than refused.
     """
     used = int(parameters.number("EVENT", "USED") or 0)
-    labels, times = (
-        parameters.texts("EVENT", "LABELS"),
-        parameters.numbers("EVENT", "TIMES"),
-    )
+    labels = parameters.texts("EVENT", "LABELS")
+    times = parameters.numbers("EVENT", "TIMES")
     contexts = parameters.texts("EVENT", "CONTEXTS") or [""] * len(labels)
-    enough = 0 <= used <= min(len(labels), len(contexts), len(times) // 2)
-    if not enough or not np.isfinite(times[: 2 * used]).all():
-        found = f"{len(labels)} labels, {len(contexts)} contexts and {len(times) / 2:g} times"
+    are_enough = 0 <= used <= min(len(labels), len(contexts), len(times) // 2)
+    if not are_enough or not np.isfinite(times[: 2 * used]).all():
+        counts = f"{len(labels)} labels, {len(contexts)} contexts"
+        found = f"{counts} and {len(times) / 2:g} times; none is read"
         place = parameters.place("EVENT", "USED")
-        return (), (mismatch(place, f"{used} events", f"{found}; none is read"),)
-    parts = zip(contexts[:used], labels, times[::2], times[1::2], strict=False)
-    return tuple(
-        Event(f"{where} {what}".strip(), 60 * m + s) for where, what, m, s in parts
-    ), ()
+        return (), (mismatch(place, f"{used} events", found),)
+    events = []
+    minutes = times[::2]
+    seconds = times[1::2]
+    for i in range(used):
+        name = f"{contexts[i]} {labels[i]}".strip()
+        events.append(Event(name, 60 * minutes[i] + seconds[i]))
+    return tuple(events), ()
 
 
 # Analog channels of a C3D file, such as the forces of a plate.
@@ -297,36 +312,49 @@ def read_analogs(path: Path) -> Analogs:
         found.
     """
     header, parameters, size = open_c3d(path)
-    n_channels = int(parameters.number("ANALOG", "USED") or 0)
-    if not n_channels or not header.n_analog:
-        raise RecordingError.at(parameters.place("ANALOG", "USED"), "channels", "none")
-    if header.n_analog % n_channels:
-        wanted = f"a divisor of the {header.n_analog} analog numbers in each frame"
-        raise RecordingError.at(parameters.place("ANALOG", "USED"), wanted, n_channels)
+    n_channels = _channels_of(header, parameters)
     available = size - header.data_start
     header, _ = head.settle_points(header, parameters, available)
     n_frames, _ = head.count_frames(header, parameters, available)
     per_frame = header.n_analog // n_channels
-    stored = _numbers(path, header, parameters, n_frames)[
-        :, 4 * header.n_points :
-    ].astype(float)
-    unsigned = (parameters.texts("ANALOG", "FORMAT") or [""])[0].upper() == "UNSIGNED"
-    if unsigned and header.scale > 0:
-        stored = np.where(stored < 0, stored + 65536, stored)
+    numbers = _numbers(path, header, parameters, n_frames)
+    stored = numbers[:, 4 * header.n_points :].astype(float)
+    formats = parameters.texts("ANALOG", "FORMAT")
+    is_unsigned = bool(formats) and formats[0].upper() == "UNSIGNED"
+    if is_unsigned:
+        offsets = parameters.unsigned_numbers("ANALOG", "OFFSET")
+        if header.scale > 0:
+            stored = np.where(stored < 0, stored + 65536, stored)
+    else:
+        offsets = parameters.numbers("ANALOG", "OFFSET")
     stored = stored.reshape(n_frames * per_frame, n_channels)
-    offsets = (parameters.unsigned_numbers if unsigned else parameters.numbers)(
-        "ANALOG", "OFFSET"
-    )
     offset = _per_channel(parameters, "OFFSET", offsets, n_channels, default=0.0)
     scales = parameters.numbers("ANALOG", "SCALE")
     scale = _per_channel(parameters, "SCALE", scales, n_channels, default=1.0)
-    general = parameters.number("ANALOG", "GEN_SCALE")
-    start = head.first_frame(header, parameters) - 1
-    samples = start * per_frame + np.arange(n_frames * per_frame)
-    names, units = (_texts(parameters, key, n_channels) for key in ("LABELS", "UNITS"))
-    time = samples / (frame_rate(header, parameters) * per_frame)
-    values = (stored - offset) * scale * (1.0 if general is None else general)
-    return Analogs(path, names, units, time, values)
+    general_scale = parameters.number("ANALOG", "GEN_SCALE")
+    if general_scale is None:
+        general_scale = 1.0
+    first = (head.first_frame(header, parameters) - 1) * per_frame
+    samples = first + np.arange(n_frames * per_frame)
+    return Analogs(
+        path,
+        names=_texts(parameters, "LABELS", n_channels),
+        units=_texts(parameters, "UNITS", n_channels),
+        time=samples / (frame_rate(header, parameters) * per_frame),
+        values=(stored - offset) * scale * general_scale,
+    )
+
+
+def _channels_of(header: C3dHeader, parameters: Parameters) -> int:
+    """Return the number of channels, by which the analog numbers of a frame divide."""
+    place = parameters.place("ANALOG", "USED")
+    n_channels = int(parameters.number("ANALOG", "USED") or 0)
+    if not n_channels or not header.n_analog:
+        raise RecordingError.at(place, "channels", "none")
+    if header.n_analog % n_channels:
+        wanted = f"a divisor of the {header.n_analog} analog numbers in each frame"
+        raise RecordingError.at(place, wanted, n_channels)
+    return n_channels
 
 
 def _per_channel(
@@ -341,7 +369,9 @@ def _per_channel(
     if found and len(found) < n_channels:
         wanted = f"{n_channels} numbers"
         raise RecordingError.at(parameters.place("ANALOG", name), wanted, len(found))
-    return np.array(found[:n_channels] or [default] * n_channels, dtype=np.float64)
+    if not found:
+        return np.full(n_channels, default)
+    return np.array(found[:n_channels], dtype=np.float64)
 
 
 def _texts(parameters: Parameters, name: str, n_channels: int) -> tuple[str, ...]:

@@ -45,7 +45,8 @@ class Processor:
         raw = np.frombuffer(data, dtype=np.uint8)
         if self.name != "DEC":
             return raw.view(f"{self.order}f4")
-        swapped = raw.view("<u2").reshape(-1, 2)[:, ::-1].copy().view("<f4").reshape(-1)
+        halves = raw.view("<u2").reshape(-1, 2)
+        swapped = halves[:, ::-1].copy().view("<f4").reshape(-1)
         with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
             quarter: NDArray[np.float32] = (swapped / np.float32(4)).astype(np.float32)
         return quarter
@@ -61,16 +62,30 @@ PROCESSORS = {
 
 def unsigned(value: float) -> int:
     """Return a count whose 16 bits may have been read as signed."""
-    return int(value) + (65536 if value < 0 else 0)
+    return int(value) + (WORDS if value < 0 else 0)
 
 
-BLOCK = 512  # bytes; all sections begin at a multiple of this
-_WIDTH = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes per element: text, byte, integer, float
+# Bytes of a block; all sections begin at a multiple of this.
+BLOCK = 512
+
+# Values of a 16-bit word, and the largest that has no sign.
+WORDS = 65536
+MOST_16_BIT = 65535
+
+# Types of parameters, and the bytes that an element of each takes.
+_TEXT = -1
+_BYTE = 1
+_WHOLE = 2
+_FLOAT = 4
+_WIDTH = {_TEXT: 1, _BYTE: 1, _WHOLE: 2, _FLOAT: 4}
 
 
 @dataclass
 class Parameters:
-    """Parameters by group and name, both in upper case, and their places in the file."""
+    """Parameters by group and name, both in upper case, and their places in the file.
+
+    A parameter may be continued in others, such as ``LABELS2`` after ``LABELS``.
+    """
 
     path: Path
     processor: Processor
@@ -93,7 +108,7 @@ class Parameters:
         return numbers[0] if numbers else None
 
     def numbers(self, group: str, name: str) -> list[float]:
-        """Return all numbers of a parameter and its continuations (``SCALE2`` ...); none if absent.
+        """Return all numbers of a parameter and its continuations; none if absent.
 
         Raises
         ------
@@ -103,19 +118,21 @@ class Parameters:
         return [float(x) for value in self._all(group, name, np.ndarray) for x in value]
 
     def unsigned_numbers(self, group: str, name: str) -> list[float]:
-        """Return all numbers of a parameter whose 16-bit words are unsigned, as `numbers` does.
+        """Return all numbers as `numbers`, of a parameter whose words have no sign.
 
         Whole numbers are decoded as signed, so 32768 comes as -32768. Floats keep their
         sign.
         """
-        found: list[float] = []
+        numbers: list[float] = []
         for values in self._all(group, name, np.ndarray):
-            is_word = values.dtype == np.int16
-            found += [unsigned(x) if is_word else float(x) for x in values]
-        return found
+            if values.dtype == np.int16:
+                numbers += [unsigned(x) for x in values]
+            else:
+                numbers += [float(x) for x in values]
+        return numbers
 
     def texts(self, group: str, name: str) -> list[str]:
-        """Return all texts of a parameter and its continuations (``LABELS2`` ...); none if absent.
+        """Return all texts of a parameter and its continuations; none if absent.
 
         Raises
         ------
@@ -125,14 +142,17 @@ class Parameters:
         return [text for value in self._all(group, name, list) for text in value]
 
     def _all(self, group: str, name: str, kind: type) -> Iterator[Any]:
-        """Yield the values of a parameter and its continuations, which must be of one kind."""
+        """Yield the values of a parameter and its continuations, all of one kind."""
         named = self.groups.get(group, {})
-        for key in [name, *(f"{name}{i}" for i in range(2, len(named) + 2))]:
+        continuations = [f"{name}{i}" for i in range(2, len(named) + 2)]
+        for key in [name, *continuations]:
             if key not in named:
                 return
             if not isinstance(named[key], kind):
-                told = ("text", "numbers") if kind is list else ("numbers", "text")
-                raise RecordingError.at(self.place(group, key), told[0], told[1])
+                place = self.place(group, key)
+                if kind is list:
+                    raise RecordingError.at(place, "text", "numbers")
+                raise RecordingError.at(place, "numbers", "text")
             yield named[key]
 
 
@@ -162,28 +182,50 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
         raise RecordingError.at(f"{path}, byte {offset + 3}", wanted, section[3])
     parameters = Parameters(path, processor)
     source = _Section(path, section, offset, processor)
-    names: dict[int, str] = {}
+    groups: dict[int, str] = {}
     found: list[tuple[int, str, Any]] = []
-    for number, name, start in source.records():
-        if number < 0:
-            names[-number] = name
-        elif (kind := source.kind(start)) in _WIDTH:
-            found.append((number, name, source.value(start)))
+    for record in source.records():
+        if record.number < 0:
+            groups[-record.number] = record.name
+            continue
+        kind = source.kind(record.content)
+        if kind in _WIDTH:
+            value = source.value(record.content)
+            found.append((record.number, record.name, value))
         else:
-            place = f"{path}, byte {offset + start}: parameter {name}"
+            byte = offset + record.content
+            place = f"{path}, byte {byte}: parameter {record.name}"
             told = mismatch(place, "the type -1, 1, 2 or 4", f"{kind}; it is left out")
             parameters.remarks += (told,)
+    # A group may follow its parameters.
     for number, name, value in found:
-        if number not in names:
-            told = mismatch(
-                f"{path}: parameter {name}",
-                f"a group of number {number}",
-                "none; it is left out",
-            )
+        if number in groups:
+            parameters.groups.setdefault(groups[number], {})[name] = value
+        else:
+            place = f"{path}: parameter {name}"
+            wanted = f"a group of number {number}"
+            told = mismatch(place, wanted, "none; it is left out")
             parameters.remarks += (told,)
-            continue
-        parameters.groups.setdefault(names[number], {})[name] = value
     return parameters
+
+
+@dataclass(frozen=True)
+class _Record:
+    """A group, or a parameter of one.
+
+    Parameters
+    ----------
+    number : int
+        Number of the group; negative for the group itself.
+    name : str
+        In upper case.
+    content : int
+        Place in the section at which its content begins.
+    """
+
+    number: int
+    name: str
+    content: int
 
 
 @dataclass(frozen=True)
@@ -195,25 +237,24 @@ class _Section:
     offset: int
     processor: Processor
 
-    def records(self) -> Iterator[tuple[int, str, int]]:
-        """Yield the group's number (negative for the group itself), name and start of content."""
-        at = 4
-        while at + 2 <= len(self.data) and self.data[at]:
-            length, number = np.frombuffer(self.data, np.int8, 2, at).tolist()
-            name = decoded(self.take(at + 2, abs(length))).strip().upper()
-            after = at + 2 + abs(length)
-            step = unsigned(self.processor.whole(self.take(after, 2))[0])
-            yield number, name, after + 2
+    def records(self) -> Iterator[_Record]:
+        """Yield groups and parameters."""
+        start = 4
+        while start + 2 <= len(self.data) and self.data[start]:
+            length, number = np.frombuffer(self.data, np.int8, 2, start).tolist()
+            after_name = start + 2 + abs(length)
+            name = decoded(self.take(start + 2, abs(length))).strip().upper()
+            step = unsigned(self.processor.whole(self.take(after_name, 2))[0])
+            yield _Record(number, name, after_name + 2)
             if step == 0:
                 return
             if step < 2:
-                raise self.fault(
-                    after, f"the distance to the next record, found {step}"
-                )
-            at = after + self.distance(number, after + 2, step)
+                what = f"the distance to the next record, found {step}"
+                raise self.fault(after_name, what)
+            start = after_name + self.distance(number, after_name + 2, step)
 
     def distance(self, number: int, content: int, step: int) -> int:
-        """Return the distance to the next record, of which the file states the lower 16 bits.
+        """Return the distance to the next record, of which the file states 16 bits.
 
         A parameter of more than 65,535 bytes is known by its own lengths, which then
         agree with the stated distance but for a multiple of 65,536.
@@ -226,8 +267,9 @@ class _Section:
         description_at = content + 2 + n_dimensions + n_bytes
         if n_bytes <= MOST_16_BIT or description_at >= len(self.data):
             return step
-        whole = description_at + 1 + self.data[description_at] - (content - 2)
-        return whole if whole % 65536 == step else step
+        description_bytes = 1 + self.data[description_at]
+        whole = description_at + description_bytes - (content - 2)
+        return whole if whole % WORDS == step else step
 
     def kind(self, at: int) -> int:
         """Return the type of a parameter."""
@@ -235,35 +277,45 @@ class _Section:
 
     def value(self, at: int) -> Any:
         """Return a parameter: an array of its numbers or a list of its texts."""
-        kind, n_dimensions = self.kind(at), self.take(at + 1, 1)[0]
+        kind = self.kind(at)
+        n_dimensions = self.take(at + 1, 1)[0]
         sizes = list(self.take(at + 2, n_dimensions))
-        data = self.take(at + 2 + n_dimensions, prod(sizes) * _WIDTH[kind])
-        if kind == -1:
-            width = sizes[0] if sizes else 1
-            pieces = range(0, len(data), width) if width else []
-            return [
-                decoded(data[i : i + width].split(b"\0")[0]).strip(" ") for i in pieces
-            ]
-        if kind == 1:
+        n_bytes = prod(sizes) * _WIDTH[kind]
+        data = self.take(at + 2 + n_dimensions, n_bytes)
+        if kind == _TEXT:
+            return _texts(data, width=sizes[0] if sizes else 1)
+        if kind == _BYTE:
             return np.frombuffer(data, dtype=np.int8)
-        return self.processor.whole(data) if kind == 2 else self.processor.floats(data)
+        if kind == _WHOLE:
+            return self.processor.whole(data)
+        return self.processor.floats(data)
 
     def take(self, at: int, length: int) -> bytes:
-        """Return the requested bytes of the section; raise an error if it is too short."""
+        """Return bytes of the section; raise an error if it is too short."""
         if at + length > len(self.data):
-            raise self.fault(
-                at, f"{length} bytes of a parameter, found the end of the section"
-            )
+            what = f"{length} bytes of a parameter, found the end of the section"
+            raise self.fault(at, what)
         return self.data[at : at + length]
 
     def fault(self, at: int, what: str) -> RecordingError:
         return RecordingError(f"{self.path}, byte {self.offset + at}: expected {what}")
 
 
+def _texts(data: bytes, *, width: int) -> list[str]:
+    """Return texts of equal width, which a zero or blanks may end."""
+    if not width:
+        return []
+    texts = []
+    for start in range(0, len(data), width):
+        text = data[start : start + width].split(b"\0")[0]
+        texts.append(decoded(text).strip(" "))
+    return texts
+
+
 # First block of a C3D file, and the number of frames that the file really holds.
 
-MOST_16_BIT = 65535
-_EVENT_KEY = 12345  # in word 150: events with four-letter labels follow
+# Value of word 150 if events with four-letter labels follow, and their largest number.
+_EVENT_KEY = 12345
 _MOST_EVENTS = 18
 
 
@@ -288,7 +340,8 @@ class C3dHeader:
     @property
     def frame_bytes(self) -> int:
         """Return the number of bytes per frame."""
-        return (4 * self.n_points + self.n_analog) * (4 if self.scale < 0 else 2)
+        bytes_of_a_number = 4 if self.scale < 0 else 2
+        return (4 * self.n_points + self.n_analog) * bytes_of_a_number
 
 
 def parameter_start(path: Path, block: bytes) -> int:
@@ -306,24 +359,42 @@ def parameter_start(path: Path, block: bytes) -> int:
         wanted = f"a C3D file (0x50 in a header of {BLOCK} bytes)"
         raise RecordingError.at(f"{path}, byte 1", wanted, found)
     if block[0] < 2:
-        raise RecordingError.at(
-            f"{path}, byte 0", "the parameters in block 2 or later", block[0]
-        )
+        wanted = "the parameters in block 2 or later"
+        raise RecordingError.at(f"{path}, byte 0", wanted, block[0])
     return (block[0] - 1) * BLOCK
 
 
 def read_c3d_header(block: bytes, processor: Processor) -> C3dHeader:
     """Decode the header block (512 bytes)."""
     words = processor.whole(block)
-    n_points, n_analog, first, last = map(unsigned, words[1:5])
-    scale, rate_hz = (float(processor.floats(block[k : k + 4])[0]) for k in (12, 20))
-    start, events = (unsigned(words[8]) - 1) * BLOCK, _events(block, processor)
-    return C3dHeader(n_points, n_analog, first, last, scale, start, rate_hz, events)
+    return C3dHeader(
+        n_points=unsigned(words[1]),
+        n_analog=unsigned(words[2]),
+        first=unsigned(words[3]),
+        last=unsigned(words[4]),
+        scale=float(processor.floats(block[12:16])[0]),
+        data_start=(unsigned(words[8]) - 1) * BLOCK,
+        rate_hz=float(processor.floats(block[20:24])[0]),
+        events=_events(block, processor),
+    )
+
+
+def _events(block: bytes, processor: Processor) -> tuple[Event, ...]:
+    """Return the events of the header, whose labels have four letters."""
+    key, number = processor.whole(block[298:302])
+    if key != _EVENT_KEY or not 0 < number <= _MOST_EVENTS:
+        return ()
+    times = processor.floats(block[304:376])
+    events = []
+    for i in range(number):
+        label = decoded(block[396 + 4 * i : 400 + 4 * i]).strip(" \0")
+        events.append(Event(label, float(times[i])))
+    return tuple(events)
 
 
 def with_stated_start(header: C3dHeader, parameters: Parameters) -> C3dHeader:
-    """Return the header with the start of the data from ``POINT:DATA_START``, if it has one."""
-    stated = parameters.unsigned_numbers("POINT", "DATA_START")[:1]
+    """Return the header with the data's start from ``POINT:DATA_START``, if any."""
+    stated = parameters.unsigned_numbers("POINT", "DATA_START")
     if not stated or not isfinite(stated[0]):
         return header
     return replace(header, data_start=(int(stated[0]) - 1) * BLOCK)
@@ -332,7 +403,7 @@ def with_stated_start(header: C3dHeader, parameters: Parameters) -> C3dHeader:
 def settle_points(
     header: C3dHeader, parameters: Parameters, available: int
 ) -> tuple[C3dHeader, tuple[str, ...]]:
-    """Return the header with the number of points that fits the file's size, and remarks.
+    """Return the header with the number of points that fits the file, and remarks.
 
     Header and ``POINT:USED`` both state it. Where they differ, the frames of only one
     of them may fill the file to the block.
@@ -343,15 +414,14 @@ def settle_points(
         If they differ and neither or both fit.
     """
     stated = parameters.number("POINT", "USED")
-    if stated is None or stated % 65536 == header.n_points or not isfinite(stated):
+    if stated is None or stated % WORDS == header.n_points or not isfinite(stated):
         return header, ()
     place = parameters.place("POINT", "USED")
-    other = replace(header, n_points=int(stated % 65536))
+    other = replace(header, n_points=int(stated % WORDS))
     fitting = [one for one in (header, other) if _fits(one, parameters, available)]
     if len(fitting) != 1:
-        raise RecordingError.at(
-            place, f"{header.n_points} as in the header", f"{stated:g}"
-        )
+        wanted = f"{header.n_points} as in the header"
+        raise RecordingError.at(place, wanted, f"{stated:g}")
     (right,) = fitting
     wanted = f"{header.n_points} points as in the header"
     found = f"{stated:g}; {right.n_points} fit the size of the file and are read"
@@ -370,7 +440,7 @@ def _fits(header: C3dHeader, parameters: Parameters, available: int) -> bool:
 
 
 def first_frame(header: C3dHeader, parameters: Parameters) -> int:
-    """Return the number of the first frame; long recordings store it in two words of ``TRIAL``."""
+    """Return the number of the first frame; long recordings state it in ``TRIAL``."""
     return _two_words(parameters, "ACTUAL_START_FIELD") or header.first
 
 
@@ -403,45 +473,52 @@ def count_frames(
         If no claim fits the file's size, or there are no frames.
     """
     claims = _claims(header, parameters)
+    path = parameters.path
     most = available // header.frame_bytes
-    # Some writers pad the last block; others add a whole block if it is full.
-    possible = range(
-        most, max(0, -(-(available - BLOCK) // header.frame_bytes) - 1), -1
-    )
-    fitting = [n for n in claims.values() if n in possible]
-    wrapped = [
-        n
-        for n in possible
-        if all(_is_full(c) or c == n % 65536 for c in claims.values())
-    ]
     if most and _lacks_a_block(claims, header, available):
-        told = f"{min(claims.values()):g} frames are stated, the file ends within one block of them"
-        return most, (f"{parameters.path}: {told}; the {most} that are whole are read",)
+        stated = f"{min(claims.values()):g} frames are stated"
+        lacking = f"{stated}, the file ends within one block of them"
+        return most, (f"{path}: {lacking}; the {most} that are whole are read",)
+    # Some writers pad the last block; others add a whole block if it is full.
+    least = -(-(available - BLOCK) // header.frame_bytes)
+    possible = range(most, max(0, least - 1), -1)
+    fitting = [int(claim) for claim in claims.values() if claim in possible]
+    # Beyond 16 bits, a count that all claims agree with but for a multiple of 65,536.
+    wrapped = [n for n in possible if _are_wrapped(claims, n)]
     if not claims or not (fitting or wrapped):
-        told = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
-        cut = (
-            "; was the file cut short?"
-            if all(claim > most for claim in claims.values())
-            else ""
-        )
-        wanted = f"{told} of {header.frame_bytes} bytes each"
-        found = f"room for {most} after byte {header.data_start}{cut}"
-        raise RecordingError.at(f"{parameters.path}: frames", wanted, found)
-    n = int((fitting or wrapped)[0])
-    remarks = [
-        f"{parameters.path}: {name} says {claim:g} frames, the file holds {n}"
-        for name, claim in claims.items()
-        if claim != n and not (n > claim and _is_16_bit(claim, n))
-    ]
+        raise _no_room(claims, header, most, path)
+    n_frames = fitting[0] if fitting else wrapped[0]
+    remarks = []
+    for name, claim in claims.items():
+        is_wrapped = n_frames > claim and _is_16_bit(claim, n_frames)
+        if claim != n_frames and not is_wrapped:
+            says = f"{name} says {claim:g} frames, the file holds {n_frames}"
+            remarks.append(f"{path}: {says}")
     if not fitting:
-        remarks.append(
-            f"{parameters.path}: {n} frames counted from the size of the file"
-        )
-    return n, tuple(remarks)
+        remarks.append(f"{path}: {n_frames} frames counted from the size of the file")
+    return n_frames, tuple(remarks)
+
+
+def _are_wrapped(claims: dict[str, float], n_frames: int) -> bool:
+    """Tell whether each claim is this number, or its limit, in 16 bits."""
+    return all(
+        _is_full(claim) or claim == n_frames % WORDS for claim in claims.values()
+    )
+
+
+def _no_room(
+    claims: dict[str, float], header: C3dHeader, most: int, path: Path
+) -> RecordingError:
+    stated = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
+    wanted = f"{stated} of {header.frame_bytes} bytes each"
+    found = f"room for {most} after byte {header.data_start}"
+    if all(claim > most for claim in claims.values()):
+        found += "; was the file cut short?"
+    return RecordingError.at(f"{path}: frames", wanted, found)
 
 
 def _lacks_a_block(claims: dict[str, float], header: C3dHeader, available: int) -> bool:
-    """Tell whether the last block of the stated frames was not written, as some programs do."""
+    """Tell whether the last block of the frames was not written, as some do."""
     stated = set(claims.values())
     if len(stated) != 1 or not isfinite(min(stated)):
         return False
@@ -458,21 +535,23 @@ def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:
     for name in ("LONG_FRAMES", "FRAMES"):
         stated = parameters.number("POINT", name)
         if stated is not None and isfinite(stated):
-            claims[f"POINT:{name}"] = unsigned(stated) if stated > -32769 else stated
-    if (
-        header.last < MOST_16_BIT or not claims
-    ):  # a saturated last frame says nothing beside others
-        full = header.last == MOST_16_BIT
-        claims["header"] = MOST_16_BIT if full else header.last - header.first + 1
+            is_word = stated > -32769
+            claims[f"POINT:{name}"] = unsigned(stated) if is_word else stated
+    if header.last < MOST_16_BIT:
+        claims["header"] = header.last - header.first + 1
+    elif not claims:
+        # Beside other claims, a last frame at the limit says nothing.
+        is_full = header.last == MOST_16_BIT
+        claims["header"] = MOST_16_BIT if is_full else header.last - header.first + 1
     return claims
 
 
 def _two_words(parameters: Parameters, name: str) -> int:
-    """Return the integer in two 16-bit words of ``TRIAL``, low word first; 0 if absent."""
+    """Return the integer in two words of ``TRIAL``, low word first; 0 if absent."""
     words = parameters.numbers("TRIAL", name)
     if len(words) != 2 or not all(abs(word) <= MOST_16_BIT for word in words):
         return 0
-    return unsigned(words[0]) + 65536 * unsigned(words[1])
+    return unsigned(words[0]) + WORDS * unsigned(words[1])
 
 
 def _is_full(claim: float) -> bool:
@@ -480,18 +559,6 @@ def _is_full(claim: float) -> bool:
 
 
 def _is_16_bit(claim: float, n: float) -> bool:
-    return n > MOST_16_BIT and (
-        _is_full(claim) or claim == n % 65536 or claim == n % 65536 - 65536
-    )
-
-
-def _events(block: bytes, processor: Processor) -> tuple[Event, ...]:
-    """Return the events of the header, whose labels have four letters."""
-    words = processor.whole(block[298:302])
-    if words[0] != _EVENT_KEY or not 0 < words[1] <= _MOST_EVENTS:
-        return ()
-    times = processor.floats(block[304:376])[: words[1]]
-    labels = [
-        decoded(block[396 + 4 * i : 400 + 4 * i]).strip(" \0") for i in range(words[1])
-    ]
-    return tuple(Event(label, float(t)) for label, t in zip(labels, times, strict=True))
+    if n <= MOST_16_BIT:
+        return False
+    return _is_full(claim) or claim in (n % WORDS, n % WORDS - WORDS)

@@ -15,23 +15,29 @@ from hopdata.recordings import raw as reading
 from hopdata.recordings.budget import MOST_UNPACKED_MB
 from hopdata.recordings.readers.text import one_line, require_file
 
-LARGEST = 1e9  # mm or m: beyond the range of any camera
+#: Coordinate beyond which a file is refused.
+#: Unit: that of the file, mm or m. Origin: chosen. Beyond the range of any camera.
+LARGEST = 1e9
 
-
-LEAST_SCORE = 0.6  # as the default of input.least_score in the schema
+#: Score below which a keypoint of a video counts as unseen.
+#: Unit: 1. Origin: convention. The default of `input.least_score` in the schema.
+LEAST_SCORE = 0.6
 
 # Reader for each suffix, and the limits passed to it.
-_EXPORT = ("hopdata.recordings.readers.csv_exports:read_export", ("least_score",))
+_TEXT = ("hopdata.recordings.readers.csv_exports:read_export", ("least_score",))
 _HDF5 = (
     "hopdata.recordings.readers.keypoints:read_hdf5",
     ("most_unpacked_mb", "least_score"),
 )
 READERS: dict[str, tuple[str, tuple[str, ...]]] = {
-    **dict.fromkeys((".tsv", ".txt", ".csv"), _EXPORT),
+    ".tsv": _TEXT,
+    ".txt": _TEXT,
+    ".csv": _TEXT,
     ".mat": ("hopdata.recordings.readers.mat:read_qtm_mat", ("most_unpacked_mb",)),
     ".c3d": ("hopdata.recordings.readers.c3d:read_c3d", ()),
     ".trc": ("hopdata.recordings.readers.trc:read_trc", ()),
-    **dict.fromkeys((".h5", ".hdf5"), _HDF5),
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
 }
 
 
@@ -75,11 +81,9 @@ def read_raw(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in suffixes():
-        found = (
-            "a folder: name its files one by one"
-            if path.is_dir()
-            else f"'{path.suffix}'"
-        )
+        found = f"'{path.suffix}'"
+        if path.is_dir():
+            found = "a folder: name its files one by one"
         wanted = f"a file ending in {', '.join(suffixes())}"
         raise RecordingError.at(f"{path}: format", wanted, found)
     require_file(path)
@@ -98,7 +102,7 @@ def read_raw(
 def _read_with_plugin(
     plugin: EntryPoint, path: Path, rate_hz: float | None
 ) -> reading.RawRecording:
-    """Read a file with the reader of another package, whose errors may be of any kind."""
+    """Read a file with the reader of another package; its errors may be of any kind."""
     package = f"{plugin.dist.name} " if plugin.dist is not None else ""
     reader = f"the reader {package}({plugin.value})"
     try:
@@ -106,52 +110,50 @@ def _read_with_plugin(
     except HopdataError:
         raise
     except Exception as error:
-        told = f"{type(error).__name__}: {one_line(str(error))}"
-        raise RecordingError.at(path, f"{reader} to read it", told) from error
+        found = f"{type(error).__name__}: {one_line(str(error))}"
+        raise RecordingError.at(path, f"{reader} to read it", found) from error
     _check_plugin(f"{path}: {reader}", found)
     return found
 
 
 def _check_plugin(place: str, found: Any) -> None:
-    """Require what a plugin's reader returns to be a recording whose parts fit one another."""
+    """Require what a plugin returns to be a recording whose parts fit one another."""
     if not isinstance(found, reading.RawRecording):
         raise RecordingError.at(place, "a RawRecording", type(found).__name__)
-    wanted = (len(found.time), len(found.markers), 3)
-    arrays = {"time": (found.time, wanted[:1]), "positions": (found.positions, wanted)}
-    for name, (array, shape) in arrays.items():
-        is_array = isinstance(array, np.ndarray) and array.dtype == np.float64
-        if not is_array or array.shape != shape:
-            told = (
-                f"{getattr(array, 'dtype', type(array).__name__)} of {np.shape(array)}"
-            )
-            raise RecordingError.at(f"{place}: {name}", f"float64 of {shape}", told)
+    n_frames = len(found.time)
+    _require_floats(f"{place}: time", found.time, (n_frames,))
+    shape = (n_frames, len(found.markers), 3)
+    _require_floats(f"{place}: positions", found.positions, shape)
     if found.unit not in reading.METRES_PER_UNIT:
         units = " or ".join(reading.METRES_PER_UNIT)
         raise RecordingError.at(f"{place}: unit", units, f"{found.unit!r}")
+
+
+def _require_floats(place: str, array: Any, shape: tuple[int, ...]) -> None:
+    is_array = isinstance(array, np.ndarray) and array.dtype == np.float64
+    if not is_array or array.shape != shape:
+        kind = getattr(array, "dtype", type(array).__name__)
+        found = f"{kind} of {np.shape(array)}"
+        raise RecordingError.at(place, f"float64 of {shape}", found)
 
 
 def _check_numbers(path: Path, raw: reading.RawRecording) -> None:
     """Require finite times, s, and positions that are NaN or possible."""
     if not np.isfinite(raw.time).all():
         frame = int(np.argmin(np.isfinite(raw.time)))
-        raise RecordingError.at(
-            f"{path}: frame {frame + 1}", "a finite time", raw.time[frame]
-        )
-    step = (
-        float(np.median(np.diff(raw.time)))
-        if raw.has_stamps and len(raw.time) > 1
-        else 0.0
-    )
-    if step > SLOWEST_S:
-        wanted = f"s, at most {SLOWEST_S} from frame to frame"
-        how = "if these are ms or µs divide them, or leave the time out and set input.rate_hz"
-        raise RecordingError.at(f"{path}: time", wanted, f"{step:g}; {how}")
+        place = f"{path}: frame {frame + 1}"
+        raise RecordingError.at(place, "a finite time", raw.time[frame])
+    if raw.has_stamps and len(raw.time) > 1:
+        step_s = float(np.median(np.diff(raw.time)))
+        if step_s > SLOWEST_S:
+            wanted = f"s, at most {SLOWEST_S} from frame to frame"
+            divide = "if these are ms or µs divide them"
+            how = f"{divide}, or leave the time out and set input.rate_hz"
+            raise RecordingError.at(f"{path}: time", wanted, f"{step_s:g}; {how}")
     if reading.largest(raw.positions) > LARGEST:
         frame, marker, axis = np.argwhere(np.abs(raw.positions) > LARGEST)[0]
-        place = (
-            f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}"
-        )
+        name = raw.markers[marker]
+        place = f"{path}: frame {frame + 1}, marker {name}, {'xyz'[axis]}"
         wanted = f"a coordinate below {LARGEST:g} {raw.unit}"
-        raise RecordingError.at(
-            place, wanted, f"{raw.positions[frame, marker, axis]:g}"
-        )
+        found = f"{raw.positions[frame, marker, axis]:g}"
+        raise RecordingError.at(place, wanted, found)

@@ -35,8 +35,11 @@ from hopdata.seal import Seal, seal_of, sealed
 # The HDF5 library trusts the file: it would allocate an array of any size, and follow
 # an invalid type into memory outside its own.
 
-NUMBER_BYTES = 8  # bytes of a number in memory, however it is stored
-_SMALL = 1 << 20  # bytes that any dataset may use
+# Bytes of a number in memory, however it is stored.
+NUMBER_BYTES = 8
+
+# Bytes that any dataset may use.
+_SMALL = 1 << 20
 
 
 def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
@@ -53,19 +56,18 @@ def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
         if not isinstance(item, h5py.Dataset) or item.shape is None:
             continue
         if item.external:
-            raise ValueError(
-                _outside(item.name, "data kept in another file", item.external[0][0])
-            )
+            where = item.external[0][0]
+            raise _outside(item.name, "data kept in another file", where)
         if item.is_virtual:
             sources = item.virtual_sources()
             where = sources[0].file_name if sources else "none"
-            raise ValueError(_outside(item.name, "a virtual dataset", where))
+            raise _outside(item.name, "a virtual dataset", where)
         total += prod(item.shape) * max(item.dtype.itemsize, NUMBER_BYTES)
     require_unpacked(total, most_unpacked_mb)
 
 
 def items_of(file: h5py.File) -> Iterator[h5py.Group | h5py.Dataset]:
-    """Yield the file's root, groups and datasets, each once; soft links are not followed.
+    """Yield root, groups and datasets, each once; soft links are not followed.
 
     Each item is opened by its name in its own group. By its whole path the time would
     grow as the square of the depth.
@@ -87,9 +89,7 @@ def items_of(file: h5py.File) -> Iterator[h5py.Group | h5py.Dataset]:
         for name in group:
             link = group.get(name, getlink=True)
             if isinstance(link, h5py.ExternalLink):
-                raise ValueError(
-                    _outside(name, "a link to another file", link.filename)
-                )
+                raise _outside(name, "a link to another file", link.filename)
             if not isinstance(link, h5py.HardLink):
                 continue
             item = group[name]
@@ -108,8 +108,9 @@ def _address(item: h5py.Group | h5py.Dataset) -> tuple[int, ...]:
     return address
 
 
-def _outside(name: str, what: str, where: str) -> str:
-    return f"'{name}': expected all data in the file itself, found {what}: {where}; copy it in"
+def _outside(name: str, what: str, where: str) -> ValueError:
+    wanted = "expected all data in the file itself"
+    return ValueError(f"'{name}': {wanted}, found {what}: {where}; copy it in")
 
 
 def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any]:
@@ -125,13 +126,14 @@ def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any
     """
     claimed = prod(dataset.shape) * dataset.dtype.itemsize
     stored = int(dataset.id.get_storage_size())
-    if claimed > max(_SMALL, DEFLATE_MOST * stored):
-        most = (
-            f"at most {DEFLATE_MOST * stored} bytes by what is stored ({stored} bytes)"
-        )
+    most = DEFLATE_MOST * stored
+    if claimed > max(_SMALL, most):
+        wanted = f"at most {most} bytes by what is stored ({stored} bytes)"
         found = f"a claim of {claimed}"
-        raise ValueError(f"dataset '{dataset.name}': expected {most}, found {found}")
-    return np.asarray((dataset if dtype is None else dataset.astype(dtype))[()])
+        raise ValueError(f"dataset '{dataset.name}': expected {wanted}, found {found}")
+    if dtype is None:
+        return np.asarray(dataset[()])
+    return np.asarray(dataset.astype(dtype)[()])
 
 
 def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
@@ -146,11 +148,15 @@ def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
         return None
     attribute = h5py.h5a.open(item.id, name.encode())
     kind = attribute.get_type()
-    sound = isinstance(
-        kind, h5py.h5t.TypeStringID | h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID
+    sound_kinds = (
+        h5py.h5t.TypeStringID,
+        h5py.h5t.TypeIntegerID,
+        h5py.h5t.TypeFloatID,
     )
-    claimed = attribute.get_space().get_simple_extent_npoints() * kind.get_size()
-    if not sound or max(claimed, kind.get_size()) > _SMALL:
+    n_entries = attribute.get_space().get_simple_extent_npoints()
+    claimed = n_entries * kind.get_size()
+    is_too_large = max(claimed, kind.get_size()) > _SMALL
+    if is_too_large or not isinstance(kind, sound_kinds):
         found = f"{type(kind).__name__} of {claimed} bytes"
         raise ValueError(f"attribute '{name}': expected numbers or text, found {found}")
     return item.attrs[name]
@@ -159,7 +165,8 @@ def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
 # Datasets and attributes of an HDF5 group are refused unless they are of the expected
 # kind.
 
-_NUMBERS = "biuf"  # kinds of dtype; complex numbers, text and records are not numbers
+# Kinds of dtype; complex numbers, text and records are not numbers.
+_NUMBERS = "biuf"
 
 
 def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
@@ -174,36 +181,39 @@ def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
     if not isinstance(found, h5py.Dataset):
         raise ValueError(f"dataset '{name}': expected numbers, found none")
     if found.dtype.kind not in _NUMBERS or not found.shape:
-        told = f"{found.dtype} of shape {found.shape}"
-        raise ValueError(
-            f"dataset '{name}': expected an array of numbers, found {told}"
-        )
+        kind = f"{found.dtype} of shape {found.shape}"
+        wanted = "expected an array of numbers"
+        raise ValueError(f"dataset '{name}': {wanted}, found {kind}")
     _require_all_parts(found)
-    return whole_array(found, None if found.dtype == np.bool_ else float)
+    if found.dtype == np.bool_:
+        return whole_array(found)
+    return whole_array(found, float)
 
 
 def _require_all_parts(dataset: h5py.Dataset) -> None:
-    """Refuse an array of which parts were not stored; the library would fill them with zeros.
+    """Refuse an array of which parts were not stored.
 
-    Programs that write recordings store each part. A damaged index loses some.
+    The library would fill them with zeros. Programs that write recordings store each
+    part. A damaged index loses some.
     """
     if dataset.chunks is None or not dataset.size:
         return
     found: set[tuple[int, ...]] = set()
-    dataset.id.chunk_iter(
-        lambda stored: found.add(stored.chunk_offset)
-    )  # must not raise
-    parts = [
-        range(0, n, of) for n, of in zip(dataset.shape, dataset.chunks, strict=True)
+    # What is called here must not raise.
+    dataset.id.chunk_iter(lambda stored: found.add(stored.chunk_offset))
+    starts = [
+        range(0, length, step)
+        for length, step in zip(dataset.shape, dataset.chunks, strict=True)
     ]
-    inside = sum(
-        all(at in part for at, part in zip(one, parts, strict=True)) for one in found
-    )
-    wanted = prod(map(len, parts))
-    if inside != wanted:
-        raise ValueError(
-            f"dataset '{dataset.name}': expected {wanted} parts, found {inside}"
-        )
+    n_inside = 0
+    for offset in found:
+        of_axes = zip(offset, starts, strict=True)
+        if all(start in possible for start, possible in of_axes):
+            n_inside += 1
+    n_wanted = prod(map(len, starts))
+    if n_inside != n_wanted:
+        parts = f"expected {n_wanted} parts, found {n_inside}"
+        raise ValueError(f"dataset '{dataset.name}': {parts}")
 
 
 _KINDS: dict[str, Any] = {"a number": int | float, "text": str, "a list of texts": list}
@@ -222,11 +232,10 @@ def attribute(group: h5py.Group, name: str, kind: str) -> Any:
     if kind == "a number" and isinstance(value, list) and len(value) == 1:
         value = value[0]
     entries = value if isinstance(value, list) else []
-    if not (
-        isinstance(value, _KINDS[kind]) and all(isinstance(one, str) for one in entries)
-    ):
-        found = "none" if found is None else found
-        raise ValueError(f"attribute '{name}': expected {kind}, found {found}")
+    are_texts = all(isinstance(entry, str) for entry in entries)
+    if not isinstance(value, _KINDS[kind]) or not are_texts:
+        told = "none" if found is None else found
+        raise ValueError(f"attribute '{name}': expected {kind}, found {told}")
     return value
 
 
@@ -239,25 +248,29 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
         If the dataset does not exist, or holds something else.
     """
     found = group.get(name)
-    if (
-        not isinstance(found, h5py.Dataset)
-        or h5py.check_string_dtype(found.dtype) is None
-    ):
-        raise ValueError(f"dataset '{name}': expected a list of texts, found {found}")
+    wanted = f"dataset '{name}': expected a list of texts"
+    is_dataset = isinstance(found, h5py.Dataset)
+    if not is_dataset or h5py.check_string_dtype(found.dtype) is None:
+        raise ValueError(f"{wanted}, found {found}")
     entries = whole_array(found)
     if entries.ndim != 1:
-        raise ValueError(
-            f"dataset '{name}': expected a list of texts, found {entries.shape}"
-        )
+        raise ValueError(f"{wanted}, found {entries.shape}")
     return tuple(entry.decode("utf-8", "replace") for entry in entries)
 
 
+# Recordings and truths.
+
+# Frames of a chunk, and level of compression of 9; 6 takes 1.5 times as long to save
+# 3 % of the bytes.
 CHUNK_FRAMES = 16384
-COMPRESSION = 2  # of 9; 6 takes 1.5 times as long to save 3 % of the bytes
-SIGNATURE = b"\x89HDF\r\n\x1a\n"  # start of every HDF5 file
+COMPRESSION = 2
+
+# Start of every HDF5 file.
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
 _TRUTH_ATTRIBUTES = ("noise_m", "parameters_json", "true_effect")
 _TRUTH_DATASETS = tuple(
-    f.name for f in fields(Truth) if f.name not in _TRUTH_ATTRIBUTES
+    one.name for one in fields(Truth) if one.name not in _TRUTH_ATTRIBUTES
 )
 _TEXT_ATTRIBUTES = ("name", "source", "source_sha256", "vertical_axis")
 
@@ -298,19 +311,18 @@ def write_recording(
             file.attrs[key] = getattr(recording, key)
         file.attrs["hopdata_version"] = __version__
         if recording.events:
-            _dataset(
-                file,
-                "events/time",
-                np.asarray([event.time_s for event in recording.events]),
-            )
-            _texts(file, "events/label", [event.label for event in recording.events])
+            times = np.asarray([event.time_s for event in recording.events])
+            labels = [event.label for event in recording.events]
+            _dataset(file, "events/time", times)
+            _texts(file, "events/label", labels)
         if recording.remarks:
             _texts(file, "remarks", recording.remarks)
         if truth is not None:
             group = file.create_group("truth")
             for key in _TRUTH_DATASETS:
                 _dataset(group, key, getattr(truth, key))
-            group.attrs.update({key: getattr(truth, key) for key in _TRUTH_ATTRIBUTES})
+            for key in _TRUTH_ATTRIBUTES:
+                group.attrs[key] = getattr(truth, key)
 
 
 def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Recording:
@@ -341,18 +353,19 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
             remarks=stored_texts(file, "remarks") if "remarks" in file else (),
             filled=numbers(file, "filled").astype(bool) if "filled" in file else None,
         )
-        roles, axes = (recording.roles, ROLES), ((recording.vertical_axis,), FILE_AXES)
-        for key, (found, known) in {"roles": roles, "vertical_axis": axes}.items():
-            for value in set(found) - set(known):
-                raise ValueError(
-                    f"{key}: expected any of {', '.join(known)}, found '{value}'"
-                )
-        if not 1 / SLOWEST_S <= recording.rate_hz <= FASTEST_HZ:
-            wanted = (
-                f"expected at least {1 / SLOWEST_S:g} and at most {FASTEST_HZ:g} Hz"
-            )
+        _require_known("roles", set(recording.roles), ROLES)
+        _require_known("vertical_axis", {recording.vertical_axis}, FILE_AXES)
+        slowest_hz = 1 / SLOWEST_S
+        if not slowest_hz <= recording.rate_hz <= FASTEST_HZ:
+            wanted = f"expected at least {slowest_hz:g} and at most {FASTEST_HZ:g} Hz"
             raise ValueError(f"rate_hz: {wanted}, found {recording.rate_hz:g}")
         return recording
+
+
+def _require_known(key: str, values: set[str], known: Iterable[str]) -> None:
+    for value in values - set(known):
+        wanted = f"expected any of {', '.join(known)}"
+        raise ValueError(f"{key}: {wanted}, found '{value}'")
 
 
 def read_truth(path: str | Path) -> Truth | None:
@@ -367,14 +380,17 @@ def read_truth(path: str | Path) -> Truth | None:
         if "truth" not in file:
             return None
         group = file["truth"]
-        known = "true_effect" in group.attrs  # few files have it
+        datasets = {key: numbers(group, key) for key in _TRUTH_DATASETS}
+        noise_m = float(attribute(group, "noise_m", "a number"))
+        parameters_json = attribute(group, "parameters_json", "text")
+        true_effect = np.nan
+        if "true_effect" in group.attrs:  # few files have it
+            true_effect = float(attribute(group, "true_effect", "a number"))
         truth = Truth(
-            **{key: numbers(group, key) for key in _TRUTH_DATASETS},
-            noise_m=float(attribute(group, "noise_m", "a number")),
-            parameters_json=attribute(group, "parameters_json", "text"),
-            true_effect=float(attribute(group, "true_effect", "a number"))
-            if known
-            else np.nan,
+            **datasets,
+            noise_m=noise_m,
+            parameters_json=parameters_json,
+            true_effect=true_effect,
         )
         check_sizes(truth)
         return truth
@@ -393,10 +409,9 @@ def is_truth_of(
         The markers that a study takes for body and feet. The truth (contacts, body
         heights) is that of the file's own body and feet, so they must be the same ones.
     """
-    of_file = {
-        role: {m for m, r in roles.items() if r == role} for role in ("body", "foot")
-    }
-    return of_file["body"] == set(body) and of_file["foot"] == set(feet)
+    body_of_file = {marker for marker, role in roles.items() if role == "body"}
+    feet_of_file = {marker for marker, role in roles.items() if role == "foot"}
+    return body_of_file == set(body) and feet_of_file == set(feet)
 
 
 def holds_truth(path: str | Path, *, body: Iterable[str], feet: Iterable[str]) -> bool:
@@ -420,7 +435,7 @@ def holds_truth(path: str | Path, *, body: Iterable[str], feet: Iterable[str]) -
 def opened(
     path: str | Path, fault: str, most_unpacked_mb: float = np.inf
 ) -> Iterator[h5py.File]:
-    """Open a file; convert any error in or with it to a RecordingError that names it."""
+    """Open a file; turn any error in or with it to a RecordingError that names it."""
     if not Path(path).is_file():
         raise RecordingError.at(f"{path}: no such file", "a recording", "none")
     require_intact(path, most_unpacked_mb)
@@ -430,22 +445,19 @@ def opened(
         with open(path, "rb") as begin:
             is_ours = begin.read(len(SIGNATURE)) == SIGNATURE
         what = "cut short or damaged, copy it anew" if is_ours else "not an HDF5 file"
-        told = f"{what}: expected one that can be opened, found: {error}"
-        raise RecordingError(f"{path}: {told}") from error
+        found = f"expected one that can be opened, found: {error}"
+        raise RecordingError(f"{path}: {what}: {found}") from error
     try:
         with file:
             require_sound(file, most_unpacked_mb)
             yield file
     except Exception as error:  # a damaged file makes h5py raise almost anything
-        words = str(
-            error.args[0] if isinstance(error, KeyError) and error.args else error
-        )
-        told = (
-            words
-            if "expected" in words
-            else f"expected it to be readable, found: {words}"
-        )
-        raise RecordingError(f"{path}: {fault}: {told}") from error
+        words = str(error)
+        if isinstance(error, KeyError) and error.args:
+            words = str(error.args[0])  # without the quotes of a missing key
+        if "expected" not in words:
+            words = f"expected it to be readable, found: {words}"
+        raise RecordingError(f"{path}: {fault}: {words}") from error
 
 
 def require_intact(path: str | Path, most_unpacked_mb: float) -> None:
@@ -462,14 +474,15 @@ def require_intact(path: str | Path, most_unpacked_mb: float) -> None:
     """
     seal = seal_of(path)
     if seal is Seal.BROKEN:
-        wanted = "the bytes that hopdata wrote (their checksum stands at the end of the file)"
+        where = "their checksum stands at the end of the file"
+        wanted = f"the bytes that hopdata wrote ({where})"
         raise RecordingError.at(path, wanted, "others; it is damaged, copy it anew")
     if seal is Seal.NONE and _begins_as_hdf5(path):
         require_answer(path, most_unpacked_mb)
 
 
 def _begins_as_hdf5(path: str | Path) -> bool:
-    """Tell whether a file has HDF5's signature, at its start or behind MATLAB's 512 bytes."""
+    """Tell whether a file has HDF5's signature, also behind MATLAB's 512 bytes."""
     with open(path, "rb") as file:
         lead = file.read(512 + len(SIGNATURE))
     return SIGNATURE in (lead[: len(SIGNATURE)], lead[512:])
@@ -484,12 +497,14 @@ def _texts(group: h5py.Group, name: str, entries: Sequence[str]) -> None:
 def _read_events(file: h5py.File) -> tuple[Event, ...]:
     if "events" not in file:
         return ()
-    times, labels = numbers(file, "events/time"), stored_texts(file, "events/label")
+    times = numbers(file, "events/time")
+    labels = stored_texts(file, "events/label")
     if times.shape != (len(labels),) or not np.isfinite(times).all():
-        raise ValueError(
-            f"events: expected {len(labels)} finite times, found {times.shape}"
-        )
-    return tuple(Event(label, float(t)) for label, t in zip(labels, times, strict=True))
+        wanted = f"expected {len(labels)} finite times"
+        raise ValueError(f"events: {wanted}, found {times.shape}")
+    return tuple(
+        Event(label, float(time_s)) for label, time_s in zip(labels, times, strict=True)
+    )
 
 
 def _dataset(group: h5py.Group, name: str, array: NDArray[Any]) -> None:
@@ -497,14 +512,18 @@ def _dataset(group: h5py.Group, name: str, array: NDArray[Any]) -> None:
     if array.size == 0:
         group.create_dataset(name, data=array, track_times=False)
         return
-    chunks = (max(1, min(CHUNK_FRAMES, len(array))), *(1 for _ in array.shape[1:]))
-    packed = {"shuffle": True, "compression": "gzip", "compression_opts": COMPRESSION}
-    kind = {"shape": array.shape, "dtype": array.dtype}
+    n_frames = min(CHUNK_FRAMES, len(array))
     stored = group.create_dataset(
-        name, **kind, chunks=chunks, track_times=False, **packed
+        name,
+        shape=array.shape,
+        dtype=array.dtype,
+        chunks=(n_frames, *(1 for _ in array.shape[1:])),
+        track_times=False,
+        shuffle=True,
+        compression="gzip",
+        compression_opts=COMPRESSION,
     )
-    for first in range(
-        0, len(array), CHUNK_FRAMES
-    ):  # without a temporary array of full size
+    # In parts, without a temporary array of full size.
+    for first in range(0, len(array), CHUNK_FRAMES):
         part = slice(first, first + CHUNK_FRAMES)
         stored[part] = array[part]

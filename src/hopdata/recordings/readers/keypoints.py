@@ -1,9 +1,9 @@
-"""3-D keypoints from video: of DeepLabCut, Anipose and JARVIS as CSV or HDF5, of SLEAP as HDF5.
+"""3-D keypoints from video: of DeepLabCut, Anipose, JARVIS and SLEAP.
 
-They state no unit and rarely a clock, but the confidence of each point. In HDF5 they
-are pandas tables: either rows with pickled column names beside them, or arrays of
-blocks with their names. SLEAP's triangulated points are an array ``tracks`` of frames,
-animals, nodes and coordinates.
+They come as HDF5, and but for SLEAP's as CSV. They state no unit and rarely a clock,
+but the confidence of each point. In HDF5 they are pandas tables: either rows with
+pickled column names beside them, or arrays of blocks with their names. SLEAP's
+triangulated points are an array ``tracks`` of frames, animals, nodes and coordinates.
 """
 
 from __future__ import annotations
@@ -28,9 +28,13 @@ Columns = list[tuple[str, ...]]
 
 
 def keypoints(
-    path: Path, columns: Columns, values: FloatArray, rate_hz: float | None, least_score: float,
+    path: Path,
+    columns: Columns,
+    values: FloatArray,
+    rate_hz: float | None,
+    least_score: float,
     unit: str = "",
-) -> raw.RawRecording:  # fmt: skip
+) -> raw.RawRecording:
     """Make a recording from named columns.
 
     Parameters
@@ -54,63 +58,105 @@ def keypoints(
     RecordingError
         If there is no rate, a name occurs twice, or no point has three coordinates.
     """
-    split = [
-        c[0].rpartition("_")[::2] if len(c) == 1 else (" ".join(c[1:-1]), c[-1])
-        for c in columns
-    ]
-    at = {part: k for k, part in reversed(list(enumerate(split)))}
-    counters = {
-        qtm.counter(n + end): k for k, (n, end) in reversed(list(enumerate(split)))
-    }
-    clock, frame = (
-        counters.get("Time"),
-        counters.get("Frame", 0 if columns[0] == ("",) else None),
-    )
-    names = [
-        n
-        for n, axis in split
-        if axis == "x" and all((n, other) in at for other in AXES)
-    ]
-    if not names:
-        found = "one camera's plane" if ("x" in {axis for _, axis in split}) else "none"
-        found += (
-            "; triangulate the cameras first (Anipose, or DeepLabCut's 3-D project)"
-        )
-        raise RecordingError.at(path, "keypoints with coordinates x, y and z", found)
-    if twice := {n for n in names if names.count(n) > 1}:
-        raise RecordingError.at(
-            path, "distinct names of columns", f"'{min(twice)}' twice"
-        )
-    positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]
+    points = [_point_and_coordinate(column) for column in columns]
+    place_of: dict[tuple[str, str], int] = {}
+    for place, point in enumerate(points):
+        place_of.setdefault(point, place)
+    names = _complete_points(path, points, place_of)
+    places = [[place_of[name, axis] for axis in AXES] for name in names]
+    positions = values[:, places]
+    remarks: tuple[str, ...] = ()
     scored = [
-        (m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at
+        (marker, place_of[name, score])
+        for marker, name in enumerate(names)
+        for score in SCORES
+        if (name, score) in place_of
     ]
-    remarks = []
     if scored:
-        places, scores = (list(column) for column in zip(*scored, strict=True))
-        sure = values[:, scores] >= least_score
-        unsure = ~sure & np.isfinite(positions[:, places, 0])
-        positions[:, places] = np.where(sure[..., None], positions[:, places], np.nan)
-        told = (
-            f"{unsure.sum()} of {unsure.size} places have a score below {least_score:g}"
-        )
-        remarks = [f"{path}: {told} (input.least_score) and count as unseen"] * bool(
-            unsure.any()
-        )
-    number = np.arange(1.0, len(values) + 1)
-    steps = np.diff(number if frame is None else values[:, frame])
-    if steps.min(initial=1.0) > 0 and not (steps % 1).any():  # rows may be missing
-        number[1:] += np.cumsum(steps / steps.min(initial=np.inf) - 1)
+        markers = [marker for marker, _ in scored]
+        scores = values[:, [place for _, place in scored]]
+        n_unsure = _blank_unsure(positions, markers, scores, least_score)
+        if n_unsure:
+            count = f"{n_unsure} of {scores.size} places"
+            below = f"have a score below {least_score:g} (input.least_score)"
+            remarks = (f"{path}: {count} {below} and count as unseen",)
+    clock, frame = _counters(columns, points)
     return raw.assembled(
         str(path),
         raw.distinct_names(str(path), names, may_lack=True),
         positions,
-        number=number,
+        number=_frame_numbers(values, frame),
         stamps=None if clock is None else values[:, clock],
         unit=(str(path), unit),
         rates_hz=(None, rate_hz),
-        remarks=tuple(remarks),
+        remarks=remarks,
     )
+
+
+def _point_and_coordinate(column: tuple[str, ...]) -> tuple[str, str]:
+    """Split the name of a column: levels without the scorer, or one name."""
+    if len(column) == 1:
+        name, _, coordinate = column[0].rpartition("_")
+        return name, coordinate
+    return " ".join(column[1:-1]), column[-1]
+
+
+def _complete_points(
+    path: Path, points: list[tuple[str, str]], place_of: dict[tuple[str, str], int]
+) -> list[str]:
+    """Return the names of the points with three coordinates."""
+    names = [
+        name
+        for name, coordinate in points
+        if coordinate == "x" and all((name, axis) in place_of for axis in AXES)
+    ]
+    if not names:
+        is_plane = any(coordinate == "x" for _, coordinate in points)
+        found = "one camera's plane" if is_plane else "none"
+        how = "triangulate the cameras first (Anipose, or DeepLabCut's 3-D project)"
+        wanted = "keypoints with coordinates x, y and z"
+        raise RecordingError.at(path, wanted, f"{found}; {how}")
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        wanted = "distinct names of columns"
+        raise RecordingError.at(path, wanted, f"'{min(twice)}' twice")
+    return names
+
+
+def _blank_unsure(
+    positions: FloatArray, markers: list[int], scores: FloatArray, least_score: float
+) -> int:
+    """Set positions with a low score to NaN, in place; return how many had one."""
+    is_sure = scores >= least_score
+    of_markers = positions[:, markers]
+    is_unsure = ~is_sure & np.isfinite(of_markers[:, :, 0])
+    positions[:, markers] = np.where(is_sure[..., None], of_markers, np.nan)
+    return int(is_unsure.sum())
+
+
+def _counters(
+    columns: Columns, points: list[tuple[str, str]]
+) -> tuple[int | None, int | None]:
+    """Return the columns of time and of frame numbers, if there are any."""
+    counters: dict[str, int] = {}
+    for place, (name, coordinate) in enumerate(points):
+        counters.setdefault(qtm.counter(name + coordinate), place)
+    frame = counters.get("Frame")
+    if frame is None and columns[0] == ("",):
+        frame = 0  # pandas' index has no name
+    return counters.get("Time"), frame
+
+
+def _frame_numbers(values: FloatArray, frame: int | None) -> FloatArray:
+    """Return the number of each row, from 1; rows may be missing."""
+    number = np.arange(1.0, len(values) + 1)
+    steps = np.diff(number if frame is None else values[:, frame])
+    if steps.min(initial=1.0) > 0 and not (steps % 1).any():
+        number[1:] += np.cumsum(steps / steps.min(initial=np.inf) - 1)
+    return number
+
+
+# Keypoints in HDF5.
 
 
 def read_hdf5(
@@ -120,10 +166,12 @@ def read_hdf5(
     most_unpacked_mb: float,
     least_score: float,
 ) -> raw.RawRecording:
-    """Read an HDF5 file that holds a hopdata recording, a table of keypoints or SLEAP's tracks."""
-    if (tracks := sleap_tracks(path, most_unpacked_mb)) is not None:
+    """Read a hopdata recording, a table of keypoints or SLEAP's tracks."""
+    tracks = sleap_tracks(path, most_unpacked_mb)
+    if tracks is not None:
         return keypoints(path, *tracks, rate_hz, least_score)
-    if (table := pandas_table(path, most_unpacked_mb)) is not None:
+    table = pandas_table(path, most_unpacked_mb)
+    if table is not None:
         return keypoints(path, *table, rate_hz, least_score)
     own = hdf5.read_recording(path, most_unpacked_mb=most_unpacked_mb)
     if own.filled is not None:  # filled positions were not seen
@@ -147,7 +195,7 @@ def read_hdf5(
 def sleap_tracks(
     path: Path, most_unpacked_mb: float
 ) -> tuple[Columns, FloatArray] | None:
-    """Read the points that SLEAP's cameras triangulated; None if the file has no such array.
+    """Read the points that SLEAP's cameras triangulated; None if there are none.
 
     Returns
     -------
@@ -172,13 +220,7 @@ def sleap_tracks(
             raise ValueError(f"dataset 'tracks': expected {wanted}, found {found}")
         values = np.asarray(hdf5.whole_array(tracks, float), np.float64)
         n_frames, n_animals, n_nodes, _ = values.shape
-        names = [f"node {k + 1}" for k in range(n_nodes)]
-        if "node_names" in file:
-            names = list(hdf5.stored_texts(file, "node_names"))
-        if len(names) != n_nodes:
-            raise ValueError(
-                f"dataset 'node_names': expected {n_nodes} names, found {len(names)}"
-            )
+        names = _node_names(file, n_nodes)
         animals: list[tuple[str, ...]] = [()]
         if n_animals > 1:
             animals = [(f"animal {k + 1}",) for k in range(n_animals)]
@@ -189,6 +231,16 @@ def sleap_tracks(
             for axis in AXES
         ]
         return columns, values.reshape(n_frames, -1)
+
+
+def _node_names(file: h5py.File, n_nodes: int) -> list[str]:
+    if "node_names" not in file:
+        return [f"node {k + 1}" for k in range(n_nodes)]
+    names = list(hdf5.stored_texts(file, "node_names"))
+    if len(names) != n_nodes:
+        wanted = f"expected {n_nodes} names"
+        raise ValueError(f"dataset 'node_names': {wanted}, found {len(names)}")
+    return names
 
 
 def pandas_table(
@@ -211,63 +263,61 @@ def pandas_table(
         group = next((g for g in groups if "pandas_type" in g.attrs), None)
         if group is None:
             return None
-        blocks = _rows_of(group["table"]) if "table" in group else _blocks_of(group)
+        if "table" in group:
+            blocks = _rows_of(group["table"])
+        else:
+            blocks = _blocks_of(group)
         columns = [column for names, _ in blocks for column in names]
         values = np.concatenate([block for _, block in blocks], axis=1)
         if values.shape[1] != len(columns):
-            raise ValueError(
-                f"expected {len(columns)} columns, found {values.shape[1]}"
-            )
+            found = f"found {values.shape[1]}"
+            raise ValueError(f"expected {len(columns)} columns, {found}")
         return columns, values
 
 
 def _rows_of(table: h5py.Dataset) -> list[tuple[Columns, FloatArray]]:
     """Return blocks of a row dataset with an index and fields ``values_block_<k>``."""
     rows = hdf5.whole_array(table)
-    fields = [f for f in rows.dtype.names or () if f.startswith("values_block_")]
-    return [
-        (
-            _named(_plain_pickle(hdf5.checked_attribute(table, f"{f}_kind"))),
-            _numbers(rows[f]),
-        )
-        for f in fields
-    ]
+    blocks = []
+    for name in rows.dtype.names or ():
+        if name.startswith("values_block_"):
+            names = _plain_pickle(hdf5.checked_attribute(table, f"{name}_kind"))
+            blocks.append((_named(names), _numbers(rows[name])))
+    return blocks
 
 
 def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
-    """Return blocks of ``block<k>_values``, with the levels of their names or the names."""
+    """Return blocks of ``block<k>_values``, each with the names of its columns."""
     blocks = []
     for k in range(int(hdf5.attribute(group, "nblocks", "a number"))):
-        at = f"block{k}_items"
+        items = f"block{k}_items"
         values = _numbers(hdf5.whole_array(group[f"block{k}_values"]))
-        if at in group:
-            named = _named(hdf5.whole_array(group[at]).tolist())
+        if items in group:
+            columns = _named(hdf5.whole_array(group[items]).tolist())
         else:
-            levels = [
-                [
-                    name[0]
-                    for name in _named(
-                        hdf5.whole_array(group[f"{at}_level{i}"]).tolist()
-                    )
-                ]
-                for i in range(int(hdf5.attribute(group, f"{at}_nlevels", "a number")))
-            ]
-            codes = [
-                hdf5.whole_array(group[f"{at}_label{i}"]) for i in range(len(levels))
-            ]
-            parts = (
-                [level[c] for c in of] for level, of in zip(levels, codes, strict=True)
-            )
-            named = list(zip(*parts, strict=True))
-        blocks.append((named, values))
+            columns = _names_of_levels(group, items)
+        blocks.append((columns, values))
     return blocks
+
+
+def _names_of_levels(group: h5py.Group, items: str) -> Columns:
+    """Return names of several levels, each stored as its names and a code a column."""
+    n_levels = int(hdf5.attribute(group, f"{items}_nlevels", "a number"))
+    levels = []
+    for i in range(n_levels):
+        names = hdf5.whole_array(group[f"{items}_level{i}"]).tolist()
+        levels.append([name[0] for name in _named(names)])
+    of_columns = []
+    for i, level in enumerate(levels):
+        codes = hdf5.whole_array(group[f"{items}_label{i}"])
+        of_columns.append([level[code] for code in codes])
+    return list(zip(*of_columns, strict=True))
 
 
 def _numbers(array: Any) -> FloatArray:
     if array.dtype.kind not in "iuf" or array.ndim != 2:
-        raise ValueError(
-            f"expected a table of numbers, found {array.dtype} of {array.shape}"
-        )
+        found = f"found {array.dtype} of {array.shape}"
+        raise ValueError(f"expected a table of numbers, {found}")
     return np.asarray(array, np.float64)
 
 
@@ -280,7 +330,7 @@ def _named(names: Any) -> Columns:
 
 
 def _text(name: Any) -> str:
-    """Return a name as text; a container is none, and could be far longer as text than it is."""
+    """Return a name as text; a container is none, and could be longer as text."""
     if isinstance(name, bytes):
         return name.decode("utf-8", "replace")
     if not isinstance(name, str | int | float | type(None)):
@@ -291,39 +341,21 @@ def _text(name: Any) -> str:
 # Operations of pickles that make texts, numbers, lists and tuples: all that names of
 # columns need. Others look up or call something, or ask for memory by a number that
 # stands in the file.
-_PLAIN_OPERATIONS = frozenset(
-    [
-        *("PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP"),
-        *(
-            "INT",
-            "BININT",
-            "BININT1",
-            "BININT2",
-            "LONG",
-            "LONG1",
-            "LONG4",
-            "FLOAT",
-            "BINFLOAT",
-        ),
-        *("NONE", "NEWTRUE", "NEWFALSE"),
-        *(
-            "STRING",
-            "BINSTRING",
-            "SHORT_BINSTRING",
-            "BINBYTES",
-            "SHORT_BINBYTES",
-            "BINBYTES8",
-        ),
-        *("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8"),
-        *("LIST", "EMPTY_LIST", "APPEND", "APPENDS"),
-        *("TUPLE", "EMPTY_TUPLE", "TUPLE1", "TUPLE2", "TUPLE3"),
-        *("PUT", "BINPUT", "LONG_BINPUT", "MEMOIZE", "GET", "BINGET", "LONG_BINGET"),
-    ]
+_PLAIN_OPERATIONS = frozenset[str]().union(
+    ("PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP"),
+    ("INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4"),
+    ("FLOAT", "BINFLOAT", "NONE", "NEWTRUE", "NEWFALSE"),
+    ("STRING", "BINSTRING", "SHORT_BINSTRING"),
+    ("BINBYTES", "SHORT_BINBYTES", "BINBYTES8"),
+    ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8"),
+    ("LIST", "EMPTY_LIST", "APPEND", "APPENDS"),
+    ("TUPLE", "EMPTY_TUPLE", "TUPLE1", "TUPLE2", "TUPLE3"),
+    ("PUT", "BINPUT", "LONG_BINPUT", "MEMOIZE", "GET", "BINGET", "LONG_BINGET"),
 )
 
 
 def _plain_pickle(data: Any) -> Any:
-    """Unpickle texts, numbers, lists and tuples; refuse any other pickle before it is run.
+    """Unpickle texts, numbers, lists and tuples; refuse any other before it runs.
 
     The memo of a pickle is a list as long as its largest entry, so an entry that is
     larger than the pickle has bytes is refused too.

@@ -1,4 +1,4 @@
-"""MAT files, read by SciPy or, from version 7.3 on, h5py; and QTM's exports in that format.
+"""MAT files, read by SciPy or, from version 7.3 on, h5py; and QTM's exports in them.
 
 Both libraries allocate whatever size a file claims. The claims are therefore checked
 against the file's bytes and the memory limit before a library reads it.
@@ -37,17 +37,29 @@ from hopdata.recordings.readers.text import one_line
 Element = tuple[int, int, int]  # type, start and end of content
 
 _HEADER_BYTES = 128
-_INT8, _INT32, _UINT32, _MATRIX, _COMPRESSED = 1, 5, 6, 14, 15  # types of elements
-_NUMBERS, _TEXTS = (
-    frozenset({*range(1, 8), 9, 12, 13}),
-    frozenset({1, 2, 4, 16, 17, 18}),
-)
-# Allowed element types in each class of matrix: cells, structs, text and numbers.
+
+# Types of elements.
+_INT8 = 1
+_INT32 = 5
+_UINT32 = 6
+_MATRIX = 14
+_COMPRESSED = 15
+_NUMBERS = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13})
+_TEXTS = frozenset({1, 2, 4, 16, 17, 18})
+
+# Types that may stand in each class of matrix: cells, structs, text and numbers.
 _HOLDS = {1: frozenset({_MATRIX}), 2: frozenset({_INT8, _INT32, _MATRIX}), 4: _TEXTS}
 _HOLDS |= dict.fromkeys(range(6, 16), _NUMBERS)
+
+# Flag of a matrix with a second part.
 _IS_COMPLEX = 0x800
-_DEEPEST = 12  # levels of nested structs
-_PIECE = 1 << 14  # compressed bytes that are unpacked at a time: to at most 17 MB
+
+#: Levels of nested structs and cells beyond which a file is refused.
+#: Unit: 1. Origin: chosen.
+_DEEPEST = 12
+
+# Compressed bytes that are unpacked at a time: to at most 17 MB.
+_PIECE = 1 << 14
 
 
 def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
@@ -75,28 +87,30 @@ def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
     try:
         with path.open("rb") as file:
             lead = file.read(512 + len(SIGNATURE))
-            if SIGNATURE not in (lead[: len(SIGNATURE)], lead[512:]):
+            # In version 7.3 a block for the user may precede the HDF5 file.
+            is_hdf5 = SIGNATURE in (lead[: len(SIGNATURE)], lead[512:])
+            if not is_hdf5:
                 return _version_5(file, most_unpacked_mb)
         return _version_73(path, most_unpacked_mb)
     except RecordingError:
         raise
     except OSError as error:
-        told = one_line(error.strerror or str(error))
-        raise RecordingError(f"{path}: expected a MAT file, found: {told}") from None
-    except (
-        Exception
-    ) as error:  # a damaged file makes both libraries raise almost anything
-        told = one_line(str(error)) or type(error).__name__
-        told = (
-            f"; {told}"
-            if "expected" in told and "found" in told
-            else f", found: {told}"
-        )
-        raise RecordingError(f"{path}: expected a MAT file of QTM{told}") from None
+        found = one_line(error.strerror or str(error))
+        raise RecordingError(f"{path}: expected a MAT file, found: {found}") from None
+    except Exception as error:
+        # A damaged file makes both libraries raise almost anything.
+        why = one_line(str(error)) or type(error).__name__
+        is_told = "expected" in why and "found" in why
+        message = f"{path}: expected a MAT file of QTM"
+        message += f"; {why}" if is_told else f", found: {why}"
+        raise RecordingError(message) from None
+
+
+# Version 5.
 
 
 def _version_5(file: BinaryIO, most_mb: float) -> dict[str, Any]:
-    """Decode a version 5 file: check each variable by itself, then have SciPy read them.
+    """Decode a version 5 file: check each variable, then have SciPy read them.
 
     Only one variable at a time is unpacked for the check, and SciPy unpacks from the
     file. So the memory is that of the result, not several times as much.
@@ -106,38 +120,33 @@ def _version_5(file: BinaryIO, most_mb: float) -> dict[str, Any]:
     file.seek(0)
     lead = file.read(_HEADER_BYTES)
     if len(lead) < _HEADER_BYTES:
-        raise ValueError(
-            f"expected a header of {_HEADER_BYTES} bytes, found {len(lead)}"
-        )
-    order = {b"IM": "<", b"MI": ">"}.get(lead[126:128])
-    if order is None:
-        raise ValueError(f"byte 126: expected 'IM' or 'MI', found {lead[126:128]!r}")
-    count = n_bytes = 0
-    room = iter(range(MOST_MATRICES))
-    for data in _variables(file, order, most_mb):
-        n_bytes += len(data)
-        require_unpacked(n_bytes, most_mb)
-        for element in _elements(data, 0, len(data), order):
-            count += _count(data, element, order, room)
-        require_unpacked(8 * count, most_mb)  # each number ends up as a float
-        del data  # before the next is unpacked
+        wanted = f"expected a header of {_HEADER_BYTES} bytes"
+        raise ValueError(f"{wanted}, found {len(lead)}")
+    mark = lead[126:128]
+    if mark == b"IM":
+        order = "<"
+        codec = "utf-16-le"
+    elif mark == b"MI":
+        order = ">"
+        codec = "utf-16-be"
+    else:
+        raise ValueError(f"byte 126: expected 'IM' or 'MI', found {mark!r}")
+    _check_variables(file, order, most_mb)
     header = b"MATLAB 5.0 MAT-file".ljust(124) + np.array(0x100, f"{order}u2").tobytes()
-    sound = _WithHeader(file, header + lead[126:128])
+    sound = _WithHeader(file, header + mark)
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore"
-        )  # about unreadable variables, which may not be needed
-        codec = "utf-16-le" if order == "<" else "utf-16-be"
-        found = scipy.io.loadmat(sound, uint16_codec=codec)
+        # About unreadable variables, which may not be needed.
+        warnings.simplefilter("ignore")
+        variables = scipy.io.loadmat(sound, uint16_codec=codec)
     return {
         name: _plain(value)
-        for name, value in found.items()
+        for name, value in variables.items()
         if not name.startswith("__")
     }
 
 
 class _WithHeader:
-    """A file to read, whose first bytes are replaced by a header that is known to be sound."""
+    """A file to read, whose first bytes are replaced by a header known to be sound."""
 
     def __init__(self, file: BinaryIO, header: bytes) -> None:
         self._file = file
@@ -148,9 +157,9 @@ class _WithHeader:
 
     def read(self, n_bytes: int = -1) -> bytes:
         """Read bytes as a file does."""
-        at = self._file.tell()
+        start = self._file.tell()
         data = self._file.read(n_bytes)
-        lead = self._header[at : at + len(data)]
+        lead = self._header[start : start + len(data)]
         return lead + data[len(lead) :] if lead else data
 
 
@@ -158,7 +167,8 @@ def _plain(value: Any) -> Any:
     """Convert SciPy's form of a variable to a dict, a list, text or numbers."""
     if not isinstance(value, np.ndarray):
         return None
-    if names := value.dtype.names:
+    names = value.dtype.names
+    if names:
         structs = [
             {name: _plain(one[name]) for name in names}
             for one in value.ravel(order="F")
@@ -166,11 +176,31 @@ def _plain(value: Any) -> Any:
         return structs[0] if len(structs) == 1 else structs
     if value.dtype == object:
         return [_plain(one) for one in value.ravel(order="F")]
-    return "".join(value.ravel()) if value.dtype.kind == "U" else value
+    if value.dtype.kind == "U":
+        return "".join(value.ravel())
+    return value
+
+
+# The check of a version 5 file: SciPy trusts types and sizes, and crashes if they are
+# wrong.
+
+
+def _check_variables(file: BinaryIO, order: str, most_mb: float) -> None:
+    """Refuse impossible claims, and more numbers than memory may hold."""
+    n_numbers = 0
+    n_bytes = 0
+    room = iter(range(MOST_MATRICES))
+    for data in _variables(file, order, most_mb):
+        n_bytes += len(data)
+        require_unpacked(n_bytes, most_mb)
+        for element in _elements(data, 0, len(data), order):
+            n_numbers += _count(data, element, order, room)
+        require_unpacked(8 * n_numbers, most_mb)  # each number ends up as a float
+        del data  # before the next is unpacked
 
 
 def _variables(file: BinaryIO, order: str, most_mb: float) -> Iterator[bytearray]:
-    """Yield the elements of a file one by one, decompressed, with their first eight bytes."""
+    """Yield the elements of a file, decompressed, with their first eight bytes."""
     at = _HEADER_BYTES
     end = file.seek(0, os.SEEK_END)
     while at < end:
@@ -194,7 +224,7 @@ def _variables(file: BinaryIO, order: str, most_mb: float) -> Iterator[bytearray
 
 
 def _inflated(file: BinaryIO, n_packed: int, order: str, most_mb: float) -> bytearray:
-    """Decompress the element that begins where a file stands to the size that it states itself."""
+    """Decompress the element where a file stands, to the size that it states itself."""
     start = file.tell()
     lengths = [_PIECE] * (n_packed // _PIECE) + [n_packed % _PIECE]
     pieces = map(file.read, lengths)
@@ -205,31 +235,29 @@ def _inflated(file: BinaryIO, n_packed: int, order: str, most_mb: float) -> byte
     data = bytearray(8 + size)
     data[: len(lead)] = lead
     n_filled = len(lead)
+    is_too_long = False
     for piece in chain([stream.unconsumed_tail], pieces):
         room = len(data) - n_filled
-        found = stream.decompress(
-            piece, room + 1
-        )  # one more, to notice what is too long
-        if len(found) > room:
-            n_filled = -1
+        # One more, to notice what is too long.
+        unpacked = stream.decompress(piece, room + 1)
+        if len(unpacked) > room:
+            is_too_long = True
             break
-        data[n_filled : n_filled + len(found)] = found
-        n_filled += len(found)
-    if not stream.eof or n_filled != len(data):
-        told = (
-            f"byte {start}: expected {len(data)} bytes compressed, found more or less"
-        )
-        raise ValueError(told)
+        data[n_filled : n_filled + len(unpacked)] = unpacked
+        n_filled += len(unpacked)
+    if is_too_long or not stream.eof or n_filled != len(data):
+        wanted = f"expected {len(data)} bytes compressed"
+        raise ValueError(f"byte {start}: {wanted}, found more or less")
     return data
 
 
 def _count(
     data: bytearray, element: Element, order: str, room: Iterator[int], depth: int = 0
 ) -> int:
-    """Count the numbers that a matrix and those inside it claim to hold; refuse impossible claims.
+    """Count the numbers that a matrix and those inside it claim to hold.
 
-    SciPy trusts types and sizes, and crashes if they are wrong. `room` yields a number
-    for each matrix that a file may have.
+    Impossible claims are refused. `room` yields a number for each matrix that a file
+    may have.
     """
     kind, start, stop = element
     if next(room, None) is None:
@@ -240,63 +268,92 @@ def _count(
         raise ValueError(f"byte {start} unpacked: {wanted}, {found}")
     if start == stop:
         return 0
-    flags, *parts = _elements(data, start, stop, order)
-    bits = int(np.frombuffer(data, f"{order}u4", 1, start + 8)[0])
-    holds = _HOLDS.get(bits & 0xFF, frozenset())
-    kinds = [part[0] for part in parts]
-    sound = flags == (_UINT32, start + 8, start + 16) and kinds[:2] == [_INT32, _INT8]
-    sound &= holds.issuperset(kinds[2:])
-    if holds in (_NUMBERS, _TEXTS):
-        sound &= len(kinds) == 3 + bool(holds is _NUMBERS and bits & _IS_COMPLEX)
-    if not sound:
-        wanted = "expected a matrix of numbers, text, cells or structs"
-        found = f"found the class {bits & 0xFF} with elements of types {kinds}"
-        raise ValueError(f"byte {start} unpacked: {wanted}, {found}")
-    shape = np.frombuffer(data[parts[0][1] : parts[0][2]], f"{order}i4").tolist()
+    parts = _parts(data, start, stop, order)
+    _, shape_start, shape_stop = parts[0]
+    shape = np.frombuffer(data[shape_start:shape_stop], f"{order}i4").tolist()
     if min(shape, default=-1) < 0 or prod(shape) > stop - start:
         wanted = f"expected a size for {stop - start} bytes"
         raise ValueError(f"byte {start} unpacked: {wanted}, found {shape}")
-    inner = (part for part in parts if part[0] == _MATRIX)
-    return prod(shape) + sum(
-        _count(data, part, order, room, depth + 1) for part in inner
+    n_numbers = prod(shape)
+    for part in parts:
+        if part[0] == _MATRIX:
+            n_numbers += _count(data, part, order, room, depth + 1)
+    return n_numbers
+
+
+def _parts(data: bytearray, start: int, stop: int, order: str) -> list[Element]:
+    """Return shape, name and content of a matrix, which must be of known types."""
+    flags, *parts = _elements(data, start, stop, order)
+    bits = int(np.frombuffer(data, f"{order}u4", 1, start + 8)[0])
+    holds = _HOLDS.get(bits & 0xFF, frozenset())
+    kinds = [kind for kind, _, _ in parts]
+    is_sound = (
+        flags == (_UINT32, start + 8, start + 16)
+        and kinds[:2] == [_INT32, _INT8]
+        and holds.issuperset(kinds[2:])
     )
+    if holds == _NUMBERS:
+        n_contents = 2 if bits & _IS_COMPLEX else 1
+        is_sound &= len(kinds) == 2 + n_contents
+    elif holds == _TEXTS:
+        is_sound &= len(kinds) == 3
+    if not is_sound:
+        wanted = "expected a matrix of numbers, text, cells or structs"
+        found = f"found the class {bits & 0xFF} with elements of types {kinds}"
+        raise ValueError(f"byte {start} unpacked: {wanted}, {found}")
+    return parts
 
 
 def _elements(data: bytearray, at: int, end: int, order: str) -> list[Element]:
     """List the elements between two byte positions."""
     found = []
     while at < end:
-        kind, size = np.frombuffer(
-            data[at : at + 8].ljust(8, b"\0"), f"{order}u4"
-        ).tolist()
-        start, room = at + 8, end - at - 8
-        after = start + size + (0 if kind == _COMPRESSED else -size % 8)
+        tag = data[at : at + 8].ljust(8, b"\0")
+        kind, size = np.frombuffer(tag, f"{order}u4").tolist()
         if kind >> 16:  # small element: the size precedes the type
-            kind, size, start, room, after = (
-                kind & 0xFFFF,
-                kind >> 16,
-                at + 4,
-                4,
-                at + 8,
-            )
+            size = kind >> 16
+            kind &= 0xFFFF
+            start = at + 4
+            room = 4
+            after = at + 8
+        else:
+            start = at + 8
+            room = end - start
+            padding = 0 if kind == _COMPRESSED else -size % 8
+            after = start + size + padding
         if size > room or at + 8 > end:
-            raise ValueError(
-                f"byte {at}: expected an element of {size} bytes, found {room}"
-            )
+            wanted = f"expected an element of {size} bytes"
+            raise ValueError(f"byte {at}: {wanted}, found {room}")
         found.append((kind, start, start + size))
         at = after
     return found
 
 
-def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
-    """Decode a version 7.3 file, which is HDF5 with reversed axes; restore their order."""
-    room = iter(range(MOST_LINKS))  # a damaged file may refer to itself
+# Version 7.3, which is HDF5 with reversed axes.
 
-    def decoded(item: Any) -> Any:
-        if next(room, None) is None:
+
+def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
+    """Decode a version 7.3 file; restore the order of axes."""
+    require_intact(path, most_mb)
+    with h5py.File(path, "r", locking=False) as file:
+        require_sound(file, most_mb)
+        decode = _Decoder(file)
+        return {name: decode(file[name]) for name in file if not name.startswith("#")}
+
+
+class _Decoder:
+    """Decodes items of a file; a damaged one may refer to itself, so not for ever."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self._file = file
+        self._room = iter(range(MOST_LINKS))
+
+    def __call__(self, item: Any) -> Any:
+        """Return a group as a dict, a dataset as text, numbers or a list."""
+        if next(self._room, None) is None:
             raise ValueError(f"expected at most {MOST_LINKS} items, found more")
         if isinstance(item, h5py.Group):
-            return {name: decoded(item[name]) for name in item}
+            return {name: self(item[name]) for name in item}
         if not isinstance(item, h5py.Dataset):
             found = type(item).__name__
             raise ValueError(f"{item.name}: expected a group or dataset, found {found}")
@@ -304,27 +361,17 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
         if checked_attribute(item, "MATLAB_empty") is not None:
             return "" if is_text else np.empty((0, 0))
         array = whole_array(item).T
-        if (
-            array.dtype == h5py.ref_dtype
-        ):  # a cell array, or a field of an array of structs
-            return [decoded(file[reference]) for reference in array.ravel(order="F")]
+        if array.dtype == h5py.ref_dtype:
+            # A cell array, or a field of an array of structs.
+            references = array.ravel(order="F")
+            return [self(self._file[reference]) for reference in references]
         if array.dtype.kind not in "biuf":
-            raise ValueError(
-                f"dataset '{item.name}': expected numbers, found {array.dtype}"
-            )
-        if not is_text:
-            return array
-        return (
-            array.ravel(order="F")
-            .astype("<u2")
-            .tobytes()
-            .decode("utf-16-le", errors="replace")
-        )
-
-    require_intact(path, most_mb)
-    with h5py.File(path, "r", locking=False) as file:
-        require_sound(file, most_mb)
-        return {name: decoded(file[name]) for name in file if not name.startswith("#")}
+            found = f"found {array.dtype}"
+            raise ValueError(f"dataset '{item.name}': expected numbers, {found}")
+        if is_text:
+            words = array.ravel(order="F").astype("<u2").tobytes()
+            return words.decode("utf-16-le", errors="replace")
+        return array
 
 
 # QTM's exports: one struct, in either version of MAT file.
@@ -357,42 +404,26 @@ def read_qtm_mat(
     """
     name, export = _export(path, read_mat(path, most_unpacked_mb))
     place = f"{path}: {name}"
-    labelled = _field(
-        _field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories"
-    )
+    trajectories = _field(export, "Trajectories", place)
+    labelled = _field(trajectories, "Labeled", f"{place}.Trajectories")
     inner = f"{place}.Trajectories.Labeled"
     data = _positions(labelled, inner)
     labels = _labels(labelled, inner)
     if len(labels) != len(data):
-        raise RecordingError.at(
-            f"{inner}.Labels", f"{len(data)} as in Data", len(labels)
-        )
-    positions: FloatArray = np.array(
-        np.moveaxis(data[:, :3], 2, 0), np.float64, order="C"
-    )
+        wanted = f"{len(data)} as in Data"
+        raise RecordingError.at(f"{inner}.Labels", wanted, len(labels))
+    frames_first = np.moveaxis(data[:, :3], 2, 0)
+    positions: FloatArray = np.array(frames_first, np.float64, order="C")
     n_frames, n_markers = positions.shape[:2]
-    claims = (
-        (export, "Frames", n_frames, place),
-        (labelled, "Count", n_markers, inner),
-    )
-    for struct, key, found, where in claims:
-        stated = _number(struct, key, where)
-        if stated is not None and stated != found:
-            cut = (
-                "; was the file cut short?"
-                if key == "Frames" and stated > found
-                else ""
-            )
-            raise RecordingError.at(
-                f"{where}.{key}", f"{stated:g} as stated", f"{found}{cut}"
-            )
+    _require_stated(export, "Frames", n_frames, place)
+    _require_stated(labelled, "Count", n_markers, inner)
     start = _number(export, "StartFrame", place)
+    first_frame = 1.0 if start is None else start
     return raw.assembled(
         f"{place}.FrameRate",
         raw.distinct_names(f"{inner}.Labels", labels),
         positions,
-        number=np.arange(len(positions), dtype=float)
-        + (1.0 if start is None else start),
+        number=np.arange(n_frames, dtype=float) + first_frame,
         unit=(place, "mm"),
         rates_hz=(_number(export, "FrameRate", place), rate_hz),
         events=_events(export, place),
@@ -400,12 +431,24 @@ def read_qtm_mat(
     )
 
 
+def _require_stated(struct: dict[str, Any], key: str, found: int, place: str) -> None:
+    """Require as many frames or markers as the file states, if it does."""
+    stated = _number(struct, key, place)
+    if stated is None or stated == found:
+        return
+    cut = ""
+    if key == "Frames" and stated > found:
+        cut = "; was the file cut short?"
+    raise RecordingError.at(f"{place}.{key}", f"{stated:g} as stated", f"{found}{cut}")
+
+
 def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return name and content of the one struct with trajectories."""
     for name, value in variables.items():
         if isinstance(value, dict) and "Trajectories" in value:
             return name, value
-    found = f"the variables {', '.join(variables) or 'none'}; Recording.from_arrays takes these"
+    names = ", ".join(variables) or "none"
+    found = f"the variables {names}; Recording.from_arrays takes these"
     raise RecordingError.at(path, "a struct with the field Trajectories", found)
 
 
@@ -426,21 +469,18 @@ def _positions(labelled: Any, place: str) -> FloatArray:
     if data.ndim == 2:
         data = data[:, :, None]
     if data.ndim != 3 or data.shape[1] not in (3, 4) or not data.size:
-        wanted = "markers x 4 x frames"
-        raise RecordingError.at(
-            f"{place}.Data", wanted, " x ".join(map(str, data.shape))
-        )
+        found = " x ".join(map(str, data.shape))
+        raise RecordingError.at(f"{place}.Data", "markers x 4 x frames", found)
     return np.asarray(data)
 
 
 def _labels(labelled: Any, place: str) -> list[str]:
     labels = _field(labelled, "Labels", place)
-    labels = [labels] if isinstance(labels, str) else labels
-    if not isinstance(labels, list) or not all(
-        isinstance(text, str) for text in labels
-    ):
+    if isinstance(labels, str):
+        labels = [labels]
+    if not isinstance(labels, list) or not all(isinstance(one, str) for one in labels):
         raise RecordingError.at(f"{place}.Labels", "a cell of texts", _kind(labels))
-    return [text.strip(" \0") for text in labels]
+    return [label.strip(" \0") for label in labels]
 
 
 def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
@@ -455,29 +495,32 @@ def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
 
 
 def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
-    """Return events, stored as an array of structs, or in version 7.3 as a struct of lists."""
-    found = export.get("Events")
-    if isinstance(found, dict) and any(
-        isinstance(value, list) for value in found.values()
-    ):
-        lists = [
-            value if isinstance(value, list) else [value] for value in found.values()
-        ]
-        found = [
-            dict(zip(found, entries, strict=False))
-            for entries in zip(*lists, strict=False)
-        ]
-    events, place = [], f"{place}.Events"
-    for event in (
-        [found] if isinstance(found, dict) else found if isinstance(found, list) else []
-    ):
-        label, time = _field(event, "Label", place), _number(event, "Time", place)
-        if not isinstance(label, str) or time is None:
-            raise RecordingError.at(
-                place, "a Label and a Time each", f"{_kind(label)} and {time}"
-            )
-        events.append(Event(label.split("\0")[0].strip(), time))
+    """Return the events, which stand in one or several structs."""
+    place = f"{place}.Events"
+    events = []
+    for event in _structs(export.get("Events")):
+        label = _field(event, "Label", place)
+        time_s = _number(event, "Time", place)
+        if not isinstance(label, str) or time_s is None:
+            found = f"{_kind(label)} and {time_s}"
+            raise RecordingError.at(place, "a Label and a Time each", found)
+        events.append(Event(label.split("\0")[0].strip(), time_s))
     return tuple(events)
+
+
+def _structs(found: Any) -> list[Any]:
+    """Return the entries of an array of structs, which version 7.3 stores as lists."""
+    if isinstance(found, list):
+        return found
+    if not isinstance(found, dict):
+        return []
+    if not any(isinstance(value, list) for value in found.values()):
+        return [found]
+    lists = [value if isinstance(value, list) else [value] for value in found.values()]
+    structs = []
+    for entries in zip(*lists, strict=False):
+        structs.append(dict(zip(found, entries, strict=False)))
+    return structs
 
 
 def _kind(value: Any) -> str:

@@ -2,8 +2,8 @@
 
 The layout follows Qualisys' manual, "Motion data (.tsv)": one key per line, values
 after tabs, keys in any order. ``EVENT`` and ``TRAJECTORY_TYPES`` are optional, and
-``FILE_VERSION`` was added in
-2.0.0. The column row (``Frame  Time  <name> X ...``) exists only if the export asked for it.
+``FILE_VERSION`` was added in 2.0.0. The column row (``Frame  Time  <name> X ...``)
+exists only if the export asked for it.
 """
 
 import re
@@ -23,10 +23,22 @@ from hopdata.recordings import raw
 from hopdata.recordings.readers import text
 
 KEYS = (
-    *("FILE_VERSION", "NO_OF_FRAMES", "NO_OF_CAMERAS", "NO_OF_MARKERS", "FREQUENCY"),
-    *("NO_OF_ANALOG", "ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED"),
-    *("EVENT", "MARKER_NAMES", "TRAJECTORY_TYPES"),
+    "FILE_VERSION",
+    "NO_OF_FRAMES",
+    "NO_OF_CAMERAS",
+    "NO_OF_MARKERS",
+    "FREQUENCY",
+    "NO_OF_ANALOG",
+    "ANALOG_FREQUENCY",
+    "DESCRIPTION",
+    "TIME_STAMP",
+    "DATA_INCLUDED",
+    "EVENT",
+    "MARKER_NAMES",
+    "TRAJECTORY_TYPES",
 )
+
+# Keys that may not be stated twice with different values.
 _DECISIVE = {
     "NO_OF_FRAMES",
     "NO_OF_MARKERS",
@@ -34,19 +46,25 @@ _DECISIVE = {
     "DATA_INCLUDED",
     "MARKER_NAMES",
 }
-_SECONDS, _LENGTHS = {"s", "sec", "#"}, {"mm", "cm", "m", "in"}
-_IN_SECONDS = re.compile(r" ?[\[(](s|sec|seconds)[\])]$", re.IGNORECASE)
-_PLAIN = re.compile(
-    "(.*) ([xyz])", re.I
-)  # `toe X`, as QTM writes it; any name may precede X
-# `toe_x`, `toe (x)`, `toe.X [mm]`
-_AXIS = re.compile(
-    r"(.*[^ ._:/\[(-]|)[ ._:/-]*[ ._:/\[(-]([xyz])[\])]?\.?([ _]?[\[( _](mm|cm|m|in)[\])]?)?",
-    re.I,
-)
-COUNTERS = ("Frame", "Time")  # columns that may precede the coordinates
+
+# Columns that may precede the coordinates.
+COUNTERS = ("Frame", "Time")
+
+# Units in a row below the column names.
+_SECONDS = {"s", "sec", "#"}
+_LENGTHS = {"mm", "cm", "m", "in"}
 
 _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
+_IN_SECONDS = re.compile(r" ?[\[(](s|sec|seconds)[\])]$", re.IGNORECASE)
+
+# A coordinate: `toe X`, as QTM writes it (any name may precede X), or in other forms
+# such as `toe_x`, `toe (x)` and `toe.X [mm]`.
+_PLAIN = re.compile("(.*) ([xyz])", re.I)
+_AXIS = re.compile(
+    r"(.*[^ ._:/\[(-]|)[ ._:/-]*[ ._:/\[(-]([xyz])[\])]?\.?"
+    r"([ _]?[\[( _](mm|cm|m|in)[\])]?)?",
+    re.I,
+)
 
 
 @dataclass
@@ -72,11 +90,9 @@ class QtmHeader:
 
     def place(self, key: str) -> str:
         """Return the file and line of `key`, for messages."""
-        return (
-            f"{self.path}, line {self.lines[key]}"
-            if key in self.lines
-            else str(self.path)
-        )
+        if key in self.lines:
+            return f"{self.path}, line {self.lines[key]}"
+        return str(self.path)
 
     def number(self, key: str) -> float | None:
         """Return the value of `key` as a number; None if the key is absent.
@@ -90,7 +106,8 @@ class QtmHeader:
 
     def stated(self, key: str, otherwise: str = "") -> str:
         """Return the first field of `key`, or `otherwise` if the key is absent."""
-        return (self.values.get(key) or [otherwise])[0]
+        fields = self.values.get(key)
+        return fields[0] if fields else otherwise
 
 
 def read_header(path: Path) -> QtmHeader:
@@ -104,9 +121,8 @@ def read_header(path: Path) -> QtmHeader:
     """
     header = QtmHeader(path)
     with text.readable(path) as file:
-        header.mark = text.mark_between(
-            [text.decoded(line) for line in islice(file, 5)]
-        )
+        first_lines = [text.decoded(line) for line in islice(file, 5)]
+        header.mark = text.mark_between(first_lines)
         file.seek(0)
         for line in file:
             fields = text.split_line(path, line, header.mark)
@@ -125,9 +141,12 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     """Tell whether this row is the first row of numbers."""
     if fields == [""] or fields[0].startswith("#"):
         return False
-    first = next((f for f in fields if f not in text.TEXT_TABLE_MISSING), None)
-    if first is None or text.is_number(text.pointed(first)):
-        return first is not None or len(fields) > 1
+    present = [one for one in fields if one not in text.TEXT_TABLE_MISSING]
+    if not present:
+        return len(fields) > 1
+    first = present[0]
+    if text.is_number(text.pointed(first)):
+        return True
     if header.columns and _units(fields):
         return False
     is_key = _KEY.fullmatch(fields[0]) and fields[0] not in text.TEXT_TABLE_MISSING
@@ -137,36 +156,35 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     if coordinate_stems(fields[1:4]):
         wanted = "Frame or Time (in s) before the coordinates"
         raise RecordingError.at(place, wanted, f"'{first[:40]}'")
-    near, key = (
-        did_you_mean(first.upper(), KEYS),
-        re.split(r"[;, ]", first, maxsplit=1)[0],
-    )
-    if key != first and key.upper() in KEYS:
+    near = did_you_mean(first.upper(), KEYS)
+    first_word = re.split(r"[;, ]", first, maxsplit=1)[0]
+    if first_word != first and first_word.upper() in KEYS:
         near = "; separate the fields by tabs"
     raise RecordingError.at(place, "a header key or numbers", f"'{first[:40]}'{near}")
 
 
 def _units(fields: list[str]) -> set[str]:
-    """Return the units in a row below column names: a length, possibly seconds; else none."""
-    found = {field.strip("[]()").lower() for field in fields} - {"", "-"}
-    return (
-        found if found <= _SECONDS | _LENGTHS and len(found & _LENGTHS) == 1 else set()
-    )
+    """Return the units in a row below column names: a length and possibly seconds."""
+    units = {field.strip("[]()").lower() for field in fields} - {"", "-"}
+    if units <= _SECONDS | _LENGTHS and len(units & _LENGTHS) == 1:
+        return units
+    return set()
 
 
 def _take(header: QtmHeader, fields: list[str]) -> None:
     """Add a line that is not numbers to the header."""
     key = fields[0]
     if header.columns and _units(fields):
-        header.unit = (_units(fields) - _SECONDS).pop()
+        (header.unit,) = _units(fields) - _SECONDS
     elif is_column_row(fields):
         header.columns = [counter(name) or name for name in text.trimmed(fields)]
         header.unit = unit_of(header.columns)
     elif key == "EVENT":
         header.events.append(_event(header, fields[1:]))
     elif key in header.values and header.values[key] != fields[1:]:
-        place, first = f"{header.path}, line {header.n_lines}", header.lines[key]
-        told = mismatch(place, f"{key} once", f"it with another value in line {first}")
+        place = f"{header.path}, line {header.n_lines}"
+        found = f"it with another value in line {header.lines[key]}"
+        told = mismatch(place, f"{key} once", found)
         if key in _DECISIVE:
             raise RecordingError(told)
         header.remarks += (f"{told}; the first is taken",)
@@ -185,17 +203,25 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
     raise RecordingError.at(place, "a label, a frame and a time", fields)
 
 
+# Names of columns.
+
+
 def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
-    """Return counters and marker names of a column row; None if others are not coordinates."""
-    counters = list(filter(None, map(counter, fields[: len(COUNTERS)])))
+    """Return counters and marker names of a column row.
+
+    The names are None if the other columns are not coordinates.
+    """
+    counters = [counter(name) for name in fields[: len(COUNTERS)]]
+    counters = [name for name in counters if name]
     return counters, coordinate_stems(text.trimmed(fields)[len(counters) :])
 
 
 def is_known(fields: list[str]) -> bool:
     """Tell whether a first row is from a QTM export: a key, column names or numbers."""
     first = fields[0]
-    columns = is_column_row(fields) or coordinate_stems(fields[1:4])
-    return first in KEYS or bool(columns) or text.is_number(text.pointed(first))
+    if first in KEYS or is_column_row(fields) or coordinate_stems(fields[1:4]):
+        return True
+    return text.is_number(text.pointed(first))
 
 
 def is_column_row(fields: list[str]) -> bool:
@@ -204,24 +230,42 @@ def is_column_row(fields: list[str]) -> bool:
 
 
 def counter(column: str) -> str:
-    """Return Frame or Time if a column is a counter, such as ``t`` or ``Time [s]``; else empty."""
+    """Return Frame or Time if a column is a counter, such as ``t``, ``Time [s]``.
+
+    Else the name is empty.
+    """
     name = _IN_SECONDS.sub("", column)
-    return "Time" if name == "t" else name.title() if name.title() in COUNTERS else ""
+    if name == "t":
+        return "Time"
+    if name.title() in COUNTERS:
+        return name.title()
+    return ""
 
 
 def coordinate(column: str) -> tuple[str, ...]:
-    """Split a column's name into marker and axis if they are apart; else return it unsplit."""
+    """Split the name of a coordinate into marker and axis; return others unsplit.
+
+    Returns
+    -------
+    tuple of str
+        Nothing, the marker and the axis; or the name alone.
+    """
     found = _PLAIN.fullmatch(column) or _AXIS.fullmatch(column)
-    return ("", found[1].strip(), found[2].lower()) if found else (column,)
+    if found is None:
+        return (column,)
+    return ("", found[1].strip(), found[2].lower())
 
 
 def unit_of(columns: list[str]) -> str:
-    """Return the unit of length in column names; several are joined, which is not a unit."""
-    units = {
-        found[4].lower()
-        for found in map(_AXIS.fullmatch, columns)
-        if found and found[4]
-    }
+    """Return the unit of length in column names.
+
+    Several are joined, which is not a unit.
+    """
+    units = set()
+    for column in columns:
+        found = _AXIS.fullmatch(column)
+        if found is not None and found[4]:
+            units.add(found[4].lower())
     return ", ".join(sorted(units))
 
 
@@ -231,23 +275,47 @@ def coordinate_stems(columns: list[str]) -> list[str] | None:
     Axes may be in lower case. Between name and axis there may be a separator as in
     `coordinate`, or nothing.
     """
-    stems, names = [], [" ".join(coordinate(column)[-2:]) for column in columns]
+    names = [" ".join(coordinate(column)[-2:]) for column in columns]
+    stems = []
     for i in range(0, len(names) - 2, 3):
         x, y, z = names[i : i + 3]
-        if (
-            x[-1:] + y[-1:] + z[-1:] not in ("XYZ", "xyz")
-            or not x[:-1] == y[:-1] == z[:-1]
-        ):
+        axes = x[-1:] + y[-1:] + z[-1:]
+        is_one_marker = x[:-1] == y[:-1] == z[:-1]
+        if axes not in ("XYZ", "xyz") or not is_one_marker:
             return None
         stems.append(x[:-1].strip())
-    return stems if stems and len(columns) % 3 == 0 else None
+    if not stems or len(columns) % 3:
+        return None
+    return stems
 
 
 # Meaning of each column of a QTM export.
 
 
-def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...]]:
-    """Return the place of the marker names, the names, the counters, and remarks.
+@dataclass(frozen=True)
+class Layout:
+    """Columns of an export.
+
+    Parameters
+    ----------
+    place : str
+        Place of the marker names, for messages.
+    names : list of str
+        The markers.
+    counters : list of str
+        Columns before the coordinates.
+    remarks : tuple of str
+        What the file states otherwise.
+    """
+
+    place: str
+    names: list[str]
+    counters: list[str]
+    remarks: tuple[str, ...]
+
+
+def layout(header: QtmHeader) -> Layout:
+    """Return the meaning of the columns.
 
     Names come from ``MARKER_NAMES`` or the column row. A file of only numbers gets
     ``marker1``, ``marker2`` and so on.
@@ -257,72 +325,95 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
     RecordingError
         If there are none, or they do not fit the columns or one another.
     """
-    here, width = f"{header.path}, line {header.n_lines}", len(header.first_row)
-    counters, stems = columns_of(header.columns) if header.columns else ([], None)
-    if header.columns and stems is None:
-        rest = header.columns[len(counters) :]
-        odd = next(
-            (
-                i
-                for i in range(0, len(rest), 3)
-                if not coordinate_stems(rest[i : i + 3])
-            ),
-            0,
-        )
-        place = f"{here}, column {1 + len(counters) + odd}"
-        found = ", ".join(repr(c) for c in rest[odd : odd + 3]) or "none"
-        raise RecordingError.at(place, "the columns X, Y, Z of a marker", found)
-    place, names = here, stems or []
-    if "MARKER_NAMES" in header.values:
-        place, names = (
-            header.place("MARKER_NAMES"),
-            text.trimmed(header.values["MARKER_NAMES"]),
-        )
-    elif not (header.columns or header.values):
-        place, names = f"{header.path}, line 1", _numbered_names(header)
-    if not names:
-        hint = did_you_mean("MARKER_NAMES", set(header.values) - set(KEYS))
-        raise RecordingError.at(
-            header.path, "MARKER_NAMES or a column row", f"neither{hint}"
-        )
-    stated = header.number("NO_OF_MARKERS")
-    remarks: tuple[str, ...] = ()
-    if stated not in (None, len(names)):
-        told = f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
-        if (
-            width in (3 * stated, 3 * stated + 2) and len(names) < stated
-        ):  # the last have no name
-            names += [""] * int(stated - len(names))
-        elif width not in (3 * len(names), 3 * len(names) + 2):
-            raise RecordingError(told)
-        remarks = (f"{told}; the columns are those of {len(names)} markers",)
+    here = f"{header.path}, line {header.n_lines}"
+    width = len(header.first_row)
+    counters: list[str] = []
+    stems: list[str] | None = None
+    if header.columns:
+        counters, stems = columns_of(header.columns)
+        if stems is None:
+            raise _no_coordinates(header, counters)
+    place, names = _names(header, stems)
+    is_named_by_columns = names is stems
+    names, remarks = _as_many_as_stated(header, place, names)
+    if is_named_by_columns:
+        stems = names
     for stem, name in zip(stems or (), names, strict=False):
         if stem != name:
             raise RecordingError.at(f"{here}: columns", f"'{name} X'", f"'{stem} X'")
     spare = width - 3 * len(names) - len(counters)
     if stems is None:
+        # Without a column row, two more columns are frame and time.
         counters = [*COUNTERS] if spare >= len(COUNTERS) else []
         spare -= len(counters)
-    if (
-        (stems and len(stems) != len(names))
-        or spare < 0
-        or any(header.first_row[width - spare :])
-    ):
-        wanted = f"{3 * len(names)} columns (X, Y, Z of {len(names)} markers), or two more for "
+    is_other_number = bool(stems) and len(stems or ()) != len(names)
+    if is_other_number or spare < 0 or any(header.first_row[width - spare :]):
+        columns = f"{3 * len(names)} columns (X, Y, Z of {len(names)} markers)"
         below = f"{header.path}, line {header.n_lines + 1}"
-        raise RecordingError.at(below, f"{wanted}Frame and Time", width)
-    return place, names, counters, remarks
+        wanted = f"{columns}, or two more for Frame and Time"
+        raise RecordingError.at(below, wanted, width)
+    return Layout(place, names, counters, remarks)
+
+
+def _no_coordinates(header: QtmHeader, counters: list[str]) -> RecordingError:
+    """Return the error that names the first columns which are not those of a marker."""
+    others = header.columns[len(counters) :]
+    odd = 0
+    for i in range(0, len(others), 3):
+        if not coordinate_stems(others[i : i + 3]):
+            odd = i
+            break
+    line = f"{header.path}, line {header.n_lines}"
+    place = f"{line}, column {1 + len(counters) + odd}"
+    found = ", ".join(repr(name) for name in others[odd : odd + 3]) or "none"
+    return RecordingError.at(place, "the columns X, Y, Z of a marker", found)
+
+
+def _names(header: QtmHeader, stems: list[str] | None) -> tuple[str, list[str]]:
+    """Return the place of the marker names, for messages, and the names."""
+    place = f"{header.path}, line {header.n_lines}"
+    names = stems or []
+    if "MARKER_NAMES" in header.values:
+        place = header.place("MARKER_NAMES")
+        names = text.trimmed(header.values["MARKER_NAMES"])
+    elif not (header.columns or header.values):
+        place = f"{header.path}, line 1"
+        names = _numbered_names(header)
+    if not names:
+        hint = did_you_mean("MARKER_NAMES", set(header.values) - set(KEYS))
+        wanted = "MARKER_NAMES or a column row"
+        raise RecordingError.at(header.path, wanted, f"neither{hint}")
+    return place, names
+
+
+def _as_many_as_stated(
+    header: QtmHeader, place: str, names: list[str]
+) -> tuple[list[str], tuple[str, ...]]:
+    """Return as many names as there are markers; a remark if others are stated."""
+    stated = header.number("NO_OF_MARKERS")
+    if stated is None or stated == len(names):
+        return names, ()
+    width = len(header.first_row)
+    wanted = f"expected {stated:g} marker names (NO_OF_MARKERS)"
+    told = f"{place}: {wanted}, found {len(names)}"
+    if len(names) < stated and width in (3 * stated, 3 * stated + 2):
+        # The last markers have no name.
+        names = names + [""] * int(stated - len(names))
+    elif width not in (3 * len(names), 3 * len(names) + 2):
+        raise RecordingError(told)
+    return names, (f"{told}; the columns are those of {len(names)} markers",)
 
 
 def _numbered_names(header: QtmHeader) -> list[str]:
     """Return names for the markers of a file with neither header nor column row."""
     n_columns = len(header.first_row)
-    if n_columns % 3 == 0 and not header.first_row[-1] and all(header.first_row[:2]):
-        since = f"since {n_columns} columns of which the last is empty can be read in two ways"
+    is_last_empty = not header.first_row[-1]
+    # With the last column these are markers, without it frame, time and markers.
+    if n_columns % 3 == 0 and is_last_empty and all(header.first_row[:2]):
+        two_ways = "of which the last is empty can be read in two ways"
+        wanted = f"a column row, since {n_columns} columns {two_ways}"
         found = "none; export with the column row"
-        raise RecordingError.at(
-            f"{header.path}, line 1", f"a column row, {since}", found
-        )
+        raise RecordingError.at(f"{header.path}, line 1", wanted, found)
     return [f"marker{i + 1}" for i in range(n_columns // 3)]
 
 
@@ -333,7 +424,9 @@ _FORMS = ("%Y-%m-%d, %H:%M:%S.%f", "%Y-%m-%d, %H:%M:%S")
 
 def moment(stated: Any) -> datetime | None:
     """Return the start of the measurement; None unless it is a date in a known form."""
-    for form in _FORMS if isinstance(stated, str) else ():
+    if not isinstance(stated, str):
+        return None
+    for form in _FORMS:
         with suppress(ValueError):
             return datetime.strptime(stated.split("\t")[0].strip(), form)
     return None
@@ -367,53 +460,70 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
         found.
     """
     header = read_header(path)
-    if (kind := header.stated("DATA_INCLUDED", "3D")) != "3D":
-        place = f"{header.place('DATA_INCLUDED')}: DATA_INCLUDED"
-        told = f"'{kind}'; export the trajectories as 3D data"
-        raise RecordingError.at(place, "'3D'", told)
-    place, names, counters, wrong = layout(header)
+    _require_3d(header)
+    columns = layout(header)
+    n_counters = len(columns.counters)
     rows = text.Rows(
-        header.path, header.n_lines, header.offset, len(header.first_row), header.mark
+        header.path,
+        n_lines=header.n_lines,
+        offset=header.offset,
+        width=len(header.first_row),
+        mark=header.mark,
     )
-    columns = range(len(counters), len(counters) + 3 * len(names))
-    counted, positions = rows.markers(counters, columns)
-    key, by_name = "NO_OF_FRAMES", dict(zip(counters, counted.T, strict=True))
-    wrong += raw.frame_count(header.place(key), key, header.number(key), len(positions))
+    coordinates = range(n_counters, n_counters + 3 * len(columns.names))
+    counted, positions = rows.markers(columns.counters, coordinates)
+    by_name = dict(zip(columns.counters, counted.T, strict=True))
+    key = "NO_OF_FRAMES"
+    stated_frames = header.number(key)
+    miscounted = raw.frame_count(header.place(key), key, stated_frames, len(positions))
+    number = by_name.get("Frame")
+    if number is None:
+        number = np.arange(1.0, len(positions) + 1)
     stamps = by_name.get("Time")
-    stopped = (
-        stamps is not None and _is_triggered(header) and not np.all(np.diff(stamps) > 0)
-    )
-    told = "FREQUENCY is EXT and the time stamps do not increase; time counted from the frames"
-    wrong += (f"{header.path}: {told}",) * bool(stopped)
+    stopped: tuple[str, ...] = ()
+    increases = stamps is None or bool(np.all(np.diff(stamps) > 0))
+    if _is_triggered(header) and not increases:
+        why = "FREQUENCY is EXT and the time stamps do not increase"
+        stopped = (f"{header.path}: {why}; time counted from the frames",)
+        stamps = None
+    # Exports are in mm; a bare table states no unit.
+    is_export = not header.values.keys().isdisjoint(KEYS)
     found = raw.assembled(
         str(header.path),
-        raw.distinct_names(place, names, may_lack=True),
+        raw.distinct_names(columns.place, columns.names, may_lack=True),
         positions,
-        number=by_name.get("Frame", np.arange(1.0, len(positions) + 1)).copy(),
-        stamps=None if stamps is None or stopped else stamps.copy(),
+        number=number.copy(),
+        stamps=None if stamps is None else stamps.copy(),
         unit=(str(header.path), header.unit),
         rates_hz=(_stated_rate(header, rate_hz), rate_hz),
         rate_place=header.place("FREQUENCY"),
-        remarks=header.remarks + wrong,
-        # Exports are in mm; a bare table states no unit.
-        unit_is_stated=bool(header.unit) or not header.values.keys().isdisjoint(KEYS),
+        remarks=header.remarks + columns.remarks + miscounted + stopped,
+        unit_is_stated=bool(header.unit) or is_export,
         events=tuple(event for event, _ in header.events),
         started=moment(header.stated("TIME_STAMP")),
     )
     return replace(found, remarks=found.remarks + _event_remarks(header, found.rate_hz))
 
 
+def _require_3d(header: QtmHeader) -> None:
+    kind = header.stated("DATA_INCLUDED", "3D")
+    if kind != "3D":
+        place = f"{header.place('DATA_INCLUDED')}: DATA_INCLUDED"
+        found = f"'{kind}'; export the trajectories as 3D data"
+        raise RecordingError.at(place, "'3D'", found)
+
+
 def _is_triggered(header: QtmHeader) -> bool:
+    """Tell whether the frames are triggered from outside, at a rate that is unknown."""
     return header.stated("FREQUENCY").upper() == "EXT"
 
 
 def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
-    """Return the header's frame rate, Hz, or None; with an external trigger the given one."""
+    """Return the header's frame rate, Hz, if any; the given one if triggered."""
     near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
     if near and "FREQUENCY" not in header.values:
-        raise RecordingError.at(
-            f"{header.path}: header", "the key FREQUENCY", f"none{near}"
-        )
+        place = f"{header.path}: header"
+        raise RecordingError.at(place, "the key FREQUENCY", f"none{near}")
     if _is_triggered(header):
         return raw.resolve_rate(header.place("FREQUENCY"), stated=None, given=given_hz)
     return header.number("FREQUENCY")
@@ -421,8 +531,11 @@ def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
 
 def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
     """Return a remark on events whose time does not match their frame, from 1."""
-    off = sum(
-        abs(event.time_s * rate_hz - (frame - 1)) > 1 for event, frame in header.events
-    )
-    told = f"in {off} of {len(header.events)} events the time is not that of the frame"
-    return (f"{header.path}: EVENT: {told}; the time is used",) * bool(off)
+    off = 0
+    for event, frame in header.events:
+        if abs(event.time_s * rate_hz - (frame - 1)) > 1:
+            off += 1
+    if not off:
+        return ()
+    odd = f"in {off} of {len(header.events)} events the time is not that of the frame"
+    return (f"{header.path}: EVENT: {odd}; the time is used",)

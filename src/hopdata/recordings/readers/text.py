@@ -1,4 +1,6 @@
-"""Text tables: lines of fields, rows of numbers below a header, and columns by name."""
+"""Text tables: lines of fields, rows of numbers below a header, columns by name."""
+
+from __future__ import annotations
 
 import codecs
 import csv
@@ -6,7 +8,7 @@ import io
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice, product, takewhile
 from pathlib import Path
 from typing import BinaryIO
@@ -17,34 +19,50 @@ from hopdata.arrays import FloatArray, pd
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.budget import LONGEST_LINE, MOST_CELLS, MOST_COLUMNS
 
-BLOCK = 1 << 20  # bytes
-ROWS = 20_000  # rows read at a time
-_WINDOW, _APART = 1 << 15, 1 << 19  # bytes; together less than `LONGEST_LINE`
-MARKS = "\t;,"  # field separators, the most likely first
+# Bytes, and rows, that are read at a time.
+BLOCK = 1 << 20
+ROWS = 20_000
+
+# A look at a file for lines that are too long: bytes looked at, and bytes from one
+# place to the next; together less than `LONGEST_LINE`.
+_WINDOW = 1 << 15
+_APART = 1 << 19
+
+# Field separators, the most likely first.
+MARKS = "\t;,"
+
 # Programs write missing values as nothing, in words, or as their C library's NaN.
 _NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
 TEXT_TABLE_MISSING = (
-    *(
-        "",
-        "NULL",
-        "Null",
-        "null",
-        "n/a",
-        "N/A",
-        "NA",
-        "<NA>",
-        *_NAN,
-        *(f"-{nan}" for nan in _NAN),
-    ),
-    *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
+    "",
+    "NULL",
+    "Null",
+    "null",
+    "n/a",
+    "N/A",
+    "NA",
+    "<NA>",
+    *_NAN,
+    *(f"-{nan}" for nan in _NAN),
+    "nan(ind)",
+    "-nan(ind)",
+    "1.#QNAN",
+    "-1.#QNAN",
+    "1.#IND",
+    "-1.#IND",
 )
 CUT = "; the file ends here, was it cut short? export it again, or delete the last line"
-HELD = "\x1f"  # placeholder for a separator within a field
+
+# Placeholder for a separator within a field.
+HELD = "\x1f"
+
+
+# Bytes and lines of a file.
 
 
 @contextmanager
 def readable(path: Path, *, is_text: bool = True) -> Iterator[BinaryIO]:
-    """Open a file to read its bytes; convert a text in UTF-16 to UTF-8, and CR line ends to LF.
+    """Open a file to read its bytes; of a text in UTF-8, with lines that end in LF.
 
     Raises
     ------
@@ -58,22 +76,28 @@ def readable(path: Path, *, is_text: bool = True) -> Iterator[BinaryIO]:
                 return
             begin = file.read(BLOCK)
             is_wide = begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-            if is_wide or (b"\r" in begin and not {*b"\n\0"} & {*begin}):
-                wide = decoded(begin + file.read())
-                narrow = io.BytesIO(
-                    wide.replace("\r\n", "\n").replace("\r", "\n").encode()
-                )
-                del wide
-                _require_lines(path, narrow)
-                yield narrow
+            if is_wide or _ends_lines_in_cr(begin):
+                converted = _converted(begin, file)
+                _require_lines(path, converted)
+                yield converted
                 return
             _require_lines(path, file)
             yield file
     except OSError as error:
-        told = error.strerror or error
-        raise RecordingError(
-            f"{path}: expected a readable file, found: {told}"
-        ) from None
+        found = error.strerror or error
+        message = f"{path}: expected a readable file, found: {found}"
+        raise RecordingError(message) from None
+
+
+def _ends_lines_in_cr(begin: bytes) -> bool:
+    """Tell whether the lines of a text end in CR alone, as on old computers."""
+    return b"\r" in begin and b"\n" not in begin and b"\0" not in begin
+
+
+def _converted(begin: bytes, file: BinaryIO) -> BinaryIO:
+    """Return a text in UTF-8 with lines that end in LF."""
+    wide = decoded(begin + file.read())
+    return io.BytesIO(wide.replace("\r\n", "\n").replace("\r", "\n").encode())
 
 
 def _require_lines(path: Path, file: BinaryIO) -> None:
@@ -82,28 +106,33 @@ def _require_lines(path: Path, file: BinaryIO) -> None:
     A longer line holds a whole window between two of the places looked at. So a look at
     a part of the file suffices, unless a window has no line end.
     """
-    n_bytes = file.seek(0, os.SEEK_END)
-    for at in range(0, n_bytes - _WINDOW, _APART):
-        file.seek(at)
-        if b"\n" not in file.read(_WINDOW):
-            break
-    else:
+    if _has_line_ends_everywhere(file):
         file.seek(0)
         return
-    begun = read = 0  # begun: where the line begins in which the last block ended
+    line_start = 0  # of the line in which the last block ended
+    n_read = 0
     file.seek(0)
     while block := file.read(BLOCK):
-        first = block.find(b"\n")
-        known = read + (len(block) if first < 0 else first)
-        if known - begun > LONGEST_LINE:
+        first_end = block.find(b"\n")
+        until = n_read + (len(block) if first_end < 0 else first_end)
+        if until - line_start > LONGEST_LINE:
             wanted = f"lines of at most {LONGEST_LINE:,} bytes"
-            raise RecordingError.at(
-                path, wanted, "a longer one; is this one recording's table?"
-            )
-        if first >= 0:
-            begun = read + block.rfind(b"\n") + 1
-        read += len(block)
+            found = "a longer one; is this one recording's table?"
+            raise RecordingError.at(path, wanted, found)
+        if first_end >= 0:
+            line_start = n_read + block.rfind(b"\n") + 1
+        n_read += len(block)
     file.seek(0)
+
+
+def _has_line_ends_everywhere(file: BinaryIO) -> bool:
+    """Tell whether each of the windows looked at has a line end."""
+    n_bytes = file.seek(0, os.SEEK_END)
+    for start in range(0, n_bytes - _WINDOW, _APART):
+        file.seek(start)
+        if b"\n" not in file.read(_WINDOW):
+            return False
+    return True
 
 
 def first_lines(file: BinaryIO, most: int) -> list[bytes]:
@@ -135,7 +164,7 @@ def require_file(path: Path) -> None:
 
 
 def decoded(data: bytes) -> str:
-    """Decode the text of a file, which may be in UTF-16 or an encoding older than UTF-8."""
+    """Decode the text of a file: in UTF-16, UTF-8, or an older encoding."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
     try:
@@ -144,11 +173,14 @@ def decoded(data: bytes) -> str:
         return data.decode("latin-1")
 
 
+# Fields of a line.
+
+
 def mark_between(lines: Sequence[str]) -> str:
     """Return the field separator: a tab if half of the first lines have one."""
-    if 2 * sum("\t" in line for line in lines) >= sum(
-        bool(line.strip()) for line in lines
-    ):
+    n_with_tab = sum("\t" in line for line in lines)
+    n_not_empty = sum(bool(line.strip()) for line in lines)
+    if 2 * n_with_tab >= n_not_empty:
         return "\t"
     return max(";,", key="".join(lines).count)
 
@@ -163,9 +195,8 @@ def fields_of(line: str, mark: str = "\t") -> list[str]:
     fields = line.rstrip("\r\n").split(mark)
     if '"' in line:
         with suppress(csv.Error):  # a field of more than 131,072 characters
-            fields = next(
-                csv.reader([line], delimiter=mark, skipinitialspace=True), [""]
-            )
+            rows = csv.reader([line], delimiter=mark, skipinitialspace=True)
+            fields = next(rows, [""])
     return [field.strip() for field in fields] or [""]
 
 
@@ -186,7 +217,13 @@ def split_line(path: Path, line: bytes, mark: str = "\t") -> list[str]:
 
 def trimmed(fields: list[str]) -> list[str]:
     """Remove the empty fields that some exports leave at the end of a line."""
-    return fields[: max((i for i, field in enumerate(fields, 1) if field), default=0)]
+    end = len(fields)
+    while end and not fields[end - 1]:
+        end -= 1
+    return fields[:end]
+
+
+# Numbers in a field.
 
 
 def is_number(text: str) -> bool:
@@ -199,7 +236,9 @@ def is_number(text: str) -> bool:
 
 def pointed(text: str) -> str:
     """Replace the comma in a header's number by a point, if it is the only mark."""
-    return text.replace(",", ".") if text.count(",") == 1 and "." not in text else text
+    if text.count(",") == 1 and "." not in text:
+        return text.replace(",", ".")
+    return text
 
 
 def no_number(text: str) -> str:
@@ -219,9 +258,12 @@ def stated_number(place: str, key: str, field: str) -> float | None:
         If the value is not a number.
     """
     stated = pointed(field)
-    if stated and (fault := no_number(stated)):
+    if not stated:
+        return None
+    fault = no_number(stated)
+    if fault:
         raise RecordingError(f"{place}: {key}: {fault}")
-    return float(stated) if stated else None
+    return float(stated)
 
 
 def one_line(text: str) -> str:
@@ -281,37 +323,47 @@ class Rows:
             Naming line and column of the first field that is not a finite number, or
             the first row that is too short or too long.
         """
+        self._require_columns(columns)
+        with readable(self.path) as file:
+            most_rows = self._most_rows(file)
+            tables = [np.empty((most_rows, len(of))) for of in columns]
+            n_rows = 0
+            has_commas = False
+            for block in self._blocks(file):
+                if n_rows == 0:
+                    has_commas = b"," in block.rows[0] and self.mark != ","
+                if has_commas:
+                    block = block.with_points()
+                values = self._values(block, columns)
+                for table, part in zip(tables, values, strict=True):
+                    table[n_rows : n_rows + len(block.rows)] = part
+                n_rows += len(block.rows)
+        if len(columns[0]):
+            while n_rows and np.isnan(tables[0][n_rows - 1]).all():
+                n_rows -= 1
+        if not n_rows and not self.may_be_short:
+            wanted = "rows of numbers after the header"
+            raise RecordingError.at(self.path, wanted, "none")
+        return tuple(table[:n_rows] for table in tables)
+
+    def _require_columns(self, columns: Sequence[Sequence[int]]) -> None:
         if self.width > MOST_COLUMNS:
             wanted = f"at most {MOST_COLUMNS:,} columns"
             raise RecordingError.at(self.line(0), wanted, f"{self.width:,}")
-        if (most := 1 + max(map(max, filter(len, columns)))) > self.width:
-            raise RecordingError.at(self.line(0), f"{most} columns", self.width)
-        with readable(self.path) as file:
-            n_lines = self._count(file)
-            tables = tuple(np.empty((n_lines, len(of))) for of in columns)
-            n, has_commas = 0, False
-            for number, rows, is_last in self._blocks(file):
-                has_commas = (
-                    b"," in rows[0] and self.mark != "," if n == 0 else has_commas
-                )
-                if has_commas:
-                    rows = [row.replace(b",", b".") for row in rows]
-                values = self._values(number, rows, columns, is_last)
-                for table, part in zip(tables, values, strict=True):
-                    table[n : n + len(rows)] = part
-                n += len(rows)
-        while n and len(columns[0]) and np.isnan(tables[0][n - 1]).all():
-            n -= 1
-        if not n and not self.may_be_short:
-            raise RecordingError.at(
-                self.path, "rows of numbers after the header", "none"
-            )
-        return tuple(table[:n] for table in tables)
+        needed = 1 + max(max(of) for of in columns if len(of))
+        if needed > self.width:
+            raise RecordingError.at(self.line(0), f"{needed} columns", self.width)
 
     def markers(
         self, counters: Sequence[str], coordinates: Sequence[int]
     ) -> tuple[FloatArray, FloatArray]:
-        """Read the counters (N, C) in the first columns and positions (N, M, 3), NaN where missing.
+        """Read the counters in the first columns, and positions.
+
+        Returns
+        -------
+        counted : (N, C) array
+        positions : (N, M, 3) array
+            NaN where a coordinate is missing.
 
         Raises
         ------
@@ -319,21 +371,22 @@ class Rows:
             As `numbers`, or if a counter is missing.
         """
         counted, flat = self.numbers(range(len(counters)), coordinates)
-        bad = np.argwhere(np.isnan(counted))
-        if len(bad):
-            row, column = bad[0]
-            found = "a missing value"
-            raise RecordingError.at(
-                f"{self.line(row)}: {counters[column]}", "a number", found
-            )
+        missing = np.argwhere(np.isnan(counted))
+        if len(missing):
+            row, column = missing[0]
+            place = f"{self.line(row)}: {counters[column]}"
+            raise RecordingError.at(place, "a number", "a missing value")
         return counted, flat.reshape(len(flat), -1, 3)
 
     def texts(self, column: int) -> list[str]:
         """Read a column as text, unchanged."""
+        texts = []
         with readable(self.path) as file:
-            rows = [row for _, block, _ in self._blocks(file) for row in block]
-        fields = (self._fields(row)[column] for row in rows)
-        return [field.replace(HELD, self.mark) for field in fields]
+            for block in self._blocks(file):
+                for row in block.rows:
+                    field = self._fields(row)[column]
+                    texts.append(field.replace(HELD, self.mark))
+        return texts
 
     def _fields(self, row: bytes) -> list[str]:
         """Split a row into `width` fields; missing ones are empty.
@@ -344,113 +397,155 @@ class Rows:
         fields = fields_of(decoded(row), self.mark)
         return fields + [""] * (self.width - len(fields))
 
-    def _count(self, file: BinaryIO) -> int:
-        """Return the most rows possible, given the lines and the fewest bytes that fields take."""
+    def _most_rows(self, file: BinaryIO) -> int:
+        """Return the most rows possible, by the lines and the bytes that rows take."""
         file.seek(self.offset)
-        n_lines = n_bytes = 0
+        n_lines = 0
+        n_bytes = 0
         while block := file.read(BLOCK):
-            n_lines, n_bytes = n_lines + block.count(b"\n"), n_bytes + len(block)
-        fewest = self.width if self.needed is None else self.needed
-        return min(n_lines, n_bytes // (1 if self.may_be_short else fewest)) + 1
+            n_lines += block.count(b"\n")
+            n_bytes += len(block)
+        # A field takes a byte at least, its separator.
+        least_bytes = self.width if self.needed is None else self.needed
+        if self.may_be_short:
+            least_bytes = 1
+        return min(n_lines, n_bytes // least_bytes) + 1
 
-    def _blocks(self, file: BinaryIO) -> Iterator[tuple[int, list[bytes], bool]]:
-        """Yield the first line's number, rows of `width` fields, and whether the file ends here.
+    def _blocks(self, file: BinaryIO) -> Iterator[_Block]:
+        """Yield rows of `width` fields.
 
         Empty lines are skipped. If rows may be short, empty lines before another row
         count as rows.
         """
         file.seek(self.offset)
-        mark, number, idle = self.mark.encode(), self.n_lines + 1, 0
-        in_section = takewhile(lambda line: line.strip(b" ,;\t\r\n"), file)
+        number = self.n_lines + 1
+        n_empty = 0  # empty lines that are rows if another row follows
+        in_section: Iterator[bytes] = file
+        if self.is_section:
+            in_section = takewhile(lambda line: line.strip(b" ,;\t\r\n"), file)
         most = max(1, min(ROWS, MOST_CELLS // self.width))
-        while lines := list(islice(in_section if self.is_section else file, most)):
-            n_lines, is_last = len(lines), len(lines) < most
-            if idle and (lines := [b"\n"] * idle + lines):
-                number, idle = number - idle, 0
+        while lines := list(islice(in_section, most)):
+            n_lines = len(lines)
+            is_last = n_lines < most
+            lines = [b"\n"] * n_empty + lines
+            number -= n_empty
+            n_empty = 0
             while lines and self.may_be_short and not lines[-1].strip():
                 lines.pop()
-                idle += 1
-            if any(
-                line.count(mark) != self.width - 1 or b'"' in line for line in lines
-            ):
-                last = len(lines) - 1 if is_last else -1
-                fitted = (
-                    self._fitted(one, number + k, k == last)
-                    for k, one in enumerate(lines)
-                )
-                lines = list(filter(None, fitted))
-            if lines:
-                yield number, lines, is_last
+                n_empty += 1
+            rows = self._rows_of(lines, number, is_last)
+            if rows:
+                yield _Block(rows, number, is_last)
             number += n_lines
 
-    def _fitted(self, line: bytes, number: int, is_last: bool) -> bytes:
-        """Return a row with the right number of separators; nothing for an empty line."""
+    def _rows_of(self, lines: list[bytes], number: int, is_last: bool) -> list[bytes]:
+        """Return the rows in these lines, of which the first has a number."""
+        n_marks = self.width - 1
+        mark = self.mark.encode()
+        if all(line.count(mark) == n_marks and b'"' not in line for line in lines):
+            return lines
+        rows = []
+        for k, line in enumerate(lines):
+            at_end = is_last and k == len(lines) - 1
+            row = self._fitted(line, number + k, at_end)
+            if row:
+                rows.append(row)
+        return rows
+
+    def _fitted(self, line: bytes, number: int, at_end: bool) -> bytes:
+        """Return a row with the right number of separators; nothing if it is empty."""
         mark = self.mark.encode()
         is_row = line.count(mark) == self.width - 1 or self.may_be_short
-        if not (is_row or line.strip(mark + b" \t\r\n")):
+        if not is_row and not line.strip(mark + b" \t\r\n"):
             return b""
         fields = [
-            f.replace(self.mark, HELD)
-            for f in fields_of(line.decode("latin-1"), self.mark)
+            field.replace(self.mark, HELD)
+            for field in fields_of(line.decode("latin-1"), self.mark)
         ]
-        fewest = self.width
+        least = self.width
         if self.needed is not None:
-            fewest = self.needed
+            least = self.needed
             if not any(fields[self.width :]):
                 fields = fields[: self.width]
-        if len(fields) > self.width or (len(fields) < fewest and not self.may_be_short):
-            place, cut = f"{self.path}, line {number}", CUT * is_last
-            raise RecordingError.at(
-                place, f"{self.width} columns", f"{len(fields)}{cut}"
-            )
+        is_too_short = len(fields) < least and not self.may_be_short
+        if len(fields) > self.width or is_too_short:
+            found = f"{len(fields)}{CUT if at_end else ''}"
+            place = f"{self.path}, line {number}"
+            raise RecordingError.at(place, f"{self.width} columns", found)
         fields += [""] * (self.width - len(fields))
         return (self.mark.join(fields) + "\n").encode("latin-1")
 
     def _values(
-        self,
-        number: int,
-        rows: list[bytes],
-        columns: Sequence[Sequence[int]],
-        is_last: bool,
+        self, block: _Block, columns: Sequence[Sequence[int]]
     ) -> list[FloatArray]:
-        """Read with pandas, which infers a column's type faster than it applies a given one."""
-        block, wanted = b"".join(rows), sorted({c for of in columns for c in of})
+        """Read with pandas, which infers types faster than it applies given ones."""
+        wanted = sorted({column for of in columns for column in of})
+        content = b"".join(block.rows)
         cause = "other text"
         try:
             frame = pd.read_csv(
-                io.BytesIO(block), sep=self.mark, header=None, usecols=wanted,
-                quoting=csv.QUOTE_NONE, na_values=list(TEXT_TABLE_MISSING), keep_default_na=False,
-                skipinitialspace=True, skip_blank_lines=False, low_memory=False, encoding="latin-1",
-            )  # fmt: skip
-            is_text = min(block) >= ord("\t") and len(frame) == len(rows)
+                io.BytesIO(content),
+                sep=self.mark,
+                header=None,
+                usecols=wanted,
+                quoting=csv.QUOTE_NONE,
+                na_values=list(TEXT_TABLE_MISSING),
+                keep_default_na=False,
+                skipinitialspace=True,
+                skip_blank_lines=False,
+                low_memory=False,
+                encoding="latin-1",
+            )
+            # No control characters, and no row lost.
+            is_text = min(content) >= ord("\t") and len(frame) == len(block.rows)
             if is_text and all(kind.kind in "iuf" for kind in frame.dtypes):
                 found = [frame[list(of)].to_numpy(np.float64) for of in columns]
                 if not any(np.isinf(part).any() for part in found):
                     return found
-        except (
-            ValueError,
-            OverflowError,
-        ) as error:  # pandas' own errors are ValueErrors
+        except (ValueError, OverflowError) as error:  # pandas' own are ValueErrors
             cause = one_line(str(error))
-        for k, row in enumerate(rows):
-            fields = self._fields(row)
-            for c in wanted:
-                if fields[c] not in TEXT_TABLE_MISSING and (
-                    fault := no_number(fields[c])
-                ):
-                    cut = CUT * (is_last and row is rows[-1])
-                    place = f"{self.path}, line {number + k}, column {c + 1}"
-                    raise RecordingError(f"{place}: {fault}{cut}")
+        self._require_numbers(block, wanted)
         raise RecordingError.at(self.path, f"rows of {self.width} numbers", cause)
+
+    def _require_numbers(self, block: _Block, columns: list[int]) -> None:
+        """Name the first field that is neither missing nor a number."""
+        for k, row in enumerate(block.rows):
+            fields = self._fields(row)
+            for column in columns:
+                if fields[column] in TEXT_TABLE_MISSING:
+                    continue
+                fault = no_number(fields[column])
+                if fault:
+                    if block.is_last and row is block.rows[-1]:
+                        fault += CUT
+                    line = f"line {block.number + k}"
+                    place = f"{self.path}, {line}, column {column + 1}"
+                    raise RecordingError(f"{place}: {fault}")
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Consecutive rows: the number of the first, and whether the file ends here."""
+
+    rows: list[bytes]
+    number: int
+    is_last: bool
+
+    def with_points(self) -> _Block:
+        """Return the rows with points for commas."""
+        return replace(self, rows=[row.replace(b",", b".") for row in self.rows])
 
 
 # Named columns of text tables, as exported by other devices and programs.
 
-STORAGE = (".mot", ".sto")  # OpenSim's files, whose columns may be separated by blanks
+# OpenSim's files, whose columns may be separated by blanks.
+STORAGE = (".mot", ".sto")
+
+# Bytes of the lines above the names in OpenSim's files; usually 200.
+_LONGEST_HEADER = 1 << 17
+
+# Names in a message.
 MOST_LISTED = 12
-_LONGEST_HEADER = (
-    1 << 17
-)  # bytes of the lines above the names in OpenSim's files, usually 200
 
 
 @dataclass(frozen=True)
@@ -512,30 +607,43 @@ def open_table(path: str | Path) -> ColumnTable:
     """
     path = Path(path)
     require_file(path)
-    is_storage, above = path.suffix.lower() in STORAGE, b""
-    has_ended = not is_storage
+    is_storage = path.suffix.lower() in STORAGE
     with readable(path) as file:
-        while not has_ended:
-            line = file.readline()
-            if not line or len(above) > _LONGEST_HEADER:
-                raise RecordingError.at(path, "a line endheader", "none")
-            above += line
-            has_ended = line.lower().rstrip().endswith(b"endheader")
-        first, second = file.readline(), file.readline()
-    marks = MARKS + " " * is_storage
+        above = _opensim_header(path, file) if is_storage else b""
+        first = file.readline()
+        second = file.readline()
     names = decoded(first)
+    marks = f"{MARKS} " if is_storage else MARKS
     mark = next((mark for mark in marks if mark in names.strip()), "\t")
     fields = fields_of(names, mark)
     n_lines = above.count(b"\n") + 1
     if not any(name and not is_number(name) for name in fields):
         found = f"'{names.strip()[:40]}'; write a row of names above the numbers"
         raise RecordingError.at(f"{path}, line {n_lines}", "names of columns", found)
-    width = max(len(fields), len(fields_of(decoded(second), mark)))
-    rows = Rows(path, n_lines, len(above) + len(first), width, mark, may_be_short=True)
-    clock = next(
-        (name for name in fields if is_storage and name.lower() == "time"), None
+    rows = Rows(
+        path,
+        n_lines=n_lines,
+        offset=len(above) + len(first),
+        width=max(len(fields), len(fields_of(decoded(second), mark))),
+        mark=mark,
+        may_be_short=True,
     )
+    clock = None
+    if is_storage:
+        clock = next((name for name in fields if name.lower() == "time"), None)
     return ColumnTable(tuple(fields), rows, clock)
+
+
+def _opensim_header(path: Path, file: BinaryIO) -> bytes:
+    """Read the lines above the names, the last of which is ``endheader``."""
+    above = b""
+    while True:
+        line = file.readline()
+        if not line or len(above) > _LONGEST_HEADER:
+            raise RecordingError.at(path, "a line endheader", "none")
+        above += line
+        if line.lower().rstrip().endswith(b"endheader"):
+            return above
 
 
 def only_place(place: str, name: str, names: Sequence[str]) -> int:
@@ -549,15 +657,15 @@ def only_place(place: str, name: str, names: Sequence[str]) -> int:
     n_found = names.count(name)
     if n_found == 1:
         return names.index(name)
-    found = (
-        f"{n_found} of that name"
-        if n_found
-        else f"no '{name}'{did_you_mean(name, names)}"
-    )
+    found = f"{n_found} of that name"
+    if not n_found:
+        found = f"no '{name}'{did_you_mean(name, names)}"
     raise RecordingError.at(place, f"'{name}' once among {listed(names)}", found)
 
 
 def listed(names: Sequence[str]) -> str:
     """List names for a message; only the first dozen if there are many."""
-    more = f", ... {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return ", ".join(names[:MOST_LISTED]) + more
+    some = ", ".join(names[:MOST_LISTED])
+    if len(names) > MOST_LISTED:
+        return f"{some}, ... {len(names) - MOST_LISTED} more"
+    return some

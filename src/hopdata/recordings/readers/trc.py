@@ -1,4 +1,4 @@
-"""Reader of TRC files, the marker format of OpenSim and Cortex: often y up, in m or mm."""
+"""Reader of TRC files, the format of OpenSim and Cortex: often y up, in m or mm."""
 
 import re
 from dataclasses import dataclass
@@ -10,14 +10,22 @@ from hopdata.recordings import raw
 from hopdata.recordings.readers import text
 
 KEYS = (
-    *("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units"),
-    *("OrigDataRate", "OrigDataStartFrame", "OrigNumFrames"),
+    "DataRate",
+    "CameraRate",
+    "NumFrames",
+    "NumMarkers",
+    "Units",
+    "OrigDataRate",
+    "OrigDataStartFrame",
+    "OrigNumFrames",
 )
+
+# Columns before the coordinates, and how else they are written.
 COUNTERS = ["Frame#", "Time"]
 _COUNTERS = (r"frames? ?#?", r"times?( ?\(s(ec)?\))?")
-_NAMED_LINES = (
-    4  # file type, keys, values, marker names; axes and empty lines may follow
-)
+
+# Lines with file type, keys, values and marker names; axes and empty lines may follow.
+_NAMED_LINES = 4
 
 
 def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -36,14 +44,16 @@ def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
         If the file cannot be read; names the file, the line, what was expected and
         found.
     """
-    values, markers, rows, remarks = _read_header(path)
-    place, columns = f"{path}, line 3", range(2, 2 + 3 * len(markers))
-    counted, positions = rows.markers(COUNTERS, columns)
+    header = _read_header(path)
+    values = header.values
+    place = f"{path}, line 3"
+    columns = range(2, 2 + 3 * len(header.markers))
+    counted, positions = header.rows.markers(COUNTERS, columns)
     number, stamps = counted.T.copy()
     n_frames = _stated(path, values, "NumFrames")
     return raw.assembled(
         str(path),
-        (markers, remarks),
+        (header.markers, header.remarks),
         positions,
         number=number,
         stamps=stamps,
@@ -88,10 +98,17 @@ class _Lines:
     mark: str
 
 
-def _read_header(
-    path: Path,
-) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
-    """Return values by key, marker names, the location of the numbers, and remarks."""
+@dataclass(frozen=True)
+class _Header:
+    """Values by key, marker names, the location of the numbers, and remarks."""
+
+    values: dict[str, str]
+    markers: tuple[str, ...]
+    rows: text.Rows
+    remarks: tuple[str, ...]
+
+
+def _read_header(path: Path) -> _Header:
     lines = _lines_above(path)
     values, unknown = _values(path, lines.named[1], lines.named[2])
     stated = _stated(path, values, "NumMarkers")
@@ -99,26 +116,34 @@ def _read_header(
         n_axes = _count_columns(lines, stated)
     else:
         n_axes = _count_axes(path, lines.axes)
+    place = f"{path}, line 4"
     names, without_columns = _with_columns(lines, n_axes, stated)
-    if stated == n_axes // 3:  # the last may have no name
+    if stated == n_axes // 3:
+        # The last markers may have no name.
         names += [""] * (n_axes // 3 - len(names))
-    told = f"{path}, line 4: expected {stated or 0:g} marker names (NumMarkers), found {len(names)}"
-    if stated not in (None, len(names), n_axes // 3) and n_axes != 3 * len(names):
+    is_as_stated = stated is None or stated == len(names)
+    wanted = f"expected {stated or 0:g} marker names (NumMarkers)"
+    told = f"{place}: {wanted}, found {len(names)}"
+    if not is_as_stated and stated != n_axes // 3 and n_axes != 3 * len(names):
         raise RecordingError(told)
-    markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
+    markers, remarks = raw.distinct_names(place, names, may_lack=True)
     remarks += unknown + without_columns
-    if stated not in (None, len(names)):
+    if not is_as_stated:
         remarks += (f"{told}, which are used",)
     needed = 2 + 3 * len(markers)
-    width = max(len(lines.first), needed)
     if any(lines.first[needed:]) or n_axes > 3 * len(markers):
+        n_columns = max(n_axes, len(text.trimmed(lines.first)) - 2)
         wanted = f"{3 * len(markers)} columns of {len(markers)} markers"
-        found = f"{max(n_axes, len(text.trimmed(lines.first)) - 2)}; the others are not read"
-        remarks += (mismatch(path, wanted, found),)
+        remarks += (mismatch(path, wanted, f"{n_columns}; the others are not read"),)
     rows = text.Rows(
-        path, lines.n_above, lines.offset, width, lines.mark, needed=needed
+        path,
+        n_lines=lines.n_above,
+        offset=lines.offset,
+        width=max(len(lines.first), needed),
+        mark=lines.mark,
+        needed=needed,
     )
-    return values, markers, rows, remarks
+    return _Header(values, markers, rows, remarks)
 
 
 def _lines_above(path: Path) -> _Lines:
@@ -132,18 +157,17 @@ def _lines_above(path: Path) -> _Lines:
     named: list[list[str]] = []
     with text.readable(path) as file:
         for line in islice(file, _NAMED_LINES):
-            named.append(text.split_line(path, line, _mark(line) if named else "\t"))
+            mark = _mark(line) if named else "\t"
+            named.append(text.split_line(path, line, mark))
         _require_type(path, named)
         n_above = len(named)
         axes: list[str] | None = None
         while first := file.readline():
             fields = text.split_line(path, first, _mark(first))
-            is_blank = not any(fields)
-            if not is_blank and (
-                axes is not None or text.is_number(text.pointed(fields[0]))
-            ):
-                break
-            if not is_blank:
+            if any(fields):
+                is_number = text.is_number(text.pointed(fields[0]))
+                if is_number or axes is not None:
+                    break
                 axes = fields
             n_above += 1
         offset = file.tell() - len(first)
@@ -153,38 +177,56 @@ def _lines_above(path: Path) -> _Lines:
 
 
 def _require_type(path: Path, named: list[list[str]]) -> None:
-    """Require a file to begin with PathFileType, and to have all lines up to the names."""
-    if not named or re.split(r"[\s,;]", named[0][0])[0].lower() != "pathfiletype":
-        found = f"'{named[0][0][:40]}'" if named else "an empty file"
-        raise RecordingError.at(f"{path}, line 1", "PathFileType", found)
+    """Require a file to begin with PathFileType, and to have all lines of its head."""
+    if not named:
+        raise RecordingError.at(f"{path}, line 1", "PathFileType", "an empty file")
+    first = named[0][0]
+    if re.split(r"[\s,;]", first)[0].lower() != "pathfiletype":
+        raise RecordingError.at(f"{path}, line 1", "PathFileType", f"'{first[:40]}'")
     if len(named) < _NAMED_LINES:
         raise RecordingError.at(path, "rows of numbers after the header", "none")
 
 
 def _mark(line: bytes) -> str:
-    """Return the field separator of a line: a tab, a comma or semicolon, or else a blank."""
+    """Return the field separator of a line: a tab, a comma or semicolon, or a blank."""
     inner = line.strip()
-    return next((mark for mark in ("\t", ";", ",") if mark.encode() in inner), " ")
+    for mark in ("\t", ";", ","):
+        if mark.encode() in inner:
+            return mark
+    return " "
 
 
 def _count_columns(lines: _Lines, stated: float | None) -> int:
-    """Return the number of coordinates in a file without a line of axes: that of its first row."""
+    """Return the number of coordinates where no line of axes tells it."""
     n_columns = len(text.trimmed(lines.first)) - 2
     if stated is not None and stated == stated // 1:
         n_columns = max(n_columns, 3 * int(stated))  # markers at the end may be unseen
     if n_columns % 3:
-        wanted = "X, Y, Z of each marker"
+        place = f"{lines.path}, line {lines.n_above + 1}"
         found = f"{n_columns} numbers after {' and '.join(COUNTERS)}"
-        raise RecordingError.at(
-            f"{lines.path}, line {lines.n_above + 1}", wanted, found
-        )
+        raise RecordingError.at(place, "X, Y, Z of each marker", found)
     return n_columns
+
+
+def _count_axes(path: Path, fields: list[str]) -> int:
+    """Require the fifth line to be X1, Y1, Z1, X2 and so on."""
+    axes = [field for field in fields if field]
+    for i, axis in enumerate(axes):
+        letter = "XYZ"[i % 3]
+        # Some count from 0, skip numbers or do not count.
+        if not re.fullmatch(rf"{letter}\d*", axis.upper()):
+            wanted = f"'{letter}{i // 3 + 1}'"
+            raise RecordingError.at(f"{path}, line 5", wanted, f"'{axis[:40]}'")
+    if len(axes) % 3:
+        wanted = "X, Y, Z of each marker"
+        raise RecordingError.at(f"{path}, line 5", wanted, f"{axes[-1]} last")
+    return len(axes)
 
 
 def _with_columns(
     lines: _Lines, n_axes: int, stated: float | None
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Return the names of the markers that have columns, and a remark on the other names.
+    """Return the names of the markers that have columns, and a remark on the others.
 
     Cortex names its virtual markers behind the measured ones, also where it exports no
     columns for them. They are left out if `NumMarkers` agrees with the columns.
@@ -192,11 +234,8 @@ def _with_columns(
     fields = lines.named[3]
     n_markers = n_axes // 3
     named = [k for k, name in enumerate(fields) if k >= 2 and name]
-    if (
-        stated != n_markers
-        or len(named) <= n_markers
-        or fields[2:].count(fields[2]) == 3
-    ):
+    has_more_names = stated == n_markers and len(named) > n_markers
+    if not has_more_names or fields[2:].count(fields[2]) == 3:
         return _names(lines.path, fields, n_axes), ()
     last = named[n_markers - 1]
     beyond = [fields[k] for k in named[n_markers:]]
@@ -208,48 +247,46 @@ def _with_columns(
 
 
 def _values(
-    path: Path, keys: list[str], values: list[str]
+    path: Path, key_fields: list[str], value_fields: list[str]
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Return values by key, and remarks on unknown keys, which are ignored."""
     known = {key.lower(): key for key in KEYS}
-    keys, values = (
-        " ".join(keys).split(),
-        " ".join(values).split(),
-    )  # some use blanks for tabs
-    keys = [known.get(key.lower(), key) for key in keys]
+    # Some use blanks for tabs.
+    keys = [known.get(key.lower(), key) for key in " ".join(key_fields).split()]
+    values = " ".join(value_fields).split()
     if len(keys) != len(values) or len(set(keys)) != len(keys):
         wanted = f"a value for each of {len(keys)} different keys"
         raise RecordingError.at(f"{path}, line 3", wanted, f"{len(values)} values")
-    place, wanted = f"{path}, line 2", f"keys such as {', '.join(KEYS[:5])}"
-    odd = (f"'{key[:40]}'{did_you_mean(key, KEYS)}" for key in keys if key not in KEYS)
-    remarks = tuple(
-        mismatch(place, wanted, f"{found}; it is not read") for found in odd
-    )
-    return dict(zip(keys, values, strict=True)), remarks
+    remarks = []
+    for key in keys:
+        if key not in KEYS:
+            wanted = f"keys such as {', '.join(KEYS[:5])}"
+            found = f"'{key[:40]}'{did_you_mean(key, KEYS)}; it is not read"
+            remarks.append(mismatch(f"{path}, line 2", wanted, found))
+    return dict(zip(keys, values, strict=True)), tuple(remarks)
 
 
 def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
-    """Return marker names, from the first of three columns each, or from anywhere if complete."""
+    """Return marker names, from the first of three columns each.
+
+    They may stand anywhere if there is one for each three axes.
+    """
     place = f"{path}, line 4"
-    if not (
-        len(fields) > 1
-        and all(map(re.fullmatch, _COUNTERS, (f.lower() for f in fields[:2])))
-    ):
+    if not _are_counters(fields[:2]):
         raise RecordingError.at(place, " and ".join(COUNTERS), fields[:2])
     cells = text.trimmed(fields[2:])
-    if len(cells) == n_axes and all(
-        cells[k] == cells[k - k % 3] for k in range(n_axes)
-    ):
-        cells = [
-            name if k % 3 == 0 else "" for k, name in enumerate(cells)
-        ]  # each name thrice
-    names = [name for name in cells if name]
-    astray = next((i for i, name in enumerate(cells) if name and i % 3), None)
-    if astray is None:
+    is_thrice = all(cell == cells[k - k % 3] for k, cell in enumerate(cells))
+    if is_thrice and len(cells) == n_axes:
+        cells = [name if k % 3 == 0 else "" for k, name in enumerate(cells)]
+    astray = [k for k, name in enumerate(cells) if name and k % 3]
+    if astray:
+        names = [name for name in cells if name]
+        if 3 * len(names) != n_axes:
+            found = f"'{cells[astray[0]][:40]}'"
+            column = f"{place}, column {astray[0] + 3}"
+            raise RecordingError.at(column, "nothing", found)
+    else:
         names = cells[::3]
-    elif 3 * len(names) != n_axes:
-        found = f"'{cells[astray][:40]}'"
-        raise RecordingError.at(f"{place}, column {astray + 3}", "nothing", found)
     if not names:
         raise RecordingError.at(place, "marker names", "none")
     if 3 * len(names) > n_axes:
@@ -258,16 +295,11 @@ def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
     return names
 
 
-def _count_axes(path: Path, fields: list[str]) -> int:
-    """Require the fifth line to be X1, Y1, Z1, X2 and so on."""
-    found = [field for field in fields if field]
-    for i, have in enumerate(found):
-        # Some count from 0, skip numbers or do not count
-        want = f"{'XYZ'[i % 3]}{i // 3 + 1}"
-        if not re.fullmatch(rf"{want[0]}\d*", have.upper()):
-            raise RecordingError.at(f"{path}, line 5", f"'{want}'", f"'{have[:40]}'")
-    if len(found) % 3:
-        raise RecordingError.at(
-            f"{path}, line 5", "X, Y, Z of each marker", f"{found[-1]} last"
-        )
-    return len(found)
+def _are_counters(fields: list[str]) -> bool:
+    """Tell whether the first two columns are the frame's number and time."""
+    if len(fields) < 2:
+        return False
+    return all(
+        re.fullmatch(pattern, field.lower()) is not None
+        for pattern, field in zip(_COUNTERS, fields, strict=True)
+    )

@@ -1,4 +1,4 @@
-"""A trial of HDF5 files without a seal in another process, in case the library never answers.
+"""A trial of HDF5 files without a seal, since the library may never answer.
 
 On a damaged file the HDF5 library may run for ever or end the process, and neither can
 be stopped from within. So a child process first reads the whole file, with limits on
@@ -9,6 +9,8 @@ The child serves one file after another, so it costs some 0.3 s once and little 
 further file. It ends with this process. Where no child can be started, or it cannot
 import hopdata, files are read without a trial: that says nothing about a file.
 """
+
+from __future__ import annotations
 
 import atexit
 import os
@@ -25,31 +27,37 @@ from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings.budget import DEFLATE_MOST, seconds_to_read
 
-# Wall-clock time in units of the CPU time: a shared or slow machine gives a process a
-# part of its time, and where CPU time cannot be limited this is the only limit. 1.5
-# times larger: a hang that takes no CPU time is told 1.5 times later.
+#: Wall-clock time of a trial over its CPU time.
+#: Unit: 1. Origin: chosen. A shared or slow machine gives a process a part of its time,
+#: and where CPU time cannot be limited this is the only limit. 1.5 times larger: a hang
+#: that takes no CPU time is told 1.5 times later.
 _WALL_PER_CPU = 20
-_MEMORY_PER_BYTE = 3  # copies of the content that the child may hold
-_LEAST_MEMORY = (
-    1 << 30
-)  # bytes; what the libraries themselves reserve when they first work
 
-# Wall-clock time in which a child must start, s: it takes 0.3 s on a computer of 2020,
-# and a minute from a slow network disk. 1.5 times larger: where a child hangs at its
-# start, each file waits 1.5 times longer.
+#: Copies of a file's content that the child may hold.
+#: Unit: 1. Origin: chosen.
+_MEMORY_PER_BYTE = 3
+
+#: Memory of the child beside that, which the libraries reserve when they first work.
+#: Unit: bytes. Origin: chosen.
+_LEAST_MEMORY = 1 << 30
+
+#: Wall-clock time in which a child must start.
+#: Unit: s. Origin: chosen. It takes 0.3 s on a computer of 2020, and a minute from a
+#: slow network disk. 1.5 times larger: where a child hangs at its start, each file
+#: waits 1.5 times longer.
 _START_S = 120.0
-# Wall-clock time in which a child that is killed must end, s; the system needs some ms.
-# 1.5 times larger: a child that the system cannot end, say on a dead network disk, is
-# left 1.5 times later.
+
+#: Wall-clock time in which a child that is killed must end.
+#: Unit: s. Origin: chosen. The system needs some ms. 1.5 times larger: a child that the
+#: system cannot end, say on a dead network disk, is left 1.5 times later.
 _END_S = 10.0
 
+# What the child says.
 READY = "ready\n"
 ANSWERED = "answered\n"
 NO_MEMORY = "memory\n"
 
 _lock = threading.Lock()
-_child: "subprocess.Popen[str] | None" = None
-_owner = 0  # process that started the child; a fork of it must not share the pipes
 _answered: set[tuple[object, ...]] = set()
 
 
@@ -75,7 +83,7 @@ def require_answer(path: str | Path, most_unpacked_mb: float) -> None:
         if identity in _answered:
             return
         seconds = seconds_to_read(place)
-        fault = _tried(place, seconds, most_unpacked_mb)
+        fault = child.fault_of(place, seconds, most_unpacked_mb)
         if not fault:
             _answered.add(identity)
             return
@@ -83,95 +91,148 @@ def require_answer(path: str | Path, most_unpacked_mb: float) -> None:
     raise RecordingError.at(path, wanted, fault)
 
 
-def _tried(place: Path, seconds: float, most_unpacked_mb: float) -> str:
-    """Have the child read a file; return what went wrong, nothing if the library answered."""
-    global _child, _owner
-    if _child is None or _child.poll() is not None or _owner != os.getpid():
-        _end_own()
-        _child = _started()
-        _owner = os.getpid()
-    if _child is None:  # no child can work here: the file is read without a trial
-        return ""
-    child = _child
-    watch = threading.Timer(_WALL_PER_CPU * seconds, child.kill)
-    watch.start()
-    try:
-        assert child.stdin is not None
-        assert child.stdout is not None
-        child.stdin.write(f"{seconds} {most_unpacked_mb} {os.fsencode(place).hex()}\n")
-        child.stdin.flush()
-        answer = child.stdout.readline()
-    except OSError:  # the child died before it could read the line
-        answer = ""
-    except (
-        BaseException
-    ):  # interrupted: its answer would be taken for that of the next file
-        _end_own()
-        raise
-    finally:
-        watch.cancel()
-    if answer == ANSWERED:
-        return ""
-    if answer == NO_MEMORY:
-        return "one for which the HDF5 library wants far more memory; it is damaged, copy it anew"
-    if not answer:
-        with suppress(subprocess.TimeoutExpired):
-            child.wait(_END_S)
-    code = child.poll()  # None if it lives, and then it is of no use any more
-    _end_own()
-    if code is None:
-        said = f"one on which the trial says {answer.strip()!r} instead of an answer"
-        return f"{said}; it is damaged, copy it anew"
-    return _ended_with(code)
+class Child:
+    """A process that tries files, one after another; it starts when it is needed.
 
+    Parameters
+    ----------
+    program : str, optional
+        Its Python program; by default one that serves.
+    start_s : float
+        Wall-clock time in which it must start, s.
+    end_s : float
+        Wall-clock time in which it must end when it is killed, s.
+    """
 
-def _ended_with(code: int) -> str:
-    """Return what the exit code of a child tells about the file, and what to do."""
-    endless = "one on which the HDF5 library goes on and on"
-    if -code in _signals("SIGXCPU"):
-        return f"{endless}; it is damaged, copy it anew"
-    if -code in _signals("SIGKILL"):  # also what a system does that runs out of memory
-        crowded = "for which this computer has too little free memory"
-        return (
-            f"{endless}, or {crowded}; try again with more free memory, or copy it anew"
-        )
-    return f"one that ends the HDF5 library (exit code {code}); it is damaged, copy it anew"
+    def __init__(
+        self,
+        program: str | None = None,
+        *,
+        start_s: float = _START_S,
+        end_s: float = _END_S,
+    ) -> None:
+        self._program = serving_program() if program is None else program
+        self._start_s = start_s
+        self._end_s = end_s
+        self._process: subprocess.Popen[str] | None = None
+        self._owner = 0  # a fork of the process that started it must not use it
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether it has started, in this process, and not ended."""
+        if self._process is None or self._owner != os.getpid():
+            return False
+        return self._process.poll() is None
 
-def _started() -> "subprocess.Popen[str] | None":
-    """Start the child; return None if none can be started, or if it cannot import hopdata."""
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    try:
-        child = subprocess.Popen(
-            [sys.executable, "-P", "-c", _program()],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env=environment,
-            encoding="ascii",
-            errors="replace",
-        )
-    except OSError:
+    def fault_of(self, place: Path, seconds: float, most_unpacked_mb: float) -> str:
+        """Have a file read; return what went wrong, or nothing.
+
+        Parameters
+        ----------
+        place : Path
+            The file.
+        seconds : float
+            CPU time that it may take, s.
+        most_unpacked_mb : float
+            Most memory that the file may use, MB.
+        """
+        if not self.is_alive:
+            self.end()
+            self._process = self._started()
+            self._owner = os.getpid()
+        process = self._process
+        if process is None:  # none can work here: the file is read without a trial
+            return ""
+        request = f"{seconds} {most_unpacked_mb} {os.fsencode(place).hex()}\n"
+        answer = self._answer(process, request, _WALL_PER_CPU * seconds)
+        if answer == ANSWERED:
+            return ""
+        anew = "it is damaged, copy it anew"
+        if answer == NO_MEMORY:
+            return f"one for which the HDF5 library wants far more memory; {anew}"
+        if not answer:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(self._end_s)
+        code = process.poll()
+        self.end()
+        if code is None:  # it lives, and is of no use any more
+            said = f"the trial says {answer.strip()!r} instead of an answer"
+            return f"one on which {said}; {anew}"
+        return _ended_with(code)
+
+    def _started(self) -> subprocess.Popen[str] | None:
+        """Start the process; return None if that fails, or it does not get ready."""
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-c", self._program],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                env=environment,
+                encoding="ascii",
+                errors="replace",
+            )
+        except OSError:
+            return None
+        assert process.stdout is not None
+        watch = threading.Timer(self._start_s, process.kill)
+        watch.start()
+        try:
+            # What an installation prints at the start of Python comes before the word.
+            is_ready = READY in process.stdout
+        except BaseException:
+            self._close(process)
+            raise
+        finally:
+            watch.cancel()
+        if is_ready:
+            return process
+        self._close(process)
         return None
-    assert child.stdout is not None
-    watch = threading.Timer(_START_S, child.kill)
-    watch.start()
-    try:
-        # Whatever an installation prints at the start of Python comes before the word.
-        is_ready = READY in child.stdout
-    except BaseException:
-        _ended(child)
-        raise
-    finally:
-        watch.cancel()
-    if is_ready:
-        return child
-    _ended(child)
-    return None
+
+    def _answer(
+        self, process: subprocess.Popen[str], request: str, wall_s: float
+    ) -> str:
+        """Return the answer; nothing if the process ended, or had to be ended."""
+        watch = threading.Timer(wall_s, process.kill)
+        watch.start()
+        try:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            process.stdin.write(request)
+            process.stdin.flush()
+            return process.stdout.readline()
+        except OSError:  # it died before it could read the line
+            return ""
+        except BaseException:
+            # Interrupted: its answer would be taken for that of the next file.
+            self.end()
+            raise
+        finally:
+            watch.cancel()
+
+    def end(self) -> None:
+        """End the process, if there is one; that of a process it forked from stays."""
+        if self._process is not None and self._owner == os.getpid():
+            self._close(self._process)
+        self._process = None
+
+    def _close(self, process: subprocess.Popen[str]) -> None:
+        """End a process, wait for it, and close its pipes."""
+        with suppress(OSError):
+            process.kill()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(self._end_s)
+        for pipe in (process.stdin, process.stdout):
+            # What it did not read cannot be written any more.
+            with suppress(OSError, ValueError):
+                if pipe is not None:
+                    pipe.close()
 
 
-def _program() -> str:
-    """Return the child's program: it imports this hopdata from where this process has it.
+def serving_program() -> str:
+    """Return a child's program, which imports the hopdata of this process.
 
     -P keeps the working folder off Python's path, and with it a source tree that is not
     installed. So its folder is on the path for the first import, and only for that one.
@@ -189,29 +250,18 @@ def _program() -> str:
     return "\n".join(lines)
 
 
-def _end_own() -> None:
-    """End the child of this process, if it has one; that of a process it forked from stays."""
-    global _child
-    if _child is not None and _owner == os.getpid():
-        _ended(_child)
-    _child = None
-
-
-atexit.register(_end_own)
-
-
-def _ended(child: "subprocess.Popen[str]") -> None:
-    """End a child, wait for it, and close its pipes."""
-    with suppress(OSError):
-        child.kill()
-    with suppress(subprocess.TimeoutExpired):
-        child.wait(_END_S)
-    for pipe in (child.stdin, child.stdout):
-        with suppress(
-            OSError, ValueError
-        ):  # what it did not read cannot be written any more
-            if pipe is not None:
-                pipe.close()
+def _ended_with(code: int) -> str:
+    """Return what the exit code of a child tells about the file, and what to do."""
+    endless = "one on which the HDF5 library goes on and on"
+    if -code in _signals("SIGXCPU"):
+        return f"{endless}; it is damaged, copy it anew"
+    if -code in _signals("SIGKILL"):
+        # So does a system end it that runs out of memory.
+        crowded = "for which this computer has too little free memory"
+        again = "try again with more free memory, or copy it anew"
+        return f"{endless}, or {crowded}; {again}"
+    ends = f"one that ends the HDF5 library (exit code {code})"
+    return f"{ends}; it is damaged, copy it anew"
 
 
 def _signals(*names: str) -> set[int]:
@@ -221,15 +271,20 @@ def _signals(*names: str) -> set[int]:
     return {int(getattr(signal, name)) for name in names if hasattr(signal, name)}
 
 
+#: The child of this process.
+child = Child()
+atexit.register(child.end)
+
+
 # The child's side.
 
 
 def serve() -> None:
-    """Read each file that a line on standard input names, and answer each with a line."""
+    """Read each file that a line on stdin names, and answer each with a line."""
     for line in sys.stdin:
         seconds, most_unpacked_mb, place = line.split()
         path = Path(os.fsdecode(bytes.fromhex(place)))
-        _limit(path, float(seconds), float(most_unpacked_mb))
+        limit(path, float(seconds), float(most_unpacked_mb))
         answer = ANSWERED
         try:
             _read_all(path, float(most_unpacked_mb))
@@ -241,8 +296,8 @@ def serve() -> None:
         sys.stdout.flush()
 
 
-def _limit(path: Path, seconds: float, most_unpacked_mb: float) -> None:
-    """Limit the CPU time and the memory of this process from here on, where possible."""
+def limit(path: Path, seconds: float, most_unpacked_mb: float) -> None:
+    """Limit CPU time and memory of this process from here on, where possible."""
     try:
         import resource
     except ImportError:  # Windows
@@ -254,10 +309,8 @@ def _limit(path: Path, seconds: float, most_unpacked_mb: float) -> None:
     with suppress(OSError, ValueError):
         most = resource.RLIM_INFINITY  # lifts the limit of an earlier file
         if most_unpacked_mb != float("inf"):
-            own = (
-                int(Path("/proc/self/statm").read_text().split()[0])
-                * resource.getpagesize()
-            )
+            n_pages = int(Path("/proc/self/statm").read_text().split()[0])
+            own = n_pages * resource.getpagesize()
             unpacked = min(1e6 * most_unpacked_mb, DEFLATE_MOST * path.stat().st_size)
             for_file = int(_MEMORY_PER_BYTE * unpacked)
             most = own + _LEAST_MEMORY + for_file
@@ -265,7 +318,7 @@ def _limit(path: Path, seconds: float, most_unpacked_mb: float) -> None:
 
 
 def _set_limit(kind: int, wanted: int) -> None:
-    """Set a limit of this process, at most the one that its user or batch system has set."""
+    """Set a limit of this process, at most that of its user or batch system."""
     import resource
 
     _, hard = resource.getrlimit(kind)
