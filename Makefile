@@ -53,7 +53,7 @@ test-cluster: $(VENV)/.dev
 ROOMS ?=
 EACH  ?= 8
 SEED  ?= 1
-mutants: $(VENV)/.dev
+mutants: $(VENV)/.mutants
 	$(BIN)/python tests/mutants.py run $(ROOMS) --each $(EACH) --seed $(SEED)
 
 both-sides: $(VENV)/.run
@@ -136,6 +136,10 @@ $(VENV)/.dev: requirements-dev.lock requirements-build.lock pyproject.toml | $(V
 $(VENV)/.docs: requirements-docs.lock | $(VENV)/.run
 	$(call install,requirements-docs.lock)
 
+# The maker of wrong changes brings packages that nothing else needs.
+$(VENV)/.mutants: requirements-mutants.lock | $(VENV)/.dev
+	$(call install,requirements-mutants.lock)
+
 # The libraries that the benchmarks compare with are many and large, and nothing else needs them.
 $(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements-bench.lock"
@@ -144,7 +148,8 @@ $(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml |
 LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --no-emit-index-url
 lock:
 	$(LOCK) pyproject.toml -o requirements.lock
-	$(LOCK) pyproject.toml --extra test --extra lint --extra mutants -c requirements.lock -o requirements-dev.lock
+	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
+	$(LOCK) pyproject.toml --extra mutants -c requirements-dev.lock -o requirements-mutants.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 	printf 'furo>=2024.8\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
 	  $(LOCK) - -c requirements-dev.lock -o requirements-docs.lock

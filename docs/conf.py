@@ -1,4 +1,4 @@
-"""The site: the pages that stand in docs/ and beside it, and those of them whose code is run.
+"""The site: the pages in docs/ and beside it, and those of them whose code is run.
 
 Its root is the checkout, so that README, docs and benchmarks link to each other as they
 do there.

@@ -1,4 +1,4 @@
-"""Pages as notebooks: where a page says so, its blocks of Python and of the shell are run.
+"""Pages as notebooks: where a page says so, its Python and shell blocks are run.
 
 What a page shows is checked by code in its last comment, which does not show either.
 """
@@ -27,8 +27,8 @@ Path("data").symlink_to(root / "data")
 from IPython.core.pylabtools import select_figure_formats
 select_figure_formats(get_ipython(), {"svg"})
 
-# IPython's own magic prints what it reads from the shell in pieces that may end within a word,
-# and the page shows each piece on a line of its own.
+# IPython's own magic prints what it reads from the shell in pieces that may end within
+# a word, and the page shows each piece on a line of its own.
 def bash(options, commands):
     import subprocess
     done = subprocess.run(

@@ -23,7 +23,8 @@ from typing import Any
 
 LEVEL = "x86-64-v3"
 FEATURES = [
-    "avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "xsave",
+    "avx", "avx2", "bmi", "bmi2", "cx16", "f16c",
+    "fma", "lzcnt", "movbe", "popcnt", "xsave",
 ]  # fmt: skip
 SWITCHES = ",".join(f"+{feature}" for feature in FEATURES)
 os.environ |= {
@@ -45,7 +46,8 @@ def main() -> None:
     target = llvm.Target.from_default_triple()
     if not target.triple.startswith("x86_64"):
         print(
-            f"the wheel is built without machine code: it is for x86_64, this is {target.triple}"
+            "the wheel is built without machine code: "
+            f"it is for x86_64, this is {target.triple}"
         )
         return
     folder = Path(sys.argv[1])
@@ -54,7 +56,7 @@ def main() -> None:
     def keep(
         function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]
     ) -> Any:
-        """Compile as `compiled_in_cache` would, and write the machine code to a file."""
+        """Compile as `compiled_in_cache` would; write the machine code to a file."""
         compiled = compile_it(False)
         needed = re.findall(
             r"^declare .*?@(\w+)\(", compiled.inspect_llvm(), re.MULTILINE

@@ -174,7 +174,7 @@ import tempfile
 tempfile.tempdir = "/dev/null"
 from hopdata.scenes.body import cross
 
-print(cross(1.0, 0.0, 0.0, 0.0, 1.0, 0.0))
+print(cross((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
 """
 
 

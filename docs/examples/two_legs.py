@@ -1,4 +1,4 @@
-"""A body of 1 kg on two springy legs, 0.4 m apart: which foot lands first depends on its tilt."""
+"""A body of 1 kg on two springy legs 0.4 m apart: its tilt decides which lands."""
 
 from hopdata.hybrid import System, field, guards, on_event, solve
 

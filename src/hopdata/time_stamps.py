@@ -1,4 +1,4 @@
-"""Time stamps of frames: the grid they were rounded from, the frame rate, and pauses."""
+"""Time stamps of frames: the grid they were rounded from, frame rate, and pauses."""
 
 import numpy as np
 
@@ -188,5 +188,5 @@ def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:
 
 
 def is_pause(time: FloatArray, rate_hz: float) -> BoolArray:
-    """Tell which steps of time stamps (N,), s, are pauses in the recording, (N - 1,)."""
+    """Tell which steps of time stamps (N,), s, are pauses of the recording (N - 1,)."""
     return np.asarray(np.diff(time) > PAUSE_S - 0.5 / rate_hz)

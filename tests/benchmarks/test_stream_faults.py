@@ -1,9 +1,14 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from live_loop import off_by
 from loopback_server import Faults, FaultSource, Outage
 
 from hopdata.errors import ConfigError
 from hopdata.steering.live.packets import HEADER
+from hopdata.steering.live.simulated import TrueHop
+from hopdata.steering.robot import Stance
 
 
 def fates(faults, n, seed=5, n_markers=4):
@@ -57,3 +62,23 @@ def test_wrong_rates_and_kinds_are_refused():
         Faults(burst_frames=0.5)
     with pytest.raises(ConfigError, match="did you mean 'vanish'"):
         Outage(1.0, kind="vanishes")
+
+
+def test_a_swing_under_faults_is_judged_by_its_own_stance():
+    """When its pose was seen does not matter; a wrong pose, boom angle or stance is found."""
+    stances = [
+        Stance(k, np.array([0.1 * k, 0, 6 + k]), 3.0 + k, False, False) for k in (1, 2)
+    ]
+    stances.append(Stance(np.nan, np.full(3, np.nan), 5.0, True, False))
+    hops = [TrueHop(k - 0.3, 0.5, stance) for k, stance in enumerate(stances, start=1)]
+
+    def off(told_s, **wrong):
+        right = {"pose": (0.1, 0.0, 7.0 - 2 * np.pi), "boom_angle_rad": 4.0 - 2 * np.pi}
+        return off_by(SimpleNamespace(pose_age_s=0.2, **right | wrong), told_s, hops)
+
+    assert off(1.01) == pytest.approx((0.0, 0.0))
+    assert off(1.01, pose=(0.1, 0.3, 7.0)) == pytest.approx((0.3, 0.0))
+    assert off(1.01, pose=(0.1, 0.0, 7.3)) == pytest.approx((0.0, 0.3))
+    assert off(1.01, boom_angle_rad=3.7) == pytest.approx((0.0, 0.3))
+    assert off(2.01) == pytest.approx((0.1, 1.0))
+    assert off(1.2) == off(2.9) == (np.inf, np.inf)

@@ -711,3 +711,20 @@ def test_without_noise_it_is_silent():
     assert not raised_rests(flat, columns, band_m=BAND_M).any()
     flat[::3][:300] += 0.01
     assert raised_rests(flat, columns, band_m=BAND_M).sum() == 300
+
+
+def test_what_a_floor_says_is_data_that_goes_through_json(bent):
+    tilted = bent.positions + np.array([0, 0, 1.0]) * 0.05 * bent.positions[..., :1]
+    floor = fit_floor(replace(bent, positions=tilted))
+    assert [message.code for message in floor.messages] == ["landings.floor_slopes"]
+    assert floor.messages[0].values["degrees"] == pytest.approx(2.9, abs=0.5)
+    assert floor.slopes
+    assert not floor.moves
+    stored = json.loads(json.dumps(floor.to_dict()))
+    assert stored["note"] == floor.note == floor.messages[0].text()
+    again = FloorModel.from_dict(stored)
+    assert again.messages == floor.messages
+    # Files of earlier versions have only the words.
+    del stored["messages"]
+    assert FloorModel.from_dict(stored).note == floor.note
+    assert not fit_floor(bent).slopes

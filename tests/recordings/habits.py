@@ -396,7 +396,7 @@ def _of_single_formats():
     )
 
 
-def _of_binaries():
+def _of_binaries():  # noqa: C901 (a list of variants, one after the other)
     def keypoint_file(kind, habit, write, heads, values, names=NAMES):
         return Variant(
             kind, habit, ".h5", None, lambda p: write(p, heads, values), names, RATE

@@ -40,8 +40,9 @@ FIRST = {
     "subspaces.*": ["constraint_subspaces"],
     "distances.*": ["constraint_subspaces"],
     "verdict.*": ["verdict"],
-    "report.*": ["quality"],
+    "report.expected_noise_m": ["quality"],
     # These decide what is asked for, or concern rules that are no stages.
+    "report.language": [],
     "distances.enabled": [],
     "figures.*": [],
     "external.*": [],

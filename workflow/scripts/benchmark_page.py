@@ -43,7 +43,7 @@ def title_of(program):
 
 
 def pictures(page, programs):
-    """Return the figures with their captions in Markdown, by the program that made them."""
+    """Return the figures with their captions in Markdown, by the making program."""
     drawn = {name: [] for name in programs}
     captions = snakemake.input.captions
     for figure, text in zip(snakemake.input.figures, captions, strict=True):

@@ -40,7 +40,7 @@ def rotate_up(positions: FloatArray, vertical_axis: str) -> FloatArray:
 
 
 def along(positions: FloatArray, direction: str) -> FloatArray:
-    """Return the coordinate (...) of (..., 3) positions along, for example, ``"-y"``."""
+    """Return the coordinate (...) of (..., 3) positions along ``"-y"``, for example."""
     coordinate = positions[..., "xyz".index(direction[-1])]
     if direction.startswith("-"):
         return -coordinate

@@ -289,7 +289,7 @@ def _check_names(place: str, names: Sequence[str], may_lack: bool) -> None:
 
 
 def _numbered(names: list[str]) -> tuple[list[str], dict[str, list[str]]]:
-    """Number names that occur more than once; also return what each became."""
+    """Return names, repeated ones numbered, and what each of these became."""
     places: dict[str, list[int]] = {}
     for i, name in enumerate(names):
         places.setdefault(name, []).append(i)

@@ -216,9 +216,7 @@ def derivative(t):
     return CONSTANT + np.sin(3.0 * t) * VARYING
 
 
-def stage_jacobian(  # noqa: PLR0913 (the arguments of a tangent)
-    t, dt, rtol, s, mode, params, atol, phi, field, jacobian
-):
+def stage_jacobian(t, dt, rtol, s, mode, params, atol, phi, field, jacobian):
     phi[N : 2 * N] = derivative(t)
 
 

@@ -1,4 +1,4 @@
-"""A reader of NumPy archives and a quadruped on stiffer legs, as a package of one's own."""
+"""A reader of NumPy archives and a quadruped on stiffer legs, as an own package."""
 
 from dataclasses import dataclass
 

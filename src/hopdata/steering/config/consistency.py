@@ -9,7 +9,8 @@ from typing import Any
 from hopdata.errors import did_you_mean, mismatch
 
 ROUNDING = 1e-9  # rad: swings are sums of steps, which are rounded
-# The first stance does not end a hop, and a test needs two hops.
+#: Hops of the excitation that the model cannot be learned from.
+#: Unit: 1. Origin: derived: the first stance does not end a hop, and a test needs two.
 HOPS_NOT_LEARNED_FROM = 3
 
 
