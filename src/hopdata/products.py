@@ -59,7 +59,7 @@ class Product:
         return self.folder / "figures" / "catalogue.toml"
 
     def block(self) -> dict[str, Any]:
-        """Return the schema of the product's block, by its name; nothing if it has none."""
+        """Return the schema of the block, by the product's name; nothing if none."""
         import yaml
 
         file = self.folder / "config" / "schema.yaml"
@@ -88,7 +88,7 @@ class Product:
 
 @cache
 def _declared() -> Mapping[str, Product | None]:
-    """Return the products that entry points name; None for one whose package is missing."""
+    """Return the products that entry points name; None if the package is missing."""
     products: dict[str, Product | None] = {}
     for entry in entry_points(group=GROUP):
         folder = _folder_of(entry.value)
