@@ -104,8 +104,9 @@ class Constant:
 
     @property
     def room(self) -> str:
-        """The folder of the package that the module is in."""
-        return Path(self.module).parts[0]
+        """The folder of the package that the module is in; empty for those beside them."""
+        folders = Path(self.module).parent.parts
+        return folders[0] if folders else ""
 
 
 @dataclass(frozen=True)
@@ -308,8 +309,9 @@ def page() -> str:
         "A dash: not tried. This page is written by `make docs` from the code.",
         "",
     ]
-    for room, in_room in groupby(constants(), key=lambda one: one.room):
-        text += [f"## {room}", ""]
+    by_room = sorted(constants(), key=lambda one: one.room or "~")
+    for room, in_room in groupby(by_room, key=lambda one: one.room):
+        text += [f"## {room or 'Modules beside the rooms'}", ""]
         for module, in_module in groupby(in_room, key=lambda one: one.module):
             text += [f"### {module}", "", *HEADER]
             text += [table_row(one, rows) for one in in_module]

@@ -28,15 +28,18 @@ TEXT_COLUMNS = (
 RUN = "[=+\\-@\t\r\n＝＋－＠]"
 _RUN = re.compile(f"'*{RUN}")
 _GUARDED = re.compile(f"'+{RUN}")
-# Digits of the numbers in a table.
+#: Digits of the numbers in a table.
+#: Unit: 1. Origin: chosen.
 DIGITS = 9
-# Digits that return any float64, but for its last bit.
+#: Digits of late instants.
+#: Unit: 1. Origin: derived: with 16, a float64 is read again but for its last bit.
 MOST_DIGITS = 16
-# Digits of instants and other times, in columns whose names end in "_s": 1 ns in
-# 1,000 s. With 9 digits their rounding shifts a foot by 1 um, which changes an estimate
-# by one part in 10,000.
+#: Digits of instants and other times, in columns whose names end in "_s".
+#: Unit: 1. Origin: derived: 1 ns in 1,000 s. With 9 digits their rounding shifts a foot
+#: by 1 um, which changes an estimate by one part in 10,000.
 TIME_DIGITS = 12
-# Columns with instants from here on get all digits, s.
+#: Instants from which on a column of times gets `MOST_DIGITS`.
+#: Unit: s. Origin: derived: the last of `TIME_DIGITS` is 1 ns up to here.
 LATE_S = 1e3
 # Most characters in the name of a study, which is that of a folder.
 LONGEST_NAME = 100

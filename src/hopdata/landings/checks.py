@@ -328,16 +328,15 @@ def _open_feet(used: pd.DataFrame) -> list[Message]:
     instant = doubtful.filter(regex="^contact_").to_numpy(float)
     se = doubtful.filter(regex="^se_").to_numpy(float)
     pairs = list(combinations(range(len(feet)), 2))
-    apart = [
-        np.abs(instant[:, i] - instant[:, j]) / np.hypot(se[:, i], se[:, j])
-        for i, j in pairs
-    ]
+    apart = []
+    for i, j in pairs:
+        between_s = np.abs(instant[:, i] - instant[:, j])
+        apart.append(between_s / np.hypot(se[:, i], se[:, j]))
     closest = np.nan_to_num(apart, nan=np.inf).argmin(axis=0)
     counts = np.bincount(closest, minlength=len(pairs))
     first, second = pairs[int(counts.argmax())]
-    error_s, foot = max(
-        (float(np.nanmedian(se[:, k])), feet[k]) for k in (first, second)
-    )
+    usual_s = np.nanmedian(se[:, [first, second]], axis=0)
+    error_s, foot = max(zip(usual_s.tolist(), (feet[first], feet[second]), strict=True))
     values = {
         "count": int(counts.max()),
         "doubtful": len(doubtful),

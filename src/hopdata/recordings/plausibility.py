@@ -18,8 +18,12 @@ from hopdata.recordings.quality.rests import feet_as_one, high_feet
 from hopdata.recordings.quality.timing import check_stamps
 from hopdata.time_stamps import is_pause
 
-# Markers that a study needs.
+#: Body markers that a study needs.
+#: Unit: 1. Origin: derived: three fix the attitude of a rigid body.
 MIN_BODY_MARKERS = 3
+
+#: Feet that a study needs.
+#: Unit: 1. Origin: derived: with fewer there is no order of contacts.
 MIN_FEET = 2
 
 #: Ratio of the body's distance from the feet along another axis to its height over
@@ -48,9 +52,13 @@ MISSING_NOTE_FRACTION = 0.1
 #: Unit: 1. Origin: chosen. No mount and no floor is this uneven.
 HIGH_FOOT = 0.2
 
-# Roundings that are looked for, m, the coarser first. A finer one is lost in the noise
-# of any camera.
-ROUNDED_TO_M = (0.01, 0.001)
+#: Coarsest step of rounded coordinates that is looked for.
+#: Unit: m. Origin: chosen.
+COARSE_STEP_M = 0.01
+
+#: Finest step of rounded coordinates that is looked for.
+#: Unit: m. Origin: chosen. A finer one is lost in the noise of any camera.
+FINE_STEP_M = 0.001
 
 AS_READ = "as read"
 EXPORT = "export in mm or m"
@@ -390,7 +398,7 @@ def rounded_to(positions: FloatArray) -> float | None:
     None if it is too fine. A multiple rounded to float32 counts as one, but not so far
     from the origin that float32 itself has steps of more than a hundredth of these.
     """
-    for step_m in ROUNDED_TO_M:
+    for step_m in (COARSE_STEP_M, FINE_STEP_M):
         # A sample rules out most files quickly.
         if _all_multiples(sampled(positions), step_m) and _all_multiples(
             positions, step_m

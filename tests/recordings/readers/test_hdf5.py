@@ -10,7 +10,7 @@ import pytest
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, Truth
-from hopdata.recordings.readers import hdf5, trial
+from hopdata.recordings.readers import hdf5_checks, trial
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 from hopdata.seal import seal_for
 
@@ -351,7 +351,7 @@ def soft_links(file, number):
 def test_links_and_levels_are_counted_before_they_are_followed(
     tmp_path, monkeypatch, recording, make, few, many, said
 ):
-    monkeypatch.setattr(hdf5, "MOST_LINKS", 50)
+    monkeypatch.setattr(hdf5_checks, "MOST_LINKS", 50)
     path = tmp_path / "a.h5"
     for number in (few, many):
         write_recording(path, recording)
@@ -372,6 +372,6 @@ def test_groups_that_hold_each_other_are_walked_once(tmp_path, recording):
         file["a/b/top"] = file
     with h5py.File(path) as file:
         assert (
-            sum(1 for _ in hdf5.items_of(file)) == 5
+            sum(1 for _ in hdf5_checks.items_of(file)) == 5
         )  # the root, two groups, two datasets
     arrays_equal(read_recording(path), recording)

@@ -12,7 +12,7 @@ import pytest
 
 from hopdata.errors import RecordingError
 from hopdata.recordings import budget
-from hopdata.recordings.readers import hdf5, trial
+from hopdata.recordings.readers import hdf5_checks, trial
 from hopdata.recordings.readers.hdf5 import read_recording
 
 
@@ -69,9 +69,10 @@ def test_a_file_without_a_seal_is_read(sound):
 
 
 def test_a_file_without_end_is_refused_in_the_time_that_its_size_allows(
-    endless, monkeypatch
+    endless, another_child, monkeypatch
 ):
     """A limit on the CPU time ends the child, so that a busy machine makes no difference."""
+    another_child(wall_per_cpu=1000.0)
     monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.5)
     with pytest.raises(
         RecordingError, match=r"a\.h5: .*goes on and on; it is damaged, copy it"
@@ -262,14 +263,16 @@ def test_a_wish_for_memory_is_told_from_other_errors(sound, monkeypatch, error, 
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(hdf5, "whole_array", fail)
+    monkeypatch.setattr(hdf5_checks, "whole_array", fail)
     assert served(monkeypatch, sound) == answer
 
 
 def test_all_of_a_file_is_tried(sound, monkeypatch):
     seen = []
-    monkeypatch.setattr(hdf5, "whole_array", lambda item: seen.append(item.name))
-    monkeypatch.setattr(hdf5, "checked_attribute", lambda _, name: seen.append(name))
+    monkeypatch.setattr(hdf5_checks, "whole_array", lambda item: seen.append(item.name))
+    monkeypatch.setattr(
+        hdf5_checks, "checked_attribute", lambda _, name: seen.append(name)
+    )
     assert served(monkeypatch, sound) == trial.ANSWERED
     assert {"/time", "/positions", "markers", "rate_hz"} <= set(seen)
 

@@ -269,15 +269,19 @@ def _rough_instants(
     z = windows.z
     rows = windows.rows
     after = np.minimum(last + 1, windows.last_place)
+    t_last = t[rows, last]
+    t_after = t[rows, after]
+    gap = t_after - t_last
+    before = np.maximum(np.minimum(first, last - 1), 0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        fall = (z[rows, first] - z[rows, after]) / (t[rows, after] - t[rows, first])
-        near = t[rows, after] + (z[rows, after] - low) / fall
+        # From the frame after the last one above the floor, at the speed until then.
+        fall = (z[rows, first] - z[rows, after]) / (t_after - t[rows, first])
+        near = t_after + (z[rows, after] - low) / fall
         # A fall does not slow down.
-        near = np.minimum(near, 2 * t[rows, half_down] - t[rows, last])
-        gap = t[rows, after] - t[rows, last]
-        before = np.maximum(np.minimum(first, last - 1), 0)
-        fall = (z[rows, before] - z[rows, last]) / (t[rows, last] - t[rows, before])
-        near_before_gap = t[rows, last] + np.minimum((z[rows, last] - low) / fall, gap)
+        near = np.minimum(near, 2 * t[rows, half_down] - t_last)
+        # From the last frame above the floor, at the speed before it.
+        fall = (z[rows, before] - z[rows, last]) / (t_last - t[rows, before])
+        near_before_gap = t_last + np.minimum((z[rows, last] - low) / fall, gap)
     # The frame after a gap shows only that the foot is down.
     in_gap = (gap > windows.longest_gap_s) & (last > 0) & (fall > 0)
     return np.where(in_gap, near_before_gap, near)

@@ -25,7 +25,8 @@ from hopdata.recordings.quality.rests import lowest, scale_of_all
 from hopdata.recordings.quality.stretches import runs
 from hopdata.recordings.wording import chained, listed
 
-# Markers of feet in a study, at most.
+#: Markers of feet in a study, at most.
+#: Unit: 1. Origin: chosen.
 MOST_FEET = 6
 
 #: Range of the lowest heights of one part's markers, for an animal of 1 m, from which

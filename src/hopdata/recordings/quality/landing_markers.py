@@ -13,7 +13,8 @@ from hopdata.recordings.quality.part_names import part_by_name
 from hopdata.recordings.quality.rests import BAND_M, at_rest, lowest, scale_of_all
 from hopdata.recordings.quality.stretches import quantiles, runs
 
-# Feet of a study.
+#: Feet of a study, at least.
+#: Unit: 1. Origin: derived: with fewer there is no order of contacts.
 LEAST_FEET = 2
 
 #: Rests of a marker that no other evidence assigns to a foot.

@@ -69,7 +69,8 @@ LARGEST_SLOPE = 0.5
 # Poles of the Butterworth filters that are tried, which run forwards and backwards.
 POLES = (2, 4)
 
-# Avoids a division by zero, and the logarithm of it.
+#: What a power is never below, so that neither a quotient nor a logarithm fails.
+#: Unit: 1. Origin: rounding: far above that of sums of squares near 1.
 TINY = 1e-12
 
 

@@ -41,16 +41,20 @@ SIGMAS = 4.0
 #: Unit: 1. Origin: chosen.
 LOCAL = 2
 
-# Markers of a cluster.
+#: Markers of a cluster, at least.
+#: Unit: 1. Origin: derived: three fix the attitude of a rigid body.
 LEAST_MARKERS = 3
 
-# Median length of vectors of three independent standard normals.
+#: Median length of a vector of noise, relative to the noise of a coordinate.
+#: Unit: standard deviations. Origin: derived: of three independent standard normals.
 MEDIAN_LENGTH = 1.5381722544550522
 
-# Range from the 20 % to the 80 % quantile of a standard normal.
+#: Range from the 20 % to the 80 % quantile of noise.
+#: Unit: standard deviations. Origin: derived: of a standard normal.
 FIFTHS_TO_SD = 1.6832
 
-# Variance of the fourth difference of independent numbers of variance 1.
+#: Variance of the fourth difference of noise, relative to that of the noise.
+#: Unit: 1. Origin: derived: 1 + 16 + 36 + 16 + 1, as the frames are independent.
 FOURTH_DIFFERENCE = 70.0
 
 

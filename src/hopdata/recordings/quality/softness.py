@@ -71,7 +71,8 @@ NOISE_MARGIN = 2.0
 #: Unit: standard deviations. Origin: chosen.
 LOWEST_NOISE = 3.0
 
-# Markers of a body.
+#: Markers of a body, at least.
+#: Unit: 1. Origin: derived: three fix the attitude of a rigid body.
 LEAST_BODY = 3
 
 # When a distance changes.

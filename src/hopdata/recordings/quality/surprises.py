@@ -51,7 +51,8 @@ OF_SHORTER = 0.4
 # Miss of a parabola one to three frames ahead, in third differences.
 AHEAD = (1.0, 3.0, 6.0)
 
-# Frames on each side of a parabola.
+#: Frames on one side through which a parabola predicts those on the other.
+#: Unit: frames. Origin: derived: a parabola has three coefficients.
 SIDE = 3
 
 # Avoids a division by zero.

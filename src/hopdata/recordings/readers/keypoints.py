@@ -20,6 +20,7 @@ from hopdata.arrays import FloatArray, h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
 from hopdata.recordings.readers import hdf5, qtm
+from hopdata.recordings.readers.hdf5_checks import checked_attribute, whole_array
 
 AXES = ("x", "y", "z")
 SCORES = ("likelihood", "score", "confidence", "visibility")
@@ -218,7 +219,7 @@ def sleap_tracks(
             found = f"an array of shape {tracks.shape}; {how}"
             wanted = "frames x animals x nodes x 3"
             raise ValueError(f"dataset 'tracks': expected {wanted}, found {found}")
-        values = np.asarray(hdf5.whole_array(tracks, float), np.float64)
+        values = np.asarray(whole_array(tracks, float), np.float64)
         n_frames, n_animals, n_nodes, _ = values.shape
         names = _node_names(file, n_nodes)
         animals: list[tuple[str, ...]] = [()]
@@ -277,11 +278,11 @@ def pandas_table(
 
 def _rows_of(table: h5py.Dataset) -> list[tuple[Columns, FloatArray]]:
     """Return blocks of a row dataset with an index and fields ``values_block_<k>``."""
-    rows = hdf5.whole_array(table)
+    rows = whole_array(table)
     blocks = []
     for name in rows.dtype.names or ():
         if name.startswith("values_block_"):
-            names = _plain_pickle(hdf5.checked_attribute(table, f"{name}_kind"))
+            names = _plain_pickle(checked_attribute(table, f"{name}_kind"))
             blocks.append((_named(names), _numbers(rows[name])))
     return blocks
 
@@ -291,9 +292,9 @@ def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
     blocks = []
     for k in range(int(hdf5.attribute(group, "nblocks", "a number"))):
         items = f"block{k}_items"
-        values = _numbers(hdf5.whole_array(group[f"block{k}_values"]))
+        values = _numbers(whole_array(group[f"block{k}_values"]))
         if items in group:
-            columns = _named(hdf5.whole_array(group[items]).tolist())
+            columns = _named(whole_array(group[items]).tolist())
         else:
             columns = _names_of_levels(group, items)
         blocks.append((columns, values))
@@ -305,11 +306,11 @@ def _names_of_levels(group: h5py.Group, items: str) -> Columns:
     n_levels = int(hdf5.attribute(group, f"{items}_nlevels", "a number"))
     levels = []
     for i in range(n_levels):
-        names = hdf5.whole_array(group[f"{items}_level{i}"]).tolist()
+        names = whole_array(group[f"{items}_level{i}"]).tolist()
         levels.append([name[0] for name in _named(names)])
     of_columns = []
     for i, level in enumerate(levels):
-        codes = hdf5.whole_array(group[f"{items}_label{i}"])
+        codes = whole_array(group[f"{items}_label{i}"])
         of_columns.append([level[code] for code in codes])
     return list(zip(*of_columns, strict=True))
 

@@ -24,10 +24,9 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings import raw
 from hopdata.recordings.budget import MOST_LINKS, MOST_MATRICES, require_unpacked
-from hopdata.recordings.readers.hdf5 import (
-    SIGNATURE,
+from hopdata.recordings.readers.hdf5 import SIGNATURE, require_intact
+from hopdata.recordings.readers.hdf5_checks import (
     checked_attribute,
-    require_intact,
     require_sound,
     whole_array,
 )

@@ -26,6 +26,7 @@ import hopdata
 from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings.budget import DEFLATE_MOST, seconds_to_read
+from hopdata.recordings.readers import hdf5_checks
 
 #: Wall-clock time of a trial over its CPU time.
 #: Unit: 1. Origin: chosen. A shared or slow machine gives a process a part of its time,
@@ -102,6 +103,8 @@ class Child:
         Wall-clock time in which it must start, s.
     end_s : float
         Wall-clock time in which it must end when it is killed, s.
+    wall_per_cpu : float
+        Wall-clock time that it may take for a file, over the CPU time.
     """
 
     def __init__(
@@ -110,10 +113,12 @@ class Child:
         *,
         start_s: float = _START_S,
         end_s: float = _END_S,
+        wall_per_cpu: float = _WALL_PER_CPU,
     ) -> None:
         self._program = serving_program() if program is None else program
         self._start_s = start_s
         self._end_s = end_s
+        self._wall_per_cpu = wall_per_cpu
         self._process: subprocess.Popen[str] | None = None
         self._owner = 0  # a fork of the process that started it must not use it
 
@@ -144,7 +149,7 @@ class Child:
         if process is None:  # none can work here: the file is read without a trial
             return ""
         request = f"{seconds} {most_unpacked_mb} {os.fsencode(place).hex()}\n"
-        answer = self._answer(process, request, _WALL_PER_CPU * seconds)
+        answer = self._answer(process, request, self._wall_per_cpu * seconds)
         if answer == ANSWERED:
             return ""
         anew = "it is damaged, copy it anew"
@@ -333,15 +338,13 @@ def _set_limit(kind: int, wanted: int) -> None:
 
 def _read_all(path: Path, most_unpacked_mb: float) -> None:
     """Read all attributes and datasets of a file, as its readers may do."""
-    from hopdata.recordings.readers import hdf5
-
     with h5py.File(path, "r", locking=False) as file:
-        hdf5.require_sound(file, most_unpacked_mb)
-        for item in hdf5.items_of(file):
+        hdf5_checks.require_sound(file, most_unpacked_mb)
+        for item in hdf5_checks.items_of(file):
             for name in item.attrs:
-                _attempt(hdf5.checked_attribute, item, name)
+                _attempt(hdf5_checks.checked_attribute, item, name)
             if isinstance(item, h5py.Dataset) and item.shape is not None:
-                _attempt(hdf5.whole_array, item)
+                _attempt(hdf5_checks.whole_array, item)
 
 
 def _attempt(read: Callable[..., Any], *arguments: Any) -> None:
