@@ -417,17 +417,17 @@ class Rows:
         count as rows, so those at the end of a block wait for the next one.
         """
         file.seek(self.offset)
-        number = self.n_lines + 1
+        next_line = self.n_lines + 1
         n_empty = 0  # empty lines that wait
         in_section: Iterator[bytes] = file
         if self.is_section:
             in_section = takewhile(lambda line: line.strip(b" ,;\t\r\n"), file)
         most = max(1, min(ROWS, MOST_CELLS // self.width))
         while lines := list(islice(in_section, most)):
-            n_lines = len(lines)
-            is_last = n_lines < most
+            number = next_line - n_empty  # of the first line in this block
+            next_line += len(lines)
+            is_last = len(lines) < most
             lines = [b"\n"] * n_empty + lines
-            number -= n_empty
             n_empty = 0
             while lines and self.may_be_short and not lines[-1].strip():
                 lines.pop()
@@ -435,7 +435,6 @@ class Rows:
             rows = self._rows_of(lines, number, is_last)
             if rows:
                 yield _Block(rows, number, is_last)
-            number += n_lines
 
     def _rows_of(self, lines: list[bytes], number: int, is_last: bool) -> list[bytes]:
         """Return the rows in these lines; `number` is that of the first line."""
