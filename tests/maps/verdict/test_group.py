@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import chi2, sem, t, ttest_1samp
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.group import (
@@ -98,6 +99,29 @@ def test_what_smooth_terms_leave_in_some_subjects_much_is_no_difference():
     table = studies(left, 1).assign(allowed=left, left=left)
     assert judge_group(table).low == 0.0
     assert judge_group(table.assign(left=left.mean())).low > 0.0
+
+
+def test_subjects_of_equal_errors_are_compared_by_students_test():
+    """Their scatter then is the error, and what exceeds their errors is between them."""
+    squared = np.array([0.02, 0.05, 0.11, 0.08, 0.31])
+    error = 0.04
+    found = combine(squared, np.full(5, error**2))
+    q = np.sum((squared - squared.mean()) ** 2) / error**2
+    assert found.mean == pytest.approx(squared.mean())
+    assert found.error == pytest.approx(sem(squared))
+    assert found.p_value == pytest.approx(ttest_1samp(squared, 0.0).pvalue)
+    assert found.between == pytest.approx(np.sqrt(squared.var(ddof=1) - error**2))
+    assert found.q == pytest.approx(q)
+    assert found.q_p_value == pytest.approx(chi2.sf(q, 4))
+    assert found.i2 == pytest.approx(1.0 - 4.0 / q)
+
+
+def test_subjects_that_scatter_less_than_their_errors_have_these_errors():
+    found = combine(np.array([0.10, 0.11, 0.09, 0.10]), np.full(4, 0.04**2))
+    assert found.error == pytest.approx(0.04 / 2.0)
+    assert found.p_value == pytest.approx(2.0 * t.sf(5.0, 3))
+    assert found.between == 0.0
+    assert found.i2 == 0.0
 
 
 def test_heterogeneity_is_told_from_noise():
