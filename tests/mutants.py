@@ -9,8 +9,9 @@ of `ROOMS` gives as many as ``--each``, drawn with the seed from all that can be
 its functions. A change is made in a copy of the committed and changed files, so the
 checkout stays as it is. The test at the same path runs first; if it does not notice,
 the other tests of its folder follow. Each result is one line of
-``build/mutants/results.csv``, with the test that noticed. A change is tried again if
-its module is another one since, and if it survived, also if the tests are.
+``build/mutants/results.csv``, with the test that noticed, which must pass without the
+change. A change is tried again if its module is another one since, and if it survived,
+also if the tests are.
 
 A survivor is read: either a test is missing, or the change is equivalent (it changes no
 result). The reason for that is written into ``tests/equivalent_mutants.csv``.
@@ -29,6 +30,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +71,9 @@ OPERATORS = (
     *("core/ReplaceBreakWithContinue", "core/ReplaceContinueWithBreak"),
     *("core/NumberReplacer", "core/ZeroIterationForLoop"),
 )
+
+
+Change = tuple[str, str]  # module, and the lines before and after
 
 
 @dataclass(frozen=True)
@@ -281,29 +286,28 @@ def copy_checkout() -> None:
             shutil.copyfile(source, target)
 
 
-def test_command(groups: Iterable[Iterable[Path]]) -> str:
+def command_of(groups: Iterable[Iterable[str]]) -> str:
     """Return the command that runs groups of tests in the copy, one after the other.
 
     The copy comes first on Python's path, before the package that is installed.
     """
-    python = f"{shlex.quote(sys.executable)} -m pytest -q -x -n 0 -p no:cacheprovider"
+    python = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0"]
+    python += ["-p", "no:cacheprovider"]
     steps = [
-        f"cd {shlex.quote(str(COPY))}",
+        shlex.join(["cd", str(COPY)]),
         f"export PYTHONPATH={shlex.quote(str(COPY / 'src'))}",
     ]
-    steps += [f"{python} {' '.join(map(str, tests))}" for tests in groups if tests]
-    return f"sh -c {shlex.quote(' && '.join(steps))}"
+    steps += [shlex.join([*python, *tests]) for tests in groups if tests]
+    return shlex.join(["sh", "-c", " && ".join(steps)])
 
 
-def require_passing(sample: Iterable[Mutant]) -> None:
-    """Refuse tests that fail without a change: they would notice anything."""
-    tests: set[Path] = set()
-    for module in {one.module for one in sample}:
-        own, others = paths_of_tests(Path(module), COPY)
-        tests.update(own, others)
-    command = test_command([sorted(tests)])
-    if subprocess.run(shlex.split(command), check=False).returncode != 0:
-        sys.exit(f"expected tests that pass in {COPY}, found a failure")
+@cache
+def passes_unchanged(test: str) -> bool:
+    """Whether a test passes in the copy without a change."""
+    done = subprocess.run(
+        shlex.split(command_of([[test]])), check=False, capture_output=True
+    )
+    return done.returncode == 0
 
 
 def what_noticed(output: str) -> str:
@@ -327,7 +331,8 @@ def try_one(mutant: Mutant) -> Tried:
     path = COPY / "src" / "hopdata" / mutant.module
     spec = MutationSpec(path, mutant.operator, mutant.occurrence, (0, 0), (0, 1))
     begin = time.monotonic()
-    command = test_command(paths_of_tests(Path(mutant.module), COPY))
+    groups = paths_of_tests(Path(mutant.module), COPY)
+    command = command_of([[str(path) for path in group] for group in groups])
     result = mutate_and_test([spec], command, TIMEOUT_S)
     seconds = round(time.monotonic() - begin, 1)
     output = result.output or ""
@@ -337,6 +342,8 @@ def try_one(mutant: Mutant) -> Tried:
     elif result.test_outcome is TestOutcome.KILLED:
         outcome = "killed"
         noticed = what_noticed(output)
+        if "::" in noticed and not passes_unchanged(noticed):
+            sys.exit(f"expected a test that passes without a change, found {noticed}")
     else:
         sys.exit(f"{mutant}: expected a change and its tests, found\n{output}")
     change = [
@@ -383,15 +390,18 @@ def keep(result: Tried) -> None:
         writer.writerow(asdict(result))
 
 
-def is_known(mutant: Mutant, results: Iterable[Tried]) -> bool:
+def is_known(mutant: Mutant, results: Iterable[Tried], same: set[Change]) -> bool:
     """Whether it is already known what becomes of a change.
 
-    New tests cannot bring back what was killed, so only survivors are tried again
-    after the tests have changed.
+    New tests cannot bring back what was killed, nor notice what changes no result, so
+    only the other survivors are tried again after the tests have changed.
     """
     for one in results:
-        is_same = identity(one) == identity(mutant)
-        if is_same and (one.outcome == "killed" or one.tests == mutant.tests):
+        if identity(one) == identity(mutant) and (
+            one.outcome == "killed"
+            or one.tests == mutant.tests
+            or (one.module, one.change) in same
+        ):
             return True
     return False
 
@@ -402,9 +412,7 @@ def run(rooms: Iterable[str], each: int, seed: int) -> None:
     for room in rooms:
         results = known_results()
         drawn = sampled(room, each, seed, COPY)
-        sample = [one for one in drawn if not is_known(one, results)]
-        if sample:
-            require_passing(sample)
+        sample = [one for one in drawn if not is_known(one, results, equivalents())]
         for mutant in sample:
             result = try_one(mutant)
             keep(result)
@@ -421,7 +429,7 @@ def identity(mutant: Mutant) -> tuple[str, str, int, str]:
     return mutant.module, mutant.operator, mutant.occurrence, mutant.digest
 
 
-def equivalents() -> set[tuple[str, str]]:
+def equivalents() -> set[Change]:
     """Return the changes that were shown to change no result: module and change."""
     if not EQUIVALENT.exists():
         return set()
@@ -439,7 +447,7 @@ def of_this_checkout(results: Iterable[Tried]) -> list[Tried]:
     return list(last.values())
 
 
-def report(results: Iterable[Tried], same: set[tuple[str, str]]) -> list[Tried]:
+def report(results: Iterable[Tried], same: set[Change]) -> list[Tried]:
     """Print a table of the rooms, and the survivors; return these.
 
     Parameters
