@@ -138,14 +138,23 @@ def modules_of(room: str, checkout: Path) -> list[Path]:
 
 
 def paths_of_tests(module: Path, checkout: Path) -> tuple[list[Path], list[Path]]:
-    """Return the tests at the path of a module, and the others of its folder."""
+    """Return the tests at the path of a module, and the others of its folder.
+
+    Of the others, those of a module with the beginning of its name are first, as those
+    of `floor` are for `floor_motion`.
+    """
     folder = checkout / "tests" / module.parent
     same = [
         folder / f"test_{module.stem}.py",
         *sorted((folder / module.stem).glob("test_*.py")),
     ]
     own = [path for path in same if path.is_file()]
+
+    def is_distant(path: Path) -> bool:
+        return not module.stem.startswith(path.stem.removeprefix("test_"))
+
     others = [path for path in sorted(folder.glob("test_*.py")) if path not in own]
+    others.sort(key=is_distant)
     return (
         [path.relative_to(checkout) for path in own],
         [path.relative_to(checkout) for path in others],

@@ -126,3 +126,7 @@ def test_changes_and_tests_of_a_module(tmp_path):
     own, others = paths_of_tests(module, tmp_path)
     assert [path.name for path in own] == ["test_judge.py"]
     assert [path.name for path in others] == ["test_group.py"]
+    # Without tests of its own, those of `judge` are the nearest.
+    own, others = paths_of_tests(Path("maps/verdict/judge_limits.py"), tmp_path)
+    assert own == []
+    assert [path.name for path in others] == ["test_judge.py", "test_group.py"]
