@@ -154,6 +154,30 @@ def test_conditions_are_compared_within_subjects():
     assert table.loc[("a", "c"), "p_holm"] > 0.05
 
 
+def test_the_interval_of_a_difference_is_students_and_what_smooth_terms_leave():
+    squared = {
+        "a": np.array([0.05, 0.30, 0.10, 0.22, 0.41]),
+        "b": np.array([0.09, 0.25, 0.31, 0.40, 0.52]),
+    }
+    rows = [
+        studies(np.zeros(5), 1, name).assign(
+            squared=values, squared_error=0.01, along_error=0.01, left=0.05
+        )
+        for name, values in squared.items()
+    ]
+    (row,) = compare_conditions(pd.concat(rows)).to_dict("records")
+    apart = squared["a"] - squared["b"]
+    size_a, size_b = (np.sqrt(values.mean()) for values in squared.values())
+    reach = t.isf(0.025, 4) * sem(apart) + 0.05 * (size_a + size_b)
+    assert (row["condition_a"], row["condition_b"], row["n"]) == ("a", "b", 5)
+    assert (row["size_a"], row["size_b"]) == pytest.approx((size_a, size_b))
+    assert row["difference"] == pytest.approx(apart.mean())
+    assert row["low"] == pytest.approx(apart.mean() - reach)
+    assert row["high"] == pytest.approx(apart.mean() + reach)
+    assert row["p_value"] == pytest.approx(ttest_1samp(apart, 0.0).pvalue)
+    assert row["p_holm"] == row["p_value"]
+
+
 def test_conditions_that_differ_by_what_smooth_terms_leave_are_not_told_apart():
     """The p-value accounts for the same remainder in both."""
     rows = [studies(np.full(30, 0.3), 1, "a"), studies(np.full(30, 0.34), 2, "b")]
