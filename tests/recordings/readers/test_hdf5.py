@@ -363,6 +363,22 @@ def test_links_and_levels_are_counted_before_they_are_followed(
         read_recording(path)
 
 
+def test_as_many_links_and_levels_as_the_limits_are_read(tmp_path, monkeypatch):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        nested(file, hdf5_checks.DEEPEST - 1)  # the root is a level too
+        soft_links(file, 20)
+        most = hdf5_checks.DEEPEST - 1 + 20
+    for limit, is_read in ((most, True), (most - 1, False)):
+        monkeypatch.setattr(hdf5_checks, "MOST_LINKS", limit)
+        with h5py.File(path) as file:
+            if is_read:
+                assert len(list(hdf5_checks.items_of(file))) == hdf5_checks.DEEPEST
+            else:
+                with pytest.raises(ValueError, match=f"most {most - 1} links"):
+                    list(hdf5_checks.items_of(file))
+
+
 def test_groups_that_hold_each_other_are_walked_once(tmp_path, recording):
     path = tmp_path / "a.h5"
     write_recording(path, recording)
