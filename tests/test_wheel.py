@@ -83,7 +83,15 @@ def test_a_target_after_the_dashes_is_snakemakes(installed, tmp_path):
     stages = [
         line.split()[0] for line in result.stdout.splitlines() if line.startswith("  ")
     ]
-    assert stages == ["recording", "pairs", "verdict"]
+    assert stages == [
+        "import_recording",
+        "floor_compensation",
+        "foot_contacts",
+        "poincare_sections",
+        "mode_schedules",
+        "home_frame",
+        "verdict",
+    ]
 
 
 def test_another_recording_in_the_samples_place_is_refused(installed, tmp_path):

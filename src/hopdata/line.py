@@ -7,8 +7,8 @@ A stage is a plain function. Its definition is its record:
 - a parameter whose default is `source_files` takes the files of a recording;
 - the fields of the class that it returns are its results, each with its file.
 
-`hopdata.stages` tells the stages of a study. `hopdata.rules` writes Snakemake's rules
-from them, and `hopdata.walk` runs them in one process.
+`hopdata.stages` tells the stages of a study. `packaging/rules.py` writes Snakemake's
+rules from them, and `hopdata.walk` runs them in one process.
 """
 
 from __future__ import annotations

@@ -16,12 +16,16 @@ pytestmark = pytest.mark.workflow
 
 
 def programs():
-    """Return the names of the programs that measure; other files are imported by them, or draw."""
+    """Return the names of the programs with a rule.
+
+    Other files are imported by them, or draw. `constants` takes hours and goes on where
+    it was interrupted; its table is a page of the documentation.
+    """
     files = (ROOT / "benchmarks").glob("*.py")
     found = {
         file.stem for file in files if 'if __name__ == "__main__"' in file.read_text()
     }
-    return found - {"benchmark_figures"}
+    return found - {"benchmark_figures", "constants"}
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""``hopdata init``: write a first configuration for a recording."""
+"""``hopdata init`` and ``config-docs``: a first configuration, and all of its keys."""
 
 from __future__ import annotations
 
@@ -304,7 +304,8 @@ def _draft(
     if roles.reasons.get("unused"):
         reasons["markers.unused"] = f" ({roles.reasons['unused']})"
     home = ""
-    # Without a reason it is the default, which no order of markers decides.
+    # Without a reason no home marker is written. The default then applies: unlike the
+    # guess, it does not depend on the order of the markers.
     if roles.reasons.get("home"):
         home = roles.home
         reasons["home.marker"] = f"{roles.reasons['home']}."

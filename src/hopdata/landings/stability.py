@@ -17,8 +17,8 @@ from hopdata.landings.sections.frames import heights_of
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
 
-# How much quantities that should not change differ between recordings, or within a
-# single one: each has one value per touchdown. Quantity -> unit.
+# Quantities that should not change between recordings, or within a single one, each
+# with one value per touchdown. Quantity -> unit.
 QUANTITIES = {
     "time between the sections": "s",
     "contact spread": "s",
@@ -143,10 +143,10 @@ def quantity_rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
     if len(parts) < 2:
         return []
     within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
-    # Each part's median is taken from its own values: with five, one deviation in five
-    # is zero.
-    free = 1 - len(parts) / len(within)
-    spread = MAD_TO_SD * float(np.median(within)) / free
+    # Each part's median is taken from its own values, so that one of its deviations is
+    # lost: of five values, the middle one always deviates by zero.
+    free_share = 1 - len(parts) / len(within)
+    spread = MAD_TO_SD * float(np.median(within)) / free_share
     typical = float(np.median(np.concatenate(list(parts.values()))))
     rows: list[tuple[object, ...]] = []
     for part, v in parts.items():
@@ -235,13 +235,15 @@ def _farthest_frames(
     They are the highest body with a foot down and the lowest with one up.
     """
     heights = [heights_of(recording) for recording in recordings]
-    states = [sections.pooled([one]) for one in heights]
-    with_a_foot_down = [frames.body[~frames.all_up] for frames in states]
-    with_a_foot_up = [frames.body[~frames.all_down] for frames in states]
+    frames_of = [sections.pooled([one]) for one in heights]
+    with_a_foot_down = [frames.body[~frames.all_up] for frames in frames_of]
+    with_a_foot_up = [frames.body[~frames.all_down] for frames in frames_of]
+    # With its sign, the height that is sought is the largest in both.
     for sign, bodies in ((1.0, with_a_foot_down), (-1.0, with_a_foot_up)):
         farthest = [np.max(sign * body, initial=-np.inf) for body in bodies]
         number = int(np.argmax(farthest))
         if np.isfinite(farthest[number]):
+            # Some frames were left out, so the frame is found again by its height.
             is_there = sign * heights[number].body == farthest[number]
             yield number, int(np.flatnonzero(is_there)[0])
 
@@ -260,7 +262,7 @@ def _without_second(
     unseen = np.abs(bad.time - time) <= HALF_A_SECOND
     kept = bad.positions[unseen]
     parts = list(recordings)
-    parts[number] = replace(bad)  # a new object has no cached heights
+    parts[number] = replace(bad)  # the same positions, but no cached heights
     name = f"without {time:.1f} ± {HALF_A_SECOND:g} s"
     if len(recordings) > 1:
         name += f" of {bad.name}"

@@ -232,12 +232,12 @@ def bootstrap_subspaces(
     y = np.asarray(y, float)
     _require_landings(x, y)
     pairs = np.hstack([x, y]) @ pooled_frame(x, y)
-    of_a_map = x.shape[1] - 1
-    k = components or min(of_a_map, samples - 1)
+    map_dimension = x.shape[1] - 1  # of a section
+    span_of_draw = samples - 1  # of landings that are centred on their mean
+    k = components or min(map_dimension, span_of_draw)
     notes = []
-    if not components and k < of_a_map:
-        # The markers have more dimensions than the landings of one draw span.
-        what = f"{k} components instead of {of_a_map}"
+    if not components and k < map_dimension:
+        what = f"{k} components instead of {map_dimension}"
         reason = f"{samples} landings span no more: set subspaces.samples"
         notes.append(_note(what, reason))
 
@@ -248,7 +248,7 @@ def bootstrap_subspaces(
         what = f"subspaces of schedule {name}"
         if k >= samples or k > pairs.shape[1]:
             span = (
-                f"{samples} landings span at most {samples - 1} of {pairs.shape[1]} "
+                f"{samples} landings span at most {span_of_draw} of {pairs.shape[1]} "
                 "dimensions"
             )
             wanted = f"{k} wanted: set subspaces.samples or subspaces.components"
@@ -345,8 +345,10 @@ def pair_mean_error(values: FloatArray, first: IntArray, second: IntArray) -> fl
         return float("nan")
     deviations = values - values.mean()
     independent = float(deviations @ deviations)
-    of_draws = np.bincount(np.r_[first, second], np.r_[deviations, deviations])
-    shared = float(of_draws @ of_draws) - independent
+    # The square of a draw's sum has the products of all pairs with this draw. Over all
+    # draws, each pair is multiplied with itself twice: once for each of its two draws.
+    sum_of_draw = np.bincount(np.r_[first, second], np.r_[deviations, deviations])
+    shared = float(sum_of_draw @ sum_of_draw) - independent
     return float(np.sqrt(max(shared, independent))) / len(values)
 
 

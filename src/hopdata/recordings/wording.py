@@ -1,4 +1,4 @@
-"""Messages of this room that are made of others: chains, alternatives and counts."""
+"""Messages about recordings that are made of others: chains, alternatives, counts."""
 
 from collections.abc import Sequence
 
@@ -7,18 +7,22 @@ from hopdata.messages import Message
 
 def also(first: Message, *more: Message) -> Message:
     """Return messages in sequence, separated by semicolons."""
-    whole = first
-    for then in more:
-        whole = Message("recordings.also", {"first": whole, "then": then})
-    return whole
+    return _linked([first, *more], "recordings.also")
 
 
 def chained(
     several: Sequence[Message], link: str = "recordings.also"
 ) -> Message | None:
-    """Return messages as one, linked by a template of two; None if there are none."""
+    """Return any number of messages as one; None if there are none.
+
+    `link` is the code of a message that puts ``then`` after ``first``.
+    """
     if not several:
         return None
+    return _linked(several, link)
+
+
+def _linked(several: Sequence[Message], link: str) -> Message:
     whole = several[0]
     for then in several[1:]:
         whole = Message(link, {"first": whole, "then": then})

@@ -123,7 +123,7 @@ def test_a_rigid_foot_turns_about_the_marker_that_touches_first():
         time,
         heights,
         contact + 0.002,
-        earlier=contact,
+        all_contacts=contact,
         priors=replace(prior(2), foot_of=(0, 0)),
     )
     error = (found.instant - contact) / (NOISE * found.unit_se)
@@ -137,7 +137,9 @@ def test_the_push_of_an_earlier_foot_is_learned_and_taken_into_account():
     alone = fit(time, heights, contact + 0.002, priors=prior(2, -GRAVITY, 1e-3))
     learned, found = prior(2), alone
     for _ in range(6):
-        found = fit(time, heights, found.instant, priors=learned, earlier=found.instant)
+        found = fit(
+            time, heights, found.instant, priors=learned, all_contacts=found.instant
+        )
         learned = learn(found, noise_m=NOISE, prior=learned)
     assert learned.mean[1, 1] == pytest.approx(-16.0, abs=2.0)
     assert 3.0 < learned.sd[1, 1] < 9.0
@@ -155,7 +157,7 @@ def test_the_push_of_an_earlier_foot_is_learned_and_taken_into_account():
 def test_nothing_to_learn_leaves_the_prior():
     time, heights, contact = pushed_pairs(5, -16.0, 0.0)
     start = prior(2)
-    found = fit(time, heights, contact, priors=start, earlier=contact)
+    found = fit(time, heights, contact, priors=start, all_contacts=contact)
     learned = learn(found, noise_m=NOISE, prior=start)
     np.testing.assert_array_equal(learned.mean[:, 1:], start.mean[:, 1:])
     np.testing.assert_array_equal(learned.sd, start.sd)

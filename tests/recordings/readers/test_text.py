@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.errors import RecordingError
+from hopdata.recordings.readers import text
 from hopdata.recordings.readers.text import open_table
 
 
@@ -147,3 +148,16 @@ def test_a_header_without_an_end_is_not_collected_for_ever(tmp_path):
     with pytest.raises(RecordingError, match="expected a line endheader, found none"):
         open_table(path)
     assert time.process_time() - begin < 2.0
+
+
+@pytest.mark.parametrize("rows_at_a_time", [2, 3, 4, 100])
+def test_the_line_of_a_mistake_counts_empty_lines_before_it(
+    tmp_path, monkeypatch, rows_at_a_time
+):
+    """Empty lines at the end of a block of rows wait for the next block."""
+    monkeypatch.setattr(text, "ROWS", rows_at_a_time)
+    path = tmp_path / "a.csv"
+    lines = ["t,x", "1,1", "2,2", "", "", "3,3", "", "4,4", "5,wrong"]
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(RecordingError, match=r"a\.csv, line 9"):
+        open_table(path).numbers("x")

@@ -32,21 +32,22 @@ def protected(function: Function, signature: Signature) -> Function:
 
     After the first exception the function is not called again: its arrays are filled
     with NaN, and an event handler stops the integration, so that the driver soon ends.
+    In the first call it is also checked that the function fills its arrays.
     """
-    first = True
+    is_first_call = True
 
     def call(*arguments: Any) -> Any:
-        nonlocal first
+        nonlocal is_first_call
         caught = current()
         try:
-            if caught:
+            if caught:  # an earlier call in this integration has failed
                 return _give_up(signature, arguments)
-            if first:
-                first = False
+            if is_first_call:
+                is_first_call = False
                 return _checked(function, signature, arguments)
             return _converted(function(*arguments), function, signature)
         except BaseException as error:
-            if caught is None:
+            if caught is None:  # called outside an integration
                 raise
             error.add_note(f"in {place(function, signature)}")
             caught.append(error)
@@ -84,6 +85,7 @@ def _checked(
 
 
 def _filled_by(signature: Signature, arguments: tuple[Any, ...]) -> dict[str, Any]:
+    """Return the arrays among the arguments that the function fills, by name."""
     named = dict(zip(signature.arguments, arguments, strict=True))
     return {name: named[name] for name in signature.fills}
 
@@ -103,10 +105,16 @@ def trampoline(function: Function, signature: Signature) -> Any:
     The machine code contains the object's address, so the caller must keep the object
     alive.
     """
-    names = ", ".join(signature.arguments)
     lower = lower_call_of_python(function)
-    returns = signature.native.return_type
-    call = built(len(signature.arguments), lambda *kinds: (returns(*kinds), lower))
+    return_type = signature.native.return_type
+
+    def typed(*kinds: Any) -> Any:
+        """Return Numba's signature for arguments of these types, and the code."""
+        return return_type(*kinds), lower
+
+    call = built(len(signature.arguments), typed)
+    # Numba requires that arguments have names, so the function is written out.
+    names = ", ".join(signature.arguments)
     scope = {"call": call}
     exec(f"def trampoline({names}):\n    return call({names})\n", scope)
     return scope["trampoline"]

@@ -20,10 +20,10 @@ class Log(NamedTuple):
 
     floats: FloatTable  # events, one per row
     integers: IntTable  # the same memory
-    n_rows: int
+    n_rows: int  # rows that both have
     changes: IntTable  # changes of the mode, one per row
-    n_changes: int
-    logged: IntVector  # the last entries of the mode, as the log has them
+    n_changes: int  # rows of `changes`
+    logged: IntVector  # the end of the mode, as the log has it: see `log_changes`
     keep_events: int  # 0: only the last event is written, for the handler's derivative
 
 
@@ -77,6 +77,10 @@ def end_event(
 @kernel
 def log_changes(p: problem.Problem, m: Memory, log: Log) -> int:
     """Log what has changed in the mode since the last event.
+
+    Only the end of the mode is logged, as many entries as `logged` has. If guards are
+    evaluated one by one there may be thousands of them; their locks, which stand first
+    in the mode, are then left out.
 
     Returns the number of all changes in the log.
     """

@@ -57,6 +57,15 @@ LATEST_BOUND = 0.9
 # Columns that the kernel gives before the coefficients: see `kink_kernel.fit_all`.
 SUMMARY_COLUMNS = 7
 
+# Coefficients of one foot among n. The first two, floor and velocity, have no prior.
+# Those with a prior are 2n: its own acceleration, then a pair for each other foot (the
+# changes of acceleration and jerk when that foot touches), then the creep. The pairs
+# stand in the order of the feet in `FlightPriors` and `KinkFits`, but in order of time
+# in the kernel.
+N_WITHOUT_PRIOR = 2
+ACCELERATION_CHANGES = slice(1, -1, 2)
+JERK_CHANGES = slice(2, -1, 2)
+
 
 @dataclass(frozen=True)
 class FlightPriors:
@@ -133,7 +142,7 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
     windows_s: tuple[float, float],
     search_s: float,
     earliest: FloatArray | None = None,
-    earlier: FloatArray | None = None,
+    all_contacts: FloatArray | None = None,
     compliance_s: float = 0.0,
     creeps: bool = False,
     leaves_m: float = np.inf,
@@ -160,8 +169,8 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
         Half width of the search about `near`, s.
     earliest : (L, n) array, optional
         Instants before which no contact is sought, s.
-    earlier : (L, n) array, optional
-        Contact instants of all feet, s. Contacts before a foot's own change its
+    all_contacts : (L, n) array, optional
+        Contact instants of all feet, s. Those before a foot's own change its
         acceleration. If not given, no foot acts on another.
     compliance_s : float
         Time constant with which a contact takes up the foot's velocity, s.
@@ -192,16 +201,17 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
         earliest_allowed = (earliest.ravel()[wanted] - centre) / before_s
         bounds = np.minimum(earliest_allowed, LATEST_BOUND * reach)
 
-    others_s, columns = _other_contacts(earlier, wanted, n)
+    others_s, order = _other_contacts(all_contacts, wanted, n)
     others = (others_s - centre[:, None]) / before_s
     n_others = (others < reach).sum(axis=1)
-    other_places = columns[:, 1:-1:2] // 2  # among the other feet, in order of time
-    is_hinged = np.take_along_axis(priors.hinged[foot], other_places, axis=1)
+    is_hinged = np.take_along_axis(priors.hinged[foot], order, axis=1)
 
     units = _units(priors.hinged, before_s)
+    units_with_prior = units[:, N_WITHOUT_PRIOR:]
+    columns = _columns_by_time(order)
     rows_of_fit = np.arange(len(wanted))[:, None]
-    means = (priors.mean / units[:, 2:])[foot][rows_of_fit, columns]
-    unit_precision = (noise_m / priors.sd * units[:, 2:]) ** 2
+    means = (priors.mean / units_with_prior)[foot][rows_of_fit, columns]
+    unit_precision = (noise_m / priors.sd * units_with_prior) ** 2
     weights = unit_precision[foot][rows_of_fit, columns]
     rows = np.full((len(wanted), SUMMARY_COLUMNS + 2 * units.shape[1]), np.nan)
     for first in range(0, len(wanted), BLOCK):
@@ -224,7 +234,8 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
             noise_m**2,
             rows[part],
         )
-    rows[:, 0] = centre + rows[:, 0] / units[0, 1]
+    per_second = units[0, 1]  # the kernel's unit of time is 1 / per_second
+    rows[:, 0] = centre + rows[:, 0] / per_second
     return _unpack(rows, wanted, near.shape, columns, units)
 
 
@@ -237,7 +248,7 @@ def _units(hinged: BoolArray, before_s: float) -> FloatArray:
     """
     n = len(hinged)
     seconds = np.tile([0, 1, 2, *[2, 3] * (n - 1), 1], (n, 1))
-    seconds[:, 4:-1:2] -= 2 * hinged
+    seconds[:, N_WITHOUT_PRIOR:][:, JERK_CHANGES] -= 2 * hinged
     return before_s ** -seconds.astype(float)
 
 
@@ -251,10 +262,9 @@ def _windows(
     """Cut out times and heights about each of P instants, and mark those to use.
 
     All three are (P, W). Used are the frames in the windows before and after the
-    instant. If a window holds
-    fewer than `WINDOW_FRAMES` that show the foot, the next ones that do are used as
-    well, as far as `WIDEST` allows. Two more frames tell whether the foot rises after
-    the last one.
+    instant. If a window holds fewer than `WINDOW_FRAMES` that show the foot, the next
+    ones that do are used as well, as far as `WIDEST` allows. Two more frames are cut
+    out, but not used: they tell whether the foot rises after the last one.
     """
     frame_s = float(np.median(np.diff(time)))
     before_s, after_s = windows_s
@@ -276,9 +286,12 @@ def _windows(
     seen = within_reach & ~np.isnan(z)
     before = seen & (since < 0)
     after = seen & (since >= 0)
-    nearest_before = np.cumsum(before[:, ::-1], axis=1)[:, ::-1] <= WINDOW_FRAMES[0]
-    nearest_after = np.cumsum(after, axis=1) <= WINDOW_FRAMES[1]
-    nearest = (before & nearest_before) | (after & nearest_after)
+    # How many frames show the foot from each frame to the instant.
+    n_to_instant = np.cumsum(before[:, ::-1], axis=1)[:, ::-1]
+    n_from_instant = np.cumsum(after, axis=1)
+    nearest_before = before & (n_to_instant <= WINDOW_FRAMES[0])
+    nearest_after = after & (n_from_instant <= WINDOW_FRAMES[1])
+    nearest = nearest_before | nearest_after
     return times, z, in_windows | nearest
 
 
@@ -287,21 +300,22 @@ def _has_left(since: FloatArray, z: FloatArray, rise_m: float) -> BoolArray:
 
     `since` (P, W) is the time of each frame from the approximate contact, s.
     """
-    down = np.where((since > 0) & (z < np.inf), z, np.inf)
+    is_seen = z < np.inf  # false for NaN
+    down = np.where((since > 0) & is_seen, z, np.inf)
     lowest_so_far = np.minimum.accumulate(down, axis=1)
     risen = np.cumsum(z > lowest_so_far + rise_m, axis=1) > 0
-    risen[:, :-1] |= risen[:, 1:]
+    risen[:, :-1] |= risen[:, 1:]  # and the frame before
     return np.asarray(risen)
 
 
 def _other_contacts(
-    earlier: FloatArray | None, wanted: IntArray, n: int
+    all_contacts: FloatArray | None, wanted: IntArray, n: int
 ) -> tuple[FloatArray, IntArray]:
-    """Return when the other feet touched, and where the priors speak of them.
+    """Return when the other feet touched, and which they are.
 
     Parameters
     ----------
-    earlier : (L, n) array or None
+    all_contacts : (L, n) array or None
         Contact instants of all feet, s.
     wanted : (P,) int array
         Flat indices of the contacts that are fitted.
@@ -312,22 +326,31 @@ def _other_contacts(
     -------
     contact : (P, n - 1) array
         Contacts of the other feet in order of time, s; inf where there is none.
-    columns : (P, 2n) int array
-        Columns of `FlightPriors` in that order.
+    order : (P, n - 1) int array
+        Which of the other feet each is: 0 for the first of them, and so on.
     """
     foot = wanted % n
     others_of = [[j for j in range(n) if j != i] for i in range(n)]
     others = np.array(others_of, dtype=np.int64)[foot]
     contact = np.full(others.shape, np.inf)
-    if earlier is not None:
-        known = earlier[(wanted // n)[:, None], others]
+    if all_contacts is not None:
+        known = all_contacts[(wanted // n)[:, None], others]
         contact = np.nan_to_num(known, nan=np.inf, posinf=np.inf)
     order = np.argsort(contact, axis=1, kind="stable")
-    columns = np.zeros((len(wanted), 2 * n), dtype=np.int64)
-    columns[:, 1:-1:2] = 1 + 2 * order
-    columns[:, 2:-1:2] = 2 + 2 * order
+    return np.take_along_axis(contact, order, axis=1), order
+
+
+def _columns_by_time(order: IntArray) -> IntArray:
+    """Return the columns of `FlightPriors`, (P, 2n), as the kernel has them.
+
+    `order` (P, n - 1) says which of the other feet touches first, second and so on.
+    """
+    n = 1 + order.shape[1]
+    columns = np.zeros((len(order), 2 * n), dtype=np.int64)
+    columns[:, ACCELERATION_CHANGES] = 1 + 2 * order
+    columns[:, JERK_CHANGES] = 2 + 2 * order
     columns[:, -1] = 2 * n - 1
-    return np.take_along_axis(contact, order, axis=1), columns
+    return columns
 
 
 def _unpack(
@@ -337,10 +360,13 @@ def _unpack(
     columns: IntArray,
     units: FloatArray,
 ) -> KinkFits:
-    """Name the kernel's columns, in the order of the feet and in SI."""
+    """Name the kernel's columns, in the order of the feet and in SI.
+
+    `columns` are those of `_columns_by_time`, `units` those of `_units`.
+    """
     n_coefficients = units.shape[1]
-    own_columns = np.tile([0, 1], (len(wanted), 1))  # floor and velocity
-    place = np.concatenate([own_columns, 2 + columns], axis=1)
+    without_prior = np.tile(np.arange(N_WITHOUT_PRIOR), (len(wanted), 1))
+    place = np.concatenate([without_prior, N_WITHOUT_PRIOR + columns], axis=1)
     estimates = slice(SUMMARY_COLUMNS, SUMMARY_COLUMNS + n_coefficients)
     variances = slice(SUMMARY_COLUMNS + n_coefficients, None)
     for part in (estimates, variances):
@@ -353,13 +379,14 @@ def _unpack(
     instant, variance, misfit, dof, before, after, evidence = summary
     value = out[:, :, estimates] * units
     se = np.sqrt(np.maximum(out[:, :, variances], 0.0)) * units
+    per_second = units[0, 1]  # the kernel's unit of time is 1 / per_second
     return KinkFits(
         instant=instant,
-        unit_se=np.sqrt(variance) / units[0, 1],
+        unit_se=np.sqrt(variance) / per_second,
         floor=value[:, :, 0],
         velocity=value[:, :, 1],
-        flight=value[:, :, 2:],
-        unit_flight_se=se[:, :, 2:],
+        flight=value[:, :, N_WITHOUT_PRIOR:],
+        unit_flight_se=se[:, :, N_WITHOUT_PRIOR:],
         misfit=misfit,
         evidence=evidence,
         dof=dof,

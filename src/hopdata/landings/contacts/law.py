@@ -131,7 +131,7 @@ class FootHeights:
             windows_s=self.windows_s,
             search_s=search_s,
             earliest=earliest,
-            earlier=near if law.pushes else None,
+            all_contacts=near if law.pushes else None,
             compliance_s=law.compliance_s,
             creeps=law.creeps,
             leaves_m=self.leaves_m,

@@ -51,7 +51,8 @@ class Moments:
     """Sums over the frames of each window: everything that a least-squares fit needs.
 
     The basis is 1, u, and u^2 times orthogonal polynomials. It spans the same space as
-    the powers of u without being nearly linearly dependent.
+    the powers of u without being nearly linearly dependent, and its first two
+    coefficients are still position and velocity at u = 0.
 
     Coordinates are those of the landing's own frame, turned about the vertical,
     relative to the mean of the marker's track. The fall under gravity is subtracted if
@@ -154,8 +155,10 @@ def moments(
     )
     entries_per_window = width * body[0].size * (degree + 1)
     size = max(1, LARGEST // entries_per_window)
-    for at in range(0, max(len(windows.near), 1), size):
-        block = np.arange(len(windows.near))[at : at + size]
+    n_windows = len(windows.near)
+    # Without any windows there is one empty block, since callers join the blocks.
+    for first_row in range(0, max(n_windows, 1), size):
+        block = np.arange(n_windows)[first_row : first_row + size]
         seen = _seen(time, body, windows.some(block))
         yield _moments(seen, block, basis)
 
@@ -218,7 +221,10 @@ class _Seen:
 
 
 def _farthest_out(time: FloatArray, body: FloatArray, windows: Windows) -> int:
-    """Return the number of the marker with the longest arm in the usual window."""
+    """Return the number of the marker with the longest arm in the usual window.
+
+    The longest arm gives the most accurate direction.
+    """
     some = windows.some(evenly(len(windows.near), LOOK_AT))
     lengths = _seen(time, body, some).lengths
     if not len(lengths):
@@ -228,10 +234,10 @@ def _farthest_out(time: FloatArray, body: FloatArray, windows: Windows) -> int:
 
 def _moments(seen: _Seen, rows: IntArray, basis: _Basis) -> Moments:
     """Sum the frames of a block of windows, in each landing's own frame."""
-    ray = seen.arms[:, basis.marker]
+    arm = seen.arms[:, basis.marker]
     length = seen.lengths[:, basis.marker, None]
     is_known = length > 0
-    direction = np.where(is_known, ray / np.where(is_known, length, 1.0), [1.0, 0.0])
+    direction = np.where(is_known, arm / np.where(is_known, length, 1.0), [1.0, 0.0])
     values = turned(seen.points - seen.centre[:, :, None], direction)
     values[..., 2] -= basis.fall * seen.u[:, None] ** 2
     values *= seen.usable[..., None]

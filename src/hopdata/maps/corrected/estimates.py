@@ -3,9 +3,10 @@
 The printed map is affine in the 6B marker coordinates of the home frame. Its
 coefficients are not a derivative, for two reasons: the home frame moves with the
 landing, so some columns are outcomes rather than states, and on a section many
-directions contain only noise. In terms of the states, it is the map from the rigid-body
-coordinates to its own predictions in the same coordinates. To first order that is least
-squares on these coordinates (Frisch and Waugh 1933).
+directions contain only noise. It is therefore given in rigid-body coordinates, like the
+other estimates: the predictions of the printed map, in these coordinates, are fitted by
+the state in the same coordinates (`printed_map`). To first order that is least squares
+on the landings themselves (Frisch and Waugh 1933).
 """
 
 from __future__ import annotations

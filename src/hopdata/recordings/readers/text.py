@@ -19,14 +19,13 @@ from hopdata.arrays import FloatArray, pd
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.budget import LONGEST_LINE, MOST_CELLS, MOST_COLUMNS
 
-# Bytes, and rows, that are read at a time.
-BLOCK = 1 << 20
-ROWS = 20_000
+BLOCK = 1 << 20  # bytes that are read at a time
+ROWS = 20_000  # rows that are read at a time
 
-# A look at a file for lines that are too long: bytes looked at, and bytes from one
-# place to the next; together less than `LONGEST_LINE`.
-_WINDOW = 1 << 15
-_APART = 1 << 19
+# A look at samples of a file for lines that are too long. Window and distance together
+# are less than `LONGEST_LINE`, so a longer line fills at least one window.
+_WINDOW = 1 << 15  # bytes of a sample
+_APART = 1 << 19  # bytes from the start of one sample to that of the next
 
 # Field separators, the most likely first.
 MARKS = "\t;,"
@@ -96,15 +95,15 @@ def _ends_lines_in_cr(begin: bytes) -> bool:
 
 def _converted(begin: bytes, file: BinaryIO) -> BinaryIO:
     """Return a text in UTF-8 with lines that end in LF."""
-    wide = decoded(begin + file.read())
-    return io.BytesIO(wide.replace("\r\n", "\n").replace("\r", "\n").encode())
+    content = decoded(begin + file.read())
+    return io.BytesIO(content.replace("\r\n", "\n").replace("\r", "\n").encode())
 
 
 def _require_lines(path: Path, file: BinaryIO) -> None:
     """Refuse a file with a line that is longer than any of a sound file.
 
-    A longer line holds a whole window between two of the places looked at. So a look at
-    a part of the file suffices, unless a window has no line end.
+    A line that is too long fills a window of the samples. So a look at these suffices
+    if each has a line end; otherwise all lines are measured.
     """
     if _has_line_ends_everywhere(file):
         file.seek(0)
@@ -315,7 +314,7 @@ class Rows:
         """Read an array (N, C) for each list of columns, NaN where a field is missing.
 
         The decimal mark is that of the first row. Rows at the end in which all columns
-        of the first list are missing are dropped.
+        of the first list are missing are dropped; none are if that list is empty.
 
         Raises
         ------
@@ -391,8 +390,8 @@ class Rows:
     def _fields(self, row: bytes) -> list[str]:
         """Split a row into `width` fields; missing ones are empty.
 
-        Only where blanks separate the fields can any be missing here: a row ends in
-        none.
+        Any can be missing only where blanks separate the fields, since blanks at the
+        end of a row separate nothing.
         """
         fields = fields_of(decoded(row), self.mark)
         return fields + [""] * (self.width - len(fields))
@@ -415,20 +414,20 @@ class Rows:
         """Yield rows of `width` fields.
 
         Empty lines are skipped. If rows may be short, empty lines before another row
-        count as rows.
+        count as rows, so those at the end of a block wait for the next one.
         """
         file.seek(self.offset)
-        number = self.n_lines + 1
-        n_empty = 0  # empty lines that are rows if another row follows
+        next_line = self.n_lines + 1
+        n_empty = 0  # empty lines that wait
         in_section: Iterator[bytes] = file
         if self.is_section:
             in_section = takewhile(lambda line: line.strip(b" ,;\t\r\n"), file)
         most = max(1, min(ROWS, MOST_CELLS // self.width))
         while lines := list(islice(in_section, most)):
-            n_lines = len(lines)
-            is_last = n_lines < most
+            number = next_line - n_empty  # of the first line in this block
+            next_line += len(lines)
+            is_last = len(lines) < most
             lines = [b"\n"] * n_empty + lines
-            number -= n_empty
             n_empty = 0
             while lines and self.may_be_short and not lines[-1].strip():
                 lines.pop()
@@ -436,10 +435,9 @@ class Rows:
             rows = self._rows_of(lines, number, is_last)
             if rows:
                 yield _Block(rows, number, is_last)
-            number += n_lines
 
     def _rows_of(self, lines: list[bytes], number: int, is_last: bool) -> list[bytes]:
-        """Return the rows in these lines, of which the first has a number."""
+        """Return the rows in these lines; `number` is that of the first line."""
         n_marks = self.width - 1
         mark = self.mark.encode()
         if all(line.count(mark) == n_marks and b'"' not in line for line in lines):
@@ -478,10 +476,14 @@ class Rows:
     def _values(
         self, block: _Block, columns: Sequence[Sequence[int]]
     ) -> list[FloatArray]:
-        """Read with pandas, which infers types faster than it applies given ones."""
+        """Return the numbers of a block: an array for each list of columns.
+
+        They are read with pandas, which infers the types of columns faster than it
+        applies given ones. Anything but finite numbers and missing values is a fault.
+        """
         wanted = sorted({column for of in columns for column in of})
         content = b"".join(block.rows)
-        cause = "other text"
+        cause = "other text"  # if no field is at fault and pandas names no cause
         try:
             frame = pd.read_csv(
                 io.BytesIO(content),
@@ -574,7 +576,9 @@ class ColumnTable:
         RecordingError
             If there is no such column, or a cell is neither empty nor a finite number.
         """
-        return self.rows.numbers([], [self.place_of(name)])[1][:, 0]
+        none_decide: list[int] = []  # which rows at the end are dropped
+        _, column = self.rows.numbers(none_decide, [self.place_of(name)])
+        return column[:, 0]
 
     def texts(self, name: str) -> list[str]:
         """Read a column as text; missing cells of short rows are empty.

@@ -116,20 +116,14 @@ def _read_header(path: Path) -> _Header:
         n_axes = _count_columns(lines, stated)
     else:
         n_axes = _count_axes(path, lines.axes)
-    place = f"{path}, line 4"
+    n_with_columns = n_axes // 3
     names, without_columns = _with_columns(lines, n_axes, stated)
-    if stated == n_axes // 3:
+    if stated == n_with_columns:
         # The last markers may have no name.
-        names += [""] * (n_axes // 3 - len(names))
-    is_as_stated = stated is None or stated == len(names)
-    wanted = f"expected {stated or 0:g} marker names (NumMarkers)"
-    told = f"{place}: {wanted}, found {len(names)}"
-    if not is_as_stated and stated != n_axes // 3 and n_axes != 3 * len(names):
-        raise RecordingError(told)
-    markers, remarks = raw.distinct_names(place, names, may_lack=True)
-    remarks += unknown + without_columns
-    if not is_as_stated:
-        remarks += (f"{told}, which are used",)
+        names += [""] * (n_with_columns - len(names))
+    of_count = _compare_count(path, names, n_axes, stated)
+    markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
+    remarks += unknown + without_columns + of_count
     needed = 2 + 3 * len(markers)
     if any(lines.first[needed:]) or n_axes > 3 * len(markers):
         n_columns = max(n_axes, len(text.trimmed(lines.first)) - 2)
@@ -223,6 +217,25 @@ def _count_axes(path: Path, fields: list[str]) -> int:
     return len(axes)
 
 
+def _compare_count(
+    path: Path, names: list[str], n_axes: int, stated: float | None
+) -> tuple[str, ...]:
+    """Return a remark if `NumMarkers` states another number than that of the names.
+
+    Raises
+    ------
+    RecordingError
+        If names, columns and `NumMarkers` give three different numbers of markers.
+    """
+    if stated is None or stated == len(names):
+        return ()
+    wanted = f"expected {stated:g} marker names (NumMarkers)"
+    told = f"{path}, line 4: {wanted}, found {len(names)}"
+    if stated != n_axes // 3 and n_axes != 3 * len(names):
+        raise RecordingError(told)
+    return (f"{told}, which are used",)
+
+
 def _with_columns(
     lines: _Lines, n_axes: int, stated: float | None
 ) -> tuple[list[str], tuple[str, ...]]:
@@ -235,7 +248,10 @@ def _with_columns(
     n_markers = n_axes // 3
     named = [k for k, name in enumerate(fields) if k >= 2 and name]
     has_more_names = stated == n_markers and len(named) > n_markers
-    if not has_more_names or fields[2:].count(fields[2]) == 3:
+    if not has_more_names:
+        return _names(lines.path, fields, n_axes), ()
+    # Each name may stand above all three of its columns: then there are no others.
+    if fields[2:].count(fields[2]) == 3:
         return _names(lines.path, fields, n_axes), ()
     last = named[n_markers - 1]
     beyond = [fields[k] for k in named[n_markers:]]
@@ -267,9 +283,10 @@ def _values(
 
 
 def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
-    """Return marker names, from the first of three columns each.
+    """Return marker names, each from the first of its three columns.
 
-    They may stand anywhere if there is one for each three axes.
+    A name may also stand above all three. Names may stand anywhere if there is one for
+    each three axes.
     """
     place = f"{path}, line 4"
     if not _are_counters(fields[:2]):

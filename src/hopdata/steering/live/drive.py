@@ -1,4 +1,8 @@
-"""Drive a robot: the whole loop of Fig. 3.4, from cameras to boom, with its logs."""
+"""Drive a robot: the whole loop of Fig. 3.4, from cameras to boom, with its logs.
+
+However a drive ends, the boom is first commanded to stay, then the logs are written,
+and only then does a signal that came in the meantime end the process.
+"""
 
 import math
 import signal
@@ -147,6 +151,7 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
                     first = signals.first
                     loop.rest(f"ended by {first.name}" if first else "the end")
         finally:
+            # Once more, in case the loop's own thread has not begun or is blocked.
             rest_within(boom, LAST_REST_S)
             if signals.first is not None:
                 ended = f"the drive was ended by {signals.first.name}"
@@ -192,7 +197,8 @@ class _Signals:
     """Holds back signals that would end the process.
 
     They wait until the boom rests and the logs are written. The first signal is raised
-    as `SystemExit`: within `heeded` at once, otherwise at the end.
+    as `SystemExit`: at once if it comes within `heeded`, otherwise when this context
+    ends. Later ones are ignored.
     """
 
     def __init__(self) -> None:
@@ -221,13 +227,14 @@ class _Signals:
         """Let a signal interrupt the body of this context, once."""
         self._heeded = True
         try:
-            if self.first is not None:
+            if self.first is not None:  # it came before
                 raise SystemExit(128 + self.first)
             yield
         finally:
             self._heeded = False
 
     def _note(self, number: int, _: FrameType | None) -> None:
+        """Handle a signal: remember the first, and interrupt the body if `heeded`."""
         self.first = self.first or signal.Signals(number)
         if self._heeded:
             self._heeded = False
@@ -235,7 +242,7 @@ class _Signals:
 
 
 def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -> None:
-    """Refuse at once any parts with which every hop would be held."""
+    """Refuse at once any parts with which no swing could be planned or sent."""
     if geometry.boom_name is None or geometry.circle is None:
         found = (
             "none; calibrate with a recording that has a marker with the role boom "

@@ -39,6 +39,7 @@ CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
 #: damaged with this, with half of it, or with none.
 MARGIN_BYTES = 1 << 14
 EVENT = np.dtype([("at_s", "f8"), ("sent_s", "f8"), ("kind", "S16"), ("text", "S200")])
+# Types of the columns of decisions; all others are floats.
 KINDS: dict[str, Any] = {
     "pose": "(3,)f8",
     "epoch": "i8",
@@ -328,6 +329,7 @@ def replay(
         drive and now (``then_rad, now_rad``), and ``same``, whether inputs and swing
         are identical to the bit.
     """
+    # Each decision by the frame that revealed its stance, whose time is `told_s`.
     decided: dict[tuple[int, float], Any] = {}
     for row in log.decisions.to_dict("records"):
         decided[row["epoch"], row["told_s"]] = row
@@ -341,7 +343,7 @@ def replay(
 
     def compare(made: Decision) -> None:
         before = decided.get((made.epoch, made.told_s))
-        if before is None or not np.isfinite(before["planning_s"]):
+        if before is None or not _was_called(before):
             return
         is_same = _bits(before) == _bits(vars(made))
         rows.append((made.told_s, before["planned_rad"], made.planned_rad, is_same))
@@ -381,8 +383,12 @@ class _Replayed:
             return
         decision = decisions[-1]
         self.now_s = decision["asked_s"]
-        was_called = np.isfinite(decision["planning_s"])
-        self.fault = "" if was_called else decision["reason"]
+        self.fault = "" if _was_called(decision) else decision["reason"]
+
+
+def _was_called(decision: Mapping[str, Any]) -> bool:
+    """Return whether the controller was called: only then has its planning a time."""
+    return bool(np.isfinite(decision["planning_s"]))
 
 
 def _bits(decision: Mapping[str, Any]) -> bytes:

@@ -1,6 +1,7 @@
 """Three Gaussian processes, one for each component of the frame change, in closed form.
 
-Mean and variance follow Rasmussen and Williams 2006, Sec. 2.2.
+scikit-learn finds the hyper-parameters. Mean and variance are computed here and follow
+Rasmussen and Williams 2006, Sec. 2.2.
 """
 
 from collections.abc import Mapping
@@ -87,7 +88,7 @@ class FrameChangeProcess:
     Parameters
     ----------
     smoothness : float
-        See `hopdata.steering.models.process`.
+        Smoothness of the kernel: see `ProcessOptions`.
     periodic : bool
         Whether boom angles are compared as points on the circle.
     inputs : (m, 2) array
@@ -153,7 +154,10 @@ class FrameChangeProcess:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Weight of each training point in the mean, (3, m), in the output's units."""
+        """Weight of each training point in the mean, (3, m), in the output's units.
+
+        They include the variance, so the mean needs only correlations.
+        """
         targets = ((self.outputs - self.offset) / self.unit).T
         whitened = np.einsum("jab,jb->ja", self.inverse_factors, targets)
         solved = np.einsum("jab,ja->jb", self.inverse_factors, whitened)
@@ -189,8 +193,9 @@ class FrameChangeProcess:
         See `mean_at` and `sd`.
         """
         crossed = self.variance[:, None, None] * self._correlations(points)
-        explained = crossed @ self.inverse_factors.swapaxes(1, 2)
-        of_change = np.maximum(self.variance - (explained**2).sum(axis=2).T, 0.0)
+        whitened = crossed @ self.inverse_factors.swapaxes(1, 2)
+        explained = (whitened**2).sum(axis=2).T  # by the training points
+        of_change = np.maximum(self.variance - explained, 0.0)
         of_noise = self.noise if observed else 0.0
         return np.asarray(np.sqrt(of_change + of_noise) * self.unit)
 
@@ -198,8 +203,8 @@ class FrameChangeProcess:
     def _scaled(self) -> list[tuple[FloatArray, FloatArray]]:
         """Length scales and scaled training inputs of each process, both embedded."""
         train = embedded(self.inputs, self.periodic)
-        every = embedded_scales(self.length_scales, self.periodic)
-        return [(scales, train / scales) for scales in every]
+        scales_of_each = embedded_scales(self.length_scales, self.periodic)
+        return [(scales, train / scales) for scales in scales_of_each]
 
     def _correlations(self, points: ArrayLike) -> FloatArray:
         """Return the kernels of points (n, 2) with the training inputs, (3, n, m)."""
@@ -262,9 +267,8 @@ def load_process(path: str | Path) -> FrameChangeProcess:
         raise RecordingError.at(path, wanted, "another file") from error
 
 
-# From a table of frame changes to a trained process.
-
-# Set-ups of the processes: the printed one, the recommended one, and others in between.
+# From a table of frame changes to a trained process: its set-up (the printed one, the
+# recommended one, or another in between), its hyper-parameters, and the training.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -438,7 +442,8 @@ def _embedded_matern() -> Any:
             if not eval_gradient or self.hyperparameter_length_scale.fixed:
                 return plain(X, Y, eval_gradient)
             covariance, gradient = plain(X, Y, True)
-            # The derivative by the shared length is that by both.
+            # Cosine and sine share the first length: the derivative by it is the sum of
+            # those by the length of each.
             gradient[..., 1] += gradient[..., 0]
             return covariance, gradient[..., 1:]
 
@@ -468,7 +473,7 @@ def trained_process(
         If there are fewer than `LEAST_HOPS` used hops.
     """
     inputs, outputs = training_set(changes)
-    offset, unit = _modelled(outputs, options)
+    offset, unit = _offset_and_unit(outputs, options)
     scale = input_units(inputs, options)
     if not options.periodic:
         # Copies a turn before and a turn after (Sec. 3.4.2).
@@ -502,10 +507,10 @@ def training_set(changes: FrameChanges) -> tuple[FloatArray, FloatArray]:
     return np.column_stack([used.boom_angle_rad, used.swing_rad]), used.change
 
 
-def _modelled(
+def _offset_and_unit(
     outputs: FloatArray, options: ProcessOptions
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the offset and unit of the modelled outputs."""
+    """Return offset and unit of each output, (3,): see `FrameChangeProcess`."""
     if not options.standardised:
         length = options.length_unit_m
         return np.zeros(3), np.array([length, length, 1.0])

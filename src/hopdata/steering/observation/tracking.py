@@ -96,7 +96,7 @@ def observe_frame(
     """
     earlier_frames = None if earlier is None else earlier[None]
     fit = rigid_fit(body[None], geometry.body_m, earlier_frames)
-    statuses, centres, rotations = _known(fit, geometry.noise_m)
+    statuses, centres, rotations = _poses_of(fit, geometry.noise_m)
     centre = centres[0]
     rotation = rotations[0]
     angle = np.nan
@@ -242,9 +242,10 @@ def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotio
     fit = rigid_fit(body, geometry.body_m)
     fits = fit.known & (fit.residual_m <= MISFIT_NOISES * geometry.noise_m)
     if not fits.all() and fits.any():
+        # Only frames whose own markers leave the rotation open lean on neighbours.
         neighbours = _between(recording.time, fit.rotation, fits)
         fit = rigid_fit(body, geometry.body_m, neighbours)
-    status, centre, rotation = _known(fit, geometry.noise_m)
+    status, centre, rotation = _poses_of(fit, geometry.noise_m)
     return HopperMotion(
         time=recording.time,
         pose=np.column_stack([centre[:, :2], unwrapped(headings(rotation))]),
@@ -276,12 +277,12 @@ def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatAr
     return np.asarray(share_before * rotation[before] + share_after * rotation[after])
 
 
-def _known(
+def _poses_of(
     fit: RigidFit, noise_m: float
 ) -> tuple[NDArray[np.str_], FloatArray, FloatArray]:
     """Return the status of each frame, its centre and its rotation.
 
-    The latter are NaN where there is no pose.
+    Centre and rotation are NaN where the status says that there is no pose.
     """
     misfit = fit.residual_m > MISFIT_NOISES * noise_m
     # The first that applies counts.

@@ -15,6 +15,7 @@ with reported(snakemake.log[0]):
         model=load_process(snakemake.input.model),
         truth=true_map_of(read_table(snakemake.input.true_map)),
         geometry=load_geometry(snakemake.input.geometry),
+        # The study's first seed, whose model is given.
         seed=np.random.SeedSequence(snakemake.params.seed, spawn_key=(1,)),
     )
     write_table(snakemake.output.table, table)
