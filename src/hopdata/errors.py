@@ -17,12 +17,21 @@ class HopdataError(Exception):
 
     The arguments are the lines of the message. Unprintable characters in them are
     replaced.
+
+    Attributes
+    ----------
+    key
+        Key of the configuration to change, if the error names one beside its place.
     """
 
+    key: str = ""
+
     @classmethod
-    def at(cls, place: object, expected: str, found: object) -> Self:
+    def at(cls, place: object, expected: str, found: object, *, key: str = "") -> Self:
         """Return an error about a place, what was expected there and what was found."""
-        return cls(mismatch(place, expected, found))
+        error = cls(mismatch(place, expected, found))
+        error.key = key
+        return error
 
     @property
     def code(self) -> str:

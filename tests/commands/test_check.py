@@ -88,6 +88,18 @@ def test_whole_millimetres_are_noted(check, tmp_path):
     assert "coordinates are rounded to 1 mm, which adds noise of 0.29 mm" in note
 
 
+def test_contacts_of_another_device_are_counted_by_column(tmp_path):
+    path = tmp_path / "switches.csv"
+    path.write_text("left,both\n0.5,0.25\n1.5,\n2.125,\n")
+    feet_of_columns = columns(left=["toe1"], both=["toe1", "toe2"])
+    contacts = block("contacts", file=str(path), columns=feet_of_columns)
+    entry = {"contacts": contacts, "forces": block("forces")}
+    assert describe_external(entry, feet=["toe1", "toe2"], span_s=(0.0, 3.0)) == [
+        "  contacts  left: 3, 0.500 to 2.125 s, of toe1",
+        "  contacts  both: 1, 0.250 to 0.250 s, of toe1, toe2",
+    ]
+
+
 # What `hopdata check` says about forces: their place relative to the recording.
 
 

@@ -5,7 +5,6 @@ the study.
 """
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,9 +12,9 @@ import pytest
 from made_up_files import export
 from made_up_hopper import hopping, with_gap
 
-import hopdata.landings
 from hopdata.__main__ import main
 from hopdata.commands import forecast
+from hopdata.landings import exclusion
 from hopdata.messages import Message
 
 STUDY = """study: trial
@@ -288,10 +287,41 @@ def test_what_is_seen_says_how_near_the_verdict_is():
     assert "a difference of 25 % of the map shows in 80 % of such studies" in told[0.25]
 
 
-def test_every_change_answers_a_reason_that_the_tables_give():
-    sources = Path(hopdata.landings.__file__).parent.rglob("*.py")
-    text = "\n".join(path.read_text(encoding="utf-8") for path in sources)
-    assert all(reason in text for reason in forecast.CHANGES)
+def lost_for(reason, feet=("a", "b")):
+    """Return a forecast and configuration with 20 landings, ten of them lost."""
+    columns = {"schedule": "1>2", "class": "1>2"}
+    table = pd.DataFrame(columns, index=range(20))
+    for foot in feet:
+        table[f"contact_{foot}_s"] = 0.0
+    table["excluded"] = table.index < 10
+    table["reason"] = np.where(table["excluded"], reason, "")
+    config = {
+        "markers": {"body": [], "feet": list(feet)},
+        "verdict": {"margin": 0.2, "power": 0.8},
+        "feet": [],
+        "sections": {"rule": "landings"},
+    }
+    return forecast.Forecast(table, 1.0, detectable=0.1), config
+
+
+@pytest.mark.parametrize("code", forecast.CHANGES)
+def test_every_change_answers_a_reason_that_the_tables_give(code):
+    assert code in (*exclusion.OF_A_FOOT, *exclusion.OF_ALL_FEET)
+    found, config = lost_for(Message(code, {"foot": 2}).text())
+    (change,) = forecast.changes(found, config, [])
+    assert change.code == forecast.CHANGES[code]
+    assert change.values["foot"] == ("b" if code in exclusion.OF_A_FOOT else "")
+
+
+def test_a_reason_by_hand_asks_for_no_change():
+    """Though it may have the words of a reason that does, or a foot that is not there."""
+    words = "by hand: foot 3 not down by the post section, as foot 2"
+    found, config = lost_for(words)
+    assert forecast.changes(found, config, []) == []
+    (left_out,) = [
+        line for line in forecast.describe(found, config, []) if "left out" in line
+    ]
+    assert left_out.endswith("by hand: foot 3 not down by the post section, as b: 10")
 
 
 def test_without_landings_no_contact_is_timed():

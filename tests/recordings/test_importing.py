@@ -345,6 +345,35 @@ def test_mistakes_are_told_in_one_line(tmp_path, mistake):
         assert part in message
 
 
+@pytest.mark.parametrize(
+    ("mistake", "key"),
+    [
+        ("misspelt marker", "markers.body"),
+        ("marker twice", "markers.feet"),
+        ("marker never seen", ""),
+    ],
+)
+def test_a_mistake_in_the_markers_has_their_key(tmp_path, mistake, key):
+    path, options, _ = MISTAKES[mistake](tmp_path)
+    with pytest.raises(RecordingError) as caught:
+        imported(path, **options)
+    assert caught.value.key == key
+
+
+def test_a_name_that_markers_share_is_told_with_their_new_names(tmp_path):
+    path = write(tmp_path, qtm_text(names=("hip left", "toe", "back", "toe", "heel")))
+    shared = (
+        "expected each marker name once, found 'toe' twice or more; they are called"
+    )
+    with pytest.raises(RecordingError, match=r"markers\.feet") as caught:
+        imported(path, {"body": [], "feet": ["toe"]})
+    assert f"line 10: {shared} 'toe 1', 'toe 2'" in str(caught.value)
+    with pytest.raises(RecordingError, match=r"markers\.feet") as caught:
+        imported(path, {"body": [], "feet": ["heal"]})
+    assert "did you mean 'heel'?" in str(caught.value)
+    assert "'toe' twice" not in str(caught.value)
+
+
 def test_a_damaged_hdf5_file_is_told(tmp_path):
     path = write(tmp_path, qtm_text(), "trial.h5")
     with pytest.raises(RecordingError, match=r"trial.h5: .*HDF5"):

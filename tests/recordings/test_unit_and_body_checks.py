@@ -83,6 +83,7 @@ def test_a_foot_among_the_body_is_named():
     )
     assert "'toe1' coming down to the feet" in message
     assert message.endswith("is 'toe1' on the body?")
+    assert caught.value.key == "markers.body"
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -120,14 +119,13 @@ def _read(
 
 
 def _with_line(error: RecordingError, config: str) -> str:
-    """Return the error with the line of the markers' key that it names, if any."""
-    from hopdata.config.loading import place_of
+    """Return the error with the line of the key that it names, if any."""
+    from hopdata.config.loading import key_lines
 
-    key = re.search(r"markers\.\w+: expected .*", str(error))
-    if key is None:
+    line = key_lines(config).get(error.key)
+    if line is None:
         return str(error)
-    place = place_of(key[0], [config], "")
-    return f"{place}: {error}" if place else str(error)
+    return f"{config}, line {line}: {error}"
 
 
 def _remarks(recording: Recording, rate_hz: float | None) -> list[str]:

@@ -8,7 +8,6 @@ answer.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,7 +17,8 @@ import numpy as np
 from hopdata.analysis import Study
 from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, with_names
+from hopdata.landings import exclusion
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
@@ -32,9 +32,6 @@ from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
 # few feet, and of one with many.
 TOO_FEW_ORDERS = "maps.too_few_orders"
 NO_TWO_FEET = "maps.no_two_feet"
-
-# A foot in a reason of the table, counted from 1.
-FOOT = r"foot (\d+)"
 
 #: Frames that are examined; of longer studies, the middle of each recording.
 #: Unit: frames. Origin: chosen.
@@ -66,21 +63,21 @@ FEW_LANDINGS = 10
 #: Unit: 1. Origin: measured: 0.75 to 1.
 BOUND_SHARE = 0.75
 
-#: Advice for each reason that costs landings.
+# Advice for the reasons that cost landings.
 CHANGES: dict[str, str] = {
-    "frames missing at the contact of foot": "commands.foot_hidden_where_it_lands",
-    "too few frames to time foot": "commands.foot_seen_too_briefly",
-    "not down by the post section": "commands.foot_not_down",
-    "down before the pre section": "commands.foot_down_too_early",
-    "rises where it should touch": "commands.foot_rises",
-    "poor fit of foot": "commands.foot_falls_oddly",
-    "not determined": "commands.foot_without_kink",
-    "frames missing at the pre section": "commands.body_hidden",
-    "frames missing at the post section": "commands.body_hidden",
-    "post section never reached": "commands.post_not_reached",
-    "body stayed below the pre section": "commands.hops_too_low",
-    "too much of the body filled in": "commands.much_filled",
-    "too few frames of the body markers": "commands.body_seen_too_briefly",
+    exclusion.FOOT_HIDDEN: "commands.foot_hidden_where_it_lands",
+    exclusion.FOOT_THIN: "commands.foot_seen_too_briefly",
+    exclusion.FOOT_UP: "commands.foot_not_down",
+    exclusion.FOOT_DOWN_BEFORE: "commands.foot_down_too_early",
+    exclusion.FOOT_RISES: "commands.foot_rises",
+    exclusion.FOOT_POOR_FIT: "commands.foot_falls_oddly",
+    exclusion.FOOT_UNDETERMINED: "commands.foot_without_kink",
+    exclusion.HIDDEN_PRE: "commands.body_hidden",
+    exclusion.HIDDEN_POST: "commands.body_hidden",
+    exclusion.POST_NEVER_REACHED: "commands.post_not_reached",
+    exclusion.LOW_FLIGHT: "commands.hops_too_low",
+    exclusion.TOO_MUCH_FILLED: "commands.much_filled",
+    exclusion.STATELESS: "commands.body_seen_too_briefly",
 }
 
 
@@ -176,8 +173,8 @@ class Forecast:
 
     def left_out(self) -> dict[str, int]:
         """Return how many landings each reason costs, the most costly first."""
-        reasons = self.touchdowns.loc[self.touchdowns["excluded"], "reason"]
-        counts = reasons[reasons != NO_FOOT_LANDED].value_counts()
+        words = self.touchdowns.loc[self.touchdowns["excluded"], "reason"]
+        counts = words[words != NO_FOOT_LANDED].value_counts()
         return {str(reason): self._scaled(count) for reason, count in counts.items()}
 
     def _scaled(self, count: float) -> int:
@@ -288,7 +285,7 @@ def describe(
         f"  landings  {used}, {unsure}; contacts timed: {', '.join(timed)}",
     ]
     left_out = [
-        f"{_with_foot(reason, feet)}: {count}"
+        f"{with_names(reason, forecast.touchdowns)}: {count}"
         for reason, count in forecast.left_out().items()
     ]
     if left_out:
@@ -299,11 +296,6 @@ def describe(
     for change in changes(forecast, config, recordings):
         lines.append(f"  change    {change}")
     return lines
-
-
-def _with_foot(reason: str, feet: Sequence[str]) -> str:
-    """Replace the number of a foot in a reason by its name."""
-    return re.sub(FOOT, lambda number: feet[int(number[1]) - 1], reason)
 
 
 def reach(forecast: Forecast, config: Mapping[str, Any]) -> Message:
@@ -368,12 +360,15 @@ def _for_lost_landings(
     }
     if len(body) > MIN_BODY_MARKERS:
         values["or_else"] = ", or take it off markers.body"
-    for reason, count in forecast.left_out().items():
-        codes = [code for words, code in CHANGES.items() if words in reason]
-        if codes and count >= LEAST_SHARE * forecast.landings:
-            numbers = re.findall(FOOT, reason)
-            foot = "".join(feet[int(number) - 1] for number in numbers)
-            yield Message(codes[0], {"foot": foot, **values})
+    for words, count in forecast.left_out().items():
+        reason = exclusion.reason_of(words, len(feet))
+        if reason is None or reason.code not in CHANGES:
+            continue
+        if count >= LEAST_SHARE * forecast.landings:
+            foot = ""
+            if reason.code in exclusion.OF_A_FOOT:
+                foot = feet[reason.values["foot"] - 1]
+            yield Message(CHANGES[reason.code], {"foot": foot, **values})
 
 
 def _most_hidden(body: Sequence[str], recordings: Sequence[Recording]) -> str:

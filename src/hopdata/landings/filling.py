@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
+from hopdata.landings import exclusion
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.messages import Message
 from hopdata.recording import Recording
@@ -62,7 +63,7 @@ LONGEST_S = 0.1
 #: Unit: s. Origin: derived: the widest window of a fit.
 REACH_S = max(WINDOWS_S)
 
-TOO_MUCH_FILLED = Message("landings.too_much_filled").text()
+TOO_MUCH_FILLED = Message(exclusion.TOO_MUCH_FILLED).text()
 
 
 def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:

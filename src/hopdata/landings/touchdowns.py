@@ -13,7 +13,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings import schedules
+from hopdata.landings import exclusion, schedules
 from hopdata.landings.contacts import descents, find
 from hopdata.landings.contacts.judged import Contacts
 from hopdata.landings.filling import mark_filled
@@ -25,9 +25,9 @@ from hopdata.recording import Recording
 IDLE_SHARE = 0.5
 
 # Reasons that other code compares with, in words.
-HIDDEN_PRE = Message("landings.hidden_pre").text()
-NO_FOOT_LANDED = Message("landings.no_foot_landed").text()
-LOW_FLIGHT = Message("landings.low_flight").text()
+HIDDEN_PRE = Message(exclusion.HIDDEN_PRE).text()
+NO_FOOT_LANDED = Message(exclusion.NO_FOOT_LANDED).text()
+LOW_FLIGHT = Message(exclusion.LOW_FLIGHT).text()
 
 
 def exclusion_reasons(
@@ -58,20 +58,20 @@ def exclusion_reasons(
     # The last of these that holds is told. Those of shape (L, n) name the first foot.
     failures = (
         # The error exceeds the whole transition: no kink was seen.
-        ("landings.foot_undetermined", timed & (contacts.se > t_post - t_pre)),
-        ("landings.foot_up", timed & (instant > t_post)),
-        ("landings.foot_down_before", timed & (instant < t_pre - continued_s)),
-        ("landings.foot_without_contact", timed & np.isnan(instant)),
-        ("landings.foot_rises", status == descents.RISES),
-        ("landings.foot_poor_fit", status == descents.POOR_FIT),
-        ("landings.foot_down_before", status == descents.ALREADY_DOWN),
-        ("landings.foot_up", status == descents.NOT_LANDED),
-        ("landings.foot_thin", status == descents.THIN),
-        ("landings.foot_hidden", status == descents.MISSING),
-        ("landings.post_never_reached", ~transitions.complete[:, None]),
-        ("landings.hidden_post", transitions.gap_post[:, None] > longest_gap_s),
-        ("landings.hidden_pre", transitions.gap_pre[:, None] > longest_gap_s),
-        ("landings.no_foot_landed", _of_another_leg(status)[:, None]),
+        (exclusion.FOOT_UNDETERMINED, timed & (contacts.se > t_post - t_pre)),
+        (exclusion.FOOT_UP, timed & (instant > t_post)),
+        (exclusion.FOOT_DOWN_BEFORE, timed & (instant < t_pre - continued_s)),
+        (exclusion.FOOT_WITHOUT_CONTACT, timed & np.isnan(instant)),
+        (exclusion.FOOT_RISES, status == descents.RISES),
+        (exclusion.FOOT_POOR_FIT, status == descents.POOR_FIT),
+        (exclusion.FOOT_DOWN_BEFORE, status == descents.ALREADY_DOWN),
+        (exclusion.FOOT_UP, status == descents.NOT_LANDED),
+        (exclusion.FOOT_THIN, status == descents.THIN),
+        (exclusion.FOOT_HIDDEN, status == descents.MISSING),
+        (exclusion.POST_NEVER_REACHED, ~transitions.complete[:, None]),
+        (exclusion.HIDDEN_POST, transitions.gap_post[:, None] > longest_gap_s),
+        (exclusion.HIDDEN_PRE, transitions.gap_pre[:, None] > longest_gap_s),
+        (exclusion.NO_FOOT_LANDED, _of_another_leg(status)[:, None]),
     )
     reasons = [""] * len(transitions)
     for code, failed in failures:
@@ -333,7 +333,7 @@ def _table(
         continued_s=descents.CONTINUED_S * recording.pace,
     )
     if ambiguous == "exclude":
-        order_is_ambiguous = Message("landings.order_ambiguous").text()
+        order_is_ambiguous = Message(exclusion.ORDER_AMBIGUOUS).text()
         for row, name in enumerate(classes):
             if name == schedules.AMBIGUOUS and not reasons[row]:
                 reasons[row] = order_is_ambiguous

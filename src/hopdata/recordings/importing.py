@@ -16,7 +16,13 @@ from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.budget import MOST_UNPACKED_MB
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.processing import recorded_frames
-from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording, without_subject
+from hopdata.recordings.raw import (
+    METRES_PER_UNIT,
+    RawRecording,
+    Remark,
+    is_on_shared_name,
+    without_subject,
+)
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
 from hopdata.recordings.readers.text import listed
 from hopdata.time_stamps import PAUSE_S, RATE_TOLERANCE
@@ -72,7 +78,7 @@ def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
     shifts = [start - raw.time[0] for start, raw in zip(starts, raws, strict=True)]
     time = [raw.time + shift for raw, shift in zip(raws, shifts, strict=True)]
     events: list[Event] = []
-    remarks_of_files: list[str] = []
+    remarks_of_files: list[Remark] = []
     for raw, shift in zip(raws, shifts, strict=True):
         events += [Event(event.label, event.time_s + shift) for event in raw.events]
         remarks_of_files += raw.remarks
@@ -250,7 +256,7 @@ def import_recording(  # noqa: PLR0913  each option is a key of the configuratio
     raw = join(paths, alike) if len(paths) > 1 else pieces[0]
 
     taken = orientation.choose_unit(raw.positions, unit=unit, nominal=raw.unit)
-    remarks = list(raw.remarks)
+    remarks = [str(remark) for remark in raw.remarks]
     if unit == "auto":
         on_unit = orientation.unit_remarks(sources, pieces, raw, taken)
         remarks += [str(remark) for remark in on_unit]
@@ -353,16 +359,19 @@ def _chosen(
         raw = replace(raw, markers=without_subject(raw.markers))
     chosen: list[str] = []
     for key in ROLE_OF_KEY:
+        full_key = f"markers.{key}"
         for marker in wanted.get(key) or ():
             if marker not in raw.markers:
                 raise RecordingError.at(
-                    f"{path}: markers.{key}",
+                    f"{path}: {full_key}",
                     f"a marker of the file ({listed(raw.markers)})",
                     f"{marker!r}{_advice(marker, asked, raw)}",
+                    key=full_key,
                 )
             if marker in chosen:
+                found = f"'{marker}' twice"
                 raise RecordingError.at(
-                    f"markers.{key}", "each marker once", f"'{marker}' twice"
+                    full_key, "each marker once", found, key=full_key
                 )
             chosen.append(marker)
     order = [raw.markers.index(marker) for marker in chosen]
@@ -378,7 +387,7 @@ def _advice(marker: str, asked: Sequence[str], raw: RawRecording) -> str:
     else:
         advice = did_you_mean(marker, raw.markers)
     for remark in raw.remarks:
-        if f"'{marker}' twice" in remark:
+        if is_on_shared_name(remark, marker):
             advice += f"; {remark}"
     if set(asked).isdisjoint(raw.markers):
         advice += f"; {ANOTHER_SESSION}"

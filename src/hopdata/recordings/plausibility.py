@@ -339,6 +339,7 @@ def check_rigid(
         f"{recording.place}: markers.body",
         f"distances that vary by at most {most}",
         f"{found}; is '{names[bend.odd]}' on the body?",
+        key="markers.body",
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, mismatch
+from hopdata.messages import Message
 from hopdata.recording import Event
 from hopdata.recordings.budget import MOST_MARKERS
 from hopdata.time_stamps import RATE_TOLERANCE, rate_of, settle
@@ -44,6 +45,12 @@ SLACK = 0.02
 
 # Names in a remark.
 MOST_LISTED = 12
+
+# What a reader says of a file; a message where other code must recognise it.
+Remark = str | Message
+
+# Code of the remark that markers of a file share a name.
+NAME_SHARED = "recordings.name_shared"
 
 
 class RateUnknownError(RecordingError):
@@ -79,7 +86,7 @@ class RawRecording:
         When the measurement began, on the clock of the computer that made it.
     unit_is_stated : bool
         Whether the file states its unit; otherwise `unit` is the usual one.
-    remarks : tuple of str
+    remarks : tuple of Remark
         False statements of the file that could be corrected, one line each.
     has_stamps : bool
         Whether `time` comes from the file; otherwise it is counted in frames at
@@ -97,7 +104,7 @@ class RawRecording:
     stated_up: str = ""
     started: datetime | None = None
     unit_is_stated: bool = True
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     has_stamps: bool = True
 
 
@@ -235,7 +242,7 @@ def largest(numbers: FloatArray) -> float:
 
 def distinct_names(
     place: str, names: Sequence[str], *, may_lack: bool = False
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+) -> tuple[tuple[str, ...], tuple[Remark, ...]]:
     """Make marker names complete and distinct; return them with remarks on the changes.
 
     All markers that share a name are numbered, so that a request for that name fails
@@ -256,7 +263,7 @@ def distinct_names(
         If a name holds control characters, or is empty although it may not be.
     """
     _check_names(place, names, may_lack)
-    remarks = []
+    remarks: list[Remark] = []
     n_nameless = sum(not name for name in names)
     if n_nameless:
         remarks.append(
@@ -269,9 +276,16 @@ def distinct_names(
         listed = ", ".join(f"'{new}'" for new in new_names[:MOST_LISTED])
         if len(new_names) > MOST_LISTED:
             listed += f", ... {len(new_names) - MOST_LISTED} more"
-        found = f"'{name}' twice or more; they are called {listed}"
-        remarks.append(mismatch(place, "each marker name once", found))
+        values = {"place": place, "name": name, "listed": listed}
+        remarks.append(Message(NAME_SHARED, values))
     return tuple(distinct), tuple(remarks)
+
+
+def is_on_shared_name(remark: Remark, name: str) -> bool:
+    """Tell whether a remark says that markers of the file share this name."""
+    if not isinstance(remark, Message):
+        return False
+    return remark.code == NAME_SHARED and remark.values["name"] == name
 
 
 def _check_names(place: str, names: Sequence[str], may_lack: bool) -> None:
@@ -324,7 +338,7 @@ def blank_unseen(positions: FloatArray) -> None:
 
 def assembled(  # noqa: PLR0913  what a file states, each of which it may lack
     place: str,
-    named: tuple[tuple[str, ...], tuple[str, ...]],
+    named: tuple[tuple[str, ...], tuple[Remark, ...]],
     positions: FloatArray,
     *,
     number: FloatArray,
@@ -332,7 +346,7 @@ def assembled(  # noqa: PLR0913  what a file states, each of which it may lack
     unit: tuple[str, str] = ("", ""),
     rates_hz: tuple[float | None, float | None],
     rate_place: str = "",
-    remarks: tuple[str, ...] = (),
+    remarks: tuple[Remark, ...] = (),
     **others: Any,
 ) -> RawRecording:
     """Make a recording from the contents of a file: settle its unit, rate and time.
@@ -357,7 +371,7 @@ def assembled(  # noqa: PLR0913  what a file states, each of which it may lack
         none, the time stamps give its rate.
     rate_place : str
         Where the rate should stand; by default the file.
-    remarks : tuple of str
+    remarks : tuple of Remark
         Remarks of the reader.
     **others
         Further fields of the recording.

@@ -8,13 +8,21 @@ from bent_systems import affine_landing, bent, bent_params, landing
 from exact import INITIAL_STATE, T_SPAN, octant
 from stiff_problems import damped_contact
 
-from hopdata.hybrid import solve, solve_batch
+from hopdata.hybrid import System, field, solve, solve_batch
 from hopdata.hybrid.layout import METHOD
 from hopdata.hybrid.methods.table import AUTOMATIC
 
 CHEAP, HIGH_ORDER, STIFF = range(3)
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
 DENSE = bent_params(np.linspace(-1, 1, 300))
+
+
+@field
+def drift(t, y, mode, params, dy):
+    dy[0] = 1.0
+
+
+DRIFTING = System(drift, n_states=1)
 
 
 def last_method(solution):
@@ -169,3 +177,13 @@ def test_an_affine_form_that_is_wrong_in_a_later_mode_is_found_out_there():
     assert after.success
     before = solve(affine_landing(), (0.2, 2), [1.0, 0.0], params=wrong)
     assert before.status == -9
+
+
+@pytest.mark.parametrize("size", [0.5, 2.0])
+def test_the_first_step_is_as_long_as_the_state_takes_to_grow_by_itself(size):
+    """So it is for a state below its tolerance, too, and whatever the time span."""
+    begin = size * 1e-6
+    options = {"rtol": 1e-13, "atol": 1e-6, "method": "dopri5", "debug": True}
+    found = solve(DRIFTING, (0.0, 1.0), [begin], **options)
+    assert found.t[1] == pytest.approx(begin, rel=1e-6)
+    assert found.y_end[0] == pytest.approx(1.0 + begin, rel=1e-12)

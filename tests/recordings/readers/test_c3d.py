@@ -163,9 +163,8 @@ def test_markers_of_one_name_are_numbered_and_said(tmp_path):
     again = read_c3d(written(tmp_path, content))
     assert again.markers == ("toe 1", "hip", "toe 2")
     np.testing.assert_array_equal(again.positions, content.positions)
-    assert (
-        "POINT:LABELS: expected each marker name once, found 'toe' twice"
-        in again.remarks[0]
+    assert "POINT:LABELS: expected each marker name once, found 'toe' twice" in str(
+        again.remarks[0]
     )
 
 

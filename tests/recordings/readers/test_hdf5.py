@@ -363,6 +363,37 @@ def test_links_and_levels_are_counted_before_they_are_followed(
         read_recording(path)
 
 
+def test_as_many_links_and_levels_as_the_limits_are_read(tmp_path, monkeypatch):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        nested(file, hdf5_checks.DEEPEST - 1)  # the root is a level too
+        soft_links(file, 20)
+        most = hdf5_checks.DEEPEST - 1 + 20
+    for limit, is_read in ((most, True), (most - 1, False)):
+        monkeypatch.setattr(hdf5_checks, "MOST_LINKS", limit)
+        with h5py.File(path) as file:
+            if is_read:
+                assert len(list(hdf5_checks.items_of(file))) == hdf5_checks.DEEPEST
+            else:
+                with pytest.raises(ValueError, match=f"most {most - 1} links"):
+                    list(hdf5_checks.items_of(file))
+
+
+@pytest.mark.parametrize(("n_bytes", "is_read"), [(500_000, True), (500_001, False)])
+def test_the_limit_of_memory_holds_to_the_byte(tmp_path, n_bytes, is_read):
+    """Numbers that are stored short count as long as in memory, and texts as they are."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["numbers"] = np.zeros((100, 100), np.float16)
+        file["more/text"] = np.bytes_(b"a" * (n_bytes - 80_000))
+    with h5py.File(path) as file:
+        if is_read:
+            hdf5_checks.require_sound(file, 0.5)
+        else:
+            with pytest.raises(ValueError, match=r"at most 0\.5 MB"):
+                hdf5_checks.require_sound(file, 0.5)
+
+
 def test_groups_that_hold_each_other_are_walked_once(tmp_path, recording):
     path = tmp_path / "a.h5"
     write_recording(path, recording)

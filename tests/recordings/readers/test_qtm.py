@@ -62,7 +62,7 @@ def test_markers_of_one_name_are_numbered_and_said(tmp_path, kind):
     labels = np.array([["a", "b", "c", "b", "e"]], object)
     raw = read_raw(WRITERS[kind](tmp_path / "trial.mat", labelled(Labels=labels)))
     assert raw.markers == ("a", "b 1", "c", "b 2", "e")
-    assert "'b' twice" in raw.remarks[0]
+    assert "'b' twice" in str(raw.remarks[0])
 
 
 def without(key):
@@ -612,7 +612,7 @@ def test_markers_of_one_name_are_numbered_and_said_qtm_tsv(tmp_path, column_row)
     text = qtm_text(POSITIONS, names=("a", "b", "c", "b", "e"), column_row=column_row)
     assert read(tmp_path, text).markers == ("a", "b 1", "c", "b 2", "e")
     (said,) = remarks(tmp_path, text)
-    assert "line 10: expected each marker name once, found 'b' twice" in said
+    assert "line 10: expected each marker name once, found 'b' twice" in str(said)
 
 
 def test_a_sound_file_gives_no_remark(tmp_path):

@@ -167,7 +167,7 @@ def test_nan_in_any_letters_is_missing(tmp_path, word):
 def test_markers_of_one_name_are_numbered_and_those_without_called_unnamed(tmp_path):
     raw = read(tmp_path, trc_text(POSITIONS, ("a", "b", "b 1", "b", "")))
     assert raw.markers == ("a", "b 2", "b 1", "b 3", "unnamed 5")
-    assert "'b' twice or more; they are called 'b 2', 'b 3'" in raw.remarks[1]
+    assert "'b' twice or more; they are called 'b 2', 'b 3'" in str(raw.remarks[1])
     np.testing.assert_allclose(raw.positions, POSITIONS, atol=1e-6)
 
 

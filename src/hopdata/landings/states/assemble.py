@@ -10,6 +10,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, require_choice
+from hopdata.landings import exclusion
 from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states.crossing import SectionStates
 from hopdata.landings.states.fits import section_states
@@ -31,7 +32,7 @@ LEAST_PAIRS = 3
 #: Unit: 1. Origin: chosen.
 AS_FAR = 0.01
 
-STATELESS = Message("landings.stateless").text()  # why a touchdown has no state
+STATELESS = Message(exclusion.STATELESS).text()  # why a touchdown has no state
 
 
 @one_blas_thread()

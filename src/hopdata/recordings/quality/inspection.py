@@ -403,7 +403,7 @@ def inspect_recording(
         clusters=clusters,
         noise_m=noise_m,
         faults=faults,
-        remarks=raw.remarks,
+        remarks=tuple(str(remark) for remark in raw.remarks),
         treated=tuple(treated),
     )
 

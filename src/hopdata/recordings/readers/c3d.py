@@ -127,7 +127,7 @@ def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
 
 def _markers(
     parameters: Parameters, n_points: int
-) -> tuple[tuple[str, ...], list[int] | slice, tuple[str, ...]]:
+) -> tuple[tuple[str, ...], list[int] | slice, tuple[raw.Remark, ...]]:
     """Return the names and indices of the points that are markers, and remarks."""
     place = parameters.place("POINT", "LABELS")
     labels = parameters.texts("POINT", "LABELS")[:n_points]

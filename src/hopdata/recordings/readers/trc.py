@@ -105,7 +105,7 @@ class _Header:
     values: dict[str, str]
     markers: tuple[str, ...]
     rows: text.Rows
-    remarks: tuple[str, ...]
+    remarks: tuple[raw.Remark, ...]
 
 
 def _read_header(path: Path) -> _Header:
