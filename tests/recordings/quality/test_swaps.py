@@ -5,14 +5,14 @@ import numpy as np
 from hopdata.recordings.quality.surprises import surprises
 from hopdata.recordings.quality.swaps import exchanges
 
-N_MARKERS = 12
+N_MARKERS = 16
 
 
 def wheel(n_frames=60):
     """Return markers on a rim that turns by their distance in every frame."""
     frames = np.arange(n_frames)[:, None]
     angle = 2 * np.pi * (frames + np.arange(N_MARKERS)) / N_MARKERS
-    return 0.025 * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=2)
+    return 0.05 * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=2)
 
 
 def found_in(positions):
@@ -26,8 +26,8 @@ def test_markers_that_come_to_one_another_s_places_smoothly_exchange_nothing():
 
 def test_an_exchange_among_them_is_found_with_its_frames():
     positions = wheel()
-    positions[20:40, [0, 6]] = positions[20:40, [6, 0]]
-    assert found_in(positions) == [((0, 6), 20), ((0, 6), 40)]
+    positions[20:40, [0, 8]] = positions[20:40, [8, 0]]
+    assert found_in(positions) == [((0, 8), 20), ((0, 8), 40)]
 
 
 def test_an_exchange_in_a_gap_is_found_at_its_end():
