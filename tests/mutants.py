@@ -8,8 +8,10 @@ number that is one larger, `not` before a condition, a loop that does not run. E
 of `ROOMS` gives as many as ``--each``, drawn with the seed from all that can be made in
 its functions. A change is made in a copy of the committed and changed files, so the
 checkout stays as it is. The test at the same path runs first; if it does not notice,
-the tests of the room follow. Each result is one line of ``build/mutants/results.csv``;
-a change whose file and tests are still the same is not tried again.
+the other tests of its folder follow. Each result is one line of
+``build/mutants/results.csv``, with the test that noticed, which must pass without the
+change. A change is tried again if its module is another one since, and if it survived,
+also if the tests are.
 
 A survivor is read: either a test is missing, or the change is equivalent (it changes no
 result). The reason for that is written into ``tests/equivalent_mutants.csv``.
@@ -28,13 +30,10 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from cosmic_ray.ast import ast_nodes, get_ast_from_path
-from cosmic_ray.mutating import mutate_and_test
-from cosmic_ray.plugins import get_operator
-from cosmic_ray.work_item import MutationSpec, TestOutcome
 
 ROOT = Path(__file__).parents[1]
 WORK = ROOT / "build" / "mutants"
@@ -74,6 +73,9 @@ OPERATORS = (
 )
 
 
+Change = tuple[str, str]  # module, and the lines before and after
+
+
 @dataclass(frozen=True)
 class Mutant:
     """One small wrong change.
@@ -86,8 +88,8 @@ class Mutant:
         What is changed: cosmic-ray's operator, and which of its places in the module.
     line
         Line of the change.
-    digest
-        Digest of the module and its tests, by which an old result is known.
+    digest, tests
+        Digests of the module and of its tests, by which an old result is known.
     """
 
     room: str
@@ -96,26 +98,34 @@ class Mutant:
     occurrence: int
     line: int
     digest: str
+    tests: str
 
 
 @dataclass(frozen=True)
-class Tried:
-    """A mutant, and what became of it: ``killed``, ``survived`` or ``equivalent``."""
+class Tried(Mutant):
+    """A mutant, and what became of it.
 
-    room: str
-    module: str
-    operator: str
-    occurrence: int
-    line: int
-    digest: str
+    Attributes
+    ----------
+    outcome
+        ``killed`` or ``survived``.
+    noticed
+        The test that failed, or what else ended the run; empty for a survivor.
+    seconds
+        How long its tests ran.
+    change
+        The lines before and after.
+    """
+
     outcome: str
+    noticed: str
     seconds: float
     change: str
 
 
-def modules_of(room: str) -> list[Path]:
+def modules_of(room: str, checkout: Path) -> list[Path]:
     """Return the modules of a room, as paths below ``src/hopdata``."""
-    package = ROOT / "src" / "hopdata"
+    package = checkout / "src" / "hopdata"
     folder = package / ROOMS[room]
     others = [package / path for name, path in ROOMS.items() if name != room]
     inner = [other for other in others if folder in other.parents]
@@ -127,69 +137,130 @@ def modules_of(room: str) -> list[Path]:
     return found
 
 
-def tests_of(module: Path) -> tuple[list[Path], list[Path]]:
-    """Return the tests at the path of a module, and all tests of its folder."""
-    folder = Path("tests") / module.parent
+def paths_of_tests(module: Path, checkout: Path) -> tuple[list[Path], list[Path]]:
+    """Return the tests at the path of a module, and the others of its folder.
+
+    Of the others, those of a module with the beginning of its name are first, as those
+    of `floor` are for `floor_motion`.
+    """
+    folder = checkout / "tests" / module.parent
     same = [
         folder / f"test_{module.stem}.py",
-        *sorted((ROOT / folder / module.stem).glob("test_*.py")),
+        *sorted((folder / module.stem).glob("test_*.py")),
     ]
-    own = [path for path in same if (ROOT / path).is_file()]
-    every = [path.relative_to(ROOT) for path in (ROOT / folder).glob("test_*.py")]
-    return own, sorted(every)
+    own = [path for path in same if path.is_file()]
+
+    def is_distant(path: Path) -> bool:
+        return not module.stem.startswith(path.stem.removeprefix("test_"))
+
+    others = [path for path in sorted(folder.glob("test_*.py")) if path not in own]
+    others.sort(key=is_distant)
+    return (
+        [path.relative_to(checkout) for path in own],
+        [path.relative_to(checkout) for path in others],
+    )
 
 
-def lines_in_functions(source: str) -> set[int]:
-    """Return the numbers of the lines that run: bodies of functions without docstrings.
+Place = tuple[int, int]  # line, counted from one, and column
 
-    Annotations and the arguments of decorators change no result.
+
+def span(node: ast.stmt | ast.expr) -> tuple[Place, Place]:
+    """Return where a node begins and ends."""
+    end = (node.end_lineno or node.lineno, node.end_col_offset or node.col_offset)
+    return (node.lineno, node.col_offset), end
+
+
+def decides_nothing(node: ast.AST) -> bool:
+    """Whether a statement only says something: raises an error, or writes a log."""
+    if isinstance(node, ast.Raise):
+        return True
+    if not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)):
+        return False
+    called = node.value.func
+    return (
+        isinstance(called, ast.Attribute)
+        and isinstance(called.value, ast.Name)
+        and called.value.id == "logger"
+    )
+
+
+class Running:
+    """The places of a module at which a change may change a result.
+
+    They are in the bodies of functions, but not in annotations and in the texts of
+    errors and logs.
     """
-    lines: set[int] = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.FunctionDef):
-            body = node.body[1:] if ast.get_docstring(node) else node.body
-            for statement in body:
-                lines.update(range(statement.lineno, (statement.end_lineno or 0) + 1))
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.AnnAssign | ast.Raise):
-            lines -= set(range(node.lineno, (node.end_lineno or 0) + 1))
-    return lines
+
+    def __init__(self, source: str) -> None:
+        self.inside: list[tuple[Place, Place]] = []
+        self.outside: list[tuple[Place, Place]] = []
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.FunctionDef):
+                self.inside += [span(statement) for statement in node.body]
+                # A function in a function begins with a line of annotations.
+                arguments = [*node.args.args, *node.args.kwonlyargs]
+                annotations = [one.annotation for one in arguments]
+                annotations.append(node.returns)
+                self.outside += [span(one) for one in annotations if one is not None]
+            elif isinstance(node, ast.AnnAssign):
+                self.outside.append(span(node.annotation))
+            elif isinstance(node, ast.stmt) and decides_nothing(node):
+                self.outside.append(span(node))
+
+    def __contains__(self, place: Place) -> bool:
+        """Whether a change at a place may change a result."""
+        is_inside = any(begin <= place < end for begin, end in self.inside)
+        return is_inside and not any(
+            begin <= place < end for begin, end in self.outside
+        )
 
 
-def candidates(room: str) -> Iterator[Mutant]:
+def candidates(room: str, checkout: Path) -> Iterator[Mutant]:
     """Yield every change that can be made in the functions of a room."""
-    for module in modules_of(room):
-        path = ROOT / "src" / "hopdata" / module
-        running = lines_in_functions(path.read_text("utf-8"))
-        digest = digest_of(module)
-        nodes = list(ast_nodes(get_ast_from_path(path)))
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.plugins import get_operator
+
+    for module in modules_of(room, checkout):
+        source = (checkout / "src" / "hopdata" / module).read_text("utf-8")
+        running = Running(source)
+        own, others = paths_of_tests(module, checkout)
+        digest = digest_of([checkout / "src" / "hopdata" / module])
+        tests = digest_of([checkout / path for path in [*own, *others]])
+        nodes = list(ast_nodes(get_ast(source)))
         for name in OPERATORS:
             operator = get_operator(name)()
             places = [
                 place for node in nodes for place in operator.mutation_positions(node)
             ]
             for occurrence, (start, _) in enumerate(places):
-                if start[0] in running:
-                    yield Mutant(room, str(module), name, occurrence, start[0], digest)
+                if start in running:
+                    yield Mutant(
+                        room=room,
+                        module=str(module),
+                        operator=name,
+                        occurrence=occurrence,
+                        line=start[0],
+                        digest=digest,
+                        tests=tests,
+                    )
 
 
-def digest_of(module: Path) -> str:
-    """Return a digest of a module and of the tests that may notice a change in it."""
-    own, every = tests_of(module)
-    digest = hashlib.sha256((ROOT / "src" / "hopdata" / module).read_bytes())
-    for path in sorted({*own, *every}):
-        digest.update((ROOT / path).read_bytes())
+def digest_of(paths: Iterable[Path]) -> str:
+    """Return a digest of the contents of files."""
+    digest = hashlib.sha256()
+    for path in paths:
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:12]
 
 
-def sampled(room: str, each: int, seed: int) -> list[Mutant]:
+def sampled(room: str, each: int, seed: int, checkout: Path) -> list[Mutant]:
     """Draw mutants of a room, first a module and then one of its changes.
 
     So that a long module does not hide the short ones.
     """
     draw = np.random.default_rng(np.random.SeedSequence([seed, *room.encode()]))
     by_module: dict[str, list[Mutant]] = {}
-    for one in candidates(room):
+    for one in candidates(room, checkout):
         by_module.setdefault(one.module, []).append(one)
     chosen: list[Mutant] = []
     while by_module and len(chosen) < each:
@@ -210,7 +281,11 @@ def copy_checkout() -> None:
         capture_output=True,
         text=True,
     )
-    for name in listed.stdout.splitlines():
+    names = set(listed.stdout.splitlines())
+    for path in [*COPY.glob("src/**/*.py"), *COPY.glob("tests/**/*.py")]:
+        if not (ROOT / path.relative_to(COPY)).exists():
+            path.unlink()
+    for name in sorted(names):
         source = ROOT / name
         target = COPY / name
         if not source.is_file():
@@ -220,44 +295,77 @@ def copy_checkout() -> None:
             shutil.copyfile(source, target)
 
 
-def test_command(groups: Iterable[Iterable[Path]]) -> str:
+def command_of(groups: Iterable[Iterable[str]]) -> str:
     """Return the command that runs groups of tests in the copy, one after the other.
 
     The copy comes first on Python's path, before the package that is installed.
     """
-    python = f"{shlex.quote(sys.executable)} -m pytest -q -x -n 0 -p no:cacheprovider"
+    python = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0"]
+    python += ["-p", "no:cacheprovider"]
     steps = [
-        f"cd {shlex.quote(str(COPY))}",
+        shlex.join(["cd", str(COPY)]),
         f"export PYTHONPATH={shlex.quote(str(COPY / 'src'))}",
     ]
-    steps += [f"{python} {' '.join(map(str, tests))}" for tests in groups if tests]
-    return f"sh -c {shlex.quote(' && '.join(steps))}"
+    steps += [shlex.join([*python, *tests]) for tests in groups if tests]
+    return shlex.join(["sh", "-c", " && ".join(steps)])
 
 
-def require_passing(room: str) -> None:
-    """Refuse a room whose tests fail without a change: they would notice anything."""
-    folders = {Path("tests") / module.parent for module in modules_of(room)}
-    command = test_command([[*sorted(folders)]])
-    if subprocess.run(shlex.split(command), check=False).returncode != 0:
-        sys.exit(f"{room}: expected tests that pass in {COPY}, found a failure")
+@cache
+def passes_unchanged(test: str) -> bool:
+    """Whether a test passes in the copy without a change."""
+    done = subprocess.run(
+        shlex.split(command_of([[test]])), check=False, capture_output=True
+    )
+    return done.returncode == 0
+
+
+def what_noticed(output: str) -> str:
+    """Return the test that failed, from what pytest printed.
+
+    A module that can no longer be imported is an ``ERROR`` of its test. Without either
+    the process crashed or took too long, and the last line says what is known.
+    """
+    lines = output.splitlines() or [""]
+    for line in lines:
+        if line.startswith(("FAILED ", "ERROR ")):
+            return line.partition(" ")[2].partition(" - ")[0]
+    return lines[-1]
 
 
 def try_one(mutant: Mutant) -> Tried:
     """Make one change in the copy, and run the tests that should notice."""
+    from cosmic_ray.mutating import mutate_and_test
+    from cosmic_ray.work_item import MutationSpec, TestOutcome
+
     path = COPY / "src" / "hopdata" / mutant.module
     spec = MutationSpec(path, mutant.operator, mutant.occurrence, (0, 0), (0, 1))
     begin = time.monotonic()
-    command = test_command(tests_of(Path(mutant.module)))
+    groups = paths_of_tests(Path(mutant.module), COPY)
+    command = command_of([[str(path) for path in group] for group in groups])
     result = mutate_and_test([spec], command, TIMEOUT_S)
-    outcome = "survived" if result.test_outcome is TestOutcome.SURVIVED else "killed"
+    seconds = round(time.monotonic() - begin, 1)
+    output = result.output or ""
+    if result.test_outcome is TestOutcome.SURVIVED:
+        outcome = "survived"
+        noticed = ""
+    elif result.test_outcome is TestOutcome.KILLED:
+        outcome = "killed"
+        noticed = what_noticed(output)
+        if "::" in noticed and not passes_unchanged(noticed):
+            sys.exit(f"expected a test that passes without a change, found {noticed}")
+    else:
+        sys.exit(f"{mutant}: expected a change and its tests, found\n{output}")
     change = [
         line
         for line in (result.diff or "").splitlines()
         if line[:1] in "+-" and line[:3] not in ("+++", "---")
     ]
-    seconds = round(time.monotonic() - begin, 1)
     return Tried(
-        **asdict(mutant), outcome=outcome, seconds=seconds, change="\n".join(change)
+        **asdict(mutant),
+        outcome=outcome,
+        noticed=noticed,
+        seconds=seconds,
+        change="\n".join(change),
     )
 
 
@@ -291,32 +399,46 @@ def keep(result: Tried) -> None:
         writer.writerow(asdict(result))
 
 
+def is_known(mutant: Mutant, results: Iterable[Tried], same: set[Change]) -> bool:
+    """Whether it is already known what becomes of a change.
+
+    New tests cannot bring back what was killed, nor notice what changes no result, so
+    only the other survivors are tried again after the tests have changed.
+    """
+    for one in results:
+        if identity(one) == identity(mutant) and (
+            one.outcome == "killed"
+            or one.tests == mutant.tests
+            or (one.module, one.change) in same
+        ):
+            return True
+    return False
+
+
 def run(rooms: Iterable[str], each: int, seed: int) -> None:
     """Try a sample of each room; what has been tried already is not tried again."""
     copy_checkout()
-    tried = {identity(one) for one in known_results()}
     for room in rooms:
-        sample = [
-            one for one in sampled(room, each, seed) if identity(one) not in tried
-        ]
-        if sample:
-            require_passing(room)
+        results = known_results()
+        drawn = sampled(room, each, seed, COPY)
+        sample = [one for one in drawn if not is_known(one, results, equivalents())]
         for mutant in sample:
             result = try_one(mutant)
             keep(result)
+            place = f"{result.module}:{result.line}"
             print(
-                f"{result.outcome:9} {result.seconds:6.1f} s  {result.module}:{result.line}"
+                f"{result.outcome:9} {result.seconds:6.1f} s  {place}  {result.noticed}"
             )
             if result.outcome == "survived":
                 print(result.change)
 
 
-def identity(mutant: Mutant | Tried) -> tuple[str, str, int, str]:
+def identity(mutant: Mutant) -> tuple[str, str, int, str]:
     """Return what two entries of the same change have in common."""
     return mutant.module, mutant.operator, mutant.occurrence, mutant.digest
 
 
-def equivalents() -> set[tuple[str, str]]:
+def equivalents() -> set[Change]:
     """Return the changes that were shown to change no result: module and change."""
     if not EQUIVALENT.exists():
         return set()
@@ -324,25 +446,41 @@ def equivalents() -> set[tuple[str, str]]:
         return {(row["module"], row["change"]) for row in csv.DictReader(file)}
 
 
-def report() -> int:
-    """Print a table of the rooms and the survivors; return how many tests have missed."""
-    same = equivalents()
-    latest = {identity(one)[:3]: one for one in known_results()}
+def of_this_checkout(results: Iterable[Tried]) -> list[Tried]:
+    """Return the last result of each change, of modules that are still the same."""
+    last: dict[tuple[str, str, int, str], Tried] = {}
+    for one in results:
+        path = ROOT / "src" / "hopdata" / one.module
+        if path.is_file() and digest_of([path]) == one.digest:
+            last[identity(one)] = one
+    return list(last.values())
+
+
+def report(results: Iterable[Tried], same: set[Change]) -> list[Tried]:
+    """Print a table of the rooms, and the survivors; return these.
+
+    Parameters
+    ----------
+    results
+        What became of each change.
+    same
+        The changes that change no result: module and change.
+    """
     rows: dict[str, list[Tried]] = {}
-    for one in latest.values():
+    for one in results:
         rows.setdefault(one.room, []).append(one)
-    missed = []
+    missed: list[Tried] = []
     print(f"{'room':10} {'tried':>6} {'killed':>7} {'equivalent':>11} {'survived':>9}")
-    for room, results in rows.items():
-        killed = [one for one in results if one.outcome == "killed"]
-        left = [one for one in results if one.outcome == "survived"]
+    for room, tried in rows.items():
+        killed = [one for one in tried if one.outcome == "killed"]
+        left = [one for one in tried if one.outcome == "survived"]
         unseen = [one for one in left if (one.module, one.change) not in same]
         missed += unseen
         n_same = len(left) - len(unseen)
-        print(f"{room:10} {len(results):6} {len(killed):7} {n_same:11} {len(unseen):9}")
+        print(f"{room:10} {len(tried):6} {len(killed):7} {n_same:11} {len(unseen):9}")
     for one in missed:
         print(f"\n{one.module}:{one.line}\n{one.change}")
-    return len(missed)
+    return missed
 
 
 def main() -> None:
@@ -350,14 +488,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     commands = parser.add_subparsers(dest="command", required=True)
     runs = commands.add_parser("run", help="try a sample")
-    runs.add_argument("rooms", nargs="*", choices=[*ROOMS, []], default=[*ROOMS])
+    runs.add_argument("rooms", nargs="*", metavar="ROOM", help=", ".join(ROOMS))
     runs.add_argument("--each", type=int, default=8, help="how many of each room")
     runs.add_argument("--seed", type=int, default=1)
     commands.add_parser("report", help="show what was found")
     asked = parser.parse_args()
     if asked.command == "run":
-        run(asked.rooms, asked.each, asked.seed)
-    report()
+        unknown = sorted(set(asked.rooms) - set(ROOMS))
+        if unknown:
+            parser.error(f"expected rooms among {', '.join(ROOMS)}, found {unknown}")
+        run(asked.rooms or ROOMS, asked.each, asked.seed)
+    report(of_this_checkout(known_results()), equivalents())
 
 
 if __name__ == "__main__":

@@ -266,6 +266,8 @@ def test_disabled_leaves_heights_and_still_reports(bent):
     np.testing.assert_array_equal(level(bent, floor).positions, bent.positions)
     assert "not compensated" in floor.note
     assert floor.n_points > 1000
+    assert floor.n_outliers == 0
+    assert (floor.degree, floor.degree_wanted) == (0, fit_floor(bent).degree_wanted)
     assert floor.residual_rms_m > 0.02
 
 

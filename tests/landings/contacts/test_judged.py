@@ -108,3 +108,14 @@ def test_a_contact_is_odd_if_it_misfits_twice_as_much_as_the_others():
     misfit[5, 2] = 10.0 * 1.8**2
     fits = fits_of(np.zeros((20, 3)), misfit=misfit)
     assert np.argwhere(is_odd(fits)).tolist() == [[4, 2]]
+
+
+def test_frames_are_missing_up_to_the_end_of_a_recording_and_nowhere_without_a_contact():
+    time = 0.01 * np.arange(10)
+    near = np.array([[0.085, 0.085, np.nan]])
+    heights = np.zeros((10, 3))
+    heights[9, 0] = np.nan  # within the window, which ends after the recording
+    heights[4, 1] = np.nan  # before the window
+    heights[9, 2] = np.nan
+    found = frames_missing(time, heights, near, (0.03, 0.05))
+    assert found.tolist() == [[True, False, False]]

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from hopdata.errors import AnalysisError
 from hopdata.landings.sections.modes import ground_mode
@@ -17,6 +18,15 @@ def test_finds_ground_and_noise(ground):
     assert mode.height_m == pytest.approx(ground, abs=1e-4)
     assert mode.sigma_m == pytest.approx(0.0006, rel=0.1)
     assert mode.knee(3.0) == mode.height_m + 3 * mode.sigma_m
+
+
+@pytest.mark.parametrize("ground", [-0.3, 0.0, 0.044])
+def test_the_mode_of_a_symmetric_density_is_its_middle(ground):
+    """Found between the nodes of its grid, which are 20 micrometres apart."""
+    heights = ground + 0.0006 * norm.ppf((np.arange(30_000) + 0.5) / 30_000)
+    mode = ground_mode(heights)
+    assert mode.height_m == pytest.approx(ground, abs=1e-6)
+    assert mode.sigma_m == pytest.approx(0.0006, rel=2e-3)
 
 
 def test_takes_the_lower_of_two_large_modes_even_if_the_upper_is_larger():

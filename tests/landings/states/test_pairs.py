@@ -167,6 +167,23 @@ def test_file_round_trip(tmp_path):
     assert [p.name for p in path.parent.iterdir()] == ["pairs.h5"]
 
 
+def test_files_are_written_and_read_without_locks(tmp_path, monkeypatch):
+    """File systems of clusters may have none."""
+    import h5py
+
+    asked = []
+
+    def noting(path, mode, **options):
+        asked.append((mode, options["locking"]))
+        return opened(path, mode, **options)
+
+    opened = h5py.File
+    monkeypatch.setattr(h5py, "File", noting)
+    write_pairs(tmp_path / "pairs.h5", pairs())
+    read_pairs(tmp_path / "pairs.h5")
+    assert asked == [("w", False), ("r", False)]
+
+
 def test_a_file_may_have_no_standard_errors(tmp_path):
     write_pairs(tmp_path / "pairs.h5", replace(pairs(), x_se=None, y_se=None))
     theirs = read_pairs(tmp_path / "pairs.h5")

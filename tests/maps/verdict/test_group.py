@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import chi2, sem, t, ttest_1samp
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.group import (
@@ -100,6 +101,29 @@ def test_what_smooth_terms_leave_in_some_subjects_much_is_no_difference():
     assert judge_group(table.assign(left=left.mean())).low > 0.0
 
 
+def test_subjects_of_equal_errors_are_compared_by_students_test():
+    """Their scatter then is the error, and what exceeds their errors is between them."""
+    squared = np.array([0.02, 0.05, 0.11, 0.08, 0.31])
+    error = 0.04
+    found = combine(squared, np.full(5, error**2))
+    q = np.sum((squared - squared.mean()) ** 2) / error**2
+    assert found.mean == pytest.approx(squared.mean())
+    assert found.error == pytest.approx(sem(squared))
+    assert found.p_value == pytest.approx(ttest_1samp(squared, 0.0).pvalue)
+    assert found.between == pytest.approx(np.sqrt(squared.var(ddof=1) - error**2))
+    assert found.q == pytest.approx(q)
+    assert found.q_p_value == pytest.approx(chi2.sf(q, 4))
+    assert found.i2 == pytest.approx(1.0 - 4.0 / q)
+
+
+def test_subjects_that_scatter_less_than_their_errors_have_these_errors():
+    found = combine(np.array([0.10, 0.11, 0.09, 0.10]), np.full(4, 0.04**2))
+    assert found.error == pytest.approx(0.04 / 2.0)
+    assert found.p_value == pytest.approx(2.0 * t.sf(5.0, 3))
+    assert found.between == 0.0
+    assert found.i2 == 0.0
+
+
 def test_heterogeneity_is_told_from_noise():
     mixed = judge_group(studies(np.tile([0.0, 0.5], 6), 1)).combined
     alike = judge_group(studies(np.full(12, 0.2), 1)).combined
@@ -128,6 +152,30 @@ def test_conditions_are_compared_within_subjects():
     assert table.loc[("a", "b"), "difference"] == pytest.approx(-0.15, abs=0.05)
     assert table.loc[("a", "b"), "p_holm"] < 0.01
     assert table.loc[("a", "c"), "p_holm"] > 0.05
+
+
+def test_the_interval_of_a_difference_is_students_and_what_smooth_terms_leave():
+    squared = {
+        "a": np.array([0.05, 0.30, 0.10, 0.22, 0.41]),
+        "b": np.array([0.09, 0.25, 0.31, 0.40, 0.52]),
+    }
+    rows = [
+        studies(np.zeros(5), 1, name).assign(
+            squared=values, squared_error=0.01, along_error=0.01, left=0.05
+        )
+        for name, values in squared.items()
+    ]
+    (row,) = compare_conditions(pd.concat(rows)).to_dict("records")
+    apart = squared["a"] - squared["b"]
+    size_a, size_b = (np.sqrt(values.mean()) for values in squared.values())
+    reach = t.isf(0.025, 4) * sem(apart) + 0.05 * (size_a + size_b)
+    assert (row["condition_a"], row["condition_b"], row["n"]) == ("a", "b", 5)
+    assert (row["size_a"], row["size_b"]) == pytest.approx((size_a, size_b))
+    assert row["difference"] == pytest.approx(apart.mean())
+    assert row["low"] == pytest.approx(apart.mean() - reach)
+    assert row["high"] == pytest.approx(apart.mean() + reach)
+    assert row["p_value"] == pytest.approx(ttest_1samp(apart, 0.0).pvalue)
+    assert row["p_holm"] == row["p_value"]
 
 
 def test_conditions_that_differ_by_what_smooth_terms_leave_are_not_told_apart():
