@@ -11,6 +11,7 @@ from hybrid_systems import ball, growth, ladder
 from test_derived import bounce_undone
 
 from hopdata.hybrid import System, field, solve
+from hopdata.hybrid.methods.table import CHOICES
 
 
 @field
@@ -39,7 +40,7 @@ def test_it_has_the_order_of_the_method(method, order):
     assert slope > order - 0.6, errors
 
 
-@pytest.mark.parametrize("method", ["auto", "dopri5", "dop853", "taylor", "rosenbrock"])
+@pytest.mark.parametrize("method", CHOICES)
 @pytest.mark.parametrize("backward", [False, True])
 def test_it_is_the_polynomial_of_the_samples(method, backward):
     hopper = VerticalHopper()

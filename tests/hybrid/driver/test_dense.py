@@ -9,6 +9,7 @@ from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, growth
 
 from hopdata.hybrid import solve
+from hopdata.hybrid.methods.table import TABLEAUS
 
 
 def error_between_mesh_points(step, *, where):
@@ -44,7 +45,7 @@ PARAMS = bent_params(
 )
 START = [0.0, 1.2]
 TIMES = np.linspace(0, 2, 801)
-METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853", "rosenbrock"])
+METHODS = pytest.mark.parametrize("method", ["auto", *TABLEAUS, "rosenbrock"])
 
 
 def swing(**options):

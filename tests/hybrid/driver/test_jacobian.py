@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch
 from hopdata.hybrid.first_order import bouligand_derivative, project_onto_section
+from hopdata.hybrid.methods.table import TABLEAUS
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
@@ -26,7 +27,7 @@ MOVING = bent_params(
     PLACES, drive=0.3, tilts=TILTS, sways=[0.1, 0.2, -0.3], gains=GAINS
 )
 START = [0.0, 1.2]
-METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])
+METHODS = pytest.mark.parametrize("method", ["auto", *TABLEAUS])
 
 
 @METHODS
