@@ -19,7 +19,7 @@ PAGES = {
         "first_study", "notebook", "own_recording", "plan", "steering", "integrator", "new_scene",
     ],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
-    "Look up": ["gallery", "api", "glossary", "../CHANGELOG"],
+    "Look up": ["gallery", "api", "glossary", "constants", "../CHANGELOG", "../SECURITY"],
     "Understand": [
         "c1", "verdict", "contacts", "limits", "integrator_choices", "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/last_run/README",

@@ -31,6 +31,7 @@ from hopdata.recordings import (
     external as force_signals,
 )
 from hopdata.recordings.quality import orientation
+from hopdata.report import language
 from hopdata.scenes import SCENES
 
 answer = import_module(
@@ -147,6 +148,7 @@ CONFIGURED = {
     "touchdowns.ambiguous": schedules.TREATMENTS,
     "states.method": states.METHODS,
     "states.gravity": states.GRAVITIES,
+    "report.language": language.LANGUAGES,
     "figures.formats": FORMATS,
     "simulation.scene": SCENES,
 }

@@ -62,6 +62,21 @@ def test_late_instants_keep_their_digits(tmp_path):
     assert (tmp_path / "a.csv").read_text().splitlines()[1].endswith(",3333.33333")
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("t_pre_s", "1.23456789012"),
+        ("duration_s", "1.23456789012"),
+        ("speed_m_s", "1.23456789"),
+        ("error_mm_s", "1.23456789"),
+        ("spin_rad_s", "1.23456789"),
+    ],
+)
+def test_times_have_more_digits_than_rates(tmp_path, name, text):
+    write_table(tmp_path / "a.csv", pd.DataFrame({name: [1.2345678901234567]}))
+    assert (tmp_path / "a.csv").read_text().splitlines() == [name, text]
+
+
 def test_what_a_killed_process_left_of_a_file_is_removed(tmp_path):
     other = tmp_path / ".table.csv.bak.7.part"
     for left in (tmp_path / ".table[1].csv.12345.part", other):

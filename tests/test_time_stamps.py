@@ -52,3 +52,18 @@ def test_a_repeated_stamp_stays_as_it_is(rate_hz, decimals):
     stamps[9] = stamps[8]
     time, _ = settle("a.trc", stamps, np.arange(40.0), float(rate_hz))
     np.testing.assert_array_equal(time, stamps)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("back_s", [0.0, 1 / 64, -1.0])
+def test_stamps_that_run_back_before_a_long_step_show_no_missing_rows(back_s):
+    # All steps but the last last no time together, or less.
+    stamps = np.array([*np.arange(20) / 64, back_s, 5.0])
+    number = np.arange(22.0)
+    assert rate_of(stamps, number) == pytest.approx(21 / 5)
+    time, remarks = settle("a.tsv", stamps, number, 64.0)
+    np.testing.assert_array_equal(time, stamps)
+    assert remarks == ()
+    # The control: without the step back, rows are missing before the last.
+    forward = np.delete(stamps, 20)
+    assert rate_of(forward, np.arange(21.0)) == 64.0

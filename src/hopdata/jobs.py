@@ -41,6 +41,8 @@ TIME_DIGITS = 12
 #: Instants from which on a column of times gets `MOST_DIGITS`.
 #: Unit: s. Origin: derived: the last of `TIME_DIGITS` is 1 ns up to here.
 LATE_S = 1e3
+# Ends of the names of columns that hold rates: their "s" is that of "per second".
+RATES = ("_m_s", "_mm_s", "_rad_s")
 # Most characters in the name of a study, which is that of a folder.
 LONGEST_NAME = 100
 
@@ -205,7 +207,8 @@ def _printed(column: pd.Series) -> list[str]:
     """Return numbers as text; times get more digits (see `TIME_DIGITS`, `LATE_S`)."""
     digits = DIGITS
     name = str(column.name)
-    if name.endswith("_s") and not name.endswith("_m_s"):
+    is_time = name.endswith("_s") and not name.endswith(RATES)
+    if is_time:
         digits = TIME_DIGITS
         if column.abs().max() >= LATE_S:
             digits = MOST_DIGITS

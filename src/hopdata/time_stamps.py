@@ -182,6 +182,9 @@ def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:
     missing = frame_s - usual_s > odd_s
     if usual_s <= 0 or not missing.any():
         return number
+    if (steps_s < 0).any():
+        # The other steps may last no time together. The checks refuse such stamps.
+        return number
     rate = frames[~missing].sum() / steps_s[~missing].sum()
     frames[missing] = np.round(steps_s[missing] * rate)
     return np.concatenate([number[:1], number[0] + np.cumsum(frames)])

@@ -110,12 +110,13 @@ def test_jobs_in_a_log_are_a_line_each(capsys):
 def test_jobs_on_a_terminal_are_a_bar():
     code = (
         "from hopdata.commands import terminal\n"
-        "with terminal.progress_bar('sample') as show:\n"
-        "    show(3, 10, 'about 8 s left')\n"
+        "with terminal.progress_bar('[b]sample') as show:\n"  # no markup of rich
+        "    show(3, 10, '[b]about 8 s left')\n"
     )
     returned, written = on_a_terminal(code)
     assert returned == 0, written
-    assert re.search(r"sample .*3/10 jobs done about 8 s left", SIGNS.sub("", written))
+    shown = SIGNS.sub("", written)
+    assert re.search(r"\[b\]sample .*3/10 jobs done \[b\]about 8 s left", shown)
 
 
 def test_plan_and_doctor_draw_their_tables(tmp_path):

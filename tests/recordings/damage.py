@@ -288,7 +288,13 @@ def _forces(path):
 
 
 def case(sound, names, seed, number):
-    """Return name and bytes of damaged file `number`: sound files in turn, seed by seed."""
-    name = names[number % len(names)]
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, number])))
+    """Return name and bytes of damaged file `number`: sound files in turn, seed by seed.
+
+    The seeds are told by the name, so a further sound file leaves the damage of the
+    others as it was.
+    """
+    turn, place = divmod(number, len(names))
+    name = names[place]
+    seeds = np.random.SeedSequence([seed, turn, *name.encode()])
+    rng = np.random.Generator(np.random.PCG64(seeds))
     return name, damaged(sound[name], rng, text=Path(name).suffix in TEXTS)

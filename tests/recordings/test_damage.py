@@ -51,3 +51,18 @@ def test_the_same_seed_gives_the_same_damage(sound):
     assert corpus() == sound
     assert case(sound, names, SEED, 7) == case(corpus(), names, SEED, 7)
     assert case(sound, names, SEED, 7) != case(sound, names, SEED + 1, 7)
+
+
+def test_one_more_sound_file_leaves_the_damage_of_the_others(sound):
+    names = list(sound)
+    more = ["one_more.csv", *names]
+    larger = {**sound, "one_more.csv": sound["motive.csv"]}
+
+    def deal(files, names, n_turns=3):
+        cases = [case(files, names, SEED, k) for k in range(n_turns * len(names))]
+        return {(name, data) for name, data in cases if name != "one_more.csv"}
+
+    assert deal(larger, more) == deal(sound, names)
+    assert len(deal(sound, names)) > 2 * len(names)  # the turns differ
+    _, of_one = case(larger, more, SEED, 0)
+    assert of_one != case(sound, names, SEED, names.index("motive.csv"))[1]

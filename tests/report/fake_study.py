@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from hopdata.report.inputs import ReportFigure, ReportInputs
+from hopdata.report.page import PLACES
 
 CAPTIONS = Path(__file__).parents[2] / "workflow" / "captions"
 NUMBERED = (
@@ -17,9 +18,7 @@ NUMBERED = (
     "fig2_4_prediction",
     "fig2_5_distances",
 )
-QUALITY = ("stability", "recording_gaps")
-OTHERS = ("contact_overlay", "map_matrices", "scaling_study")
-NAMES = ("verdict", *QUALITY, *NUMBERED, *OTHERS)
+NAMES = tuple(PLACES)  # all figures that have a place of their own
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="240.9pt" height="99pt"></svg>'
 
 

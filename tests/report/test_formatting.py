@@ -55,6 +55,7 @@ def test_numbers_keep_their_units():
     [
         ("residual_rms_m", 0.00058, ("residual rms", "0.58", "mm")),
         ("speed_m_s", 1.25, ("speed", "1.25", "m/s")),
+        ("error_mm_s", 1.25, ("error", "1.25", "mm/s")),
         ("rate_hz", 100, ("rate", "100", "Hz")),
         ("pre_height_m", None, ("pre height m", "—", "")),
         ("enabled", True, ("enabled", "yes", "")),

@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 import pandas as pd
 import pytest
 from fake_study import (
+    CAPTIONS,
     NAMES,
     SVG,
     captions,
@@ -332,7 +333,9 @@ def test_figures_are_read_with_their_captions(tmp_path):
 def test_every_placed_figure_has_a_caption_file():
     from hopdata.report.page import PLACES
 
-    assert set(PLACES) == set(NAMES) == set(captions())
+    assert PLACES
+    lacking = [name for name in PLACES if not (CAPTIONS / f"{name}.md").is_file()]
+    assert not lacking, f"no caption in workflow/captions: {lacking}"
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e7])

@@ -14,10 +14,13 @@ from hopdata.hybrid import System, field, jacobian, solve, solve_batch
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.layout import PHI_MOTION, PHI_ROWS
 from hopdata.hybrid.methods import tangent, taylor
+from hopdata.hybrid.methods.explicit import Tableau
+from hopdata.hybrid.methods.method import explicit_method
+from hopdata.hybrid.methods.table import TABLEAUS
 from hopdata.hybrid.methods.tangent import LOOSER
 
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
-METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])
+METHODS = pytest.mark.parametrize("method", ["auto", *TABLEAUS])
 
 
 @METHODS
@@ -67,7 +70,7 @@ def test_a_given_derivative_and_differences_agree(method):
     assert given.nfev < taken.nfev
 
 
-@pytest.mark.parametrize("method", ["auto", "taylor", "dopri5", "dop853"])
+@pytest.mark.parametrize("method", ["auto", "taylor", *TABLEAUS])
 def test_methods_agree_where_modes_are_affine(method):
     found = carried(octant(), T_SPAN, INITIAL_STATE, method=method)
     assert (
@@ -87,7 +90,7 @@ def test_units_of_the_state_do_not_matter(angle):
     assert np.abs(given.jacobian - exact).max() < 1e-9
 
 
-@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+@pytest.mark.parametrize("method", TABLEAUS)
 @pytest.mark.parametrize("angle", [1e-13, 1e-16, 1e-20])
 def test_a_state_near_zero_beside_terms_that_cancel(angle, method):
     """An example is an angle that is zero except for rounding, beside the weight."""
@@ -243,7 +246,7 @@ class Table(np.ndarray):
             super().__setitem__(at, value)
 
 
-def short_flow(dt, rtol=1e-6):
+def short_flow(dt, rtol=1e-6, rows=ROWS):
     """Return the flow's Jacobian over dt, its own error estimate, and the motion squared."""
     names = {
         "stage_jacobian": stage_jacobian,
@@ -252,7 +255,7 @@ def short_flow(dt, rtol=1e-6):
     multiply = with_digest(tangent.multiply.py_func, fma=plain_fma)
     add = with_digest(tangent.add_product.py_func, multiply=multiply, fma=plain_fma)
     step = with_digest(tangent.short_tangent, add_product=add, **names)
-    phi = np.zeros((ROWS, N)).view(Table)
+    phi = np.zeros((rows, N)).view(Table)
     phi[:N] = np.eye(N)
     error = step(0.0, dt, rtol, np.zeros((40, N)), None, None, None, phi, 0, 0)
     return np.array(phi[N : 2 * N]), error, phi[3 * N + PHI_MOTION, 0]
@@ -282,6 +285,38 @@ def test_it_judges_its_error_by_the_fastest_motion():
     _, tight, _ = short_flow(0.1, rtol=1e-8)
     assert tight == pytest.approx(100.0 * loose)
     assert fastest >= np.abs(np.diag(CONSTANT)).max() ** 2 / 2
+
+
+def method_of(n_stages):
+    """Return a method of third order that has this many stages, for N states."""
+    tableau = Tableau(
+        order=3,
+        nodes=(0.5,) * (n_stages - 1),
+        stages=tuple((0.5 / k,) * k for k in range(1, n_stages)),
+        weights=(1.0 / n_stages,) * n_stages,
+        errors=((0.0,) * (n_stages + 1),),
+        dense=(),
+        dense_error=1,
+        stiff_tenths=20,
+    )
+    return explicit_method(
+        tableau, System(at_rest, n_states=N).methods("auto", True).scene
+    )
+
+
+@pytest.mark.parametrize("n_stages", range(1, 14))
+def test_its_table_has_room_for_the_blocks_of_the_stages_and_of_short_steps(n_stages):
+    rows = method_of(n_stages).tangent_rows
+    assert rows == PHI_ROWS + (3 + max(n_stages, tangent.BLOCKS)) * N
+    found, error, _ = short_flow(0.1, rows=rows)  # beyond the table is an IndexError
+    expected, expected_error, _ = short_flow(0.1)
+    assert found.tobytes() == expected.tobytes()
+    assert error == expected_error
+
+
+def test_short_steps_need_all_of_their_blocks():
+    with pytest.raises(IndexError):
+        short_flow(0.1, rows=ROWS - 1)
 
 
 @pytest.mark.parametrize("form", [{}, {"sums": True}])

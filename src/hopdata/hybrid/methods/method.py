@@ -217,6 +217,9 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
     interpolant = body + explicit.interpolant_code(tableau, evaluation)
     stages = len(tableau.weights)
     short = tangent.short_tangent if tableau.order <= tangent.HIGHEST_ORDER else None
+    blocks = stages  # a tangent's, after the single rows of its table
+    if short is not None:
+        blocks = max(stages, tangent.BLOCKS)
     return Method(
         order=tableau.order,
         step=explicit.compose_part("step", step, known),
@@ -231,7 +234,7 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
         short_tangent=short,
         tangent_evaluations=per_derivative * stages,
         short_evaluations=2 * per_derivative,
-        tangent_rows=3 * n + PHI_ROWS + n * stages,
+        tangent_rows=3 * n + PHI_ROWS + n * blocks,
         last_slope=tableau.slope_rows[stages - 1],
         stiff_tenths=tableau.stiff_tenths,
     )

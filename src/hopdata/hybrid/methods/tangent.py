@@ -312,7 +312,7 @@ HIGHEST_ORDER = 5
 
 # Distance of an end from the mean of the Gauss points, over their distance.
 TILT = 0.5 * sqrt(3.0)
-BLOCKS = 5  # blocks of the table after the single rows
+BLOCKS = 5  # blocks of the short tangent's table after the single rows
 
 #: Error over (step times fastest motion)^5.
 #: Unit: 1. Origin: derived: 1 / 120, and a bit for the two points.

@@ -1,0 +1,29 @@
+STEERING = f"{RESULTS}/steering"
+# This file's folder, relative to the working folder, so that a checkout can be moved.
+STEERING_FILES = Path(os.path.relpath(workflow.current_basedir.get_path_or_uri(secret_free=True)))
+STEERING_CAPTIONS = STEERING_FILES / "captions"
+# The script that draws the figures of all jobs; a rule's script is found from this file's folder.
+DRAWING = os.path.relpath(SCRIPTS / "figures.py", STEERING_FILES)
+STEERED = STUDY["steering"]["recordings"]
+STEERING_TABLES = f"{STEERING}/tables"
+# Each seed has a folder with the learned model and the experiments of each manoeuvre. A recorded
+# robot has a single folder, with the learned model only. Observations after the first have their
+# own folders, such as `seeds/1_printed`.
+OF_SEED = f"{STEERING}/seeds/{{seed}}"
+SEEDS = [
+    f"{seed}_{observation}" if other else str(seed)
+    for other, observation in enumerate(STUDY["steering"]["observations"])
+    for seed in range(1, 2 if STEERED else STUDY["steering"]["experiments"]["seeds"] + 1)
+]
+MANOEUVRES = ["origin", "turn"]
+MODEL_FIGURES, RUN_FIGURES = map(list, (CATALOGUE["steering_model"], CATALOGUE["steering_runs"]))
+
+
+def steering_code(script):
+    """Return a function that digests a script of steering and the library code that it uses."""
+    return code(script, folder=STEERING_FILES / "scripts")
+
+
+def of_first(rule_output):
+    """Return the file of the first seed, whose runs and model a steering study shows."""
+    return expand(rule_output, seed=1, allow_missing=True)[0]
