@@ -715,6 +715,15 @@ def test_without_noise_it_is_silent():
     assert raised_rests(flat, columns, band_m=BAND_M).sum() == 300
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_slope_along_either_axis_loses_no_rest(bent, fitted, axis):
+    slope = 0.25 * bent.positions[..., axis : axis + 1]
+    tilted = replace(bent, positions=bent.positions + np.array([0, 0, 1.0]) * slope)
+    floor = fit_floor(tilted)
+    assert floor.n_points == pytest.approx(fitted.n_points, rel=0.05)
+    assert [message.code for message in floor.messages] == ["landings.floor_slopes"]
+
+
 def test_what_a_floor_says_is_data_that_goes_through_json(bent):
     tilted = bent.positions + np.array([0, 0, 1.0]) * 0.05 * bent.positions[..., :1]
     floor = fit_floor(replace(bent, positions=tilted))
