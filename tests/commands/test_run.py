@@ -15,7 +15,7 @@ from checkouts import part_of_sample
 
 from hopdata import __version__
 from hopdata.__main__ import main
-from hopdata.commands.workflow import run_workflow
+from hopdata.commands.workflow import Progress, run_workflow
 
 ROOT = Path(__file__).parents[2]
 CONFIG = "study: trial\nrecordings: []\n"
@@ -392,3 +392,15 @@ def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tm
     assert not mark.exists(), mark.read_text()
     assert result.returncode == 0, result.stderr
     assert json.loads((folder / target).read_text())["pre_height_m"] > 0
+
+
+@pytest.mark.parametrize(("table", "number"), [("total      2\n", 2), ("", 21)])
+def test_only_the_jobs_that_will_run_are_counted(table, number):
+    """Snakemake's count of steps holds those after the last that is asked for, too."""
+    shown = []
+    progress = Progress(lambda *told: shown.append(told), cores=1)
+    said = f"{table}    jobid: 3\nFinished jobid: 3 (Rule: score)\n1 of 21 steps (5%) done\n"
+    for line in said.splitlines(keepends=True):
+        progress.take(line)
+    ((done, of, _),) = shown
+    assert (done, of) == (1, number)

@@ -22,6 +22,8 @@ from hopdata.walk import SNAKEFILE
 _SAID = re.compile(
     r" +jobid: (\d+)|Finished jobid: (\d+) \(Rule: (\w+)\)|(\d+) of (\d+) steps \("
 )
+#: The last row of Snakemake's table of the jobs that it will run.
+_PLANNED = re.compile(r"total +(\d+)$")
 #: Lines of Snakemake that are shown if it fails and nothing of hopdata says why.
 _LAST_LINES = 12
 _DRY = {"-n", "--dry-run", "--dryrun"}
@@ -66,7 +68,7 @@ def run_workflow(
         recorded(study, snakemake.pid),
         progress_bar(study) as show,
     ):
-        progress = _Progress(show, cores)
+        progress = Progress(show, cores)
         try:
             for line in snakemake.stderr or ():
                 progress.take(line)
@@ -103,7 +105,7 @@ def _command(
     return [str(word) for word in command]
 
 
-class _Progress:
+class Progress:
     """What Snakemake has said, and how far it is.
 
     Parameters
@@ -129,6 +131,8 @@ class _Progress:
         #: How long each finished job took, s.
         self._took: list[float] = []
         self._last_job = ""
+        #: How many jobs will run; None before Snakemake has said so.
+        self._planned: int | None = None
 
     def take(self, line: str) -> None:
         """Take a line; show it if it is one of hopdata, or tell how far the run is."""
@@ -136,6 +140,9 @@ class _Progress:
         self.said.append(line)
         if line.startswith("hopdata:") and is_new:
             print(line, end="", file=sys.stderr, flush=True)
+        planned = _PLANNED.match(line)
+        if planned:
+            self._planned = int(planned[1])
         found = _SAID.match(line)
         if not found:
             return
@@ -147,7 +154,9 @@ class _Progress:
             self._took.append(seconds)
             self._last_job = f"{rule} {seconds:.0f} s"
         else:
-            self._show_step(int(done), int(number))
+            # With --until, the count of steps holds jobs that will not run.
+            number_that_runs = self._planned or int(number)
+            self._show_step(int(done), number_that_runs)
 
     def _show_step(self, done: int, number: int) -> None:
         mean_s = fmean(self._took or [0.0])
