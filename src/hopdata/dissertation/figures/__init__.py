@@ -1,0 +1,1 @@
+"""Drawings of the parts' tables; nothing is computed here."""
