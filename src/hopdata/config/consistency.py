@@ -167,7 +167,7 @@ def _has_truth(config: Mapping[str, Any], files: list[str]) -> bool:
 
 
 def expected_noise_m(config: Mapping[str, Any]) -> float:
-    """Return the noise of a marker's coordinate that the quality is compared with, m."""
+    """Return the noise of a coordinate that the quality is compared with, m."""
     noise_m: float = config["report"]["expected_noise_m"]
     if is_simulated(config):
         noise_m = config["motion_capture"]["noise_m"]
