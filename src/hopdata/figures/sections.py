@@ -16,6 +16,10 @@ from hopdata.figures import style
 
 # Decades of the density of a foot's height.
 DECADES_SHOWN = 4
+# Heights at which branches may be labelled, in reaches of the foot above its threshold.
+LABEL_BANDS = ((0.25, 0.45), (0.45, 0.65), (0.65, 0.85))
+# Length of such a label and its distance from the branch, in ranges of body height.
+LABEL_LENGTH = 0.42
 # Space around the points, as a share of their range.
 MARGIN = 0.03
 THRESHOLDS = ("min_foot_threshold_m", "max_foot_threshold_m")
@@ -110,9 +114,7 @@ def _draw_side(
     above = half.add_subplot(grid[1, 1], sharex=scatter)
     landings = half.add_subplot(grid[0, 1], sharex=scatter)
     threshold = _height(sections, f"{side.foot}_threshold_m")
-    _draw_scatter(
-        scatter, side, frames, threshold, sections.get("frames") == "landings"
-    )
+    _draw_scatter(scatter, side, frames, threshold, sections)
     scatter.set(
         xlim=_span(frames[["body_m"]], sections, ("pre_height_m", "post_height_m")),
         ylim=_span(frames[["min_foot_m", "max_foot_m"]], sections, THRESHOLDS),
@@ -152,8 +154,9 @@ def _draw_scatter(
     side: _Side,
     frames: pd.DataFrame,
     threshold: float | None,
-    of_landings: bool,
+    sections: Mapping[str, Any],
 ) -> None:
+    of_landings = sections.get("frames") == "landings"
     body = frames["body_m"].to_numpy() * 1e3
     foot = frames[f"{side.foot}_m"].to_numpy() * 1e3
     landing = frames["landing"].to_numpy(bool)
@@ -166,7 +169,8 @@ def _draw_scatter(
     if threshold is not None and of_landings:
         chosen &= landing
     if threshold is not None and not of_landings:
-        _name_branches(axes, body, foot, landing, threshold)
+        lines = _section_lines(sections, side)
+        _name_branches(axes, body, foot, landing, threshold, lines)
     look: Any = {"s": 1.2, "alpha": 0.35, "linewidths": 0, "rasterized": True}
     for mask, colour in ((~chosen, style.GREY), (chosen, side.colour)):
         axes.scatter(body[mask], foot[mask], c=colour, **look)
@@ -175,30 +179,42 @@ def _draw_scatter(
 
 
 def _name_branches(
-    axes: Axes, body: Any, foot: Any, landing: Any, threshold: float
+    axes: Axes, body: Any, foot: Any, landing: Any, threshold: float, lines: list[float]
 ) -> None:
-    """Label the two branches of frames in the air as descent and ascent."""
-    reach = foot.max() - threshold
-    low = threshold + 0.25 * reach
-    high = threshold + 0.45 * reach
-    inside = (low < foot) & (foot < high)
-    descent = inside & landing
-    ascent = inside & ~landing
-    if not descent.any() or not ascent.any():
-        return
-    places = {
-        "descent": float(np.median(body[descent])),
-        "ascent": float(np.median(body[ascent])),
-    }
-    height = (low + high) / 2
-    for name, place in places.items():
-        shift = 12
-        side = "left"
-        if place == min(places.values()):
-            shift = -12
-            side = "right"
-        look = {"ha": side, "va": "center", "fontsize": 7}
-        style.note(axes, name, (place, height), (shift, 0), **look)
+    """Label the two branches of frames in the air as descent and ascent.
+
+    Each label stands beside its branch, at the lowest height at which none of the
+    vertical `lines`, mm, crosses it.
+    """
+    length = LABEL_LENGTH * np.ptp(body)
+    waiting = ["descent", "ascent"]
+    for low, high in LABEL_BANDS:
+        bottom, top = threshold + np.array([low, high]) * (foot.max() - threshold)
+        inside = (bottom < foot) & (foot < top)
+        if not (inside & landing).any() or not (inside & ~landing).any():
+            continue
+        places = {
+            "descent": float(np.median(body[inside & landing])),
+            "ascent": float(np.median(body[inside & ~landing])),
+        }
+        for name in [*waiting]:
+            place = places[name]
+            on_left = place == min(places.values())
+            begin = place - length if on_left else place
+            if any(begin < line < begin + length for line in lines):
+                continue
+            shift = -12 if on_left else 12
+            side = "right" if on_left else "left"
+            look = {"ha": side, "va": "center", "fontsize": 7}
+            style.note(axes, name, (place, (bottom + top) / 2), (shift, 0), **look)
+            waiting.remove(name)
+
+
+def _section_lines(sections: Mapping[str, Any], side: _Side) -> list[float]:
+    """Return the heights of a section by either rule, mm."""
+    key = f"{side.section}_height_m"
+    heights = (_height(sections, key), _height(sections.get("beside", {}), key))
+    return [height for height in heights if height is not None]
 
 
 def _draw_foot_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None:
