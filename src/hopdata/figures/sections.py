@@ -1,6 +1,6 @@
 """Figure 2.2: how foot heights and body height determine the Poincaré sections."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,7 +60,11 @@ SIDES = (
 
 @style.styled
 def sections_figure(
-    frames: pd.DataFrame, densities: pd.DataFrame, sections: Mapping[str, Any]
+    frames: pd.DataFrame,
+    densities: pd.DataFrame,
+    sections: Mapping[str, Any],
+    *,
+    landings: bool = True,
 ) -> Figure:
     """Draw Fig. 2.2: foot and body heights, their densities, thresholds and sections.
 
@@ -80,24 +84,29 @@ def sections_figure(
         ``min_foot_threshold_m``, ``max_foot_threshold_m``, ``pre_height_m``,
         ``post_height_m``, ``frames``; ``held``, the share of the landings that each
         section holds; ``decided``, and ``beside``, the heights by the other rule.
+    landings : bool
+        Whether to draw the densities in landings, which the printed figure lacks.
 
     Returns
     -------
     Figure
-        Two halves, one per section, of 3 x 2 axes with shared height axes. The range
+        Two halves, one per section, of 3 x 2 axes (2 x 2 without the densities in
+        landings) with shared height axes. The range
         between the sections is yellow, as in Fig. 2.3. The scatter plot is rasterised.
     """
     if frames.empty:
         return style.message_figure(
             "No frame to draw: the recording holds no complete frames."
         )
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 104.0)
+    height_mm = 104.0
+    if not landings:
+        height_mm = 86.0
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
     halves: Any = figure.subfigures(1, 2, wspace=0.02)
     for half, side in zip(halves, SIDES, strict=True):
-        _draw_side(half, side, frames, densities, sections)
-    figure.legend(
-        handles=_legend_handles(sections), loc="outside lower center", ncols=3
-    )
+        _draw_side(half, side, frames, densities, sections, landings)
+    handles = _legend_handles(sections, landings)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -107,12 +116,22 @@ def _draw_side(
     frames: pd.DataFrame,
     densities: pd.DataFrame,
     sections: Mapping[str, Any],
+    with_landings: bool,
 ) -> None:
-    grid = half.add_gridspec(3, 2, width_ratios=(1, 2.8), height_ratios=(1, 1, 2.3))
-    scatter = half.add_subplot(grid[2, 1])
-    beside = half.add_subplot(grid[2, 0], sharey=scatter)
-    above = half.add_subplot(grid[1, 1], sharex=scatter)
-    landings = half.add_subplot(grid[0, 1], sharex=scatter)
+    heights = [1, 2.3]
+    if with_landings:
+        heights = [1, 1, 2.3]
+    grid = half.add_gridspec(
+        len(heights), 2, width_ratios=(1, 2.8), height_ratios=heights
+    )
+    scatter = half.add_subplot(grid[-1, 1])
+    beside = half.add_subplot(grid[-1, 0], sharey=scatter)
+    above = half.add_subplot(grid[-2, 1], sharex=scatter)
+    with_sections = [scatter, above]
+    if with_landings:
+        landings = half.add_subplot(grid[0, 1], sharex=scatter)
+        _draw_landing_density(landings, side, densities)
+        with_sections.append(landings)
     threshold = _height(sections, f"{side.foot}_threshold_m")
     _draw_scatter(scatter, side, frames, threshold, sections)
     scatter.set(
@@ -121,9 +140,8 @@ def _draw_side(
     )
     _draw_foot_density(beside, side, densities)
     _draw_body_density(above, side, densities)
-    _draw_landing_density(landings, side, densities)
     _draw_threshold((scatter, beside), threshold)
-    _draw_sections((scatter, above, landings), sections, side)
+    _draw_sections(with_sections, sections, side)
     title = f"{side.section.capitalize()} section: {_said(sections, side)}"
     half.suptitle(
         f"{side.letter}   {title}",
@@ -268,7 +286,7 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
 
 
 def _draw_sections(
-    each: tuple[Axes, ...], sections: Mapping[str, Any], side: _Side
+    each: Iterable[Axes], sections: Mapping[str, Any], side: _Side
 ) -> None:
     """Draw a section, that by the other rule, and the range between both sections."""
     other = _height(sections.get("beside", {}), f"{side.section}_height_m")
@@ -285,7 +303,7 @@ def _draw_sections(
             axes.axvline(own, **DASHED)
 
 
-def _legend_handles(sections: Mapping[str, Any]) -> list[Artist]:
+def _legend_handles(sections: Mapping[str, Any], landings: bool) -> list[Artist]:
     dots = [(side.colour, side.condition) for side in SIDES]
     dots.append((style.GREY, "other frames"))
     handles: list[Artist] = [
@@ -297,12 +315,11 @@ def _legend_handles(sections: Mapping[str, Any]) -> list[Artist]:
     if _height(sections.get("beside", {}), "pre_height_m") is not None:
         rule = sections["beside"]["rule"]
         handles.append(Line2D([], [], label=f"section by the rule {rule}", **DOTTED))
-    handles.append(
-        Line2D([], [], color=style.INK, lw=0.9, label="landings: at a contact")
-    )
-    handles.append(
-        Line2D([], [], color=style.GREY, lw=0.9, label="landings: at a turn")
-    )
+    if landings:
+        curves = ((style.INK, "contact"), (style.GREY, "turn"))
+        for colour, name in curves:
+            label = f"landings: at a {name}"
+            handles.append(Line2D([], [], color=colour, lw=0.9, label=label))
     return handles
 
 
