@@ -37,12 +37,15 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from exact import INITIAL_STATE, T_SPAN, octant, octant_end, restarted
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from peers.printed_peer import (
+from restarted import restarted
+from scipy.integrate import RK45
+
+from hopdata.arrays import FloatArray
+from hopdata.hybrid import System, field, solve
+from hopdata.hybrid.printed import (
     PrintedOptions,
-    Slope,
     Stepping,
     coefficients,
     hermite,
@@ -51,10 +54,8 @@ from peers.printed_peer import (
     integrate,
     region_of,
 )
-from scipy.integrate import RK45
-
-from hopdata.arrays import FloatArray
-from hopdata.hybrid import System, field, solve
+from hopdata.hybrid.printed.region import Slope
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant, octant_end
 
 # Order of a method from errors at many step sizes: a line through the straight part,
 # and its limit.

@@ -22,21 +22,14 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from exact import (
-    INITIAL_STATE,
-    T_SPAN,
-    Plate,
-    VerticalHopper,
-    hopper_end,
-    octant,
-    octant_end,
-    plate_end,
-)
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, System, guards, solve, solve_batch
 from hopdata.hybrid import field as _field
 from hopdata.hybrid.arguments import SMALLEST_RTOL
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant, octant_end
+from hopdata.scenes.plate import Plate, plate_end
+from hopdata.scenes.vertical_hopper import VerticalHopper, hopper_end
 
 # Interface of every peer: named solvers that take a tolerance and return something to
 # run.

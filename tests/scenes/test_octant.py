@@ -5,9 +5,9 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
-from exact import INITIAL_STATE, T_SPAN, octant
 
 from hopdata.hybrid import solve
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 
 def affine_mode(locks):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import VerticalHopper
 from scipy.optimize import brentq
 
 from hopdata.hybrid import solve
+from hopdata.scenes.vertical_hopper import VerticalHopper
 
 PRELOADED = VerticalHopper(rest_length_m=1.05)
 DAMPED = VerticalHopper(damping_n_s_m=6.0, rest_length_m=1.02)

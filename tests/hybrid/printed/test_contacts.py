@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hybrid_systems import ladder, ladder_solution
-from peers.printed_peer import (
-    FINDERS,
+
+from hopdata.hybrid.printed import (
     PrintedOptions,
+    Step,
     closed_form,
     coefficients,
     hermite,
@@ -16,8 +17,9 @@ from peers.printed_peer import (
     impact_fractions,
     region_of,
     resolve_contacts,
-    value,
 )
+from hopdata.hybrid.printed.roots import FINDERS
+from hopdata.hybrid.printed.spline import value
 
 each = pytest.mark.parametrize(
     "options", [PrintedOptions(name) for name in FINDERS], ids=FINDERS
@@ -73,7 +75,8 @@ def test_a_second_guard_at_the_surface_has_an_instant(options, beyond):
     region = region_of(ladder(1), (0.0, 1.0))
     y0, y1, f = np.array([beyond, 0.0]), np.array([1.0, 0.0]), np.array([1.0, 0.0])
     locks, candidates = np.array([-1]), np.array([0])
-    parts = impact_fractions(region, 0.0, y0, f, 1.0, y1, f, locks, candidates, options)
+    step = Step(0.0, y0, f, 1.0, y1, f)
+    parts = impact_fractions(region, step, locks, candidates, options)
     assert parts == pytest.approx([0.0], abs=2e-17)
 
 

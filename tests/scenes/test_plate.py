@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import (
+from scipy.integrate import solve_ivp
+
+from hopdata.hybrid import solve
+from hopdata.scenes.plate import (
     N_MEMORY,
     Plate,
     compression,
@@ -17,9 +20,6 @@ from exact import (
     plate_rate_bound,
     update_sums,
 )
-from scipy.integrate import solve_ivp
-
-from hopdata.hybrid import solve
 
 TILTED = np.array([0.07, 0.93, 0.21, -0.3, -1.1, 0.8])
 FALL = np.array([0.0, 2.4, 0.06, 0.0, 0.0, 0.0])

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, ladder, throw
-from peers.printed_peer import (
-    FINDERS,
+from scipy.integrate import DOP853, LSODA, RK45, Radau
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from hopdata.hybrid.printed import (
     Mesh,
     PrintedOptions,
     Stepping,
     integrate,
     region_of,
 )
-from scipy.integrate import DOP853, LSODA, RK45, Radau
-from scipy.linalg import expm
-from scipy.optimize import brentq
+from hopdata.hybrid.printed.roots import FINDERS
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 START, END = (-0.4, -0.15, 0.3), 0.5
 
