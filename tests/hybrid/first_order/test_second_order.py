@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import octant
 from hybrid_systems import ladder
 
 from hopdata.hybrid import System, field, guards, on_event
@@ -14,6 +13,7 @@ from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import octant
 from hopdata.scenes.scene import Control
 
 FEET = ("left", "middle", "right")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import VerticalHopper, octant, octant_guards
 from hybrid_systems import ball, ladder, relay, sliding, throw
 
 from hopdata.hybrid import System, field, guards
@@ -24,7 +23,9 @@ from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import octant, octant_guards
 from hopdata.scenes.scene import Control
+from hopdata.scenes.vertical_hopper import VerticalHopper
 
 HOPPER = HopperParameters()
 FEET = ("foot1", "foot2", "foot3")
