@@ -33,6 +33,7 @@ from hopdata.recordings import (
 from hopdata.recordings.quality import orientation
 from hopdata.report import language
 from hopdata.scenes import SCENES
+from hopdata.synthesis import camera
 
 answer = import_module(
     "hopdata.maps.verdict.judge"
@@ -129,6 +130,10 @@ ASKED = {
         answer.CONCLUSIONS,
         lambda name: answer.sentence(name, ANY, "", 0.95, 0.1),
     ),
+    "motion_capture.noise_of": (
+        camera.NOISE_OF,
+        lambda name: camera.MotionCapture(noise_of=name),
+    ),
     "integrator": (
         integrators.CHOICES,
         lambda name: integrators.check_method(name, ANY, jacobian=False),
@@ -151,6 +156,7 @@ CONFIGURED = {
     "report.language": language.LANGUAGES,
     "figures.formats": FORMATS,
     "simulation.scene": SCENES,
+    "motion_capture.noise_of": camera.NOISE_OF,
 }
 
 

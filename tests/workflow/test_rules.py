@@ -42,6 +42,8 @@ FIRST = {
     "verdict.*": ["verdict"],
     "report.expected_noise_m": ["quality"],
     # These decide what is asked for, or concern rules that are no stages.
+    # The keys that it sets are keys of their own.
+    "printed": [],
     "report.language": [],
     "distances.enabled": [],
     "figures.*": [],
