@@ -65,6 +65,17 @@ def test_bootstraps_with_replacement(pairs):
     assert resampled["mean"] == pytest.approx(distinct["mean"], rel=0.15)
 
 
+def test_a_draw_with_replacement_may_be_larger_than_a_class(pairs):
+    keys = {"bootstraps": 3, "train": 120, "test": 41}
+    made = run("prediction", pairs, prediction={**keys, "draws": "resampled"})
+    assert made.prediction_summary["n_train"].tolist() == [120] * 6
+    assert made.prediction_notes == []
+    distinct = run("prediction", pairs, prediction=keys)
+    assert set(distinct.prediction_summary["n_train"]) == {37}
+    (note,) = distinct.prediction_notes
+    assert "instead of 120 and 41" in note["what"]
+
+
 def distances(pairs, **keys):
     made = run(
         "constraint_subspaces",

@@ -284,7 +284,11 @@ def bootstrap_prediction(  # noqa: PLR0913 - the data, and the method's options
     )
     needed = needed_training(x)
     populations, too_small = large_enough(populations, train, test, needed)
-    sizes, scaled_down = common_split(populations, train, test)
+    sizes = (train, test)
+    scaled_down: Notes = []
+    if draws == "distinct":
+        # With replacement, landings need not be as many as are drawn.
+        sizes, scaled_down = common_split(populations, train, test)
     notes = [*notes, *too_small, *scaled_down]
 
     affordable = [model for model in MODELS if sizes[0] >= needed or model == "mean"]
