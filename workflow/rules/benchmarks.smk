@@ -15,7 +15,7 @@ BENCHMARK_TABLES = {
     "foot_strikes": ["foot_strikes.csv"],
     "jumps": ["jumps.csv"],
     "velocities": ["velocities.csv", "map_error.csv", "map_error_spread.csv"],
-    "maps": ["maps.csv", "maps_noise.csv", "maps_readings.csv"],
+    "maps": ["maps.csv"],
     "verdict_power": [
         "verdict_power.csv",
         "verdict_promise.csv",
