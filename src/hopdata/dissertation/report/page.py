@@ -61,7 +61,7 @@ def build_page(
     Parameters
     ----------
     items
-        What the dissertation states, by number.
+        What the dissertation states, in the order of the text.
     records
         What the parts found.
     folders
