@@ -21,7 +21,7 @@ HEAD = (
     "the dissertation prints",
     "the printed method here",
     "hopdata's method",
-    "they",
+    "agreement",
     "why",
 )
 INTRODUCTION = """\
@@ -77,7 +77,10 @@ def section_of(item: Item) -> str:
 
 def stated(item: Item) -> tuple[str, str, str]:
     """Return the cells of an item that hold no result: number, item, printed."""
-    title = f"{item.title} (Sec. {item.section}; `{item.where}`)"
+    where = item.where
+    if "`" not in where:
+        where = f"`{where}`"
+    title = f"{item.title} (Sec. {item.section}; {where})"
     return str(item.number), _cell(title), _cell(item.printed)
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hopdata.dissertation.items import Item
 from hopdata.dissertation.making import FIGURES, Record
@@ -20,6 +22,7 @@ from hopdata.dissertation.report.entries import (
 from hopdata.report.inputs import Picture, picture_of, read_figures, rendered
 
 FOLDER = Path(__file__).parent
+_CODE = re.compile("`([^`]+)`")
 
 # Standings whose rows the summary names one by one, the gravest first.
 NAMED = ("differs", "partly", MISSING)
@@ -78,6 +81,7 @@ def build_page(
         "dissertation.html.j2",
         own=FOLDER / "templates",
         answer=answer(counts),
+        coded=coded,
         chapters=_chapters(entries, folders),
         counts=counts,
         standings=WORDS["standing"],
@@ -85,6 +89,13 @@ def build_page(
         undrawn=[entry for entry in entries if entry.figure_failure is not None],
         repetitions=repetitions(records),
     )
+
+
+def coded(text: str) -> Any:
+    """Return a sentence for the page, with what stands in backticks set as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(_CODE.sub(r"<code>\1</code>", str(escape(text))))
 
 
 def _of(entries: Sequence[Entry], standing: str) -> list[Entry]:
