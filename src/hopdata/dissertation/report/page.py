@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,9 +20,12 @@ from hopdata.dissertation.report.entries import (
     entries_of,
     repetitions,
 )
+from hopdata.provenance import version_of
 from hopdata.report.inputs import Picture, picture_of, read_figures, rendered
 
 FOLDER = Path(__file__).parent
+# Packages whose versions the page states.
+VERSIONS = ("hopdata", "numpy", "scipy", "numba", "mujoco")
 _CODE = re.compile("`([^`]+)`")
 
 # Standings whose rows the summary names one by one, the gravest first.
@@ -88,6 +92,7 @@ def build_page(
         named={name: _of(entries, name) for name in NAMED if counts[name]},
         undrawn=[entry for entry in entries if entry.figure_failure is not None],
         repetitions=repetitions(records),
+        versions=_versions(),
     )
 
 
@@ -96,6 +101,12 @@ def coded(text: str) -> Any:
     from markupsafe import Markup, escape
 
     return Markup(_CODE.sub(r"<code>\1</code>", str(escape(text))))
+
+
+def _versions() -> str:
+    """Return the versions with which the page was made."""
+    packages = ", ".join(f"{name} {version_of(name)}" for name in VERSIONS)
+    return f"{packages}, Python {platform.python_version()}"
 
 
 def _of(entries: Sequence[Entry], standing: str) -> list[Entry]:
