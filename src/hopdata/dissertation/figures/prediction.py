@@ -56,7 +56,7 @@ def boxes_figure(boxes: pd.DataFrame) -> Figure:
     for method, (_, colour, beside) in METHODS.items():
         rows = boxes[boxes["method"] == method].set_index("model")
         for place, model in enumerate(MODELS):
-            values = [float(rows.at[model, name]) for name in QUANTILES]
+            values = rows.loc[model, list(QUANTILES)].to_numpy(float).tolist()
             style.box(axes, place + beside, values, colour, widths=0.32)
     axes.set_xticks(range(len(MODELS)), [*MODELS.values()])
     axes.tick_params(axis="x", length=0)
@@ -113,8 +113,8 @@ def ratio_figure(ratios: pd.DataFrame) -> Figure:
     panels[0].set_ylabel("MSE, one map for all orders /\nmap of each order")
     panels[1].legend(loc="upper right")
     figure.suptitle(
-        "C1 and noise: the ratio falls to 1 as contacts draw together. "
-        "Curvature keeps it at 1.6 if there is no noise.",
+        "C1: seen with noise, both models err alike as the contacts draw together; "
+        "without noise, curvature stays.",
         x=0.01,
         ha="left",
         fontsize=style.pt(8),
@@ -185,7 +185,8 @@ def unseen_figure(table: pd.DataFrame) -> Figure:
     axes.grid(axis="y")
     axes.legend(loc="lower right")
     axes.set_title(
-        "Near the simultaneous contact a C1 map\npredicts an order that it never saw",
+        "Near the simultaneous contact a C1 map predicts\nan order "
+        "that it never saw; the control's does not",
         loc="left",
     )
     return figure
@@ -224,12 +225,8 @@ def impacts_figure(table: pd.DataFrame) -> Figure:
         axes.set_xscale("log")
         axes.set_ylim(0, 1.1 * float(levels["q95"].max()))
         axes.axvline(PRINTED_IMPACTS, color=style.VERMILION, linewidth=1.0)
-        axes.axhline(
-            float(middle.iloc[-1]),
-            color=style.GREY,
-            linewidth=0.8,
-            linestyle=(0, (4, 2)),
-        )
+        last = (float(sizes.iloc[-1]), float(middle.iloc[-1]))
+        axes.axhline(last[1], color=style.GREY, linewidth=0.8, linestyle=(0, (4, 2)))
         axes.set_ylabel(label)
         axes.set_xlabel("landings of any order that the map is fitted to")
         axes.xaxis.set_major_locator(ticker.FixedLocator(sizes.tolist()))
@@ -237,7 +234,6 @@ def impacts_figure(table: pd.DataFrame) -> Figure:
         at = (PRINTED_IMPACTS, 0.97 * axes.get_ylim()[1])
         words = f"the dissertation's {PRINTED_IMPACTS}"
         style.note(axes, words, at, (4, -6), color=style.VERMILION, fontsize=7)
-        last = (float(sizes.iloc[-1]), float(middle.iloc[-1]))
         left_over = f"{last[1]:.3g} % remain: noise and curvature"
         if what == "map":
             left_over = f"{last[1]:.3g} % remain: curvature"
