@@ -119,3 +119,10 @@ def _split(states: FloatArray) -> tuple[FloatArray, FloatArray]:
     positions, velocities = np.split(states, 2, axis=1)
     shape = (len(states), -1, 3)
     return positions.reshape(shape), velocities.reshape(shape)
+
+
+def units_of(pairs: Pairs) -> FloatArray:
+    """Return the units (6B,) of a study's states, m and m/s."""
+    half = pairs.x.shape[1] // 2
+    velocity_unit = pairs.length_unit_m / pairs.time_unit_s
+    return np.repeat([pairs.length_unit_m, velocity_unit], half)

@@ -304,7 +304,7 @@ def _spreads(study: Study, seeds: Sequence[int]) -> pd.DataFrame:
     """Return the ratio of the models' errors in small studies, a row a study."""
     heights = (study.sections.pre_height_m, study.sections.post_height_m)
     noise = small_studies.Noise.of(study.pairs)
-    units = _units(study)
+    units = small_studies.units_of(study.pairs)
     rows = []
     for seed in seeds:
         for scale in SCALES:
@@ -320,14 +320,6 @@ def _spreads(study: Study, seeds: Sequence[int]) -> pd.DataFrame:
                     rows.append((seed, scale, case, seen, spread_ms, ratio))
     columns = ["seed", "scale", "case", "noise", "spread_ms", "ratio"]
     return pd.DataFrame(rows, columns=columns)
-
-
-def _units(study: Study) -> FloatArray:
-    """Return the units (6B,) of the study's states, m and m/s."""
-    pairs = study.pairs
-    half = pairs.x.shape[1] // 2
-    velocity_unit = pairs.length_unit_m / pairs.time_unit_s
-    return np.repeat([pairs.length_unit_m, velocity_unit], half)
 
 
 def _all_over_specialised(
@@ -516,7 +508,9 @@ def _never_trained_on(
             ratios.append(float(mean["unseen"] / mean["seen"]))
         values[f"{case}_share"] = shares[0]
         values[f"{case}_over_seen"] = ratios
-        noise = small_studies.Noise.of(study.pairs).y / _units(study)
+        noise = small_studies.Noise.of(study.pairs).y / small_studies.units_of(
+            study.pairs
+        )
         values[f"{case}_noise"] = 100 * float(
             np.sqrt(np.mean(noise**2) / table["mean"].mean())
         )
