@@ -4,7 +4,6 @@ from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
-import order as theorem
 import pytest
 
 from choices import enumerations, without_products
@@ -13,6 +12,7 @@ from hopdata.config.schema import load_schema
 from hopdata.figures import style as saving
 from hopdata.figures.catalogue import FORMATS
 from hopdata.hybrid.methods import table as integrators
+from hopdata.hybrid.printed import theorem
 from hopdata.landings import schedules, touchdowns
 from hopdata.landings.contacts import find as contacts
 from hopdata.landings.contacts import kink_law as kink_recording
