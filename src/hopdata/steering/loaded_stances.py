@@ -9,6 +9,8 @@ the lowest point of the body instead, and report it a few frames later.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hopdata.arrays import pd
@@ -23,6 +25,24 @@ from hopdata.synthesis.hops import Hop
 SAME_STANCE_S = 0.2
 
 
+@dataclass(frozen=True)
+class Noticed:
+    """Stances of a run, noticed in both ways.
+
+    Parameters
+    ----------
+    stances : DataFrame
+        One row per hop: ``lowest_s``, the true lowest point; ``loaded_s``, when all
+        legs carry load; ``found_s``, the lowest point as the cameras' frames give it,
+        and ``told_s``, the frame that told; NaN where that did not happen.
+    n_false : int
+        Stances that the cameras told of where there was none.
+    """
+
+    stances: pd.DataFrame
+    n_false: int
+
+
 def all_loaded_s(hop: Hop) -> float:
     """Return when all legs first carry load at once, s after the apex; NaN if never."""
     standing = np.cumsum(np.where(hop.event_down, 1, -1))
@@ -32,14 +52,14 @@ def all_loaded_s(hop: Hop) -> float:
     return float(hop.event_time[everyone[0]])
 
 
-def detection_delays(
+def noticed_stances(
     robot: plant.SteeredHopper,
     geometry: HopperGeometry,
     *,
     hops: int,
     seed: int,
     rate_hz: float = 100.0,
-) -> pd.DataFrame:
+) -> Noticed:
     """Let the robot hop with random swings, and notice its stances in both ways.
 
     Parameters
@@ -52,13 +72,6 @@ def detection_delays(
         Seed of swings, kicks and noise.
     rate_hz : float
         Frame rate of the cameras.
-
-    Returns
-    -------
-    DataFrame
-        One row per hop: ``lowest_s``, the true lowest point; ``loaded_s``, when all
-        legs carry load; ``found_s``, the lowest point as the cameras' frames give it,
-        and ``told_s``, the frame that told; NaN where that did not happen.
 
     Raises
     ------
@@ -90,11 +103,13 @@ def detection_delays(
         apex = hop.end
     table = pd.DataFrame(rows)
     found = np.full((len(table), 2), np.nan)
+    n_false = 0
     for one in reported:
         apart = np.abs(table["lowest_s"].to_numpy() - one[0])
         nearest = int(apart.argmin())
-        if apart[nearest] < SAME_STANCE_S:
+        if apart[nearest] < SAME_STANCE_S and np.isnan(found[nearest, 0]):
             found[nearest] = one
+        else:
+            n_false += 1
     table[["found_s", "told_s"]] = found
-    table.attrs["reported"] = len(reported)
-    return table
+    return Noticed(table, n_false)

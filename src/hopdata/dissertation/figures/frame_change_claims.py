@@ -122,8 +122,9 @@ def _draw_scaled(axes: Axes, scaled: pd.DataFrame) -> None:
     style.plain_numbers(axes.xaxis)
     style.plain_numbers(axes.yaxis)
     axes.set_xticks([4, 6, 8, 12])
-    axes.set_xlabel("spread of the frame change in x (mm)")
-    axes.set_ylabel("what the order adds, rms (mm)")
+    axes.set_yticks([0.03, 0.1, 0.3, 1])
+    axes.set_xlabel("spread of Δx (mm)")
+    axes.set_ylabel("what the landing order adds to Δx, rms (mm)")
     _legend_above(axes)
 
 
@@ -214,12 +215,9 @@ def turning_figure(turns: pd.DataFrame) -> Figure:
         axes.set_xticks(sorted(turns["swing_deg"].unique()))
     turn.axhline(0.0, color=style.GREY, lw=0.6, zorder=0)
     turn.set_ylabel("turn in a hop (degrees)")
-    for text, place, align in (
-        ("counter-clockwise", 0.97, "top"),
-        ("clockwise", 0.03, "bottom"),
-    ):
-        look: Any = {"transform": turn.transAxes, "ha": "right", "color": style.GREY}
-        turn.text(0.98, place, text, va=align, **look)
+    look: Any = {"transform": turn.transAxes, "color": style.GREY}
+    turn.text(0.98, 0.97, "counter-clockwise", ha="right", va="top", **look)
+    turn.text(0.02, 0.03, "clockwise", ha="left", va="bottom", **look)
     dashed: Any = {"color": style.VERMILION, "lw": 0.9, "ls": (0, (4, 2))}
     radius.axhline(0.6, **dashed)
     printed = "0.6 m, as printed"

@@ -65,7 +65,9 @@ SWINGS_DEG = (-67.5, -45.0, -22.5, 0.0, 22.5, 45.0, 67.5)
 FIGURE_SWING_DEG = 45.0
 # Kicks of full and of a quarter of their size; and the control that is not C1.
 KICK_SCALES = (1.0, 0.25)
-CONTROL = Control(coupling=0.3)
+HOPPER = "hopper"
+COUPLED = "coupled legs"
+BODIES: Mapping[str, Control | None] = {HOPPER: None, COUPLED: Control(coupling=0.3)}
 POSES = 1000
 # Parts of a row agree if the numbers are as near as this.
 SAME_EQUATION = 1e-12
@@ -83,13 +85,18 @@ def make(seeds: Sequence[int], *, effort: Effort | None = None) -> Made:
     """Measure items 54, 55, 64, 79 and 80."""
     effort = effort or Effort()
     robot = plant.SteeredHopper()
-    found = [_of_seed(robot, seed, effort) for seed in seeds]
-    tables = {
-        name: pd.concat([one[name].assign(seed=seed) for seed, one in pairs])
-        for pairs in [list(zip(seeds, found, strict=True))]
-        for name in found[0]
-    }
-    tables = {name: table.reset_index(drop=True) for name, table in tables.items()}
+    found = []
+    for k, seed in enumerate(seeds):
+        bodies: Mapping[str, Control | None] = {HOPPER: None}
+        if k == 0:  # one seed tells the control from the hopper
+            bodies = BODIES
+        found.append(_of_seed(robot, seed, effort, bodies))
+    tables = {}
+    for name in found[0]:
+        of_seeds = [
+            one[name].assign(seed=seed) for seed, one in zip(seeds, found, strict=True)
+        ]
+        tables[name] = pd.concat(of_seeds, ignore_index=True)
     rows = [
         _equation_row(tables, int(seeds[0])),
         _zero_order_row(robot, tables),
@@ -112,7 +119,10 @@ def draw(tables: Mapping[str, pd.DataFrame]) -> Mapping[str, Figure]:
 
 
 def _of_seed(
-    robot: plant.SteeredHopper, seed: int, effort: Effort
+    robot: plant.SteeredHopper,
+    seed: int,
+    effort: Effort,
+    bodies: Mapping[str, Control | None],
 ) -> dict[str, pd.DataFrame]:
     """Return the tables of one seed."""
     needed = max(max(effort.sizes) + effort.fresh, effort.order_hops)
@@ -129,7 +139,7 @@ def _of_seed(
     return {
         "decided": residuals.decided_by(judged),
         "orders": orders,
-        "scaled": _scaled(robot, seed, effort),
+        "scaled": _scaled(robot, seed, effort, bodies),
         "curve": curve,
         "schedules": pd.DataFrame({"schedule": names, "hops": counts}),
         "turns": _turns(robot, seed, effort),
@@ -148,11 +158,16 @@ def excited_hops(robot: plant.SteeredHopper, needed: int, seed: int) -> TrueHops
     return true_hops(robot, swings[: needed + 2], seed=seed)
 
 
-def _scaled(robot: plant.SteeredHopper, seed: int, effort: Effort) -> pd.DataFrame:
+def _scaled(
+    robot: plant.SteeredHopper,
+    seed: int,
+    effort: Effort,
+    bodies: Mapping[str, Control | None],
+) -> pd.DataFrame:
     """Return what the order adds by size of the kicks, with the boom at rest."""
     even = (1.0,) * robot.hopper.n_legs
     rows = []
-    for name, control in (("hopper", None), ("coupled legs", CONTROL)):
+    for name, control in bodies.items():
         for scale in KICK_SCALES:
             kicks = Kicks(
                 velocity_m_s=scale * robot.kicks.velocity_m_s,
@@ -199,9 +214,9 @@ def _turns(robot: plant.SteeredHopper, seed: int, effort: Effort) -> pd.DataFram
 
 def _equation_row(tables: Mapping[str, pd.DataFrame], seed: int) -> Row:
     scaled = tables["scaled"]
-    powers = {name: _powers(scaled, name) for name in ("hopper", "coupled legs")}
+    powers = {name: _powers(scaled, name) for name in BODIES}
     equation = equation_error(seed)
-    is_agnostic = min(powers["hopper"]) > FIRST_ORDER_BELOW
+    is_agnostic = min(powers[HOPPER]) > FIRST_ORDER_BELOW
     agreement = Agreement.DIFFERS
     if equation < SAME_EQUATION and is_agnostic:
         agreement = Agreement.AGREES
@@ -213,8 +228,8 @@ def _equation_row(tables: Mapping[str, pd.DataFrame], seed: int) -> Row:
         agreement=agreement,
         values={
             "equation_error": equation,
-            "power": powers["hopper"],
-            "control_power": powers["coupled legs"],
+            "power": powers[HOPPER],
+            "control_power": powers[COUPLED],
             **_effects(orders, residuals.INPUTS, "without"),
             **_effects(orders, residuals.STATE, "with"),
         },
@@ -356,7 +371,7 @@ def _schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
     values["possible"] = SCHEDULES
     enough = [int((own >= PRINTED_HOPS).sum()) for _, own in of_seed]
     values["with_100"] = enough
-    values["commonest"] = [100 * own.max() / own.sum() for _, own in of_seed]
+    values["commonest"] = [float(100 * own.max() / own.sum()) for _, own in of_seed]
     suffices = all(
         np.median(values[f"all_first_{axis}"])
         <= SUFFICIENT * np.median(values[f"all_last_{axis}"])
@@ -377,9 +392,14 @@ def _schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
     reason = "told" if never and not told_never else "sooner"
     if agreement is Agreement.AGREES:
         reason = ""
-    # An infinite crossing is beyond the largest size, and is shown as such.
-    for name in [one for one in values if "crossing" in one]:
-        values[name] = [min(one, 10.0 * last) for one in values[name]]
+    values["untold_better"] = sum(
+        int(np.isfinite(values.pop(f"untold_crossing_{axis}")).sum())
+        for axis in short.values()
+    )
+    values["curves"] = len(short) * len(of_seed)
+    # A crossing beyond the largest size is shown as this size.
+    for axis in short.values():
+        values[f"crossing_{axis}"] = np.minimum(values[f"crossing_{axis}"], last)
     return Row(item=64, agreement=agreement, values=values, reason=reason)
 
 

@@ -96,7 +96,7 @@ def explained_by(
     slopes: FloatArray | None = None,
     seed: int = 0,
     permutations: int = 999,
-    resamples: int = 400,
+    resamples: int = 200,
 ) -> Explained:
     """Return what classes of hops explain of a response, given other features.
 
