@@ -26,12 +26,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from exact import VerticalHopper, hopper_states
 from machine import quartiles, this_machine
 from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, hopper_simulation, steps
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import solve
+from hopdata.scenes.vertical_hopper import VerticalHopper, hopper_states
 
 HOPPER = VerticalHopper()
 START, UNTIL_S = (2.0, 0.0), 2.0

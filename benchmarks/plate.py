@@ -34,7 +34,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
-from exact import Plate
 from machine import this_machine, timed
 from numpy.typing import NDArray
 from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, plate_simulation, steps
@@ -43,6 +42,7 @@ from scipy.optimize import brentq
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, solve
+from hopdata.scenes.plate import Plate
 
 # True end of the plate: DOP853 at its tightest tolerance, restarted at each event.
 #

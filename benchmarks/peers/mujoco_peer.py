@@ -31,11 +31,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from exact import Plate, VerticalHopper
 from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 from numpy.typing import ArrayLike
 
+from hopdata.scenes.plate import Plate
+from hopdata.scenes.vertical_hopper import VerticalHopper
 from peers import FloatArray, Found, Problem, Run, Solver
 
 try:
