@@ -23,10 +23,17 @@ LINES: dict[str, tuple[str, str, Any]] = {
     "MuJoCo": ("MuJoCo, springs as its contacts", style.BLUE, (0, (5, 1.5))),
     "hopdata": ("hopdata", style.INK, (0, (5, 1.2, 1.5, 1.2))),
 }
+# Solvers that are drawn on the bed on which the bar settles, with their labels.
+SETTLING = {
+    "printed": "printed method, bar that settles",
+    "MuJoCo": "MuJoCo, bar that settles",
+}
 
 
 @style.styled
-def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
+def scaling_figure(
+    times: pd.DataFrame, marginal: pd.DataFrame, settling: pd.DataFrame
+) -> Figure:
     """Draw run time (a) and marginal run time (b) by number of contacts.
 
     Parameters
@@ -37,6 +44,8 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
     marginal : DataFrame
         The same for a window of numbers: ``solver``, ``n_contacts``, ``low95_us``,
         ``marginal_us``, ``high95_us``.
+    settling : DataFrame
+        As `marginal`, on a bed on which the bar comes to rest without bouncing.
 
     Returns
     -------
@@ -49,6 +58,7 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
     left, right = figure.subplots(1, 2)
     _bands(left, times, ("time_q25_us", "time_median_us", "time_q75_us"))
     _bands(right, marginal, ("low95_us", "marginal_us", "high95_us"))
+    _points(right, settling)
     left.set_ylabel("run time per simulated second (µs)")
     right.set_ylabel("run time per further contact\nand simulated second (µs)")
     for axes in (left, right):
@@ -59,7 +69,10 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
     right.set_xlim(left.get_xlim())
     style.letters((left, right))
     handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    points, about_points = right.get_legend_handles_labels()
+    handles += points[len(labels) :]
+    labels += about_points[len(labels) :]
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)
     return figure
 
 
@@ -70,3 +83,16 @@ def _bands(axes: Axes, table: pd.DataFrame, columns: tuple[str, str, str]) -> No
         low, middle, high = (rows[column] for column in columns)
         line = (label, colour, dash, "")
         style.banded_line(axes, rows["n_contacts"], middle, (low, high), line)
+
+
+def _points(axes: Axes, table: pd.DataFrame) -> None:
+    """Draw the bed on which the bar settles, for the two that the text compares."""
+    for solver, label in SETTLING.items():
+        colour = LINES[solver][1]
+        rows = table[table["solver"] == solver]
+        middle = rows["marginal_us"]
+        bars = [middle - rows["low95_us"], rows["high95_us"] - middle]
+        look: Any = {"color": colour, "markerfacecolor": "white", "markersize": 3.5}
+        axes.errorbar(
+            rows["n_contacts"], middle, yerr=bars, fmt="o", label=label, **look
+        )
