@@ -87,6 +87,7 @@ def test_what_is_given_stays_and_the_rest_is_filled_in(folder):
         "train": 120,
         "test": 41,
         "minimum_class": 40,
+        "draws": "distinct",
     }
     assert config["simulation"]["hopper"]["mass_kg"] == 2.3
     assert set(config) == set(load_schema()["properties"])

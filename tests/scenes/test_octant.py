@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import solve
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
+from hopdata.scenes.octant import (
+    INITIAL_STATE,
+    T_SPAN,
+    octant,
+    octant_crossings,
+    octant_end,
+)
 
 
 def affine_mode(locks):
@@ -58,6 +64,13 @@ def test_truth_is_the_published_one(truth):
     assert end == pytest.approx(
         published, abs=1e-10
     )  # two of them are misprinted below that
+
+
+def test_the_scene_has_the_exact_solution(truth):
+    times, states = octant_crossings()
+    assert times == pytest.approx(truth[0], abs=1e-15)
+    assert states[[0, 1, 2], [1, 2, 0]] == pytest.approx(0.0, abs=1e-15)
+    assert octant_end() == pytest.approx(truth[1], abs=1e-14)
 
 
 def test_exact_to_1e_10(truth):

@@ -9,8 +9,11 @@ from scipy.integrate import solve_ivp
 from hopdata.hybrid import solve
 from hopdata.scenes.plate import (
     N_MEMORY,
+    PLATE_SPAN,
+    PLATE_START,
     Plate,
     compression,
+    plate_end,
     plate_field,
     plate_field_jacobian,
     plate_field_of_sums,
@@ -79,6 +82,21 @@ def test_guards_are_the_compressions_and_their_rates():
     assert hdot == pytest.approx(gradient(plate.compressions, TILTED) @ dy, rel=1e-8)
     alone = [compression(i, TILTED, np.array(plate.params)) for i in range(5)]
     assert h == pytest.approx(alone, abs=1e-15)
+
+
+def test_the_gradients_are_those_of_the_compressions():
+    plate = Plate(5)
+    expected = gradient(plate.compressions, TILTED)[:, :3]
+    assert plate.gradients(TILTED) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_end_of_the_first_bounce():
+    plate = Plate()
+    found = solve(
+        plate.system(), PLATE_SPAN, PLATE_START, params=plate.params, rtol=1e-13, atol=1e-14
+    )  # fmt: skip
+    assert np.abs(found.y_end - plate_end()).max() < 1e-11
+    assert found.n_events == 2 * plate.n_contacts
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 35])

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from hopdata.hybrid import solve
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.vertical_hopper import VerticalHopper, hopper_end, hopper_states
 
 PRELOADED = VerticalHopper(rest_length_m=1.05)
 DAMPED = VerticalHopper(damping_n_s_m=6.0, rest_length_m=1.02)
@@ -67,6 +67,23 @@ def test_against_closed_form(hopper):
     assert np.abs(solution.events.time - instants).max() < 1e-10
     assert np.abs(solution.events.before[:, 1] - speeds).max() < 1e-9
     assert np.abs(solution.events.before[:, 0] - 1.0).max() < 1e-14
+
+
+def test_the_closed_form_at_any_time_and_at_the_end():
+    hopper, times = VerticalHopper(), np.linspace(0.0, 3.0, 200)
+    solution = solve(
+        hopper.system(), (0.0, 3.0), [2.0, 0.0], params=hopper.params, rtol=1e-12,
+        atol=1e-13, t_eval=times,
+    )  # fmt: skip
+    exact = hopper_states(hopper, 2.0, times)
+    assert np.abs(solution.y - exact).max() < 1e-10
+    assert hopper_end(hopper, 2.0, 2.0) == pytest.approx(
+        hopper_states(hopper, 2.0, [2.0])[:, 0], abs=1e-12
+    )
+    with pytest.raises(ValueError, match="in flight"):
+        hopper_end(hopper, 2.0, 0.5)
+    with pytest.raises(ValueError, match="preload"):
+        hopper_states(PRELOADED, 2.0, times)
 
 
 def test_parameters_matter():

@@ -2,7 +2,7 @@ BENCHMARKS = "results/benchmarks"
 # The tables that each program of benchmarks/ writes: its `--out` first, then those beside it.
 BENCHMARK_TABLES = {
     "machine": ["machine.csv"],
-    "order": ["order.csv", "theorem.csv", "dense.csv"],
+    "order": ["order.csv", "dense.csv"],
     "integrator": ["integrator.csv"],
     "work_precision": ["work_precision.csv", "ratios.csv", "head_to_head.csv", "batches.csv"],
     "calibration": ["calibration.csv", "calibration_table.csv"],
@@ -15,7 +15,7 @@ BENCHMARK_TABLES = {
     "foot_strikes": ["foot_strikes.csv"],
     "jumps": ["jumps.csv"],
     "velocities": ["velocities.csv", "map_error.csv", "map_error_spread.csv"],
-    "maps": ["maps.csv", "maps_noise.csv", "maps_readings.csv"],
+    "maps": ["maps.csv"],
     "verdict_power": [
         "verdict_power.csv",
         "verdict_promise.csv",

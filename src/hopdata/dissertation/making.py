@@ -178,7 +178,7 @@ def make_part(
     _clear(folder)
     record = _made(name, folder, seeds, formats=formats, dpi=dpi)
     write_json(folder / RECORD, record.to_dict())
-    return record
+    return read_record(folder)
 
 
 def _made(

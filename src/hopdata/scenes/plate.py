@@ -342,6 +342,16 @@ class Plate:
         arms = x - self.spring_places_m.reshape(-1, *(1,) * np.ndim(x))
         return self.rest_length_m + np.tan(angle) * arms - z
 
+    def gradients(self, y: ArrayLike) -> FloatArray:
+        """Return Dh_i by x, z and angle at a state (6,): (n_contacts, 3)."""
+        x, _, angle, *_ = np.asarray(y, dtype=np.float64)
+        arms = x - self.spring_places_m
+        rows = np.empty((self.n_contacts, 3))
+        rows[:, 0] = np.tan(angle)
+        rows[:, 1] = -1.0
+        rows[:, 2] = arms / np.cos(angle) ** 2
+        return rows
+
     def energy(self, y: ArrayLike) -> FloatArray:
         """Return the energy of states (6, ...), J; the floor is at height 0."""
         y = np.asarray(y, dtype=np.float64)
@@ -384,12 +394,18 @@ def _names(n_contacts: int) -> tuple[str, ...]:
     return tuple(f"spring{i + 1}" for i in range(n_contacts))
 
 
+# A fall of the plate on 35 springs. Within the span it bounces once: each spring is
+# touched and left once.
+PLATE_START = (0.0, 2.5, 0.05, 0.0, 0.0, 0.0)
+PLATE_SPAN = (0.0, 1.0)
+
+
 def plate_end() -> FloatArray:
-    """Return the end of the plate's first bounce (`peers`), which has no closed form.
+    """Return the state (6,) `PLATE_SPAN` after `PLATE_START`; it has no closed form.
 
     The numbers come from heyoka in extended precision at a tolerance of 1e-18; at 1e-17
     they change by 1e-19. In double precision, heyoka reaches them within 2e-15 and
-    SciPy's DOP853 within 1e-13, as the benchmark's own rows confirm.
+    SciPy's DOP853 within 1e-13 (``work_precision.csv``).
     """
     x, z, angle = (
         -0.03919835492659511175,

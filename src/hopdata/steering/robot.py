@@ -18,6 +18,7 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import require
 from hopdata.scenes.hopper_control import HopperDrag
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control, Variant
 from hopdata.synthesis.camera import MotionCapture, fixed_markers, in_world
 from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.trial import Kicks, MarkerOptions, from_mapping, kicked
@@ -167,6 +168,7 @@ def steer_hop(
     rng: np.random.Generator,
     rate_hz: float = 0.0,
     board: Board | None = None,
+    control: Control | None = None,
 ) -> SteeredHop:
     """Simulate one hop with a swing of the boom.
 
@@ -184,7 +186,12 @@ def steer_hop(
         apex. No frames by default.
     board : Board, optional
         Board in the hopper's way; `Board.pushed` returns where the hop leaves it.
+    control : Control, optional
+        Flies and lands in place of the robot, without a board.
     """
+    variant: Variant | None = control
+    if board is not None:
+        variant = board.drag
     swing = float(np.clip(swing_rad, -robot.swing_limit_rad, robot.swing_limit_rad))
     parameters = replace(
         robot.hopper,
@@ -202,7 +209,7 @@ def steer_hop(
     hop = fly_hop(
         parameters,
         state,
-        variant=None if board is None else board.drag,
+        variant=variant,
         preloads_n=robot.preloads_n * preload_factors,
         frame_times_s=times,
         limit_s=robot.hop_limit_s,

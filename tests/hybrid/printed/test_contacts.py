@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hybrid_systems import ladder, ladder_solution
@@ -80,6 +82,27 @@ def test_a_second_guard_at_the_surface_has_an_instant(options, beyond):
     assert parts == pytest.approx([0.0], abs=2e-17)
 
 
+@each
+def test_a_second_guard_beyond_the_surface_has_no_bracket_as_printed(options):
+    region = region_of(ladder(1), (0.0, 1.0))
+    slope = np.array([1.0, 0.0])
+    locks, candidates = np.array([-1]), np.array([0])
+    printed = replace(options, cross_at_surface=False)
+    beyond = Step(0.0, np.array([1e-17, 0.0]), slope, 1.0, np.ones(2), slope)
+    with pytest.raises(ArithmeticError, match="no bracket for the root of rung0"):
+        impact_fractions(region, beyond, locks, candidates, printed)
+    before = Step(0.0, np.array([-1e-17, 0.0]), slope, 1.0, np.ones(2), slope)
+    assert impact_fractions(region, before, locks, candidates, printed)[0] < 1e-16
+
+
+def test_with_a_restart_the_step_ends_at_its_first_crossing():
+    found = resolve([0.5, 1.5], [1.0, 1.0], PrintedOptions(tail="restart"))
+    assert [one.guard for one in found.crossings] == [0]
+    assert found.t == pytest.approx(0.5, abs=1e-15)
+    assert found.y[0] == pytest.approx(0.5, abs=1e-15)
+    assert found.locks.tolist() == [1, -1]
+
+
 def test_an_event_at_the_very_end_leaves_no_step():
     found = resolve([LONG], [1.0])
     assert [(one.guard, one.time) for one in found.crossings] == [(0, LONG)]
@@ -90,7 +113,7 @@ def test_an_event_at_the_very_end_leaves_no_step():
 def test_heun_is_of_third_order():
     steps, errors = 0.05 / 2.0 ** np.arange(5), []
     for dt in steps:
-        end = heun3_step(lambda t, y: y * np.cos(t), 0.0, np.ones(1), np.ones(1), dt)
+        end = heun3_step(lambda t, y: y * np.cos(t), 0.0, np.ones(1), dt)
         errors.append(abs(end[0] - np.exp(np.sin(dt))))
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(
         4.0, abs=0.1

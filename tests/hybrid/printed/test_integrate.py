@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from hybrid_systems import ball, ladder, throw
@@ -10,11 +12,15 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from hopdata.hybrid.printed import (
+    AS_PRINTED,
+    CHOICES,
+    FixedSteps,
     Mesh,
     PrintedOptions,
     Stepping,
     integrate,
     region_of,
+    rk4_step,
 )
 from hopdata.hybrid.printed.roots import FINDERS
 from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
@@ -147,6 +153,31 @@ def test_an_event_on_the_mesh_happens_once():
     assert solution.y_end[0] == pytest.approx(1.5, abs=1e-14)
 
 
+def test_a_guard_at_zero_is_in_no_mode_if_locks_are_signs():
+    """As printed, b = sgn(0) = 0: the guard is not crossed, and never will be."""
+    region = region_of(ladder(1), (0.5, 1.0))
+    kept, signs = (
+        integrate(
+            region, (0.0, 1.0), [0.5, 0.0], solver=fixed(RK45, 0.125),
+            options=PrintedOptions(keep_locks=keep),
+        )
+        for keep in (True, False)
+    )  # fmt: skip
+    assert kept.mode.tolist() == [1]
+    assert kept.y_end[0] == pytest.approx(2.5, abs=1e-14)
+    assert signs.y_end[0] == pytest.approx(1.5, abs=1e-14)  # at speed 1 instead of 2
+
+
+def test_an_event_on_the_mesh_is_forgotten_if_locks_are_signs():
+    region = region_of(ladder(1), (0.5, 1.0))
+    solution = integrate(
+        region, (0.0, 1.0), [0.0, 0.0], solver=FixedSteps(rk4_step, 0.125),
+        options=PrintedOptions(keep_locks=False),
+    )  # fmt: skip
+    assert len(solution.events) == 1
+    assert solution.y_end[0] == pytest.approx(1.0, abs=1e-14)  # and not 1.5
+
+
 def test_a_touch_and_go_within_a_step_is_lost():
     """Every test of signs on the mesh has this limit; a region with live guards avoids it."""
     region = region_of(throw(), (10.0, 1.0))
@@ -222,5 +253,18 @@ def test_what_cannot_be_done_is_said():
     for wrong in ((1,), (1, 0), (1, 1, 1)):
         with pytest.raises(ValueError, match="orientation"):
             region_of(ladder(2), orientation=wrong)
-    with pytest.raises(ValueError, match="root_finder"):
-        PrintedOptions(root_finder="newton")
+    for name in CHOICES:
+        with pytest.raises(
+            ValueError, match=f"{name}: expected one of .*, found other"
+        ):
+            PrintedOptions(**{name: "other"})
+
+
+def test_as_printed_every_choice_differs_from_the_default():
+    default = PrintedOptions()
+    same = {
+        one.name
+        for one in fields(PrintedOptions)
+        if getattr(default, one.name) == getattr(AS_PRINTED, one.name)
+    }
+    assert same == {"tail"}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from order import fit_limit, fit_order
+
+from hopdata.hybrid.printed.order import fit_limit, fit_order
 
 STEPS = np.geomspace(1e-3, 1.0, 25)
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from order import MESHES, localise, turning_point
+
+from hopdata.hybrid.printed.theorem import MESHES, localise, turning_point
 
 STEPS = 0.6 / 1.5 ** np.arange(12)
 PARTS = (0.05, 0.4, 0.5, 0.9)
@@ -78,5 +79,5 @@ def test_known_event_is_consistent():
 def test_what_the_theorem_does_not_cover_is_refused():
     with pytest.raises(ValueError, match="mesh"):
         localise(turning_point(), 0.1, mesh="midpoint")
-    with pytest.raises(ValueError, match="not live"):
+    with pytest.raises(ValueError, match="live on the whole step"):
         localise(turning_point(), 3.0)

@@ -18,13 +18,13 @@ cubic Hermite splines, followed by a third-order step to its end.
 
 from hopdata.hybrid.printed.alternate import integrate_alternating, integrate_both_ways
 from hopdata.hybrid.printed.integrate import integrate
+from hopdata.hybrid.printed.one_step import dopri5_step, heun3_step, rk4_step
 from hopdata.hybrid.printed.options import AS_PRINTED, CHOICES, PrintedOptions
 from hopdata.hybrid.printed.region import Region, region_of
 from hopdata.hybrid.printed.resolution import (
     Crossing,
     Resolution,
     Step,
-    heun3_step,
     impact_fractions,
     resolve_contacts,
 )
@@ -57,6 +57,7 @@ __all__ = [
     "Stop",
     "closed_form",
     "coefficients",
+    "dopri5_step",
     "hermite",
     "heun3_step",
     "illinois",
@@ -67,4 +68,5 @@ __all__ = [
     "integrate_both_ways",
     "region_of",
     "resolve_contacts",
+    "rk4_step",
 ]

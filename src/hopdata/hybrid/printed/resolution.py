@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid.printed.one_step import heun3_step
 from hopdata.hybrid.printed.options import PrintedOptions
-from hopdata.hybrid.printed.region import Region, Slope
+from hopdata.hybrid.printed.region import Region
 from hopdata.hybrid.printed.roots import FINDERS
 from hopdata.hybrid.printed.spline import Cubic, coefficients, hermite
 
@@ -117,8 +118,7 @@ def resolve_contacts(
         crossings.append(Crossing(time, guard, state, locks.copy()))
         if options.tail == "restart":
             return Resolution(time, state, locks, tuple(crossings))
-        slope = region.slope_in(locks)
-        end = heun3_step(slope, time, state, slope(time, state), t1 - time)
+        end = heun3_step(region.slope_in(locks), time, state, t1 - time)
         step = _step(region, time, state, t1, end, locks)
         candidates = region.crossed(t1, end, locks)
     return Resolution(t1, step.y1, locks, tuple(crossings))
@@ -177,15 +177,3 @@ def impact_fractions(
 def _cubic(splines: tuple[FloatArray, ...], k: int) -> Cubic:
     a, b, c, d = (float(part[k]) for part in splines)
     return a, b, c, d
-
-
-def heun3_step(
-    slope: Slope, t: float, y: FloatArray, f: FloatArray, dt: float
-) -> FloatArray:
-    """Return the state after one step of Heun's third-order method, from slope f.
-
-    It is the tail of Algorithm 5 (Hairer, Norsett and Wanner I, table II.1.1).
-    """
-    second = slope(t + dt / 3.0, y + dt / 3.0 * f)
-    third = slope(t + 2.0 * dt / 3.0, y + 2.0 * dt / 3.0 * second)
-    return y + 0.25 * dt * (f + 3.0 * third)

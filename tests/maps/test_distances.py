@@ -4,8 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from hopdata.maps.subspaces import orthonormalised, principal_angles
-from maps import (
+from hopdata.maps.distances import (
     DISTANCES,
     NOISE_SDS,
     PRINTED_READING,
@@ -15,6 +14,7 @@ from maps import (
     noised_identities,
     snr_readings,
 )
+from hopdata.maps.subspaces import orthonormalised, principal_angles
 
 
 def test_the_ratio_of_a_reading_is_ten():

@@ -1,0 +1,330 @@
+"""Whether contact orders explain what a model of the frame change leaves over.
+
+The dissertation states two things of the frame change (Sec. 3.4.1): it does not depend
+on the mode schedule (*agnostic*), and it depends on boom angle and swing alone
+(*zero-order*). An order that explains nothing of the residual given boom angle and
+swing speaks for both. One that does may still be only a sign of the motion left over
+from the last hop, which decides both the order and the hop. If so, it explains nothing
+more once that motion, the state at the apex, is given. The two answers therefore stand
+side by side.
+
+The share that an order explains is measured as in an analysis of covariance. Its
+probability by chance comes from permuted residuals (Freedman and Lane 1983), its
+interval from a bootstrap of the hops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.errors import AnalysisError
+from hopdata.steering.models.learning import IN_UNITS, UNITS
+from hopdata.steering.models.tabulated import COMPONENTS
+from hopdata.steering.true_hops import TrueHops
+
+#: Harmonics of the boom angle in the model of a hop by its inputs.
+#: Unit: 1. Origin: chosen.
+HARMONICS = 4
+#: Degree of the polynomial of the swing in that model.
+#: Unit: 1. Origin: chosen.
+DEGREE = 4
+#: Fewest hops for each coefficient of a model.
+#: Unit: 1. Origin: chosen.
+HOPS_PER_COEFFICIENT = 3
+#: Fewest hops of an order that is told apart; rarer orders are one class.
+#: Unit: 1. Origin: chosen.
+LEAST_HOPS = 10
+#: Singular values below this share of the largest are taken for zero.
+#: Unit: 1. Origin: rounding: far above it, far below any column that is its own.
+RANK_SHARE = 1e-8
+#: Coordinates of the apex that do not vary: their spread is below this.
+#: Unit: m, rad, m/s, rad/s. Origin: rounding.
+LEAST_SPREAD = 1e-9
+
+INPUTS = "inputs"
+STATE = "inputs and state"
+ORDERS = ("landing", "lift-off")
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What classes explain of the residual of each of c responses.
+
+    Parameters
+    ----------
+    share : (c,) array
+        Explained share of the residual's variance, adjusted for the number of
+        coefficients: 0 on average if the classes do not matter.
+    low, high : (c,) arrays
+        Its 95 % interval.
+    p : (c,) array
+        Probability of so large a share by chance.
+    residual_sd : (c,) array
+        Standard deviation of the residual without the classes, in the response's unit.
+    given_share : (c,) array
+        Share of the response's variance that the model without the classes explains.
+    n_hops, n_classes : int
+        Number of hops, and of classes told apart.
+    """
+
+    share: FloatArray
+    low: FloatArray
+    high: FloatArray
+    p: FloatArray
+    residual_sd: FloatArray
+    given_share: FloatArray
+    n_hops: int
+    n_classes: int
+
+    @property
+    def effect(self) -> FloatArray:
+        """Rms of what the classes add to the prediction, in the response's unit."""
+        return np.asarray(self.residual_sd * np.sqrt(np.maximum(self.share, 0.0)))
+
+
+@one_blas_thread()
+def explained_by(
+    classes: ArrayLike,
+    response: FloatArray,
+    given: FloatArray,
+    *,
+    slopes: FloatArray | None = None,
+    seed: int = 0,
+    permutations: int = 999,
+    resamples: int = 400,
+) -> Explained:
+    """Return what classes of hops explain of a response, given other features.
+
+    Parameters
+    ----------
+    classes : (n,) array
+        Class of each hop, such as its contact order.
+    response : (n, c) array
+    given : (n, p) array
+        Features that are known, a column of ones among them.
+    slopes : (n, q) array, optional
+        Features whose coefficients may differ from class to class. By default only an
+        offset may.
+    seed : int
+        Seed of permutations and bootstrap.
+    permutations, resamples : int
+        Number of permutations of the residuals, and of bootstrap samples of the hops.
+
+    Raises
+    ------
+    AnalysisError
+        If there are fewer than `HOPS_PER_COEFFICIENT` hops for each coefficient.
+    """
+    contrasts = class_contrasts(classes)
+    n_classes = contrasts.shape[1] + 1
+    if slopes is not None:
+        of_slopes = contrasts[:, :, None] * slopes[:, None, :]
+        contrasts = np.column_stack([contrasts, of_slopes.reshape(len(slopes), -1)])
+    n_hops = len(response)
+    least = HOPS_PER_COEFFICIENT * (given.shape[1] + contrasts.shape[1])
+    if n_hops < least:
+        raise AnalysisError.at("contact orders", f"at least {least} hops", n_hops)
+
+    known = orthonormal(given)
+    residual = response - known @ (known.T @ response)
+    added = orthonormal(contrasts - known @ (known.T @ contrasts))
+    free = n_hops - known.shape[1]
+    share = adjusted(_raw_share(added, residual), added.shape[1], free)
+
+    rng = np.random.default_rng(seed)
+    by_chance = np.empty((permutations, response.shape[1]))
+    for k in range(permutations):
+        permuted = residual[rng.permutation(n_hops)]
+        permuted = permuted - known @ (known.T @ permuted)
+        by_chance[k] = adjusted(_raw_share(added, permuted), added.shape[1], free)
+    at_least = (by_chance >= share).sum(axis=0)
+
+    again = np.empty((resamples, response.shape[1]))
+    for k in range(resamples):
+        drawn = rng.integers(n_hops, size=n_hops)
+        raw = _raw_share(orthonormal(added[drawn]), residual[drawn])
+        again[k] = adjusted(raw, added.shape[1], free)
+    # What each resample adds by its own chance is taken off again.
+    low, high = np.quantile(again - again.mean(axis=0), [0.025, 0.975], axis=0)
+    spread = response - response.mean(axis=0)
+    left = (residual**2).sum(axis=0) / free
+    return Explained(
+        share=share,
+        low=share + low,
+        high=share + high,
+        p=(1 + at_least) / (1 + permutations),
+        residual_sd=np.sqrt(left),
+        given_share=1 - left / (spread**2).mean(axis=0),
+        n_hops=n_hops,
+        n_classes=n_classes,
+    )
+
+
+def class_contrasts(classes: ArrayLike) -> FloatArray:
+    """Return a column for each class but the first, (n, k - 1), with ones for its own.
+
+    Classes of fewer than `LEAST_HOPS` hops are one class.
+    """
+    names, number, counts = np.unique(
+        np.asarray(classes), return_inverse=True, return_counts=True
+    )
+    is_rare = counts < LEAST_HOPS
+    number = np.where(is_rare[number], len(names), number)
+    present = np.unique(number)
+    return np.asarray(number[:, None] == present[None, 1:], dtype=float)
+
+
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Return an orthonormal basis (n, r) of the span of columns (n, p)."""
+    norms = np.linalg.norm(columns, axis=0)
+    scaled = columns[:, norms > 0] / norms[norms > 0]
+    if not scaled.shape[1]:
+        return scaled
+    left, spread, _ = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(left[:, spread > RANK_SHARE * spread[0]])
+
+
+def adjusted(raw: FloatArray, coefficients: int, free: int) -> FloatArray:
+    """Return the share adjusted for its coefficients, of `free` degrees of freedom."""
+    return np.asarray(1 - (1 - raw) * free / (free - coefficients))
+
+
+def _raw_share(basis: FloatArray, residual: FloatArray) -> FloatArray:
+    """Return the share (c,) of the squared residual that lies in the basis."""
+    inside = ((basis.T @ residual) ** 2).sum(axis=0)
+    return np.asarray(inside / (residual**2).sum(axis=0))
+
+
+# Features of a hop: its inputs, and the state at its apex.
+
+
+def input_features(
+    boom_angle_rad: ArrayLike,
+    swing_rad: ArrayLike,
+    *,
+    harmonics: int = HARMONICS,
+    degree: int = DEGREE,
+) -> FloatArray:
+    """Return features of boom angle and swing, each (n,): (n, p), ones first.
+
+    They are the products of a Fourier series of the boom angle and a polynomial of the
+    swing over its spread.
+    """
+    angle = np.asarray(boom_angle_rad, dtype=float)
+    swing = np.asarray(swing_rad, dtype=float)
+    spread = float(swing.std())
+    if spread > LEAST_SPREAD:
+        swing = swing / spread
+    order = np.arange(1, harmonics + 1)
+    waves = order * angle[:, None]
+    around = np.column_stack([np.ones(len(angle)), np.cos(waves), np.sin(waves)])
+    across = swing[:, None] ** np.arange(degree + 1)
+    return np.asarray((around[:, :, None] * across[:, None]).reshape(len(angle), -1))
+
+
+def standardised(states: FloatArray) -> FloatArray:
+    """Return the varying columns of states, centred, over their spread."""
+    spread = states.std(axis=0)
+    varies = spread > LEAST_SPREAD
+    centred = states[:, varies] - states[:, varies].mean(axis=0)
+    return np.asarray(centred / spread[varies])
+
+
+def state_features(
+    states: FloatArray, boom_angle_rad: ArrayLike, swing_rad: ArrayLike
+) -> FloatArray:
+    """Return features (n, p) of the states at the apex, to second order.
+
+    They are the state's coordinates, their products, and their products with boom
+    angle and swing to first order. All vanish at the mean state.
+    """
+    s = standardised(states)
+    first, second = np.triu_indices(s.shape[1])
+    squares = s[:, first] * s[:, second]
+    inputs = input_features(boom_angle_rad, swing_rad, harmonics=1, degree=1)
+    with_inputs = (s[:, :, None] * inputs[:, None]).reshape(len(s), -1)
+    return np.column_stack([with_inputs, squares])
+
+
+# The question as the dissertation puts it.
+
+
+def order_effects(
+    hops: TrueHops,
+    *,
+    seed: int = 0,
+    permutations: int = 999,
+    orders: Sequence[str] = ORDERS,
+) -> pd.DataFrame:
+    """Return what each contact order explains, without and with the hidden state.
+
+    Parameters
+    ----------
+    hops : TrueHops
+    seed : int
+        Seed of permutations and bootstrap.
+    permutations : int
+    orders : sequence of {"landing", "lift-off"}
+
+    Returns
+    -------
+    DataFrame
+        One row for each ``order``, what is ``given`` (`INPUTS`, `STATE`) and
+        ``component``, with its ``unit``: ``share``, ``low, high``, ``p`` of
+        `Explained`; ``effect`` and ``residual_sd`` in mm or degrees; ``given_share``;
+        ``hops``. Given the state, the slope of the map may differ by order too, which
+        a flow that is not continuously differentiable needs.
+
+    Raises
+    ------
+    AnalysisError
+        If there are too few hops.
+    """
+    changes = hops.changes
+    inputs = input_features(changes.boom_angle_rad, changes.swing_rad)
+    of_state = state_features(hops.apex, changes.boom_angle_rad, changes.swing_rad)
+    slopes = standardised(hops.apex)
+    known: dict[str, tuple[FloatArray, FloatArray | None]] = {
+        INPUTS: (inputs, None),
+        STATE: (np.column_stack([inputs, of_state]), slopes),
+    }
+    classes = {"landing": hops.landing, "lift-off": hops.lift_off}
+    tables = []
+    for order in orders:
+        for name, (given, own_slopes) in known.items():
+            found = explained_by(
+                classes[order],
+                changes.change,
+                given,
+                slopes=own_slopes,
+                seed=seed,
+                permutations=permutations,
+            )
+            table = _table(found).assign(order=order, given=name)
+            tables.append(table)
+    columns = ["order", "given", "component", "unit"]
+    joined = pd.concat(tables, ignore_index=True)
+    return joined[columns + [c for c in joined if c not in columns]]
+
+
+def _table(found: Explained) -> pd.DataFrame:
+    """Return one row for each component of the frame change."""
+    return pd.DataFrame(
+        {
+            "component": COMPONENTS,
+            "unit": UNITS,
+            "share": found.share,
+            "low": found.low,
+            "high": found.high,
+            "p": found.p,
+            "effect": found.effect * IN_UNITS,
+            "residual_sd": found.residual_sd * IN_UNITS,
+            "given_share": found.given_share,
+            "hops": found.n_hops,
+        }
+    )
