@@ -15,6 +15,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
+from hopdata.errors import AnalysisError
 from hopdata.hybrid import solve
 from hopdata.hybrid.printed import (
     AS_PRINTED,
@@ -413,7 +414,7 @@ def slope_table(sweep: Sweep) -> pd.DataFrame:
     ``most`` all. ``step`` is the decade's middle, ``longest`` its longest step.
     """
     rows = []
-    for first in range(N_STEPS - DECADE):
+    for first in range(len(sweep.steps) - DECADE):
         part = slice(first, first + DECADE + 1)
         logs = np.log(sweep.steps[part])
         single = np.polyfit(logs, np.log(sweep.single[:, part]).T, 1)[0]
@@ -440,6 +441,9 @@ def figure_row(
     printed = sweeps["printed"]
     fit = fit_order(printed.steps, printed.rms)
     used = printed.steps[fit.used]
+    if len(used) == 0:
+        wanted = "a straight part of the error over the step"
+        raise AnalysisError.at("figure 4.2", wanted, "none")
     logs = np.log(used)
     of_seeds = np.log(printed.of_seeds[:, fit.used])
     limit = fit_limit(printed.steps, printed.rms, shortest_piece())
@@ -451,7 +455,7 @@ def figure_row(
     values = {
         "slope": fit.order,
         "slope_se": fit.standard_error,
-        "seeds": np.polyfit(logs, of_seeds.T, 1)[0],
+        "seeds": np.polyfit(logs, of_seeds.T, 1)[0].tolist(),
         "count": len(used),
         "shortest": float(used.min()),
         "longest": float(used.max()),
