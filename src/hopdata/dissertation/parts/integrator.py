@@ -136,7 +136,7 @@ def locking_row() -> Row:
         once += sorted(log.guard.tolist()) == [0, 1, 2]
     exact = solve(octant(), T_SPAN, ON_PLANE, rtol=1e-13, atol=1e-15).y_end
     solver = fixed(0.005)
-    values = {
+    values: dict[str, Any] = {
         "runs": LOCKED_RUNS,
         "once": once,
         "printed": error(on_octant(solver, PRINTED, ON_PLANE).y_end, exact),
@@ -159,7 +159,7 @@ def resolution_row() -> Row:
     printed = on_octant(whole, PRINTED)
     corrected = on_octant(whole, CORRECTED)
     own = solve(octant(), T_SPAN, INITIAL_STATE, method="dopri5")
-    values = {
+    values: dict[str, Any] = {
         "printed": error(printed.y_end, exact),
         "corrected": error(corrected.y_end, exact),
         "own": error(own.y_end, exact),
@@ -188,7 +188,7 @@ def impact_row(seeds: Sequence[int]) -> Row:
     """Compare the root finders; land level plates, whose springs touch together."""
     found = over_seeds(_roots_of, seeds)
     refused = over_seeds(_level_landings, seeds)
-    values = {
+    values: dict[str, Any] = {
         "splines": N_SPLINES,
         "difference": [one[0] for one in found],
         "evaluations": [one[1] for one in found],
@@ -290,7 +290,7 @@ def alternation_row(seeds: Sequence[int]) -> Row:
     """Run Algorithm 7 to its end, from rest, and with steps over apex and touchdown."""
     exact = hopper_end(VerticalHopper(), DROP_M, UNTIL_S)
     lost = over_seeds(_lost_touchdowns, seeds)
-    values = {
+    values: dict[str, Any] = {
         "ends": _ends(AS_PRINTED),
         "corrected_ends": _ends(CORRECTED),
         "hops": N_LOW_HOPS,
@@ -342,7 +342,7 @@ def hopper_row() -> Row:
     exact = hopper_end(hopper, DROP_M, UNTIL_S)
     own = solve(hopper.system(), (0.0, UNTIL_S), (DROP_M, 0.0), params=hopper.params)
     short, long = dopri5(0.002), dopri5(1.0)
-    values = {
+    values: dict[str, Any] = {
         "printed": error(hops(short, PRINTED).y_end, exact),
         "printed_long": error(hops(long, PRINTED).y_end, exact),
         "corrected": error(hops(short, CORRECTED).y_end, exact),
@@ -385,7 +385,7 @@ def wrapper_row() -> Row:
         found = on_octant(solver, CORRECTED)
         errors[name] = error(found.y_end, exact)
         right += found.events.guard.tolist() == [1, 2, 0]
-    values = {
+    values: dict[str, Any] = {
         "solvers": len(errors),
         "right": right,
         "stepping": max(errors[name] for name in ("RK45", "DOP853", "Radau", "LSODA")),
@@ -465,7 +465,7 @@ def drawing_row(step: pd.DataFrame) -> Row:
     spread = float(np.abs(step["spline"] - step["locked"]).max())
     before = step["time"] <= instant
     same = error(step["locked"][before].to_numpy(), step["true"][before].to_numpy())
-    values = {
+    values: dict[str, Any] = {
         "length": DRAWN[1] - DRAWN[0],
         "instant": instant,
         "wrong": abs(root - instant),
@@ -486,7 +486,7 @@ def octant_row() -> Row:
     exact = octant_end()
     printed = on_octant(dopri5(0.01), PRINTED)
     own = solve(octant(), T_SPAN, INITIAL_STATE, rtol=1e-9, atol=1e-12)
-    values = {
+    values: dict[str, Any] = {
         "y": times[0],
         "z": times[1],
         "x": times[2],
@@ -524,7 +524,7 @@ def plate_row(seeds: Sequence[int]) -> Row:
     starts = [plate.initial_states(N_STARTS, seed) for seed in seeds]
     together = np.concatenate(starts)
     above = plate.compressions(together.T) < 0.0
-    values = {
+    values: dict[str, Any] = {
         "starts": N_STARTS,
         "springs": MOST_SPRINGS,
         "z_least": float(together[:, 1].min()),
