@@ -173,7 +173,7 @@ def draw(tables: Mapping[str, pd.DataFrame]) -> Mapping[str, Figure]:
 
 N_STEPS = round(UNTIL_S / TIMESTEP_S)
 # Times at which MuJoCo and hopdata are compared with the closed form, s.
-GRID_S = TIMESTEP_S * np.arange(N_STEPS + 1)
+GRID_S: FloatArray = TIMESTEP_S * np.arange(N_STEPS + 1, dtype=np.float64)
 # Trajectories that the figure shows beside the exact one.
 SHOWN = ("MuJoCo", "printed", "restarted, tight", "hopdata")
 
@@ -343,7 +343,7 @@ def energy_row(hopdata: Trajectory) -> Row:
     changes = np.abs(np.diff(followed.energy))
     touched = steps_with_events(solution)
     inside, outside = float(changes[touched].sum()), float(changes[~touched].sum())
-    values = {
+    values: dict[str, Any] = {
         "steps": len(changes),
         "contact_steps": int(touched.sum()),
         "share_percent": 100.0 * inside / (inside + outside),
@@ -370,7 +370,7 @@ def gain_row(found: Mapping[str, Trajectory], seeds: Sequence[int]) -> Row:
     """Return how MuJoCo's hopper gains energy, from apex to apex."""
     apexes = hopping_apexes(mujoco_hopper(), START[0]) - START[0]
     changes = over_seeds(gains, seeds)
-    values = {
+    values: dict[str, Any] = {
         "hops": len(apexes) - 1,
         "first_mm": 1e3 * float(apexes[1]),
         "highest_mm": 1e3 * float(apexes.max()),
