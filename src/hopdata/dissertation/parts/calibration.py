@@ -18,13 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
-from hopdata.dissertation.turns import in_turn, on_par
+from hopdata.dissertation.turns import ON_PAR, in_turn, on_par
 from hopdata.hybrid import solve
 from hopdata.hybrid.printed import (
     AS_PRINTED,
@@ -150,7 +151,7 @@ def make(seeds: Sequence[int]) -> Made:
     races = over_seeds(race, seeds)
     rows = [
         energy_row(found["hopdata"]),
-        table_row(found, races),
+        table_row(found, races, version("mujoco")),
         figure_row(found),
         gain_row(found, seeds),
     ]
@@ -290,7 +291,9 @@ NAMES = {
 
 
 def table_row(
-    found: Mapping[str, Trajectory], races: Sequence[Mapping[str, float]]
+    found: Mapping[str, Trajectory],
+    races: Sequence[Mapping[str, float]],
+    mujoco_version: str,
 ) -> Row:
     """Return Table 4.4: times, their ratios, and the errors that belong to them."""
     values: dict[str, Any] = {name: [one[name] for one in races] for name in races[0]}
@@ -298,6 +301,8 @@ def table_row(
     values["hopdata_times_faster"] = [1 / x for x in values.pop("hopdata_ratio")]
     for short, name in NAMES.items():
         values[f"{short}_error_m"] = float(found[name].largest[0])
+    values["mujoco"] = mujoco_version
+    values["on_par"] = ON_PAR
     as_fast = on_par(float(np.median(values["printed_ratio"])))
     as_fast_restarted = on_par(float(np.median(values["restarted_ratio"])))
     as_exact = values["printed_error_m"] < values["mujoco_error_m"]

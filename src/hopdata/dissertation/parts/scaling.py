@@ -22,13 +22,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.dissertation.rows import Agreement, Made, Row
-from hopdata.dissertation.turns import on_par, timed
+from hopdata.dissertation.turns import ON_PAR, on_par, timed
 from hopdata.hybrid import solve
 from hopdata.hybrid.printed import PrintedOptions, Stepping, integrate_both_ways
 from hopdata.scenes.plate import Plate
@@ -83,7 +84,7 @@ def make(seeds: Sequence[int]) -> Made:
     """Time all solvers for all numbers of springs; compare the slopes."""
     bouncing = raced(Plate, CONTACTS, seeds)
     settling = raced(settling_bed, SETTLING_CONTACTS, seeds)
-    rows = [bar_row(), scaling_row(bouncing, settling)]
+    rows = [bar_row(), scaling_row(bouncing, settling, version("mujoco"))]
     tables = {
         "scaling": bouncing.table(),
         "marginal": bouncing.marginal(WINDOW),
@@ -295,7 +296,7 @@ NAMES = {
 }
 
 
-def scaling_row(bouncing: Race, settling: Race) -> Row:
+def scaling_row(bouncing: Race, settling: Race, mujoco_version: str) -> Row:
     """Return Fig. 4.4: time per contact of each solver, and their ratios.
 
     The printed method should cost as much as MuJoCo, on either bed, and a compiled
@@ -316,6 +317,8 @@ def scaling_row(bouncing: Race, settling: Race) -> Row:
     values["settling_events"] = float(np.median(settling.events / settling.contacts))
     values["settling_error"] = float(np.median(settling.errors["printed"]))
     values["starts"] = STARTS
+    values["mujoco"] = mujoco_version
+    values["on_par"] = ON_PAR
     values["step_ms"] = 1e3 * PRINTED_STEP_S
     held = [
         on_par(float(np.median(values["printed_ratio"]))),
