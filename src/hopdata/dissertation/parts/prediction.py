@@ -53,6 +53,7 @@ if TYPE_CHECKING:
 # What the dissertation prints.
 PRINTED_WORST_MM = 4.0
 PRINTED_WORST_M_S = 0.14
+PRINTED_TRAVEL_MM = 140.0
 PRINTED_IMPACTS = 100
 
 AFFINE = ("specialised", "near", "all", "far")
@@ -87,15 +88,16 @@ def make(seeds: Sequence[int]) -> Made:
     unseen = _unseen_when_near(ours)
     learning = _learning(ours, seeds)
     rows = [
+        _enough_impacts(learning),
         _least_squares(ours, seeds),
         _means(boxes),
         _replacement(printed, ours, seeds),
         _worst(printed, ours, boxes),
+        _travel(printed, ours),
         _near_and_far(ours, printed, boxes),
         _six_boxes(boxes),
         _specialised_or_not(boxes, spread),
         _norms(ours, control, seeds),
-        _enough_impacts(learning),
         _never_trained_on(ours, control, unseen, seeds),
     ]
     tables = {
@@ -254,6 +256,21 @@ def _largest_single(study: Study) -> tuple[float, float]:
         errors.append(leave_one_out_residuals(pairs.x[rows], pairs.y[rows]))
     position, velocity = np.split(np.abs(np.concatenate(errors)), 2, axis=1)
     return 1e3 * float(position.max()), float(velocity.max())
+
+
+def _travel(printed: Study, ours: Study) -> Row:
+    """Item 41: how far the body travels, against which the worst error is small."""
+    values: dict[str, Any] = {}
+    for method, study in {"printed": printed, "hopdata": ours}.items():
+        sections = study.sections
+        values[f"{method}_mm"] = 1e3 * (sections.pre_height_m - sections.post_height_m)
+        values[f"{method}_share"] = (
+            100 * _largest_single(study)[0] / values[f"{method}_mm"]
+        )
+    agreement = Agreement.DIFFERS
+    if min(values["printed_mm"], values["hopdata_mm"]) >= PRINTED_TRAVEL_MM:
+        agreement = Agreement.AGREES
+    return Row(41, agreement, values)
 
 
 def _near_and_far(
