@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib import ticker
 from matplotlib.axes import Axes
@@ -80,9 +81,9 @@ def distances_figure(distances: pd.DataFrame) -> Figure:
 
 
 def _at(quantiles: pd.Series, share: float) -> float:
-    """Return the quantile at a share that is one of the index, up to rounding."""
-    nearest = abs(quantiles.index - share).argmin()
-    return float(quantiles.iloc[nearest])
+    """Return the quantile at a share, between those of the index."""
+    shares = quantiles.index.to_numpy(float)
+    return float(np.interp(share, shares, quantiles.to_numpy(float)))
 
 
 @style.styled

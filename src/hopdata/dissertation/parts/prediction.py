@@ -364,8 +364,10 @@ def _specialised_or_not(
         values[f"{method}_ratio"] = _ratios(tables, "all", "specialised")
         ratios += values[f"{method}_ratio"]
     names = {0.25: "quarter", 0.5: "half", 1.0: "full", 2.0: "double"}
-    for (scale, case, noise), rows in spread.groupby(["scale", "case", "noise"]):
-        values[f"{case}_{noise}_{names[scale]}"] = rows["ratio"].tolist()
+    for scale, name in names.items():
+        of_scale = spread[spread["scale"] == scale]
+        for (case, noise), rows in of_scale.groupby(["case", "noise"]):
+            values[f"{case}_{noise}_{name}"] = rows["ratio"].tolist()
     agreement = Agreement.DIFFERS
     if max(ratios) < COMPARABLE:
         agreement = Agreement.AGREES
@@ -407,20 +409,23 @@ def _norms(ours: Study, control: Study, seeds: Sequence[int]) -> Row:
             outcomes = (rigid.y * rigid.weights)[rows]
             inputs = rigid.x[rows]
             schedule = study.pairs.schedule[rows]
+            found = [
+                map_differences(inputs, outcomes, schedule, seed=seed) for seed in seeds
+            ]
             for norm in ("operator", "frobenius"):
-                values[f"{case}_{norm}_{where}"] = []
-            for seed in seeds:
-                found = map_differences(inputs, outcomes, schedule, seed=seed)
-                median = found.groupby("kind")[["operator", "frobenius"]].median()
-                ratios = median.loc["cross_class"] / median.loc["in_class"]
-                for norm, ratio in ratios.items():
-                    values[f"{case}_{norm}_{where}"].append(float(ratio))
+                ratios = [_across_over_within(table, norm) for table in found]
+                values[f"{case}_{norm}_{where}"] = ratios
     agreement = Agreement.DIFFERS
     if max(values["c1_operator_near"]) < COMPARABLE:
         agreement = Agreement.AGREES
     elif max(values["c1_operator_near"]) < min(values["control_operator_near"]):
         agreement = Agreement.PARTLY
     return Row(49, agreement, values, "curvature")
+
+
+def _across_over_within(differences: pd.DataFrame, norm: str) -> float:
+    median = differences.groupby("kind")[norm].median()
+    return float(median["cross_class"] / median["in_class"])
 
 
 # How many impacts suffice.
@@ -531,11 +536,11 @@ def _never_trained_on(
         values[f"{case}_noise"] = 100 * float(
             np.sqrt(np.mean(noise**2) / table["mean"].mean())
         )
-    by_case = near.pivot_table(index="scale", columns="case", values="unseen")
-    nearest = by_case.index.min()
+    nearest = near["scale"].min()
     for case in ("C1", "control"):
-        values[f"near_{case}"] = 100 * float(by_case.loc[nearest, case])
-        values[f"full_{case}"] = 100 * float(by_case.loc[1.0, case])
+        by_scale = near[near["case"] == case].set_index("scale")["unseen"]
+        values[f"near_{case}"] = 100 * float(by_scale[nearest])
+        values[f"full_{case}"] = 100 * float(by_scale[1.0])
     values["nearest_ms"] = float(near.loc[near["scale"] == nearest, "spread_ms"].min())
     agreement = Agreement.DIFFERS
     falls = values["near_C1"] < values["full_C1"] / 4
