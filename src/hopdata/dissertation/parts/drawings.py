@@ -98,12 +98,12 @@ def make(seeds: Sequence[int], *, effort: Effort | None = None) -> Made:
     }
     alive, driven = threads_of_a_drive(robot, geometry, effort.drive_s)
     rows = [
-        _preload_row(study, tables),
-        _robot_row(robot, tables),
-        _stance_row(tables["delays"]),
-        _limit_row(robot, tables["falls"]),
-        _loop_row(alive, driven),
-        _board_row(tables["board"]),
+        preload_row(study, tables),
+        robot_row(robot, tables),
+        stance_row(tables["delays"]),
+        limit_row(robot, tables["falls"]),
+        loop_row(alive, driven),
+        board_row(tables["board"]),
     ]
     return Made(rows, tables)
 
@@ -133,7 +133,8 @@ def _to_and_fro(hops: int) -> list[float]:
 # Items 14 and 51: the robot.
 
 
-def _preload_row(study: HopperParameters, tables: Mapping[str, pd.DataFrame]) -> Row:
+def preload_row(study: HopperParameters, tables: Mapping[str, pd.DataFrame]) -> Row:
+    """Judge item 14: the force of a leg jumps to its preload, and is affine."""
     forces = tables["study_forces"]
     landing = forces[forces["phase"] == "landing"]
     line = np.polyfit(landing["gap_m"], landing["force_n"], 1)
@@ -157,7 +158,8 @@ def _preload_row(study: HopperParameters, tables: Mapping[str, pd.DataFrame]) ->
     )
 
 
-def _robot_row(robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame]) -> Row:
+def robot_row(robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame]) -> Row:
+    """Judge item 51: the boom's neutral place is at the robot's centre."""
     sketch = tables["steered_sketch"]
     weight = sketch.loc[sketch["kind"] == COUNTERWEIGHT, POINT].to_numpy()[0]
     hopper = robot.hopper
@@ -202,7 +204,8 @@ def _delays(
     return pd.concat(tables, ignore_index=True)
 
 
-def _stance_row(delays: pd.DataFrame) -> Row:
+def stance_row(delays: pd.DataFrame) -> Row:
+    """Judge item 52: whether both ways notice the same stances."""
     by_seed = delays.groupby("seed")
     loaded = 100 * by_seed["loaded_s"].apply(lambda one: one.notna().mean())
     found = 100 * by_seed["found_s"].apply(lambda one: one.notna().mean())
@@ -253,7 +256,8 @@ def _falls(
     return pd.DataFrame(rows)
 
 
-def _limit_row(robot: plant.SteeredHopper, falls: pd.DataFrame) -> Row:
+def limit_row(robot: plant.SteeredHopper, falls: pd.DataFrame) -> Row:
+    """Judge item 53: whether swings beyond the printed limit tip the robot over."""
     def fell(weight_kg: float, swing_deg: float) -> list[float]:
         rows = falls[
             (falls["weight_kg"] == weight_kg) & (falls["swing_deg"] == swing_deg)
@@ -318,7 +322,8 @@ def threads_of_a_drive(
     return {name for name in alive if name.startswith("hopdata-")}, driven
 
 
-def _loop_row(alive: set[str], driven: Drive) -> Row:
+def loop_row(alive: set[str], driven: Drive) -> Row:
+    """Judge item 71: whether the printed threads, and those declared, are alive."""
     declared = set(live_parts.threads(simulated=True, log=False))
     both = {live_parts.SIMULATED, live_parts.CONTROL}
     latencies = np.array([one.latency_s for one in driven.decisions])
@@ -371,7 +376,8 @@ def pushed_board(robot: plant.SteeredHopper, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _board_row(board: pd.DataFrame) -> Row:
+def board_row(board: pd.DataFrame) -> Row:
+    """Judge item 74: the robot pushes the board, which impedes it."""
     steps_mm = 1e3 * np.diff(board["x_m"].to_numpy())
     pushing = board["touched"].to_numpy(dtype=bool)[1:]
     moved_m = float(board["board_m"].iloc[-1] - board["board_m"].iloc[0])

@@ -98,11 +98,11 @@ def make(seeds: Sequence[int], *, effort: Effort | None = None) -> Made:
         ]
         tables[name] = pd.concat(of_seeds, ignore_index=True)
     rows = [
-        _equation_row(tables, int(seeds[0])),
-        _zero_order_row(robot, tables),
-        _schedules_row(tables, effort),
-        _radius_row(tables),
-        _drift_row(robot, tables, effort),
+        equation_row(tables, int(seeds[0])),
+        zero_order_row(robot, tables),
+        schedules_row(tables, effort),
+        radius_row(tables),
+        drift_row(robot, tables, effort),
     ]
     return Made(rows, tables)
 
@@ -212,7 +212,8 @@ def _turns(robot: plant.SteeredHopper, seed: int, effort: Effort) -> pd.DataFram
 # Item 54: the update equation, and that it does not depend on the schedule.
 
 
-def _equation_row(tables: Mapping[str, pd.DataFrame], seed: int) -> Row:
+def equation_row(tables: Mapping[str, pd.DataFrame], seed: int) -> Row:
+    """Judge item 54: the update equation, and that it does not depend on schedules."""
     scaled = tables["scaled"]
     powers = {name: _powers(scaled, name) for name in BODIES}
     equation = equation_error(seed)
@@ -285,9 +286,10 @@ def _effects(orders: pd.DataFrame, given: str, name: str) -> dict[str, list[floa
 # Item 55: zero-order.
 
 
-def _zero_order_row(
+def zero_order_row(
     robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame]
 ) -> Row:
+    """Judge item 55: whether boom angle and swing alone decide a frame change."""
     decided = tables["decided"]
     orders = tables["orders"]
     values: dict[str, Any] = {"place_mm": 1e3 * place_error_m(robot)}
@@ -340,7 +342,8 @@ def place_error_m(robot: plant.SteeredHopper, *, hops: int = 5) -> float:
 # Item 64: a model for each schedule.
 
 
-def _schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
+def schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
+    """Judge item 64: 100 hops for one model, 3,600 for one a schedule."""
     curve = tables["curve"]
     last = max(effort.sizes)
     first = min(effort.sizes)
@@ -399,14 +402,16 @@ def _schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
     values["curves"] = len(short) * len(of_seed)
     # A crossing beyond the largest size is shown as this size.
     for axis in short.values():
-        values[f"crossing_{axis}"] = np.minimum(values[f"crossing_{axis}"], last)
+        crossings = np.minimum(values[f"crossing_{axis}"], last)
+        values[f"crossing_{axis}"] = crossings.tolist()
     return Row(item=64, agreement=agreement, values=values, reason=reason)
 
 
 # Items 79 and 80: turning radius, counter-clockwise turns, clockwise drift.
 
 
-def _radius_row(tables: Mapping[str, pd.DataFrame]) -> Row:
+def radius_row(tables: Mapping[str, pd.DataFrame]) -> Row:
+    """Judge item 79: the turning radius."""
     turns = tables["turns"]
     of_figure = turns[turns["swing_deg"].abs() == FIGURE_SWING_DEG]
     radius = of_figure.groupby("seed")["radius_m"].mean()
@@ -431,9 +436,10 @@ def _radius_row(tables: Mapping[str, pd.DataFrame]) -> Row:
     )
 
 
-def _drift_row(
+def drift_row(
     robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame], effort: Effort
 ) -> Row:
+    """Judge item 80: weak turns to the left, and a drift to the right."""
     turns = tables["turns"]
     largest = turns["swing_deg"].abs().max()
     # The body turns against the boom.
