@@ -15,10 +15,12 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures both-sides test test-cluster mutants benchmarks lint format rules docs site sample lock release clean help
+.PHONY: figures dissertation dissertation-docs both-sides test test-cluster mutants benchmarks lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
+	@echo "make dissertation  set each result of the dissertation beside hopdata's: results/dissertation/index.html"
+	@echo "make dissertation-docs  the same, and write its table to docs/dissertation.md"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
 	@echo "make test-cluster  run the sample and a group on a one-node SLURM and kill jobs (as root, with slurm-wlm)"
 	@echo "make mutants    make small wrong changes and see which of them the tests miss (takes hours; can be interrupted)"
@@ -42,6 +44,14 @@ ifeq ($(CONFIG),config/config.yaml)
 	$(BIN)/snakemake --cores $(CORES) first_look
 	@echo "open results/both_sides/first_look.html, then results/sample/report.html"
 endif
+
+# Parts that cannot be made are named at the end, and made again by the next run.
+dissertation: $(VENV)/.dissertation
+	$(BIN)/snakemake --cores $(CORES) dissertation
+	@echo "open results/dissertation/index.html"
+
+dissertation-docs: dissertation
+	cp results/dissertation/dissertation.md docs/dissertation.md
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
@@ -132,6 +142,10 @@ $(VENV)/.dev: requirements-dev.lock requirements-build.lock pyproject.toml | $(V
 	@echo "Preparing $(VENV) from requirements-dev.lock"
 	$(call install,requirements-dev.lock)
 
+# The simulator that the dissertation compares with, in addition to hopdata's own requirements.
+$(VENV)/.dissertation: requirements-dissertation.lock | $(VENV)/.run
+	$(call install,requirements-dissertation.lock)
+
 # Sphinx and the packages that run the pages' code, in addition to hopdata's own requirements.
 $(VENV)/.docs: requirements-docs.lock | $(VENV)/.run
 	$(call install,requirements-docs.lock)
@@ -151,6 +165,7 @@ lock:
 	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
 	$(LOCK) pyproject.toml --extra mutants -c requirements-dev.lock -o requirements-mutants.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
+	$(LOCK) pyproject.toml --extra dissertation -c requirements-bench.lock -o requirements-dissertation.lock
 	printf 'furo>=2024.8\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
 	  $(LOCK) - -c requirements-dev.lock -o requirements-docs.lock
 # Builds hopdata, and Snakemake's dependency connection-pool, which is published only as source.

@@ -7,9 +7,10 @@ A constant that steers a detector, an estimate or the verdict has a comment abov
 a line ``#: Unit: ... Origin: ...``. The page is made from these comments. ``run`` makes
 each 1.5 times larger and 1.5 times smaller in a copy of the package, and repeats three
 studies: the bundled sample, its control, and a runner if the public recording is there
-(config/runner.yaml says where from). It keeps one row a constant, factor and study in
-``benchmarks/last_run/constants.csv``; rows of constants and code that have not changed
-are not made again.
+(config/runner.yaml says where from). The constants of a module are first changed all
+together: if that moves nothing, none of them is tried alone. The run keeps one row a
+constant, factor and study in ``benchmarks/last_run/constants.csv``; rows of constants
+and code that have not changed are not made again.
 """
 
 from __future__ import annotations
@@ -21,11 +22,14 @@ import hashlib
 import json
 import os
 import re
+import select
 import shutil
-import subprocess
+import signal
 import sys
-from collections.abc import Iterable, Iterator
+import traceback
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
+from importlib import import_module
 from itertools import groupby
 from pathlib import Path
 
@@ -41,7 +45,7 @@ STUDIES = {
     "control": "config/sample_control.yaml",
     "runner": "config/runner.yaml",
 }
-FACTOR = 1.5
+FACTORS = {"x 1.5": 1.5, "/ 1.5": 1 / 1.5}
 TIMEOUT_S = 300
 ORIGIN = re.compile(
     r"Unit: (?P<unit>.+?)\. Origin: (?P<origin>\w+)[:.]?\s*(?P<why>.*)", re.S
@@ -55,28 +59,15 @@ ORIGINS = ("derived", "table", "convention", "rounding", "measured", "chosen")
 # have tests and benchmarks of their own.
 STUDIED = ("recordings", "landings", "maps")
 
-# The study of the copy: its numbers, as JSON on the last line.
-PROGRAM = """
-import json, sys
-import numpy as np
-import hopdata as hd
-study = hd.study(sys.argv[1])
-verdict = study.verdict
-touchdowns = study.touchdowns
-used = touchdowns[touchdowns["reason"] == ""]
-instants = used.filter(regex="^contact_").to_numpy(float)
-sections = study.sections
-effect = verdict.effect
-print(json.dumps({
-    "pre_m": sections.pre_height_m,
-    "post_m": sections.post_height_m,
-    "n_used": len(used),
-    "instants_s": np.nan_to_num(instants).tolist(),
-    "conclusion": verdict.conclusion,
-    "estimate": effect.estimate if effect else None,
-    "bound": effect.upper_bound if effect else None,
-}))
-"""
+# Modules beside the room of recordings whose constants the quality table shows.
+OF_QUALITY = ("landings/stability.py", "landings/checks.py")
+# Libraries that each study needs. They are imported once, and each study is a copy of
+# this process in which hopdata itself is imported anew.
+LIBRARIES = (
+    *("numba", "pandas", "h5py", "jsonschema", "yaml", "matplotlib"),
+    *("scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.signal"),
+    *("sklearn.decomposition", "sklearn.metrics"),
+)
 
 
 @dataclass(frozen=True)
@@ -125,6 +116,7 @@ class Moved:
     pre_mm: str
     post_mm: str
     instants_ms: str
+    quality: str
 
 
 def constants(package: Path = PACKAGE) -> Iterator[Constant]:
@@ -160,50 +152,88 @@ def comment_above(lines: list[str], row: int) -> str:
     return " ".join(words)
 
 
-def changed_source(source: str, constant: Constant, factor: float) -> str:
-    """Return a module with one constant multiplied; whole numbers stay whole."""
+def changed_source(
+    source: str, changed: Constant | Sequence[Constant], factor: float
+) -> str:
+    """Return a module with constants multiplied; whole numbers stay whole."""
+    if isinstance(changed, Constant):
+        changed = [changed]
+    names = {one.name for one in changed}
     lines = source.splitlines(keepends=True)
-    for node in ast.parse(source).body:
-        if node.lineno == constant.line and isinstance(
-            node, ast.Assign | ast.AnnAssign
-        ):
-            assert node.value is not None
-            value = node.value
-            end = value.end_lineno or value.lineno
-            before = lines[value.lineno - 1].encode()[: value.col_offset].decode()
-            after = lines[end - 1].encode()[value.end_col_offset :].decode()
-            number = ast.get_source_segment(source, value)
-            product = f"({number}) * {factor!r}"
-            whole = isinstance(value, ast.Constant) and isinstance(value.value, int)
-            if whole:
-                product = f"max(round({product}), 1)"
-            lines[value.lineno - 1 : end] = [f"{before}{product}{after}"]
+    # From the last to the first, so that line numbers stay true.
+    for node in reversed(ast.parse(source).body):
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+        if not isinstance(target, ast.Name) or target.id not in names:
+            continue
+        value = node.value
+        end = value.end_lineno or value.lineno
+        before = lines[value.lineno - 1].encode()[: value.col_offset].decode()
+        after = lines[end - 1].encode()[value.end_col_offset :].decode()
+        number = ast.get_source_segment(source, value)
+        product = f"({number}) * {factor!r}"
+        if isinstance(value, ast.Constant) and isinstance(value.value, int):
+            product = f"max(round({product}), 1)"
+        lines[value.lineno - 1 : end] = [f"{before}{product}{after}"]
     return "".join(lines)
 
 
-def study_with(config: str) -> dict[str, object] | str:
+def study_with(config: str, with_quality: bool) -> dict[str, object] | str:
     """Run a study by the copy of the package; return its numbers, or the error."""
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM, config],
-            cwd=ROOT,
-            env={**environment(), "PYTHONPATH": str(COPY)},
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        with os.fdopen(writing, "w", encoding="utf-8") as pipe:
+            pipe.write(told_by_child(config, with_quality))
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading, encoding="utf-8") as pipe:
+        ready, _, _ = select.select([pipe], [], [], TIMEOUT_S)
+        if not ready:
+            os.kill(child, signal.SIGKILL)
+        told = pipe.read()
+    os.waitpid(child, 0)
+    if not told:
         return "no end"
-    if done.returncode != 0:
-        return done.stderr.strip().splitlines()[-1][:200]
-    found: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
+    found: dict[str, object] | str = json.loads(told)
     return found
 
 
-def environment() -> dict[str, str]:
-    """Return the environment of a study: one thread, whatever the machine has."""
-    return {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+def told_by_child(config: str, with_quality: bool) -> str:
+    """Return as JSON what a study finds, or the last line of its error."""
+    sys.path.insert(0, str(COPY))
+    try:
+        return json.dumps(numbers_of(config, with_quality))
+    except BaseException:
+        return json.dumps(traceback.format_exc().strip().splitlines()[-1][:200])
+
+
+def numbers_of(config: str, with_quality: bool) -> dict[str, object]:
+    """Return the numbers of a study that a constant may move."""
+    import hopdata as hd
+
+    study = hd.study(config)
+    verdict = study.verdict
+    touchdowns = study.touchdowns
+    used = touchdowns[touchdowns["reason"] == ""]
+    instants = used.filter(regex="^contact_").to_numpy(float)
+    effect = verdict.effect
+    numbers = {
+        "pre_m": study.sections.pre_height_m,
+        "post_m": study.sections.post_height_m,
+        "n_used": len(used),
+        "instants_s": np.nan_to_num(instants).tolist(),
+        "conclusion": verdict.conclusion,
+        "estimate": effect.estimate if effect else None,
+        "bound": effect.upper_bound if effect else None,
+        "quality": [],
+    }
+    if with_quality:
+        table = study.quality.map(str)
+        numbers["quality"] = table.agg(" ".join, axis=1).tolist()
+    return numbers
 
 
 def difference(
@@ -212,7 +242,7 @@ def difference(
     """Return what a study says beside what it said with the constants as they are."""
     if isinstance(found, str):
         return {
-            **dict.fromkeys(named("conclusion", "instants_ms"), ""),
+            **dict.fromkeys(named("conclusion", "quality"), ""),
             "conclusion": found,
         }
     told = {"conclusion": str(found["conclusion"]), "n_used": str(found["n_used"])}
@@ -226,7 +256,17 @@ def difference(
     told["instants_ms"] = "other landings"
     if instants.shape == before.shape and instants.size:
         told["instants_ms"] = f"{1e3 * np.sqrt(np.mean((instants - before) ** 2)):.4f}"
+    told["quality"] = str(rows_that_differ(found["quality"], base["quality"]))
     return told
+
+
+def rows_that_differ(found: object, before: object) -> int:
+    """Count the rows of a quality table that say something else than before."""
+    assert isinstance(found, list)
+    assert isinstance(before, list)
+    if not found:  # not asked for
+        return 0
+    return len(set(before) - set(found)) + max(len(found) - len(before), 0)
 
 
 def named(first: str, last: str) -> list[str]:
@@ -256,41 +296,102 @@ def write_rows(rows: Iterable[Moved]) -> None:
     draft.replace(TABLE)
 
 
-def run(rooms: Iterable[str], matching: str) -> None:
-    """Try every constant of the rooms in every study; what is known is not tried again."""
-    shutil.copytree(PACKAGE, COPY / "hopdata", dirs_exist_ok=True, symlinks=True)
+def run(rooms: Iterable[str], matching: str, studies: Iterable[str]) -> None:
+    """Try every constant of the rooms in the studies; what is known is not tried again."""
+    for library in LIBRARIES:
+        import_module(library)
+    # One thread a study, whatever the machine has.
+    import_module("threadpoolctl").threadpool_limits(1)
+    shutil.rmtree(COPY, ignore_errors=True)
+    shutil.copytree(PACKAGE, COPY / "hopdata", symlinks=True)
     base = {}
-    for study, config in STUDIES.items():
-        found = study_with(config)
+    for study in studies:
+        found = study_with(STUDIES[study], with_quality=True)
         if isinstance(found, str):
             print(f"{study}: passed over: {found}")
         else:
             base[study] = found
-    rows = known_rows()
-    done = {(row.module, row.name, row.factor, row.study, row.digest) for row in rows}
-    for constant in constants():
-        if constant.room not in rooms or not re.search(matching, constant.name):
-            continue
-        path = COPY / "hopdata" / constant.module
-        source = path.read_text("utf-8")
-        digest = hashlib.sha256(source.encode()).hexdigest()[:12]
-        for label, factor in (("x 1.5", FACTOR), ("/ 1.5", 1 / FACTOR)):
-            path.write_text(changed_source(source, constant, factor), "utf-8")
+    tried = [
+        one
+        for one in constants()
+        if one.room in rooms and re.search(matching, one.name)
+    ]
+    for module, in_module in groupby(tried, key=lambda one: one.module):
+        together = list(in_module)
+        for label, factor in FACTORS.items():
             for study, before in base.items():
-                if (constant.module, constant.name, label, study, digest) in done:
-                    continue
-                moved = difference(study_with(STUDIES[study]), before)
-                row = Moved(
-                    constant.module, constant.name, label, study, digest, **moved
-                )
-                place = (row.module, row.name, label, study)
-                rows = [
-                    r for r in rows if (r.module, r.name, r.factor, r.study) != place
-                ]
-                rows.append(row)
-                write_rows(rows)
-                print(*asdict(row).values(), sep="  ", flush=True)
-        path.write_text(source, "utf-8")
+                try_module(module, together, Trial(study, label, factor, before))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One study with constants changed by one factor, and what it says without."""
+
+    study: str
+    label: str
+    factor: float
+    before: dict[str, object]
+
+
+def try_module(module: str, together: Sequence[Constant], trial: Trial) -> None:
+    """Try a module's constants together and, if they move anything, each alone."""
+    source = (PACKAGE / module).read_text("utf-8")
+    digest = hashlib.sha256(source.encode()).hexdigest()[:12]
+    known = {
+        row.name
+        for row in known_rows()
+        if (row.module, row.factor, row.study, row.digest)
+        == (module, trial.label, trial.study, digest)
+    }
+    left = [one for one in together if one.name not in known]
+    if not left:
+        return
+    said = changed_study(module, left, trial)
+    if not says_other(said, trial):
+        keep_rows(
+            [Moved(module, one.name, *trial_of(trial), digest, **said) for one in left]
+        )
+        return
+    for one in left:
+        if len(left) > 1:
+            said = changed_study(module, [one], trial)
+        keep_rows([Moved(module, one.name, *trial_of(trial), digest, **said)])
+
+
+def trial_of(trial: Trial) -> tuple[str, str]:
+    """Return the columns of the table that name a trial."""
+    return trial.label, trial.study
+
+
+def changed_study(
+    module: str, changed: Sequence[Constant], trial: Trial
+) -> dict[str, str]:
+    """Return what a study says with constants of one module changed."""
+    path = COPY / "hopdata" / module
+    source = (PACKAGE / module).read_text("utf-8")
+    path.write_text(changed_source(source, changed, trial.factor), "utf-8")
+    with_quality = module.startswith("recordings/") or module in OF_QUALITY
+    found = study_with(STUDIES[trial.study], with_quality)
+    path.write_text(source, "utf-8")
+    return difference(found, trial.before)
+
+
+def says_other(said: dict[str, str], trial: Trial) -> bool:
+    """Tell whether a study says anything else than with the constants as they are."""
+    return said != difference(trial.before, trial.before)
+
+
+def keep_rows(made: Sequence[Moved]) -> None:
+    """Put rows in the table, in place of those of the same trials."""
+    places = {(row.module, row.name, row.factor, row.study) for row in made}
+    others = [
+        row
+        for row in known_rows()
+        if (row.module, row.name, row.factor, row.study) not in places
+    ]
+    write_rows([*others, *made])
+    for row in made:
+        print(*asdict(row).values(), sep="  ", flush=True)
 
 
 def page() -> str:
@@ -364,6 +465,8 @@ def moves(row: Moved, others: Iterable[Moved]) -> str:
         value = getattr(row, name)
         if value not in ("", "+0.000", "-0.000"):
             told.append(f"{name[:-3]} section {value} mm")
+    if row.quality not in ("", "0"):
+        told.append(f"{row.quality} rows of quality")
     if row.instants_ms not in ("", "0.0000"):
         told.append(
             f"instants {row.instants_ms} ms" if row.instants_ms[0].isdigit() else ""
@@ -378,10 +481,11 @@ def main() -> None:
     tried = commands.add_parser("run", help="try each constant, larger and smaller")
     tried.add_argument("rooms", nargs="*", default=[*STUDIED])
     tried.add_argument("--name", default="", help="only names that match this pattern")
+    tried.add_argument("--studies", nargs="+", choices=STUDIES, default=[*STUDIES])
     commands.add_parser("page", help="write docs/constants.md")
     asked = parser.parse_args()
     if asked.command == "run":
-        run(asked.rooms, asked.name)
+        run(asked.rooms, asked.name, asked.studies)
     else:
         PAGE.write_text(page(), "utf-8")
 

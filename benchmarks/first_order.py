@@ -19,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from exact import INITIAL_STATE, T_SPAN, Plate, VerticalHopper, octant
 from machine import in_turn
 from numpy.typing import NDArray
 
@@ -29,7 +28,10 @@ from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
+from hopdata.scenes.plate import Plate
 from hopdata.scenes.scene import Control
+from hopdata.scenes.vertical_hopper import VerticalHopper
 
 Run = Callable[..., Solution]
 TIGHT = {"rtol": 1e-13, "atol": 1e-14}

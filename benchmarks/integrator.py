@@ -39,18 +39,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from exact import (
-    INITIAL_STATE,
-    T_SPAN,
-    Plate,
-    VerticalHopper,
-    hopper_end,
-    octant,
-    octant_end,
-    restarted,
-)
 from numba import njit
 from numpy.typing import NDArray
+from restarted import restarted
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, on_event, solve
@@ -62,6 +53,9 @@ from hopdata.hybrid.methods.method import Scene, explicit_method
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant, octant_end
+from hopdata.scenes.plate import Plate
+from hopdata.scenes.vertical_hopper import VerticalHopper, hopper_end
 from hopdata.synthesis.hops import level_state
 
 # Cost of a method by itself: its steps in one loop, without events, step control or a

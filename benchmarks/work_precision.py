@@ -49,13 +49,14 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from exact import Plate, VerticalHopper
-from peers import PLATE_SPAN, FloatArray, Found, Problem, Solver, problems, solvers_of
+from peers import FloatArray, Found, Problem, Solver, problems, solvers_of
 
 from hopdata.arrays import IntArray
 from hopdata.hybrid import System, field, guards, solve_batch
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.lanes.vectors import WIDTH
+from hopdata.scenes.plate import PLATE_SPAN, Plate
+from hopdata.scenes.vertical_hopper import VerticalHopper
 
 # Times at equal error, and their ratios.
 

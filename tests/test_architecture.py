@@ -38,6 +38,13 @@ MAY_USE = {
         *("recordings", "scenes", "synthesis", "figures", "report", "commands"),
         "provenance",
     },
+    # The product above all others: it may use everything.
+    "dissertation": {
+        *("hybrid", "scenes", "recordings", "synthesis", "landings", "maps"),
+        *("steering", "figures", "report", "config", "commands"),
+        *("analysis", "group", "line", "provenance", "samples", "stages"),
+        "walk",
+    },
     "figures": set(),
     "report": set(),
     "config": {"scenes", "synthesis"},

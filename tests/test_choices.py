@@ -4,7 +4,6 @@ from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
-import order as theorem
 import pytest
 
 from choices import enumerations, without_products
@@ -13,6 +12,7 @@ from hopdata.config.schema import load_schema
 from hopdata.figures import style as saving
 from hopdata.figures.catalogue import FORMATS
 from hopdata.hybrid.methods import table as integrators
+from hopdata.hybrid.printed import theorem
 from hopdata.landings import schedules, touchdowns
 from hopdata.landings.contacts import find as contacts
 from hopdata.landings.contacts import kink_law as kink_recording
@@ -33,6 +33,7 @@ from hopdata.recordings import (
 from hopdata.recordings.quality import orientation
 from hopdata.report import language
 from hopdata.scenes import SCENES
+from hopdata.synthesis import camera
 
 answer = import_module(
     "hopdata.maps.verdict.judge"
@@ -129,6 +130,10 @@ ASKED = {
         answer.CONCLUSIONS,
         lambda name: answer.sentence(name, ANY, "", 0.95, 0.1),
     ),
+    "motion_capture.noise_of": (
+        camera.NOISE_OF,
+        lambda name: camera.MotionCapture(noise_of=name),
+    ),
     "integrator": (
         integrators.CHOICES,
         lambda name: integrators.check_method(name, ANY, jacobian=False),
@@ -151,6 +156,7 @@ CONFIGURED = {
     "report.language": language.LANGUAGES,
     "figures.formats": FORMATS,
     "simulation.scene": SCENES,
+    "motion_capture.noise_of": camera.NOISE_OF,
 }
 
 

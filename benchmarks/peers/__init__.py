@@ -22,21 +22,14 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from exact import (
-    INITIAL_STATE,
-    T_SPAN,
-    Plate,
-    VerticalHopper,
-    hopper_end,
-    octant,
-    octant_end,
-    plate_end,
-)
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, System, guards, solve, solve_batch
 from hopdata.hybrid import field as _field
 from hopdata.hybrid.arguments import SMALLEST_RTOL
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant, octant_end
+from hopdata.scenes.plate import PLATE_SPAN, PLATE_START, Plate, plate_end
+from hopdata.scenes.vertical_hopper import VerticalHopper, hopper_end
 
 # Interface of every peer: named solvers that take a tolerance and return something to
 # run.
@@ -89,9 +82,6 @@ class LostEventError(RuntimeError):
 
 
 Formula = Callable[..., Any]
-
-PLATE_START = (0.0, 2.5, 0.05, 0.0, 0.0, 0.0)
-PLATE_SPAN = (0.0, 1.0)  # one bounce: each spring is touched and left once
 
 
 @dataclass(frozen=True, eq=False)

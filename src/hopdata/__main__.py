@@ -33,6 +33,8 @@ TABLE: dict[str, Any] = tomllib.loads(_FILE.read_text("utf-8"))
 COMMANDS: dict[str, dict[str, Any]] = TABLE["commands"]
 for product in products.installed():
     COMMANDS |= product.commands()
+    for target, about in product.targets().items():
+        COMMANDS["run"]["examples"] += f"  hopdata run {target:32} {about['summary']}\n"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,7 +5,8 @@ at fixed places in its folder, all of which may be missing:
 
 - ``config/schema.yaml``: one block of the configuration, named as the product;
 - ``config/consistency.py``: ``mistakes(config)`` yields what does not fit in the block;
-- ``commands/commands.toml``: commands, as in ``hopdata/commands/commands.toml``;
+- ``commands/commands.toml``: commands, as in ``hopdata/commands/commands.toml``, and
+  targets, which ``hopdata run`` makes by their names;
 - ``figures/catalogue.toml``: figures, as in ``hopdata/figures/catalogue.toml``;
 - ``workflow/rules.smk``: rules, included in the workflow after those of the study.
 
@@ -71,11 +72,22 @@ class Product:
 
     def commands(self) -> dict[str, dict[str, Any]]:
         """Return the product's commands by name."""
+        return self._of_command_line("commands")
+
+    def targets(self) -> dict[str, dict[str, Any]]:
+        """Return what ``hopdata run`` makes of the product, beside studies.
+
+        Each has the name of a rule and of a folder of results, and a ``summary``.
+        """
+        return self._of_command_line("targets")
+
+    def _of_command_line(self, kind: str) -> dict[str, dict[str, Any]]:
         file = self.folder / "commands" / "commands.toml"
         if not file.is_file():
             return {}
-        found: dict[str, dict[str, Any]] = tomllib.loads(file.read_text("utf-8"))
-        return found["commands"]
+        found: dict[str, Any] = tomllib.loads(file.read_text("utf-8"))
+        entries: dict[str, dict[str, Any]] = found.get(kind, {})
+        return entries
 
     def mistakes(self, config: Mapping[str, Any]) -> Iterable[str]:
         """Return what does not fit in the product's block; this imports the product."""

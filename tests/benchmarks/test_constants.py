@@ -65,16 +65,16 @@ def test_a_row_escapes_what_would_end_a_cell(package):
 def test_what_a_constant_moves_is_told_beside_what_the_study_usually_says():
     usual = constants.Moved(
         *("landings/a.py", "A", "x 1.5", "sample", "", "no difference"),
-        *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000"),
+        *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000", "0"),
     )
     moved = constants.Moved(
         *("landings/a.py", "B", "x 1.5", "sample", "", "cannot tell"),
-        *("0.0390", "0.2100", "1622", "+0.000", "-1.500", "0.1000"),
+        *("0.0390", "0.2100", "1622", "+0.000", "-1.500", "0.1000", "2"),
     )
     told = constants.moves(moved, [usual, usual, moved])
     assert told == (
         "conclusion no difference to cannot tell, bound 0.1340 to 0.2100, "
-        "post section -1.500 mm, instants 0.1000 ms"
+        "post section -1.500 mm, 2 rows of quality, instants 0.1000 ms"
     )
     assert constants.moves(usual, [usual, usual, moved]) == ""
 
@@ -105,3 +105,52 @@ def numbers_of(path: Path):
             target = node.targets[0]
             if isinstance(target, ast.Name) and isinstance(node.value.value, float):
                 yield target.id
+
+
+def test_constants_of_a_module_are_changed_together(package):
+    exec(
+        constants.changed_source(SOURCE, list(constants.constants(package)), 1.5),
+        found := {},
+    )
+    assert found["MOST_MISSING"] == pytest.approx(0.3)
+    assert found["FRAMES"] == 8
+    assert found["OTHER"] == 3
+
+
+@pytest.fixture
+def trials(package, tmp_path, monkeypatch):
+    """Studies whose answer is a share of the module; yield the constants tried alone."""
+    monkeypatch.setattr(constants, "PACKAGE", package)
+    monkeypatch.setattr(constants, "TABLE", tmp_path / "constants.csv")
+    tried = []
+
+    def changed_study(module, changed, trial):
+        tried.append([one.name for one in changed])
+        moved = "MOST_MISSING" in tried[-1] and trial.study == "moved"
+        return constants.difference(study(0.3 if moved else 0.2), trial.before)
+
+    monkeypatch.setattr(constants, "changed_study", changed_study)
+    return tried
+
+
+def study(bound):
+    return {
+        **{"pre_m": 0.5, "post_m": 0.3, "n_used": 10, "instants_s": [[0.1, 0.2]]},
+        **{"conclusion": "different", "estimate": 0.4, "bound": bound, "quality": []},
+    }
+
+
+def test_constants_that_move_nothing_together_are_not_tried_alone(package, trials):
+    both = list(constants.constants(package))
+    for name in ("still", "moved", "still"):
+        trial = constants.Trial(name, "x 1.5", 1.5, study(0.2))
+        constants.try_module("room/module.py", both, trial)
+    together = ["MOST_MISSING", "FRAMES"]
+    assert trials == [together, together, ["MOST_MISSING"], ["FRAMES"]]
+    bounds = {(row.study, row.name): row.bound for row in constants.known_rows()}
+    assert bounds == {
+        ("still", "MOST_MISSING"): "0.2000",
+        ("still", "FRAMES"): "0.2000",
+        ("moved", "MOST_MISSING"): "0.3000",
+        ("moved", "FRAMES"): "0.2000",
+    }

@@ -7,7 +7,12 @@ from pathlib import Path
 import pytest
 
 import hopdata
-from hopdata.config.consistency import feet_of, knows_truth, nearest_file
+from hopdata.config.consistency import (
+    expected_noise_m,
+    feet_of,
+    knows_truth,
+    nearest_file,
+)
 from hopdata.config.loading import load_config
 from hopdata.errors import ConfigError
 from hopdata.recordings.importing import import_recording
@@ -303,3 +308,15 @@ def test_a_truth_that_importing_drops_is_not_known(stored):
     again = {"body": BODY[::-1], "feet": FEET[::-1]}
     assert knows_truth(of_files(file, markers=again))
     assert import_recording(file, name="one", markers=again)[1] is not None
+
+
+def test_the_noise_of_a_distance_is_compared_as_that_of_a_coordinate():
+    simulated = {
+        "study": "trial",
+        "recordings": [{"name": "one"}],
+        "markers": {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]},
+    }
+    each = load_config(simulated)
+    assert expected_noise_m(each) == each["motion_capture"]["noise_m"] == 0.0006
+    apart = load_config({**simulated, "motion_capture": {"noise_of": "distance"}})
+    assert expected_noise_m(apart) == pytest.approx(0.0006 / 2**0.5)

@@ -87,6 +87,7 @@ def test_what_is_given_stays_and_the_rest_is_filled_in(folder):
         "train": 120,
         "test": 41,
         "minimum_class": 40,
+        "draws": "distinct",
     }
     assert config["simulation"]["hopper"]["mass_kg"] == 2.3
     assert set(config) == set(load_schema()["properties"])
@@ -526,6 +527,7 @@ def test_a_mapping_is_named_by_its_files_which_are_looked_into(folder):
         "control.yaml",
         "half_spread.yaml",
         "hexapod.yaml",
+        "printed.yaml",
         "quadruped.yaml",
         "runner.yaml",
         "runner_forces.yaml",

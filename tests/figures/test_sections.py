@@ -162,3 +162,31 @@ def test_one_frame_is_enough_and_none_is_said():
     assert text_faults(sections_figure(one, empty, limits)) == []
     none = sections_figure(one.iloc[:0], empty, limits)
     assert "No frame" in none.texts[0].get_text()
+
+
+def test_without_landings_each_half_has_the_three_axes_of_the_printed_figure():
+    table = frames(0.211, n=2000)
+    limits = sections(0.211)
+    figure = sections_figure(table, densities(table, limits), limits, landings=False)
+    assert [len(half.axes) for half in figure.subfigs] == [3, 3]
+    (legend,) = figure.legends
+    told = [text.get_text() for text in legend.get_texts()]
+    assert not any("landings: at" in text for text in told)
+
+
+def test_no_section_crosses_the_name_of_a_branch(drawn):
+    _, _, figure = drawn
+    figure.draw_without_rendering()
+    names = 0
+    for scatter, _, _ in panels(figure):
+        lines = [line for line in scatter.lines if np.ptp(line.get_xdata()) == 0]
+        across = [
+            scatter.transData.transform((line.get_xdata()[0], 0))[0] for line in lines
+        ]
+        for text in scatter.texts:
+            if text.get_text() not in ("descent", "ascent"):
+                continue
+            names += 1
+            box = text.get_window_extent()
+            assert not any(box.x0 < place < box.x1 for place in across)
+    assert names > 0

@@ -11,12 +11,12 @@ import time
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params
-from exact import Plate
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
 
 from hopdata.hybrid import batch as batches
 from hopdata.hybrid import solve, solve_batch
 from hopdata.hybrid.batch import CHUNK, run_in_threads
+from hopdata.scenes.plate import Plate
 
 PARAMS = bent_params(
     [0.5, 0.7, 1.0],

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exact import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from hybrid_systems import ball, growth, ladder
 from test_derived import bounce_undone
 
 from hopdata.hybrid import System, field, solve
 from hopdata.hybrid.methods.table import CHOICES
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
+from hopdata.scenes.vertical_hopper import VerticalHopper
 
 
 @field

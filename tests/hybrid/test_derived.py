@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params
-from exact import INITIAL_STATE, T_SPAN, Plate, VerticalHopper, octant
 from hybrid_systems import ball, fall_field, floor_guard, ladder, relay, throw
 
 from hopdata.hybrid import (
@@ -23,6 +22,9 @@ from hopdata.hybrid import (
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
+from hopdata.scenes.plate import Plate
+from hopdata.scenes.vertical_hopper import VerticalHopper
 
 RTOLS = (1e-4, 1e-7, 1e-10)
 

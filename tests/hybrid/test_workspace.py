@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from exact import Plate
 from hybrid_systems import ball, growth, ladder, raising_field
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch, workspace
+from hopdata.scenes.plate import Plate
 
 BOUNCES = {"params": (2.0, 0.0, 1.0), "max_step": 0.25}
 

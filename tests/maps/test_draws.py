@@ -7,8 +7,10 @@ from hopdata.maps.affine import affine_test_errors
 from hopdata.maps.draws import (
     MOST_ONE_BY_ONE,
     distinct_draws,
+    draws_together,
     named_generator,
     rare_notes,
+    resampled_draws,
 )
 from hopdata.maps.prediction import bootstrap_prediction
 from hopdata.maps.subspaces import bootstrap_subspaces, measure_distances
@@ -230,3 +232,33 @@ def test_no_true_motion_but_noise_and_none_at_all():
     found = bootstrap_subspaces(still, still, schedule, seed=1, bootstraps=5)
     assert not found.bases
     assert len(found.notes) == 2
+
+
+def test_resampled_sets_repeat_items_but_share_none():
+    fitted, tested = resampled_draws(named_generator(1, "x"), 161, (120, 41), 50)
+    assert fitted.shape == (50, 120)
+    assert tested.shape == (50, 41)
+    repeats = [len(np.unique(row)) for row in fitted]
+    # Of 120 items drawn 120 times with replacement 1 - 1/e are expected to occur.
+    assert np.mean(repeats) == pytest.approx(120 * (1 - np.exp(-1)), rel=0.03)
+    for one, other in zip(fitted, tested, strict=True):
+        assert not set(one) & set(other)
+
+
+def test_sets_drawn_together_share_items():
+    fitted, tested = draws_together(named_generator(1, "x"), 161, (120, 41), 50)
+    shared = [np.isin(row, fitted[i]).mean() for i, row in enumerate(tested)]
+    # A test item is missing from the training set with (1 - 1/161)^120.
+    assert np.mean(shared) == pytest.approx(1 - (1 - 1 / 161) ** 120, rel=0.05)
+
+
+def test_every_item_is_as_likely_in_each_resampled_set():
+    sets = resampled_draws(named_generator(2, "x"), 12, (6, 3), 4000)
+    for drawn in sets:
+        share = np.bincount(drawn.ravel(), minlength=12) / drawn.size
+        assert np.abs(share - 1 / 12).max() < 0.008
+
+
+def test_too_few_items_for_two_parts_are_refused():
+    with pytest.raises(ValueError, match="1 items do not suffice for 2 parts"):
+        resampled_draws(named_generator(1, "x"), 1, (120, 41), 2)

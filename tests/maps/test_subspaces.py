@@ -4,9 +4,9 @@ import pytest
 from hopdata.maps.subspaces import (
     arc_length,
     bootstrap_subspaces,
-    leading_subspaces,
     pooled_frame,
     principal_angles,
+    principal_subspaces,
 )
 
 
@@ -58,7 +58,7 @@ def test_components_are_those_of_the_library():
     rng = np.random.default_rng(7)
     pairs = rng.normal(size=(60, 12)) * np.geomspace(1, 0.05, 12)
     draws = np.array([rng.choice(60, 30, replace=False) for _ in range(5)])
-    bases, _ = leading_subspaces(pairs, draws, 4)
+    bases, _ = principal_subspaces(pairs, draws, 4)
     for rows, basis in zip(draws, bases, strict=True):
         expected = PCA(n_components=4).fit(pairs[rows]).components_.T
         assert arc_length(basis, expected) < 1e-12
@@ -82,7 +82,7 @@ def test_bases_are_orthonormal_and_leading():
     rng = np.random.default_rng(1)
     pairs = rng.normal(size=(50, 10)) * np.geomspace(1, 0.01, 10)
     draws = np.array([np.arange(30), np.arange(20, 50)])
-    bases, full = leading_subspaces(pairs, draws, 4)
+    bases, full = principal_subspaces(pairs, draws, 4)
     assert full.all()
     np.testing.assert_allclose(
         bases.swapaxes(1, 2) @ bases, [np.eye(4)] * 2, atol=1e-14

@@ -44,6 +44,17 @@ def test_noise_is_per_coordinate_and_a_distance_varies_by_sqrt_two_of_it():
     )
 
 
+def test_the_noise_may_be_that_of_a_distance():
+    camera = MotionCapture(noise_m=0.0006, noise_of="distance")
+    assert camera.coordinate_noise_m == pytest.approx(0.0006 / np.sqrt(2))
+    error = camera.observe(TRUE, FLOOR, NOBODY, np.random.default_rng(3)) - TRUE
+    error[..., 2] -= FLOOR.height(TRUE[..., :2])
+    pair = TRUE[:, :2] + error[:, :2]
+    apart = np.linalg.norm(pair[:, 0] - pair[:, 1], axis=-1)
+    true_apart = np.linalg.norm(TRUE[:, 0] - TRUE[:, 1], axis=-1)
+    assert (apart - true_apart).std() == pytest.approx(0.0006, rel=0.03)
+
+
 def test_positions_are_multiples_of_the_resolution():
     step = 2.0**-12
     coarse = seen(resolution_m=step)

@@ -18,19 +18,13 @@ from hopdata.synthesis.hops import (
     led_to,
     level_state,
     pose_rate,
+    rebound,
     rest_foot,
 )
 from hopdata.synthesis.trial import Kicks, Operator, run_trial
 
 HOPPER = HopperParameters()
 HOP_HEIGHT_M = 0.24
-
-
-def rebound(hopper, drop_height_m):
-    """Return the feet's apex height above the floor after a drop, relative to that before it."""
-    hop = fly_hop(hopper, level_state(hopper, drop_height_m))
-    assert not hop.fell
-    return (hop.end_state[2] - hopper.leg_length_m) / drop_height_m
 
 
 def test_a_dropped_hopper_keeps_its_energy_through_the_landing():
@@ -40,6 +34,12 @@ def test_a_dropped_hopper_keeps_its_energy_through_the_landing():
     assert rebound(passive, HOP_HEIGHT_M) == pytest.approx(0.489, abs=0.002)
     deadbeat = replace(passive, damping_n_s_m=30.0)
     assert rebound(deadbeat, HOP_HEIGHT_M) < 0.40
+
+
+def test_a_drop_that_ends_in_no_apex_is_refused():
+    soft = replace(HOPPER, stiffness_n_m=1.0, preload_n=0.0)
+    with pytest.raises(AnalysisError, match=r"drop from 0.24 m: .* no apex in time"):
+        rebound(soft, HOP_HEIGHT_M)
 
 
 def test_a_scene_whose_guards_have_other_names_is_told_them(monkeypatch):

@@ -83,6 +83,15 @@ def test_seed_and_parameters_are_kept_in_the_truth(simulated):
     assert parameters["seed"] == 5
     assert parameters["simulation"]["hopper"]["stiffness_n_m"] == 90.0
     assert parameters["motion_capture"]["noise_m"] == simulated[1].noise_m == 0.0006
+    assert "noise_of" not in parameters["motion_capture"]
+
+
+def test_the_noise_of_a_distance_is_told_with_that_of_a_coordinate():
+    camera = {"noise_of": "distance"}
+    _, truth = simulate_recording({"hops": 2}, camera, seed=5)
+    parameters = json.loads(truth.parameters_json)
+    assert parameters["motion_capture"]["noise_of"] == "distance"
+    assert truth.noise_m == pytest.approx(0.0006 / np.sqrt(2))
 
 
 def test_same_seed_same_recording_and_streams_are_apart(simulated):

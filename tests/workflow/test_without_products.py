@@ -22,7 +22,9 @@ distances: {enabled: false}
 verdict: {flips: 99}
 figures: {formats: [svg]}
 """
-LOADED = "[name for name in sys.modules if name.startswith('hopdata.steering')]"
+PRODUCTS = ["steering", "dissertation"]
+OURS = tuple(f"hopdata.{name}" for name in PRODUCTS)
+LOADED = f"[name for name in sys.modules if name.startswith({OURS})]"
 NOTEBOOK = f"""
 import sys
 import hopdata as hd
@@ -57,9 +59,9 @@ def checkout_with_library(target, *, leave_out=()):
 
 @pytest.fixture(scope="module")
 def without(tmp_path_factory):
-    """Return a checkout in which the folder of steering was deleted."""
+    """Return a checkout in which the folders of the products were deleted."""
     folder = tmp_path_factory.mktemp("without")
-    return checkout_with_library(folder, leave_out=["steering"])
+    return checkout_with_library(folder, leave_out=PRODUCTS)
 
 
 def python(folder, *arguments):
@@ -86,6 +88,7 @@ def test_without_steering_the_commands_and_the_notebook_work(without):
     told = python(without, "-m", "hopdata", "--help").stdout
     assert "check" in told
     assert "drive" not in told
+    assert "dissertation" not in told
     notebook = python(without, "-c", NOTEBOOK)
     assert notebook.returncode == 0, notebook.stderr
     assert python(without, "-c", READS).stdout == "False False False []\n"
@@ -102,13 +105,17 @@ def test_without_steering_its_block_is_an_error_that_names_the_extra(without):
 
 
 def test_a_study_does_not_load_the_steering_that_is_there(tmp_path):
-    """Steering fails when it is imported: its rules are planned all the same."""
+    """Products fail when they are imported: their rules are planned all the same."""
     folder = checkout_with_library(tmp_path)
-    (folder / "src/hopdata/steering/__init__.py").write_text("raise ValueError('used')")
+    for name in PRODUCTS:
+        start = folder / "src/hopdata" / name / "__init__.py"
+        start.write_text("raise ValueError('used')")
     planned = planned_rules(folder, "--configfile", "config/short.yaml")
     assert "report" in planned
     planned = planned_rules(folder, "steering", "--configfile", "config/short.yaml")
     assert {"steering_learn", "figures_steering_runs", "steering_report"} <= planned
+    planned = planned_rules(folder, "dissertation", "--configfile", "config/short.yaml")
+    assert {"dissertation_page", "dissertation"} <= planned
     assert python(folder, "-c", READS).stdout == "True True True []\n"
     notebook = python(folder, "-c", NOTEBOOK)
     assert notebook.returncode == 0, notebook.stderr

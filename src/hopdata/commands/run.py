@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hopdata import products
 from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
@@ -28,13 +29,18 @@ SAMPLE_CONFIG = Path("config/config.yaml")
 
 @dataclass(frozen=True)
 class _Run:
-    """What is run, and the files with its answer and its page."""
+    """What is run, and the files with its answer and its page.
+
+    A target is a rule of a product that makes something beside studies. It says itself
+    what it found, so that no file with an answer is named here.
+    """
 
     config: Path
     study: str
     snakefile: Path
-    answer: Path
-    page: Path
+    answer: Path | None = None
+    page: Path | None = None
+    target: str = ""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -43,6 +49,8 @@ def run(options: argparse.Namespace) -> int:
         return _run_again(options)
     asked = _asked(options.config)
     passed = []
+    if asked.target:
+        passed.append(asked.target)
     if options.dry_run:
         passed.append("--dry-run")
     if options.force:
@@ -64,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
         return OK
     if options.until is not None:
         _print_results_of(options.until, asked.study)
-    elif asked.page.exists() and asked.answer.exists():
+    else:
         _print_answer(asked)
     return OK
 
@@ -73,9 +81,13 @@ def _asked(config: Path | None) -> _Run:
     """Return what a configuration asks for; if none is given, the bundled one."""
     from hopdata.config.loading import load_config, read_yaml
 
+    bundled = SNAKEFILE.parent / SAMPLE_CONFIG
+    if config is not None and not config.is_file() and str(config) in _targets():
+        _bring(SAMPLE)
+        return _Run(bundled, str(config), SNAKEFILE, target=str(config))
     if config is None:
         _bring(SAMPLE)
-        config = SNAKEFILE.parent / SAMPLE_CONFIG
+        config = bundled
     else:
         bring_bundled(config)
     content = read_yaml(config)
@@ -91,8 +103,16 @@ def _asked(config: Path | None) -> _Run:
     return _Run(config, study, SNAKEFILE, answer, folder / "report.html")
 
 
+def _targets() -> set[str]:
+    """Return what products make beside studies."""
+    return {name for product in products.installed() for name in product.targets()}
+
+
 def _require_stage(name: str, asked: _Run) -> None:
-    """Refuse a name that is no stage, and a group, whose studies run whole."""
+    """Refuse a name that is no stage, and what runs whole: a group, a target."""
+    if asked.target:
+        wanted = "the configuration of a study, as a target is made whole"
+        raise ConfigError.at("--until", wanted, f"a target, {asked.target}")
     if asked.snakefile == GROUP:
         wanted = "the configuration of a study, as those of a group run whole"
         raise ConfigError.at("--until", wanted, f"a group, {asked.study}")
@@ -111,15 +131,19 @@ def _print_results_of(name: str, study: str) -> None:
 
 
 def _print_answer(asked: _Run) -> None:
-    print(read_json(asked.answer)["sentence"])
-    checks = asked.answer.with_name("quality.json")
+    """Print the answer and the place of the page, if the run has made both."""
+    answer, page = asked.answer, asked.page
+    if answer is None or page is None or not (page.exists() and answer.exists()):
+        return
+    print(read_json(answer)["sentence"])
+    checks = answer.with_name("quality.json")
     if checks.exists():
         good, others = quality_summary(read_json(checks))
         told = f"quality of the data: {good}"
         if others:
             told += f"; {others}"
         print(told)
-    print(asked.page)
+    print(page)
 
 
 # A study again.

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
 from inspect import signature
 from itertools import pairwise
+from math import sqrt
 from operator import getitem
 from pathlib import Path
 from pkgutil import resolve_name
@@ -166,10 +167,12 @@ def _has_truth(config: Mapping[str, Any], files: list[str]) -> bool:
 
 
 def expected_noise_m(config: Mapping[str, Any]) -> float:
-    """Return the marker noise that the quality is compared with, m."""
+    """Return the noise of a coordinate that the quality is compared with, m."""
     noise_m: float = config["report"]["expected_noise_m"]
     if is_simulated(config):
         noise_m = config["motion_capture"]["noise_m"]
+        if config["motion_capture"]["noise_of"] == "distance":
+            noise_m /= sqrt(2)
     return noise_m
 
 

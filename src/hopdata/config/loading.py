@@ -11,7 +11,7 @@ import yaml
 
 from hopdata import products
 from hopdata.config.consistency import CHECKS, missing_files, nearest_file
-from hopdata.config.schema import describe, dotted, load_schema
+from hopdata.config.schema import default_of, describe, dotted, load_schema
 from hopdata.errors import ConfigError
 from hopdata.scenes import SCENES, STANDARD
 
@@ -238,7 +238,8 @@ def load_config(
         raise ConfigError.at(place, wanted, found)
     schema = load_schema(_scene_of(content))
     try:
-        config: dict[str, Any] = _with_defaults(content, schema)
+        printed = is_printed(content)
+        config: dict[str, Any] = _with_defaults(content, schema, printed=printed)
     except RecursionError:
         raise ConfigError.at(place, "a tree of keys", "one within itself") from None
     _raise_all(place, origins, _schema_mistakes(config, schema))
@@ -277,27 +278,35 @@ def _scene_of(content: Mapping[str, Any]) -> str:
     return STANDARD
 
 
-def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
+def is_printed(content: Mapping[str, Any]) -> bool:
+    """Tell whether a configuration asks for the dissertation's methods as printed."""
+    return content.get("printed") is True
+
+
+def _with_defaults(value: Any, schema: dict[str, Any], *, printed: bool) -> Any:
     """Copy `value` into plain types, adding the defaults of missing keys."""
     if value is None and schema.get("default") == {}:
-        return _section_with_defaults({}, schema)  # all of its keys are commented out
+        # All of its keys are commented out.
+        return _section_with_defaults({}, schema, printed=printed)
     if isinstance(value, Mapping):
-        return _section_with_defaults(value, schema)
+        return _section_with_defaults(value, schema, printed=printed)
     if isinstance(value, list | tuple):
-        return [_with_defaults(entry, schema.get("items", {})) for entry in value]
+        items = schema.get("items", {})
+        return [_with_defaults(entry, items, printed=printed) for entry in value]
     return _as_number(value, schema.get("type", ()))
 
 
 def _section_with_defaults(
-    section: Mapping[Any, Any], schema: dict[str, Any]
+    section: Mapping[Any, Any], schema: dict[str, Any], *, printed: bool
 ) -> dict[Any, Any]:
     properties = schema.get("properties", {})
     filled = {}
     for key, value in section.items():
-        filled[key] = _with_defaults(value, properties.get(key, {}))
+        filled[key] = _with_defaults(value, properties.get(key, {}), printed=printed)
     for key, inner in properties.items():
         if key not in filled and "default" in inner:
-            filled[key] = _with_defaults(deepcopy(inner["default"]), inner)
+            default = deepcopy(default_of(inner, printed=printed))
+            filled[key] = _with_defaults(default, inner, printed=printed)
     return filled
 
 

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 SCHEMA_FILE = Path(__file__).with_name("schema.yaml")
 
+#: Annotation of a key: its value in a study with ``printed: true``.
+PRINTED = "x-printed"
+
 _TYPES = {
     "number": "a number",
     "integer": "a whole number",
@@ -87,6 +90,45 @@ def _scene_block(name: str) -> dict[str, Any]:
         "default": {},
         "properties": keys,
     }
+
+
+def default_of(schema: dict[str, Any], *, printed: bool) -> Any:
+    """Return the value of a key that a configuration leaves out.
+
+    Parameters
+    ----------
+    schema : dict
+        Schema of the key, with a default.
+    printed : bool
+        Whether the configuration says ``printed: true``. A key with ``x-printed`` then
+        takes that value; others have no printed variant, and keep their default.
+    """
+    if printed and PRINTED in schema:
+        return schema[PRINTED]
+    return schema["default"]
+
+
+def printed_keys(
+    schema: dict[str, Any] | None = None, place: str = ""
+) -> dict[str, Any]:
+    """Return the keys that ``printed: true`` sets, by dotted path, with their values.
+
+    Parameters
+    ----------
+    schema : dict, optional
+        The JSON schema; by default that of the configuration, with its products.
+    place : str
+        Path of the section that the schema describes.
+    """
+    if schema is None:
+        schema = load_schema()
+    found = {}
+    for key, inner in schema.get("properties", {}).items():
+        path = _join(place, key)
+        if PRINTED in inner:
+            found[path] = inner[PRINTED]
+        found |= printed_keys(inner, path)
+    return found
 
 
 def in_words(schema: dict[str, Any]) -> str:
@@ -218,7 +260,11 @@ def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:
 
 
 def _row(key: str, schema: dict[str, Any], required: bool) -> str:
-    default = "required" if required else f"`{json.dumps(schema.get('default'))}`"
+    default = f"`{json.dumps(schema.get('default'))}`"
+    if required:
+        default = "required"
+    if PRINTED in schema:
+        default += f"; if `printed`: `{json.dumps(schema[PRINTED])}`"
     cells = [
         f"`{key}`",
         schema["description"],

@@ -1,6 +1,6 @@
 """Figure 2.2: how foot heights and body height determine the Poincaré sections."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,10 @@ from hopdata.figures import style
 
 # Decades of the density of a foot's height.
 DECADES_SHOWN = 4
+# Heights at which branches may be labelled, in reaches of the foot above its threshold.
+LABEL_BANDS = ((0.25, 0.45), (0.45, 0.65), (0.65, 0.85))
+# Length of such a label and its distance from the branch, in ranges of body height.
+LABEL_LENGTH = 0.42
 # Space around the points, as a share of their range.
 MARGIN = 0.03
 THRESHOLDS = ("min_foot_threshold_m", "max_foot_threshold_m")
@@ -56,7 +60,11 @@ SIDES = (
 
 @style.styled
 def sections_figure(
-    frames: pd.DataFrame, densities: pd.DataFrame, sections: Mapping[str, Any]
+    frames: pd.DataFrame,
+    densities: pd.DataFrame,
+    sections: Mapping[str, Any],
+    *,
+    landings: bool = True,
 ) -> Figure:
     """Draw Fig. 2.2: foot and body heights, their densities, thresholds and sections.
 
@@ -76,24 +84,29 @@ def sections_figure(
         ``min_foot_threshold_m``, ``max_foot_threshold_m``, ``pre_height_m``,
         ``post_height_m``, ``frames``; ``held``, the share of the landings that each
         section holds; ``decided``, and ``beside``, the heights by the other rule.
+    landings : bool
+        Whether to draw the densities in landings, which the printed figure lacks.
 
     Returns
     -------
     Figure
-        Two halves, one per section, of 3 x 2 axes with shared height axes. The range
+        Two halves, one per section, of 3 x 2 axes (2 x 2 without the densities in
+        landings) with shared height axes. The range
         between the sections is yellow, as in Fig. 2.3. The scatter plot is rasterised.
     """
     if frames.empty:
         return style.message_figure(
             "No frame to draw: the recording holds no complete frames."
         )
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 104.0)
+    height_mm = 104.0
+    if not landings:
+        height_mm = 86.0
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
     halves: Any = figure.subfigures(1, 2, wspace=0.02)
     for half, side in zip(halves, SIDES, strict=True):
-        _draw_side(half, side, frames, densities, sections)
-    figure.legend(
-        handles=_legend_handles(sections), loc="outside lower center", ncols=3
-    )
+        _draw_side(half, side, frames, densities, sections, landings)
+    handles = _legend_handles(sections, landings)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -103,25 +116,32 @@ def _draw_side(
     frames: pd.DataFrame,
     densities: pd.DataFrame,
     sections: Mapping[str, Any],
+    with_landings: bool,
 ) -> None:
-    grid = half.add_gridspec(3, 2, width_ratios=(1, 2.8), height_ratios=(1, 1, 2.3))
-    scatter = half.add_subplot(grid[2, 1])
-    beside = half.add_subplot(grid[2, 0], sharey=scatter)
-    above = half.add_subplot(grid[1, 1], sharex=scatter)
-    landings = half.add_subplot(grid[0, 1], sharex=scatter)
-    threshold = _height(sections, f"{side.foot}_threshold_m")
-    _draw_scatter(
-        scatter, side, frames, threshold, sections.get("frames") == "landings"
+    heights = [1, 2.3]
+    if with_landings:
+        heights = [1, 1, 2.3]
+    grid = half.add_gridspec(
+        len(heights), 2, width_ratios=(1, 2.8), height_ratios=heights
     )
+    scatter = half.add_subplot(grid[-1, 1])
+    beside = half.add_subplot(grid[-1, 0], sharey=scatter)
+    above = half.add_subplot(grid[-2, 1], sharex=scatter)
+    with_sections = [scatter, above]
+    if with_landings:
+        landings = half.add_subplot(grid[0, 1], sharex=scatter)
+        _draw_landing_density(landings, side, densities)
+        with_sections.append(landings)
+    threshold = _height(sections, f"{side.foot}_threshold_m")
+    _draw_scatter(scatter, side, frames, threshold, sections)
     scatter.set(
         xlim=_span(frames[["body_m"]], sections, ("pre_height_m", "post_height_m")),
         ylim=_span(frames[["min_foot_m", "max_foot_m"]], sections, THRESHOLDS),
     )
     _draw_foot_density(beside, side, densities)
     _draw_body_density(above, side, densities)
-    _draw_landing_density(landings, side, densities)
     _draw_threshold((scatter, beside), threshold)
-    _draw_sections((scatter, above, landings), sections, side)
+    _draw_sections(with_sections, sections, side)
     title = f"{side.section.capitalize()} section: {_said(sections, side)}"
     half.suptitle(
         f"{side.letter}   {title}",
@@ -152,8 +172,9 @@ def _draw_scatter(
     side: _Side,
     frames: pd.DataFrame,
     threshold: float | None,
-    of_landings: bool,
+    sections: Mapping[str, Any],
 ) -> None:
+    of_landings = sections.get("frames") == "landings"
     body = frames["body_m"].to_numpy() * 1e3
     foot = frames[f"{side.foot}_m"].to_numpy() * 1e3
     landing = frames["landing"].to_numpy(bool)
@@ -166,7 +187,8 @@ def _draw_scatter(
     if threshold is not None and of_landings:
         chosen &= landing
     if threshold is not None and not of_landings:
-        _name_branches(axes, body, foot, landing, threshold)
+        lines = _section_lines(sections, side)
+        _name_branches(axes, body, foot, landing, threshold, lines)
     look: Any = {"s": 1.2, "alpha": 0.35, "linewidths": 0, "rasterized": True}
     for mask, colour in ((~chosen, style.GREY), (chosen, side.colour)):
         axes.scatter(body[mask], foot[mask], c=colour, **look)
@@ -175,30 +197,42 @@ def _draw_scatter(
 
 
 def _name_branches(
-    axes: Axes, body: Any, foot: Any, landing: Any, threshold: float
+    axes: Axes, body: Any, foot: Any, landing: Any, threshold: float, lines: list[float]
 ) -> None:
-    """Label the two branches of frames in the air as descent and ascent."""
-    reach = foot.max() - threshold
-    low = threshold + 0.25 * reach
-    high = threshold + 0.45 * reach
-    inside = (low < foot) & (foot < high)
-    descent = inside & landing
-    ascent = inside & ~landing
-    if not descent.any() or not ascent.any():
-        return
-    places = {
-        "descent": float(np.median(body[descent])),
-        "ascent": float(np.median(body[ascent])),
-    }
-    height = (low + high) / 2
-    for name, place in places.items():
-        shift = 12
-        side = "left"
-        if place == min(places.values()):
-            shift = -12
-            side = "right"
-        look = {"ha": side, "va": "center", "fontsize": 7}
-        style.note(axes, name, (place, height), (shift, 0), **look)
+    """Label the two branches of frames in the air as descent and ascent.
+
+    Each label stands beside its branch, at the lowest height at which none of the
+    vertical `lines`, mm, crosses it.
+    """
+    length = LABEL_LENGTH * np.ptp(body)
+    waiting = ["descent", "ascent"]
+    for low, high in LABEL_BANDS:
+        bottom, top = threshold + np.array([low, high]) * (foot.max() - threshold)
+        inside = (bottom < foot) & (foot < top)
+        if not (inside & landing).any() or not (inside & ~landing).any():
+            continue
+        places = {
+            "descent": float(np.median(body[inside & landing])),
+            "ascent": float(np.median(body[inside & ~landing])),
+        }
+        for name in [*waiting]:
+            place = places[name]
+            on_left = place == min(places.values())
+            begin = place - length if on_left else place
+            if any(begin < line < begin + length for line in lines):
+                continue
+            shift = -12 if on_left else 12
+            side = "right" if on_left else "left"
+            look = {"ha": side, "va": "center", "fontsize": 7}
+            style.note(axes, name, (place, (bottom + top) / 2), (shift, 0), **look)
+            waiting.remove(name)
+
+
+def _section_lines(sections: Mapping[str, Any], side: _Side) -> list[float]:
+    """Return the heights of a section by either rule, mm."""
+    key = f"{side.section}_height_m"
+    heights = (_height(sections, key), _height(sections.get("beside", {}), key))
+    return [height for height in heights if height is not None]
 
 
 def _draw_foot_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None:
@@ -252,7 +286,7 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
 
 
 def _draw_sections(
-    each: tuple[Axes, ...], sections: Mapping[str, Any], side: _Side
+    each: Iterable[Axes], sections: Mapping[str, Any], side: _Side
 ) -> None:
     """Draw a section, that by the other rule, and the range between both sections."""
     other = _height(sections.get("beside", {}), f"{side.section}_height_m")
@@ -269,7 +303,7 @@ def _draw_sections(
             axes.axvline(own, **DASHED)
 
 
-def _legend_handles(sections: Mapping[str, Any]) -> list[Artist]:
+def _legend_handles(sections: Mapping[str, Any], landings: bool) -> list[Artist]:
     dots = [(side.colour, side.condition) for side in SIDES]
     dots.append((style.GREY, "other frames"))
     handles: list[Artist] = [
@@ -281,12 +315,11 @@ def _legend_handles(sections: Mapping[str, Any]) -> list[Artist]:
     if _height(sections.get("beside", {}), "pre_height_m") is not None:
         rule = sections["beside"]["rule"]
         handles.append(Line2D([], [], label=f"section by the rule {rule}", **DOTTED))
-    handles.append(
-        Line2D([], [], color=style.INK, lw=0.9, label="landings: at a contact")
-    )
-    handles.append(
-        Line2D([], [], color=style.GREY, lw=0.9, label="landings: at a turn")
-    )
+    if landings:
+        curves = ((style.INK, "contact"), (style.GREY, "turn"))
+        for colour, name in curves:
+            label = f"landings: at a {name}"
+            handles.append(Line2D([], [], color=colour, lw=0.9, label=label))
     return handles
 
 

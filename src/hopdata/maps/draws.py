@@ -79,6 +79,70 @@ def distinct_draws(
     return tuple(np.sort(one, axis=1) for one in sets)
 
 
+def resampled_draws(
+    generator: np.random.Generator, population: int, sizes: tuple[int, ...], count: int
+) -> tuple[IntArray, ...]:
+    """Draw random sets of the given sizes with replacement, `count` times.
+
+    Each time, the population is first divided at random in proportion to the sizes, and
+    each set is drawn from its own part. An item may thus occur several times in a set,
+    but never in two sets.
+
+    Parameters
+    ----------
+    generator
+        Source of randomness.
+    population
+        Number of items to draw from.
+    sizes
+        Size of each set.
+    count
+        Number of draws.
+
+    Returns
+    -------
+    tuple of ndarray
+        One (count, size) array of increasing indices per set.
+
+    Raises
+    ------
+    ValueError
+        If the population is too small for one item in each part.
+
+    Examples
+    --------
+    >>> fitted, tested = resampled_draws(named_generator(1, "split"), 8, (5, 3), 1)
+    >>> fitted, tested
+    (array([[0, 3, 3, 7, 7]]), array([[4, 4, 6]]))
+    """
+    ends = np.rint(population * np.cumsum(sizes) / sum(sizes)).astype(int)
+    widths = np.diff(ends, prepend=0)
+    if widths.min() < 1:
+        raise ValueError(f"{population} items do not suffice for {len(sizes)} parts")
+    sets = []
+    shuffled = np.tile(np.arange(population), (count, 1))
+    shuffled = generator.permuted(shuffled, axis=1)
+    for size, width, end in zip(sizes, widths, ends, strict=True):
+        chosen = generator.integers(0, width, size=(count, size)) + end - width
+        drawn = np.take_along_axis(shuffled, chosen, axis=1)
+        sets.append(np.sort(drawn, axis=1))
+    return tuple(sets)
+
+
+def draws_together(
+    generator: np.random.Generator, population: int, sizes: tuple[int, ...], count: int
+) -> tuple[IntArray, ...]:
+    """Draw random sets with replacement, all from the whole population.
+
+    As `resampled_draws`, but an item may also occur in two sets.
+    """
+    sets = []
+    for size in sizes:
+        drawn = generator.integers(0, population, size=(count, size))
+        sets.append(np.sort(drawn, axis=1))
+    return tuple(sets)
+
+
 def chunks(count: int, floats_each: int) -> list[slice]:
     """Return slices of `count` draws of `floats_each` floats, within `CHUNK_BYTES`."""
     bytes_each = 8 * max(1, floats_each)

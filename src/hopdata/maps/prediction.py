@@ -11,6 +11,10 @@ model may use, 120 to fit and the other 41 to test. No landing is drawn twice, b
 landing on both sides of a split would flatter the fit. If a model has fewer than 161
 landings, both numbers shrink in proportion for every model of the study, so that all
 are compared at the same sample size.
+
+The dissertation speaks of "bootstraps with a 120/41 train/test split" (Sec. 2.3): a
+bootstrap draws with replacement, a split has no landing on both sides. `DRAWS` lists
+what that can mean.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
+from hopdata.errors import chosen
 from hopdata.maps.affine import (
     affine_test_errors,
     checked,
@@ -30,9 +35,11 @@ from hopdata.maps.affine import (
 from hopdata.maps.draws import (
     Notes,
     distinct_draws,
+    draws_together,
     grouped,
     named_generator,
     rare_notes,
+    resampled_draws,
     schedule_stream,
 )
 
@@ -183,6 +190,17 @@ MODELS = {
 MEAN_PREDICTORS = ("specialised_mean", "mean")
 
 
+#: How landings are drawn to fit and to test: each once; with replacement, from two
+#: parts of the population (the reading of the printed text in which a bootstrap stays a
+#: bootstrap and a split a split); with replacement, from the whole population, so that
+#: some landings are fitted and tested.
+DRAWS = {
+    "distinct": distinct_draws,
+    "resampled": resampled_draws,
+    "resampled_together": draws_together,
+}
+
+
 @dataclass(frozen=True)
 class PredictionStudy:
     """Results of the bootstrap.
@@ -219,6 +237,7 @@ def bootstrap_prediction(  # noqa: PLR0913 - the data, and the method's options
     train: int = 120,
     test: int = 41,
     minimum_class: int = 40,
+    draws: str = "distinct",
 ) -> PredictionStudy:
     """Bootstrap the test errors of the six models.
 
@@ -241,9 +260,14 @@ def bootstrap_prediction(  # noqa: PLR0913 - the data, and the method's options
         Numbers of landings to fit and to test in a split of full size.
     minimum_class
         Classes with fewer landings get no specialised model.
+    draws
+        ``"distinct"`` (no landing twice), ``"resampled"`` (with replacement, no landing
+        on both sides) or ``"resampled_together"`` (with replacement from all).
 
     Raises
     ------
+    ConfigError
+        If `draws` is not one of `DRAWS`.
     ValueError
         If the arrays do not match or hold values that are not finite.
 
@@ -253,13 +277,18 @@ def bootstrap_prediction(  # noqa: PLR0913 - the data, and the method's options
     `needed_training`); otherwise it is left out and noted. Too few landings never raise
     an error: the result may be an empty table with notes.
     """
+    draw = chosen("prediction.draws", draws, DRAWS)
     x, y = checked(x, y, schedule, spread)
     populations, notes = select_populations(
         np.asarray(schedule, str), np.asarray(spread, float), minimum_class
     )
     needed = needed_training(x)
     populations, too_small = large_enough(populations, train, test, needed)
-    sizes, scaled_down = common_split(populations, train, test)
+    sizes = (train, test)
+    scaled_down: Notes = []
+    if draws == "distinct":
+        # With replacement, landings need not be as many as are drawn.
+        sizes, scaled_down = common_split(populations, train, test)
     notes = [*notes, *too_small, *scaled_down]
 
     affordable = [model for model in MODELS if sizes[0] >= needed or model == "mean"]
@@ -267,9 +296,7 @@ def bootstrap_prediction(  # noqa: PLR0913 - the data, and the method's options
     tables: dict[str, list[pd.DataFrame]] = {model: [] for model in MODELS}
     for population in populations:
         generator = named_generator(seed, "prediction", population.stream)
-        fitted, tested = distinct_draws(
-            generator, len(population.rows), sizes, bootstraps
-        )
+        fitted, tested = draw(generator, len(population.rows), sizes, bootstraps)
         inputs = x[population.rows]
         outputs = y[population.rows]
         for model in affordable:

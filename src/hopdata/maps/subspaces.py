@@ -13,15 +13,16 @@ wrong angle where small and large angles meet, and then errs by up to 3e-8.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, require_choice
 from hopdata.maps.draws import (
     Notes,
     chunks,
@@ -29,6 +30,7 @@ from hopdata.maps.draws import (
     grouped,
     named_generator,
     rare_notes,
+    resampled_draws,
     schedule_stream,
 )
 
@@ -131,9 +133,9 @@ def random(
 # two of its principal components nearly constant. A map from 6B - 1 to 6B - 1
 # dimensions then appears as 6B - 1 large and 6B - 1 small components among the
 # remaining 12B - 2 (Sec. 2.2.4 of the dissertation). The printed text compares the
-# small ones. But 30 landings have rank 29 at most, which leaves several small
-# components arbitrary, so the *leading* ones are kept here. The arc length between two
-# subspaces equals that between their complements.
+# small ones (and in Sec. 2.3 "the most significant half"). But 30 landings have rank 29
+# at most, which leaves several small components arbitrary, so the *leading* ones are
+# kept here. The arc length between two subspaces equals that between their complements.
 
 # Principal components that the two Poincaré sections use up, one each.
 SECTION_COMPONENTS = 2
@@ -144,6 +146,38 @@ SECTION_COMPONENTS = 2
 RANK_TOLERANCE = 1e-10
 
 
+def _last(of: int, k: int) -> slice:
+    return slice(of - k, of)
+
+
+#: Which components span a subspace -> their rows, of a complete set of components in
+#: order of falling variance, given the rank of the draw and the dimension k.
+#:
+#: ``smallest`` takes the last k of the space: where k is half of its dimension, they
+#: are the complement of the leading ones, and equally far apart. ``smallest_spanned``
+#: takes the last k of those in which the draw varies at all, which is what remains if a
+#: program returns no more components than there are landings; it is no complement.
+COMPONENTS: dict[str, Callable[[int, int, int], slice]] = {
+    "leading": lambda _dimension, _rank, k: slice(0, k),
+    "smallest": lambda dimension, _rank, k: _last(dimension, k),
+    "smallest_spanned": lambda _dimension, rank, k: _last(max(rank, k), k),
+}
+
+#: How the landings of a subspace are drawn: each once, or with replacement.
+SUBSPACE_DRAWS = {"distinct": distinct_draws, "resampled": resampled_draws}
+
+#: What becomes of draws in which the components are not determined, in words.
+INCOMPLETE = {
+    "leave_out": "left out",
+    "redraw": "drawn again",
+    "keep": "kept, though a part of each subspace is arbitrary",
+}
+
+#: Rounds in which incomplete draws are drawn again before they are left out.
+#: Unit: 1. Origin: chosen.
+MOST_REDRAWS = 20
+
+
 @dataclass(frozen=True)
 class SubspaceStudy:
     """Bootstrapped subspaces of a study.
@@ -151,7 +185,7 @@ class SubspaceStudy:
     Attributes
     ----------
     bases
-        Schedule -> (bootstraps, D, k) orthonormal bases of the leading components, in
+        Schedule -> (bootstraps, D, k) orthonormal bases of the chosen components, in
         the axes of `pooled_frame`.
     shape
         (D, k) of the bases, known even if no class has any.
@@ -193,7 +227,7 @@ def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 @one_blas_thread()
-def bootstrap_subspaces(
+def bootstrap_subspaces(  # noqa: PLR0913 - the data, and the method's options
     x: FloatArray,
     y: FloatArray,
     schedule: ArrayLike,
@@ -202,8 +236,11 @@ def bootstrap_subspaces(
     bootstraps: int = 1000,
     samples: int = 30,
     components: int | None = None,
+    which: str = "leading",
+    draws: str = "distinct",
+    incomplete: str = "leave_out",
 ) -> SubspaceStudy:
-    """Draw leading principal subspaces of each mode schedule.
+    """Draw principal subspaces of each mode schedule.
 
     Parameters
     ----------
@@ -217,17 +254,31 @@ def bootstrap_subspaces(
     bootstraps
         Number of draws per schedule.
     samples
-        Number of distinct landings per draw, centred on their own mean. Smaller classes
-        are left out.
+        Number of landings per draw, centred on their own mean. Smaller classes are left
+        out.
     components
         Dimension k of the subspaces; by default the smaller of 6B - 1 and `samples` -
         1.
+    which
+        ``"leading"``, ``"smallest"`` or ``"smallest_spanned"``: see `COMPONENTS`.
+    draws
+        ``"distinct"`` (no landing twice in a draw) or ``"resampled"`` (with
+        replacement).
+    incomplete
+        What becomes of draws whose landings do not determine the components, as those
+        with k distinct landings or fewer: ``"leave_out"``, ``"redraw"`` or ``"keep"``.
 
     Raises
     ------
+    ConfigError
+        If one of the last three is not among `COMPONENTS`, `SUBSPACE_DRAWS` or
+        `INCOMPLETE`.
     AnalysisError
         If there are fewer than two landings, or if one has a value that is not finite.
     """
+    require_choice("subspaces.which", which, COMPONENTS)
+    require_choice("subspaces.draws", draws, SUBSPACE_DRAWS)
+    require_choice("subspaces.incomplete", incomplete, INCOMPLETE)
     x = np.asarray(x, float)
     y = np.asarray(y, float)
     _require_landings(x, y)
@@ -256,18 +307,56 @@ def bootstrap_subspaces(
             continue
         streams[name] = schedule_stream(rows)
         generator = named_generator(seed, "subspaces", streams[name])
-        (draws,) = distinct_draws(generator, len(rows), (samples,), bootstraps)
-        found, full = leading_subspaces(pairs[rows], draws, k)
-        if full.any():
-            bases[name] = found[full]
-        if not full.all():
-            lacking = (
-                f"{np.sum(~full)} of {bootstraps} draws have fewer than {k} components"
-            )
-            notes.append(_note(what, lacking))
+        spanned = partial(
+            _drawn_subspaces, generator, pairs[rows], samples, k, which, draws
+        )
+        found, full = spanned(bootstraps)
+        lacking = int(np.sum(~full))
+        if incomplete == "redraw":
+            _draw_again(spanned, found, full)
+        kept = full | (incomplete == "keep")
+        if kept.any():
+            bases[name] = found[kept]
+        if lacking:
+            done = f"{lacking} of {bootstraps} draws have fewer than {k} components"
+            notes.append(_note(what, done + _what_was_done(incomplete)))
     wanted = f"{samples} distinct ones wanted in each draw"
     notes += rare_notes("subspaces", rare, wanted)
     return SubspaceStudy(bases, (pairs.shape[1], k), notes, streams)
+
+
+def _drawn_subspaces(
+    generator: np.random.Generator,
+    pairs: FloatArray,
+    samples: int,
+    k: int,
+    which: str,
+    draws: str,
+    count: int,
+) -> tuple[FloatArray, BoolArray]:
+    """Draw landings of one class `count` times; see `principal_subspaces`."""
+    (drawn,) = SUBSPACE_DRAWS[draws](generator, len(pairs), (samples,), count)
+    return principal_subspaces(pairs, drawn, k, which)
+
+
+def _draw_again(
+    spanned: Callable[[int], tuple[FloatArray, BoolArray]],
+    found: FloatArray,
+    full: BoolArray,
+) -> None:
+    """Replace bases that are not `full` by those of new draws, in place."""
+    for _ in range(MOST_REDRAWS):
+        rows = np.flatnonzero(~full)
+        if not rows.size:
+            return
+        found[rows], full[rows] = spanned(len(rows))
+
+
+def _what_was_done(incomplete: str) -> str:
+    """Return the end of a note on incomplete draws; leaving out is what notes tell."""
+    if incomplete == "leave_out":
+        return ""
+    return f"; they were {INCOMPLETE[incomplete]}"
 
 
 def _require_landings(x: FloatArray, y: FloatArray) -> None:
@@ -280,10 +369,10 @@ def _require_landings(x: FloatArray, y: FloatArray) -> None:
     raise AnalysisError.at("subspaces", "at least 2 landings, all finite", found)
 
 
-def leading_subspaces(
-    pairs: FloatArray, draws: NDArray[np.integer], k: int
+def principal_subspaces(
+    pairs: FloatArray, draws: NDArray[np.integer], k: int, which: str = "leading"
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the k leading principal components of each draw.
+    """Return k principal components of each draw.
 
     They are those of scikit-learn's `PCA`, of many draws at once.
 
@@ -295,22 +384,34 @@ def leading_subspaces(
         (R, m) row numbers, m > k.
     k
         Number of components.
+    which
+        One of `COMPONENTS`.
 
     Returns
     -------
     bases
         (R, D, k) orthonormal bases.
     full
-        (R,) whether the draw has k components; if not, part of the basis is arbitrary.
+        (R,) whether the draw determines the components; if not, part of the basis is
+        arbitrary.
     """
-    bases = np.empty((len(draws), pairs.shape[1], k))
+    dimension = pairs.shape[1]
+    bases = np.empty((len(draws), dimension, k))
     full = np.empty(len(draws), bool)
-    for chunk in chunks(len(draws), draws.shape[1] * pairs.shape[1]):
+    # The components that a draw must span for the chosen ones to be determined.
+    needed = k
+    if which == "smallest":
+        needed = dimension - k
+    for chunk in chunks(len(draws), draws.shape[1] * dimension):
         points = pairs[draws[chunk]]
         points -= points.mean(axis=1, keepdims=True)
-        _, singular, right = np.linalg.svd(points, full_matrices=False)
-        bases[chunk] = right[:, :k].swapaxes(1, 2)
-        full[chunk] = singular[:, k - 1] > RANK_TOLERANCE * singular[:, 0]
+        complete = which == "smallest"
+        _, singular, right = np.linalg.svd(points, full_matrices=complete)
+        rank = np.sum(singular > RANK_TOLERANCE * singular[:, :1], axis=1)
+        for number, components in enumerate(right):
+            rows = COMPONENTS[which](dimension, int(rank[number]), k)
+            bases[chunk.start + number] = components[rows].T
+        full[chunk] = rank >= needed
     return bases, full
 
 

@@ -109,6 +109,12 @@ def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
 
 
 @kept_njit(error_model="numpy")
+def n_legs_of(p: FloatArray) -> int:
+    """Return the number of legs, which stays when a derivative moves it a little."""
+    return int(p[at.N_LEGS] + 0.5)
+
+
+@kept_njit(error_model="numpy")
 def rest_foot(leg: int, p: FloatArray) -> Vector:
     """Return a leg's foot at rest length, body frame, m."""
     first = at.LEGS + at.LEG_STRIDE * leg
@@ -171,7 +177,7 @@ def total_wrench(
     fx = fy = fz = 0.0
     tx = ty = tz = 0.0
     standing = 0
-    for leg in range(int(p[at.N_LEGS])):
+    for leg in range(n_legs_of(p)):
         if mode[leg] > 0:
             force, torque = leg_wrench(leg, y, rot, p)
             fx += force[0]
@@ -284,7 +290,7 @@ def hopper_guards(
     hdot: FloatArray,
 ) -> None:
     """Fill `h` and `hdot`: each leg's reach minus its gap, climb rate, excess tilt."""
-    n = int(p[at.N_LEGS])
+    n = n_legs_of(p)
     apex = n
     fallen = n + 1
     released = n + 2
@@ -308,7 +314,7 @@ def hopper_event(
     _t: float, _y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
     """Release the legs once all stand, re-arm one that lifts off, stop if due."""
-    return int(after_event(mode, int(p[at.N_LEGS]), guard, direction))
+    return int(after_event(mode, n_legs_of(p), guard, direction))
 
 
 @cache

@@ -37,6 +37,7 @@ from hopdata.scenes.hopper import (
     hopper_event,
     hopper_guards,
     hopper_system,
+    n_legs_of,
     rest_foot,
     total_wrench,
 )
@@ -78,7 +79,7 @@ def control_guards(
     """Fill `h` and `hdot` as for the hopper, with the legs' guards ahead in time."""
     _guards(t, y, dy, mode, p, h, hdot)
     rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
-    for leg in range(int(p[at.N_LEGS])):
+    for leg in range(n_legs_of(p)):
         h[leg] -= p[DELAY] * foot_gap(leg, y, rot, p)[1]
         hdot[leg] -= p[DELAY] * foot_lift(leg, y, dy, rot, p)
 
@@ -115,7 +116,7 @@ def control_event(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
     """Handle events as the hopper does, but take normal velocity at touchdown."""
-    if guard < int(p[at.N_LEGS]) and direction > 0 and p[IMPULSE] > 0.0:
+    if guard < n_legs_of(p) and direction > 0 and p[IMPULSE] > 0.0:
         take_normal_velocity(t, y, guard, p[IMPULSE], p)
     return int(_event(t, y, mode, p, guard, direction))
 

@@ -1,10 +1,12 @@
 """Marker places from the body's motion and contacts, and what a camera sees of them."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.errors import require_choice
 from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.scene import Scene
 from hopdata.synthesis.hops import rest_foot, rest_foot_climb, smooth_step
@@ -47,6 +49,12 @@ def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
     return CurvedFloor(options, vectors, phases)
 
 
+#: What `MotionCapture.noise_m` is the deviation of, with that of a coordinate relative
+#: to it. A distance between two markers has the noise of both along the line that joins
+#: them.
+NOISE_OF = {"coordinate": 1.0, "distance": float(np.sqrt(0.5))}
+
+
 @dataclass(frozen=True, kw_only=True)
 class MotionCapture:
     """The block ``motion_capture`` of the configuration: how the scene is observed.
@@ -56,9 +64,12 @@ class MotionCapture:
     rate_hz : float
         Frame rate, Hz.
     noise_m : float
-        Standard deviation of the noise on each coordinate of each marker, m. The
-        default is the dissertation's 0.6 mm; distances between markers then vary by
-        0.85 mm.
+        Standard deviation of the noise, m; the default is the dissertation's 0.6 mm.
+    noise_of : {"coordinate", "distance"}
+        What has this deviation: each coordinate of each marker (distances between two
+        markers then vary by 1.41 times as much), or the distance between two markers
+        (each coordinate then varies by 0.71 times as much). Sec. 2.2.1 can be read
+        either way.
     resolution_m : float
         Rounding step of coordinates, m; 0 for none. A power of two compresses well.
     floor, gaps, markers
@@ -67,10 +78,26 @@ class MotionCapture:
 
     rate_hz: float = 100.0
     noise_m: float = 0.0006
+    noise_of: str = "coordinate"
     resolution_m: float = 2.0**-15
     floor: FloorOptions = field(default_factory=FloorOptions)
     gaps: GapOptions = field(default_factory=GapOptions)
     markers: MarkerOptions = field(default_factory=MarkerOptions)
+
+    def __post_init__(self) -> None:
+        require_choice("motion_capture.noise_of", self.noise_of, NOISE_OF)
+
+    @property
+    def coordinate_noise_m(self) -> float:
+        """Standard deviation of the noise on each coordinate of each marker, m."""
+        return self.noise_m * NOISE_OF[self.noise_of]
+
+    def said(self) -> dict[str, Any]:
+        """Return the block as plain data, with `noise_of` only if it is not usual."""
+        said = asdict(self)
+        if self.noise_of == "coordinate":
+            del said["noise_of"]
+        return said
 
     def observe(
         self,
@@ -98,7 +125,7 @@ class MotionCapture:
         """
         seen = positions.copy()
         seen[..., 2] += floor.height(positions[..., :2])
-        seen += self.noise_m * rng.standard_normal(positions.shape)
+        seen += self.coordinate_noise_m * rng.standard_normal(positions.shape)
         if self.resolution_m > 0:
             seen = np.round(seen / self.resolution_m) * self.resolution_m
         seen[hidden] = np.nan

@@ -211,6 +211,38 @@ def level_state(scene: Scene, height_m: float) -> FloatArray:
     return state
 
 
+def rebound(scene: Scene, height_m: float) -> float:
+    """Drop a scene level from rest, and return how high it bounces back.
+
+    This is the dissertation's drop test (Sec. 2.2.1): more than 40 % of the height, so
+    the landing does not annihilate the dynamical state. A scene that adds energy in its
+    stance should have that taken away first, such as the hopper with
+    ``release_extension_m=0``.
+
+    Parameters
+    ----------
+    scene : Scene
+    height_m : float
+        Height of the feet above the floor at release, m, > 0.
+
+    Returns
+    -------
+    float
+        Height of the feet at the next apex, relative to that at release. It may be
+        negative for a scene that stays on its legs.
+
+    Raises
+    ------
+    AnalysisError
+        If it falls over, or reaches no apex.
+    """
+    hop = fly_hop(scene, level_state(scene, height_m))
+    if hop.fell:
+        expected = "a bounce up to an apex"
+        raise AnalysisError.at(f"drop from {height_m:g} m", expected, hop.ending)
+    return float((hop.end_state[2] - scene.leg_length_m) / height_m)
+
+
 # A control that hops on from its own landings soon hops differently from the scene, and
 # their landings can no longer be compared. Each of its hops therefore begins in an apex
 # state of the scene's gait. In the flight after its last lift-off it is led to the next

@@ -139,7 +139,7 @@ def simulate_recording(
     parameters = {
         "seed": seed,
         "simulation": simulated.said(),
-        "motion_capture": asdict(camera),
+        "motion_capture": camera.said(),
     }
     truth = Truth(
         contact_times=times,
@@ -151,7 +151,7 @@ def simulate_recording(
         floor_at_contacts=floor.height(points),
         apex_states=np.array([hop.start_state for hop in trial.hops]),
         preloads_n=np.array([hop.preloads_n for hop in trial.hops]),
-        noise_m=camera.noise_m,
+        noise_m=camera.coordinate_noise_m,
         parameters_json=json.dumps(parameters, sort_keys=True),
     )
     return recording, truth

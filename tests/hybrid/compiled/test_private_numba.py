@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numba
 import pytest
-from exact import INITIAL_STATE, T_SPAN, octant
 from packaging.version import Version
 
 import hopdata
 from hopdata.hybrid.compiled import kernel, linking
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 LIBRARY = Path(hopdata.__file__).parent
 PUBLIC = {"numba", "numba.extending", "numba.types", "numba.typed", "numba.errors"}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import affine_landing, bent, bent_params, landing
-from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, growth
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.methods.table import TABLEAUS
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 
 def error_between_mesh_points(step, *, where):

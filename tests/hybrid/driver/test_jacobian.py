@@ -7,7 +7,6 @@ from itertools import permutations
 import numpy as np
 import pytest
 from bent_systems import bent, bent_jacobian, bent_params, bent_sparse, turn_back
-from exact import Plate, VerticalHopper
 from hybrid_systems import ladder
 from jacobian_checks import TIGHT, carried, differences, gap, saltation_product
 from scipy.integrate import solve_ivp
@@ -18,6 +17,8 @@ from hopdata.hybrid.methods.table import TABLEAUS
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.plate import Plate
+from hopdata.scenes.vertical_hopper import VerticalHopper
 
 PLACES = [0.5, 0.7, 1.0]
 TILTS = [0.2, -0.3, 0.4]

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from exact import Plate
 from hybrid_systems import bumping_pair, table_ball
 
 from hopdata.hybrid import solve
@@ -39,6 +38,7 @@ from hopdata.hybrid.layout import (
     ZENO,
     H,
 )
+from hopdata.scenes.plate import Plate
 
 
 def ends(polynomial):

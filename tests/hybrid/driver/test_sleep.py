@@ -8,7 +8,6 @@ import numba
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params, bent_sparse, turn_back
-from exact import Plate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,6 +28,7 @@ from hopdata.hybrid.compiled.memory import (
     int_vector,
 )
 from hopdata.hybrid.driver import sleep as heap
+from hopdata.scenes.plate import Plate
 
 FROM = [-1.2, 1.0]
 GAINS = 0.01 * np.sin(np.arange(300))

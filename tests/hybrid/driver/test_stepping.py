@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import affine_landing, bent, bent_params, landing
-from exact import INITIAL_STATE, T_SPAN, octant
 from stiff_problems import damped_contact
 
 from hopdata.hybrid import System, field, solve, solve_batch
 from hopdata.hybrid.layout import METHOD
 from hopdata.hybrid.methods.table import AUTOMATIC
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 CHEAP, HIGH_ORDER, STIFF = range(3)
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)

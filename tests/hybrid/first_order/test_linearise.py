@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import octant
 from hybrid_systems import throw
 
 from hopdata.hybrid.first_order.linearise import (
@@ -18,6 +17,7 @@ from hopdata.hybrid.first_order.linearise import (
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import octant
 
 HOPPER = HopperParameters()
 ONES = np.ones(12)

@@ -6,7 +6,6 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from exact import octant
 from hybrid_systems import ball, ladder, sliding
 from jacobian_checks import saltation_product
 from scipy.integrate import solve_ivp
@@ -22,6 +21,7 @@ from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import octant
 from hopdata.scenes.scene import Control
 
 

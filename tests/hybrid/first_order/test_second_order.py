@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import octant
 from hybrid_systems import ladder
 
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.hybrid.first_order import check_c1
 from hopdata.hybrid.first_order.second_order import ADDITIVE, BY_POSITION, GROUPED
+from hopdata.hybrid.first_order.smoothness import IS_SELECTED
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import octant
 from hopdata.scenes.scene import Control
 
 FEET = ("left", "middle", "right")
@@ -63,23 +64,20 @@ def report(handler=None, **broken):
 
 
 def missing(found):
-    return [finding.condition for finding in found.second_order if not finding.passed]
+    return [finding.condition for finding in found.fopas if not finding.passed]
 
 
 def test_pushes_that_add_have_the_form():
     found = report()
     assert found.verdict == "C1"
     assert missing(found) == []
-    assert found.has_second_order_form
-    grouped = found.second_order[0]
+    assert found.is_fopas
+    grouped = found.fopas[1]
     assert grouped.value == 2
     assert grouped.detail.endswith("0 with its velocity 2, 1 with its velocity 3")
     lines = str(found).split("\n")
-    assert lines[-4].startswith(
-        "second-order form (additive accelerations; sufficient for C1, and"
-    )
-    assert "and holds)" in lines[-4]
-    assert [line[:3] for line in lines[-3:]] == ["yes"] * 3
+    assert "(FoPAS; sufficient for C1, and holds)" in lines[-5]
+    assert [line[:3] for line in lines[-4:]] == ["yes"] * 4
 
 
 @pytest.mark.parametrize(
@@ -96,12 +94,11 @@ def test_pushes_that_add_have_the_form():
 def test_what_breaks_the_form_is_the_line_that_fails(broken, condition, size):
     found = report(**broken)
     assert condition in missing(found)
-    assert not found.has_second_order_form
-    value = next(f.value for f in found.second_order if f.condition == condition)
+    assert not found.is_fopas
+    value = next(f.value for f in found.fopas if f.condition == condition)
     assert size / 5 <= value <= 5 * size
     assert "does not hold" in str(found)
-    if condition != GROUPED:
-        assert missing(found) == [condition]
+    assert missing(found) == [condition]
 
 
 def test_coupled_feet_are_no_longer_one_map():
@@ -111,8 +108,9 @@ def test_coupled_feet_are_no_longer_one_map():
 def test_a_jump_of_velocity_is_left_to_the_first_column():
     found = report(kick)
     assert found.verdict == "not event-selected"
-    assert missing(found) == []
-    assert not found.has_second_order_form
+    assert missing(found) == [IS_SELECTED]
+    assert found.fopas[0].value == 1
+    assert not found.is_fopas
 
 
 def test_the_form_is_not_necessary():
@@ -120,14 +118,14 @@ def test_the_form_is_not_necessary():
     found = check_c1(ladder(1), [1.0, 0.0], params=(1.0, 0.5), mode=[-1])
     assert found.verdict == "C1"
     assert len(missing(found)) > 0
-    assert not found.has_second_order_form
+    assert not found.is_fopas
 
 
 def test_a_system_of_first_order():
     found = check_c1(octant(), [0, 0, 0], mode=[-1, -1, -1])
     assert missing(found)[:2] == [GROUPED, BY_POSITION]
-    assert found.second_order[0].value == 0
-    assert np.isnan(found.second_order[1].value)
+    assert found.fopas[1].value == 0
+    assert np.isnan(found.fopas[2].value)
 
 
 def landing(n_legs=3, control=None):
@@ -173,8 +171,8 @@ def test_positions_may_be_given():
     guessed = check_c1(system, state, **options)
     assert guessed.verdict == "C1"
     assert missing(guessed)[:2] == [GROUPED, BY_POSITION]
-    assert "may be given as positions=" in guessed.second_order[0].detail
-    assert check_c1(system, state, positions=[3, 1], **options).has_second_order_form
+    assert "may be given as positions=" in guessed.fopas[1].detail
+    assert check_c1(system, state, positions=[3, 1], **options).is_fopas
     for wrong in ([3], [3, 1, 0], [0, 2], [3, 3]):
         assert GROUPED in missing(check_c1(system, state, positions=wrong, **options))
 
@@ -183,7 +181,65 @@ def test_positions_may_be_given():
 def test_the_hopper_has_the_form(n_legs):
     found = landing(n_legs)
     assert missing(found) == []
-    assert found.has_second_order_form
+    assert found.is_fopas
+
+
+@field
+def on_massless_feet(t, y, mode, params, dy):
+    """A body on two legs with springs and dampers; their feet have no mass."""
+    dy[0], dy[1], dy[2], dy[3] = y[2], y[3], -9.81, 0.0
+    for leg, side in enumerate((-0.2, 0.2)):
+        if mode[leg] > 0:
+            push = 400.0 * (0.5 - y[0] - side * y[1])
+            push -= params[0] * (y[2] + side * y[3])
+            dy[2] += push
+            dy[3] += 10 * side * push
+
+
+@guards
+def without_force(t, y, dy, mode, params, h, hdot):
+    """A foot of no mass leaves the floor when its force vanishes, not at a length."""
+    for leg, side in enumerate((-0.2, 0.2)):
+        gap, gap_rate = y[0] + side * y[1] - 0.5, y[2] + side * y[3]
+        h[leg] = -400.0 * gap - params[0] * gap_rate
+        hdot[leg] = -400.0 * (dy[0] + side * dy[1])
+        hdot[leg] -= params[0] * (dy[2] + side * dy[3])
+
+
+@pytest.mark.parametrize(
+    ("damping", "broken"),
+    [(0.0, []), (10.0, [BY_POSITION])],
+    ids=["springs", "dampers"],
+)
+def test_massless_feet_with_dampers_lift_off_by_velocity(damping, broken):
+    """Their force vanishes before the leg has its rest length: at a gap of -c v / k."""
+    system = System(
+        on_massless_feet, without_force, n_states=4, guard_names=("left", "right")
+    )
+    speed = 2.0
+    state = [0.5 - damping * speed / 400.0, 0.0, speed, 0.0]
+    found = check_c1(system, state, params=[damping], mode=[1, 1])
+    assert found.guards == ("left", "right")
+    assert missing(found) == broken
+    share = next(f.value for f in found.fopas if f.condition == BY_POSITION)
+    assert share == pytest.approx(damping / (400.0 + damping))
+
+
+def test_forces_of_velocity_add_like_any_others():
+    """Dampers and friction leave all lines standing: they are no matter of the table."""
+    assert missing(landing()) == []
+    damped = HopperParameters(damping_n_s_m=48.0, friction=1.0)
+    y = np.zeros(12)
+    y[2], y[6:] = 0.27, [0.5, -0.3, -2.1, 0.1, -0.2, 0.05]
+    found = check_c1(
+        hopper_system(),
+        y,
+        params=damped.vector(),
+        mode=flight_mode(hopper_system(), -1.0),
+        guards=("foot1", "foot2", "foot3"),
+    )
+    assert missing(found) == []
+    assert found.products.value < 1e-12
 
 
 def test_a_control_that_couples_the_feet_has_not():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import bent, bent_jacobian, bent_params, landing
-from exact import INITIAL_STATE, T_SPAN, Plate, octant
 from hybrid_systems import balance, growth
 from jacobian_checks import carried, differences, gap
 from scipy.integrate import solve_ivp
@@ -18,6 +17,8 @@ from hopdata.hybrid.methods.explicit import Tableau
 from hopdata.hybrid.methods.method import explicit_method
 from hopdata.hybrid.methods.table import TABLEAUS
 from hopdata.hybrid.methods.tangent import LOOSER
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
+from hopdata.scenes.plate import Plate
 
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
 METHODS = pytest.mark.parametrize("method", ["auto", *TABLEAUS])

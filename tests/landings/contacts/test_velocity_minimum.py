@@ -1,5 +1,6 @@
 """The printed method."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -102,3 +103,34 @@ def test_a_gap_in_the_transition_gives_no_instant(landings):
         scene.recording.time, heights, transitions, noise_m=6e-4, parabola=True
     )
     assert np.isnan(instant[0]).tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("side", ["t_pre", "t_post"])
+def test_a_minimum_outside_the_transition_is_found_there_not_at_its_end(landings, side):
+    """So the touchdown is excluded, as Sec. 2.2.3 asks."""
+    scene, transitions = landings
+    recording = scene.recording
+
+    def minima(of):
+        found, _ = velocity_minima(
+            recording.time,
+            recording.feet[:, :, 2],
+            of,
+            noise_m=6e-4,
+            parabola=False,
+        )
+        return found
+
+    usual = minima(transitions)
+    # An end of each transition is moved past the minimum of the first foot, by 0.02 s.
+    shift = {"t_pre": 0.02, "t_post": -0.02}[side]
+    cut = replace(transitions, **{side: usual[:, 0] + shift})
+    outside = minima(cut)[:, 0]
+    known = np.isfinite(outside)
+    assert known.mean() > 0.7
+    if side == "t_post":
+        is_outside = outside[known] > cut.t_post[known]
+    else:
+        is_outside = outside[known] < cut.t_pre[known]
+    assert is_outside.mean() > 0.95
+    assert (outside == usual[:, 0])[known].mean() > 0.95

@@ -250,3 +250,35 @@ def mode_fields(
         return linearise(system, reduce(partial(cross, system), crossed, start), scale)
 
     return {crossed: after(crossed) for crossed in lock_combinations(guards, seed)}
+
+
+# The system at states beside the one that is checked.
+
+#: Number of states beside the one that is checked; more would find rarer exceptions.
+#: Unit: 1. Origin: chosen.
+BESIDE = 8
+
+
+def neighbours(
+    start: Instant, scale: FloatArray, radius: float, seed: int
+) -> list[Instant]:
+    """Return an instant and some beside it, by a small step in a random direction.
+
+    Steps are at most `radius` of each coordinate, or of its size where that is larger.
+    """
+    steps = radius * np.maximum(scale, np.abs(start.y))
+    rng = np.random.default_rng(seed)
+    directions = rng.uniform(-1.0, 1.0, (BESIDE, len(start.y)))
+    return [start, *(start.moved(start.y + steps * one, start.t) for one in directions)]
+
+
+def in_mode(system: System, place: Instant, crossed: Combination) -> Instant:
+    """Return a place in the mode in which these guards have been crossed.
+
+    A handler may change the mode and the parameters. Jumps of the state are another
+    condition, so they are left out here.
+    """
+    after = place
+    for guard in crossed:
+        after = cross(system, after, guard).moved(place.y, place.t)
+    return after

@@ -31,9 +31,6 @@ from hopdata.hybrid.system import System
 GROUPED = "coordinates are positions and velocities"
 BY_POSITION = "guards depend on position alone"
 ADDITIVE = "contacts add accelerations (additive)"
-#: Number of states beside the one that is checked; more would find rarer exceptions.
-#: Unit: 1. Origin: chosen.
-BESIDE = 8
 #: Condition number from which rates of positions do not determine the velocities.
 #: Unit: 1. Origin: chosen.
 SINGULAR = 1e8
@@ -74,39 +71,20 @@ def second_order_form(
         coordinate or, if these are not half of all, the first half.
     """
     combinations = list(local.lock_combinations(active, seed))
-    places = _beside(start, scale, seed)
-    fields = [_fields(system, place, combinations) for place in places]
+    places = local.neighbours(start, scale, local.STEP, seed)
+    fields = [
+        {
+            crossed: local.field_at(system, local.in_mode(system, place, crossed))
+            for crossed in combinations
+        }
+        for place in places
+    ]
     grouped, found = _grouped(system, places, fields, scale, tolerance, positions)
     return (
         grouped,
         _by_position(system, places, active, scale, found, tolerance),
-        _additive(fields, scale, found, tolerance),
+        _additive(fields, scale, tolerance),
     )
-
-
-def _beside(start: Instant, scale: FloatArray, seed: int) -> list[Instant]:
-    """Return an instant and some beside it, by a small step in a random direction."""
-    steps = local.STEP * np.maximum(scale, np.abs(start.y))
-    rng = np.random.default_rng(seed)
-    directions = rng.uniform(-1.0, 1.0, (BESIDE, len(start.y)))
-    return [start, *(start.moved(start.y + steps * one, start.t) for one in directions)]
-
-
-def _fields(
-    system: System, place: Instant, combinations: Sequence[Combination]
-) -> dict[Combination, FloatArray]:
-    """Return the field at a state for each combination of crossed guards.
-
-    A handler may change the mode and the parameters. Jumps of the state are another
-    condition, so they are left out here.
-    """
-    found = {}
-    for crossed in combinations:
-        after = place
-        for guard in crossed:
-            after = local.cross(system, after, guard).moved(place.y, place.t)
-        found[crossed] = local.field_at(system, after)
-    return found
 
 
 def position_pairs(
@@ -161,7 +139,10 @@ def _grouped(
     tolerance: float,
     positions: Sequence[int] | None,
 ) -> tuple[Finding, list[int]]:
-    """Return the finding on positions and velocities, and the positions if it holds."""
+    """Return the finding on positions and velocities, and the supposed positions.
+
+    There are none if they would not be half of the coordinates.
+    """
     n = len(scale)
     pairs = position_pairs(places, fields, scale, tolerance)
     if positions is not None:
@@ -178,7 +159,9 @@ def _grouped(
     why = why_not_positions(system, places, fields, scale, tolerance, chosen)
     if why:
         detail = f"{what}: {why} (others may be given as positions=)"
-        return Finding(GROUPED, False, 0.0, needed, detail), []
+        if 2 * len(set(chosen)) != n or not set(chosen) <= set(range(n)):
+            chosen = []
+        return Finding(GROUPED, False, 0.0, needed, detail), chosen
     detail = f"{what}: {listed}"
     return Finding(GROUPED, True, float(len(chosen)), needed, detail), chosen
 
@@ -208,15 +191,11 @@ def _by_position(
     return Finding.at_most(BY_POSITION, worst, tolerance, detail)
 
 
-def _additive(
-    fields: Fields, scale: FloatArray, positions: Sequence[int], tolerance: float
-) -> Finding:
+def _additive(fields: Fields, scale: FloatArray, tolerance: float) -> Finding:
     """Return the finding on whether crossed guards add to the rates what each adds.
 
-    What they add to the rates of positions counts in full: contacts may change
-    velocities only by accelerations.
+    That they add nothing to the rates of positions is part of another line.
     """
-    is_position = np.isin(np.arange(len(scale)), positions)
     apart = 0.0
     effect = 0.0
     for field in fields:
@@ -230,8 +209,8 @@ def _additive(
         for crossed, rate in field.items():
             added = rate - free
             beyond_sum = added - np.sum([alone[guard] for guard in crossed], axis=0)
-            wrong = np.where(is_position, added, beyond_sum)
-            apart = max(apart, float(np.max(np.abs(wrong) / scale)) - rounding)
+            off = float(np.max(np.abs(beyond_sum) / scale))
+            apart = max(apart, off - rounding)
             effect = max(effect, float(np.max(np.abs(added) / scale)))
     value = apart / effect if effect > 0 else 0.0
     detail = (

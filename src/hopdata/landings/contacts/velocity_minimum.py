@@ -12,7 +12,7 @@ from hopdata.landings.contacts.descents import Transitions
 from hopdata.recording import Recording
 
 #: Window of the filter: seven frames at the dissertation's 100 Hz.
-#: Unit: s. Origin: table: Sec. 2.2.3 of the dissertation.
+#: Unit: s. Origin: table: Algorithm 4 of the dissertation; Sec. 2.2.3 prints none.
 FILTER_S = 0.07
 
 #: Fewest frames in the window: the least odd number that a cubic smooths.
@@ -94,7 +94,9 @@ def velocity_minima(
     """Find the minimum of each foot's vertical velocity between the two sections.
 
     See Sec. 2.2.3 of the dissertation. Smoothing moves the minimum ahead of the
-    contact, by the same time for all feet to the extent that they are alike.
+    contact, by the same time for all feet to the extent that they are alike. A velocity
+    that is smallest at an end of the transition and still falls beyond it has its
+    minimum outside: it is followed there, so that the touchdown can be excluded.
 
     Parameters
     ----------
@@ -137,6 +139,7 @@ def velocity_minima(
             if len(piece) == 0 or np.isnan(piece).any():
                 continue
             least = int(first[row] + np.argmin(piece))
+            least = _followed(velocity[:, foot], least)
             instant[row, foot] = time[least]
             se[row, foot] = frame_s / np.sqrt(12)  # of rounding to a frame
             around = velocity[least - 1 : least + 2, foot]
@@ -147,6 +150,17 @@ def velocity_minima(
                 instant[row, foot] += frame_s * (around[0] - around[2]) / (2 * bend)
                 se[row, foot] = frame_s * noise / bend
     return instant, se
+
+
+def _followed(velocity: FloatArray, frame: int) -> int:
+    """Return the local minimum (a frame) to which a velocity (N,) falls from a frame."""
+    for step in (-1, 1):
+        following = frame + step
+        # Comparisons with NaN are false: where nothing is seen, the search ends.
+        while 0 <= following < len(velocity) and velocity[following] < velocity[frame]:
+            frame = following
+            following += step
+    return frame
 
 
 # One typical touchdown to show.

@@ -1,0 +1,1 @@
+"""What the command line has of the dissertation: a target of ``hopdata run``."""

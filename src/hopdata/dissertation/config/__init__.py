@@ -1,0 +1,1 @@
+"""The dissertation's block of the configuration."""

@@ -1,0 +1,1 @@
+"""The page on the dissertation, and its table as a document."""

@@ -1,0 +1,89 @@
+"""Numbers in an item's sentences: one number, or the median and range over seeds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Any
+
+from hopdata.report.formatting import MINUS, RAISED, significant
+
+_POWER = re.compile(r"e([-+]\d+)")
+_SIGN = re.compile(r"-(?=[\d.])")
+_TIMES = " × "
+# Numbers from here on may be written with a power of ten.
+FEWEST_POWER = 1e5
+
+
+def filled(template: str, values: Mapping[str, Any]) -> str:
+    """Put a row's values into a sentence.
+
+    Parameters
+    ----------
+    template
+        Text with values in braces, as in `str.format`.
+    values
+        The values by name. A sequence of numbers is written as its median and range.
+
+    Raises
+    ------
+    KeyError
+        If the sentence asks for a value that is not there.
+    ValueError
+        If the format does not suit the value.
+    """
+    shown = {name: _Shown(value) for name, value in values.items()}
+    return template.format_map(shown)
+
+
+class _Shown:
+    """A value in a sentence, which formats itself."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __format__(self, form: str) -> str:
+        return _written(self.value, form)
+
+
+def _written(value: Any, form: str) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return format(value, form)
+    if isinstance(value, Sequence):
+        return _over_seeds(value, form)
+    return _number(value, form)
+
+
+def _over_seeds(values: Sequence[Any], form: str) -> str:
+    """Return ``median (low to high)``, or one text if all are written alike."""
+    if any(isinstance(value, str) for value in values):
+        return ", ".join(dict.fromkeys(_written(value, form) for value in values))
+    middle = _number(median(values), form)
+    low = _number(min(values), form)
+    high = _number(max(values), form)
+    if low == high:
+        return middle
+    return f"{middle} ({low} to {high})"
+
+
+def _number(value: float, form: str) -> str:
+    if not form:
+        return significant(value)
+    if form.endswith("d"):
+        value = round(value)
+    if form.endswith("g") and FEWEST_POWER > abs(value) >= 1:
+        # Python would write 30 to one digit as 3e+01.
+        return f"{float(format(value, form)):g}".replace("-", MINUS)
+    text = _SIGN.sub(MINUS, _POWER.sub(_power, format(value, form)))
+    return text.removeprefix(f"1{_TIMES}")
+
+
+def _power(found: re.Match[str]) -> str:
+    """Write ``e-16`` as a power of ten."""
+    exponent = int(found[1])
+    if exponent == 0:
+        return ""
+    return f"{_TIMES}10{str(exponent).translate(RAISED)}"

@@ -1,0 +1,18 @@
+"""Say what was found, and name what could not be made: the next run makes it again."""
+
+import sys
+from pathlib import Path
+
+from hopdata.jobs import read_json, reported
+
+with reported(snakemake.log[0]):
+    found = read_json(snakemake.input.found)
+    print(f"hopdata: {snakemake.input.page}: {found['answer']}", file=sys.stderr)
+    for fault in found["faults"]:
+        print(f"hopdata: {fault['line']}", file=sys.stderr)
+    faulty = {fault["part"] for fault in found["faults"]}
+    for record in map(Path, snakemake.input.records):
+        if record.parent.name in faulty:
+            record.replace(record.with_name("failed.json"))
+    if faulty:
+        sys.exit(1)

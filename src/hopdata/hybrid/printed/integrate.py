@@ -1,0 +1,197 @@
+"""The loop around a classical solver: it runs to a change of sign, which is resolved.
+
+`integrate` stays within one event-selected region, in which each guard is crossed once
+(section 4.3). Rhythmic systems chain regions: `hopdata.hybrid.printed.alternate`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid.arguments import check_shape
+from hopdata.hybrid.printed.options import PrintedOptions
+from hopdata.hybrid.printed.region import Region
+from hopdata.hybrid.printed.resolution import Resolution, resolve_contacts
+from hopdata.hybrid.printed.solvers import (
+    ClassicalSolver,
+    EventFunction,
+    Mesh,
+    Stepping,
+)
+from hopdata.hybrid.printed.trajectory import PrintedSolution, Trail
+
+Ended = Callable[[float, FloatArray], bool]
+
+
+@dataclass(frozen=True)
+class RegionStop:
+    """Where a classical solver stops: a guard changed sign, or the region ended.
+
+    It fits `hopdata.hybrid.printed.solvers.Stop`.
+    """
+
+    region: Region
+    locks: IntArray
+    ended: Ended | None = None
+
+    def __call__(self, t: float, y: FloatArray) -> bool:
+        """Return whether the solver stops at this point of its mesh."""
+        crossed = len(self.region.crossed(t, y, self.locks)) > 0
+        return crossed or self.has_ended(t, y)
+
+    def has_ended(self, t: float, y: FloatArray) -> bool:
+        """Return whether the region has ended."""
+        return self.ended is not None and self.ended(t, y)
+
+    @property
+    def events(self) -> Sequence[EventFunction]:
+        """Event functions of the guards that are not crossed yet, and of the end."""
+        functions = [self._height(int(k)) for k in np.flatnonzero(self.locks < 0)]
+        if self.ended is not None:
+            functions.append(self._end)
+        return functions
+
+    def _height(self, k: int) -> EventFunction:
+        def height(t: float, y: FloatArray) -> float:
+            return float(self.region.heights(t, y, self.locks)[k])
+
+        return height
+
+    def _end(self, t: float, y: FloatArray) -> float:
+        if self.has_ended(t, y):
+            return 1.0
+        return -1.0
+
+
+def integrate(
+    region: Region,
+    t_span: tuple[float, float],
+    y0: ArrayLike,
+    *,
+    solver: ClassicalSolver | None = None,
+    options: PrintedOptions | None = None,
+    ended: Ended | None = None,
+) -> PrintedSolution:
+    """Integrate within one region, in which each guard is crossed at most once.
+
+    Parameters
+    ----------
+    region : Region
+        Field and event functions, from `region_of`.
+    t_span : tuple of float
+        Start and end, s.
+    y0 : (n,) array_like
+        Initial state.
+    solver : ClassicalSolver, optional
+        By default `Stepping` with scipy's `RK45`. Set a `max_step`: a sign that changes
+        twice between two mesh points goes unnoticed, and the step after an event has no
+        error control (but see `PrintedOptions.tail`).
+    options : PrintedOptions, optional
+        Choices within the method.
+    ended : callable, optional
+        ``ended(t, y) -> bool``: stop at the first mesh point after the start where it
+        is true.
+
+    Returns
+    -------
+    PrintedSolution
+        Mesh and events.
+
+    Raises
+    ------
+    ArithmeticError
+        If the classical solver fails, or returns without having advanced.
+    """
+    options = options or PrintedOptions()
+    t_start = float(t_span[0])
+    y = check_shape("y0", y0, region.system.n_states)
+    trail = Trail(region.system, [Mesh(np.array([t_start]), y[None])])
+    span = t_start, float(t_span[1])
+    locks = run_region(trail, region, span, solver or default_solver(), options, ended)
+    return trail.solution(region.mode(locks))
+
+
+def run_region(
+    trail: Trail,
+    region: Region,
+    span: tuple[float, float],
+    solver: ClassicalSolver,
+    options: PrintedOptions,
+    ended: Ended | None,
+) -> IntArray:
+    """Append what happens in one region to a trail; return the locks at its end."""
+    t, t_end = span
+    y = trail.legs[-1].y[-1]
+    locks = locks_at(region, t, y, options)
+    done = False
+    while t < t_end and not done:
+        stop = RegionStop(region, locks, ended)
+        leg, resolved = one_leg(stop, solver, t, y, t_end, options)
+        trail.add(leg, resolved.crossings, region)
+        t = resolved.t
+        y = resolved.y
+        locks = resolved.locks
+        if not options.keep_locks:
+            locks = region.signs(t, y)
+        done = stop.has_ended(t, y)
+    return locks
+
+
+def default_solver() -> ClassicalSolver:
+    """Return the classical solver of section 4.4.1: Dormand and Prince's, of SciPy."""
+    from scipy.integrate import RK45
+
+    return Stepping(RK45)
+
+
+def locks_at(
+    region: Region, t: float, y: FloatArray, options: PrintedOptions
+) -> IntArray:
+    """Return the locks (m,) at a start, by rates too or, as printed, by signs alone."""
+    if options.keep_locks:
+        return region.first_locks(t, y)
+    return region.signs(t, y)
+
+
+def one_leg(
+    stop: RegionStop,
+    solver: ClassicalSolver,
+    t: float,
+    y: FloatArray,
+    t_end: float,
+    options: PrintedOptions,
+) -> tuple[Mesh, Resolution]:
+    """Run the solver in one mode until it stops, and resolve its last step.
+
+    Returns
+    -------
+    leg : Mesh
+        The points after the start, with the instants of events.
+    resolved : Resolution
+        Where the leg ends.
+
+    Raises
+    ------
+    ArithmeticError
+        If the solver fails, or returns without having advanced.
+    """
+    region, locks = stop.region, stop.locks
+    mesh = solver(region.slope_in(locks), t, y, t_end, stop)
+    if len(mesh.t) < 2 or not mesh.t[-1] > t:
+        raise ArithmeticError(f"the classical solver did not advance from t = {t}")
+    t0, t1 = (float(time) for time in mesh.t[-2:])
+    y0, y1 = mesh.y[-2:]
+    if len(region.crossed(t1, y1, locks)) == 0:
+        return Mesh(mesh.t[1:], mesh.y[1:]), Resolution(t1, y1, locks, ())
+    resolved = resolve_contacts(region, t0, y0, t1, y1, locks, options)
+    times = [*mesh.t[1:-1], *(one.time for one in resolved.crossings)]
+    states = [*mesh.y[1:-1], *(one.state for one in resolved.crossings)]
+    if options.tail == "heun":
+        times.append(resolved.t)
+        states.append(resolved.y)
+    return Mesh(np.array(times), np.array(states)), resolved

@@ -1,0 +1,107 @@
+"""Classical solvers that the method wraps: each finds the same events and the same end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hybrid_systems import throw
+from scipy.integrate import solve_ivp
+
+from hopdata.hybrid.printed import (
+    FixedSteps,
+    Ivp,
+    PrintedOptions,
+    dopri5_step,
+    integrate,
+    region_of,
+    rk4_step,
+)
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant, octant_end
+
+TIGHT = {"rtol": 1e-9, "atol": 1e-11, "max_step": 0.005}
+SOLVERS = {
+    "solve_ivp RK45": Ivp(TIGHT),
+    "solve_ivp DOP853": Ivp({**TIGHT, "method": "DOP853"}),
+    "solve_ivp LSODA": Ivp({**TIGHT, "method": "LSODA"}),
+    "Runge and Kutta's steps": FixedSteps(rk4_step, 0.005),
+    "DOPRI5's steps": FixedSteps(dopri5_step, 0.005),
+}
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_any_solver_finds_the_events_and_the_end(name):
+    found = integrate(region_of(octant()), T_SPAN, INITIAL_STATE, solver=SOLVERS[name])
+    assert [found.events.guard_names[k] for k in found.events.guard] == ["y", "z", "x"]
+    assert np.abs(found.y_end - octant_end()).max() < 3e-7
+    assert found.t_end == T_SPAN[1]
+    assert (np.diff(found.t) > 0).all()
+
+
+def test_the_instants_are_those_of_the_printed_method_and_not_of_solve_ivp():
+    """On long steps they differ, as a Hermite spline does from solve_ivp's interpolant."""
+    region = region_of(octant())
+    coarse = Ivp({"rtol": 0.9, "atol": 1e9, "max_step": 0.2, "first_step": 0.2})
+    ours = integrate(region, T_SPAN, INITIAL_STATE, solver=coarse).events.time[0]
+    fine = integrate(region, T_SPAN, INITIAL_STATE, solver=Ivp(TIGHT)).events.time[0]
+    mode = -np.ones(3, dtype=np.int64)
+    slope = region.slope_in(mode)
+
+    def event(t, y):
+        return y[1]
+
+    event.terminal = True
+    options = {"rtol": 0.9, "atol": 1e9, "max_step": 0.2, "first_step": 0.2}
+    theirs = solve_ivp(slope, T_SPAN, INITIAL_STATE, events=event, **options).t[-1]
+    assert 0 < abs(ours - fine) < 1e-3
+    assert abs(ours - theirs) > 1e-9
+
+
+def test_an_event_that_is_undone_within_the_next_step_is_found_by_solve_ivp():
+    """A ball just over a ceiling: solve_ivp sees it enter, a far mesh point does not."""
+    region = region_of(throw(), (10.0, 1.0))
+    solver = Ivp({"rtol": 1e-9, "atol": 1e-9, "first_step": 0.44, "max_step": 0.44})
+    found = integrate(region, (0.0, 1.0), [0.0, 4.5], solver=solver)
+    assert len(found.events) == 1
+    rising = (4.5 - np.sqrt(4.5**2 - 20.0)) / 10.0
+    assert found.events.time[0] == pytest.approx(rising, abs=1e-12)
+
+
+@pytest.mark.parametrize("solver", [Ivp(), FixedSteps(rk4_step, 0.1)])
+def test_without_events_it_reaches_the_end_exactly(solver):
+    found = integrate(
+        region_of(throw(), (10.0, 9.0)), (0.0, 0.73), [0.0, 4.5], solver=solver
+    )
+    assert found.t_end == 0.73
+    assert found.y_end == pytest.approx([4.5 * 0.73 - 5 * 0.73**2, 4.5 - 7.3], abs=1e-9)
+
+
+def test_steps_of_one_length_do_not_end_in_a_step_of_rounding():
+    found = integrate(
+        region_of(throw(), (10.0, 9.0)), (0.0, 0.7), [0.0, 4.5],
+        solver=FixedSteps(rk4_step, 0.1),
+    )  # fmt: skip
+    assert len(found.t) == 8
+
+
+def test_solve_ivp_that_fails_is_an_error():
+    region = region_of(throw(), (np.nan, 9.0))
+    with pytest.raises(ArithmeticError, match="failed at t = 0"):
+        integrate(region, (0.0, 1.0), [0.0, 4.5], solver=Ivp())
+
+
+def test_a_leg_may_begin_at_each_event():
+    """With the tail of Algorithm 5 a long step after an event is coarse."""
+    region, coarse = region_of(octant()), Ivp({"rtol": 1e-10, "atol": 1e-12})
+    heun, restart = (
+        integrate(
+            region,
+            T_SPAN,
+            INITIAL_STATE,
+            solver=coarse,
+            options=PrintedOptions(tail=tail),
+        )
+        for tail in ("heun", "restart")
+    )
+    errors = [np.abs(one.y_end - octant_end()).max() for one in (heun, restart)]
+    assert errors[1] < 0.2 * errors[0]
+    assert restart.events.guard.tolist() == heun.events.guard.tolist() == [1, 2, 0]
