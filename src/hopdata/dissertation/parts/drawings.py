@@ -29,6 +29,7 @@ from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, Simulated
 from hopdata.steering.loaded_stances import noticed_stances
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.robot import LIGHT_BOOM
 from hopdata.steering.trial import record_trial
 from hopdata.synthesis.sketch import (
     BODY_MARKER,
@@ -62,15 +63,25 @@ class Effort:
     drive_s: float = 4.0
 
 
-# Swings whose falls are counted, degrees, and counterweights, kg: that of the steered
-# hopper, and that of the study's.
+PRINTED_LIMIT_DEG = 90.0  # Sec. 3.3
+
+#: Swings whose falls are counted; the last is beyond the printed limit.
+#: Unit: degrees. Origin: chosen.
 FALL_SWINGS_DEG = (45.0, 67.5, 90.0, 135.0)
-PRINTED_LIMIT_DEG = 90.0
-LIGHT_KG = 0.1
-HEAVY_KG = 0.4
+#: Counterweight of the steered hopper; `HEAVY_KG` is that of the study's.
+#: Unit: kg. Origin: derived: the defaults of `SteeredHopper` and `HopperParameters`.
+LIGHT_KG = LIGHT_BOOM.counterweight_mass_kg
+#: See `LIGHT_KG`.
+#: Unit: kg. Origin: derived: see `LIGHT_KG`.
+HEAVY_KG = HopperParameters().counterweight_mass_kg
+#: Hops into the board.
+#: Unit: 1. Origin: chosen.
 BOARD_HOPS = 16
-BOARD_SWING_RAD = 0.4  # to and fro, so that the hopper goes ahead
-DEADLINE_S = 0.1  # the dissertation's, for a plan
+#: Swing to and fro that takes the hopper ahead into the board.
+#: Unit: rad. Origin: chosen.
+BOARD_SWING_RAD = 0.4
+#: Largest difference between forces, or places, that are the same.
+#: Unit: N and mm. Origin: rounding: far above it, far below anything that matters.
 EXACT = 1e-9
 
 
@@ -258,6 +269,7 @@ def _falls(
 
 def limit_row(robot: plant.SteeredHopper, falls: pd.DataFrame) -> Row:
     """Judge item 53: whether swings beyond the printed limit tip the robot over."""
+
     def fell(weight_kg: float, swing_deg: float) -> list[float]:
         rows = falls[
             (falls["weight_kg"] == weight_kg) & (falls["swing_deg"] == swing_deg)
