@@ -63,6 +63,17 @@ def test_each_part_and_flow_of_the_loop_is_drawn():
     assert set(drawings.PLACES) == {part.name for part in PARTS}
 
 
+def test_tables_that_were_written_and_read_again_give_the_same_drawing(tmp_path):
+    from hopdata.jobs import read_table, write_table
+
+    tables = []
+    for name, rows in (("parts", PARTS), ("flows", FLOWS)):
+        path = tmp_path / f"{name}.csv"
+        write_table(path, pd.DataFrame([asdict(row) for row in rows]))
+        tables.append(read_table(path))
+    assert words(drawings.loop_figure(*tables)) == words(loop())
+
+
 def test_no_two_parts_share_a_place():
     places = np.array(list(drawings.PLACES.values()))
     apart = np.abs(places[:, None] - places[None])

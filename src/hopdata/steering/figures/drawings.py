@@ -176,9 +176,10 @@ def loop_figure(parts: pd.DataFrame, flows: pd.DataFrame) -> Figure:
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 76.0)
     axes = figure.subplots()
-    for flow in flows.to_dict("records"):
+    # A table that was read again has no empty texts.
+    for flow in flows.fillna("").to_dict("records"):
         _draw_flow(axes, flow)
-    for part in parts.to_dict("records"):
+    for part in parts.fillna("").to_dict("records"):
         _draw_part(axes, part)
     for kind, label in (
         ("thread", "thread"),
