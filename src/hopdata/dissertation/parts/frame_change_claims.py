@@ -319,9 +319,11 @@ def zero_order_row(
         residuals.BY_MOMENTUM: "momentum",
         residuals.BY_STATE: "state",
     }
-    for (known, component), own in decided.groupby(["known", "component"]):
-        axis = dict(zip(COMPONENTS, ("x", "y", "heading"), strict=True))[component]
-        values[f"{short[known]}_{axis}"] = (100 * own["share"]).tolist()
+    axes = dict(zip(COMPONENTS, ("x", "y", "heading"), strict=True))
+    for known, name in short.items():
+        for component, axis in axes.items():
+            is_own = (decided["known"] == known) & (decided["component"] == component)
+            values[f"{name}_{axis}"] = (100 * decided.loc[is_own, "share"]).tolist()
     blind = orders[orders["given"] == residuals.INPUTS]
     for order, name in (("landing", "landing"), ("lift-off", "lift_off")):
         own = blind[blind["order"] == order]
