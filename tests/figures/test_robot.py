@@ -29,12 +29,25 @@ def test_all_panels_name_what_they_show():
     ):
         assert part in assembly
     assert "0.31 m from the axis" in assembly
+    for name in "xyz":
+        assert f" {name} " in assembly
     assert "0.25 m below the origin" in assembly
     assert "preload, 25 N" in leg
     assert "125 mm" in leg
     assert "90 N/m" in leg
     assert "±60.0°" in boom
     assert "neutral" in boom
+
+
+def test_all_axes_of_the_body_are_within_the_limits():
+    """Matplotlib leaves out an arrow whose tip is not."""
+    axes = robot.robot_figure(SKETCH, FORCES, panels=["assembly"]).axes[0]
+    names = [text for text in axes.texts if text.get_text() in ("x", "y", "z")]
+    assert len(names) == 3
+    for name in names:
+        x, y = name.xy
+        assert axes.get_xlim()[0] < x < axes.get_xlim()[1]
+        assert axes.get_ylim()[0] < y < axes.get_ylim()[1]
 
 
 def test_a_boom_away_from_neutral_is_not_called_neutral():
