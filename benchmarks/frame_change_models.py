@@ -39,7 +39,6 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
 from hopdata.steering.frame_changes import (
-    USED,
     FrameChanges,
     StanceStates,
     frame_changes,
@@ -52,6 +51,7 @@ from hopdata.steering.models.learning import (
     map_table,
     prediction_score,
     random_split,
+    smooth_truth,
     smoothness_scores,
     training_table,
     with_intervals,
@@ -92,7 +92,6 @@ CURVES = ("printed", "recommended")
 SIZES = (20, 35, 60, 100, 170, 300)
 SCORES = ("r2", "rmse", "coverage")
 BOOM_WINDOW_S = 0.11  # window after the stance (printed: 11 frames at 100 Hz)
-SMOOTH_NOISE = np.array([0.5e-3, 0.5e-3, 2e-3])
 STEP = 1.5e-8  # step of forward differences, SciPy's default
 
 
@@ -389,33 +388,6 @@ def model_rows(
                 yield from pd.DataFrame({**labels, **score}).to_dict("records")
             labels = {"model": name, "test": "true map", "draw": draw}
             yield from true_map_rows(process, true, labels)
-
-
-def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
-    """Return frame changes by analytic functions of boom angle and swing, with a little noise.
-
-    They are as large as the hopper's: a few cm and about five degrees. The noise is
-    that of poses from motion capture (`SMOOTH_NOISE`).
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    angle = rng.uniform(0, 2 * np.pi, hops)
-    swing = rng.uniform(-swing_limit_rad, swing_limit_rad, hops)
-    middle = angle + swing / 2
-    change = np.column_stack(
-        [
-            0.05 - 0.025 * np.cos(middle) + 0.01 * np.sin(swing),
-            -0.02 * np.sin(middle) + 0.01 * np.cos(2 * angle) * np.cos(swing),
-            0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
-        ]
-    )
-    return FrameChanges(
-        recording=np.full(hops, "smooth truth"),
-        time_s=np.arange(hops, dtype=float),
-        boom_angle_rad=angle,
-        swing_rad=swing,
-        change=change + SMOOTH_NOISE * rng.standard_normal(change.shape),
-        reason=np.full(hops, USED),
-    )
 
 
 def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
