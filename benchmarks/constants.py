@@ -296,8 +296,8 @@ def write_rows(rows: Iterable[Moved]) -> None:
     draft.replace(TABLE)
 
 
-def run(rooms: Iterable[str], matching: str) -> None:
-    """Try every constant of the rooms in every study; what is known is not tried again."""
+def run(rooms: Iterable[str], matching: str, studies: Iterable[str]) -> None:
+    """Try every constant of the rooms in the studies; what is known is not tried again."""
     for library in LIBRARIES:
         import_module(library)
     # One thread a study, whatever the machine has.
@@ -305,8 +305,8 @@ def run(rooms: Iterable[str], matching: str) -> None:
     shutil.rmtree(COPY, ignore_errors=True)
     shutil.copytree(PACKAGE, COPY / "hopdata", symlinks=True)
     base = {}
-    for study, config in STUDIES.items():
-        found = study_with(config, with_quality=True)
+    for study in studies:
+        found = study_with(STUDIES[study], with_quality=True)
         if isinstance(found, str):
             print(f"{study}: passed over: {found}")
         else:
@@ -481,10 +481,11 @@ def main() -> None:
     tried = commands.add_parser("run", help="try each constant, larger and smaller")
     tried.add_argument("rooms", nargs="*", default=[*STUDIED])
     tried.add_argument("--name", default="", help="only names that match this pattern")
+    tried.add_argument("--studies", nargs="+", choices=STUDIES, default=[*STUDIES])
     commands.add_parser("page", help="write docs/constants.md")
     asked = parser.parse_args()
     if asked.command == "run":
-        run(asked.rooms, asked.name)
+        run(asked.rooms, asked.name, asked.studies)
     else:
         PAGE.write_text(page(), "utf-8")
 
