@@ -17,8 +17,6 @@ Beside `frame_change_models.csv`, it writes:
 - `frame_change_cost.csv`: time of a prediction and its gradient compared with
   scikit-learn's `predict` and forward differences for the same hyper-parameters, and
   the largest difference.
-- `frame_change_map.csv`, `frame_change_points.csv`: the printed and the recommended
-  model over their inputs, and the hops that they have learned from (Figure 3.3).
 """
 
 from __future__ import annotations
@@ -48,12 +46,10 @@ from hopdata.steering.models.learning import (
     IN_UNITS,
     UNITS,
     learning_scores,
-    map_table,
     prediction_score,
     random_split,
     smooth_truth,
     smoothness_scores,
-    training_table,
     with_intervals,
 )
 from hopdata.steering.models.process import (
@@ -523,16 +519,6 @@ def disagreement(
     }
 
 
-def map_tables(hops: FrameChanges, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the maps of Figure 3.3, and the hops that they were learned from."""
-    maps, points = [], []
-    for name in ("printed", "recommended"):
-        process = trained_process(hops, MODELS[name], seed=seed)
-        maps.append(map_table(process, LIMIT).assign(model=name))
-        points.append(training_table(process).assign(model=name))
-    return pd.concat(maps), pd.concat(points)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
@@ -564,10 +550,6 @@ def main() -> None:
         "frame_change_cost.csv",
         pd.DataFrame(cost_rows(first.rows(chosen), other, seed)),
     )
-    for name, table in zip(
-        ("map", "points"), map_tables(first.rows(chosen), seed), strict=True
-    ):
-        write(f"frame_change_{name}.csv", table)
     models = {name: MODELS[name] for name in CURVES}
     scores = learning_scores(pool, models, SIZES, draws=draws, seed=seed)
     curve = with_intervals(scores, ["model", "hops", "component", "unit"], SCORES)

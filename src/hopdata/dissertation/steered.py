@@ -17,7 +17,6 @@ from hopdata.arrays import FloatArray
 from hopdata.config.loading import load_config
 from hopdata.recording import Recording
 from hopdata.steering import PRINTED
-from hopdata.steering.experiments.study import Setting
 from hopdata.steering.frame_changes import FrameChanges, StanceStates, frame_changes
 from hopdata.steering.models.learning import learn
 from hopdata.steering.observation.observe import Observed, observe_recordings
@@ -27,11 +26,17 @@ if TYPE_CHECKING:
     from hopdata.arrays import pd
     from hopdata.steering.models.process import FrameChangeProcess
 
-__all__ = ["Learned", "Setting", "config_of", "learned", "true_changes"]
 
+def config_of(*, printed: bool, **steering: Any) -> dict[str, Any]:
+    """Return the configuration of a steering study.
 
-def config_of(*, printed: bool) -> dict[str, Any]:
-    """Return the configuration of a steering study without other keys."""
+    Parameters
+    ----------
+    printed : bool
+        Whether it says ``printed: true``.
+    steering
+        Keys of the block ``steering``, if any.
+    """
     markers = {
         "body": ["body1", "body2", "body3"],
         "feet": ["foot1", "foot2", "foot3"],
@@ -43,7 +48,7 @@ def config_of(*, printed: bool) -> dict[str, Any]:
             "printed": printed,
             "recordings": [{"name": "none"}],
             "markers": markers,
-            "steering": {},
+            "steering": steering,
         }
     )
 
@@ -91,9 +96,9 @@ class Learned:
         return float(self.config["steering"]["robot"]["swing_limit_rad"])
 
 
-def learned(seed: int, *, printed: bool) -> Learned:
-    """Excite, observe and learn, as the study's first seed does."""
-    config = config_of(printed=printed)
+def learned(seed: int, *, printed: bool, **keys: Any) -> Learned:
+    """Excite, observe and learn, as the study's first seed does; see `config_of`."""
+    config = config_of(printed=printed, **keys)
     steering = config["steering"]
     stream = np.random.SeedSequence(seed, spawn_key=(1,))
     (observation,) = steering["observations"]

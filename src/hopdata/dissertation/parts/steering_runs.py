@@ -98,7 +98,7 @@ def make(seeds: Sequence[int]) -> Made:
         _followed(ways),
         *(_figure_row(number, *shown[name]) for name, number in FIGURES.items()),
         _drawn_alone(examples),
-        _success(runs, far),
+        success_row(runs, far),
     ]
     columns = ["seed", "who", "experiment", "run", "success", "hops", "bearing_rad"]
     tables = {
@@ -226,7 +226,7 @@ class _Study:
                     "run": start.number,
                     "success": run.outcome.success,
                     "hops": run.outcome.hops,
-                    "bearing_rad": _bearing(start.pose),
+                    "bearing_rad": bearing_of(start.pose),
                 }
                 rows.append((row, run))
         return rows
@@ -236,7 +236,7 @@ def _study(seed: int) -> _Study:
     return _Study(seed, learned(seed, printed=True), learned(seed, printed=False))
 
 
-def _bearing(pose: FloatArray) -> float:
+def bearing_of(pose: FloatArray) -> float:
     """Return how far a pose is turned away from the origin, rad; 0 at the origin."""
     if not pose[:2].any():
         return 0.0
@@ -390,10 +390,9 @@ def _objectives(studies: Sequence[_Study], seeds: Sequence[int]) -> Row:
     needed = []
     for study in studies:
         for start, run in study.runs["origin", PLANNER]:
-            if run.outcome.success:
-                plan = _first_plan(study.policies[tasks.ORIGIN][PLANNER](start), run)
-                foreseen.append(plan)
-                needed.append(run.outcome.hops)
+            planner = study.policies[tasks.ORIGIN][PLANNER](start)
+            foreseen.append(_first_plan(planner, run))
+            needed.append(len(run.stances) - 1)
     values = {
         "difference": float(max(by_angle, by_distance)),
         "foreseen": float(np.median(foreseen)),
@@ -571,7 +570,7 @@ def _farther(study: _Study) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["seed", "horizon", "run", "success"])
 
 
-def _success(runs: pd.DataFrame, far: pd.DataFrame) -> Row:
+def success_row(runs: pd.DataFrame, far: pd.DataFrame) -> Row:
     """Count successes by experiment, who steers, heading of the start and horizon."""
     values: dict[str, Any] = {}
     shares = {}
@@ -592,8 +591,8 @@ def _success(runs: pd.DataFrame, far: pd.DataFrame) -> Row:
         values[name] = int(far.loc[far["horizon"] == hops, "success"].sum())
     values["of_far"] = len(far) // 2
     values["far_hops"] = FAR_HOPS
-    turns = runs[(runs["who"] == ALL_PRINTED) & (runs["experiment"] == "turn")]
-    values["turn_hops"] = int(turns.loc[turns["success"], "hops"].median())
+    turns = runs[(runs["experiment"] == "turn") & runs["success"]]
+    values["turn_hops"] = int(turns["hops"].median()) if len(turns) else 0
     done = [shares[f"printed_{experiment}"] >= DONE for experiment in STARTS]
     agreement = Agreement.DIFFERS
     if any(done):
