@@ -483,20 +483,7 @@ def study_cost_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-# Figures of the frame change, which a study draws too.
-
-
-def frame_change_of(model: str) -> Callable[[pd.DataFrame, pd.DataFrame], Figure]:
-    """Return the function that draws Figure 3.3 for one of the models in the tables."""
-
-    def drawn(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
-        from hopdata.steering.figures.models import frame_change_figure
-
-        return frame_change_figure(
-            maps[maps["model"] == model], hops[hops["model"] == model]
-        )
-
-    return drawn
+# Figures of the models of the frame change, which a study draws too.
 
 
 def learning_curve(errors: pd.DataFrame) -> Figure:
@@ -516,8 +503,6 @@ def kernel_smoothness(scores: pd.DataFrame) -> Figure:
 FIGURES: dict[str, Callable[..., Figure]] = {
     "work_precision": work_precision_figure,
     "map_error": map_error_figure,
-    "fig3_3_frame_change": frame_change_of("recommended"),
-    "fig3_3_printed": frame_change_of("printed"),
     "learning_curve": learning_curve,
     "kernel_smoothness": kernel_smoothness,
     "verdict_power": verdict_power_figure,

@@ -37,8 +37,6 @@ BENCHMARK_TABLES = {
         "frame_change_learning.csv",
         "frame_change_kernels.csv",
         "frame_change_cost.csv",
-        "frame_change_map.csv",
-        "frame_change_points.csv",
     ],
     "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
     "adaptation": ["adaptation.csv", "adaptation_return.csv"],
@@ -89,8 +87,6 @@ UNTIMED = {
 BENCHMARK_FIGURES = {
     "work_precision": ["work_precision.csv", "ratios.csv"],
     "map_error": ["map_error.csv"],
-    "fig3_3_frame_change": ["frame_change_map.csv", "frame_change_points.csv"],
-    "fig3_3_printed": ["frame_change_map.csv", "frame_change_points.csv"],
     "learning_curve": ["frame_change_learning.csv"],
     "kernel_smoothness": ["frame_change_kernels.csv"],
     "verdict_power": ["verdict_power.csv"],
