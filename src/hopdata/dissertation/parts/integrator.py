@@ -177,9 +177,10 @@ def resolution_row() -> Row:
 
 # Algorithm 6 (item 87).
 
-#: Random splines on which both root finders are compared, and level landings, a seed.
+#: Random splines of each seed, on which both root finders are compared.
 #: Unit: 1. Origin: chosen.
 N_SPLINES = 400
+#: Landings of a level plate with each seed.
 #: Unit: 1. Origin: chosen.
 N_LANDINGS = 8
 
@@ -279,9 +280,10 @@ def hops(
     return integrate_alternating(*regions, span, start, solver=solver, options=options)
 
 
-#: Step that holds an apex and a touchdown, s, and low hops of each seed.
+#: Length of a step that holds the apex and the touchdown of a low hop.
 #: Unit: s. Origin: chosen.
 LONG_STEP_S = 0.12
+#: Low hops of each seed.
 #: Unit: 1. Origin: chosen.
 N_LOW_HOPS = 20
 
@@ -507,10 +509,11 @@ def octant_row() -> Row:
 
 # The plate (item 98).
 
-#: Starts, as section 4.4.4 has them, and the most springs.
-#: Unit: 1. Origin: convention: numbers of the dissertation.
+#: Starts of the plate that are drawn.
+#: Unit: 1. Origin: convention: section 4.4.4 of the dissertation.
 N_STARTS = 150
-#: Unit: 1. Origin: convention: a number of the dissertation.
+#: Springs of the plate that is dropped, the most of section 4.4.4.
+#: Unit: 1. Origin: convention: section 4.4.4 of the dissertation.
 MOST_SPRINGS = 35
 # Longest step, s, of the printed method here. With the dissertation's, 1 s, the tail
 # after the first contact has no bound.

@@ -67,13 +67,13 @@ SAME_ORDER = 0.15
 #: Standard errors within which a fitted slope agrees with a number.
 #: Unit: 1. Origin: convention: three, as for a normal error.
 STANDARD_ERRORS = 3.0
-#: Longest and shortest step of the sweep, and steps of a sweep.
-#: Unit: 1 (time has no dimension). Origin: chosen: from all events in one step to
-#: errors that rounding begins to show in.
+#: Longest step of a sweep, in which all events share one step.
+#: Unit: 1. Origin: derived: the length of the span; time has no dimension.
 LONGEST = 0.5
-#: Unit: 1 (time has no dimension). Origin: chosen: see `LONGEST`.
+#: Shortest step of a sweep, near which rounding begins to show in the errors.
+#: Unit: 1. Origin: chosen.
 SHORTEST = 5e-4
-#: Steps of a sweep: ten a decade.
+#: Number of steps of a sweep: ten a decade.
 #: Unit: 1. Origin: chosen.
 N_STEPS = 31
 #: Sweeps of each seed, with different first steps.
@@ -165,11 +165,13 @@ def _own_step(_slope: object, t: float, y: FloatArray, dt: float) -> FloatArray:
 def spline_row() -> Row:
     """Measure the order of a Hermite spline on four meshes (item 82)."""
     event = turning_point()
-    values: dict[str, float] = {}
-    for mesh in MESHES:
-        values[mesh] = _spline_order(partial(_ends, event, mesh))
-    values["euler"] = _spline_order(partial(_euler_ends, event))
-    values["cubic"] = _error_on_a_cubic()
+    values = {
+        "exact": _spline_order(partial(_ends, event, "exact")),
+        "dopri5": _spline_order(partial(_ends, event, "dopri5")),
+        "heun3": _spline_order(partial(_ends, event, "heun3")),
+        "euler": _spline_order(partial(_euler_ends, event)),
+        "cubic": _error_on_a_cubic(),
+    }
     third = all(abs(values[mesh] - 3.0) < SAME_ORDER for mesh in MESHES)
     if third and values["euler"] < 3.0 - SAME_ORDER:
         return Row(82, Agreement.AGREES, values)
@@ -217,7 +219,7 @@ def _error_on_a_cubic() -> float:
 
 # Theorem 4.2.1 and its constants.
 
-#: Steps of the theorem's table, s, and where in them the event lies.
+# Steps of the theorem's table, s, and where in them the event lies.
 THEOREM_STEPS = 0.5 / 2.0 ** np.arange(8)
 PLACES = (0.1, 0.4, 0.5, 0.9)
 
