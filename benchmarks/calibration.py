@@ -3,16 +3,15 @@
     python benchmarks/calibration.py --out results/benchmarks/calibration.csv
 
 The hopper starts at rest at 2 m with k / m = 1000 / s^2 and runs for 2 s, on one
-thread. MuJoCo runs in all ways that `peers/mujoco_peer.py` offers, with all its
+thread. MuJoCo runs in all ways that `hopdata.dissertation.mujoco_models` offers for the hopper, with all its
 integrators, down to time steps of 10 us. Errors are those of the height against the
 closed form: at MuJoCo's steps or at 2001 times, and at the end. `time_*` is the time of
 a whole simulation, by the faster of MuJoCo's two loops in C, `mj_step(nstep)` and
 `rollout`; `python_loop_ms` is that of a loop of `mj_step` in Python. Beside the table
-of all runs, it writes two more:
-
-- ``calibration_table.csv``: the fastest run of each solver at or below each error, and
-  the time step of the dissertation, 2 ms, with MuJoCo's default contact;
-- ``calibration_trajectories.csv``: the trajectories of figure 4.3.
+of all runs, it writes ``calibration_table.csv``: the fastest run of each solver at or
+below each error, and the time step of the dissertation, 2 ms, with MuJoCo's default
+contact. The dissertation's own comparison (table 4.4, figure 4.3) is a part of its page
+(`hopdata.dissertation.parts.calibration`).
 
 Without MuJoCo, its row says "absent" and the tables show our solver alone.
 """
@@ -27,11 +26,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from machine import quartiles, this_machine
-from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, hopper_simulation, steps
+from peers.mujoco_peer import ABSENT
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import solve
 from hopdata.scenes.vertical_hopper import VerticalHopper, hopper_states
+
+if not ABSENT:
+    from hopdata.dissertation.mujoco_models import (
+        INTEGRATORS,
+        Setting,
+        hopper_simulation,
+        steps,
+    )
 
 HOPPER = VerticalHopper()
 START, UNTIL_S = (2.0, 0.0), 2.0
@@ -42,7 +49,7 @@ TOLERANCES = tuple(10.0**-k for k in range(3, 15))
 CALLS = 20  # consecutive calls of our solver in each timing
 LEVELS_M = tuple(10.0**-k for k in range(1, 12))
 LONG = 50_000  # steps; from this number on, only the faster loop in C is timed
-DISSERTATION = Setting("default contact", "Euler", 2e-3)
+DISSERTATION, DISSERTATION_S = "default contact Euler", 2e-3  # setting, time step
 
 
 def settings() -> Iterator[Setting]:
@@ -168,8 +175,7 @@ def table_by_level(table: pd.DataFrame) -> pd.DataFrame:
     """Return the fastest run of each solver at each error, and at the dissertation's time step."""
     theirs, ours = (table[table["solver"] == name] for name in ("MuJoCo", "hopdata"))
     printed = theirs[
-        (theirs["setting"] == DISSERTATION.name)
-        & (theirs["timestep_s"] == DISSERTATION.timestep_s)
+        (theirs["setting"] == DISSERTATION) & (theirs["timestep_s"] == DISSERTATION_S)
     ]
     rows = []
     for _, one in printed.iterrows():
@@ -187,43 +193,6 @@ def table_by_level(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def trajectories() -> pd.DataFrame:
-    """Return the trajectories of figure 4.3, with their deviations from the exact one."""
-    count = steps(DISSERTATION, UNTIL_S)
-    grid = DISSERTATION.timestep_s * np.arange(count + 1)
-    tendon = Setting("tendon", "RK4", DISSERTATION.timestep_s)
-    rolled = {
-        name: np.column_stack([START, hopper_simulation(HOPPER, one).roll_out(START, count)])
-        for name, one in (
-            ("MuJoCo default contact", DISSERTATION), ("MuJoCo best at 2 ms", tendon),
-        )
-        if not ABSENT
-    }  # fmt: skip
-    ours = solve(
-        HOPPER.system(),
-        (0.0, UNTIL_S),
-        START,
-        params=HOPPER.params,
-        rtol=1e-9,
-        t_eval=grid,
-    )
-    exact = hopper_states(HOPPER, START[0], grid)
-    parts = [
-        pd.DataFrame(
-            {
-                "solver": name,
-                "time_s": grid,
-                "height_m": states[0],
-                "velocity_m_s": states[1],
-                "height_residual_m": states[0] - exact[0],
-                "velocity_residual_m_s": states[1] - exact[1],
-            }
-        )
-        for name, states in {"exact": exact, **rolled, "hopdata": ours.y}.items()
-    ]
-    return pd.concat(parts, ignore_index=True)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
@@ -235,7 +204,6 @@ def main() -> None:
     table.to_csv(out, index=False)
     levels = table_by_level(table)
     levels.to_csv(out.with_name(f"{out.stem}_table.csv"), index=False)
-    trajectories().to_csv(out.with_name(f"{out.stem}_trajectories.csv"), index=False)
     print(levels.to_string(index=False))
 
 

@@ -68,18 +68,12 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 from loopback_server import Faults, LoopbackServer, Outage, UdpSwings
-from numpy.typing import ArrayLike
 
 from hopdata.jobs import write_table
 from hopdata.recording import Recording
 from hopdata.rigid import wrapped
-from hopdata.steering.control.objectives import (
-    Plan,
-    ToPoint,
-    checked_state,
-    goal_errors,
-)
 from hopdata.steering.control.planner import Planner, planner
+from hopdata.steering.control.waypoints import WayPointFollower, WayPoints
 from hopdata.steering.frame_changes import frame_changes
 from hopdata.steering.live.buffer import Status
 from hopdata.steering.live.drive import Drive, drive
@@ -96,66 +90,6 @@ from hopdata.steering.observation.stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker
 from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import record_trial
-
-# Way-points: visit one point after another.
-
-
-@dataclass(frozen=True, kw_only=True)
-class WayPoints:
-    """Visit points of the floor one after another, and stay at the last.
-
-    Parameters
-    ----------
-    points_m : tuple of (x, y)
-        Points in the world frame, m.
-    arrival_m : float
-        Distance at which a point counts as visited, m.
-    """
-
-    points_m: tuple[tuple[float, float], ...]
-    arrival_m: float = 0.15
-
-    def legs(self) -> tuple[ToPoint, ...]:
-        """Objectives of the single points, in order."""
-        return tuple(ToPoint(point_m=point) for point in self.points_m)
-
-
-class WayPointFollower:
-    """Steers to the first way-point that has not been visited, and stays at the last.
-
-    It remembers the visited points, so each run needs a follower of its own.
-
-    Parameters
-    ----------
-    controller : Planner
-    way_points : WayPoints
-    """
-
-    def __init__(self, controller: Planner, way_points: WayPoints) -> None:
-        self._legs = way_points.legs()
-        self._controllers = [controller.towards(leg) for leg in self._legs]
-        self._arrival_m = way_points.arrival_m
-        self.visited = 0
-
-    def plan(
-        self,
-        pose: ArrayLike,
-        boom_angle_rad: float,
-        previous_swing_rad: float | None = None,
-        /,
-    ) -> Plan:
-        """Plan towards the current way-point; one within reach counts as visited."""
-        here, boom = checked_state(pose, boom_angle_rad)
-        while self.visited < len(self._legs) and self._arrived(here):
-            self.visited += 1
-        leg = min(self.visited, len(self._legs) - 1)
-        return self._controllers[leg].plan(here, boom, previous_swing_rad)
-
-    def _arrived(self, pose: ArrayLike) -> bool:
-        return bool(
-            np.all(goal_errors(self._legs[self.visited], pose) <= self._arrival_m)
-        )
-
 
 # The cases, and the quantities counted in each.
 

@@ -23,58 +23,29 @@ os.environ.update(
 import argparse
 import csv
 import platform
-import time
 from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
-# Times of several functions in turn, as medians with quartiles.
-#
-# Time is the processor time of this thread. On an idle machine it equals the time on
-# the clock, and on a shared machine other work disturbs it less. The measured function
-# must run in this thread alone.
+from hopdata.dissertation.turns import in_turn, timed
 
-
-Result = TypeVar("Result")
-
-LONGEST_S = 0.25  # longest duration of one function's repeats, beyond the fewest
-
-
-def timed(run: Callable[[], Result]) -> tuple[float, Result]:
-    """Return the time of one run, s, and its result."""
-    start = time.thread_time()
-    result = run()
-    return time.thread_time() - start, result
+__all__ = ["in_turn", "installed", "processor", "quartiles", "this_machine", "timed"]
 
 
 def quartiles(
     runs: Mapping[str, Callable[[], object]], *, fewest: int = 3, most: int = 15
 ) -> dict[str, tuple[float, float, float]]:
-    """Return quartile, median and quartile of each function's time, s; see `in_turn`."""
+    """Return quartile, median and quartile of each function's time, s; see `in_turn`.
+
+    Times are the processor time of this thread.
+    """
     times = in_turn(runs, fewest=fewest, most=most)
     return {
         name: tuple(np.percentile(sample, [25, 50, 75]))
         for name, sample in times.items()
     }
-
-
-def in_turn(
-    runs: Mapping[str, Callable[[], object]], *, fewest: int = 3, most: int = 15
-) -> dict[str, list[float]]:
-    """Return the times of each function, s, turn by turn.
-
-    All functions run equally often: `most` times if the slowest is quick enough, but at
-    least `fewest` times. The first run is a warm-up and does not count.
-    """
-    slowest = max(timed(run)[0] for run in runs.values())
-    times: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(int(np.clip(LONGEST_S / slowest, fewest, most))):
-        for name, run in runs.items():
-            times[name].append(timed(run)[0])
-    return times
 
 
 PEERS = ("scipy", "scikit-learn", "mujoco", "heyoka", "diffrax", "jax", "scikit-sundae")

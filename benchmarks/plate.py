@@ -9,17 +9,11 @@ Errors are the largest deviation of the final state (m, rad, and these per s) fr
 solver at its tightest tolerance, which is checked against `plate_reference` for some.
 The springs of MuJoCo's contacts cannot pull, and push along the normal, so their error
 has two parts; `own_law_error_median` is the error against the limit of their own law.
-Beside the table, it writes two more:
-
-- ``plate_marginal.csv``: run time per further contact, as the least-squares slope of
-  the median run time against the number of contacts, over all numbers and within a
-  moving window; 95 % bands by bootstrap of the starts. `over_hopdata` is the median
-  over the starts of each start's own slope over that of "hopdata", because the runs of
-  one start are within about a second, in which the machine's speed is constant;
-- ``plate_scaling.csv``: our solver for up to 10,000 contacts, in the three forms of the
-  scene, and from a start that is flat except for 1e-6 rad. All sizes take turns;
-  `per_contact_over_300` is the median over the turns of the time per contact over that
-  with 300.
+Beside the table, it writes ``plate_scaling.csv``: our solver for up to 10,000 contacts, in the three forms of the
+scene, and from a start that is flat except for 1e-6 rad. All sizes take turns;
+`per_contact_over_300` is the median over the turns of the time per contact over that
+with 300. The cost of a further contact, figure 4.4, is a part of the dissertation's page
+(`hopdata.dissertation.parts.scaling`).
 
 Without MuJoCo, a row says "absent".
 """
@@ -35,14 +29,21 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 from machine import this_machine, timed
-from numpy.typing import NDArray
-from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, plate_simulation, steps
+from peers.mujoco_peer import ABSENT
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, solve
 from hopdata.scenes.plate import Plate
+
+if not ABSENT:
+    from hopdata.dissertation.mujoco_models import (
+        INTEGRATORS,
+        Setting,
+        plate_simulation,
+        steps,
+    )
 
 # True end of the plate: DOP853 at its tightest tolerance, restarted at each event.
 #
@@ -162,28 +163,22 @@ OURS: dict[str, tuple[float, dict[str, bool]]] = {  # tolerance and form of the 
     "hopdata sums": (1e-6, {"sums": True}),
     "hopdata sparse": (1e-6, {"sparse": True}),
 }
-MUJOCO: dict[str, Setting] = {
-    "MuJoCo contact 2 ms": Setting("contact", "Euler", 2e-3),
-    "MuJoCo callback 2 ms": Setting("callback", "Euler", 2e-3),
-}
-MUJOCO_MORE = {  # for a few numbers of contacts only
-    f"MuJoCo {setting.name} {1e3 * setting.timestep_s:g} ms": setting
-    for setting in (
-        *(
-            Setting(spring, integrator, 2e-3)
-            for spring in ("contact", "callback")
-            for integrator in INTEGRATORS[1:]
-        ),
-        Setting("contact", "Euler", 1e-4),
-        Setting("callback", "RK4", 1e-4),
-        Setting("callback", "RK4", 1e-5),
-    )
-}
-if ABSENT:
-    MUJOCO, MUJOCO_MORE = {}, {}
-LIMIT = Setting("contact law", "RK4", 5e-5)
-WINDOW = 5  # numbers of contacts on each side, for the local slope
-N_BOOTSTRAP = 1000
+MUJOCO: dict[str, Setting] = {}
+MUJOCO_MORE: dict[str, Setting] = {}  # for a few numbers of contacts only
+if not ABSENT:
+    MUJOCO["MuJoCo contact 2 ms"] = Setting("contact", "Euler", 2e-3)
+    MUJOCO["MuJoCo callback 2 ms"] = Setting("callback", "Euler", 2e-3)
+    MORE = [
+        Setting(spring, integrator, 2e-3)
+        for spring in ("contact", "callback")
+        for integrator in INTEGRATORS[1:]
+    ]
+    MORE.append(Setting("contact", "Euler", 1e-4))
+    MORE.append(Setting("callback", "RK4", 1e-4))
+    MORE.append(Setting("callback", "RK4", 1e-5))
+    for one in MORE:
+        MUJOCO_MORE[f"MuJoCo {one.name} {1e3 * one.timestep_s:g} ms"] = one
+    LIMIT = Setting("contact law", "RK4", 5e-5)
 SCALING_PLAIN = (35, 100, 300, 1000)
 SCALING = (*SCALING_PLAIN, 3000, 10_000)
 SCALING_S, N_SCALING = 1.0, 5  # the plate lands once and flies off again
@@ -326,8 +321,8 @@ def own_law_errors(plate: Plate, starts: FloatArray) -> dict[str, float]:
     }
 
 
-def measure(n_starts: int) -> tuple[pd.DataFrame, dict[str, FloatArray]]:
-    """Return the table, and the times of each solver, (len(CONTACTS), n_starts), s."""
+def measure(n_starts: int) -> pd.DataFrame:
+    """Return the table."""
     starts = Plate().initial_states(n_starts, SEED)
     runs = {(n, name): run for n in CONTACTS for name, run in solvers(Plate(n)).items()}
     for run in runs.values():
@@ -348,65 +343,8 @@ def measure(n_starts: int) -> tuple[pd.DataFrame, dict[str, FloatArray]]:
             for one in rows:
                 if one["n_contacts"] == n:
                     one["own_law_error_median"] = law.get(one["solver"], np.nan)
-    by_solver = {
-        name: np.array([times[n, name] for n in CONTACTS]) for name in (*OURS, *MUJOCO)
-    }
     if ABSENT:
         rows.append({"solver": f"MuJoCo {ABSENT}"})
-    return pd.DataFrame(rows), by_solver
-
-
-def slopes(n: FloatArray, times: FloatArray) -> FloatArray:
-    """Return the slopes, (...,), of times (..., len(n)) against n by least squares."""
-    centred = n - n.mean()
-    return np.asarray(times @ centred / (centred @ centred))
-
-
-def median_with_band(ratios: FloatArray, draws: NDArray[np.int64]) -> dict[str, float]:
-    """Return the median of ratios (S,) and its 95 % bootstrap band."""
-    low, high = np.percentile(np.median(ratios[draws], axis=1), [2.5, 97.5])
-    return {
-        "over_hopdata": float(np.median(ratios)),
-        "low95_over_hopdata": low,
-        "high95_over_hopdata": high,
-    }
-
-
-def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
-    """Return the time per further contact, overall and in windows, with bootstrap bands."""
-    rng, rows, counts = np.random.default_rng(SEED), [], np.array(CONTACTS, dtype=float)
-    n_starts = next(iter(times.values())).shape[1]
-    draws = rng.integers(0, n_starts, (N_BOOTSTRAP, n_starts))
-    ours = slopes(
-        counts, times["hopdata"].T
-    )  # for each start, measured within about a second
-    for name, sample in times.items():
-        medians = 1e6 / UNTIL_S * np.median(sample, axis=1)
-        drawn = (
-            1e6
-            / UNTIL_S
-            * np.array([np.median(sample[:, draw], axis=1) for draw in draws])
-        )
-        over_ours = median_with_band(slopes(counts, sample.T) / ours, draws)
-        windows = [("all", slice(None))] + [
-            ("local", slice(at - WINDOW, at + WINDOW + 1))
-            for at in range(WINDOW, len(counts) - WINDOW)
-        ]
-        for kind, part in windows:
-            low, high = np.percentile(slopes(counts[part], drawn[:, part]), [2.5, 97.5])
-            rows.append(
-                {
-                    "solver": name,
-                    "window": kind,
-                    "n_contacts": counts[part].mean(),
-                    "marginal_us_per_contact_s": float(
-                        slopes(counts[part], medians[part])
-                    ),
-                    "low95_us_per_contact_s": low,
-                    "high95_us_per_contact_s": high,
-                    **(over_ours if kind == "all" else {}),
-                }
-            )
     return pd.DataFrame(rows)
 
 
@@ -476,14 +414,11 @@ def main() -> None:
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.parent.mkdir(parents=True, exist_ok=True)
-    table, times = measure(arguments.starts)
+    table = measure(arguments.starts)
     table.assign(**this_machine("mujoco", "scipy")).to_csv(out, index=False)
-    slope = marginal(times)
-    slope.to_csv(out.with_name(f"{out.stem}_marginal.csv"), index=False)
     large = scaling()
     large.to_csv(out.with_name(f"{out.stem}_scaling.csv"), index=False)
     print(table[table["n_contacts"].isin(CHECKED)].to_string(index=False))
-    print(slope[slope["window"] == "all"].to_string(index=False))
     print(large.to_string(index=False))
 
 

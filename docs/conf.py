@@ -21,8 +21,8 @@ PAGES = {
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "../CHANGELOG", "../SECURITY"],
     "Understand": [
-        "c1", "verdict", "unseen_order", "impacts", "contacts", "limits", "integrator_choices",
-        "architecture", "decisions",
+        "dissertation", "c1", "verdict", "unseen_order", "impacts", "contacts", "limits",
+        "integrator_choices", "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip

@@ -19,6 +19,7 @@ from hopdata.landings.contacts import kink_law as kink_recording
 from hopdata.landings.sections import select as sections
 from hopdata.landings.states import assemble as pair_assembly
 from hopdata.landings.states import fits as states
+from hopdata.maps import prediction, subspaces
 from hopdata.maps.truth import scoring as landing_scores
 from hopdata.recordings import (
     axes,
@@ -153,6 +154,10 @@ CONFIGURED = {
     "touchdowns.ambiguous": schedules.TREATMENTS,
     "states.method": states.METHODS,
     "states.gravity": states.GRAVITIES,
+    "prediction.draws": prediction.DRAWS,
+    "subspaces.which": subspaces.COMPONENTS,
+    "subspaces.draws": subspaces.SUBSPACE_DRAWS,
+    "subspaces.incomplete": subspaces.INCOMPLETE,
     "report.language": language.LANGUAGES,
     "figures.formats": FORMATS,
     "simulation.scene": SCENES,

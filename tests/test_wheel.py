@@ -94,6 +94,16 @@ def test_a_target_after_the_dashes_is_snakemakes(installed, tmp_path):
     ]
 
 
+def test_the_page_on_the_dissertation_is_planned_from_the_wheel(installed, tmp_path):
+    result = hopdata_run(installed, tmp_path, "dissertation", "--dry-run")
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "dissertation: would run\n" in result.stdout
+    assert "  dissertation_page    1 job\n" in result.stdout
+    package = installed / "hopdata" / "dissertation"
+    for file in ("items/README.md", "report/templates/dissertation.html.j2"):
+        assert (package / file).is_file()
+
+
 def test_another_recording_in_the_samples_place_is_refused(installed, tmp_path):
     recording = tmp_path / "data/sample/hopper.h5"
     recording.parent.mkdir(parents=True)

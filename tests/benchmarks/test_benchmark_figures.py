@@ -6,14 +6,10 @@ import pytest
 from benchmark_figures import (
     CONTROLS,
     ESTIMATORS,
-    LINES,
     SCENE_NAMES,
-    SERIES,
     WAYS,
-    calibration_figure,
     map_error_figure,
     order_figure,
-    scaling_figure,
     verdict_power_figure,
     work_precision_figure,
 )
@@ -120,125 +116,6 @@ def test_errors_of_zero_do_not_break_the_axis():
     table.loc[table["max_step"] < 1e-3, "error_rms"] = 0.0
     figure = order_figure(table)
     assert figure.axes[0].get_ylim()[0] > 0
-    assert text_faults(figure) == []
-
-
-def trajectories(solvers=tuple(LINES)):
-    time = np.linspace(0, 2, 101)
-    parts = [
-        pd.DataFrame(
-            {
-                "solver": solver,
-                "time_s": time,
-                "height_m": 1 + np.abs(np.cos(3 * time)) + size * time,
-                "velocity_m_s": np.sin(3 * time) + size,
-                "height_residual_m": -size * time,
-                "velocity_residual_m_s": size * time,
-            }
-        )
-        for solver, size in zip(LINES, (0.0, 3e-2, 2e-4, 1e-10), strict=True)
-        if solver in solvers
-    ]
-    empty = pd.DataFrame(
-        {"solver": pd.Series(dtype=str), "time_s": pd.Series(dtype=float)}
-    )
-    return pd.concat(parts, ignore_index=True) if parts else empty
-
-
-def test_trajectories_above_and_sizes_of_residuals_below():
-    figure = calibration_figure(trajectories())
-    height, velocity, below, velocity_below = figure.axes
-    assert [len(axes.lines) for axes in figure.axes] == [4, 4, 3, 3]
-    assert height.get_ylabel() == "height (m)"
-    assert velocity.get_ylabel() == "velocity (m/s)"
-    assert below.get_yscale() == velocity_below.get_yscale() == "log"
-    assert text_faults(figure) == []
-
-
-def test_lines_are_the_table():
-    figure = calibration_figure(trajectories())
-    shown = figure.axes[2].lines[0]
-    assert np.isnan(shown.get_ydata()[0])
-    assert shown.get_ydata()[1:] == pytest.approx(3e-2 * shown.get_xdata()[1:])
-    assert figure.axes[0].lines[1].get_ydata()[-1] == pytest.approx(
-        1 + abs(np.cos(6)) + 0.06
-    )
-
-
-def test_a_solver_may_be_missing():
-    figure = calibration_figure(trajectories(("exact", "hopdata")))
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
-        "exact",
-        "hopdata",
-    ]
-    assert text_faults(figure) == []
-
-
-COUNTS = np.arange(2, 36)
-
-
-def times(solvers=tuple(SERIES)):
-    parts = []
-    for solver, start, slope, error in zip(
-        SERIES,
-        (1400.0, 700.0, 40.0, 45.0),
-        (40.0, 1.0, 3.0, 2.0),
-        (5e-2, 5e-3, 3e-8, 3e-8),
-        strict=True,
-    ):
-        middle = start + slope * COUNTS
-        columns = {
-            "solver": solver,
-            "n_contacts": COUNTS,
-            "time_median_us_per_s": middle,
-            "time_q25_us_per_s": 0.9 * middle,
-            "time_q75_us_per_s": 1.2 * middle,
-            "error_median": error,
-            "error_max": 5 * error,
-        }
-        parts += [pd.DataFrame(columns)] if solver in solvers else []
-    return pd.concat(parts) if parts else pd.DataFrame({"solver": pd.Series(dtype=str)})
-
-
-def marginal():
-    rows = [
-        {
-            "solver": solver,
-            "window": window,
-            "n_contacts": n,
-            "marginal_us_per_contact_s": slope,
-            "low95_us_per_contact_s": slope - 1,
-            "high95_us_per_contact_s": slope + 2,
-        }
-        for solver, slope in zip(SERIES, (40.0, 1.0, 3.0, 2.0), strict=True)
-        for window, n in (("all", 18), ("local", 8), ("local", 9), ("local", 10))
-    ]
-    return pd.DataFrame(rows)
-
-
-def test_three_panels_with_bands():
-    figure = scaling_figure(times(), marginal())
-    left, middle, right = figure.axes
-    assert [len(axes.collections) for axes in figure.axes] == [4, 4, 4]
-    assert left.get_yscale() == right.get_yscale() == "log"
-    assert {axes.get_xlabel() for axes in figure.axes} == {"number of contacts"}
-    assert "further contact" in middle.get_ylabel()
-    assert text_faults(figure) == []
-
-
-def test_lines_and_bands_are_the_table():
-    left, middle, _ = scaling_figure(times(), marginal()).axes
-    assert left.lines[0].get_ydata()[0] == pytest.approx(1480.0)
-    band = left.collections[0].get_paths()[0].vertices[:, 1]
-    assert (band.min(), band.max()) == pytest.approx((0.9 * 1480, 1.2 * 2800))
-    assert middle.lines[2].get_xdata().tolist() == [8, 9, 10]
-
-
-def test_other_solvers_are_left_out_and_missing_ones_are_no_fault():
-    table = times((next(iter(SERIES)),))
-    other = table.assign(solver="something else")
-    figure = scaling_figure(pd.concat([table, other]), marginal())
-    assert len(figure.axes[0].lines) == 1
     assert text_faults(figure) == []
 
 
@@ -412,8 +289,6 @@ def test_kinds_that_were_not_simulated_are_left_out(kinds):
 NONE = results().assign(time_median_us=np.nan)
 NOTHING = {
     "No errors: no method": (order_figure, errors().iloc[:0]),
-    "No trajectories": (calibration_figure, trajectories(())),
-    "No run times": (scaling_figure, times(()), marginal()),
     "No work-precision results": (work_precision_figure, NONE, chosen(NONE)),
     "No errors of maps": (map_error_figure, map_errors().iloc[:0]),
     "No simulated studies": (verdict_power_figure, table().iloc[:0]),

@@ -255,6 +255,30 @@ def test_a_run_stops_after_a_stage(folder, monkeypatch, capsys):
     assert len(ran) == 1
 
 
+def test_a_product_s_target_is_run_by_its_name(folder, monkeypatch, capsys):
+    ran = []
+    monkeypatch.setattr(
+        "hopdata.commands.run.run_workflow", lambda *a, **__: ran.append(a) or 0
+    )
+    assert main(["run", "dissertation", "--cores", "3", "--force"]) == 0
+    config, name, *options = ran[0]
+    assert config == ROOT / "config/config.yaml"
+    assert name == "dissertation"
+    assert options == ["--cores", "3", "dissertation", "--forceall"]
+    assert Path("data/sample/hopper.h5").is_file()
+    capsys.readouterr()
+    assert main(["run", "dissertation", "--until", "verdict"]) == 1
+    error = capsys.readouterr().err
+    assert "--until: expected the configuration of a study" in error
+    assert "found a target, dissertation" in error
+    assert main(["run", "dissertations"]) == 1
+    assert "dissertations: expected a readable configuration" in capsys.readouterr().err
+    # A configuration of this name comes first.
+    Path("dissertation").write_text(CONFIG)
+    assert main(["run", "dissertation"]) == 1
+    assert len(ran) == 1
+
+
 def test_clean_spares_the_results_of_other_recordings(folder, capsys):
     record = Path("results/trial/provenance.json")
     record.write_text(

@@ -87,6 +87,11 @@ ADDED = {
         "9: steering.experiments.distance_m: expected more than steering.experiments.arrived_m "
         "(0.11), found 0.1",
     ),
+    "steering: way-points that one stance visits both": (
+        "steering:\n  experiments: {waypoints_m: [[0, 0], [1, 0], [1, 0.2]]}",
+        "9: steering.experiments.waypoints_m[2]: expected more than twice "
+        "steering.experiments.arrived_m (0.22 m) from the point before, found 0.2 m",
+    ),
     "steering: a leg too many": (
         "steering:\n  robot:\n    preload_shares: [1, 1, 1, 1]",
         "10: steering.robot.preload_shares: expected a list of 3 numbers, found 4 (1, 1, 1, 1)",

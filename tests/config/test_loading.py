@@ -527,6 +527,7 @@ def test_a_mapping_is_named_by_its_files_which_are_looked_into(folder):
         "control.yaml",
         "half_spread.yaml",
         "hexapod.yaml",
+        "printed.yaml",
         "quadruped.yaml",
         "runner.yaml",
         "runner_forces.yaml",

@@ -40,7 +40,7 @@ PRINTED = printed_keys()
 
 def test_the_stages_of_the_study_have_a_printed_variant():
     stages = {path.partition(".")[0] for path in PRINTED}
-    assert {"sections", "touchdowns"} <= stages
+    assert {"sections", "touchdowns", "states"} <= stages
 
 
 @pytest.mark.parametrize("path", PRINTED)

@@ -69,7 +69,7 @@ def item(number, **fields):
     """Return the entry of an item in a file of items."""
     lines = [f"[[item]]\nnumber = {number}"]
     entry = {
-        "section": f"4.{number}",
+        "section": "4.5",
         "title": f"Item {number}",
         "printed": f"statement {number}",
         "where": "hopdata",

@@ -8,6 +8,8 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from hopdata.landings.schedules import (
+    count_mode_schedules,
+    mode_schedules,
     order_probability,
     runner_up,
     schedule_classes,
@@ -116,3 +118,23 @@ def test_classes_are_schedules_or_ambiguous():
     found = schedule_classes(names, probability, ambiguous_below=0.9)
     assert found == ["1>2", "ambiguous", "", "1>2"]
     assert schedule_classes(names, probability, ambiguous_below=0.0) == names
+
+
+# Mode schedules of hops: orders of landing and of lift-off.
+
+
+@pytest.mark.parametrize(
+    ("n_feet", "n_hops", "count"),
+    [(3, 1, 36), (3, 2, 1_296), (3, 3, 46_656), (1, 5, 1), (2, 3, 64), (4, 1, 576)],
+)
+def test_mode_schedules_are_counted_by_going_through_them(n_feet, n_hops, count):
+    assert count_mode_schedules(n_feet, n_hops) == count
+    assert count == factorial(n_feet) ** (2 * n_hops)
+
+
+def test_every_mode_schedule_comes_once():
+    found = list(mode_schedules(3, 2))
+    assert len(set(found)) == len(found)
+    for orders in found:
+        assert len(orders) == 4  # landing, lift-off, landing, lift-off
+        assert all(sorted(order) == [0, 1, 2] for order in orders)

@@ -76,10 +76,10 @@ def two_panels():
     return drawn.getvalue()
 
 
-def seen(page, folder, *options, width=1280):
+def seen(page, folder, *options, width=1280, ask=ASK):
     """Return what a browser finds on a page, in a frame of this width."""
     asked = page.replace("<head>", "<head>" + LISTEN, 1).replace(
-        "</body>", axe() + ASK + "</body>"
+        "</body>", axe() + ask + "</body>"
     )
     frame = folder / "framed.html"
     frame.write_text(

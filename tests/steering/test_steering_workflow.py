@@ -23,6 +23,7 @@ STEERING_FIGURES = (
     "fig3_9_turn_board",
     "steering_outcomes",
     "steering_map",
+    "fig3_3_printed",
     "steering_learning",
     "steering_kernels",
 )

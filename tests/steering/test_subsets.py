@@ -141,10 +141,17 @@ def page_of(tables):
 def run_controllers(controllers, _folder):
     tables = steered(controllers)
     figures, page = page_of(tables)
-    assert [len(figure.axes) for figure in figures] == [4, 2]
-    shown = tasks.shown_of(controllers)
-    assert set(tables["example"]["controller"]) == {shown}
+    shown, beside = tasks.shown_of(controllers), tasks.beside_of(controllers)
+    is_both = tasks.PRINTED in controllers and shown in (tasks.PLANNER, tasks.ADAPTIVE)
+    assert beside == (tasks.PRINTED if is_both else None)
+    assert [len(figure.axes) for figure in figures] == [8 if is_both else 4, 2]
+    examples = tables["example"]
+    drawn = list(dict.fromkeys(examples["controller"]))
+    assert drawn == [shown, beside] if is_both else [shown]
+    assert examples.groupby("controller")["run"].nunique().eq(1).all()
+    assert examples["run"].nunique() == 1, "from the same start"
     assert page.text.count(f"run {RUN_BY[shown]}") == 2  # as a figure and as a film
+    assert page.text.count("Above it is the run with the printed") == int(is_both)
     assert set(tables["runs"]["controller"]) == {*controllers, tasks.CEILING}
     assert ("Required of the planner" in page.text) == (tasks.PLANNER in controllers)
     assert ("the planner must reach" in page.text) == (tasks.PLANNER in controllers)
@@ -203,6 +210,35 @@ def test_each_controller_can_be_the_example(controller, quick, tmp_path):
     )
     save_film(tmp_path / "film.gif", tables["film"], tables["example"])
     assert (tmp_path / "film.gif").stat().st_size > 5_000
+
+
+@pytest.mark.parametrize(
+    "controllers", [["printed"], ["planner"], ["planner", "printed"]], ids="+".join
+)
+def test_every_experiment_of_the_printed_controller_alone_is_drawn(controllers, quick):
+    """Each alone, and the two together: origin and turn, free and with a board."""
+    alone = len(controllers) == 1
+    given = {**STEERING["experiments"], "waypoints_m": [[0.5, 0.0], [0.0, 0.5]]}
+    tables = study.experiments_of(
+        list(tasks.EXPERIMENTS),
+        tasks.taking_part(controllers, later_observation=False),
+        {**STEERING, "experiments": given},
+        CONFIG["motion_capture"],
+        model=None,
+        truth=TRUTH,
+        geometry=GEOMETRY,
+        seed=SEED,
+    )
+    examples = as_stored(tables["example"])
+    assert set(examples["controller"]) == set(controllers)
+    points = examples[examples["curve"] == "point"]
+    assert set(points["experiment"]) == {"waypoints"}
+    assert len(points) == 2 * len(controllers)
+    for experiment in tasks.EXPERIMENTS:
+        figure = steering_run_figure(examples, experiment=experiment)
+        assert len(figure.axes) == (4 if alone else 8)
+        titles = [axes.get_title(loc="left") for axes in figure.axes]
+        assert any(title.startswith("printed") for title in titles) == (not alone)
 
 
 def test_a_study_in_which_nothing_is_seen_says_so(quick, tmp_path, monkeypatch):

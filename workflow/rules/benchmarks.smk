@@ -5,8 +5,8 @@ BENCHMARK_TABLES = {
     "order": ["order.csv", "dense.csv"],
     "integrator": ["integrator.csv"],
     "work_precision": ["work_precision.csv", "ratios.csv", "head_to_head.csv", "batches.csv"],
-    "calibration": ["calibration.csv", "calibration_table.csv", "calibration_trajectories.csv"],
-    "plate": ["plate.csv", "plate_marginal.csv", "plate_scaling.csv"],
+    "calibration": ["calibration.csv", "calibration_table.csv"],
+    "plate": ["plate.csv", "plate_scaling.csv"],
     "stress": ["stress.csv"],
     "first_solve": ["first_solve.csv"],
     "first_order": ["first_order.csv"],
@@ -88,8 +88,6 @@ UNTIMED = {
 # Each figure that `benchmark_figures.py` draws, and the tables that it is drawn from.
 BENCHMARK_FIGURES = {
     "fig4_2_order": ["order.csv"],
-    "fig4_3_calibration": ["calibration_trajectories.csv"],
-    "fig4_4_scaling": ["plate.csv", "plate_marginal.csv"],
     "work_precision": ["work_precision.csv", "ratios.csv"],
     "map_error": ["map_error.csv"],
     "fig3_3_frame_change": ["frame_change_map.csv", "frame_change_points.csv"],

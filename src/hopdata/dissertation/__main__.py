@@ -8,10 +8,11 @@ if __name__ == "__main__" and not sys.flags.safe_path:
 
 import argparse
 import logging
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from hopdata.dissertation.making import Record, make_part, seeds_of
+from hopdata.dissertation.making import BUNDLED, Record, make_part, seeds_of
 
 OK = 0
 PROBLEM = 1
@@ -23,9 +24,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Make one part, and print its rows; return 1 if something could not be made."""
     options = _parser().parse_args(arguments)
     logging.basicConfig(format="%(levelname)s %(message)s")
+    folder = (options.out or FOLDER / options.part).resolve()
+    os.chdir(BUNDLED)
     record = make_part(
         options.part,
-        options.out or FOLDER / options.part,
+        folder,
         seeds_of(options.seed, options.seeds),
         formats=options.formats,
         dpi=options.dpi,

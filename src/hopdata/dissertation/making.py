@@ -35,6 +35,10 @@ RECORD = "rows.json"
 TABLES = "tables"
 FIGURES = "figures"
 
+# The folder of the bundled configurations and recordings, in which parts run: the
+# checkout, or the folder of the workflow in an installed wheel.
+BUNDLED = Path(__file__).parents[1].joinpath("_workflow", "Snakefile").resolve().parent
+
 # Libraries that an installation may lack, and how to get them.
 EXTRAS = {"mujoco": "make dissertation, or pip install 'hopdata[dissertation]'"}
 
@@ -235,7 +239,7 @@ def make_part_apart(
     SystemExit
         If a user ended the process.
     """
-    folder = Path(folder)
+    folder = Path(folder).resolve()
     _clear(folder)
     command = [sys.executable, "-m", __package__, name, "--quiet"]
     command += ["--out", str(folder)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import permutations, product
 from math import sqrt
 
 import numpy as np
@@ -22,6 +23,35 @@ REACH = 8.5
 CELL_NODES = 8
 
 CHUNK = 500  # landings integrated together, to bound memory
+
+
+Order = tuple[int, ...]
+
+
+def mode_schedules(n_feet: int, n_hops: int = 1) -> Iterator[tuple[Order, ...]]:
+    """Yield every mode schedule of some hops, with no feet at the same instant.
+
+    A hop has an order in which the feet land and one in which they lift off. The feet
+    are counted from 0.
+
+    Parameters
+    ----------
+    n_feet : int
+        Number of feet.
+    n_hops : int
+        Number of hops. A schedule of n hops has 2 n orders: landing, lift-off, landing,
+        ...
+    """
+    orders = list(permutations(range(n_feet)))
+    yield from product(orders, repeat=2 * n_hops)
+
+
+def count_mode_schedules(n_feet: int, n_hops: int = 1) -> int:
+    """Return the number of mode schedules of some hops, by going through them.
+
+    For three feet it is 36 a hop, 1,296 over two hops and 46,656 over three.
+    """
+    return sum(1 for _ in mode_schedules(n_feet, n_hops))
 
 
 def contact_order(instants: FloatArray) -> NDArray[np.int64]:

@@ -110,11 +110,11 @@ def leg_forces(hopper: HopperParameters, *, points: int = 41) -> pd.DataFrame:
         0. In "landing" the leg is compressed, from its rest length to half of it. In
         "push-off" all legs have stood, and it pushes up to its release.
     """
-    half = 0.5 * hopper.leg_length_m
+    shortest = -0.25 * hopper.leg_length_m
     release = hopper.release_extension_m
-    landing = np.linspace(0.0, -half, points)
-    push_off = np.linspace(-half, release, points)
-    flight = np.linspace(2 * release, 0.0, points)
+    landing = np.linspace(0.0, shortest, points)
+    push_off = np.linspace(shortest, release, points)
+    flight = np.linspace(1.5 * release, 0.0, points)
     phases = [
         ("flight", flight, np.zeros(points)),
         ("landing", landing, normal_forces(hopper, landing)),

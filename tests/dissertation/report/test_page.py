@@ -3,7 +3,9 @@ from html.parser import HTMLParser
 
 import pytest
 from made_up import SOUND, SOUND_ITEMS, install, item
+from test_browser import CHROMIUM, seen
 
+import hopdata
 from hopdata.dissertation.items import read_items
 from hopdata.dissertation.making import Failure, Record, make_part
 from hopdata.dissertation.report.document import build_document, stated
@@ -77,8 +79,8 @@ def test_the_summary_counts_and_links_what_differs_and_what_is_missing(
     told = text_of(summary.partition("</style>")[2])
     assert "Of 2 results, 1 agrees and 1 differs." in told
     assert "2 items cannot be made here." in told
-    assert "93 Order of the method : the printed fit takes" in told
-    assert "94 Item 94 : <no> MuJoCo; install it" in told
+    assert "93 Order of the method the printed fit takes" in told
+    assert "94 Item 94 <no> MuJoCo; install it" in told
     assert "32 Affine maps" not in told, "it agrees"
     assert set(Outline(summary).goals) >= {f"item-{n}" for n in (1, 32, 93, 94, 95)}
     assert "median over 2 seeds" in told
@@ -121,6 +123,40 @@ def test_the_page_loads_nothing(items, record, folders):
     page = build_page(items, [record, FAILED], folders)
     assert "http" not in page.replace("http://www.w3.org", "")
     assert "<script" not in page
+
+
+def test_a_row_leads_to_its_numbers_and_the_page_says_who_made_it(
+    items, record, folders
+):
+    page = build_page(items, [record, FAILED], folders)
+    assert page.count('href="parts/made_up/rows.json"') == 3
+    assert 'href="parts/other' not in page, "it has no numbers"
+    assert f"Made by hopdata {hopdata.__version__}, numpy " in page
+
+
+# What a browser finds: console output, width, faults of accessibility, what is hidden.
+ASK = """<script>
+addEventListener("load", async () => {
+  const found = { told, wide: document.documentElement.scrollWidth };
+  found.violations = (await axe.run()).violations.map((one) =>
+    `${one.id}: ${one.nodes.map((node) => node.html.slice(0, 120)).join(" | ")}`);
+  found.heads = [...document.querySelectorAll("thead")].map((one) => one.offsetHeight > 0);
+  document.documentElement.dataset.found = JSON.stringify(found);
+});
+</script>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+@pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])
+def test_the_page_in_a_browser(width, dark, tmp_path, items, record, folders):
+    scheme = ["--blink-settings=preferredColorScheme=0"] if dark else []
+    page = build_page(items, [record, FAILED], folders)
+    found = seen(page, tmp_path, *scheme, width=width, ask=ASK)
+    assert found["told"] == []
+    assert found["wide"] <= width, "the page is wider than its window"
+    assert found["violations"] == []
+    # On a phone a row is a card, whose cells say what they are.
+    assert set(found["heads"]) == {width > 700}
 
 
 def test_the_document_has_the_same_rows(items, record):

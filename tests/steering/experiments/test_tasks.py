@@ -133,8 +133,9 @@ def test_random_swings_and_none_heed_nothing_and_are_the_same_again():
     names = ["random", "none"]
     options = {"horizon": 3, "planner_horizon": 2}
     model = TabulatedMap(TRUTH, LIMIT)
+    task = Task(manoeuvre="turn", near=0.3, hops=25)
     made = policies(
-        names, options, "turn", model=model, truth=TRUTH, swing_limit_rad=LIMIT
+        names, options, task, model=model, truth=TRUTH, swing_limit_rad=LIMIT
     )
     start = starts("turn", 1)[0]
     random, again = (made["random"](start) for _ in range(2))

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 
-def curves(experiment="origin", *, board=False, stances=20, unseen=(4,)):
+def curves(experiment="origin", *, board=False, stances=20, unseen=(4,), by="planner"):
     """Return three curves of one run, as the experiments write them."""
     k = np.arange(stances)
     if experiment.startswith("turn"):
@@ -28,10 +28,19 @@ def curves(experiment="origin", *, board=False, stances=20, unseen=(4,)):
         )
         parts.append(part)
     return pd.concat(parts, ignore_index=True).assign(
-        experiment=experiment, run=0, controller="planner", near=0.15,
+        experiment=experiment, run=0, controller=by, near=0.15, success=by == "planner",
         board_first_m=-0.5 if board else np.nan, board_x=-1.0 if board else np.nan,
         board_y=0.0 if board else np.nan,
     )  # fmt: skip
+
+
+def way_points(points=((0.5, 0.0), (0.5, 0.6), (0.0, 0.3))):
+    """Return a run through way-points, which are rows of the same table."""
+    run = curves()
+    rows = pd.DataFrame(points, columns=["x_m", "y_m"]).assign(curve="point")
+    whole = pd.concat([run, rows], ignore_index=True)
+    known = ["run", "controller", "near", "success"]
+    return whole.assign(experiment="waypoints", **run[known].iloc[0])
 
 
 def film(frames=12):

@@ -17,6 +17,7 @@ from hopdata.steering.figures.models import (
     frame_change_figure,
     kernel_smoothness_figure,
     learning_curve_figure,
+    printed_and_own_figure,
 )
 
 
@@ -55,6 +56,25 @@ def test_maps_with_a_middle_have_it_at_zero():
     figure = frame_change_figure(maps(), hops())
     low, high = figure.axes[1].images[0].get_clim()
     assert low == -high
+
+
+def test_the_printed_map_stands_above_the_own_at_one_scale():
+    printed = maps()[maps()["swing_rad"].abs() < 0.7]
+    figure = printed_and_own_figure(printed, maps(), hops())
+    assert text_faults(figure) == []
+    panels = figure.axes[:6]
+    reach = [panel.get_ylim()[1] for panel in panels]
+    assert reach == pytest.approx([0.6] * 3 + [1.2] * 3)
+    heights = [panel.get_position().height for panel in panels]
+    assert heights[3] / heights[0] == pytest.approx(2.0, rel=0.02)
+    for above, below in zip(panels[:3], panels[3:], strict=True):
+        assert above.images[0].get_clim() == below.images[0].get_clim()
+        assert len(above.collections[0].get_offsets()) < 30
+        assert len(below.collections[0].get_offsets()) == 30
+        dotted = [line.get_ydata()[0] for line in below.lines if line.get_ls() == ":"]
+        assert dotted == pytest.approx([-0.6, 0.6])
+    alike = printed_and_own_figure(maps(), maps(), hops())
+    assert not any(line.get_ls() == ":" for line in alike.axes[3].lines)
 
 
 def curve():

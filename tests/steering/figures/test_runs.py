@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from overlaps import text_faults
-from steered_runs import HORIZONS, curves, film, outcomes, runs
+from steered_runs import HORIZONS, curves, film, outcomes, runs, way_points
 
 from hopdata.errors import AnalysisError
 from hopdata.steering.experiments.tasks import CEILING, CONTROLLERS
@@ -64,6 +64,39 @@ def test_the_board_is_drawn_where_it_stood_and_where_it_was_pushed_to():
 
 def test_no_run_is_said():
     assert steering_run_figure(curves().iloc[:0]).axes == []
+
+
+@pytest.mark.parametrize(
+    ("experiment", "done"), [("origin", "arrived"), ("turn_board", "turned")]
+)
+def test_the_printed_run_stands_above_the_planners_in_the_same_way(experiment, done):
+    board = experiment.endswith("board")
+    both = [curves(experiment, board=board, by=by) for by in ("planner", "printed")]
+    both[1]["x_m"] *= 3.0
+    figure = steering_run_figure(pd.concat(both))
+    assert text_faults(figure) == []
+    assert len(figure.axes) == 8
+    above, below = (
+        dict(zip("axyh", figure.axes[k : k + 4], strict=True)) for k in (0, 4)
+    )
+    assert [axes["a"].get_title(loc="left") for axes in (above, below)] == [
+        f"printed controller: not {done} in 19 hops",
+        f"planner: {done} after 19 hops",
+    ]
+    printed, planner = (axes["x"].lines[2].get_ydata() for axes in (above, below))
+    np.testing.assert_allclose(printed, 3.0 * planner)
+    assert above["a"].get_xlim() == pytest.approx(below["a"].get_xlim())
+    told = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(told) == len(set(told))
+
+
+def test_way_points_are_numbered_goals():
+    arena, x, *_ = steering_run_figure(way_points()).axes
+    stars = [line for line in arena.lines if line.get_marker() == "*"]
+    assert [line.get_xdata()[0] for line in stars] == [0.5, 0.5, 0.0]
+    assert [text.get_text() for text in arena.texts[:3]] == ["1", "2", "3"]
+    assert len(x.lines) == 3, "no line at the origin"
+    assert len(steering_run_figure(curves()).axes[1].lines) == 4
 
 
 def test_outcomes_are_drawn_without_overlap_a_stroke_for_each_seed():

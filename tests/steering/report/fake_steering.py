@@ -18,8 +18,10 @@ FIGURES = (
     "fig3_8_origin_board",
     "fig3_9_turn_board",
     "steering_outcomes",
+    "steering_waypoints",
     "steering_film",
     "steering_map",
+    "fig3_3_printed",
     "steering_learning",
     "steering_kernels",
 )
@@ -71,7 +73,7 @@ def examples(controller: str = "planner", *, success: bool = True) -> pd.DataFra
     rows = [
         {"experiment": experiment, "controller": controller, "success": success, "curve": curve,
          "x_m": 0.1 if predicted or curve == "measured" else np.nan}
-        for experiment in ("origin", "turn", "origin_board", "turn_board")
+        for experiment in ("origin", "turn", "origin_board", "turn_board", "waypoints")
         for curve in ("measured", "response")
     ]  # fmt: skip
     return pd.DataFrame(rows)

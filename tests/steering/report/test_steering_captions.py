@@ -9,6 +9,7 @@ from hopdata.steering.report.page import PLACES
 # Numbers that a caption may state, since they say how a figure is drawn or a quantity
 # defined. Every other number comes from the study's own tables.
 OWN_NUMBERS = {
+    "fig3_3_printed": {"45"},  # degrees
     "fig3_6_turn": {"180"},  # degrees
     "steering_outcomes": {"5", "95"},
     "steering_learning": {"5", "95"},

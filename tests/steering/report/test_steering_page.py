@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 from fake_steering import FIGURES, counts, examples, full_steering, horizons, outcomes
 from test_page import Page
@@ -14,7 +15,8 @@ from hopdata.steering.report.page import (
     steering_facts,
 )
 
-RUNS = [name for name in FIGURES if name.startswith("fig3_") or name == "steering_film"]
+MODELS = ("steering_map", "fig3_3_printed", "steering_learning", "steering_kernels")
+RUNS = [name for name in FIGURES if name not in (*MODELS, "steering_outcomes")]
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +87,18 @@ def test_a_caption_that_names_no_fact_is_a_mistake():
 
 def test_captions_of_runs_name_the_controller_that_is_drawn(page):
     assert page.text.count("un with the planner") == len(RUNS)
+
+
+def test_captions_tell_of_the_run_beside_and_how_it_ended(page):
+    printed = examples("printed", success=False)
+    printed = printed[printed["experiment"] != "turn"]
+    both = replace(full_steering(), examples=pd.concat([examples(), printed]))
+    other = Page(build_steering_report(both)).text
+    beside = "Above it is the run with the printed controller from the same start"
+    assert other.count(beside) == len(RUNS) - 2  # not of the turn, nor in the film
+    assert beside not in page.text
+    assert other.count(f"{beside}, which did not") == other.count(beside)
+    assert other.count("un with the planner") == len(RUNS)
 
 
 def test_captions_say_what_was_done_and_no_more(page):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -15,6 +16,9 @@ FOLDER = Path(__file__).parent
 # The dissertation has this many items.
 NUMBER_OF_ITEMS = 100
 
+# The number of a section, with which the place of an item begins.
+_SECTION = re.compile(r"\d+(\.\d+)+")
+
 
 @dataclass(frozen=True)
 class Item:
@@ -23,11 +27,11 @@ class Item:
     Attributes
     ----------
     number
-        1 to 100, in the order of the text.
+        1 to 100; its name, by which code and pages refer to it.
     part
         The part that measures it.
     section
-        Where it stands, such as ``"4.4.2"``.
+        Where it stands, such as ``"4.4.2"`` or ``"4.4.2, Fig. 4.2"``.
     title
         What it is.
     printed
@@ -59,9 +63,15 @@ class Item:
     reasons: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def place(self) -> tuple[int, ...]:
+        """The numbers of chapter, section and subsection."""
+        found = _SECTION.match(self.section)
+        return tuple(int(number) for number in found[0].split(".")) if found else ()
+
+    @property
     def chapter(self) -> str:
         """The number of its chapter."""
-        return self.section.partition(".")[0]
+        return str(self.place[0])
 
 
 def part_names(folder: Path = FOLDER) -> list[str]:
@@ -70,7 +80,7 @@ def part_names(folder: Path = FOLDER) -> list[str]:
 
 
 def read_items(folder: Path = FOLDER) -> list[Item]:
-    """Return the items of all parts, by their numbers.
+    """Return the items of all parts, in the order of the text.
 
     Raises
     ------
@@ -85,7 +95,7 @@ def read_items(folder: Path = FOLDER) -> list[Item]:
                 place = f"items/{name}.toml: item {item.number}"
                 raise ConfigError.at(place, "one entry", f"another in {other}.toml")
             items[item.number] = item
-    return [items[number] for number in sorted(items)]
+    return sorted(items.values(), key=lambda item: (item.place, item.number))
 
 
 def read_part(name: str, folder: Path = FOLDER) -> list[Item]:
@@ -104,6 +114,9 @@ def _item(part: str, entry: Mapping[str, Any]) -> Item:
     for name in ("number", "section", "title", "printed", "where"):
         if not entry.get(name):
             raise ConfigError.at(f"{place}: {name}", "a value", "none")
+    if not _SECTION.match(str(entry["section"])):
+        wanted = "a text that begins with a section's number, such as 4.4.2"
+        raise ConfigError.at(f"{place}: section", wanted, repr(entry["section"]))
     if entry.get("figure") and not entry.get("figure_printed"):
         wanted = "what the printed figure shows"
         raise ConfigError.at(f"{place}: figure_printed", wanted, "none")

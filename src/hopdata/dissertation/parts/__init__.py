@@ -8,7 +8,9 @@ A part is a module with:
   name, drawn by functions of ``hopdata.dissertation.figures`` from the tables as they
   are read again; a part without figures has no such function.
 
-Each part is one job of the workflow, on one thread. It runs again if the part, or a
+Each part is one job of the workflow, on one thread, in the folder of the bundled
+configurations and recordings: ``config/config.yaml`` and ``data/sample/hopper.h5`` are
+there wherever hopdata is installed. It runs again if the part, or a
 module that it imports, changes. ``python -m hopdata.dissertation NAME`` makes one part
 in ``results/dissertation/parts/NAME`` and prints its rows; a part that raises an error
 stops no other.

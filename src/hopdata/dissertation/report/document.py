@@ -21,7 +21,7 @@ HEAD = (
     "the dissertation prints",
     "the printed method here",
     "hopdata's method",
-    "they",
+    "agreement",
     "why",
 )
 INTRODUCTION = """\
@@ -39,7 +39,7 @@ def build_document(items: Sequence[Item], records: Sequence[Record]) -> str:
     Parameters
     ----------
     items
-        What the dissertation states, by number.
+        What the dissertation states, in the order of the text.
     records
         What the parts found.
 
@@ -72,12 +72,15 @@ def build_document(items: Sequence[Item], records: Sequence[Record]) -> str:
 
 def section_of(item: Item) -> str:
     """Return the section under which an item stands: the first two numbers."""
-    return ".".join(item.section.split(".")[:2])
+    return ".".join(str(number) for number in item.place[:2])
 
 
 def stated(item: Item) -> tuple[str, str, str]:
     """Return the cells of an item that hold no result: number, item, printed."""
-    title = f"{item.title} (Sec. {item.section}; `{item.where}`)"
+    where = item.where
+    if "`" not in where:
+        where = f"`{where}`"
+    title = f"{item.title} (Sec. {item.section}; {where})"
     return str(item.number), _cell(title), _cell(item.printed)
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import platform
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hopdata.dissertation.items import Item
 from hopdata.dissertation.making import FIGURES, Record
@@ -17,9 +20,13 @@ from hopdata.dissertation.report.entries import (
     entries_of,
     repetitions,
 )
+from hopdata.provenance import version_of
 from hopdata.report.inputs import Picture, picture_of, read_figures, rendered
 
 FOLDER = Path(__file__).parent
+# Packages whose versions the page states.
+VERSIONS = ("hopdata", "numpy", "scipy", "numba", "mujoco")
+_CODE = re.compile("`([^`]+)`")
 
 # Standings whose rows the summary names one by one, the gravest first.
 NAMED = ("differs", "partly", MISSING)
@@ -61,7 +68,7 @@ def build_page(
     Parameters
     ----------
     items
-        What the dissertation states, by number.
+        What the dissertation states, in the order of the text.
     records
         What the parts found.
     folders
@@ -78,13 +85,28 @@ def build_page(
         "dissertation.html.j2",
         own=FOLDER / "templates",
         answer=answer(counts),
+        coded=coded,
         chapters=_chapters(entries, folders),
         counts=counts,
         standings=WORDS["standing"],
         named={name: _of(entries, name) for name in NAMED if counts[name]},
         undrawn=[entry for entry in entries if entry.figure_failure is not None],
         repetitions=repetitions(records),
+        versions=_versions(),
     )
+
+
+def coded(text: str) -> Any:
+    """Return a sentence for the page, with what stands in backticks set as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(_CODE.sub(r"<code>\1</code>", str(escape(text))))
+
+
+def _versions() -> str:
+    """Return the versions with which the page was made."""
+    packages = ", ".join(f"{name} {version_of(name)}" for name in VERSIONS)
+    return f"{packages}, Python {platform.python_version()}"
 
 
 def _of(entries: Sequence[Entry], standing: str) -> list[Entry]:

@@ -12,6 +12,8 @@ from hopdata.report.formatting import MINUS, RAISED, significant
 _POWER = re.compile(r"e([-+]\d+)")
 _SIGN = re.compile(r"-(?=[\d.])")
 _TIMES = " × "
+# Numbers from here on may be written with a power of ten.
+FEWEST_POWER = 1e5
 
 
 def filled(template: str, values: Mapping[str, Any]) -> str:
@@ -72,6 +74,9 @@ def _number(value: float, form: str) -> str:
         return significant(value)
     if form.endswith("d"):
         value = round(value)
+    if form.endswith("g") and FEWEST_POWER > abs(value) >= 1:
+        # Python would write 30 to one digit as 3e+01.
+        return f"{float(format(value, form)):g}".replace("-", MINUS)
     text = _SIGN.sub(MINUS, _POWER.sub(_power, format(value, form)))
     return text.removeprefix(f"1{_TIMES}")
 

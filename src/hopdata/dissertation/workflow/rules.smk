@@ -1,34 +1,9 @@
 # The page on the dissertation: `snakemake --cores 2 dissertation`. Each part is a job of its own; one
 # that fails leaves a record that says why, and the others go on.
-import tomllib
-
-DISSERTATION = "results/dissertation"
-DISSERTATION_PARTS = f"{DISSERTATION}/parts"
-# This file's folder, relative to the working folder, so that a checkout can be moved.
-DISSERTATION_FILES = Path(
-    os.path.relpath(workflow.current_basedir.get_path_or_uri(secret_free=True))
-)
-PART_FILES = {
-    path.stem: path
-    for path in sorted((DISSERTATION_FILES.parent / "parts").glob("*.py"))
-    if not path.stem.startswith("_")
-}
+include: "common.smk"
 
 
-def dissertation_code(script, *modules):
-    """Return a function that digests a script of the page and the library code that it uses."""
-    return code(script, *modules, folder=DISSERTATION_FILES / "scripts")
-
-
-def seconds_of(part):
-    """Return about how long a part takes, s, as the file of its items says; 1 if it does not."""
-    items = DISSERTATION_FILES.parent / "items" / f"{part}.toml"
-    if not items.is_file():
-        return 1
-    return tomllib.loads(items.read_text("utf-8")).get("seconds", 1)
-
-
-for part_name, part_file in PART_FILES.items():
+for part_name, part_file in DISSERTATION_CODE.items():
 
     rule:
         name:
@@ -58,8 +33,8 @@ for part_name, part_file in PART_FILES.items():
 rule dissertation_page:
     """Set what all parts found in the order of the text, as a page, a document and a table."""
     input:
-        records=expand(f"{DISSERTATION_PARTS}/{{part}}/rows.json", part=PART_FILES),
-        figures=expand(f"{DISSERTATION_PARTS}/{{part}}/figures", part=PART_FILES),
+        records=expand(f"{DISSERTATION_PARTS}/{{part}}/rows.json", part=DISSERTATION_CODE),
+        figures=expand(f"{DISSERTATION_PARTS}/{{part}}/figures", part=DISSERTATION_CODE),
     output:
         page=f"{DISSERTATION}/index.html",
         document=f"{DISSERTATION}/dissertation.md",

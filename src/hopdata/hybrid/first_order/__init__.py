@@ -6,12 +6,14 @@ from hopdata.hybrid.first_order.saltation import (
     project_onto_section,
     saltation_matrix,
 )
+from hopdata.hybrid.first_order.segments import derivative_without_saltation
 from hopdata.hybrid.first_order.smoothness import check_c1
 
 __all__ = [
     "NotTransversalError",
     "bouligand_derivative",
     "check_c1",
+    "derivative_without_saltation",
     "project_onto_section",
     "saltation_matrix",
 ]

@@ -12,7 +12,7 @@ from hopdata.landings.contacts.descents import Transitions
 from hopdata.recording import Recording
 
 #: Window of the filter: seven frames at the dissertation's 100 Hz.
-#: Unit: s. Origin: table: Sec. 2.2.3 of the dissertation.
+#: Unit: s. Origin: table: Algorithm 4 of the dissertation; Sec. 2.2.3 prints none.
 FILTER_S = 0.07
 
 #: Fewest frames in the window: the least odd number that a cubic smooths.

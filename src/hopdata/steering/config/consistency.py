@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import pi
+from itertools import pairwise
+from math import dist, pi
 from typing import Any
 
 from hopdata.errors import did_you_mean, mismatch
@@ -22,6 +23,7 @@ def mistakes(config: Mapping[str, Any]) -> Iterator[str]:
     else:
         yield from _wrong_excitation(steering)
     yield from _starts_at_the_goal(steering["experiments"])
+    yield from _close_way_points(steering["experiments"])
 
 
 def _wrong_recordings(config: Mapping[str, Any]) -> Iterator[str]:
@@ -68,3 +70,18 @@ def _starts_at_the_goal(experiments: Mapping[str, Any]) -> Iterator[str]:
     if not distance > arrived:
         wanted = f"more than steering.experiments.arrived_m ({arrived:g})"
         yield mismatch("steering.experiments.distance_m", wanted, f"{distance:g}")
+
+
+def _close_way_points(experiments: Mapping[str, Any]) -> Iterator[str]:
+    """Tell of way-points of which one stance would visit two."""
+    points = experiments["waypoints_m"]
+    least = 2 * experiments["arrived_m"]
+    for number, (here, there) in enumerate(pairwise(points), start=1):
+        apart = dist(here, there)
+        if not apart > least:
+            wanted = (
+                "more than twice steering.experiments.arrived_m "
+                f"({least:g} m) from the point before"
+            )
+            key = f"steering.experiments.waypoints_m[{number}]"
+            yield mismatch(key, wanted, f"{apart:g} m")

@@ -14,15 +14,14 @@ from hopdata.steering.control.objectives import (
     Controller,
     Plan,
     PlanningError,
-    goal_errors,
 )
 from hopdata.steering.experiments.tasks import (
     Outcome,
     Start,
     Task,
     decided,
-    goal_of,
     judged,
+    progress_of,
 )
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import StanceDetector
@@ -224,7 +223,7 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
     """
     task = hopper.task
     has_board = hopper.board is not None
-    goal = goal_of(task.manoeuvre, hopper.start.pose)
+    error_at = progress_of(task, hopper.start.pose)
     unknown = np.full(3, np.nan)
     rows: list[list[float]] = []
     errors: list[float] = []
@@ -254,7 +253,7 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
         row = [stance.time_s, *stance.pose, *measured, boom, swing, *predicted]
         rows.append([*row, board_m, stance.touched])
         predicted = unknown if plan is None else plan.poses[1]
-        errors.append(float(goal_errors(goal, stance.pose)))
+        errors.append(error_at(stance.pose))
         if decided(task, errors):
             break
     stances = pd.DataFrame(rows, columns=COLUMNS, dtype=float)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import one_blas_thread, pd
 from hopdata.rigid import composed, inverse
 from hopdata.steering import FLOOR, child
-from hopdata.steering.control.objectives import Controller, goal_errors
+from hopdata.steering.control.objectives import Controller
 from hopdata.steering.experiments import run as watched
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import MEASURED, PREDICTED, Run
@@ -47,7 +47,7 @@ def simulated(
     DataFrame
         ``curve`` ("pure"), ``stance, time_s, x_m, y_m, heading_rad``.
     """
-    goal = tasks.goal_of(task.manoeuvre, start)
+    error_at = tasks.progress_of(task, start)
     pose = np.array(start, dtype=float)
     boom = np.pi
     seen = run.stances.dropna(subset=MEASURED)
@@ -55,7 +55,7 @@ def simulated(
         pose = seen[MEASURED].to_numpy()[0]
         boom = float(seen["boom_angle_rad"].iloc[0])
     poses = [pose]
-    errors = [float(goal_errors(goal, pose))]
+    errors = [error_at(pose)]
     swing = None
     while not tasks.decided(task, errors):
         plan = controller.plan(pose, boom, swing)
@@ -63,7 +63,7 @@ def simulated(
         swing = plan.swing_rad
         boom += swing
         poses.append(pose)
-        errors.append(float(goal_errors(goal, pose)))
+        errors.append(error_at(pose))
     stances = np.arange(len(poses))
     hop_s = run.stances["time_s"].diff().mean()
     table = pd.DataFrame(np.array(poses), columns=POSE)
@@ -163,9 +163,12 @@ def experiments_of(
         predicted at the previous stance (``predicted_...``), ``board_m`` and
         ``touched``.
     example : DataFrame
-        Three curves of one run, of the controller that `tasks.shown_of` chooses:
-        ``curve`` is "measured", "response" (predicted from each measured stance) or
-        "pure" (controller and model alone; NaN where the controller predicts nothing);
+        Three curves of one run, of the controller that `tasks.shown_of` chooses, and
+        after them those of the run from the same start of the controller that
+        `tasks.beside_of` chooses, if it does: ``curve`` is
+        "measured", "response" (predicted from each measured stance), "pure" (controller
+        and model alone; NaN where the controller predicts nothing) or "point" (the
+        way-points);
         ``controller, run, success`` of the run; ``stance, time_s`` and the pose, for
         turns in the frame of the start; ``near`` (tolerance of the goal, m or rad); and
         of the board ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m``
@@ -192,7 +195,7 @@ def experiments_of(
             prepared[manoeuvre] = tasks.policies(
                 controllers,
                 steering["control"],
-                manoeuvre,
+                setting.task,
                 model=model,
                 truth=truth.average(),
                 swing_limit_rad=robot.swing_limit_rad,
@@ -264,6 +267,7 @@ def _tables(
     """Return the four tables of an experiment, each as a list of pieces."""
     pieces: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
     shown = tasks.shown_of(policies)
+    chosen: Shown | None = None
     for name, policy in policies.items():
         made = [setting.run(policy, start) for start in starts]
         good = sum(run.outcome.success for run in made)
@@ -277,13 +281,20 @@ def _tables(
             pieces["runs"].append(_outcome_row(key, run))
             columns = {**key, "stance": run.stances.index, **run.stances}
             pieces["stances"].append(pd.DataFrame(columns))
-        if name != shown:
-            continue
-        chosen = typical(list(zip(starts, made, strict=True)))
-        if chosen is not None:
-            start, run = chosen
-            pieces["example"].append(_example(setting, name, policy, start, run))
-            pieces["film"].append(_film(setting, run))
+        if name == shown:
+            chosen = typical(list(zip(starts, made, strict=True)))
+    if shown is None or chosen is None:
+        return pieces
+    start, run = chosen
+    pieces["example"].append(_example(setting, shown, policies[shown], start, run))
+    pieces["film"].append(_film(setting, run))
+    beside = tasks.beside_of(policies)
+    if beside is not None:
+        # Made once more, since all runs with all of their frames would be much to keep.
+        again = setting.run(policies[beside], start)
+        if was_seen(again):
+            example = _example(setting, beside, policies[beside], start, again)
+            pieces["example"].append(example)
     return pieces
 
 
@@ -311,9 +322,14 @@ def typical(runs: list[Shown]) -> Shown | None:
         good.sort(key=lambda shown: shown[1].outcome.hops)
         return good[(len(good) - 1) // 2]
     for start, run in runs:
-        if run.stances[MEASURED].notna().all(axis=1).any():
+        if was_seen(run):
             return start, run
     return None
+
+
+def was_seen(run: Run) -> bool:
+    """Tell whether the pose of any stance of a run was measured."""
+    return bool(run.stances[MEASURED].notna().all(axis=1).any())
 
 
 def _example(
@@ -327,7 +343,12 @@ def _example(
     task = setting.task
     board = setting.board(start)
     alone = simulated(policy(start), task, start.pose, run)
-    table = pd.concat([_curves(run), alone], ignore_index=True)
+    points = pd.DataFrame(task.points_m, columns=["x_m", "y_m"])
+    points = points.assign(curve="point", stance=points.index)
+    pieces = [_curves(run), alone]
+    if len(points):
+        pieces.append(points)
+    table = pd.concat(pieces, ignore_index=True)
     is_turn = setting.manoeuvre == tasks.TURN
     if is_turn:
         table[POSE] = composed(inverse(start.pose), table[POSE].to_numpy())

@@ -14,10 +14,11 @@ from hopdata.steering import START, child
 from hopdata.steering.control import objectives
 from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
 from hopdata.steering.control.printed import PrintedController
+from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 
-ORIGIN, TURN = "origin", "turn"
+ORIGIN, TURN, WAYPOINTS = "origin", "turn", "waypoints"
 
 # Manoeuvre of each experiment, and whether there is a board in the way.
 EXPERIMENTS: Mapping[str, tuple[str, bool]] = {
@@ -25,6 +26,7 @@ EXPERIMENTS: Mapping[str, tuple[str, bool]] = {
     "turn": (TURN, False),
     "origin_board": (ORIGIN, True),
     "turn_board": (TURN, True),
+    "waypoints": (WAYPOINTS, False),
 }
 
 
@@ -34,18 +36,26 @@ class Task:
 
     Parameters
     ----------
-    manoeuvre : {"origin", "turn"}
-        Go to the origin, or turn by 180 degrees.
+    manoeuvre : {"origin", "turn", "waypoints"}
+        Go to the origin, turn by 180 degrees, or visit points in order.
     near : float
-        Tolerance for arrival: distance from the origin, m, or heading error, rad.
+        Tolerance for arrival: distance from the point, m, or heading error, rad.
     hops : int
         Largest number of hops. The run ends with the arrival, since a hopper that moves
         forward in each hop cannot stay.
+    points_m : tuple of (x, y)
+        Points to visit, world frame, m; none for the other manoeuvres.
     """
 
     manoeuvre: str
     near: float
     hops: int
+    points_m: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def way_points(self) -> WayPoints:
+        """The points with the tolerance for arrival."""
+        return WayPoints(points_m=self.points_m, arrival_m=self.near)
 
 
 @dataclass(frozen=True)
@@ -65,13 +75,28 @@ UNTOUCHED = "arrived, but never touched the board"
 
 def task_of(experiments: Mapping[str, Any], manoeuvre: str) -> Task:
     """Return the task of a manoeuvre by the block ``steering.experiments``."""
+    near = experiments["arrived_m"]
+    hops = experiments["hops"]
+    points: tuple[tuple[float, float], ...] = ()
     if manoeuvre == TURN:
         near = experiments["turned_rad"]
         hops = experiments["turn_hops"]
-    else:
-        near = experiments["arrived_m"]
-        hops = experiments["hops"]
-    return Task(manoeuvre=manoeuvre, near=near, hops=hops)
+    if manoeuvre == WAYPOINTS:
+        points = tuple((x, y) for x, y in experiments["waypoints_m"])
+        hops = hops * len(points)
+    return Task(manoeuvre=manoeuvre, near=near, hops=hops, points_m=points)
+
+
+def progress_of(task: Task, start: ArrayLike) -> Callable[[ArrayLike], float]:
+    """Return a function that gives the error of each stance of a run, m or rad.
+
+    It takes the poses (3,) of the stances one after another. For way-points, the error
+    is the way that is left.
+    """
+    if task.manoeuvre == WAYPOINTS:
+        return Progress(task.way_points)
+    goal = goal_of(task.manoeuvre, start)
+    return lambda pose: float(objectives.goal_errors(goal, pose))
 
 
 def goal_of(manoeuvre: str, start: ArrayLike) -> objectives.Objective:
@@ -146,7 +171,7 @@ def draw_starts(
     ----------
     experiment : str
         A name from `EXPERIMENTS`. Runs to the origin start at `distance_m` in a random
-        direction, turns at the origin.
+        direction, turns and way-points at the origin.
     number : int
         Number of starts; the first ones do not depend on it.
     distance_m : float
@@ -201,6 +226,17 @@ def shown_of(controllers: Collection[str]) -> str | None:
     return next((name for name in SHOWN_FIRST if name in controllers), None)
 
 
+def beside_of(controllers: Collection[str]) -> str | None:
+    """Return the controller whose run from the same start is shown beside the example.
+
+    It is the printed one, beside one that is not the dissertation's; else None.
+    """
+    is_ours = shown_of(controllers) in (PLANNER, ADAPTIVE)
+    if is_ours and PRINTED in controllers:
+        return PRINTED
+    return None
+
+
 @dataclass(frozen=True)
 class Unheeding:
     """Swings at random up to a limit (none if it is 0), whatever is seen."""
@@ -220,7 +256,7 @@ class Unheeding:
 def policies(
     names: Sequence[str],
     options: Mapping[str, Any],
-    manoeuvre: str,
+    task: Task,
     *,
     model: FrameChangeProcess,
     truth: FloatArray,
@@ -236,7 +272,8 @@ def policies(
         Names from `CONTROLLERS`, and `CEILING`.
     options : mapping
         The configuration's ``steering.control``.
-    manoeuvre : {"origin", "turn"}
+    task : Task
+        What is to be done, for its goal.
     model : FrameChangeProcess
         The learned model.
     truth : (A, S, 3) array
@@ -248,19 +285,31 @@ def policies(
     )
     learned = tabulated(model, swing_limit_rad)
 
+    def goal(start: ArrayLike) -> objectives.Objective:
+        if task.manoeuvre == WAYPOINTS:
+            return task.way_points.legs()[0]
+        return goal_of(task.manoeuvre, start)
+
+    def going(controller: PrintedController | Any) -> objectives.Controller:
+        """Return the controller, or one that leads it from point to point."""
+        if task.manoeuvre == WAYPOINTS:
+            return WayPointFollower(controller, task.way_points)
+        known: objectives.Controller = controller
+        return known
+
     def steered(controller: PrintedController | Any) -> Policy:
-        return lambda start: controller.towards(goal_of(manoeuvre, start.pose))
+        return lambda start: going(controller.towards(goal(start.pose)))
 
     def planning(known: TabulatedMap) -> Planner:
         shorter = replace(horizon, hops=options["planner_horizon"])
-        return planner(known, goal_of(manoeuvre, np.zeros(3)), horizon=shorter)
+        return planner(known, goal(np.zeros(3)), horizon=shorter)
 
     def adaptive() -> Policy:
         known = planning(learned)
 
-        def policy(start: Start) -> AdaptivePlanner:
-            towards_goal = known.towards(goal_of(manoeuvre, start.pose))
-            return AdaptivePlanner(towards_goal, model.chance)
+        def policy(start: Start) -> objectives.Controller:
+            towards_goal = known.towards(goal(start.pose))
+            return going(AdaptivePlanner(towards_goal, model.chance))
 
         return policy
 

@@ -63,12 +63,78 @@ def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
     return figure
 
 
+@style.styled
+def printed_and_own_figure(
+    printed: pd.DataFrame, own: pd.DataFrame, hops: pd.DataFrame
+) -> Figure:
+    """Draw Figure 3.3 by the printed model above the study's own, on the same hops.
+
+    Parameters
+    ----------
+    printed, own : DataFrame
+        Maps as for `frame_change_figure`, without need of the standard deviations.
+    hops : DataFrame
+        Training hops.
+
+    Returns
+    -------
+    Figure
+        Three panels of each, with one scale for a component. Swings are drawn at one
+        scale, too; where the own map goes farther, lines show how far the printed one
+        does.
+    """
+    if printed.empty or own.empty:
+        return style.message_figure("No map of frame changes to show.")
+    largest = [float(maps["swing_rad"].max()) for maps in (printed, own)]
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 92.0)
+    panels = figure.subplots(2, len(COMPONENTS), sharex=True, height_ratios=largest)
+    bar: Any = {"location": "bottom", "aspect": 25, "pad": 0.03}
+    for k, (name, (title, label, centred)) in enumerate(COMPONENTS.items()):
+        values = pd.concat([printed[name], own[name]])
+        colours, limits = _colours(values, hops[name], centred)
+        above, below = panels[:, k]
+        rows = zip((above, below), (printed, own), largest, strict=True)
+        for axes, maps, swing in rows:
+            is_inside = hops["swing_rad"].abs() <= swing + 1e-9
+            image = _draw_map(axes, maps, name, colours, limits)
+            _draw_hops(axes, hops[is_inside], name, colours, limits)
+        above.set_title(title)
+        if largest[1] > largest[0]:
+            for swing in (-largest[0], largest[0]):
+                below.axhline(swing, color=style.INK, linewidth=0.6, linestyle=":")
+        figure.colorbar(image, ax=panels[:, k], label=label, **bar)
+    _axes(panels)
+    quarters = [-np.pi / 4, 0.0, np.pi / 4]
+    for row, swing in zip(panels, largest, strict=True):
+        for axes in row:
+            axes.set_yticks(quarters, ["−π/4", "0", "π/4"])
+            axes.set_ylim(-swing, swing)
+    for axes in panels[0]:
+        axes.tick_params(labelbottom=False)
+    panels[0, 0].set_ylabel("printed model\nswing Δφ (rad)")
+    panels[1, 0].set_ylabel("hopdata's model\nswing Δφ (rad)")
+    style.letters(panels.flat)
+    return figure
+
+
 def _draw_component(
     axes: Axes, maps: pd.DataFrame, hops: pd.DataFrame, name: str, *, centred: bool
 ) -> Any:
     """Draw a component of the frame change, with the hops in the same colours."""
     colours, limits = _colours(maps[name], hops[name], centred)
     image = _draw_map(axes, maps, name, colours, limits)
+    _draw_hops(axes, hops, name, colours, limits)
+    return image
+
+
+def _draw_hops(
+    axes: Axes,
+    hops: pd.DataFrame,
+    name: str,
+    colours: str,
+    limits: tuple[float, float],
+) -> None:
+    """Draw hops as dots in the colour of their measured component."""
     axes.scatter(
         hops["boom_angle_rad"],
         hops["swing_rad"],
@@ -80,7 +146,6 @@ def _draw_component(
         linewidths=0.3,
         edgecolors=style.INK,
     )
-    return image
 
 
 def _draw_deviation(

@@ -207,6 +207,7 @@ TASKS = {
     "origin_board": "to the origin,\nboard in the way",
     "turn": "half turn",
     "turn_board": "half turn,\nboard in the way",
+    "waypoints": "way-points",
 }
 APART = 0.17  # offset between controllers of one task
 MEDIAN: dict[str, Any] = {"mec": "white", "mew": 0.4, "ms": 4.5}  # look of a median
@@ -310,6 +311,7 @@ CURVES: dict[str, tuple[str, str, Any, str]] = {
     "response": ("simulated control response", style.BLUE, (0, (4, 1.5)), "x"),
     "measured": ("simulated run", style.INK, "-", "o"),
 }
+POINT = "point"  # rows of the table that are way-points
 # Panel: its column, label and factor.
 OVER_TIME = {
     "x": ("x_m", "x (m)", 1.0),
@@ -320,16 +322,21 @@ TICK_M = 0.07  # length of a line that shows a heading
 BESIDE_M = 0.12  # drawn length of the board beyond the path on each side
 
 
+# Height of a figure of one run, and of one of two.
+ONE_RUN_MM = 88.0
+TWO_RUNS_MM = 158.0
+
+
 @style.styled
 def steering_run_figure(
     curves: pd.DataFrame, *, experiment: str | None = None
 ) -> Figure:
-    """Draw one run.
+    """Draw one run, or those of two controllers from the same start.
 
     Parameters
     ----------
     curves : DataFrame
-        Three curves of one run: the example of
+        Three curves of each run: the example of
         `hopdata.steering.experiments.study.experiments_of`.
     experiment : str, optional
         Experiment to draw, if `curves` holds several.
@@ -339,15 +346,52 @@ def steering_run_figure(
     Figure
         (a) The arena: path, headings, goal, and the first and last place of the board.
         (b) x, (c) y and (d) heading over time. Curves of a controller that predicts
-        nothing are left out.
+        nothing are left out. Of two controllers, the dissertation's comes first, and
+        the other below it in the same way. Except with way-points, both arenas have the
+        same scale.
     """
     if experiment is not None:
         curves = curves[curves["experiment"] == experiment]
     if curves.empty:
         return style.message_figure(NO_RUN)
+    shown = sorted(curves["controller"].unique(), key=list(LOOKS).index)
+    runs = [curves[curves["controller"] == name] for name in shown]
+    height_mm = ONE_RUN_MM if len(runs) == 1 else TWO_RUNS_MM
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
+    mosaic: Any = [
+        [f"a{k}", f"{panel}{k}"] for k in range(len(runs)) for panel in OVER_TIME
+    ]
+    drawn = figure.subplot_mosaic(mosaic, width_ratios=(1.15, 1))
+    every: list[dict[str, Axes]] = []
+    for k, run in enumerate(runs):
+        panels = {panel: drawn[f"{panel}{k}"] for panel in ("a", *OVER_TIME)}
+        _draw_run(panels, run)
+        every.append(panels)
+        if len(runs) > 1:
+            panels["a"].set_title(_outcome_of(run))
+        if len(runs) > 1 and not (run["curve"] == POINT).any():
+            # The corners of all paths make the arenas alike. Among way-points one that
+            # is lost would hide the other.
+            panels["a"].update_datalim(_corners(curves))
+            panels["a"].autoscale_view()
+    axes = [panels[name] for panels in every for name in "axyh"]
+    figure.align_ylabels([panels[name] for panels in every for name in "xyh"])
+    style.letters(axes)
+    # The measured curve, which is drawn last, comes first; then what is in the arena.
+    known: dict[str, Any] = {}
+    for panels in every:
+        lines, line_names = panels["x"].get_legend_handles_labels()
+        known |= dict(zip(line_names[::-1], lines[::-1], strict=True))
+    for panels in every:
+        marks, mark_names = panels["a"].get_legend_handles_labels()
+        known |= dict(zip(mark_names, marks, strict=True))
+    figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=7)
+    return figure
+
+
+def _draw_run(panels: dict[str, Axes], curves: pd.DataFrame) -> None:
+    """Draw the arena, and x, y and heading over time, of one run."""
     turn = str(curves["experiment"].iloc[0]).startswith("turn")
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
-    panels = figure.subplot_mosaic("ax;ay;ah", width_ratios=(1.15, 1))
     kinds = [name for name in CURVES if _is_drawn(curves, name)]
     _draw_arena(panels["a"], curves, kinds, turn)
     for panel, (column, label, factor) in OVER_TIME.items():
@@ -364,15 +408,24 @@ def steering_run_figure(
     for above in "xy":
         panels[above].sharex(panels["h"])
         panels[above].tick_params(labelbottom=False)
-    figure.align_ylabels([panels[name] for name in "xyh"])
-    style.letters(panels[name] for name in "axyh")
-    # The measured curve, which is drawn last, comes first; then what is in the arena.
-    lines, line_names = panels["x"].get_legend_handles_labels()
-    marks, mark_names = panels["a"].get_legend_handles_labels()
-    handles = [*lines[::-1], *marks]
-    names = [*line_names[::-1], *mark_names]
-    figure.legend(handles, names, loc="outside upper center", ncols=7)
-    return figure
+
+
+def _outcome_of(curves: pd.DataFrame) -> str:
+    """Return who made a run, and how it ended, in a few words."""
+    who = LOOKS[str(curves["controller"].iloc[0])][0]
+    hops = int((curves["curve"] == "measured").sum()) - 1
+    done = "arrived"
+    if str(curves["experiment"].iloc[0]).startswith("turn"):
+        done = "turned"
+    if bool(curves["success"].iloc[0]):
+        return f"{who}: {done} after {hops} hops"
+    return f"{who}: not {done} in {hops} hops"
+
+
+def _corners(curves: pd.DataFrame) -> FloatArray:
+    """Return the lower left and upper right corner of all paths, (2, 2), m."""
+    places = curves[["x_m", "y_m"]]
+    return np.array([places.min(), places.max()])
 
 
 def _is_drawn(curves: pd.DataFrame, name: str) -> bool:
@@ -396,6 +449,8 @@ def _draw_curve(
 
 def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> None:
     """Draw the goal as a thin line: zero in x and y, or half a turn to one side."""
+    if (curves["curve"] == POINT).any():
+        return
     if not turn:
         for name in "xy":
             panels[name].axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
@@ -415,8 +470,12 @@ def _draw_arena(
     measured = curves[curves["curve"] == "measured"]
     _draw_headings(axes, measured)
     _draw_board(axes, measured)
-    if not turn:
-        _draw_origin(axes, float(curves["near"].iloc[0]))
+    points = curves.loc[curves["curve"] == POINT, ["x_m", "y_m"]].to_numpy()
+    near_m = float(curves["near"].iloc[0])
+    if len(points):
+        _draw_way_points(axes, points, near_m)
+    elif not turn:
+        _draw_goal(axes, np.zeros(2), near_m, "goal")
     start = measured.dropna(subset=["x_m"]).iloc[0]
     hollow: Any = {"color": "white", "mec": style.INK, "ms": 5, "mew": 0.9, "zorder": 4}
     axes.plot(start["x_m"], start["y_m"], "o", label="start", **hollow)
@@ -425,14 +484,22 @@ def _draw_arena(
     axes.set(xlabel="x (m)", ylabel="y (m)")
 
 
-def _draw_origin(axes: Axes, near_m: float) -> None:
-    """Draw the goal, and how near it counts as reached."""
+def _draw_goal(axes: Axes, point_m: FloatArray, near_m: float, label: str) -> None:
+    """Draw a point to go to, (2,), and how near it counts as reached."""
     star: Any = {"color": style.VERMILION, "mec": "white", "mew": 0.5, "ms": 10}
-    axes.plot(0, 0, "*", zorder=5, label="goal", **star)
+    axes.plot(*point_m, "*", zorder=5, label=label, **star)
     angle = np.linspace(0, 2 * np.pi, 73)
-    x = near_m * np.cos(angle)
-    y = near_m * np.sin(angle)
+    x = point_m[0] + near_m * np.cos(angle)
+    y = point_m[1] + near_m * np.sin(angle)
     axes.plot(x, y, color=style.GREY, linewidth=0.6, zorder=0)
+
+
+def _draw_way_points(axes: Axes, points_m: FloatArray, near_m: float) -> None:
+    """Draw way-points, (n, 2), with their numbers."""
+    for number, point_m in enumerate(points_m, start=1):
+        _draw_goal(axes, point_m, near_m, "_" if number > 1 else "way-points")
+        beside: Any = {"textcoords": "offset points", "xytext": (4, 4), "zorder": 6}
+        axes.annotate(str(number), point_m, color=style.VERMILION, **beside)
 
 
 def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:

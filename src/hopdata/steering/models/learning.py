@@ -148,6 +148,9 @@ def with_intervals(
 
 COLUMNS = ("dx_mm", "dy_mm", "dtheta_deg")
 CELLS_PER_TURN = 48  # of the drawn map
+#: Largest swing of Fig. 3.3 as printed.
+#: Unit: rad. Origin: table: the dissertation's caption, -pi/4 to pi/4.
+PRINTED_MAP_RAD = np.pi / 4
 
 
 @one_blas_thread()
@@ -182,6 +185,15 @@ def map_table(
     table[list(COLUMNS)] = process.mean_at(points) * IN_UNITS
     table[[f"{name}_sd" for name in COLUMNS]] = process.sd_at(points) * IN_UNITS
     return table
+
+
+def printed_map_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
+    """Tabulate Fig. 3.3 as printed, on the hops that a process was trained on.
+
+    The printed model learns from them, and the swings are within 45 degrees. See
+    `map_table`.
+    """
+    return map_table(gp.relearned(process, gp.PRINTED), PRINTED_MAP_RAD)
 
 
 def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:

@@ -473,6 +473,24 @@ def trained_process(
         If there are fewer than `LEAST_HOPS` used hops.
     """
     inputs, outputs = training_set(changes)
+    return process_on(inputs, outputs, options, seed=seed)
+
+
+def process_on(
+    inputs: FloatArray, outputs: FloatArray, options: ProcessOptions, *, seed: int = 0
+) -> FrameChangeProcess:
+    """Train the three processes on these hops, as `trained_process` does.
+
+    Parameters
+    ----------
+    inputs : (m, 2) array
+        Boom angle, in [0, 2 pi), and swing of each hop, rad.
+    outputs : (m, 3) array
+        Frame changes, m, m, rad.
+    options : ProcessOptions
+    seed : int
+        Seed of the random restarts of the search for hyper-parameters.
+    """
     offset, unit = _offset_and_unit(outputs, options)
     scale = input_units(inputs, options)
     if not options.periodic:
@@ -494,6 +512,15 @@ def trained_process(
         noise=np.array([noise for _, _, noise in found]),
         length_scales=np.array([lengths for _, lengths, _ in found]) * scale,
     )
+
+
+def relearned(
+    process: FrameChangeProcess, options: ProcessOptions
+) -> FrameChangeProcess:
+    """Train processes with another set-up on the hops of this one."""
+    angle = process.inputs[:, 0]
+    once = (angle >= 0) & (angle < TURN)  # without copies a turn before and after
+    return process_on(process.inputs[once], process.outputs[once], options)
 
 
 def training_set(changes: FrameChanges) -> tuple[FloatArray, FloatArray]:

@@ -25,7 +25,7 @@ from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.learning import IN_UNITS, UNITS
 from hopdata.steering.models.tabulated import COMPONENTS
-from hopdata.steering.true_hops import TrueHops
+from hopdata.steering.true_hops import VELOCITY, TrueHops
 
 #: Harmonics of the boom angle in the model of a hop by its inputs.
 #: Unit: 1. Origin: chosen.
@@ -96,7 +96,7 @@ def explained_by(
     slopes: FloatArray | None = None,
     seed: int = 0,
     permutations: int = 999,
-    resamples: int = 400,
+    resamples: int = 200,
 ) -> Explained:
     """Return what classes of hops explain of a response, given other features.
 
@@ -113,7 +113,8 @@ def explained_by(
     seed : int
         Seed of permutations and bootstrap.
     permutations, resamples : int
-        Number of permutations of the residuals, and of bootstrap samples of the hops.
+        Number of permutations of the residuals, and of bootstrap samples of the hops;
+        without any, `p` is 1 and the interval unknown.
 
     Raises
     ------
@@ -150,7 +151,10 @@ def explained_by(
         raw = _raw_share(orthonormal(added[drawn]), residual[drawn])
         again[k] = adjusted(raw, added.shape[1], free)
     # What each resample adds by its own chance is taken off again.
-    low, high = np.quantile(again - again.mean(axis=0), [0.025, 0.975], axis=0)
+    low = np.full(response.shape[1], np.nan)
+    high = low
+    if resamples:
+        low, high = np.quantile(again - again.mean(axis=0), [0.025, 0.975], axis=0)
     spread = response - response.mean(axis=0)
     left = (residual**2).sum(axis=0) / free
     return Explained(
@@ -328,3 +332,96 @@ def _table(found: Explained) -> pd.DataFrame:
             "hops": found.n_hops,
         }
     )
+
+
+# How far inputs, history and state decide a hop.
+
+BY_INPUTS = "boom angle and swing"
+BY_HISTORY = "and the swing before"
+BY_MOMENTUM = "and the velocity at the apex"
+BY_STATE = "and the whole state at the apex"
+
+
+@one_blas_thread()
+def decided_by(hops: TrueHops) -> pd.DataFrame:
+    """Return which share of the frame change is decided by what is known of a hop.
+
+    A zero-order frame change is decided by boom angle and swing (Sec. 3.4.1, footnote
+    3).
+
+    Returns
+    -------
+    DataFrame
+        One row for each ``known`` (`BY_INPUTS`, `BY_HISTORY`, `BY_MOMENTUM`,
+        `BY_STATE`) and ``component``: the ``share`` of its variance, adjusted for the
+        number of coefficients.
+
+    Raises
+    ------
+    AnalysisError
+        If there are too few hops.
+    """
+    changes = hops.changes
+    angle = changes.boom_angle_rad
+    swing = changes.swing_rad
+    inputs = input_features(angle, swing)
+    low = input_features(angle, swing, harmonics=2, degree=2)
+
+    def with_inputs(values: FloatArray) -> FloatArray:
+        """Return values (n, q), also times the inputs to second order."""
+        return np.asarray((low[:, :, None] * values[:, None]).reshape(len(low), -1))
+
+    before = hops.previous_swing_rad / max(float(swing.std()), LEAST_SPREAD)
+    of_history = with_inputs(np.column_stack([before, before**2]))
+    velocity = standardised(hops.apex[:, VELOCITY])
+    first, second = np.triu_indices(velocity.shape[1])
+    of_squares = velocity[:, first] * velocity[:, second]
+    known = {
+        BY_INPUTS: inputs,
+        BY_HISTORY: np.column_stack([inputs, of_history]),
+        BY_MOMENTUM: np.column_stack([inputs, with_inputs(velocity), of_squares]),
+        BY_STATE: np.column_stack([inputs, state_features(hops.apex, angle, swing)]),
+    }
+    tables = []
+    for name, features in known.items():
+        least = HOPS_PER_COEFFICIENT * features.shape[1]
+        if len(hops) < least:
+            raise AnalysisError.at("history", f"at least {least} hops", len(hops))
+        basis = orthonormal(features)
+        left = changes.change - basis @ (basis.T @ changes.change)
+        variance = (left**2).sum(axis=0) / (len(hops) - basis.shape[1])
+        share = 1 - variance / changes.change.var(axis=0)
+        table = pd.DataFrame({"component": COMPONENTS, "share": share})
+        tables.append(table.assign(known=name))
+    return pd.concat(tables, ignore_index=True)
+
+
+# Whether the order matters to first order, or only to second.
+
+
+def order_gain(hops: TrueHops) -> tuple[FloatArray, FloatArray]:
+    """Return what the landing order adds to a linear map of the state, and its spread.
+
+    In a landing that is continuously differentiable, the maps of all orders are the
+    same to first order. What an order adds then falls as the square of the deviations
+    from a common hop; otherwise it falls as they do.
+
+    Parameters
+    ----------
+    hops : TrueHops
+        With the same boom angle and swing in each, or nearly so.
+
+    Returns
+    -------
+    effect : (3,) array
+        Rms of what the order adds to the prediction, m, m, rad.
+    spread : (3,) array
+        Standard deviation of the frame change.
+    """
+    states = standardised(hops.apex)
+    given = np.column_stack([np.ones(len(states)), states])
+    change = hops.changes.change
+    found = explained_by(
+        hops.landing, change, given, slopes=states, permutations=0, resamples=0
+    )
+    return found.effect, change.std(axis=0)

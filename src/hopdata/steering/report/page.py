@@ -12,6 +12,7 @@ from hopdata.arrays import pd
 from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
 from hopdata.report.inputs import PageInputs, as_yaml, placed_pictures, rendered
+from hopdata.steering.experiments.examples import shown_run
 
 _FOLDER = Path(__file__).parent
 #: Texts that readers see in place of names.
@@ -200,7 +201,8 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
         and ``has_horizons``, whether the planner and other horizons were tried;
         ``examples``, the run shown of each experiment: None if there is none, else its
         ``controller``, ``by`` (words), ``success`` and ``predicted`` (whether the
-        controller predicts).
+        controller predicts), and ``beside``, the run of another controller from the
+        same start (``by`` and ``success``) or None.
     """
     rows = show.records(inputs.outcomes)
     starts = show.MISSING
@@ -230,11 +232,18 @@ def _example(examples: pd.DataFrame | None, experiment: str) -> dict[str, Any] |
     """Return facts of the run that is shown of an experiment; None if none is."""
     if examples is None:
         return None
-    run = examples[examples["experiment"] == experiment]
+    run = shown_run(examples, experiment)
     if run.empty:
         return None
     controller = str(run["controller"].iloc[0])
+    is_other = examples["controller"] != controller
+    other = examples[(examples["experiment"] == experiment) & is_other]
+    beside = None
+    if not other.empty:
+        by = RUN_BY[str(other["controller"].iloc[0])]
+        beside = {"by": by, "success": bool(other["success"].iloc[0])}
     return {
+        "beside": beside,
         "controller": controller,
         "by": RUN_BY[controller],
         "success": bool(run["success"].iloc[0]),

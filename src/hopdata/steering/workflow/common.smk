@@ -15,8 +15,12 @@ SEEDS = [
     for other, observation in enumerate(STUDY["steering"]["observations"])
     for seed in range(1, 2 if STEERED else STUDY["steering"]["experiments"]["seeds"] + 1)
 ]
-MANOEUVRES = ["origin", "turn"]
-MODEL_FIGURES, RUN_FIGURES = map(list, (CATALOGUE["steering_model"], CATALOGUE["steering_runs"]))
+# Way-points are a manoeuvre, with a figure of its own, if any are given.
+WAY_POINTS = STUDY["steering"]["experiments"]["waypoints_m"]
+MANOEUVRES = ["origin", "turn", *(["waypoints"] if WAY_POINTS else [])]
+RUN_KINDS = ["steering_runs", *(["steering_waypoints"] if WAY_POINTS else [])]
+MODEL_FIGURES = list(CATALOGUE["steering_model"])
+RUN_FIGURES = [name for kind in RUN_KINDS for name in CATALOGUE[kind]]
 
 
 def steering_code(script):

@@ -169,6 +169,7 @@ rule steering_learning:
         model=of_first(rules.steering_learn.output.model),
     output:
         map=f"{STEERING_TABLES}/model_map.csv",
+        printed_map=f"{STEERING_TABLES}/printed_map.csv",
         training=f"{STEERING_TABLES}/training_hops.csv",
         curve=f"{STEERING_TABLES}/learning_curve.csv",
         kernels=f"{STEERING_TABLES}/kernels.csv",
@@ -187,7 +188,7 @@ rule steering_learning:
         "scripts/steering_learning.py"
 
 
-for kind in ("steering_model", "steering_runs"):
+for kind in ("steering_model", *RUN_KINDS):
     job = drawn(kind, STEERING, to=f"{STEERING}/figures")
 
     rule:
@@ -228,10 +229,12 @@ rule steering_film:
         "scripts/steering_film.py"
 
 
+RUN_FILES = [path for kind in RUN_KINDS for path in getattr(rules, f"figures_{kind}").output]
+
 # Contents of the page. A recorded robot has neither experiments nor truth.
 STEERING_PAGE = {
     "figures": [
-        *([] if STEERED else [*rules.figures_steering_runs.output, *rules.steering_film.output]),
+        *([] if STEERED else [*RUN_FILES, *rules.steering_film.output]),
         *rules.figures_steering_model.output,
     ],
     "captions": expand(

@@ -1,6 +1,7 @@
 """Film a typical run to the origin."""
 
 from hopdata.jobs import read_table, reported
+from hopdata.steering.experiments.examples import shown_run
 from hopdata.steering.figures.runs import save_film
 
 with reported(snakemake.log[0]):
@@ -9,5 +10,5 @@ with reported(snakemake.log[0]):
     save_film(
         snakemake.output.film,
         film[film["experiment"] == "origin"],
-        example[example["experiment"] == "origin"],
+        shown_run(example, "origin"),
     )

@@ -1,0 +1,142 @@
+"""Figures of the part on open questions: a filter and a gradient through contacts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hopdata.figures import style
+from hopdata.hybrid.filtering import confidence_limit
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+N_STATES = 12
+CONFIDENCE = 0.95
+# What a filter or a gradient is drawn with: label, colour and line.
+WITH = ("with saltation matrices", style.BLUE, "-")
+WITHOUT = ("without", style.VERMILION, "--")
+
+
+@style.styled
+def filters(table: pd.DataFrame) -> Figure:
+    """Draw the errors of two filters over time, and how often they keep their word.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `hopdata.dissertation.parts.open_questions.track_all` returns it, of all
+        seeds.
+    """
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 62.0)
+    over_time, shares = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    limit = confidence_limit(N_STATES, share=CONFIDENCE)
+    hopper = table[table["legs"] == "hopper"]
+    _shade_contacts(over_time, hopper)
+    for name, (label, colour, dash) in (("saltation", WITH), ("none", WITHOUT)):
+        own = hopper[hopper["filter"] == name].groupby("time_s")["prediction"]
+        band = own.quantile(0.25), own.quantile(0.75)
+        line = (label, colour, dash, "")
+        style.banded_line(over_time, own.median().index, own.median(), band, line)
+    over_time.axhline(limit, color=style.INK, linewidth=0.7, linestyle=":")
+    style.note(
+        over_time, "95 % of errors\nshould be below", (0.52, limit), (0, 3), fontsize=6
+    )
+    over_time.set_yscale("log")
+    style.plain_numbers(over_time.yaxis)
+    over_time.set_yticks([5, 10, 20, 50, 100])
+    over_time.set_xlim(0, hopper["time_s"].max())
+    over_time.set(
+        xlabel="time since the apex (s)",
+        ylabel="normalised error of the prediction\n(12 states; median and quartiles)",
+    )
+    over_time.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0))
+    _draw_shares(shares, table, limit)
+    style.letters((over_time, shares))
+    return figure
+
+
+def _shade_contacts(axes: Axes, table: pd.DataFrame) -> None:
+    """Shade the times at which feet touch or leave the floor in some run."""
+    share = table.groupby("time_s")["contact"].mean()
+    times = share.index.to_numpy()
+    step = float(np.diff(times).mean())
+    for time in times[share.to_numpy() > 0]:
+        axes.axvspan(time - step, time, color=style.GREY, alpha=0.15, linewidth=0)
+
+
+def _draw_shares(axes: Axes, table: pd.DataFrame, limit: float) -> None:
+    """Draw the share of errors within the confidence, at contacts and elsewhere."""
+    groups = {
+        "frames with\na contact": (table["legs"] == "hopper") & table["contact"],
+        "frames\nwithout": (table["legs"] == "hopper") & ~table["contact"],
+        "legs without\npreload": (table["legs"] != "hopper") & table["contact"],
+    }
+    width = 0.38
+    for k, chosen in enumerate(groups.values()):
+        for offset, name, (_, colour, _) in (
+            (-0.5, "saltation", WITH),
+            (0.5, "none", WITHOUT),
+        ):
+            own = table[chosen & (table["filter"] == name)]
+            share = 100 * float((own["prediction"] < limit).mean())
+            place = k + offset * width
+            axes.bar(place, share, width * 0.94, color=colour, alpha=0.75, linewidth=0)
+            style.note(
+                axes,
+                f"{share:.0f}",
+                (place, share),
+                (0, -3),
+                ha="center",
+                va="top",
+                color="white",
+                fontweight="bold",
+            )
+    axes.axhline(100 * CONFIDENCE, color=style.INK, linewidth=0.7, linestyle=":")
+    axes.set_xticks(range(len(groups)), list(groups))
+    axes.tick_params(axis="x", length=0)
+    axes.set_ylim(0, 104)
+    axes.set_yticks([0, 25, 50, 75, 95])
+    axes.set_ylabel("errors within the 95 % confidence (%)")
+
+
+@style.styled
+def convergence(table: pd.DataFrame) -> Figure:
+    """Draw what is left of the way to each target over the evaluations.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `hopdata.dissertation.parts.open_questions.optimise_both` returns it, of all
+        seeds.
+    """
+    figure = style.paper_figure(style.SINGLE_COLUMN_MM, 66.0)
+    axes = figure.subplots()
+    labels = {"through contacts": WITH, "contacts ignored": WITHOUT}
+    for name, (_, colour, dash) in labels.items():
+        own = table[table["gradient"] == name]
+        for k, (_, run) in enumerate(own.groupby("seed", sort=False)):
+            axes.plot(
+                run["evaluation"],
+                run["best"],
+                color=colour,
+                linestyle=dash,
+                linewidth=1.0,
+                marker=".",
+                markersize=2.5,
+                label=f"gradient, {name}" if k == 0 else None,
+            )
+    axes.set_yscale("log")
+    axes.set_xlim(1, table["evaluation"].max())
+    axes.set(
+        xlabel="hops tried, each with its gradient",
+        ylabel="miss of the next apex (cm and degrees)",
+    )
+    axes.axhline(0.01, color=style.INK, linewidth=0.7, linestyle=":")
+    right = table["evaluation"].max()
+    style.note(axes, "reached (0.1 mm)", (right, 0.01), (-2, 2), ha="right")
+    axes.legend(loc="upper right")
+    return figure
