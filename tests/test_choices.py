@@ -19,6 +19,7 @@ from hopdata.landings.contacts import kink_law as kink_recording
 from hopdata.landings.sections import select as sections
 from hopdata.landings.states import assemble as pair_assembly
 from hopdata.landings.states import fits as states
+from hopdata.maps import prediction, subspaces
 from hopdata.maps.truth import scoring as landing_scores
 from hopdata.recordings import (
     axes,
@@ -157,6 +158,10 @@ CONFIGURED = {
     "figures.formats": FORMATS,
     "simulation.scene": SCENES,
     "motion_capture.noise_of": camera.NOISE_OF,
+    "prediction.draws": prediction.DRAWS,
+    "subspaces.which": subspaces.COMPONENTS,
+    "subspaces.draws": subspaces.SUBSPACE_DRAWS,
+    "subspaces.incomplete": subspaces.INCOMPLETE,
 }
 
 

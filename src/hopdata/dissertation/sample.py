@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from hopdata.analysis import study
 from hopdata.config.consistency import files_of
 from hopdata.config.loading import load_config
+from hopdata.errors import RecordingError
 from hopdata.recordings.readers.hdf5 import read_truth
 
 if TYPE_CHECKING:
@@ -38,7 +39,16 @@ def study_of(file: str = SAMPLE, *, printed: bool = False, **keys: Any) -> Study
 
 
 def truth_of(file: str = SAMPLE) -> Truth:
-    """Return the truth of the recording of a configuration."""
+    """Return the truth of the recording of a configuration.
+
+    Raises
+    ------
+    RecordingError
+        If the file does not hold its truth.
+    """
     (recording,) = load_config(file)["recordings"]
     (path,) = files_of(recording)
-    return read_truth(path)
+    truth = read_truth(path)
+    if truth is None:
+        raise RecordingError.at(path, "a recording with its truth", "none")
+    return truth

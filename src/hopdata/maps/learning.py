@@ -1,9 +1,9 @@
 """How the error of an affine map falls with the number of landings it is fitted to.
 
-The dissertation states that "an accurate data-driven model should require a dataset of
-only 100 impacts of arbitrary mode schedule" (Sec. 1.4), without a figure. The error on
-other landings has a part that falls with their number and one that does not: noise,
-and the curvature of the map over the spread of the landings.
+The dissertation expects 100 impacts of any order to do for an accurate model (Sec.
+1.4), without a figure. The error on other landings has a part that falls with their
+number and one that does not: noise, and the curvature of the map over the spread of the
+landings.
 """
 
 from __future__ import annotations

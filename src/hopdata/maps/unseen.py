@@ -1,10 +1,10 @@
 """Whether the landings of one contact order are predicted from those of all others.
 
-A C1 map has one derivative for all orders, so that "accurate linearizations may be able
-to be built from data excluding certain mode schedules" (Sec. 2.1.3 of the dissertation,
-which leaves it at that). Each order in turn is left out of the fit of an affine map and
-is predicted by it. The error stands beside that of a map fitted to as many landings
-among which the order is, and that of the mean.
+A C1 map has one derivative for all orders, so that one may do without the data of some
+of them, as Sec. 2.1.3 of the dissertation supposes without trying it. Each order in
+turn is left out of the fit of an affine map and is predicted by it. The error stands
+beside that of a map fitted to as many landings among which the order is, and that of
+the mean.
 
 At the spread of contacts of a real study this does not tell a C1 map from another one:
 both err mostly by their curvature. It does where the landings draw together about the

@@ -56,7 +56,7 @@ def boxes_figure(boxes: pd.DataFrame) -> Figure:
     for method, (_, colour, beside) in METHODS.items():
         rows = boxes[boxes["method"] == method].set_index("model")
         for place, model in enumerate(MODELS):
-            values = rows.loc[model, list(QUANTILES)].to_numpy(float).tolist()
+            values = [float(rows[name][model]) for name in QUANTILES]
             style.box(axes, place + beside, values, colour, widths=0.32)
     axes.set_xticks(range(len(MODELS)), [*MODELS.values()])
     axes.tick_params(axis="x", length=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib import ticker
 from matplotlib.axes import Axes
@@ -80,9 +81,9 @@ def distances_figure(distances: pd.DataFrame) -> Figure:
 
 
 def _at(quantiles: pd.Series, share: float) -> float:
-    """Return the quantile at a share that is one of the index, up to rounding."""
-    nearest = abs(quantiles.index - share).argmin()
-    return float(quantiles.iloc[nearest])
+    """Return the quantile at a share, between those of the index."""
+    shares = quantiles.index.to_numpy(float)
+    return float(np.interp(share, shares, quantiles.to_numpy(float)))
 
 
 @style.styled
@@ -126,10 +127,7 @@ def spectrum_figure(spectrum: pd.DataFrame) -> Figure:
         axes, "17 leading | 17 small", (PRINTED_CUT + 0.5, 1.0), (0, -2), ha="center",
         bbox=style.ON_WHITE, fontsize=7,
     )  # fmt: skip
-    style.note(
-        axes, "the two sections", (n - 0.5, LEAST_DRAWN), (-16, 3), ha="right",
-        fontsize=7,
-    )  # fmt: skip
+    axes.text(n - 0.5, 3e-3, "the two sections", rotation=90, ha="center", va="center")
     axes.set_xlim(0.3, n + 0.5)
     axes.set_ylim(0.6 * LEAST_DRAWN, 2.0)
     axes.set_xticks([1, 5, 10, 15, 20, 25, 30, n])

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
 # What the dissertation prints.
 PRINTED_WORST_MM = 4.0
 PRINTED_WORST_M_S = 0.14
+PRINTED_TRAVEL_MM = 140.0
 PRINTED_IMPACTS = 100
 
 AFFINE = ("specialised", "near", "all", "far")
@@ -87,15 +88,16 @@ def make(seeds: Sequence[int]) -> Made:
     unseen = _unseen_when_near(ours)
     learning = _learning(ours, seeds)
     rows = [
+        _enough_impacts(learning),
         _least_squares(ours, seeds),
         _means(boxes),
         _replacement(printed, ours, seeds),
         _worst(printed, ours, boxes),
+        _travel(printed, ours),
         _near_and_far(ours, printed, boxes),
         _six_boxes(boxes),
         _specialised_or_not(boxes, spread),
         _norms(ours, control, seeds),
-        _enough_impacts(learning),
         _never_trained_on(ours, control, unseen, seeds),
     ]
     tables = {
@@ -256,6 +258,21 @@ def _largest_single(study: Study) -> tuple[float, float]:
     return 1e3 * float(position.max()), float(velocity.max())
 
 
+def _travel(printed: Study, ours: Study) -> Row:
+    """Item 41: how far the body travels, against which the worst error is small."""
+    values: dict[str, Any] = {}
+    for method, study in {"printed": printed, "hopdata": ours}.items():
+        sections = study.sections
+        values[f"{method}_mm"] = 1e3 * (sections.pre_height_m - sections.post_height_m)
+        values[f"{method}_share"] = (
+            100 * _largest_single(study)[0] / values[f"{method}_mm"]
+        )
+    agreement = Agreement.DIFFERS
+    if min(values["printed_mm"], values["hopdata_mm"]) >= PRINTED_TRAVEL_MM:
+        agreement = Agreement.AGREES
+    return Row(41, agreement, values)
+
+
 def _near_and_far(
     ours: Study, printed: Study, boxes: Mapping[str, list[pd.DataFrame]]
 ) -> Row:
@@ -347,8 +364,10 @@ def _specialised_or_not(
         values[f"{method}_ratio"] = _ratios(tables, "all", "specialised")
         ratios += values[f"{method}_ratio"]
     names = {0.25: "quarter", 0.5: "half", 1.0: "full", 2.0: "double"}
-    for (scale, case, noise), rows in spread.groupby(["scale", "case", "noise"]):
-        values[f"{case}_{noise}_{names[scale]}"] = rows["ratio"].tolist()
+    for scale, name in names.items():
+        of_scale = spread[spread["scale"] == scale]
+        for (case, noise), rows in of_scale.groupby(["case", "noise"]):
+            values[f"{case}_{noise}_{name}"] = rows["ratio"].tolist()
     agreement = Agreement.DIFFERS
     if max(ratios) < COMPARABLE:
         agreement = Agreement.AGREES
@@ -390,20 +409,23 @@ def _norms(ours: Study, control: Study, seeds: Sequence[int]) -> Row:
             outcomes = (rigid.y * rigid.weights)[rows]
             inputs = rigid.x[rows]
             schedule = study.pairs.schedule[rows]
+            found = [
+                map_differences(inputs, outcomes, schedule, seed=seed) for seed in seeds
+            ]
             for norm in ("operator", "frobenius"):
-                values[f"{case}_{norm}_{where}"] = []
-            for seed in seeds:
-                found = map_differences(inputs, outcomes, schedule, seed=seed)
-                median = found.groupby("kind")[["operator", "frobenius"]].median()
-                ratios = median.loc["cross_class"] / median.loc["in_class"]
-                for norm, ratio in ratios.items():
-                    values[f"{case}_{norm}_{where}"].append(float(ratio))
+                ratios = [_across_over_within(table, norm) for table in found]
+                values[f"{case}_{norm}_{where}"] = ratios
     agreement = Agreement.DIFFERS
     if max(values["c1_operator_near"]) < COMPARABLE:
         agreement = Agreement.AGREES
     elif max(values["c1_operator_near"]) < min(values["control_operator_near"]):
         agreement = Agreement.PARTLY
     return Row(49, agreement, values, "curvature")
+
+
+def _across_over_within(differences: pd.DataFrame, norm: str) -> float:
+    median = differences.groupby("kind")[norm].median()
+    return float(median["cross_class"] / median["in_class"])
 
 
 # How many impacts suffice.
@@ -514,11 +536,11 @@ def _never_trained_on(
         values[f"{case}_noise"] = 100 * float(
             np.sqrt(np.mean(noise**2) / table["mean"].mean())
         )
-    by_case = near.pivot_table(index="scale", columns="case", values="unseen")
-    nearest = by_case.index.min()
+    nearest = near["scale"].min()
     for case in ("C1", "control"):
-        values[f"near_{case}"] = 100 * float(by_case.loc[nearest, case])
-        values[f"full_{case}"] = 100 * float(by_case.loc[1.0, case])
+        by_scale = near[near["case"] == case].set_index("scale")["unseen"]
+        values[f"near_{case}"] = 100 * float(by_scale[nearest])
+        values[f"full_{case}"] = 100 * float(by_scale[1.0])
     values["nearest_ms"] = float(near.loc[near["scale"] == nearest, "spread_ms"].min())
     agreement = Agreement.DIFFERS
     falls = values["near_C1"] < values["full_C1"] / 4

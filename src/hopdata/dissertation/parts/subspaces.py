@@ -38,10 +38,11 @@ if TYPE_CHECKING:
 
     from hopdata.walk import Study
 
-# What the dissertation prints, or what follows from it.
+# What the dissertation prints, and the means that follow from it: of 1000 pairs of
+# noised identities, and of uniform subspaces.
 SHAPE = (34, 17)
-PRINTED_NOISED = 2.268
-PRINTED_RANDOM = 3.7605
+NOISED_MEAN = 2.268
+RANDOM_MEAN = 3.7605
 SAMPLES = 30
 
 #: Pairs of subspaces of each schedule, and of each two; a study takes 1000.
@@ -334,7 +335,7 @@ def _noised_identity(
     values["largest_reading"] = float(others["mean"].max())
     one = noised_identities(named_generator(seeds[0], "one"), SHAPE, 300, NOISE_SD, 1)
     values["one_noised"] = float(arc_length(*one).mean())
-    near = [abs(value / PRINTED_NOISED - 1) for value in values["noised"]]
+    near = [abs(value / NOISED_MEAN - 1) for value in values["noised"]]
     agreement = Agreement.DIFFERS
     if max(near) < SAME_DISTANCE:
         agreement = Agreement.AGREES
@@ -344,7 +345,7 @@ def _noised_identity(
 def _random(apart: Mapping[str, list[DistanceStudy]]) -> Row:
     """Item 47: random subspaces."""
     values = {"random": _means(apart["hopdata"], "random")}
-    near = [abs(value / PRINTED_RANDOM - 1) for value in values["random"]]
+    near = [abs(value / RANDOM_MEAN - 1) for value in values["random"]]
     agreement = Agreement.DIFFERS
     if max(near) < SAME_DISTANCE:
         agreement = Agreement.AGREES
