@@ -58,14 +58,14 @@ ALL_PRINTED, OWN_MODEL, PLANNER = "printed", "printed controller", "planner"
 # Starts of each experiment and seed; a study has 30.
 STARTS = {"origin": 6, "turn": 3, "origin_board": 3, "turn_board": 3}
 # Starts from which the printed controller looks farther ahead, and how far.
-FAR_STARTS = 3
+FAR_STARTS = 2
 FAR_HOPS = 10
 # Way-points: a square, from its first corner on.
 SQUARE_M = ((0.8, 0.0), (0.8, 0.8), (0.0, 0.8), (0.0, 0.0))
 WAY_POINTS = WayPoints(points_m=SQUARE_M, arrival_m=0.11)
 HOPS_A_POINT = 30
 # States from which single plans are compared and timed.
-PLANS = 12
+PLANS = 10
 TIMED = 8
 # Swings in each hop of the search over all sequences, and their refinement.
 TRIED = 15
@@ -581,12 +581,14 @@ def success_row(runs: pd.DataFrame, far: pd.DataFrame) -> Row:
         shares[name] = float(group["success"].mean())
     for experiment, number in STARTS.items():
         values[f"of_{experiment}"] = number
-    printed = runs[(runs["who"] == ALL_PRINTED) & (runs["experiment"] == "origin")]
-    facing = printed[printed["bearing_rad"] < FACING_RAD]
-    away = printed[printed["bearing_rad"] > np.pi - FACING_RAD]
-    for name, group in (("facing", facing), ("away", away)):
-        values[name] = int(group["success"].sum())
-        values[f"of_{name}"] = len(group)
+    origin = runs[runs["experiment"] == "origin"]
+    for who, short in ((ALL_PRINTED, "printed"), (OWN_MODEL, "own")):
+        own = origin[origin["who"] == who]
+        facing = own[own["bearing_rad"] < FACING_RAD]
+        away = own[own["bearing_rad"] > np.pi - FACING_RAD]
+        for name, group in (("facing", facing), ("away", away)):
+            values[f"{short}_{name}"] = int(group["success"].sum())
+            values[f"of_{name}"] = len(group)
     for hops, name in ((3, "near"), (FAR_HOPS, "far")):
         values[name] = int(far.loc[far["horizon"] == hops, "success"].sum())
     values["of_far"] = len(far) // 2
