@@ -1,7 +1,7 @@
 """Draw a figure of the benchmarks from their tables.
 
-    python benchmarks/benchmark_figures.py fig4_2_order results/benchmarks/order.csv
-    --out order
+    python benchmarks/benchmark_figures.py map_error results/benchmarks/map_error.csv
+    --out map_error
 
 The workflow has a rule for each figure (`BENCHMARK_FIGURES` in
 `workflow/rules/benchmarks.smk`).
@@ -23,10 +23,7 @@ from matplotlib.figure import Figure
 from hopdata.figures import style
 from hopdata.jobs import read_table
 
-# Figure 4.2: how the error of the final state falls with the step, for each method.
-
-# Colour and marker of each method in turn. Curves may overlap, so markers are hollow
-# and differ in shape, and earlier ones are larger.
+# Colour and marker of each curve in turn.
 LOOKS: tuple[tuple[str, str], ...] = (
     (style.BLUE, "o"),
     (style.ORANGE, "s"),
@@ -37,97 +34,6 @@ LOOKS: tuple[tuple[str, str], ...] = (
     (style.GREEN, "D"),
     (style.PURPLE, "v"),
 )
-LARGEST, SMALLEST = 6.5, 2.6  # marker sizes of the first and last method, points
-MOST_MARKERS = 24
-LIGHT_GREY = "#d4d4d4"  # opaque, so that overlapping intervals look like one
-
-
-@style.styled
-def order_figure(errors: pd.DataFrame) -> Figure:
-    """Draw Fig. 4.2: error against the inverse of the longest step, on logarithmic axes.
-
-    Parameters
-    ----------
-    errors : DataFrame
-        One row per method and step: ``method``, ``max_step``, ``error_rms``, ``in_fit``
-        (whether the line was fitted to it), ``fitted_order`` (the slope of the line)
-        and ``fitted_error`` (its error there), ``limit_order`` and ``limit_order_se``
-        (the order for short steps). A method whose slope is NaN has no line.
-
-    Returns
-    -------
-    Figure
-        One curve per method, its fitted line dashed, and the steps of the fit on grey.
-    """
-    if not (errors["error_rms"] > 0).any():
-        return style.message_figure("No errors: no method was measured.")
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 95.0)
-    axes = figure.subplots()
-    axes.set(xscale="log", yscale="log")
-    names = list(dict.fromkeys(errors["method"]))
-    for place, name in enumerate(names):
-        rows = errors[errors["method"] == name].sort_values("max_step")
-        _draw_method(axes, rows, place, len(names))
-    shown = errors.loc[errors["error_rms"] > 0, "error_rms"]
-    axes.set_ylim(shown.min() / 3, shown.max() * 5)
-    axes.set_xlabel("1/ε, inverse of the longest step (dimensionless)")
-    axes.set_ylabel("RMS error of the final state (dimensionless)")
-    axes.grid(visible=True, which="major")
-    axes.minorticks_off()
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper")
-    return figure
-
-
-def _draw_method(axes: Axes, rows: pd.DataFrame, place: int, count: int) -> None:
-    colour, marker = LOOKS[place % len(LOOKS)]
-    size = LARGEST - (LARGEST - SMALLEST) * place / max(count - 1, 1)
-    inverse = 1.0 / rows["max_step"].to_numpy()
-    used = rows["in_fit"].to_numpy(dtype=bool)
-    if np.isfinite(rows["fitted_order"].iloc[0]):
-        _draw_fit(axes, inverse, rows["fitted_error"].to_numpy(), used, colour)
-    axes.plot(
-        inverse, rows["error_rms"], color=colour, linestyle=":", linewidth=0.8, marker=marker,
-        markersize=size, markerfacecolor="none", markeredgewidth=0.8, label=_name(rows),
-        markevery=max(1, len(rows) // MOST_MARKERS), zorder=3 + place,
-    )  # fmt: skip
-
-
-def _draw_fit(
-    axes: Axes, inverse: np.ndarray, line: np.ndarray, used: np.ndarray, colour: str
-) -> None:
-    axes.plot(
-        inverse,
-        line,
-        color=colour,
-        linestyle="--",
-        linewidth=0.7,
-        label="_fit",
-        zorder=2,
-    )
-    wide: dict[str, Any] = {"linewidth": 9, "solid_capstyle": "butt"}
-    axes.plot(
-        inverse[used], line[used], color=LIGHT_GREY, label="_interval", zorder=1, **wide
-    )
-
-
-def _name(rows: pd.DataFrame) -> str:
-    """Return a method's name with its order, and with the slope of its line, which is another.
-
-    The slope is a mean over the steps of the line, which may be few and long. The order
-    is the limit for short steps.
-    """
-    name, limit, limit_se, slope = (
-        rows[column].iloc[0]
-        for column in ("method", "limit_order", "limit_order_se", "fitted_order")
-    )
-    told = [str(name)]
-    if np.isfinite(limit):
-        told.append(f"order {limit:.2f} ± {limit_se:.2f}")
-    if np.isfinite(slope):
-        told.append(f"slope {slope:.2f} over {int(rows['in_fit'].sum())} steps")
-    if len(told) == 1:
-        told.append("no straight part")
-    return "\n".join(told)
 
 
 # Way: colour, line style and marker. Ways of one package share a colour.
@@ -577,20 +483,7 @@ def study_cost_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-# Figures of the frame change, which a study draws too.
-
-
-def frame_change_of(model: str) -> Callable[[pd.DataFrame, pd.DataFrame], Figure]:
-    """Return the function that draws Figure 3.3 for one of the models in the tables."""
-
-    def drawn(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
-        from hopdata.steering.figures.models import frame_change_figure
-
-        return frame_change_figure(
-            maps[maps["model"] == model], hops[hops["model"] == model]
-        )
-
-    return drawn
+# Figures of the models of the frame change, which a study draws too.
 
 
 def learning_curve(errors: pd.DataFrame) -> Figure:
@@ -608,11 +501,8 @@ def kernel_smoothness(scores: pd.DataFrame) -> Figure:
 
 
 FIGURES: dict[str, Callable[..., Figure]] = {
-    "fig4_2_order": order_figure,
     "work_precision": work_precision_figure,
     "map_error": map_error_figure,
-    "fig3_3_frame_change": frame_change_of("recommended"),
-    "fig3_3_printed": frame_change_of("printed"),
     "learning_curve": learning_curve,
     "kernel_smoothness": kernel_smoothness,
     "verdict_power": verdict_power_figure,

@@ -17,8 +17,6 @@ Beside `frame_change_models.csv`, it writes:
 - `frame_change_cost.csv`: time of a prediction and its gradient compared with
   scikit-learn's `predict` and forward differences for the same hyper-parameters, and
   the largest difference.
-- `frame_change_map.csv`, `frame_change_points.csv`: the printed and the recommended
-  model over their inputs, and the hops that they have learned from (Figure 3.3).
 """
 
 from __future__ import annotations
@@ -39,7 +37,6 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
 from hopdata.steering.frame_changes import (
-    USED,
     FrameChanges,
     StanceStates,
     frame_changes,
@@ -49,11 +46,10 @@ from hopdata.steering.models.learning import (
     IN_UNITS,
     UNITS,
     learning_scores,
-    map_table,
     prediction_score,
     random_split,
+    smooth_truth,
     smoothness_scores,
-    training_table,
     with_intervals,
 )
 from hopdata.steering.models.process import (
@@ -92,7 +88,6 @@ CURVES = ("printed", "recommended")
 SIZES = (20, 35, 60, 100, 170, 300)
 SCORES = ("r2", "rmse", "coverage")
 BOOM_WINDOW_S = 0.11  # window after the stance (printed: 11 frames at 100 Hz)
-SMOOTH_NOISE = np.array([0.5e-3, 0.5e-3, 2e-3])
 STEP = 1.5e-8  # step of forward differences, SciPy's default
 
 
@@ -391,33 +386,6 @@ def model_rows(
             yield from true_map_rows(process, true, labels)
 
 
-def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
-    """Return frame changes by analytic functions of boom angle and swing, with a little noise.
-
-    They are as large as the hopper's: a few cm and about five degrees. The noise is
-    that of poses from motion capture (`SMOOTH_NOISE`).
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    angle = rng.uniform(0, 2 * np.pi, hops)
-    swing = rng.uniform(-swing_limit_rad, swing_limit_rad, hops)
-    middle = angle + swing / 2
-    change = np.column_stack(
-        [
-            0.05 - 0.025 * np.cos(middle) + 0.01 * np.sin(swing),
-            -0.02 * np.sin(middle) + 0.01 * np.cos(2 * angle) * np.cos(swing),
-            0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
-        ]
-    )
-    return FrameChanges(
-        recording=np.full(hops, "smooth truth"),
-        time_s=np.arange(hops, dtype=float),
-        boom_angle_rad=angle,
-        swing_rad=swing,
-        change=change + SMOOTH_NOISE * rng.standard_normal(change.shape),
-        reason=np.full(hops, USED),
-    )
-
-
 def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
     """Compare the smoothnesses on the hopper and on analytic functions."""
     parts = []
@@ -551,16 +519,6 @@ def disagreement(
     }
 
 
-def map_tables(hops: FrameChanges, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the maps of Figure 3.3, and the hops that they were learned from."""
-    maps, points = [], []
-    for name in ("printed", "recommended"):
-        process = trained_process(hops, MODELS[name], seed=seed)
-        maps.append(map_table(process, LIMIT).assign(model=name))
-        points.append(training_table(process).assign(model=name))
-    return pd.concat(maps), pd.concat(points)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
@@ -592,10 +550,6 @@ def main() -> None:
         "frame_change_cost.csv",
         pd.DataFrame(cost_rows(first.rows(chosen), other, seed)),
     )
-    for name, table in zip(
-        ("map", "points"), map_tables(first.rows(chosen), seed), strict=True
-    ):
-        write(f"frame_change_{name}.csv", table)
     models = {name: MODELS[name] for name in CURVES}
     scores = learning_scores(pool, models, SIZES, draws=draws, seed=seed)
     curve = with_intervals(scores, ["model", "hops", "component", "unit"], SCORES)

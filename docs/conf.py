@@ -21,8 +21,9 @@ PAGES = {
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "../CHANGELOG", "../SECURITY"],
     "Understand": [
-        "dissertation", "c1", "verdict", "unseen_order", "impacts", "contacts", "limits",
-        "integrator_choices", "architecture", "decisions",
+        "dissertation", "printed_method", "c1", "gradient", "filter", "verdict",
+        "unseen_order", "impacts", "contacts", "limits", "integrator_choices",
+        "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip

@@ -14,6 +14,7 @@ from hopdata.config.schema import (
     load_schema,
     printed_keys,
 )
+from hopdata.errors import ConfigError
 
 SOUND = {
     "study": "trial",
@@ -79,6 +80,11 @@ def test_keys_without_a_printed_variant_keep_their_defaults():
         if content != printed[block]:
             changed.add(block)
     assert changed == {"printed", *(path.partition(".")[0] for path in PRINTED)}
+
+
+def test_anything_but_true_or_false_is_refused():
+    with pytest.raises(ConfigError, match="printed: expected true or false, found"):
+        loaded(printed="maybe")
 
 
 def test_an_empty_section_takes_printed_values_too():

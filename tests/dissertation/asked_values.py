@@ -2,9 +2,13 @@
 
 import ast
 import re
+from pathlib import Path
 from string import Formatter
 
+import hopdata
 from hopdata.dissertation.items import Item
+
+PACKAGE = Path(hopdata.__file__).parent
 
 
 def asked(item: Item):
@@ -36,7 +40,19 @@ def given(text):
     return patterns
 
 
-def not_given(names, text):
-    """Return the names that no text of a module can give."""
-    patterns = [re.compile(pattern) for pattern in given(text)]
+def texts_of(part):
+    """Return the texts of a part and of the modules of hopdata that it imports itself."""
+    texts = [part.read_text()]
+    for node in ast.walk(ast.parse(texts[0])):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            room, *below = node.module.split(".")
+            file = PACKAGE.joinpath(*below).with_suffix(".py")
+            if room == "hopdata" and file.is_file():
+                texts.append(file.read_text())
+    return texts
+
+
+def not_given(names, *texts):
+    """Return the names that no text of some modules can give."""
+    patterns = [re.compile(pattern) for text in texts for pattern in given(text)]
     return {name for name in names if not any(one.fullmatch(name) for one in patterns)}

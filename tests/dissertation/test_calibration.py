@@ -123,7 +123,7 @@ def race(printed, restarted):
     ],
 )
 def test_the_table_agrees_by_ratio_and_error(errors, printed, restarted, agreement):
-    row = table_row(with_errors(**errors), [race(printed, restarted)] * 3)
+    row = table_row(with_errors(**errors), [race(printed, restarted)] * 3, "4")
     assert row.agreement == agreement
     assert row.values["hopdata_times_faster"] == pytest.approx([100.0] * 3)
 

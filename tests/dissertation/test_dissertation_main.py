@@ -38,6 +38,14 @@ def test_what_cannot_be_made_is_the_exit_code(folder, monkeypatch, capsys):
     assert "! cannot be made: ValueError: no" in said.out
 
 
+def test_a_part_that_does_not_exist_is_told_in_a_line(folder, capsys):
+    assert main(["no_such_part", "--out", "here"]) == 1
+    (told,) = [
+        line for line in capsys.readouterr().err.splitlines() if line[:7] == "hopdata"
+    ]
+    assert told.startswith("hopdata: no_such_part (no item): cannot be made: Module")
+
+
 def test_parts_run_where_the_bundled_files_are(folder, monkeypatch):
     text = SOUND.replace(
         "def make(seeds):", "def make(seeds):\n    open('config/config.yaml').close()"

@@ -11,6 +11,7 @@ from hopdata.dissertation.items import read_part
 from hopdata.dissertation.parts import labels
 from hopdata.dissertation.report.sentences import filled
 from hopdata.dissertation.rows import Agreement
+from hopdata.dissertation.sample import study_of
 from hopdata.recordings.stored import write_with_truth
 from hopdata.synthesis import simulate_recording
 
@@ -37,8 +38,7 @@ def made(tmp_path_factory):
         folder / "short.h5", simulate_recording({"hops": 150}, seed=3, name="short")
     )
     files = {
-        "OUR_FILE": configuration("ours"),
-        "PRINTED_FILE": configuration("printed", printed=True),
+        "SAMPLE_FILE": configuration("short"),
         "THESIS_FILE": configuration(
             "thesis",
             recordings=[{"name": "one", "simulation": {"duration_s": 40.0}}],
@@ -127,10 +127,7 @@ def test_both_figures_show_both_methods(made):
         assert headings == ["As printed", "hopdata's method"]
 
 
-def test_the_bundled_study_asks_for_the_printed_methods():
-    ours = load_config(labels.OUR_FILE)
-    printed = load_config(labels.PRINTED_FILE)
-    assert printed["printed"] is True
-    assert ours["printed"] is False
-    assert printed["recordings"] == ours["recordings"]
-    assert printed["markers"] == ours["markers"]
+def test_the_study_printed_is_the_sample_by_the_printed_methods():
+    sample = study_of(printed=True).config
+    printed = load_config("config/printed.yaml")
+    assert printed == {**sample, "study": "printed"}

@@ -14,7 +14,7 @@ from hopdata.dissertation.rows import Agreement
 def made():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(open_questions, "RUNS", 3)
-        patch.setattr(open_questions, "EVALUATIONS", 16)
+        patch.setattr(open_questions, "EVALUATIONS", 20)
         return open_questions.make([1])
 
 
@@ -48,21 +48,24 @@ def test_the_gradient_reaches_its_target_and_is_that_of_differences(made, rows):
     assert values["through_error"][0] < 1e-5
     assert values["ignored_error"][0] > 0.1
     assert values["through_miss"][0] < open_questions.REACHED < values["start"][0]
-    best = made.tables["gradient"].groupby("gradient")["best"]
+    best = made.tables["gradient"].groupby(["goal", "gradient"])["best"]
     assert (best.diff().dropna() <= 0).all()
+    # The place alone is reached with either.
+    assert values["through_place_successes"] == values["ignored_place_successes"] == 1
 
 
 def gradients(through, ignored):
     """Return a table in which the two gradients end at these misses."""
     rows = [
-        (1, name, evaluation, miss, error)
+        (1, goal, name, evaluation, miss, error)
+        for goal in open_questions.GOALS
         for name, misses, error in (
             (open_questions.THROUGH, through, 1e-7),
             (open_questions.IGNORED, ignored, 0.4),
         )
         for evaluation, miss in enumerate(misses, 1)
     ]
-    columns = ["seed", "gradient", "evaluation", "best", "error"]
+    columns = ["seed", "goal", "gradient", "evaluation", "best", "error"]
     table = pd.DataFrame(rows, columns=columns)
     return table.assign(miss=table["best"])
 

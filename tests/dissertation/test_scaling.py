@@ -44,7 +44,7 @@ def race(counts=COUNTS, events=6.0, **slopes):
 
 
 def test_the_cost_of_a_contact_is_the_slope_of_the_medians():
-    row = scaling_row(race(), race(np.array([2.0, 13.0, 24.0]), 1.0, printed=20.0))
+    row = scaling_row(race(), race(np.array([2.0, 13.0, 24.0]), 1.0, printed=20.0), "4")
     assert row.values["printed_us"] == pytest.approx([400.0, 400.0])
     assert row.values["printed_ratio"] == pytest.approx([10.0, 10.0])
     assert row.values["balls_ratio"] == pytest.approx([2.0, 2.0])
@@ -54,16 +54,19 @@ def test_the_cost_of_a_contact_is_the_slope_of_the_medians():
 
 
 @pytest.mark.parametrize(
-    ("slopes", "agreement"),
+    ("printed", "settling", "hopdata", "agreement"),
     [
-        ({"printed": 50.0}, Agreement.AGREES),
-        ({"printed": 400.0}, Agreement.PARTLY),
-        ({"printed": 50.0, "hopdata": 60.0}, Agreement.PARTLY),
-        ({"printed": 400.0, "hopdata": 60.0}, Agreement.DIFFERS),
+        (50.0, 30.0, 5.0, Agreement.AGREES),
+        (400.0, 30.0, 5.0, Agreement.PARTLY),
+        (50.0, 30.0, 60.0, Agreement.PARTLY),
+        (400.0, 400.0, 5.0, Agreement.PARTLY),
+        (400.0, 400.0, 60.0, Agreement.DIFFERS),
+        (1.0, 1.0, 60.0, Agreement.DIFFERS),
     ],
 )
-def test_the_row_agrees_by_its_ratios(slopes, agreement):
-    assert scaling_row(race(**slopes), race()).agreement == agreement
+def test_the_row_agrees_by_its_ratios(printed, settling, hopdata, agreement):
+    bouncing = race(printed=printed, hopdata=hopdata)
+    assert scaling_row(bouncing, race(printed=settling), "4").agreement == agreement
 
 
 def test_local_slopes_and_their_bands():

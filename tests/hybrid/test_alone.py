@@ -64,6 +64,27 @@ system = System(fall, floor, n_states=2, guard_names=("floor",), terminal=(True,
 solution = solve(system, (0.0, 10.0), [20.0, 0.0], params=[10.0], method="dopri5")
 assert abs(solution.t_end - 2.0) < 1e-9, solution
 """
+# The printed method wraps a solver of the user's, without SciPy.
+WRAPPING = """
+from hopdata.hybrid import System, field, guards
+from hopdata.hybrid.printed import FixedSteps, integrate, region_of, rk4_step
+
+
+@field(compiled=False)
+def run(t, y, mode, params, dy):
+    dy[0] = 2.0 if mode[0] > 0 else 1.0
+
+
+@guards(compiled=False)
+def line(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] - 0.3, dy[0]
+
+
+system = System(run, line, n_states=1, guard_names=("line",))
+solver = FixedSteps(rk4_step, 0.25)
+found = integrate(region_of(system), (0.0, 1.0), [0.0], solver=solver)
+assert abs(found.y_end[0] - 1.7) < 1e-12, found
+"""
 LOOKING = """
 import sys
 from pathlib import Path
@@ -115,6 +136,11 @@ def run(installed, program):
 
 def test_it_solves_with_numpy_and_numba_only(installed):
     done = run(installed, SOLVING + LOOKING)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_printed_method_needs_no_scipy(installed):
+    done = run(installed, WRAPPING + LOOKING)
     assert done.returncode == 0, done.stderr
 
 

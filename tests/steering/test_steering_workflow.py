@@ -14,6 +14,8 @@ from checkouts import (
     snakemake,
 )
 
+from hopdata.steering.experiments.tasks import EXPERIMENTS
+
 pytestmark = pytest.mark.workflow
 
 STEERING_FIGURES = (
@@ -22,6 +24,7 @@ STEERING_FIGURES = (
     "fig3_8_origin_board",
     "fig3_9_turn_board",
     "steering_outcomes",
+    "steering_waypoints",
     "steering_map",
     "fig3_3_printed",
     "steering_learning",
@@ -52,6 +55,7 @@ def steered(checkout):
                 "hops": 6,
                 "turn_hops": 5,
                 "horizons": [3],
+                "waypoints_m": [[0.5, 0.0], [0.5, 0.5]],
             },
         }
 
@@ -66,14 +70,15 @@ def steered(checkout):
 def test_a_steering_study_runs_to_a_page(steered):
     results = steered[0] / "results" / "steered" / "steering"
     outcomes = pd.read_csv(results / "tables" / "outcomes.csv")
-    assert len(outcomes) == 28
+    assert len(outcomes) == 35
+    assert set(outcomes["experiment"]) == set(EXPERIMENTS)
     assert (outcomes["runs"] == 1).all()
     who = {"printed", "planner", "random", "none", "ceiling"}
     as_printed = {f"{name}, printed observation" for name in ("printed", "planner")}
     assert set(outcomes["controller"]) == who | as_printed
     trajectories = pd.read_csv(results / "tables" / "trajectories.csv")
     assert (
-        trajectories.groupby(["seed", "experiment", "controller", "run"]).ngroups == 28
+        trajectories.groupby(["seed", "experiment", "controller", "run"]).ngroups == 35
     )
     truth = json.loads((results / "truth.json").read_text())
     assert truth["missed_pairs"]["value"] == truth["invented_pairs"]["value"] == 0
@@ -85,7 +90,7 @@ def test_a_steering_study_runs_to_a_page(steered):
     page = (results / "report.html").read_text()
     assert page.count("<figure") == len(STEERING_FIGURES) + 1
     record = json.loads((results / "provenance.json").read_text())
-    assert len(record["stage_seconds"]) == 14
+    assert len(record["stage_seconds"]) == 17
     assert not (steered[0] / "results" / "steered" / "report.html").exists()
 
 

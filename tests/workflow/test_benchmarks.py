@@ -106,7 +106,6 @@ def test_a_program_depends_on_what_it_imports(jobs):
         "machine",
         "peers/__init__",
         "peers/mujoco_peer",
-        "exact",
     ):
         assert f"benchmarks/{module}.py" in inputs
     assert "benchmarks/plate.py" not in inputs
@@ -133,8 +132,6 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs, monkeypatch
         "work_precision.csv": "scene,way,method,setting,error_max,time_median_us",
         "ratios.csv": "scene,way,method,error,best_of_way",
         "map_error.csv": "states,noise_mm,estimator,landings,median,q05,q95",
-        "frame_change_map.csv": "boom_angle_rad,swing_rad,model",
-        "frame_change_points.csv": "boom_angle_rad,swing_rad,model",
         "frame_change_learning.csv": "model,hops,component,rmse,rmse_q05,rmse_q95",
         "frame_change_kernels.csv": "data,reading,smoothness,component,r2,r2_se",
         "adaptation_return.csv": "change,controller,hop,median_m,runs",

@@ -37,8 +37,6 @@ BENCHMARK_TABLES = {
         "frame_change_learning.csv",
         "frame_change_kernels.csv",
         "frame_change_cost.csv",
-        "frame_change_map.csv",
-        "frame_change_points.csv",
     ],
     "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
     "adaptation": ["adaptation.csv", "adaptation_return.csv"],
@@ -58,7 +56,7 @@ BENCHMARK_ARGUMENTS = {
     "jumps": "--seeds 1 --no-check",
     "live_loop": "--seconds 15 --hops 300",
     "maps": "--bootstraps 300 --pairs 5000",
-    "order": "--runs 8",
+    "order": "--runs 32",
     "plate": "--starts 50",
     "pose": "--hops 125 --frames 12000",
     "reading": "--files 2100 --rounds 3",
@@ -87,11 +85,8 @@ UNTIMED = {
 }
 # Each figure that `benchmark_figures.py` draws, and the tables that it is drawn from.
 BENCHMARK_FIGURES = {
-    "fig4_2_order": ["order.csv"],
     "work_precision": ["work_precision.csv", "ratios.csv"],
     "map_error": ["map_error.csv"],
-    "fig3_3_frame_change": ["frame_change_map.csv", "frame_change_points.csv"],
-    "fig3_3_printed": ["frame_change_map.csv", "frame_change_points.csv"],
     "learning_curve": ["frame_change_learning.csv"],
     "kernel_smoothness": ["frame_change_kernels.csv"],
     "verdict_power": ["verdict_power.csv"],

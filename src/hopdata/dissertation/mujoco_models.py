@@ -333,14 +333,16 @@ def plate_force(plate: Plate, *, as_contact: bool = False) -> Callable[..., None
     return force
 
 
-@intrinsic
-def _pointer(typing: Any, address: Any) -> Any:  # noqa: ARG001
+def _as_pointer(typing: Any, address: Any) -> Any:  # noqa: ARG001 (Numba's signature)
     """Return an address as a pointer to floats."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         return builder.inttoptr(values[0], context.get_value_type(sign.return_type))
 
     return types.CPointer(types.float64)(types.int64), generate
+
+
+_pointer: Any = intrinsic(_as_pointer)
 
 
 def passive_force(data: Any, force: Callable[..., None]) -> Any:

@@ -15,7 +15,7 @@ from hopdata.figures import style
 # x axis, and its height.
 AZIMUTH_DEG = -104.0
 ELEVATION_DEG = 27.0
-AXIS_M = 0.2  # drawn length of an axis of the body
+AXIS_M = 0.17  # drawn length of an axis of the body
 PLATE_COLOUR = "#d9dee3"
 FLOOR_COLOUR = "#ece7dd"
 MARKER: dict[str, Any] = {
@@ -184,8 +184,9 @@ def _draw_axes(axes: Axes) -> None:
     """Draw the axes of the body at its origin."""
     origin = projected(np.zeros(3))
     arrow = {"arrowstyle": "-|>", "lw": 0.9, "color": style.VERMILION, "shrinkA": 0}
-    for name, direction in zip("xyz", AXIS_M * np.eye(3), strict=True):
-        tip = projected(direction)
+    tips = projected(AXIS_M * np.eye(3))
+    axes.plot(*tips.T, lw=0)  # an arrow beyond the limits would not be drawn
+    for name, tip in zip("xyz", tips, strict=True):
         axes.annotate("", tuple(tip), tuple(origin), arrowprops=arrow, zorder=7)
         away = 5 * (tip - origin) / np.linalg.norm(tip - origin)
         look: Any = {"ha": "center", "va": "center", "color": style.VERMILION}

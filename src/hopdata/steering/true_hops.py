@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.rigid import relative, turned, wrapped
 from hopdata.scenes.body import YAW
@@ -62,7 +62,7 @@ class TrueHops:
         spaced = np.char.add(self.lift_off, ", ")
         return np.asarray(np.char.add(spaced, self.landing))
 
-    def rows(self, chosen: BoolArray | FloatArray | slice) -> TrueHops:
+    def rows(self, chosen: BoolArray | IntArray | slice) -> TrueHops:
         """Return some of the hops, chosen by number or by a boolean for each."""
         numbers = np.arange(len(self))[chosen]
         return TrueHops(

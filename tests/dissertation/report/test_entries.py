@@ -40,7 +40,7 @@ def test_numbers_are_put_into_the_sentences(items, record):
     assert order.why.endswith("all give 4 (4 to 5)")
     assert order.failure is None
     assert order.figure_failure is None
-    assert entries[1].printed_method == "error 3 × 10⁻¹⁶"
+    assert entries[1].printed_method == "error 3\u00a0×\u00a010⁻¹⁶"
     assert entries[1].ours == ""
     assert faults_of([*entries.values()], [record]) == []
 

@@ -1,5 +1,8 @@
+from functools import cache
+
 import numpy as np
 import pytest
+from steered_hops import chained_hops
 
 from hopdata.config.loading import load_config
 from hopdata.steering.control.objectives import ToHeading, ToPoint, goal_errors
@@ -15,8 +18,10 @@ from hopdata.steering.experiments.tasks import (
     goal_of,
     judged,
     policies,
+    progress_of,
     task_of,
 )
+from hopdata.steering.models.process import trained_process
 from hopdata.steering.models.tabulated import TabulatedMap
 
 TOUCH = Task(manoeuvre="origin", near=0.2, hops=4)
@@ -127,6 +132,49 @@ def test_the_chance_of_a_start_is_the_same_every_time_and_apart_by_stream():
 
 LIMIT = 1.0
 TRUTH = np.full((8, 5, 3), 0.05)
+
+
+@cache
+def chained_process():
+    return trained_process(chained_hops(20, noise=np.full(3, 1e-2)))
+
+
+def test_way_points_are_a_task_with_hops_for_each_and_progress_along_them():
+    options = load_config("config/config.yaml", check_files=False)["steering"]
+    given = options["experiments"] | {"waypoints_m": [[0.5, 0.0], [0.5, 1.0]]}
+    task = task_of(given, "waypoints")
+    assert task.hops == 2 * given["hops"]
+    assert task.way_points.arrival_m == given["arrived_m"]
+    error_at = progress_of(task, np.zeros(3))
+    assert error_at((0.0, 0.0, 0.0)) == pytest.approx(1.5)
+    last = error_at((0.5, 1.0, 0.0))
+    assert last == pytest.approx(2.0), "the second before the first is no arrival"
+    assert not decided(task, [last])
+    assert error_at((0.5, 0.05, 0.0)) == pytest.approx(0.95)
+    assert decided(task, [error_at((0.45, 1.0, 0.0))])
+    assert draw_starts("waypoints", 1, distance_m=1.0, seed=np.random.SeedSequence(1))[
+        0
+    ].pose[:2].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("name", ["printed", "planner"])
+def test_every_controller_that_plans_follows_way_points(name):
+    options = {"horizon": 1, "planner_horizon": 1}
+    task = Task(
+        manoeuvre="waypoints", near=0.1, hops=9, points_m=((0.5, 0.0), (0.5, 1.0))
+    )
+    policy = policies(
+        [name],
+        options,
+        task,
+        model=chained_process(),
+        truth=TRUTH,
+        swing_limit_rad=LIMIT,
+    )[name]
+    start = starts("waypoints", 1)[0]
+    follower, another = policy(start), policy(start)
+    follower.plan((0.5, 0.05, 0.0), 1.0)
+    assert (follower.visited, another.visited) == (1, 0)
 
 
 def test_random_swings_and_none_heed_nothing_and_are_the_same_again():

@@ -64,7 +64,7 @@ def test_the_printed_map_stands_above_the_own_at_one_scale():
     assert text_faults(figure) == []
     panels = figure.axes[:6]
     reach = [panel.get_ylim()[1] for panel in panels]
-    assert reach == pytest.approx([0.6] * 3 + [1.2] * 3)
+    assert reach == pytest.approx([0.6] * 3 + [1.2] * 3, abs=1e-5)
     heights = [panel.get_position().height for panel in panels]
     assert heights[3] / heights[0] == pytest.approx(2.0, rel=0.02)
     for above, below in zip(panels[:3], panels[3:], strict=True):

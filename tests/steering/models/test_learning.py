@@ -2,16 +2,19 @@
 
 import numpy as np
 import pytest
-from frame_change_models import SMOOTH_NOISE, smooth_truth
 from steered_hops import LIMIT, chained_hops
 
 from hopdata.steering.models.learning import (
     COLUMNS,
+    PRINTED_MAP_RAD,
     READINGS,
+    SMOOTH_NOISE,
     learning_scores,
     map_table,
     prediction_score,
+    printed_map_table,
     random_split,
+    smooth_truth,
     smoothness_scores,
     training_table,
     with_intervals,
@@ -134,3 +137,29 @@ def test_training_hops_stand_there_once():
         np.testing.assert_allclose(
             table[list(COLUMNS)].iloc[0, 0], 1000 * HOPS.change[0, 0]
         )
+
+
+@pytest.mark.parametrize("learned_by", [RECOMMENDED, PRINTED], ids=["ours", "printed"])
+def test_the_printed_map_is_of_the_printed_model_on_the_same_hops(learned_by):
+    hops = chained_hops(30, noise=NOISE)
+    table = printed_map_table(trained_process(hops, learned_by))
+    own = map_table(trained_process(hops, PRINTED), PRINTED_MAP_RAD)
+    np.testing.assert_allclose(table[list(COLUMNS)], own[list(COLUMNS)], atol=1e-9)
+    assert table["swing_rad"].abs().max() == pytest.approx(np.pi / 4)
+    assert table["boom_angle_rad"].min() == pytest.approx(-2 * np.pi)
+    assert table["boom_angle_rad"].max() == pytest.approx(4 * np.pi)
+    other = map_table(trained_process(hops, RECOMMENDED), PRINTED_MAP_RAD)
+    assert not np.allclose(table["dx_mm"], other["dx_mm"], atol=0.1)
+
+
+def test_only_the_smoothnesses_that_are_asked_for_are_scored():
+    scores = smoothness_scores(
+        chained_hops(40, noise=NOISE),
+        train=20,
+        draws=1,
+        seed=1,
+        readings={"printed": PRINTED},
+        smoothnesses=(1.5, 2.5),
+    )
+    assert sorted(scores["smoothness"].unique()) == [1.5, 2.5]
+    assert set(scores["reading"]) == {"printed"}

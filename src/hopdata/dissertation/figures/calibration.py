@@ -32,7 +32,7 @@ QUANTITIES = {
     "velocity": ("m_s", "m/s", (-5.2, 5.2), (1e-17, 1e5)),
 }
 # Where the note stands that tells of the first contact, s and m.
-FIRST_CONTACT = (0.455, 1.9)
+UNDER_THE_ARCH = (1.0, 1.2)
 
 
 @style.styled
@@ -67,8 +67,8 @@ def calibration_figure(trajectories: pd.DataFrame) -> Figure:
         lower.set_xlabel("time (s)")
         lower.grid(axis="y")
     if (trajectories["solver"] == "printed").any():
-        note = "the letter leaves\nat the first contact"
-        style.note(panels[0, 0], note, FIRST_CONTACT, (4, 0), color=style.ORANGE)
+        note = "to the letter, it leaves\nat the first contact"
+        style.note(panels[0, 0], note, UNDER_THE_ARCH, (0, 0), ha="center")
     style.letters(panels.flat)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3)

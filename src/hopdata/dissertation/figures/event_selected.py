@@ -10,6 +10,7 @@ from hopdata.figures import style
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Short names of the conditions, in the order in which they are drawn, by group.
@@ -50,16 +51,17 @@ def checklist(table: pd.DataFrame) -> Figure:
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
     axes = figure.subplots()
     places = _places()
-    for one in table.itertuples():
-        row = places[conditions.index(one.condition)]
-        column = systems.index(one.system)
-        colour = HOLDS if one.holds else FAILS
+    columns = (table["system"], table["condition"], table["holds"], table["value"])
+    for system, condition, holds, value in zip(*columns, strict=True):
+        row = places[conditions.index(condition)]
+        column = systems.index(system)
+        colour = HOLDS if holds else FAILS
         axes.bar(column, 0.94, 0.96, row - 0.47, color=colour, linewidth=0)
-        weight = "normal" if one.holds else "bold"
+        weight = "normal" if holds else "bold"
         axes.text(
             column,
             row,
-            _short(one.value),
+            _short(value),
             ha="center",
             va="center",
             fontsize=style.pt(6),
@@ -89,7 +91,7 @@ def _places() -> list[float]:
     return places
 
 
-def _name_groups(axes: object, places: list[float]) -> None:
+def _name_groups(axes: Axes, places: list[float]) -> None:
     """Write the name of each group at the right, over the height of its rows."""
     names = {
         "definitions": "definitions",
@@ -100,11 +102,11 @@ def _name_groups(axes: object, places: list[float]) -> None:
     first = 0
     for group, labels in GROUPS.items():
         middle = 0.5 * (places[first] + places[first + len(labels) - 1])
-        axes.text(  # type: ignore[attr-defined]
+        axes.text(
             1.01,
             middle,
             names[group],
-            transform=axes.get_yaxis_transform(),  # type: ignore[attr-defined]
+            transform=axes.get_yaxis_transform(),
             ha="left",
             va="center",
             fontsize=style.pt(6.5),

@@ -117,7 +117,8 @@ def _draw_scaled(axes: Axes, scaled: pd.DataFrame) -> None:
         power = np.log(ratio["effect"]) / np.log(ratio["spread"])
         at = tuple(middle.mean())
         text = f"power {power:.1f}"
-        style.note(axes, text, at, (4, -9), color=colour, ha="left", va="top")
+        beside: Any = {"ha": "left", "va": "top", "bbox": style.ON_WHITE}
+        style.note(axes, text, at, (9, -14), color=colour, **beside)
     axes.set(xscale="log", yscale="log")
     style.plain_numbers(axes.xaxis)
     style.plain_numbers(axes.yaxis)

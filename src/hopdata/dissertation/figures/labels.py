@@ -60,7 +60,8 @@ def schedule_by_both(tables: Mapping[str, pd.DataFrame]) -> Figure:
 def _stacked(draw: Callable[[str, Any], None], height_mm: float) -> Figure:
     """Draw the methods below one another, each under its heading."""
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 2 * height_mm)
-    for place, method in zip(figure.subfigures(2, 1), HEADINGS, strict=True):
+    places: Any = figure.subfigures(2, 1)
+    for place, method in zip(places, HEADINGS, strict=True):
         place.suptitle(HEADINGS[method], fontsize=style.pt(9), fontweight="bold")
         draw(method, place.subfigures(1, 1))
     return figure

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 N_STATES = 12
 CONFIDENCE = 0.95
+# Miss at which a target counts as reached, cm and degrees.
+REACHED = 1e-3
 # What a filter or a gradient is drawn with: label, colour and line.
 WITH = ("with saltation matrices", style.BLUE, "-")
 WITHOUT = ("without", style.VERMILION, "--")
@@ -38,9 +40,11 @@ def filters(table: pd.DataFrame) -> Figure:
     _shade_contacts(over_time, hopper)
     for name, (label, colour, dash) in (("saltation", WITH), ("none", WITHOUT)):
         own = hopper[hopper["filter"] == name].groupby("time_s")["prediction"]
+        median = own.median().reset_index()
         band = own.quantile(0.25), own.quantile(0.75)
         line = (label, colour, dash, "")
-        style.banded_line(over_time, own.median().index, own.median(), band, line)
+        times, errors = median["time_s"], median["prediction"]
+        style.banded_line(over_time, times, errors, band, line)
     over_time.axhline(limit, color=style.INK, linewidth=0.7, linestyle=":")
     style.note(
         over_time, "95 % of errors\nshould be below", (0.52, limit), (0, 3), fontsize=6
@@ -113,12 +117,32 @@ def convergence(table: pd.DataFrame) -> Figure:
         As `hopdata.dissertation.parts.open_questions.optimise_both` returns it, of all
         seeds.
     """
-    figure = style.paper_figure(style.SINGLE_COLUMN_MM, 66.0)
-    axes = figure.subplots()
-    labels = {"through contacts": WITH, "contacts ignored": WITHOUT}
-    for name, (_, colour, dash) in labels.items():
-        own = table[table["gradient"] == name]
-        for k, (_, run) in enumerate(own.groupby("seed", sort=False)):
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 60.0)
+    panels = figure.subplots(1, 2, sharey=True)
+    titles = {
+        "place": "target: place",
+        "place and heading": "target: place and heading",
+    }
+    for axes, (goal, title) in zip(panels, titles.items(), strict=True):
+        _draw_runs(axes, table[table["goal"] == goal])
+        axes.axhline(REACHED, color=style.INK, linewidth=0.7, linestyle=":")
+        right = table["evaluation"].max()
+        style.note(axes, "reached (0.01 mm)", (right, REACHED), (-2, 2), ha="right")
+        axes.set_xlim(1, right)
+        axes.set_title(title, fontsize=style.pt(7))
+        axes.set_xlabel("hops tried, each with its gradient")
+    panels[0].set_ylabel("miss of the next apex (cm and degrees)")
+    panels[0].legend(loc="upper right")
+    style.letters(panels)
+    return figure
+
+
+def _draw_runs(axes: Axes, table: pd.DataFrame) -> None:
+    """Draw the best miss so far of each target, by gradient."""
+    looks = {"through contacts": WITH, "contacts ignored": WITHOUT}
+    for name, (_, colour, dash) in looks.items():
+        label: str | None = f"gradient, {name}"
+        for _, run in table[table["gradient"] == name].groupby("seed", sort=False):
             axes.plot(
                 run["evaluation"],
                 run["best"],
@@ -127,16 +151,7 @@ def convergence(table: pd.DataFrame) -> Figure:
                 linewidth=1.0,
                 marker=".",
                 markersize=2.5,
-                label=f"gradient, {name}" if k == 0 else None,
+                label=label,
             )
+            label = None
     axes.set_yscale("log")
-    axes.set_xlim(1, table["evaluation"].max())
-    axes.set(
-        xlabel="hops tried, each with its gradient",
-        ylabel="miss of the next apex (cm and degrees)",
-    )
-    axes.axhline(0.01, color=style.INK, linewidth=0.7, linestyle=":")
-    right = table["evaluation"].max()
-    style.note(axes, "reached (0.1 mm)", (right, 0.01), (-2, 2), ha="right")
-    axes.legend(loc="upper right")
-    return figure

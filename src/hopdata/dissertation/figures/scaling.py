@@ -23,10 +23,17 @@ LINES: dict[str, tuple[str, str, Any]] = {
     "MuJoCo": ("MuJoCo, springs as its contacts", style.BLUE, (0, (5, 1.5))),
     "hopdata": ("hopdata", style.INK, (0, (5, 1.2, 1.5, 1.2))),
 }
-# Solvers that are drawn on the bed on which the bar settles, with their labels.
-SETTLING = {
-    "printed": "printed method, bar that settles",
-    "MuJoCo": "MuJoCo, bar that settles",
+# Solvers that are drawn on the bed on which the bar settles: label, and marker. Both
+# may have the same values, so that one is larger and hollow.
+SETTLING: dict[str, tuple[str, dict[str, Any]]] = {
+    "MuJoCo": (
+        "MuJoCo, bar that settles",
+        {"fmt": "s", "markersize": 6.0, "markerfacecolor": "none"},
+    ),
+    "printed": (
+        "printed method, bar that settles",
+        {"fmt": "o", "markersize": 3.0},
+    ),
 }
 
 
@@ -87,12 +94,11 @@ def _bands(axes: Axes, table: pd.DataFrame, columns: tuple[str, str, str]) -> No
 
 def _points(axes: Axes, table: pd.DataFrame) -> None:
     """Draw the bed on which the bar settles, for the two that the text compares."""
-    for solver, label in SETTLING.items():
+    for solver, (label, look) in SETTLING.items():
         colour = LINES[solver][1]
         rows = table[table["solver"] == solver]
         middle = rows["marginal_us"]
         bars = [middle - rows["low95_us"], rows["high95_us"] - middle]
-        look: Any = {"color": colour, "markerfacecolor": "white", "markersize": 3.5}
         axes.errorbar(
-            rows["n_contacts"], middle, yerr=bars, fmt="o", label=label, **look
+            rows["n_contacts"], middle, yerr=bars, label=label, color=colour, **look
         )

@@ -99,8 +99,10 @@ def read_items(folder: Path = FOLDER) -> list[Item]:
 
 
 def read_part(name: str, folder: Path = FOLDER) -> list[Item]:
-    """Return the items of one part, in the order of its file."""
+    """Return the items of one part, in the order of its file; none without a file."""
     file = folder / f"{name}.toml"
+    if not file.is_file():
+        return []
     content = tomllib.loads(file.read_text("utf-8"))
     return [_item(name, entry) for entry in content.get("item", [])]
 

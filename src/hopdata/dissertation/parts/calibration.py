@@ -18,13 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
-from hopdata.dissertation.turns import in_turn, on_par
+from hopdata.dissertation.turns import ON_PAR, in_turn, on_par
 from hopdata.hybrid import solve
 from hopdata.hybrid.printed import (
     AS_PRINTED,
@@ -150,7 +151,7 @@ def make(seeds: Sequence[int]) -> Made:
     races = over_seeds(race, seeds)
     rows = [
         energy_row(found["hopdata"]),
-        table_row(found, races),
+        table_row(found, races, version("mujoco")),
         figure_row(found),
         gain_row(found, seeds),
     ]
@@ -173,7 +174,7 @@ def draw(tables: Mapping[str, pd.DataFrame]) -> Mapping[str, Figure]:
 
 N_STEPS = round(UNTIL_S / TIMESTEP_S)
 # Times at which MuJoCo and hopdata are compared with the closed form, s.
-GRID_S = TIMESTEP_S * np.arange(N_STEPS + 1)
+GRID_S: FloatArray = TIMESTEP_S * np.arange(N_STEPS + 1, dtype=np.float64)
 # Trajectories that the figure shows beside the exact one.
 SHOWN = ("MuJoCo", "printed", "restarted, tight", "hopdata")
 
@@ -290,7 +291,9 @@ NAMES = {
 
 
 def table_row(
-    found: Mapping[str, Trajectory], races: Sequence[Mapping[str, float]]
+    found: Mapping[str, Trajectory],
+    races: Sequence[Mapping[str, float]],
+    mujoco_version: str,
 ) -> Row:
     """Return Table 4.4: times, their ratios, and the errors that belong to them."""
     values: dict[str, Any] = {name: [one[name] for one in races] for name in races[0]}
@@ -298,6 +301,8 @@ def table_row(
     values["hopdata_times_faster"] = [1 / x for x in values.pop("hopdata_ratio")]
     for short, name in NAMES.items():
         values[f"{short}_error_m"] = float(found[name].largest[0])
+    values["mujoco"] = mujoco_version
+    values["on_par"] = ON_PAR
     as_fast = on_par(float(np.median(values["printed_ratio"])))
     as_fast_restarted = on_par(float(np.median(values["restarted_ratio"])))
     as_exact = values["printed_error_m"] < values["mujoco_error_m"]
@@ -343,7 +348,7 @@ def energy_row(hopdata: Trajectory) -> Row:
     changes = np.abs(np.diff(followed.energy))
     touched = steps_with_events(solution)
     inside, outside = float(changes[touched].sum()), float(changes[~touched].sum())
-    values = {
+    values: dict[str, Any] = {
         "steps": len(changes),
         "contact_steps": int(touched.sum()),
         "share_percent": 100.0 * inside / (inside + outside),
@@ -370,7 +375,7 @@ def gain_row(found: Mapping[str, Trajectory], seeds: Sequence[int]) -> Row:
     """Return how MuJoCo's hopper gains energy, from apex to apex."""
     apexes = hopping_apexes(mujoco_hopper(), START[0]) - START[0]
     changes = over_seeds(gains, seeds)
-    values = {
+    values: dict[str, Any] = {
         "hops": len(apexes) - 1,
         "first_mm": 1e3 * float(apexes[1]),
         "highest_mm": 1e3 * float(apexes.max()),

@@ -29,6 +29,7 @@ from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, Simulated
 from hopdata.steering.loaded_stances import noticed_stances
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.robot import LIGHT_BOOM
 from hopdata.steering.trial import record_trial
 from hopdata.synthesis.sketch import (
     BODY_MARKER,
@@ -62,15 +63,25 @@ class Effort:
     drive_s: float = 4.0
 
 
-# Swings whose falls are counted, degrees, and counterweights, kg: that of the steered
-# hopper, and that of the study's.
+PRINTED_LIMIT_DEG = 90.0  # Sec. 3.3
+
+#: Swings whose falls are counted; the last is beyond the printed limit.
+#: Unit: degrees. Origin: chosen.
 FALL_SWINGS_DEG = (45.0, 67.5, 90.0, 135.0)
-PRINTED_LIMIT_DEG = 90.0
-LIGHT_KG = 0.1
-HEAVY_KG = 0.4
+#: Counterweight of the steered hopper; `HEAVY_KG` is that of the study's.
+#: Unit: kg. Origin: derived: the defaults of `SteeredHopper` and `HopperParameters`.
+LIGHT_KG = LIGHT_BOOM.counterweight_mass_kg
+#: See `LIGHT_KG`.
+#: Unit: kg. Origin: derived: see `LIGHT_KG`.
+HEAVY_KG = HopperParameters().counterweight_mass_kg
+#: Hops into the board.
+#: Unit: 1. Origin: chosen.
 BOARD_HOPS = 16
-BOARD_SWING_RAD = 0.4  # to and fro, so that the hopper goes ahead
-DEADLINE_S = 0.1  # the dissertation's, for a plan
+#: Swing to and fro that takes the hopper ahead into the board.
+#: Unit: rad. Origin: chosen.
+BOARD_SWING_RAD = 0.4
+#: Largest difference between forces, or places, that are the same.
+#: Unit: N and mm. Origin: rounding: far above it, far below anything that matters.
 EXACT = 1e-9
 
 
@@ -98,12 +109,12 @@ def make(seeds: Sequence[int], *, effort: Effort | None = None) -> Made:
     }
     alive, driven = threads_of_a_drive(robot, geometry, effort.drive_s)
     rows = [
-        _preload_row(study, tables),
-        _robot_row(robot, tables),
-        _stance_row(tables["delays"]),
-        _limit_row(robot, tables["falls"]),
-        _loop_row(alive, driven),
-        _board_row(tables["board"]),
+        preload_row(study, tables),
+        robot_row(robot, tables),
+        stance_row(tables["delays"]),
+        limit_row(robot, tables["falls"]),
+        loop_row(alive, driven),
+        board_row(tables["board"]),
     ]
     return Made(rows, tables)
 
@@ -133,7 +144,8 @@ def _to_and_fro(hops: int) -> list[float]:
 # Items 14 and 51: the robot.
 
 
-def _preload_row(study: HopperParameters, tables: Mapping[str, pd.DataFrame]) -> Row:
+def preload_row(study: HopperParameters, tables: Mapping[str, pd.DataFrame]) -> Row:
+    """Judge item 14: the force of a leg jumps to its preload, and is affine."""
     forces = tables["study_forces"]
     landing = forces[forces["phase"] == "landing"]
     line = np.polyfit(landing["gap_m"], landing["force_n"], 1)
@@ -157,7 +169,8 @@ def _preload_row(study: HopperParameters, tables: Mapping[str, pd.DataFrame]) ->
     )
 
 
-def _robot_row(robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame]) -> Row:
+def robot_row(robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame]) -> Row:
+    """Judge item 51: the boom's neutral place is at the robot's centre."""
     sketch = tables["steered_sketch"]
     weight = sketch.loc[sketch["kind"] == COUNTERWEIGHT, POINT].to_numpy()[0]
     hopper = robot.hopper
@@ -202,7 +215,8 @@ def _delays(
     return pd.concat(tables, ignore_index=True)
 
 
-def _stance_row(delays: pd.DataFrame) -> Row:
+def stance_row(delays: pd.DataFrame) -> Row:
+    """Judge item 52: whether both ways notice the same stances."""
     by_seed = delays.groupby("seed")
     loaded = 100 * by_seed["loaded_s"].apply(lambda one: one.notna().mean())
     found = 100 * by_seed["found_s"].apply(lambda one: one.notna().mean())
@@ -253,7 +267,9 @@ def _falls(
     return pd.DataFrame(rows)
 
 
-def _limit_row(robot: plant.SteeredHopper, falls: pd.DataFrame) -> Row:
+def limit_row(robot: plant.SteeredHopper, falls: pd.DataFrame) -> Row:
+    """Judge item 53: whether swings beyond the printed limit tip the robot over."""
+
     def fell(weight_kg: float, swing_deg: float) -> list[float]:
         rows = falls[
             (falls["weight_kg"] == weight_kg) & (falls["swing_deg"] == swing_deg)
@@ -318,7 +334,8 @@ def threads_of_a_drive(
     return {name for name in alive if name.startswith("hopdata-")}, driven
 
 
-def _loop_row(alive: set[str], driven: Drive) -> Row:
+def loop_row(alive: set[str], driven: Drive) -> Row:
+    """Judge item 71: whether the printed threads, and those declared, are alive."""
     declared = set(live_parts.threads(simulated=True, log=False))
     both = {live_parts.SIMULATED, live_parts.CONTROL}
     latencies = np.array([one.latency_s for one in driven.decisions])
@@ -371,7 +388,8 @@ def pushed_board(robot: plant.SteeredHopper, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _board_row(board: pd.DataFrame) -> Row:
+def board_row(board: pd.DataFrame) -> Row:
+    """Judge item 74: the robot pushes the board, which impedes it."""
     steps_mm = 1e3 * np.diff(board["x_m"].to_numpy())
     pushing = board["touched"].to_numpy(dtype=bool)[1:]
     moved_m = float(board["board_m"].iloc[-1] - board["board_m"].iloc[0])

@@ -14,9 +14,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
+from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
 from hopdata.hybrid import System, solve
 from hopdata.hybrid.first_order import (
@@ -64,7 +64,7 @@ FEET = ("foot1", "foot2", "foot3")
 # The hopper as all feet touch: its velocity (m/s) and angular velocity (rad/s), which
 # are those of a hop with kicks.
 FALLING = (0.05, -0.03, -2.1, 0.1, -0.2, 0.05)
-TIGHT = {"rtol": 1e-12, "atol": 1e-14}
+TIGHT: dict[str, Any] = {"rtol": 1e-12, "atol": 1e-14}
 #: Relative difference below which a derivative is that of differences: theirs is some
 #: 1e-8, by the integrator's error over the step.
 #: Unit: 1. Origin: chosen.
@@ -220,11 +220,12 @@ def checked_systems() -> list[CheckedSystem]:
     ]
 
 
-def _state(height_m: float, speed: Sequence[float]) -> FloatArray:
+def _state(height_m: float, speed: ArrayLike) -> FloatArray:
     """Return a level state of the hopper at this height with these velocities."""
     state = np.zeros(12)
     state[2] = height_m
-    state[6 : 6 + len(speed)] = speed
+    given = np.asarray(speed, dtype=np.float64)
+    state[6 : 6 + len(given)] = given
     return state
 
 
@@ -552,7 +553,9 @@ def _piece_errors(checked: CheckedSystem, seed: int) -> tuple[float, float, int]
     )
     assert flight.jacobian is not None
     assert stance.jacobian is not None
-    own, other, found = [], [], set()
+    own: list[float] = []
+    other: list[float] = []
+    found = set()
     first_piece = None
     for _ in range(NEIGHBOURS):
         v = rng.normal(size=12)

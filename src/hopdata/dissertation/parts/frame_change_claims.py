@@ -13,7 +13,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.dissertation.figures import frame_change_claims as figures
-from hopdata.dissertation.rows import Agreement, Made, Row
+from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
 from hopdata.rigid import composed, relative
 from hopdata.scenes.scene import Control
 from hopdata.steering import robot as plant
@@ -56,28 +56,47 @@ class Effort:
     turn_hops: int = 40
 
 
-# Schedules of a hop: three legs leave the floor, and touch it, in any of six orders.
-SCHEDULES = 36
-PRINTED_HOPS = 100
-PRINTED_RADIUS_M = 0.6
-# Swings of the sustained turns, degrees: Fig. 3.3 is drawn up to 45.
+# What the dissertation prints, with its section.
+SCHEDULES = 36  # 3.4.2, footnote 7: six orders to leave the floor, six to touch it
+PRINTED_HOPS = 100  # 3.4.2
+PRINTED_RADIUS_M = 0.6  # 3.5
+FIGURE_SWING_DEG = 45.0  # Fig. 3.3
+
+#: Swings of the sustained turns: up to the limit of the simulated robot, in thirds.
+#: Unit: degrees. Origin: derived: from `SteeredHopper.swing_limit_rad`.
 SWINGS_DEG = (-67.5, -45.0, -22.5, 0.0, 22.5, 45.0, 67.5)
-FIGURE_SWING_DEG = 45.0
-# Kicks of full and of a quarter of their size; and the control that is not C1.
+#: Sizes of the kicks, as shares of the robot's, between which an effect must fall.
+#: Unit: 1. Origin: chosen.
 KICK_SCALES = (1.0, 0.25)
 HOPPER = "hopper"
 COUPLED = "coupled legs"
-BODIES: Mapping[str, Control | None] = {HOPPER: None, COUPLED: Control(coupling=0.3)}
+#: Coupling of the legs of the control, whose landings are not C1.
+#: Unit: 1. Origin: chosen.
+CONTROL_COUPLING = 0.3
+BODIES: Mapping[str, Control | None] = {
+    HOPPER: None,
+    COUPLED: Control(coupling=CONTROL_COUPLING),
+}
+#: Poses and frame changes with which the update equation is compared.
+#: Unit: 1. Origin: chosen.
 POSES = 1000
-# Parts of a row agree if the numbers are as near as this.
+#: Largest difference between equations that are the same.
+#: Unit: m and rad. Origin: rounding: a thousand times that of poses of a few metres.
 SAME_EQUATION = 1e-12
+#: Largest difference between frame changes that do not depend on the place.
+#: Unit: m. Origin: rounding: far above the integrator's error, far below any noise.
 SAME_PLACE_M = 1e-6
+#: How far a turning radius may be from the printed one, as a share of it, to agree.
+#: Unit: 1. Origin: chosen.
 RADIUS_WITHIN = 0.25
-# Between 1, the power of an effect of first order, and 2, that of second order.
+#: Power of the spread above which an effect is taken to be of second order.
+#: Unit: 1. Origin: derived: between 1, that of first order, and 2, that of second.
 FIRST_ORDER_BELOW = 1.5
-# Share of its variance that the inputs of a zero-order frame change decide.
+#: Share of its variance that boom angle and swing decide of a zero-order frame change.
+#: Unit: 1. Origin: chosen.
 ZERO_ORDER = 0.9
-# A model of 100 hops suffices if it errs at most so much more than one of all hops.
+#: A model of 100 hops suffices if it errs at most so much more than one of all hops.
+#: Unit: 1. Origin: chosen.
 SUFFICIENT = 1.2
 
 
@@ -85,12 +104,14 @@ def make(seeds: Sequence[int], *, effort: Effort | None = None) -> Made:
     """Measure items 54, 55, 64, 79 and 80."""
     effort = effort or Effort()
     robot = plant.SteeredHopper()
-    found = []
-    for k, seed in enumerate(seeds):
+
+    def of_seed(seed: int) -> dict[str, pd.DataFrame]:
         bodies: Mapping[str, Control | None] = {HOPPER: None}
-        if k == 0:  # one seed tells the control from the hopper
+        if seed == seeds[0]:  # one seed tells the control from the hopper
             bodies = BODIES
-        found.append(_of_seed(robot, seed, effort, bodies))
+        return _of_seed(robot, seed, effort, bodies)
+
+    found = over_seeds(of_seed, seeds)
     tables = {}
     for name in found[0]:
         of_seeds = [
@@ -98,11 +119,11 @@ def make(seeds: Sequence[int], *, effort: Effort | None = None) -> Made:
         ]
         tables[name] = pd.concat(of_seeds, ignore_index=True)
     rows = [
-        _equation_row(tables, int(seeds[0])),
-        _zero_order_row(robot, tables),
-        _schedules_row(tables, effort),
-        _radius_row(tables),
-        _drift_row(robot, tables, effort),
+        equation_row(tables, int(seeds[0])),
+        zero_order_row(robot, tables),
+        schedules_row(tables, effort),
+        radius_row(tables),
+        drift_row(robot, tables, effort),
     ]
     return Made(rows, tables)
 
@@ -143,7 +164,6 @@ def _of_seed(
         "curve": curve,
         "schedules": pd.DataFrame({"schedule": names, "hops": counts}),
         "turns": _turns(robot, seed, effort),
-        "steps": pd.DataFrame(judged.changes.change, columns=list(COMPONENTS)),
     }
 
 
@@ -212,7 +232,8 @@ def _turns(robot: plant.SteeredHopper, seed: int, effort: Effort) -> pd.DataFram
 # Item 54: the update equation, and that it does not depend on the schedule.
 
 
-def _equation_row(tables: Mapping[str, pd.DataFrame], seed: int) -> Row:
+def equation_row(tables: Mapping[str, pd.DataFrame], seed: int) -> Row:
+    """Judge item 54: the update equation, and that it does not depend on schedules."""
     scaled = tables["scaled"]
     powers = {name: _powers(scaled, name) for name in BODIES}
     equation = equation_error(seed)
@@ -285,9 +306,10 @@ def _effects(orders: pd.DataFrame, given: str, name: str) -> dict[str, list[floa
 # Item 55: zero-order.
 
 
-def _zero_order_row(
+def zero_order_row(
     robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame]
 ) -> Row:
+    """Judge item 55: whether boom angle and swing alone decide a frame change."""
     decided = tables["decided"]
     orders = tables["orders"]
     values: dict[str, Any] = {"place_mm": 1e3 * place_error_m(robot)}
@@ -297,9 +319,11 @@ def _zero_order_row(
         residuals.BY_MOMENTUM: "momentum",
         residuals.BY_STATE: "state",
     }
-    for (known, component), own in decided.groupby(["known", "component"]):
-        axis = dict(zip(COMPONENTS, ("x", "y", "heading"), strict=True))[component]
-        values[f"{short[known]}_{axis}"] = (100 * own["share"]).tolist()
+    axes = dict(zip(COMPONENTS, ("x", "y", "heading"), strict=True))
+    for known, name in short.items():
+        for component, axis in axes.items():
+            is_own = (decided["known"] == known) & (decided["component"] == component)
+            values[f"{name}_{axis}"] = (100 * decided.loc[is_own, "share"]).tolist()
     blind = orders[orders["given"] == residuals.INPUTS]
     for order, name in (("landing", "landing"), ("lift-off", "lift_off")):
         own = blind[blind["order"] == order]
@@ -340,7 +364,8 @@ def place_error_m(robot: plant.SteeredHopper, *, hops: int = 5) -> float:
 # Item 64: a model for each schedule.
 
 
-def _schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
+def schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
+    """Judge item 64: 100 hops for one model, 3,600 for one a schedule."""
     curve = tables["curve"]
     last = max(effort.sizes)
     first = min(effort.sizes)
@@ -399,14 +424,16 @@ def _schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
     values["curves"] = len(short) * len(of_seed)
     # A crossing beyond the largest size is shown as this size.
     for axis in short.values():
-        values[f"crossing_{axis}"] = np.minimum(values[f"crossing_{axis}"], last)
+        crossings = np.minimum(values[f"crossing_{axis}"], last)
+        values[f"crossing_{axis}"] = crossings.tolist()
     return Row(item=64, agreement=agreement, values=values, reason=reason)
 
 
 # Items 79 and 80: turning radius, counter-clockwise turns, clockwise drift.
 
 
-def _radius_row(tables: Mapping[str, pd.DataFrame]) -> Row:
+def radius_row(tables: Mapping[str, pd.DataFrame]) -> Row:
+    """Judge item 79: the turning radius."""
     turns = tables["turns"]
     of_figure = turns[turns["swing_deg"].abs() == FIGURE_SWING_DEG]
     radius = of_figure.groupby("seed")["radius_m"].mean()
@@ -431,9 +458,10 @@ def _radius_row(tables: Mapping[str, pd.DataFrame]) -> Row:
     )
 
 
-def _drift_row(
+def drift_row(
     robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame], effort: Effort
 ) -> Row:
+    """Judge item 80: weak turns to the left, and a drift to the right."""
     turns = tables["turns"]
     largest = turns["swing_deg"].abs().max()
     # The body turns against the boom.

@@ -1,8 +1,7 @@
 """Sec. 2.2: from the recording to labelled touchdowns, by both methods on the sample.
 
-The bundled sample was simulated, so its truth is known: each stage is scored by it. The
-printed study is that of ``config/printed.yaml``, the other that of
-``config/config.yaml``. What is random is repeated on new recordings, one a seed.
+The bundled sample was simulated, so its truth is known: each stage is scored by it.
+What is random is repeated on new recordings, one a seed.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.dissertation.rows import Agreement, Made, Row
+from hopdata.dissertation.sample import SAMPLE, study_of, truth_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from hopdata.recording import Recording, Truth
     from hopdata.walk import Study
 
-#: Where the studies stand, in a checkout.
-PRINTED_FILE = "config/printed.yaml"
-OUR_FILE = "config/config.yaml"
+# The studies that are measured, in a checkout.
+SAMPLE_FILE = SAMPLE
 THESIS_FILE = "config/thesis.yaml"
 
 # What the dissertation prints, with its section.
@@ -118,18 +117,11 @@ def draw(tables: Mapping[str, pd.DataFrame]) -> Mapping[str, Figure]:
 
 
 def _both() -> _Both:
-    from hopdata.analysis import study
-    from hopdata.config.consistency import files_of
-    from hopdata.errors import AnalysisError
-    from hopdata.recordings.readers.hdf5 import read_truth
-
-    printed = study(PRINTED_FILE)
-    ours = study(OUR_FILE)
-    (file,) = files_of(ours.config["recordings"][0])
-    truth = read_truth(file)
-    if truth is None:
-        raise AnalysisError.at(file, "a recording with its truth", "none")
-    return _Both(printed, ours, truth)
+    return _Both(
+        printed=study_of(SAMPLE_FILE, printed=True),
+        ours=study_of(SAMPLE_FILE),
+        truth=truth_of(SAMPLE_FILE),
+    )
 
 
 def _agrees(holds: bool, otherwise: Agreement = Agreement.DIFFERS) -> Agreement:
@@ -340,7 +332,6 @@ def _pair_noise(recording: Recording) -> float:
 
 def _floor(both: _Both) -> Row:
     """Item 20: the floor that was found, and what becomes of a study without it."""
-    from hopdata.analysis import study
     from hopdata.maps.truth.scoring import score_floor
 
     known = {both.recording.name: both.truth}
@@ -348,8 +339,9 @@ def _floor(both: _Both) -> Row:
     true_floor = both.truth.floor_at_contacts
     curved = float(np.nanstd(true_floor))
     used = {}
-    for name, file in (("printed", PRINTED_FILE), ("ours", OUR_FILE)):
-        flat = study(file, floor={"enabled": False})
+    for name in ("printed", "ours"):
+        by_print = name == "printed"
+        flat = study_of(SAMPLE_FILE, printed=by_print, floor={"enabled": False})
         used[name] = _n_used(flat)
     values = {
         "curvature": 1e3 * curved,

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
+from hopdata.errors import AnalysisError
 from hopdata.hybrid import solve
 from hopdata.hybrid.printed import (
     AS_PRINTED,
@@ -35,6 +37,7 @@ from hopdata.hybrid.printed.order import (
 )
 from hopdata.hybrid.printed.theorem import (
     MESHES,
+    Ends,
     KnownEvent,
     Localisation,
     localise,
@@ -64,13 +67,13 @@ SAME_ORDER = 0.15
 #: Standard errors within which a fitted slope agrees with a number.
 #: Unit: 1. Origin: convention: three, as for a normal error.
 STANDARD_ERRORS = 3.0
-#: Longest and shortest step of the sweep, and steps of a sweep.
-#: Unit: 1 (time has no dimension). Origin: chosen: from all events in one step to
-#: errors that rounding begins to show in.
+#: Longest step of a sweep, in which all events share one step.
+#: Unit: 1. Origin: derived: the length of the span; time has no dimension.
 LONGEST = 0.5
-#: Unit: 1 (time has no dimension). Origin: chosen: see `LONGEST`.
+#: Shortest step of a sweep, near which rounding begins to show in the errors.
+#: Unit: 1. Origin: chosen.
 SHORTEST = 5e-4
-#: Steps of a sweep: ten a decade.
+#: Number of steps of a sweep: ten a decade.
 #: Unit: 1. Origin: chosen.
 N_STEPS = 31
 #: Sweeps of each seed, with different first steps.
@@ -121,7 +124,7 @@ def draw(tables: Mapping[str, pd.DataFrame]) -> Mapping[str, Figure]:
 
 def order_row() -> Row:
     """Measure the order of one-step methods as Definition 4.2.1 has it (item 81)."""
-    values = {
+    values: dict[str, Any] = {
         "heun": _order(heun3_step, 0.05),
         "rk4": _order(rk4_step, 0.1),
         "dopri5": _order(dopri5_step, 0.2),
@@ -134,7 +137,7 @@ def order_row() -> Row:
 
 def _order(one_step: Callable[..., FloatArray], longest: float) -> float:
     """Return a method's order on y' = y cos t, from four steps."""
-    steps = longest / 2.0 ** np.arange(4)
+    steps = np.asarray(longest / 2.0 ** np.arange(4), dtype=np.float64)
     return order_of_step(one_step, _growing, _grown, steps, start=0.4)
 
 
@@ -154,7 +157,7 @@ def _own_step(_slope: object, t: float, y: FloatArray, dt: float) -> FloatArray:
     def growing(t, y, mode, params, dy):  # type: ignore[no-untyped-def] # noqa: ARG001
         dy[0] = y[0] * np.cos(t)
 
-    options = {**LOOSE, "first_step": dt, "max_step": dt}
+    options: dict[str, Any] = {**LOOSE, "first_step": dt, "max_step": dt}
     span = (t, t + dt)
     return solve(System(growing, n_states=1), span, y, method="dopri5", **options).y_end
 
@@ -162,29 +165,31 @@ def _own_step(_slope: object, t: float, y: FloatArray, dt: float) -> FloatArray:
 def spline_row() -> Row:
     """Measure the order of a Hermite spline on four meshes (item 82)."""
     event = turning_point()
-    values: dict[str, float] = {}
-    for mesh in MESHES:
-        values[mesh] = _spline_order(lambda dt, mesh=mesh: _ends(event, dt, mesh))
-    values["euler"] = _spline_order(lambda dt: _euler_ends(event, dt))
-    values["cubic"] = _error_on_a_cubic()
+    values = {
+        "exact": _spline_order(partial(_ends, event, "exact")),
+        "dopri5": _spline_order(partial(_ends, event, "dopri5")),
+        "heun3": _spline_order(partial(_ends, event, "heun3")),
+        "euler": _spline_order(partial(_euler_ends, event)),
+        "cubic": _error_on_a_cubic(),
+    }
     third = all(abs(values[mesh] - 3.0) < SAME_ORDER for mesh in MESHES)
     if third and values["euler"] < 3.0 - SAME_ORDER:
         return Row(82, Agreement.AGREES, values)
     return Row(82, Agreement.DIFFERS, values, "order")
 
 
-def _ends(event: KnownEvent, dt: float, mesh: str) -> tuple[FloatArray, ...]:
+def _ends(event: KnownEvent, mesh: str, dt: float) -> Ends:
     return mesh_ends(event, event.time, dt, mesh)
 
 
-def _euler_ends(event: KnownEvent, dt: float) -> tuple[FloatArray, ...]:
+def _euler_ends(event: KnownEvent, dt: float) -> Ends:
     """Return the ends of a step of Euler's method, which is of first order."""
-    y0, _, f0, _ = _ends(event, dt, "exact")
+    y0, _, f0, _ = _ends(event, "exact", dt)
     y1 = y0 + dt * f0
     return y0, y1, f0, event.slope(event.time + dt, y1)
 
 
-def _spline_order(ends: Callable[[float], tuple[FloatArray, ...]]) -> float:
+def _spline_order(ends: Callable[[float], Ends]) -> float:
     """Return the order of the spline through a step's ends: its slope, less one."""
     event = turning_point()
     steps = 0.2 / 2.0 ** np.arange(5)
@@ -214,7 +219,7 @@ def _error_on_a_cubic() -> float:
 
 # Theorem 4.2.1 and its constants.
 
-#: Steps of the theorem's table, s, and where in them the event lies.
+# Steps of the theorem's table, s, and where in them the event lies.
 THEOREM_STEPS = 0.5 / 2.0 ** np.arange(8)
 PLACES = (0.1, 0.4, 0.5, 0.9)
 
@@ -254,7 +259,7 @@ def theorem_row(table: pd.DataFrame) -> Row:
     ]
     times, _ = octant_crossings()
     own = solve(octant(), T_SPAN, INITIAL_STATE, rtol=1e-12, atol=1e-14)
-    values = {
+    values: dict[str, Any] = {
         "cases": 2 * len(table),
         "above": above,
         "least": min(orders),
@@ -276,7 +281,7 @@ def constants_row() -> Row:
     """Compute the constants of Table 4.1 on one step (item 84)."""
     found = localise(turning_point(), 0.1, mesh="dopri5")
     constants = found.constants
-    values = {
+    values: dict[str, Any] = {
         "fourth": constants.fourth,
         "lipschitz": constants.lipschitz,
         "spline": constants.spline,
@@ -327,7 +332,11 @@ def _printed(options: PrintedOptions) -> Run:
 
 def _own(method: str) -> Run:
     def run(longest: float, first: float) -> FloatArray:
-        options = {**LOOSE, "max_step": longest, "first_step": first}
+        options: dict[str, Any] = {
+            **LOOSE,
+            "max_step": longest,
+            "first_step": first,
+        }
         return solve(octant(), T_SPAN, INITIAL_STATE, method=method, **options).y_end
 
     return run
@@ -413,7 +422,7 @@ def slope_table(sweep: Sweep) -> pd.DataFrame:
     ``most`` all. ``step`` is the decade's middle, ``longest`` its longest step.
     """
     rows = []
-    for first in range(N_STEPS - DECADE):
+    for first in range(len(sweep.steps) - DECADE):
         part = slice(first, first + DECADE + 1)
         logs = np.log(sweep.steps[part])
         single = np.polyfit(logs, np.log(sweep.single[:, part]).T, 1)[0]
@@ -440,18 +449,21 @@ def figure_row(
     printed = sweeps["printed"]
     fit = fit_order(printed.steps, printed.rms)
     used = printed.steps[fit.used]
+    if len(used) == 0:
+        wanted = "a straight part of the error over the step"
+        raise AnalysisError.at("figure 4.2", wanted, "none")
     logs = np.log(used)
     of_seeds = np.log(printed.of_seeds[:, fit.used])
     limit = fit_limit(printed.steps, printed.rms, shortest_piece())
     # A decade whose steps are all shorter than the shortest piece has one event a step.
     apart = slopes[slopes["longest"] < shortest_piece()]
-    own = errors.groupby("method")[["slope", "limit"]].first()
+    own = errors.groupby("method")[["slope", "limit"]].first().to_dict("index")
     corrected = sweeps["corrected"].rms
     ratio = printed.rms[: len(corrected)] / corrected
-    values = {
+    values: dict[str, Any] = {
         "slope": fit.order,
         "slope_se": fit.standard_error,
-        "seeds": np.polyfit(logs, of_seeds.T, 1)[0],
+        "seeds": np.polyfit(logs, of_seeds.T, 1)[0].tolist(),
         "count": len(used),
         "shortest": float(used.min()),
         "longest": float(used.max()),
@@ -462,8 +474,8 @@ def figure_row(
         "sweep_most": float(apart["most"].max()),
         "above": 100.0 * float(apart["above_printed"].mean()),
         "ratio": float(ratio.max()),
-        "dopri5": float(own.loc["dopri5", "limit"]),
-        "dop853": float(own.loc["dop853", "slope"]),
+        "dopri5": float(own["dopri5"]["limit"]),
+        "dop853": float(own["dop853"]["slope"]),
     }
     agreement, reason = judged(values)
     return Row(93, agreement, values, reason)

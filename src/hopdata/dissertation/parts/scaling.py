@@ -22,13 +22,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.dissertation.rows import Agreement, Made, Row
-from hopdata.dissertation.turns import on_par, timed
+from hopdata.dissertation.turns import ON_PAR, on_par, timed
 from hopdata.hybrid import solve
 from hopdata.hybrid.printed import PrintedOptions, Stepping, integrate_both_ways
 from hopdata.scenes.plate import Plate
@@ -55,9 +56,10 @@ TIGHT = 1e-11
 #: Random starts with each seed; the dissertation has 150.
 #: Unit: 1. Origin: chosen: thirty starts of five seeds take most of a minute.
 STARTS = 6
-#: Numbers of springs of the bed on which the bar settles.
+#: Numbers of springs of the bed on which the bar settles. Fewer make a bed that is
+#: stiffer in tilt, whose steps are shorter.
 #: Unit: 1. Origin: chosen.
-SETTLING_CONTACTS = (2, 13, 24, 35)
+SETTLING_CONTACTS = (5, 15, 25, 35)
 #: Damping of the bed on which the bar settles, in place of 20 N s/m.
 #: Unit: N s/m. Origin: derived: critical damping, 2 sqrt(k m).
 SETTLING_DAMPING_N_S_M = 2.0 * np.sqrt(Plate().stiffness_n_m * Plate().mass_kg)
@@ -82,7 +84,7 @@ def make(seeds: Sequence[int]) -> Made:
     """Time all solvers for all numbers of springs; compare the slopes."""
     bouncing = raced(Plate, CONTACTS, seeds)
     settling = raced(settling_bed, SETTLING_CONTACTS, seeds)
-    rows = [bar_row(), scaling_row(bouncing, settling)]
+    rows = [bar_row(), scaling_row(bouncing, settling, version("mujoco"))]
     tables = {
         "scaling": bouncing.table(),
         "marginal": bouncing.marginal(WINDOW),
@@ -294,8 +296,12 @@ NAMES = {
 }
 
 
-def scaling_row(bouncing: Race, settling: Race) -> Row:
-    """Return Fig. 4.4: time per contact of each solver, and their ratios."""
+def scaling_row(bouncing: Race, settling: Race, mujoco_version: str) -> Row:
+    """Return Fig. 4.4: time per contact of each solver, and their ratios.
+
+    The printed method should cost as much as MuJoCo, on either bed, and a compiled
+    integrator less.
+    """
     costs = {short: bouncing.slopes(name) for short, name in NAMES.items()}
     settled = {short: settling.slopes(name) for short, name in NAMES.items()}
     lists = {f"{short}_us": cost for short, cost in costs.items()}
@@ -311,12 +317,17 @@ def scaling_row(bouncing: Race, settling: Race) -> Row:
     values["settling_events"] = float(np.median(settling.events / settling.contacts))
     values["settling_error"] = float(np.median(settling.errors["printed"]))
     values["starts"] = STARTS
+    values["mujoco"] = mujoco_version
+    values["on_par"] = ON_PAR
     values["step_ms"] = 1e3 * PRINTED_STEP_S
-    as_cheap = on_par(float(np.median(values["printed_ratio"])))
-    compiled_wins = float(np.median(values["hopdata_times_faster"])) > 1.0
-    if as_cheap and compiled_wins:
+    held = [
+        on_par(float(np.median(values["printed_ratio"]))),
+        on_par(float(np.median(values["settling_ratio"]))),
+        float(np.median(values["hopdata_times_faster"])) > 1.0,
+    ]
+    if all(held):
         return Row(97, Agreement.AGREES, values)
-    if as_cheap or compiled_wins:
+    if any(held):
         return Row(97, Agreement.PARTLY, values, "events")
     return Row(97, Agreement.DIFFERS, values, "events")
 

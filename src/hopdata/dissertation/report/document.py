@@ -26,11 +26,12 @@ HEAD = (
 )
 INTRODUCTION = """\
 What the dissertation *C1-Smooth Multi-Contact Dynamics for Robotics* prints, what the
-printed method gives here, and what hopdata's own method gives, in the order
-of the text.
+printed method gives here, and what hopdata's own method gives, in the order of the
+text.
 `snakemake --cores 2 dissertation` measures every number, and makes
 `results/dissertation/index.html`, the same table with the figures;
-`make dissertation-docs` then writes this page from it."""
+`make dissertation-docs` then writes this page from it. The key `printed: true` gives a
+study all printed methods together, as in `config/printed.yaml`."""
 
 
 def build_document(items: Sequence[Item], records: Sequence[Record]) -> str:

@@ -21,7 +21,8 @@ from hopdata.dissertation.report.entries import (
     repetitions,
 )
 from hopdata.provenance import version_of
-from hopdata.report.inputs import Picture, picture_of, read_figures, rendered
+from hopdata.report.formatting import NO_BREAK_SPACE
+from hopdata.report.inputs import PERCENT, Picture, picture_of, read_figures, rendered
 
 FOLDER = Path(__file__).parent
 # Packages whose versions the page states.
@@ -97,10 +98,11 @@ def build_page(
 
 
 def coded(text: str) -> Any:
-    """Return a sentence for the page, with what stands in backticks set as code."""
+    """Return a sentence for the page: code in backticks, no break before per cent."""
     from markupsafe import Markup, escape
 
-    return Markup(_CODE.sub(r"<code>\1</code>", str(escape(text))))
+    whole = PERCENT.sub(f"{NO_BREAK_SPACE}%", text)
+    return Markup(_CODE.sub(r"<code>\1</code>", str(escape(whole))))
 
 
 def _versions() -> str:

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from hopdata.report.formatting import MINUS, RAISED, significant
+from hopdata.report.formatting import MINUS, NO_BREAK_SPACE, RAISED, significant
 
 _POWER = re.compile(r"e([-+]\d+)")
 _SIGN = re.compile(r"-(?=[\d.])")
-_TIMES = " × "
+_TIMES = f"{NO_BREAK_SPACE}×{NO_BREAK_SPACE}"
 # Numbers from here on may be written with a power of ten.
 FEWEST_POWER = 1e5
 

@@ -70,7 +70,7 @@ class PrintedOptions:
             expect(found in choices, name, wanted, found)
 
 
-#: The names that each choice of `PrintedOptions` may have, the default first.
+# The names that each choice of `PrintedOptions` may have, the default first.
 CHOICES: dict[str, tuple[str, ...]] = {
     "root_finder": tuple(FINDERS),
     "tail": ("heun", "restart"),
@@ -79,7 +79,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "end": ("before", "at"),
 }
 
-#: The text to the letter, with the root finder of its experiments (section 4.4.1).
+# The text to the letter, with the root finder of its experiments (section 4.4.1).
 AS_PRINTED = PrintedOptions(
     root_finder="cubic",
     refresh_slopes=False,

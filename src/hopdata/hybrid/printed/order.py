@@ -36,7 +36,7 @@ FEWEST = 4
 #: Steps per smooth piece of a trajectory from which a method is near its limit.
 #: Unit: 1. Origin: chosen.
 STEPS_PER_PIECE = 4
-#: Tolerances so loose that they never shorten a step: all steps have one length.
+# Tolerances so loose that they never shorten a step: all steps have one length.
 LOOSE: Mapping[str, float] = {"rtol": 0.9, "atol": 1e9}
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Value = TypeVar("Value", float, NDArray[np.float64])
-#: Coefficients of 1, theta, theta^2 and theta^3.
+# Coefficients of 1, theta, theta^2 and theta^3.
 Cubic = tuple[float, float, float, float]
 
 

@@ -88,7 +88,7 @@ def turning_derivative(k: int, t: FloatArray) -> FloatArray:
     return np.array([np.cos(turned), np.sin(turned), (-1) ** k * np.exp(-t)])
 
 
-#: Method that leads to the second point of the mesh; "exact": it lies on the solution.
+# Method that leads to the second point of the mesh; "exact": it lies on the solution.
 ONE_STEP: dict[str, OneStep | None] = {
     "exact": None,
     "dopri5": dopri5_step,

@@ -153,7 +153,7 @@ def velocity_minima(
 
 
 def _followed(velocity: FloatArray, frame: int) -> int:
-    """Return the local minimum (a frame) to which a velocity (N,) falls from a frame."""
+    """Return the frame of the minimum to which a velocity (N,) falls from a frame."""
     for step in (-1, 1):
         following = frame + step
         # Comparisons with NaN are false: where nothing is seen, the search ends.

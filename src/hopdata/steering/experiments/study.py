@@ -286,14 +286,14 @@ def _tables(
     if shown is None or chosen is None:
         return pieces
     start, run = chosen
-    pieces["example"].append(_example(setting, shown, policies[shown], start, run))
+    pieces["example"].append(example_of(setting, shown, policies[shown], start, run))
     pieces["film"].append(_film(setting, run))
     beside = tasks.beside_of(policies)
     if beside is not None:
         # Made once more, since all runs with all of their frames would be much to keep.
         again = setting.run(policies[beside], start)
         if was_seen(again):
-            example = _example(setting, beside, policies[beside], start, again)
+            example = example_of(setting, beside, policies[beside], start, again)
             pieces["example"].append(example)
     return pieces
 
@@ -332,14 +332,17 @@ def was_seen(run: Run) -> bool:
     return bool(run.stances[MEASURED].notna().all(axis=1).any())
 
 
-def _example(
+def example_of(
     setting: Setting,
     controller: str,
     policy: tasks.Policy,
     start: tasks.Start,
     run: Run,
 ) -> pd.DataFrame:
-    """Return the three curves of a run; turns are in the frame of their start."""
+    """Return the three curves of a run, and its way-points.
+
+    Turns are in the frame of their start. See `experiments_of`.
+    """
     task = setting.task
     board = setting.board(start)
     alone = simulated(policy(start), task, start.pose, run)

@@ -1,5 +1,6 @@
 """Drawings of the steering experiments: the board in the way, and the live loop."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -176,9 +177,10 @@ def loop_figure(parts: pd.DataFrame, flows: pd.DataFrame) -> Figure:
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 76.0)
     axes = figure.subplots()
-    for flow in flows.to_dict("records"):
+    # A table that was read again has no empty texts.
+    for flow in flows.fillna("").to_dict("records"):
         _draw_flow(axes, flow)
-    for part in parts.to_dict("records"):
+    for part in parts.fillna("").to_dict("records"):
         _draw_part(axes, part)
     for kind, label in (
         ("thread", "thread"),
@@ -195,7 +197,7 @@ def loop_figure(parts: pd.DataFrame, flows: pd.DataFrame) -> Figure:
     return figure
 
 
-def _draw_part(axes: Axes, part: dict[str, Any]) -> None:
+def _draw_part(axes: Axes, part: Mapping[Any, Any]) -> None:
     """Draw a part as a box: its name, its class, and what it does."""
     x, y = PLACES[part["name"]]
     width, height = BOX
@@ -226,7 +228,7 @@ def _wrapped(text: str, width: int) -> str:
     return "\n".join(textwrap.wrap(text, width))
 
 
-def _draw_flow(axes: Axes, flow: dict[str, Any]) -> None:
+def _draw_flow(axes: Axes, flow: Mapping[Any, Any]) -> None:
     """Draw an arrow between two parts, with what it carries and the method."""
     first = np.array(PLACES[flow["source"]])
     second = np.array(PLACES[flow["target"]])

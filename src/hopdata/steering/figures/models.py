@@ -108,7 +108,8 @@ def printed_and_own_figure(
     for row, swing in zip(panels, largest, strict=True):
         for axes in row:
             axes.set_yticks(quarters, ["−π/4", "0", "π/4"])
-            axes.set_ylim(-swing, swing)
+            # A table is rounded: what is meant to be the last tick must not be cut off.
+            axes.set_ylim(-swing - 1e-6, swing + 1e-6)
     for axes in panels[0]:
         axes.tick_params(labelbottom=False)
     panels[0, 0].set_ylabel("printed model\nswing Δφ (rad)")

@@ -11,7 +11,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering import TRAINING, child
-from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.frame_changes import USED, FrameChanges
 from hopdata.steering.models import process as gp
 from hopdata.steering.models.tabulated import COMPONENTS
 
@@ -242,8 +242,11 @@ def smoothness_scores(
     draws: int,
     seed: int,
     readings: Mapping[str, gp.ProcessOptions] = READINGS,
+    smoothnesses: Sequence[float] = gp.SMOOTHNESSES,
 ) -> pd.DataFrame:
-    """Score the four smoothnesses in each reading of the set-up, on the same hops.
+    """Score smoothnesses, by default four, in each reading of the set-up.
+
+    All learn from the same hops.
 
     Returns
     -------
@@ -253,11 +256,52 @@ def smoothness_scores(
     """
     options = {}
     for reading, one in readings.items():
-        for smoothness in gp.SMOOTHNESSES:
+        for smoothness in smoothnesses:
             options[reading, smoothness] = replace(one, smoothness=smoothness)
     names = ("reading", "smoothness")
     return learning_scores(
         changes, options, [train], draws=draws, seed=seed, names=names
+    )
+
+
+#: Deviations of the noise of `smooth_truth`: that of poses from motion capture.
+#: Unit: m, m, rad. Origin: chosen.
+SMOOTH_NOISE = np.array([0.5e-3, 0.5e-3, 2e-3])
+
+
+def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
+    """Return frame changes by analytic functions of boom angle and swing.
+
+    A kernel that fails on them does not fail for want of smoothness. They are as large
+    as the hopper's, a few cm and about five degrees, with a little noise
+    (`SMOOTH_NOISE`).
+
+    Parameters
+    ----------
+    hops : int
+        Number of hops, at random boom angles and swings.
+    swing_limit_rad : float
+        Swings range from minus to plus this.
+    seed : int
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    angle = rng.uniform(0, 2 * np.pi, hops)
+    swing = rng.uniform(-swing_limit_rad, swing_limit_rad, hops)
+    middle = angle + swing / 2
+    change = np.column_stack(
+        [
+            0.05 - 0.025 * np.cos(middle) + 0.01 * np.sin(swing),
+            -0.02 * np.sin(middle) + 0.01 * np.cos(2 * angle) * np.cos(swing),
+            0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
+        ]
+    )
+    return FrameChanges(
+        recording=np.full(hops, "smooth truth"),
+        time_s=np.arange(hops, dtype=float),
+        boom_angle_rad=angle,
+        swing_rad=swing,
+        change=change + SMOOTH_NOISE * rng.standard_normal(change.shape),
+        reason=np.full(hops, USED),
     )
 
 

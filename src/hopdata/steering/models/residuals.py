@@ -39,7 +39,7 @@ HOPS_PER_COEFFICIENT = 3
 #: Fewest hops of an order that is told apart; rarer orders are one class.
 #: Unit: 1. Origin: chosen.
 LEAST_HOPS = 10
-#: Singular values below this share of the largest are taken for zero.
+#: Singular values of columns of length 1 below this are taken for zero.
 #: Unit: 1. Origin: rounding: far above it, far below any column that is its own.
 RANK_SHARE = 1e-8
 #: Coordinates of the apex that do not vary: their spread is below this.
@@ -133,7 +133,7 @@ def explained_by(
 
     known = orthonormal(given)
     residual = response - known @ (known.T @ response)
-    added = orthonormal(contrasts - known @ (known.T @ contrasts))
+    added = orthonormal(contrasts, beside=known)
     free = n_hops - known.shape[1]
     share = adjusted(_raw_share(added, residual), added.shape[1], free)
 
@@ -183,14 +183,19 @@ def class_contrasts(classes: ArrayLike) -> FloatArray:
     return np.asarray(number[:, None] == present[None, 1:], dtype=float)
 
 
-def orthonormal(columns: FloatArray) -> FloatArray:
-    """Return an orthonormal basis (n, r) of the span of columns (n, p)."""
+def orthonormal(columns: FloatArray, beside: FloatArray | None = None) -> FloatArray:
+    """Return an orthonormal basis (n, r) of the span of columns (n, p).
+
+    With a basis `beside`, that of what the columns span besides it.
+    """
     norms = np.linalg.norm(columns, axis=0)
-    scaled = columns[:, norms > 0] / norms[norms > 0]
-    if not scaled.shape[1]:
-        return scaled
-    left, spread, _ = np.linalg.svd(scaled, full_matrices=False)
-    return np.asarray(left[:, spread > RANK_SHARE * spread[0]])
+    unit = columns[:, norms > 0] / norms[norms > 0]
+    if beside is not None:
+        unit = unit - beside @ (beside.T @ unit)
+    if not unit.shape[1]:
+        return np.asarray(unit)
+    left, spread, _ = np.linalg.svd(unit, full_matrices=False)
+    return np.asarray(left[:, spread > RANK_SHARE])
 
 
 def adjusted(raw: FloatArray, coefficients: int, free: int) -> FloatArray:
@@ -263,6 +268,7 @@ def order_effects(
     *,
     seed: int = 0,
     permutations: int = 999,
+    resamples: int = 200,
     orders: Sequence[str] = ORDERS,
 ) -> pd.DataFrame:
     """Return what each contact order explains, without and with the hidden state.
@@ -272,7 +278,8 @@ def order_effects(
     hops : TrueHops
     seed : int
         Seed of permutations and bootstrap.
-    permutations : int
+    permutations, resamples : int
+        See `explained_by`.
     orders : sequence of {"landing", "lift-off"}
 
     Returns
@@ -308,6 +315,7 @@ def order_effects(
                 slopes=own_slopes,
                 seed=seed,
                 permutations=permutations,
+                resamples=resamples,
             )
             table = _table(found).assign(order=order, given=name)
             tables.append(table)
