@@ -474,3 +474,27 @@ def test_solve_with_point_mass_solves_the_full_matrix(rng):
     matrix = np.diag(inertia) + 0.7 * (c @ c * np.eye(3) - np.outer(c, c))
     found = solve_with_point_mass.py_func(inertia, 0.7, c, b)
     np.testing.assert_allclose(found, np.linalg.solve(matrix, b), rtol=1e-12)
+
+
+def test_the_parameters_can_be_differentiated_and_the_number_of_legs_stays():
+    """A whole number that a derivative moves by a little must not lose a leg."""
+    params = HopperParameters().vector()
+    start = np.zeros(12)
+    start[2:6], start[6:9] = (0.4, 0.1, 0.03, -0.02), (0.1, 0.0, -1.0)
+    system = hopper_system()
+    options = {"mode": flight_mode(system, -1.0), "rtol": 1e-10}
+
+    def end(p):
+        return solve(system, (0.0, 0.25), start, params=p, **options).y_end
+
+    found = solve(
+        system, (0.0, 0.25), start, params=params, jacobian="params", **options
+    )
+    assert found.success
+    assert len(found.events) >= 3
+    np.testing.assert_array_equal(found.sensitivity[:, at.N_LEGS], 0.0)
+    for index in (at.STIFFNESS, at.LEGS + at.PRELOAD, at.LEG_LENGTH):
+        step = 1e-5 * params[index] * np.eye(len(params))[index]
+        slope = (end(params + step) - end(params - step)) / (2 * step[index])
+        size = np.abs(slope).max()
+        np.testing.assert_allclose(found.sensitivity[:, index], slope, atol=1e-5 * size)

@@ -113,7 +113,7 @@ def resampled_draws(
     --------
     >>> fitted, tested = resampled_draws(named_generator(1, "split"), 8, (5, 3), 1)
     >>> fitted, tested
-    (array([[0, 3, 3, 7, 7]]), array([[4, 4, 6]]))
+    (array([[0, 2, 2, 4, 7]]), array([[1, 1, 6]]))
     """
     ends = np.rint(population * np.cumsum(sizes) / sum(sizes)).astype(int)
     widths = np.diff(ends, prepend=0)

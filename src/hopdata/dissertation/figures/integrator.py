@@ -63,7 +63,7 @@ def _name_step(axes: Axes, step: pd.DataFrame) -> None:
     time, locked = step["time"].to_numpy(), step["locked"].to_numpy()
     rates = np.gradient(locked, time)
     reach = SLOPE_LENGTH * (time[-1] - time[0])
-    words = {0: "t₀: h and ∇h·f₁", -1: "t₁: h and ∇h·f₁, locks held"}
+    words = {0: "t₀: h and ∇h·f₁", -1: "t₁: h and ∇h·f₁,\nlocks held"}
     for place, text in words.items():
         start = np.array([time[place], locked[place]])
         along = 0.5 * np.array([reach, rates[place] * reach])
@@ -74,7 +74,7 @@ def _name_step(axes: Axes, step: pd.DataFrame) -> None:
         offset = (8, -6)
         if place == -1:
             side = {"ha": "right", "va": "top"}
-            offset = (2, -34)
+            offset = (16, -34)
         style.note(axes, text, tuple(start), offset, fontsize=7, **side)
     instant = float(step["instant"].iloc[0])
     axes.plot(instant, 0.0, "o", color=style.INK, markersize=4, zorder=6)

@@ -14,10 +14,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
 from hopdata.hybrid import System, solve
 from hopdata.hybrid.first_order import (

@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
 from hopdata.hybrid import Solution, solve
 from hopdata.hybrid.filtering import Estimate, SaltationFilter, confidence_limit

@@ -71,6 +71,7 @@ COUPLING = 0.2
 
 # When print and result are said to agree.
 COMPARABLE = 1.25
+OUTDONE = 0.5
 # "On the order of" a number: no more than twice, no less than half of it.
 SAME_ORDER = 2.0
 
@@ -93,7 +94,7 @@ def make(seeds: Sequence[int]) -> Made:
         _means(boxes),
         _replacement(printed, ours, seeds),
         _worst(printed, ours, boxes),
-        _travel(printed, ours),
+        _travel(printed, ours, boxes),
         _near_and_far(ours, printed, boxes),
         _six_boxes(boxes),
         _specialised_or_not(boxes, spread),
@@ -185,15 +186,17 @@ def _least_squares(study: Study, seeds: Sequence[int]) -> Row:
 def _means(boxes: Mapping[str, list[pd.DataFrame]]) -> Row:
     """Item 33: affine models against their mean predictors."""
     values: dict[str, Any] = {}
-    best = []
+    holds = []
     for method, tables in boxes.items():
         specialised = _ratios(tables, "specialised", "specialised_mean")
         unspecialised = _ratios(tables, "all", "mean")
         values[f"{method}_specialised"] = _percent(specialised)
         values[f"{method}_all"] = _percent(unspecialised)
-        best += [*specialised, *unspecialised]
+        for pair in zip(specialised, unspecialised, strict=True):
+            comparable = max(pair) / min(pair) < COMPARABLE
+            holds.append(comparable and max(pair) < OUTDONE)
     agreement = Agreement.DIFFERS
-    if max(best) < 0.1:
+    if all(holds):
         agreement = Agreement.AGREES
     return Row(33, agreement, values)
 
@@ -224,24 +227,37 @@ def _class_sizes(study: Study) -> str:
 
 
 def _worst(printed: Study, ours: Study, boxes: Mapping[str, list[pd.DataFrame]]) -> Row:
-    """Item 40: the largest errors, of a landing and of a split."""
+    """Item 40: the largest errors, of a split and of a single landing."""
     values: dict[str, Any] = {}
-    ratios = []
+    agrees = {}
     for method, study in {"printed": printed, "hopdata": ours}.items():
-        millimetres, metres_per_second = _largest_single(study)
+        millimetres, metres_per_second = _worst_of_splits(boxes, method)
+        ratios = (millimetres / PRINTED_WORST_MM, metres_per_second / PRINTED_WORST_M_S)
+        agrees[method] = all(1 / SAME_ORDER < one < SAME_ORDER for one in ratios)
         values[f"{method}_mm"] = millimetres
         values[f"{method}_m_s"] = metres_per_second
-        ratios += [
-            millimetres / PRINTED_WORST_MM,
-            metres_per_second / PRINTED_WORST_M_S,
-        ]
-        rms = _summary(boxes, method).set_index("model").loc[list(AFFINE)]
-        values[f"{method}_rms_mm"] = float(rms["worst_position_mm"].max())
-        values[f"{method}_rms_m_s"] = float(rms["worst_velocity_m_s"].max())
+        single = _largest_single(study)
+        values[f"{method}_single_mm"], values[f"{method}_single_m_s"] = single
     agreement = Agreement.DIFFERS
-    if all(1 / SAME_ORDER < ratio < SAME_ORDER for ratio in ratios):
+    if all(agrees.values()):
         agreement = Agreement.AGREES
-    return Row(40, agreement, values, "two_readings")
+    elif agrees["printed"]:
+        agreement = Agreement.PARTLY
+    return Row(40, agreement, values, "filter")
+
+
+def _worst_of_splits(
+    boxes: Mapping[str, list[pd.DataFrame]], method: str
+) -> tuple[float, float]:
+    """Return the rms errors of the worst coordinate and affine model, mm and m/s.
+
+    They are exceeded in 2.5 % of the splits.
+    """
+    worst = _summary(boxes, method).set_index("model").loc[list(AFFINE)]
+    return (
+        float(worst["worst_position_mm"].max()),
+        float(worst["worst_velocity_m_s"].max()),
+    )
 
 
 def _largest_single(study: Study) -> tuple[float, float]:
@@ -258,15 +274,17 @@ def _largest_single(study: Study) -> tuple[float, float]:
     return 1e3 * float(position.max()), float(velocity.max())
 
 
-def _travel(printed: Study, ours: Study) -> Row:
+def _travel(
+    printed: Study, ours: Study, boxes: Mapping[str, list[pd.DataFrame]]
+) -> Row:
     """Item 41: how far the body travels, against which the worst error is small."""
     values: dict[str, Any] = {}
     for method, study in {"printed": printed, "hopdata": ours}.items():
         sections = study.sections
-        values[f"{method}_mm"] = 1e3 * (sections.pre_height_m - sections.post_height_m)
-        values[f"{method}_share"] = (
-            100 * _largest_single(study)[0] / values[f"{method}_mm"]
-        )
+        travel_mm = 1e3 * (sections.pre_height_m - sections.post_height_m)
+        worst_mm, _ = _worst_of_splits(boxes, method)
+        values[f"{method}_mm"] = travel_mm
+        values[f"{method}_share"] = 100 * worst_mm / travel_mm
     agreement = Agreement.DIFFERS
     if min(values["printed_mm"], values["hopdata_mm"]) >= PRINTED_TRAVEL_MM:
         agreement = Agreement.AGREES
