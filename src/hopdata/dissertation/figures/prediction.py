@@ -66,7 +66,7 @@ def boxes_figure(boxes: pd.DataFrame) -> Figure:
     style.plain_numbers(axes.yaxis)
     axes.grid(axis="y")
     axes.set_ylabel("combined prediction MSE (units²)")
-    axes.set_title("Near the simultaneous contact one map for all orders errs least")
+    axes.set_title("One map for all orders errs less near the simultaneous contact")
     faces = []
     for label, colour, _ in METHODS.values():
         faces.append(
