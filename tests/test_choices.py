@@ -162,10 +162,6 @@ CONFIGURED = {
     "figures.formats": FORMATS,
     "simulation.scene": SCENES,
     "motion_capture.noise_of": camera.NOISE_OF,
-    "prediction.draws": prediction.DRAWS,
-    "subspaces.which": subspaces.COMPONENTS,
-    "subspaces.draws": subspaces.SUBSPACE_DRAWS,
-    "subspaces.incomplete": subspaces.INCOMPLETE,
 }
 
 

@@ -1,5 +1,7 @@
 """The table of example runs: which of its runs is shown first."""
 
+from __future__ import annotations
+
 from hopdata.arrays import pd
 
 
