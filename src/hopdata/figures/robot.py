@@ -111,7 +111,7 @@ def draw_assembly(axes: Axes, sketch: pd.DataFrame) -> None:
     named = [
         ("counterweight,\nboom marker on it", weight, (8, -52), "left"),
         (f"{len(body)} body markers", leftmost, (-12, 10), "right"),
-        ("boom's motor", motor, (22, -20), "left"),
+        ("boom's motor", motor, (36, -27), "left"),
         ("circle of the boom", topmost, (14, 16), "left"),
     ]
     for text, at, offset, side in named:

@@ -179,7 +179,7 @@ def _least_squares(study: Study, seeds: Sequence[int]) -> Row:
         largest.append(float(np.abs(ours / theirs - 1).max()))
     agreement = Agreement.DIFFERS
     if max(largest) < 1e-9:
-        agreement = Agreement.AGREES
+        agreement = Agreement.BUILT
     return Row(32, agreement, {"difference": largest, "fits": 20 * len(seeds)})
 
 
@@ -329,7 +329,7 @@ def _six_boxes(boxes: Mapping[str, list[pd.DataFrame]]) -> Row:
     agreement = Agreement.DIFFERS
     if all(holds):
         agreement = Agreement.AGREES
-    return Row(43, agreement, values)
+    return Row(43, agreement, values, "order")
 
 
 # "Specialised" against "all", by the spread of the contacts.

@@ -454,7 +454,7 @@ def _followed(ways: Sequence[tuple[dict[str, float], pd.DataFrame]]) -> Row:
     for name in ways[0][0]:
         values[name] = [visited[name] for visited, _ in ways]
     agreement = Agreement.DIFFERS
-    if np.median(values["printed_alone"]) > 0:
+    if np.median(values["printed_alone"]) >= len(SQUARE_M) / 2:
         agreement = Agreement.PARTLY
     if np.median(values["printed_alone"]) == len(SQUARE_M):
         agreement = Agreement.AGREES
@@ -522,7 +522,7 @@ def _closeness(run: Run, curves: pd.DataFrame) -> dict[str, float]:
 
 def _figure_row(number: int, values: Mapping[str, Any], _curves: pd.DataFrame) -> Row:
     """Tell whether the run is done, and the response closer than pure simulation."""
-    done = np.mean(values["printed_done"]) > 1 / 2
+    done = np.mean(values["printed_done"]) >= DONE
     is_close = np.median(values["printed_response"]) < np.median(values["printed_pure"])
     agreement = Agreement.PARTLY
     if done and is_close:
@@ -549,7 +549,7 @@ def _drawn_alone(examples: pd.DataFrame) -> Row:
         drawn += int(len(figure.axes) == len(POSE) + 1)
     agreement = Agreement.DIFFERS
     if drawn == len(FIGURES):
-        agreement = Agreement.AGREES
+        agreement = Agreement.BUILT
     return Row(77, agreement, {"drawn": drawn, "asked": len(FIGURES)})
 
 

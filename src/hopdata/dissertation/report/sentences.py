@@ -77,7 +77,8 @@ def _number(value: float, form: str) -> str:
     if form.endswith("g") and FEWEST_POWER > abs(value) >= 1:
         # Python would write 30 to one digit as 3e+01.
         return f"{float(format(value, form)):g}".replace("-", MINUS)
-    text = _SIGN.sub(MINUS, _POWER.sub(_power, format(value, form)))
+    written = format(value, form).replace("%", f"{NO_BREAK_SPACE}%")
+    text = _SIGN.sub(MINUS, _POWER.sub(_power, written))
     return text.removeprefix(f"1{_TIMES}")
 
 
