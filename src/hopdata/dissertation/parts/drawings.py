@@ -397,8 +397,8 @@ def board_row(board: pd.DataFrame) -> Row:
     free = float(steps_mm[~pushing].mean()) if (~pushing).any() else np.nan
     impeded = float(steps_mm[pushing].mean()) if pushing.any() else np.nan
     agreement = Agreement.DIFFERS
-    # It goes on through the board, and the board impedes it; but the printed board takes
-    # up momentum, and this one has no mass.
+    # It goes on through the board, which impedes it; but the printed board takes up
+    # momentum, and this one has no mass.
     if moved_m > 0 and ahead_m > 0 and impeded < free:
         agreement = Agreement.PARTLY
     return Row(

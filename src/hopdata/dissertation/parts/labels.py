@@ -139,7 +139,7 @@ def _agrees(holds: bool, otherwise: Agreement = Agreement.DIFFERS) -> Agreement:
 
 
 def _built(holds: bool) -> Agreement:
-    """Return that a design or a rule of the text is built, if it does what it should."""
+    """Return that a design or a rule is built, if it does what it should."""
     if holds:
         return Agreement.BUILT
     return Agreement.DIFFERS
