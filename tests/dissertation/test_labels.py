@@ -133,3 +133,11 @@ def test_the_study_printed_is_the_sample_by_the_printed_methods():
     sample = study_of(printed=True).config
     printed = load_config("config/printed.yaml")
     assert printed == {**sample, "study": "printed"}
+
+
+@pytest.mark.parametrize(
+    ("percent", "other", "higher"),
+    [(80.0, 70.0, True), (75.4, 74.7, False), (70.0, 80.0, False)],
+)
+def test_a_share_is_higher_by_two_standard_errors(percent, other, higher):
+    assert labels.is_higher(percent, other, 1635) is higher

@@ -679,13 +679,13 @@ def _velocity_minimum(both: _Both) -> Row:
         "kink": kink.right,
     }
     agreement = Agreement.DIFFERS
-    if _is_higher(printed.right, raw.right, len(used)):
-        better = _is_higher(printed.right, level.right, len(used))
+    if is_higher(printed.right, raw.right, len(used)):
+        better = is_higher(printed.right, level.right, len(used))
         agreement = _agrees(better, Agreement.PARTLY)
     return Row(26, agreement, values, "whole_frames")
 
 
-def _is_higher(percent: float, other: float, number: int) -> bool:
+def is_higher(percent: float, other: float, number: int) -> bool:
     """Tell whether one share is higher than another by two standard errors."""
     shares = np.array([percent, other]) / 100
     error = np.sqrt((shares * (1 - shares)).sum() / number)

@@ -448,8 +448,8 @@ def _map_as_printed(studies: Sequence[_Both]) -> Row:
     for name in ("printed", "ours"):
         ahead, back = median[f"{name}_ahead"], median[f"{name}_back"]
         claims.append(-back <= BACKWARDS * ahead)
-        for one, other in (("cw", "ccw"), ("right", "left")):
-            low, high = median[f"{name}_{one}"], median[f"{name}_{other}"]
+        for least, most in (("cw", "ccw"), ("right", "left")):
+            low, high = median[f"{name}_{least}"], median[f"{name}_{most}"]
             # It goes both ways if the weaker is not next to nothing.
             claims.append(min(-low, high) > BACKWARDS * max(-low, high))
     agreement = Agreement.PARTLY

@@ -95,8 +95,8 @@ def make(seeds: Sequence[int]) -> Made:
         _optima(studies),
         _times(studies),
         _objectives(studies, seeds),
-        _followed(ways),
-        *(_figure_row(number, *shown[name]) for name, number in FIGURES.items()),
+        way_points_row(ways),
+        *(figure_row(number, *shown[name]) for name, number in FIGURES.items()),
         _drawn_alone(examples),
         success_row(runs, far),
     ]
@@ -446,7 +446,8 @@ def _number_visited(poses: pd.DataFrame) -> int:
     return progress.visited
 
 
-def _followed(ways: Sequence[tuple[dict[str, float], pd.DataFrame]]) -> Row:
+def way_points_row(ways: Sequence[tuple[dict[str, float], pd.DataFrame]]) -> Row:
+    """Judge item 70: whether the printed controller follows them in its model."""
     values: dict[str, Any] = {
         "points": len(SQUARE_M),
         "most": HOPS_A_POINT * len(SQUARE_M),
@@ -520,7 +521,7 @@ def _closeness(run: Run, curves: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _figure_row(number: int, values: Mapping[str, Any], _curves: pd.DataFrame) -> Row:
+def figure_row(number: int, values: Mapping[str, Any], _curves: pd.DataFrame) -> Row:
     """Tell whether the run is done, and the response closer than pure simulation."""
     done = np.mean(values["printed_done"]) >= DONE
     is_close = np.median(values["printed_response"]) < np.median(values["printed_pure"])
