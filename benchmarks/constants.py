@@ -171,12 +171,21 @@ def changed_source(
         end = value.end_lineno or value.lineno
         before = lines[value.lineno - 1].encode()[: value.col_offset].decode()
         after = lines[end - 1].encode()[value.end_col_offset :].decode()
-        number = ast.get_source_segment(source, value)
-        product = f"({number}) * {factor!r}"
-        if isinstance(value, ast.Constant) and isinstance(value.value, int):
-            product = f"max(round({product}), 1)"
+        product = scaled(value, ast.unparse(value), factor)
         lines[value.lineno - 1 : end] = [f"{before}{product}{after}"]
     return "".join(lines)
+
+
+def scaled(value: ast.expr, text: str, factor: float) -> str:
+    """Return the text of a multiplied number, or of a tuple of them."""
+    if isinstance(value, ast.Tuple):
+        each = [scaled(one, ast.unparse(one), factor) for one in value.elts]
+        return f"({', '.join(each)},)"
+    numbers = [one.value for one in ast.walk(value) if isinstance(one, ast.Constant)]
+    names = [one for one in ast.walk(value) if isinstance(one, ast.Name)]
+    if not names and all(isinstance(number, int) for number in numbers):
+        return f"max(round(({text}) * {factor!r}), 1)"
+    return f"({text}) * {factor!r}"
 
 
 def study_with(config: str, with_quality: bool) -> dict[str, object] | str:

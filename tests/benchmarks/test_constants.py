@@ -107,6 +107,23 @@ def numbers_of(path: Path):
                 yield target.id
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("(0.2, 4)", (0.3, 6)),
+        ("1e-3", 1.5e-3),
+        ("2**4", 24),
+        ("1", 2),
+        ("2.0 * 3", 9.0),
+    ],
+)
+def test_whole_numbers_stay_whole_and_tuples_are_scaled_one_by_one(text, expected):
+    value = ast.parse(text, mode="eval").body
+    found = eval(constants.scaled(value, text, 1.5))
+    assert found == pytest.approx(expected)
+    assert type(found) is type(expected)
+
+
 def test_constants_of_a_module_are_changed_together(package):
     exec(
         constants.changed_source(SOURCE, list(constants.constants(package)), 1.5),
