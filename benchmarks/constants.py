@@ -27,6 +27,7 @@ import shutil
 import signal
 import sys
 import traceback
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib import import_module
@@ -47,6 +48,12 @@ STUDIES = {
 }
 FACTORS = {"x 1.5": 1.5, "/ 1.5": 1 / 1.5}
 TIMEOUT_S = 300
+# What a reader would see: a share of the landings, a part of the bound, the height of a
+# section, and a third of the stated errors of the instants (0.3 ms; the runner, 3 ms).
+SHARE = 0.01
+PART = 0.05
+SECTION_MM = 2.0
+INSTANTS_MS = {"sample": 0.1, "control": 0.1, "runner": 1.0}
 ORIGIN = re.compile(
     r"Unit: (?P<unit>.+?)\. Origin: (?P<origin>\w+)[:.]?\s*(?P<why>.*)", re.S
 )
@@ -171,12 +178,21 @@ def changed_source(
         end = value.end_lineno or value.lineno
         before = lines[value.lineno - 1].encode()[: value.col_offset].decode()
         after = lines[end - 1].encode()[value.end_col_offset :].decode()
-        number = ast.get_source_segment(source, value)
-        product = f"({number}) * {factor!r}"
-        if isinstance(value, ast.Constant) and isinstance(value.value, int):
-            product = f"max(round({product}), 1)"
+        product = scaled(value, ast.unparse(value), factor)
         lines[value.lineno - 1 : end] = [f"{before}{product}{after}"]
     return "".join(lines)
+
+
+def scaled(value: ast.expr, text: str, factor: float) -> str:
+    """Return the text of a multiplied number, or of a tuple of them."""
+    if isinstance(value, ast.Tuple):
+        each = [scaled(one, ast.unparse(one), factor) for one in value.elts]
+        return f"({', '.join(each)},)"
+    numbers = [one.value for one in ast.walk(value) if isinstance(one, ast.Constant)]
+    names = [one for one in ast.walk(value) if isinstance(one, ast.Name)]
+    if not names and all(isinstance(number, int) for number in numbers):
+        return f"max(round(({text}) * {factor!r}), 1)"
+    return f"({text}) * {factor!r}"
 
 
 def study_with(config: str, with_quality: bool) -> dict[str, object] | str:
@@ -409,18 +425,87 @@ def page() -> str:
         "runner (`benchmarks/constants.py`; all numbers: `benchmarks/last_run/constants.csv`).",
         "A dash: not tried. This page is written by `make docs` from the code.",
         "",
+        *summary(rows),
     ]
+    usual = usual_of(rows)
     by_room = sorted(constants(), key=lambda one: one.room or "~")
     for room, in_room in groupby(by_room, key=lambda one: one.room):
         text += [f"## {room or 'Modules beside the rooms'}", ""]
         for module, in_module in groupby(in_room, key=lambda one: one.module):
             text += [f"### {module}", "", *HEADER]
-            text += [table_row(one, rows) for one in in_module]
+            text += [table_row(one, rows, usual) for one in in_module]
             text.append("")
     return "\n".join(text).rstrip() + "\n"
 
 
-def table_row(constant: Constant, rows: Iterable[Moved]) -> str:
+def summary(rows: Sequence[Moved]) -> list[str]:
+    """Return the paragraphs on what constants move more than a reader would ignore."""
+    usual = usual_of(rows)
+    tried = {(row.module, row.name) for row in rows}
+    moving = {(row.module, row.name) for row in rows if moves(row, usual[row.study])}
+    large: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if is_large(row, usual[row.study]):
+            words = f"{row.study} {row.factor}: {moves(row, usual[row.study])}"
+            large.setdefault((row.module, row.name), []).append(words)
+    if not tried:
+        return []
+    text = [
+        "## What moves an answer",
+        "",
+        f"Of {len(tried)} numbers that were tried, {len(tried) - len(moving)} move nothing in",
+        "these three studies: they decide what is refused or noticed in data that are less",
+        f"sound, or how numbers are rounded. {len(moving) - len(large)} move something that no",
+        f"reader would see. The other {len(large)} change a conclusion, the number of landings by",
+        f"more than {SHARE:.0%}, estimate or bound by more than {PART:.0%} of the bound, a section by",
+        f"more than {SECTION_MM:g} mm, or contact instants (rms) by more than a third of their stated",
+        "error:",
+        "",
+        "| constant | what it moves |",
+        "|---|---|",
+    ]
+    for (module, name), words in large.items():
+        text.append(f"| `{name}` ({module}) | {'; '.join(words)} |".replace("||", "|"))
+    text.append("")
+    return text
+
+
+def is_large(row: Moved, usual: dict[str, str]) -> bool:
+    """Tell whether a changed constant moves more than a reader would ignore."""
+    if row.conclusion != usual["conclusion"]:
+        return True
+    if abs(int(row.n_used) / int(usual["n_used"]) - 1) > SHARE:
+        return True
+    if usual["bound"]:
+        allowed = PART * float(usual["bound"])
+        for name in ("estimate", "bound"):
+            value = getattr(row, name)
+            if not value or abs(float(value) - float(usual[name])) > allowed:
+                return True
+    sections = (abs(float(row.pre_mm)), abs(float(row.post_mm)))
+    if max(sections) > SECTION_MM:
+        return True
+    instants = row.instants_ms
+    return instants[0].isdigit() and float(instants) > INSTANTS_MS[row.study]
+
+
+def usual_of(rows: Iterable[Moved]) -> dict[str, dict[str, str]]:
+    """Return what most rows of each study say: what it says with nothing changed."""
+    of_study: dict[str, list[Moved]] = {}
+    for row in rows:
+        of_study.setdefault(row.study, []).append(row)
+    usual = {}
+    for study, in_study in of_study.items():
+        usual[study] = {
+            name: Counter(getattr(row, name) for row in in_study).most_common(1)[0][0]
+            for name in ("conclusion", "n_used", "estimate", "bound")
+        }
+    return usual
+
+
+def table_row(
+    constant: Constant, rows: Iterable[Moved], usual: dict[str, dict[str, str]]
+) -> str:
     """Return a constant as a row of its module's table."""
     origin = constant.origin
     if constant.why:
@@ -431,47 +516,45 @@ def table_row(constant: Constant, rows: Iterable[Moved]) -> str:
         constant.unit,
         constant.decides,
         origin,
-        told_of(constant, rows),
+        told_of(constant, rows, usual),
     ]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def told_of(constant: Constant, rows: Iterable[Moved]) -> str:
+def told_of(
+    constant: Constant, rows: Iterable[Moved], usual: dict[str, dict[str, str]]
+) -> str:
     """Return in a few words what a constant moves."""
     own = [r for r in rows if (r.module, r.name) == (constant.module, constant.name)]
     if not own:
         return "-"
-    same: dict[str, list[Moved]] = {}
-    for row in rows:
-        same.setdefault(row.study, []).append(row)
     words = []
     for row in own:
-        moved = moves(row, same[row.study])
+        moved = moves(row, usual[row.study])
         if moved:
             words.append(f"{row.study} {row.factor}: {moved}")
     return "; ".join(words) or "nothing"
 
 
-def moves(row: Moved, others: Iterable[Moved]) -> str:
-    """Return what differs from what most rows of the study say."""
+def moves(row: Moved, usual: dict[str, str]) -> str:
+    """Return what differs from what a study says with nothing changed."""
     told = []
     for name in ("conclusion", "n_used", "estimate", "bound"):
-        values = [getattr(other, name) for other in others]
-        usual = max(set(values), key=values.count)
         value = getattr(row, name)
-        if value != usual:
-            told.append(f"{name.replace('n_used', 'landings')} {usual} to {value}")
+        if value != usual[name]:
+            label = name.replace("n_used", "landings")
+            told.append(f"{label} {usual[name]} to {value or 'none'}")
     for name in ("pre_mm", "post_mm"):
         value = getattr(row, name)
         if value not in ("", "+0.000", "-0.000"):
-            told.append(f"{name[:-3]} section {value} mm")
+            told.append(f"{name.removesuffix('_mm')} section {value} mm")
     if row.quality not in ("", "0"):
         told.append(f"{row.quality} rows of quality")
-    if row.instants_ms not in ("", "0.0000"):
-        told.append(
-            f"instants {row.instants_ms} ms" if row.instants_ms[0].isdigit() else ""
-        )
-    return ", ".join(word for word in told if word)
+    if row.instants_ms == "other landings":
+        told.append("other landings")
+    elif row.instants_ms not in ("", "0.0000"):
+        told.append(f"instants {row.instants_ms} ms")
+    return ", ".join(told)
 
 
 def main() -> None:

@@ -59,6 +59,7 @@ TABLES = {
     *("overlay_external_truth", "true_rows", "verdict_errors"),
     "study_landings",  # integrates landings one by one on demand
     *("save_film", "build_steering_report"),  # draw and write a page
+    "shown_run",
     *("touchdown_tables", "horizons_of"),  # calls functions that each use one thread
 }
 

@@ -1,6 +1,7 @@
 """The page of constants is made from the code, and a changed constant is a changed module."""
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import constants
@@ -57,7 +58,7 @@ def test_one_constant_is_changed_and_no_other(package, factor, share, frames):
 
 def test_a_row_escapes_what_would_end_a_cell(package):
     share = next(constants.constants(package))
-    row = constants.table_row(share, [])
+    row = constants.table_row(share, [], {})
     assert "by a benchmark \\| of ours." in row
     assert row.endswith("| - |")
 
@@ -71,12 +72,34 @@ def test_what_a_constant_moves_is_told_beside_what_the_study_usually_says():
         *("landings/a.py", "B", "x 1.5", "sample", "", "cannot tell"),
         *("0.0390", "0.2100", "1622", "+0.000", "-1.500", "0.1000", "2"),
     )
-    told = constants.moves(moved, [usual, usual, moved])
-    assert told == (
+    said = constants.usual_of([usual, usual, moved])["sample"]
+    assert constants.moves(moved, said) == (
         "conclusion no difference to cannot tell, bound 0.1340 to 0.2100, "
         "post section -1.500 mm, 2 rows of quality, instants 0.1000 ms"
     )
-    assert constants.moves(usual, [usual, usual, moved]) == ""
+    assert constants.moves(usual, said) == ""
+    assert constants.is_large(moved, said)
+    assert not constants.is_large(usual, said)
+
+
+@pytest.mark.parametrize(
+    ("column", "small", "large"),
+    [
+        ("n_used", "1610", "1600"),
+        ("estimate", "0.0450", "0.0460"),
+        ("bound", "0.1400", "0.1410"),
+        ("post_mm", "-1.900", "-2.100"),
+        ("instants_ms", "0.0900", "0.1100"),
+    ],
+)
+def test_what_no_reader_would_see_is_not_large(column, small, large):
+    usual = constants.Moved(
+        *("landings/a.py", "A", "x 1.5", "sample", "", "no difference"),
+        *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000", "0"),
+    )
+    said = constants.usual_of([usual])["sample"]
+    assert not constants.is_large(replace(usual, **{column: small}), said)
+    assert constants.is_large(replace(usual, **{column: large}), said)
 
 
 def test_every_origin_is_of_a_known_kind():
@@ -105,6 +128,23 @@ def numbers_of(path: Path):
             target = node.targets[0]
             if isinstance(target, ast.Name) and isinstance(node.value.value, float):
                 yield target.id
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("(0.2, 4)", (0.3, 6)),
+        ("1e-3", 1.5e-3),
+        ("2**4", 24),
+        ("1", 2),
+        ("2.0 * 3", 9.0),
+    ],
+)
+def test_whole_numbers_stay_whole_and_tuples_are_scaled_one_by_one(text, expected):
+    value = ast.parse(text, mode="eval").body
+    found = eval(constants.scaled(value, text, 1.5))
+    assert found == pytest.approx(expected)
+    assert type(found) is type(expected)
 
 
 def test_constants_of_a_module_are_changed_together(package):

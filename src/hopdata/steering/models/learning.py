@@ -187,6 +187,7 @@ def map_table(
     return table
 
 
+@one_blas_thread()
 def printed_map_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
     """Tabulate Fig. 3.3 as printed, on the hops that a process was trained on.
 
