@@ -268,7 +268,8 @@ def input_features(
     order = np.arange(1, harmonics + 1)
     waves = order * angle[:, None]
     around = np.column_stack([np.ones(len(angle)), np.cos(waves), np.sin(waves)])
-    across = swing[:, None] ** np.arange(degree + 1)
+    powers = np.arange(degree + 1)
+    across = np.asarray(swing[:, None] ** powers, dtype=float)
     return _products(around, across)
 
 
