@@ -212,7 +212,8 @@ def _roots_of(seed: int) -> tuple[float, float]:
     for _ in range(N_SPLINES):
         # Rising splines: both slopes are up to three times the chord's, which keeps a
         # Hermite cubic monotone, so that there is one root.
-        low, high = -rng.uniform(0.01, 1.0), rng.uniform(0.01, 1.0)
+        low = -rng.uniform(0.01, 1.0)
+        high = rng.uniform(0.01, 1.0)
         slopes = rng.uniform(0.1, 2.0, 2) * (high - low)
         cubic = coefficients(low, high, float(slopes[0]), float(slopes[1]))
         largest = max(largest, abs(illinois(cubic) - closed_form(cubic)))
@@ -221,6 +222,7 @@ def _roots_of(seed: int) -> tuple[float, float]:
 
 
 def _evaluations(cubic: Cubic) -> int:
+    """Return how often the Illinois method evaluates a cubic."""
     calls = []
 
     def counted(x: float) -> float:
@@ -235,13 +237,12 @@ def _level_landings(seed: int) -> tuple[int, int]:
     """Return how many level plates lack a bracket, as printed and corrected."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     plate = Plate(7)
+    as_printed = replace(CORRECTED, cross_at_surface=False)
     refused = 0
     corrected = 0
     for height in rng.uniform(2.0, 3.0, N_LANDINGS):
         start = (rng.uniform(-0.5, 0.5), height, 0.0, 0.0, 0.0, 0.0)
-        refused += _has_no_bracket(
-            plate, start, replace(CORRECTED, cross_at_surface=False)
-        )
+        refused += _has_no_bracket(plate, start, as_printed)
         corrected += _has_no_bracket(plate, start, CORRECTED)
     return refused, corrected
 
@@ -249,6 +250,7 @@ def _level_landings(seed: int) -> tuple[int, int]:
 def _has_no_bracket(
     plate: Plate, start: Sequence[float], options: PrintedOptions
 ) -> bool:
+    """Return whether the printed method finds no bracket of a root, and gives up."""
     region = region_of(plate.system(), plate.params)
     try:
         integrate(region, (0.0, 0.7), start, solver=dopri5(0.02), options=options)
@@ -262,9 +264,9 @@ def _has_no_bracket(
 
 def hopper_regions(hopper: VerticalHopper) -> tuple[Region, Region]:
     """Return the region of touchdown, and the one of take-off."""
-    system, params = hopper.system(), hopper.params
-    falling = region_of(system, params, orientation=(-1,))
-    rising = region_of(system, params, orientation=(1,))
+    system = hopper.system()
+    falling = region_of(system, hopper.params, orientation=(-1,))
+    rising = region_of(system, hopper.params, orientation=(1,))
     return falling, rising
 
 
@@ -315,6 +317,7 @@ def alternation_row(seeds: Sequence[int]) -> Row:
 
 
 def _ends(options: PrintedOptions) -> bool:
+    """Return whether Algorithm 7 comes to its end on the hopper."""
     try:
         hops(dopri5(0.05), options)
     except ArithmeticError:

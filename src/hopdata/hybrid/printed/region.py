@@ -72,7 +72,8 @@ class Region:
         The rates are those of ``dot(Dh, f)`` in Algorithm 6; the system's guards give
         them without the matrix Dh.
         """
-        h, rates = np.zeros((2, self.system.n_guards))
+        h = np.zeros(self.system.n_guards)
+        rates = np.zeros(self.system.n_guards)
         if self.system.guards is not None:
             mode = self.mode(locks)
             self.system.guards.function(t, y, dy, mode, self.params, h, rates)
@@ -132,8 +133,9 @@ def region_of(
     one_function = system.n_guards == 0 or system.guards is not None
     wanted = "all event functions in one function, @guards"
     expect(one_function, "system", wanted, "each one by itself")
+    no_handler = system.on_event is None
     wanted = "no on_event, which the printed method does not call (use hybrid.solve)"
-    expect(system.on_event is None, "system", wanted, "one")
+    expect(no_handler, "system", wanted, "one")
     signs = (1,) * system.n_guards
     if orientation is not None:
         signs = tuple(orientation)
