@@ -154,3 +154,10 @@ def test_the_limit_is_the_quantile_of_chi_squared(share):
     for n in (2, 12):
         exact = chi2.ppf(share, n)
         assert confidence_limit(n, share=share) == pytest.approx(exact, rel=0.015)
+
+
+def test_a_prediction_of_the_past_is_refused():
+    one = SaltationFilter(DROP, params=[30.0, NO_STOP])
+    with pytest.raises(ValueError, match=r"t: expected a time from 0 on, found -0\.1"):
+        one.predict(START, -0.1)
+    assert one.predict(START, 0.0).t == 0.0

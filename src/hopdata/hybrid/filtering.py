@@ -135,8 +135,10 @@ class SaltationFilter:
         Raises
         ------
         ValueError
-            If the integrator fails, with its message.
+            If the time is before that of the estimate, or the integrator fails, with
+            its message.
         """
+        expect(t >= estimate.t, "t", f"a time from {estimate.t:g} on", t)
         now = estimate
         while now.t < t:
             now = self._until_stopped(now, t)

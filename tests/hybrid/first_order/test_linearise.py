@@ -114,3 +114,11 @@ def test_state_and_scale_are_checked():
         instant(octant(), [0, 0], params=(), mode=[-1, -1, -1], t=0.0)
     with pytest.raises(ValueError, match="scale"):
         state_scale(octant(), [1, 0, 1])
+
+
+def test_a_guard_of_another_name_is_refused():
+    start = instant(octant(), [0.0, 0.0, 0.0], params=(), mode=[-1, -1, -1], t=0.0)
+    here = linearise(octant(), start, np.ones(3))
+    with pytest.raises(ValueError, match=r"names among .*'x'.*found .*'back'"):
+        active_guards(octant(), here, ["back"], np.ones(3))
+    assert active_guards(octant(), here, ["x"], np.ones(3)) == (0,)

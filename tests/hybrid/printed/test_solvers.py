@@ -105,3 +105,30 @@ def test_a_leg_may_begin_at_each_event():
     errors = [np.abs(one.y_end - octant_end()).max() for one in (heun, restart)]
     assert errors[1] < 0.2 * errors[0]
     assert restart.events.guard.tolist() == heun.events.guard.tolist() == [1, 2, 0]
+
+
+def test_a_solver_that_does_not_ask_where_to_stop_is_refused():
+    """Its events, but those of its last step, would be lost without a word."""
+    asking = FixedSteps(rk4_step, 0.01)
+
+    def deaf(slope, t, y, t_end, stop):
+        never = NeverStop()
+        return asking(slope, t, y, t_end, never)
+
+    class NeverStop:
+        events = ()
+
+        def __call__(self, *_):
+            return False
+
+    region = region_of(octant())
+    with pytest.raises(ArithmeticError, match=r"went on after t = 0\.2"):
+        integrate(region, T_SPAN, INITIAL_STATE, solver=deaf)
+    assert integrate(region, T_SPAN, INITIAL_STATE, solver=asking).events.time.size == 3
+
+
+@pytest.mark.parametrize("name", ["refresh_slopes", "keep_locks", "cross_at_surface"])
+def test_a_choice_that_is_made_or_not_is_true_or_false(name):
+    with pytest.raises(ValueError, match=f"{name}: expected True or False, found no"):
+        PrintedOptions(**{name: "no"})
+    assert getattr(PrintedOptions(**{name: False}), name) is False

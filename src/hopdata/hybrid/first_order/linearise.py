@@ -203,6 +203,8 @@ def active_guards(
         on_surface = np.abs(h) <= ON_GUARD * (np.abs(here.gradients) @ scale)
         return tuple(np.flatnonzero(on_surface).tolist())
     names = list(system.guard_names)
+    unknown = [g for g in guards if isinstance(g, str) and g not in names]
+    expect(not unknown, "guards", f"names among {names}", unknown)
     chosen = tuple(names.index(g) if isinstance(g, str) else int(g) for g in guards)
     fits = len(set(chosen)) == len(chosen) and all(0 <= k < len(names) for k in chosen)
     expect(fits, "guards", f"different ones of {names}", tuple(guards))

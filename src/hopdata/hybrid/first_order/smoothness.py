@@ -184,7 +184,8 @@ def check_c1(  # noqa: PLR0913 (each parameter is an option of the user's)
     params, mode, t
         As for `solve`; `mode` is the mode before the crossings, with all locks set.
     guards : sequence of int or str, optional
-        Guards that are crossed; by default those on whose surface the state lies.
+        Guards that are crossed; by default those on whose surface the state lies. Those
+        that are named count as crossed at this state, also if it lies elsewhere.
     scale : (n,) array_like, optional
         Size of each coordinate: unit of differences and norms. By default 1.
     positions : sequence of int, optional

@@ -162,6 +162,38 @@ def locks_at(
     return region.signs(t, y)
 
 
+class Asked:
+    """A stop that knows up to when a solver has asked it."""
+
+    def __init__(self, stop: RegionStop) -> None:
+        self.stop = stop
+        self.last_t = -np.inf
+
+    @property
+    def events(self) -> Sequence[EventFunction]:
+        """Event functions of the guards that are not crossed yet, and of the end."""
+        return self.stop.events
+
+    def __call__(self, t: float, y: FloatArray) -> bool:
+        """Return whether the solver stops at this point of its mesh."""
+        self.last_t = max(self.last_t, t)
+        return self.stop(t, y)
+
+
+def require_stopped(mesh: Mesh, stop: RegionStop) -> None:
+    """Refuse a mesh that goes on after a point at which the solver had to stop.
+
+    A solver that does not ask loses all events but those of its last step.
+    """
+    inner = zip(mesh.t[1:-1].tolist(), mesh.y[1:-1], strict=True)
+    for t, y in inner:
+        if stop(t, y):
+            raise ArithmeticError(
+                f"the classical solver went on after t = {t}, where it had to stop:"
+                " expected the first point of its mesh at which `stop(t, y)` is true"
+            )
+
+
 def one_leg(
     stop: RegionStop,
     solver: ClassicalSolver,
@@ -182,13 +214,17 @@ def one_leg(
     Raises
     ------
     ArithmeticError
-        If the solver fails, or returns without having advanced.
+        If the solver fails, returns without having advanced, or goes past a point of
+        its mesh at which it should have stopped.
     """
     region = stop.region
     locks = stop.locks
-    mesh = solver(region.slope_in(locks), t, y, t_end, stop)
+    asked = Asked(stop)
+    mesh = solver(region.slope_in(locks), t, y, t_end, asked)
     if len(mesh.t) < 2 or not mesh.t[-1] > t:
         raise ArithmeticError(f"the classical solver did not advance from t = {t}")
+    if asked.last_t < mesh.t[-1]:
+        require_stopped(mesh, stop)
     t0, t1 = mesh.t[-2:].tolist()
     y0, y1 = mesh.y[-2:]
     if len(region.crossed(t1, y1, locks)) == 0:

@@ -68,8 +68,13 @@ class PrintedOptions:
             found = getattr(self, name)
             wanted = f"one of {', '.join(choices)}"
             expect(found in choices, name, wanted, found)
+        for name in SWITCHES:
+            found = getattr(self, name)
+            expect(isinstance(found, bool), name, "True or False", found)
 
 
+# Choices that are made or not.
+SWITCHES = ("refresh_slopes", "keep_locks", "cross_at_surface")
 # The names that each choice of `PrintedOptions` may have, the default first.
 CHOICES: dict[str, tuple[str, ...]] = {
     "root_finder": tuple(FINDERS),
