@@ -117,6 +117,7 @@ def race(printed, restarted):
     [
         ({}, 0.7, 1.5, "agrees"),
         ({"printed": 10.0}, 0.7, 1.5, "partly"),
+        ({"printed": 10.0}, 0.7, 5.0, "differs"),
         ({"printed": 10.0}, 5.0, 1.5, "partly"),
         ({}, 5.0, 5.0, "differs"),
         ({"printed": 10.0, "restarted": 1.0}, 0.1, 1.5, "differs"),

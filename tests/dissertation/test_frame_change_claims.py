@@ -79,7 +79,7 @@ def scaled(power):
     return pd.DataFrame(rows)
 
 
-def orders():
+def orders(p=0.01):
     rows = []
     for given in (residuals.INPUTS, residuals.STATE):
         for order in residuals.ORDERS:
@@ -91,7 +91,7 @@ def orders():
                         "component": component,
                         "effect": 1.0,
                         "share": 0.2,
-                        "p": 0.01,
+                        "p": p,
                         "seed": 1,
                     }
                 )
@@ -99,10 +99,15 @@ def orders():
 
 
 @pytest.mark.parametrize(
-    ("power", "agreement"), [(2.0, Agreement.AGREES), (1.0, Agreement.PARTLY)]
+    ("power", "p", "agreement"),
+    [
+        (2.0, 0.01, Agreement.AGREES),
+        (2.0, 0.005, Agreement.PARTLY),
+        (1.0, 0.01, Agreement.PARTLY),
+    ],
 )
-def test_agnostic_agrees_if_orders_matter_to_second_order_only(power, agreement):
-    tables = {"scaled": scaled(power), "orders": orders()}
+def test_agnostic_agrees_if_orders_matter_to_second_order_only(power, p, agreement):
+    tables = {"scaled": scaled(power), "orders": orders(p)}
     row = part.equation_row(tables, 1)
     assert row.agreement is agreement
     assert row.values["power"][0] == pytest.approx(power)

@@ -67,8 +67,10 @@ def test_each_item_has_its_row_and_every_sentence_its_numbers(made):
 
 
 def test_the_robot_is_as_the_text_describes_it(made):
-    for item in (11, 15, 16, 17):
-        assert made.rows[item].agreement is Agreement.AGREES
+    found = {item: made.rows[item].agreement for item in (11, 15, 16, 17)}
+    claims = {11: Agreement.PARTLY, 16: Agreement.AGREES}
+    assert found == claims | dict.fromkeys((15, 17), Agreement.BUILT)
+    assert made.rows[11].values["pushed_yaw"] < 1e-6
     assert made.rows[11].values["yaw"] < -1
     assert made.rows[15].values["jump"] == pytest.approx(22.0)
     assert made.rows[16].values["damped"] < 40 < made.rows[16].values["share"]
@@ -131,3 +133,11 @@ def test_the_study_printed_is_the_sample_by_the_printed_methods():
     sample = study_of(printed=True).config
     printed = load_config("config/printed.yaml")
     assert printed == {**sample, "study": "printed"}
+
+
+@pytest.mark.parametrize(
+    ("percent", "other", "higher"),
+    [(80.0, 70.0, True), (75.4, 74.7, False), (70.0, 80.0, False)],
+)
+def test_a_share_is_higher_by_two_standard_errors(percent, other, higher):
+    assert labels.is_higher(percent, other, 1635) is higher

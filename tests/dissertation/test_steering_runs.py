@@ -1,6 +1,7 @@
 """What the page says of controller and runs, with one seed and short ways."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from overlaps import text_faults
 
@@ -103,3 +104,27 @@ def test_figures_are_drawn_without_overlap(made):
     for name in ("fig3_6_turn", "way_points", "success"):
         assert text_faults(figures[name]) == []
     assert len(figures["fig3_9_turn_board"].axes) == 8
+
+
+@pytest.mark.parametrize(
+    ("done", "pure", "agreement"),
+    [
+        ([1, 1, 1, 1, 1], 200.0, Agreement.AGREES),
+        ([1, 1, 1, 0, 0], 200.0, Agreement.PARTLY),
+        ([0, 0, 0, 0, 0], 20.0, Agreement.DIFFERS),
+    ],
+)
+def test_a_figure_agrees_if_nearly_all_seeds_have_such_a_run(done, pure, agreement):
+    values = {"printed_done": done, "planner_done": done}
+    values |= {"printed_response": [30.0] * 5, "printed_pure": [pure] * 5}
+    row = steering_runs.figure_row(72, values, pd.DataFrame())
+    assert row.agreement is agreement
+
+
+@pytest.mark.parametrize(
+    ("visited", "agreement"),
+    [(4, Agreement.AGREES), (2, Agreement.PARTLY), (1, Agreement.DIFFERS)],
+)
+def test_way_points_are_followed_if_the_model_visits_all(visited, agreement):
+    row = steering_runs.way_points_row([({"printed_alone": visited}, pd.DataFrame())])
+    assert row.agreement is agreement

@@ -193,6 +193,7 @@ def _made(
     formats: Sequence[str],
     dpi: float,
 ) -> Record:
+    """Return what a part has made; its tables and figures are in the folder."""
     try:
         module = import_module(f"{__package__}.parts.{name}")
         made = module.make(list(seeds))
@@ -245,19 +246,21 @@ def make_part_apart(
     command += ["--out", str(folder)]
     command += ["--seed", str(seed), "--seeds", str(repetitions)]
     command += ["--dpi", str(dpi), "--formats", *formats]
-    one_thread = ("OMP", "OPENBLAS", "MKL", "NUMBA")
-    limits = {f"{library}_NUM_THREADS": "1" for library in one_thread}
+    # Parts run side by side, each in one thread.
+    libraries = ("OMP", "OPENBLAS", "MKL", "NUMBA")
+    settings = {f"{library}_NUM_THREADS": "1" for library in libraries}
     # Nothing in the working folder is imported.
-    limits["PYTHONSAFEPATH"] = "1"
+    settings["PYTHONSAFEPATH"] = "1"
     with Path(log).open("a", encoding="utf-8") as said:
         done = subprocess.run(
             command,
-            env=os.environ | limits,
+            env=os.environ | settings,
             stdout=said,
             stderr=subprocess.STDOUT,
             check=False,
         )
     if not Path(folder, RECORD).exists():
+        # A process that a signal ended has its negative number as the exit code.
         if -done.returncode in ENDED_BY_USER:
             raise SystemExit(f"hopdata: {name}: interrupted")
         _write_crash(name, folder, done.returncode)
@@ -283,6 +286,7 @@ def _clear(folder: Path) -> None:
 
 
 def _repeat(name: str) -> str:
+    """Return what to do about an error that was not foreseen."""
     return f"python -m {__package__} {name} shows more"
 
 

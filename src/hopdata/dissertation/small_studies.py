@@ -22,9 +22,11 @@ from hopdata.synthesis.scaling import TrueStates, known_scene, true_states
 if TYPE_CHECKING:
     from hopdata.landings.states.pairs import Pairs
     from hopdata.recording import Truth
+    from hopdata.walk import Study
 
-# Disturbances at each apex in the thesis-sized study: half of them is the study
-# half_spread.
+#: Disturbances at each apex in the thesis-sized study: half of them is the study
+#: half_spread.
+#: Unit: m/s, rad/s, 1. Origin: convention: the defaults of the configuration.
 KICKS = {
     "velocity_m_s": 0.05,
     "angular_velocity_rad_s": 0.25,
@@ -50,7 +52,9 @@ class Noise:
         """Return the noise of measured pairs."""
         if pairs.x_se is None or pairs.y_se is None:
             raise ValueError("pairs: expected standard errors of the states")
-        return cls(np.nanmedian(pairs.x_se, axis=0), np.nanmedian(pairs.y_se, axis=0))
+        x = np.nanmedian(pairs.x_se, axis=0)
+        y = np.nanmedian(pairs.y_se, axis=0)
+        return cls(x, y)
 
 
 def hops_with_spread(scale: float, hops: int, seed: int) -> Truth:
@@ -89,6 +93,7 @@ def in_home_frame(states: TrueStates) -> tuple[FloatArray, FloatArray]:
     """
     before = _split(states.x)
     after = _split(states.y)
+    # Half-way between the places of each marker, (n, B, 3).
     middle = (before[0] + after[0]) / 2
     origin = middle.mean(axis=1, keepdims=True)
     to_marker = middle[:, 0] - origin[:, 0]
@@ -96,9 +101,10 @@ def in_home_frame(states: TrueStates) -> tuple[FloatArray, FloatArray]:
     origin[..., 2] = 0.0
     found = []
     for positions, velocities in (before, after):
-        both = [positions - origin, velocities]
-        homed = [turned(one, heading[:, None]) for one in both]
-        found.append(np.concatenate(homed, axis=1).reshape(len(heading), -1))
+        places = turned(positions - origin, heading[:, None])
+        rates = turned(velocities, heading[:, None])
+        both = np.concatenate([places, rates], axis=1)
+        found.append(both.reshape(len(heading), -1))
     return found[0], found[1]
 
 
@@ -108,10 +114,9 @@ def with_noise(
     """Return states (n, 6B) at both sections with normal noise on each coordinate."""
     generator = named_generator(seed, "state noise", *names)
     x, y = states
-    return (
-        x + noise.x * generator.standard_normal(x.shape),
-        y + noise.y * generator.standard_normal(y.shape),
-    )
+    noisy_x = x + noise.x * generator.standard_normal(x.shape)
+    noisy_y = y + noise.y * generator.standard_normal(y.shape)
+    return noisy_x, noisy_y
 
 
 def _split(states: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -119,6 +124,11 @@ def _split(states: FloatArray) -> tuple[FloatArray, FloatArray]:
     positions, velocities = np.split(states, 2, axis=1)
     shape = (len(states), -1, 3)
     return positions.reshape(shape), velocities.reshape(shape)
+
+
+def section_heights_m(study: Study) -> tuple[float, float]:
+    """Return the heights of a study's pre and post section, m."""
+    return study.sections.pre_height_m, study.sections.post_height_m
 
 
 def units_of(pairs: Pairs) -> FloatArray:

@@ -26,6 +26,9 @@ MARKER: dict[str, Any] = {
     "ls": "",
     "zorder": 6,
 }
+CIRCLE: dict[str, Any] = {"color": style.GREY, "lw": 0.7, "ls": (0, (3, 2))}
+# A counterweight this near to the body's axis is drawn as neutral.
+NEUTRAL_M = 0.01
 BODY = "body marker"
 POINT = ["x_m", "y_m", "z_m"]
 PANELS = ("assembly", "leg", "boom")
@@ -81,10 +84,13 @@ def projected(
 
     The first coordinate is to the right, the second up.
     """
-    a, e = np.radians([azimuth_deg, elevation_deg])
-    right = np.array([-np.sin(a), np.cos(a), 0.0])
-    up = np.array([-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)])
-    return np.asarray(np.asarray(points) @ np.column_stack([right, up]))
+    azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    away = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    up = -np.sin(elevation) * away
+    up[2] = np.cos(elevation)
+    picture = np.column_stack([right, up])
+    return np.asarray(np.asarray(points) @ picture)
 
 
 def places(sketch: pd.DataFrame, kind: str) -> FloatArray:
@@ -97,26 +103,12 @@ def draw_assembly(axes: Axes, sketch: pd.DataFrame) -> None:
     """Draw all parts of a hopper that stands on its rest feet, with their names."""
     draw_body(axes, sketch)
     feet = places(sketch, "foot")
+    below: Any = {"ha": "center", "va": "top", "fontsize": 6.5}
     for k, at in enumerate(projected(feet)):
-        look: Any = {"ha": "center", "va": "top", "color": style.foot_colour(k)}
-        style.note(axes, f"foot {k + 1}", tuple(at), (0, -5), fontsize=6.5, **look)
+        colour = style.foot_colour(k)
+        style.note(axes, f"foot {k + 1}", tuple(at), (0, -5), color=colour, **below)
     _draw_axes(axes)
-    weight = projected(places(sketch, "counterweight"))[0]
-    motor = projected(places(sketch, "boom centre"))[0]
-    body = projected(places(sketch, BODY))
-    leftmost = body[body[:, 0].argmin()]
-    circle = projected(places(sketch, "circle"))
-    topmost = circle[circle[:, 1].argmax()]
-    line = {"arrowstyle": "-", "lw": 0.5, "color": style.GREY}
-    named = [
-        ("counterweight,\nboom marker on it", weight, (8, -52), "left"),
-        (f"{len(body)} body markers", leftmost, (-12, 10), "right"),
-        ("boom's motor", motor, (22, -20), "left"),
-        ("circle of the boom", topmost, (14, 16), "left"),
-    ]
-    for text, at, offset, side in named:
-        look = {"ha": side, "va": "center", "arrowprops": line, "zorder": 8}
-        style.note(axes, text, tuple(at), offset, **look)
+    _name_parts(axes, sketch)
     length_m = float(-feet[0, 2])
     radius_m = float(np.hypot(*feet[0, :2]))
     text = (
@@ -128,6 +120,26 @@ def draw_assembly(axes: Axes, sketch: pd.DataFrame) -> None:
     axes.set_aspect("equal")
     axes.margins(0.1)
     axes.set_axis_off()
+
+
+def _name_parts(axes: Axes, sketch: pd.DataFrame) -> None:
+    """Name counterweight, body markers, motor and circle, with a line to each."""
+    weight = projected(places(sketch, "counterweight"))[0]
+    motor = projected(places(sketch, "boom centre"))[0]
+    body = projected(places(sketch, BODY))
+    leftmost = body[body[:, 0].argmin()]
+    circle = projected(places(sketch, "circle"))
+    topmost = circle[circle[:, 1].argmax()]
+    line = {"arrowstyle": "-", "lw": 0.5, "color": style.GREY}
+    named = [
+        ("counterweight,\nboom marker on it", weight, (8, -52), "left"),
+        (f"{len(body)} body markers", leftmost, (-12, 10), "right"),
+        ("boom's motor", motor, (36, -27), "left"),
+        ("circle of the boom", topmost, (14, 16), "left"),
+    ]
+    look: Any = {"va": "center", "arrowprops": line, "zorder": 8}
+    for text, at, offset, side in named:
+        style.note(axes, text, tuple(at), offset, ha=side, **look)
 
 
 def draw_body(
@@ -144,37 +156,47 @@ def draw_body(
     def seen(kind: str) -> FloatArray:
         return projected(places(sketch, kind) @ turn.T + base)
 
-    feet = seen("foot")
     if floor:
-        below = places(sketch, "foot")
-        round_feet = 1.25 * np.hypot(*below[0, :2])
-        disc = _ring(round_feet, below[0, 2])
-        axes.fill(*projected(disc @ turn.T + base).T, color=FLOOR_COLOUR, zorder=0)
+        foot = places(sketch, "foot")[0]
+        radius_m = 1.25 * np.hypot(foot[0], foot[1])
+        disc = _ring(radius_m, foot[2]) @ turn.T + base
+        axes.fill(*projected(disc).T, color=FLOOR_COLOUR, zorder=0)
     corners = seen("plate")
     hub = seen("origin")[0]
-    axes.fill(*corners.T, facecolor=PLATE_COLOUR, edgecolor=style.INK, lw=0.8, zorder=3)
-    for k, (corner, foot) in enumerate(zip(corners, feet, strict=True)):
+    plate: Any = {"facecolor": PLATE_COLOUR, "edgecolor": style.INK, "lw": 0.8}
+    axes.fill(*corners.T, zorder=3, **plate)
+    for k, (corner, foot) in enumerate(zip(corners, seen("foot"), strict=True)):
         colour = style.foot_colour(k)
-        axes.plot(*np.stack([hub, corner]).T, color=style.INK, lw=0.5, zorder=4)
-        axes.plot(*np.stack([corner, foot]).T, color=colour, lw=2.4, zorder=2)
+        _draw_line(axes, hub, corner, color=style.INK, lw=0.5, zorder=4)
+        _draw_line(axes, corner, foot, color=colour, lw=2.4, zorder=2)
         axes.plot(*foot, ms=5, **{**MARKER, "mec": colour})
-    axes.plot(*seen("circle").T, color=style.GREY, lw=0.7, ls=(0, (3, 2)), zorder=2)
+    axes.plot(*seen("circle").T, zorder=2, **CIRCLE)
     centre = seen("boom centre")[0]
     weight = seen("counterweight")[0]
-    axes.plot(*np.stack([centre, weight]).T, color=style.INK, lw=1.6, zorder=5)
+    _draw_line(axes, centre, weight, color=style.INK, lw=1.6, zorder=5)
     axes.plot(*centre, "s", color=style.INK, ms=4, zorder=5)
     axes.plot(*weight, "o", color=style.ORANGE, ms=9, mec=style.INK, zorder=5)
     axes.plot(*seen("boom marker")[0], ms=3.5, **MARKER)
     axes.plot(*seen(BODY).T, ms=4.5, **MARKER)
 
 
+def _draw_line(axes: Axes, start: FloatArray, end: FloatArray, **look: Any) -> None:
+    """Draw a straight line between two places in the picture, (2,) each."""
+    x, y = np.stack([start, end]).T
+    axes.plot(x, y, **look)
+
+
 def _ring(radius_m: float, height_m: float) -> FloatArray:
+    """Return points (n, 3) of a horizontal circle about the axis, m."""
     angle = np.linspace(0.0, 2 * np.pi, 97)
+    x = radius_m * np.cos(angle)
+    y = radius_m * np.sin(angle)
     height = np.full(len(angle), height_m)
-    return np.column_stack([radius_m * np.cos(angle), radius_m * np.sin(angle), height])
+    return np.column_stack([x, y, height])
 
 
 def _turn(heading_rad: float) -> FloatArray:
+    """Return the rotation (3, 3) about the vertical."""
     cos = np.cos(heading_rad)
     sin = np.sin(heading_rad)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -188,7 +210,8 @@ def _draw_axes(axes: Axes) -> None:
     axes.plot(*tips.T, lw=0)  # an arrow beyond the limits would not be drawn
     for name, tip in zip("xyz", tips, strict=True):
         axes.annotate("", tuple(tip), tuple(origin), arrowprops=arrow, zorder=7)
-        away = 5 * (tip - origin) / np.linalg.norm(tip - origin)
+        along = tip - origin
+        away = 5 * along / np.linalg.norm(along)
         look: Any = {"ha": "center", "va": "center", "color": style.VERMILION}
         style.note(axes, name, tuple(tip), tuple(away), zorder=7, **look)
 
@@ -209,27 +232,28 @@ def draw_forces(axes: Axes, forces: pd.DataFrame) -> None:
     landing = forces[forces["phase"] == "landing"]
     push_off = forces[forces["phase"] == "push-off"]
     preload_n = float(landing["force_n"].iloc[0])
+    shortest = push_off.iloc[0]
     longest = push_off.iloc[-1]
     release_mm = float(1e3 * longest["gap_m"])
     release_n = float(longest["force_n"])
     drop: Any = {"lw": 0.8, "ls": ":"}
     axes.plot([0, 0], [0, preload_n], color=style.BLUE, **drop)
     axes.plot([release_mm] * 2, [0, release_n], color=style.VERMILION, **drop)
-    slope = -(push_off["force_n"].iloc[0] - release_n) / (
-        push_off["gap_m"].iloc[0] - longest["gap_m"]
+    rise_n = shortest["force_n"] - release_n
+    way_m = shortest["gap_m"] - longest["gap_m"]
+    slope = -rise_n / way_m
+    of_landing = f"touchdown: at once the\npreload, {preload_n:.0f} N"
+    of_push_off = (
+        f"push-off, once all legs\nhave stood: lift-off at\n{release_mm:.0f} mm"
     )
     told = [
-        (f"touchdown: at once the\npreload, {preload_n:.0f} N", style.BLUE, 0.99),
-        (
-            f"push-off, once all legs\nhave stood: lift-off at\n{release_mm:.0f} mm",
-            style.VERMILION,
-            0.83,
-        ),
+        (of_landing, style.BLUE, 0.99),
+        (of_push_off, style.VERMILION, 0.83),
     ]
     corner: Any = {"textcoords": "axes fraction", "xycoords": "axes fraction"}
+    look: Any = {"ha": "right", "va": "top", **corner}
     for text, colour, height in told:
-        look: Any = {"color": colour, "ha": "right", "va": "top", **corner}
-        style.note(axes, text, (1, 1), (1.0, height), **look)
+        style.note(axes, text, (1, 1), (1.0, height), color=colour, **look)
     middle = push_off.iloc[2 * len(push_off) // 3]
     at = (1e3 * middle["gap_m"], middle["force_n"])
     stiffness = f"{slope:.0f} N/m"
@@ -253,26 +277,25 @@ def draw_boom(axes: Axes, sketch: pd.DataFrame) -> None:
     axes.fill(*plate.T, facecolor=PLATE_COLOUR, edgecolor=style.INK, lw=0.6)
     for k, (corner, foot) in enumerate(zip(plate, feet, strict=True)):
         colour = style.foot_colour(k)
-        axes.plot(*np.stack([corner, foot]).T, color=colour, lw=1.6)
+        _draw_line(axes, corner, foot, color=colour, lw=1.6)
         axes.plot(*foot, ms=4, **{**MARKER, "mec": colour})
         style.note(axes, str(k + 1), tuple(foot), (5, 4), color=colour)
-    axes.plot(*circle.T, color=style.GREY, lw=0.7, ls=(0, (3, 2)))
+    axes.plot(*circle.T, **CIRCLE)
     if len(reached):
         axes.plot(*reached.T, color=style.ORANGE, lw=4, alpha=0.55, zorder=2)
-    axes.plot(*np.stack([centre, weight]).T, color=style.INK, lw=1.6, zorder=3)
+    _draw_line(axes, centre, weight, color=style.INK, lw=1.6, zorder=3)
     axes.plot(*centre, "s", color=style.INK, ms=4, zorder=3)
     axes.plot(*weight, "o", color=style.ORANGE, ms=8, mec=style.INK, zorder=4)
     axes.plot(0, 0, "+", color=style.VERMILION, ms=9, mew=1.2, zorder=5)
     beside: Any = {"ha": "left", "va": "center"}
     style.note(axes, "motor", tuple(centre), (5, -7), **beside)
-    if np.hypot(*weight) < 0.01:
+    if np.hypot(*weight) < NEUTRAL_M:
         text = "neutral: counterweight\non the body's axis"
         line = {"arrowstyle": "-", "lw": 0.5, "color": style.GREY}
-        look: Any = {"ha": "left", "va": "center", "arrowprops": line}
-        style.note(axes, text, tuple(weight), (12, -52), **look)
+        style.note(axes, text, tuple(weight), (12, -52), arrowprops=line, **beside)
     if len(reached):
         ends = reached[[0, -1]] - centre
-        half = 0.5 * _angle_between(*ends)
+        half = 0.5 * _angle_between(ends[0], ends[1])
         text = f"one swing: up to ±{np.degrees(half):.1f}°"
         top = circle[circle[:, 1].argmax()]
         style.note(axes, text, tuple(top), (0, 5), ha="center", va="bottom")
@@ -284,5 +307,6 @@ def draw_boom(axes: Axes, sketch: pd.DataFrame) -> None:
 
 def _angle_between(first: FloatArray, second: FloatArray) -> float:
     """Return the angle from one vector to another, counter-clockwise, in [0, 2 pi)."""
-    turned = np.arctan2(second[1], second[0]) - np.arctan2(first[1], first[0])
-    return float(turned % (2 * np.pi))
+    end = np.arctan2(second[1], second[0])
+    start = np.arctan2(first[1], first[0])
+    return float((end - start) % (2 * np.pi))

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.figures import style
 
 # Decades of the density of a foot's height.
@@ -102,6 +103,7 @@ def sections_figure(
     if not landings:
         height_mm = 86.0
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
+    # One for the pre section, on the left, and one for the post section.
     halves: Any = figure.subfigures(1, 2, wspace=0.02)
     for half, side in zip(halves, SIDES, strict=True):
         _draw_side(half, side, frames, densities, sections, landings)
@@ -197,7 +199,12 @@ def _draw_scatter(
 
 
 def _name_branches(
-    axes: Axes, body: Any, foot: Any, landing: Any, threshold: float, lines: list[float]
+    axes: Axes,
+    body: FloatArray,
+    foot: FloatArray,
+    landing: BoolArray,
+    threshold: float,
+    lines: list[float],
 ) -> None:
     """Label the two branches of frames in the air as descent and ascent.
 
@@ -207,7 +214,9 @@ def _name_branches(
     length = LABEL_LENGTH * np.ptp(body)
     waiting = ["descent", "ascent"]
     for low, high in LABEL_BANDS:
-        bottom, top = threshold + np.array([low, high]) * (foot.max() - threshold)
+        reach = foot.max() - threshold
+        bottom = threshold + low * reach
+        top = threshold + high * reach
         inside = (bottom < foot) & (foot < top)
         if not (inside & landing).any() or not (inside & ~landing).any():
             continue
@@ -215,16 +224,22 @@ def _name_branches(
             "descent": float(np.median(body[inside & landing])),
             "ascent": float(np.median(body[inside & ~landing])),
         }
-        for name in [*waiting]:
+        middle = (bottom + top) / 2
+        # A copy, since what is labelled waits no longer.
+        for name in list(waiting):
             place = places[name]
-            on_left = place == min(places.values())
-            begin = place - length if on_left else place
+            if place == min(places.values()):
+                begin = float(place - length)
+                shift = -12
+                side = "right"
+            else:
+                begin = place
+                shift = 12
+                side = "left"
             if any(begin < line < begin + length for line in lines):
                 continue
-            shift = -12 if on_left else 12
-            side = "right" if on_left else "left"
             look = {"ha": side, "va": "center", "fontsize": 7}
-            style.note(axes, name, (place, (bottom + top) / 2), (shift, 0), **look)
+            style.note(axes, name, (place, middle), (shift, 0), **look)
             waiting.remove(name)
 
 
@@ -306,9 +321,10 @@ def _draw_sections(
 def _legend_handles(sections: Mapping[str, Any], landings: bool) -> list[Artist]:
     dots = [(side.colour, side.condition) for side in SIDES]
     dots.append((style.GREY, "other frames"))
-    handles: list[Artist] = [
-        Line2D([], [], color=c, marker="o", ls="", ms=3, label=text) for c, text in dots
-    ]
+    dot: Any = {"marker": "o", "ls": "", "ms": 3}
+    handles: list[Artist] = []
+    for colour, text in dots:
+        handles.append(Line2D([], [], color=colour, label=text, **dot))
     handles.append(Line2D([], [], label="threshold, section", **DASHED))
     between: Any = {"facecolor": style.YELLOW, "alpha": 0.35, "linewidth": 0}
     handles.append(Patch(label="transition, pre to post", **between))

@@ -44,7 +44,9 @@ def fubini_study(angles: FloatArray) -> FloatArray:
     # A right angle gives minus infinity, whose exponential is zero.
     with np.errstate(divide="ignore"):
         logarithm = np.sum(np.log1p(-(np.sin(angles) ** 2)), axis=-1)
-    return np.arctan2(np.sqrt(-np.expm1(logarithm)), np.exp(logarithm / 2))
+    cosine = np.exp(logarithm / 2)
+    sine = np.sqrt(-np.expm1(logarithm))
+    return np.arctan2(sine, cosine)
 
 
 def chordal_2(angles: FloatArray) -> FloatArray:
@@ -136,11 +138,20 @@ def noise_sensitivity(
     for name, distance in DISTANCES.items():
         found = {sd: distance(of_level) for sd, of_level in angles.items()}
         of_random = distance(unrelated).mean()
-        for sd, values in found.items():
-            low, high = np.quantile(values, [0.05, 0.95])
+        for noise_sd, values in found.items():
             mean = values.mean()
-            level = (mean, values.std(ddof=1), low, high, mean / of_random)
-            rows.append((name, sd, *level, _separation(values, _at(found, 2 * sd))))
+            low, high = np.quantile(values, [0.05, 0.95])
+            row = {
+                "distance": name,
+                "noise_sd": noise_sd,
+                "mean": mean,
+                "sd": values.std(ddof=1),
+                "q05": low,
+                "q95": high,
+                "share_of_random": mean / of_random,
+                "doubling": _separation(values, _at(found, 2 * noise_sd)),
+            }
+            rows.append(row)
     return pd.DataFrame(rows, columns=list(_SENSITIVITY_COLUMNS))
 
 
@@ -249,15 +260,13 @@ def snr_readings(
         names = (reading.ratio, reading.signal, str(reading.noised))
         sd = reading.noise_sd(shape)
         generator = named_generator(seed, "snr", *names)
-        lengths = arc_length(
-            *noised_identities(generator, shape, pairs, sd, reading.noised)
-        )
+        a, b = noised_identities(generator, shape, pairs, sd, reading.noised)
+        lengths = arc_length(a, b)
         known = ("noised_identity", *names, sd, reading == PRINTED_READING)
         rows.append((*known, *_summary(lengths)))
     generator = named_generator(seed, "snr", "random")
-    lengths = arc_length(
-        *orthonormalised(generator.standard_normal((2, pairs, *shape)))
-    )
+    a, b = orthonormalised(generator.standard_normal((2, pairs, *shape)))
+    lengths = arc_length(a, b)
     rows.append(("random", "", "", "", np.nan, False, *_summary(lengths)))
     columns = ("kind", "ratio", "signal", "noised", "noise_sd", "printed")
     levels = ("mean", "mean_se", "sd", "q05", "q25", "median", "q75", "q95")
@@ -267,8 +276,10 @@ def snr_readings(
 def _noised_angles(
     seed: int, shape: tuple[int, int], pairs: int, noise_sd: float
 ) -> FloatArray:
+    """Return the principal angles (pairs, k) of noised identities, rad."""
     generator = named_generator(seed, "sensitivity", f"{noise_sd:.9g}")
-    return principal_angles(*noised_identities(generator, shape, pairs, noise_sd))
+    a, b = noised_identities(generator, shape, pairs, noise_sd)
+    return principal_angles(a, b)
 
 
 def _separation(values: FloatArray, twice: FloatArray | None) -> float:
@@ -280,6 +291,7 @@ def _separation(values: FloatArray, twice: FloatArray | None) -> float:
 
 
 def _summary(values: FloatArray) -> tuple[float, ...]:
+    """Return mean, its standard error, sd, and the quantiles of `_LEVELS`."""
     spread = values.std(ddof=1)
     return (
         values.mean(),

@@ -99,8 +99,11 @@ def _slopes(inputs: FloatArray, y: FloatArray, rows: IntArray) -> FloatArray:
 def _table(
     kind: str, a: str, b: str, difference: FloatArray, whole: FloatArray
 ) -> pd.DataFrame:
+    """Return the norms of differences (R, p, q) over those of the whole map."""
     singular = np.linalg.svd(difference, compute_uv=False)
     of_whole = np.linalg.svd(whole, compute_uv=False)
+    # Of the singular values, the operator norm is the first, the Frobenius norm the
+    # norm of all.
     columns = {
         "kind": kind,
         "schedule_a": a,

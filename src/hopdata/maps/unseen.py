@@ -83,6 +83,7 @@ def _seen(
 ) -> float:
     """Return the error of maps that have seen an order, but not the landing itself."""
     squared = 0.0
+    # Each part is predicted by a map that is fitted to others of the order, too.
     for part in np.array_split(generator.permutation(own), folds):
         rest = np.setdiff1d(np.concatenate([own, others]), part)
         fitted = generator.choice(rest, len(others), replace=False)

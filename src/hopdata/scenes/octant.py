@@ -25,14 +25,25 @@ def octant_field(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
     """Fill in the affine field of the octant given by the locks."""
-    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
-    if x_side:
-        dy[0] = (10.0 * y[0] if y_side else -2.0 * y[1]) + 1.0
-        dy[1] = y[1] + 1.0 if y_side else 0.5 * y[0] + 2.0
+    x_side = mode[0] > 0
+    y_side = mode[1] > 0
+    z_fell = mode[2] > 0
+    if x_side and y_side:
+        dy[0] = 10.0 * y[0] + 1.0
+        dy[1] = y[1] + 1.0
+    elif x_side:
+        dy[0] = -2.0 * y[1] + 1.0
+        dy[1] = 0.5 * y[0] + 2.0
+    elif y_side:
+        dy[0] = y[1] + 1.0
+        dy[1] = -y[0] + 1.0
     else:
-        dy[0] = (y[1] if y_side else -y[1]) + 1.0
-        dy[1] = (-y[0] if y_side else y[0]) + 1.0
-    dy[2] = 3.0 * y[2] - 1.0 if z_fell else -y[2] - 1.0
+        dy[0] = -y[1] + 1.0
+        dy[1] = y[0] + 1.0
+    if z_fell:
+        dy[2] = 3.0 * y[2] - 1.0
+    else:
+        dy[2] = -y[2] - 1.0
 
 
 @guards
@@ -46,9 +57,12 @@ def octant_guards(
     hdot: FloatArray,
 ) -> None:
     """Fill in the coordinate planes; z is crossed downwards, so that -z rises."""
-    h[0], hdot[0] = y[0], dy[0]
-    h[1], hdot[1] = y[1], dy[1]
-    h[2], hdot[2] = -y[2], -dy[2]
+    h[0] = y[0]
+    h[1] = y[1]
+    h[2] = -y[2]
+    hdot[0] = dy[0]
+    hdot[1] = dy[1]
+    hdot[2] = -dy[2]
 
 
 @affine
@@ -56,26 +70,41 @@ def octant_affine(
     mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray
 ) -> None:
     """Fill in the matrix and the constant of the octant given by the locks."""
-    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
-    b[0], b[1], b[2] = 1.0, 1.0, -1.0
+    x_side = mode[0] > 0
+    y_side = mode[1] > 0
+    z_fell = mode[2] > 0
+    b[0] = 1.0
+    b[1] = 1.0
+    b[2] = -1.0
     if x_side and y_side:
-        a[0, 0], a[1, 1] = 10.0, 1.0
+        a[0, 0] = 10.0
+        a[1, 1] = 1.0
     elif x_side:
-        a[0, 1], a[1, 0], b[1] = -2.0, 0.5, 2.0
+        a[0, 1] = -2.0
+        a[1, 0] = 0.5
+        b[1] = 2.0
     elif y_side:
-        a[0, 1], a[1, 0] = 1.0, -1.0
+        a[0, 1] = 1.0
+        a[1, 0] = -1.0
     else:
-        a[0, 1], a[1, 0] = -1.0, 1.0
-    a[2, 2] = 3.0 if z_fell else -1.0
+        a[0, 1] = -1.0
+        a[1, 0] = 1.0
+    if z_fell:
+        a[2, 2] = 3.0
+    else:
+        a[2, 2] = -1.0
 
 
 @cache
 def octant() -> System:
     """Return the system: guards ``x``, ``y`` (rising) and ``z`` (falling)."""
     return System(
-        field=octant_field, guards=octant_guards, affine=octant_affine, n_states=3,
+        field=octant_field,
+        guards=octant_guards,
+        affine=octant_affine,
+        n_states=3,
         guard_names=("x", "y", "z"),
-    )  # fmt: skip
+    )
 
 
 # The exact solution. Each row: matrix and constants of a mode, and the axis whose plane
@@ -98,14 +127,17 @@ def octant_crossings() -> tuple[FloatArray, FloatArray]:
 
     state = np.array([*INITIAL_STATE, 1.0])
     now = 0.0
-    times, states = [], []
+    times = []
+    states = []
     for rows, constants, axis in LEGS:
         flow = affine_flow(rows, constants)
 
+        # The defaults keep what flow and state are in this turn of the loop.
         def height(
             t: float, flow: FloatArray = flow, start: FloatArray = state, k: int = axis
         ) -> float:
-            return float((expm(flow * t) @ start)[k])
+            there = expm(flow * t) @ start
+            return float(there[k])
 
         # A plane that has just been left is no root. No mode lasts for 0.3.
         span = brentq(height, 1e-9, 0.3, xtol=1e-16)
@@ -122,11 +154,16 @@ def octant_end() -> FloatArray:
 
     times, states = octant_crossings()
     flow = affine_flow(*LAST)
-    end = expm(flow * (T_SPAN[1] - times[-1])) @ np.append(states[-1], 1.0)
+    left = T_SPAN[1] - times[-1]
+    start = np.append(states[-1], 1.0)
+    end = expm(flow * left) @ start
     return np.asarray(end[:3])
 
 
 def affine_flow(rows: ArrayLike, constants: ArrayLike) -> FloatArray:
     """Return the generator (4, 4) of an affine flow of the state with a 1 appended."""
-    beside = np.array(constants)[:, None]
-    return np.block([[np.array(rows), beside], [np.zeros((1, 4))]])
+    matrix = np.array(rows)
+    column = np.array(constants)[:, None]
+    # The appended 1 stays 1.
+    last_row = np.zeros((1, 4))
+    return np.block([[matrix, column], [last_row]])

@@ -63,7 +63,9 @@ def compression(i: float, y: FloatArray, p: FloatArray) -> float:
 @kept_njit(error_model="numpy")
 def added_up(y: FloatArray, mode: IntArray, p: FloatArray) -> Sums:
     """Return the sums over the springs whose locks indicate contact."""
-    count, arms, squares = 0.0, 0.0, 0.0
+    count = 0.0
+    arms = 0.0
+    squares = 0.0
     arm = y[0] - p[FIRST]
     for i in range(len(mode)):
         if mode[i] > 0:
@@ -78,8 +80,11 @@ def added_up(y: FloatArray, mode: IntArray, p: FloatArray) -> Sums:
 def push(y: FloatArray, p: FloatArray, slope: float) -> tuple[float, float]:
     """Return (P, Q) of the force P + Q a of a spring in contact at this slope."""
     steepening = (1.0 + slope * slope) * y[5]
-    force = p[STIFFNESS] * (p[REST_LENGTH] - y[1]) + p[DAMPING] * (slope * y[3] - y[4])
-    return force, p[STIFFNESS] * slope + p[DAMPING] * steepening
+    height = p[REST_LENGTH] - y[1]
+    rate = slope * y[3] - y[4]
+    at_centre = p[STIFFNESS] * height + p[DAMPING] * rate
+    per_arm = p[STIFFNESS] * slope + p[DAMPING] * steepening
+    return at_centre, per_arm
 
 
 @kept_njit(error_model="numpy")
@@ -89,7 +94,9 @@ def fill_rates(y: FloatArray, p: FloatArray, sums: Sums, dy: FloatArray) -> None
     at_centre, per_arm = push(y, p, slope)
     force = at_centre * sums[0] + per_arm * sums[1]
     moment = at_centre * sums[1] + per_arm * sums[2]
-    dy[0], dy[1], dy[2] = y[3], y[4], y[5]
+    dy[0] = y[3]
+    dy[1] = y[4]
+    dy[2] = y[5]
     dy[3] = -slope * force / p[MASS]
     dy[4] = force / p[MASS] - p[GRAVITY]
     dy[5] = -(1.0 + slope * slope) * moment / p[INERTIA]
@@ -100,7 +107,9 @@ def fill_force_row(
     y: FloatArray, p: FloatArray, s0: float, s1: float, row: FloatArray
 ) -> None:
     """Fill the gradient, (6,), of sum(F_i w_i), with s0 = sum(w), s1 = sum(w a)."""
-    slope, k, c = math.tan(y[2]), p[STIFFNESS], p[DAMPING]
+    slope = math.tan(y[2])
+    k = p[STIFFNESS]
+    c = p[DAMPING]
     grow = 1.0 + slope * slope  # derivative of the slope with respect to the angle
     row[0] = push(y, p, slope)[1] * s0
     row[1] = -k * s0
@@ -132,14 +141,17 @@ def fill_jacobian(y: FloatArray, p: FloatArray, sums: Sums, jac: FloatArray) -> 
 
 
 # Places in the memory behind the parameters.
-COUNT, NUMBERS, SQUARES = N_PARAMS, N_PARAMS + 1, N_PARAMS + 2
+COUNT = N_PARAMS
+NUMBERS = N_PARAMS + 1
+SQUARES = N_PARAMS + 2
 N_MEMORY = 3
 
 
 @kept_njit(error_model="numpy")
 def sums_of_arms(y: FloatArray, p: FloatArray) -> Sums:
     """Return the sums over the contacts of 1, a and a^2, where a = x - x_i."""
-    arm, step = y[0] - p[FIRST], p[SPACING]
+    arm = y[0] - p[FIRST]
+    step = p[SPACING]
     arms = arm * p[COUNT] - step * p[NUMBERS]
     squares = arm * (arms - step * p[NUMBERS]) + step * step * p[SQUARES]
     return p[COUNT], arms, squares
@@ -165,7 +177,8 @@ def plate_guard(
     hdot: FloatArray,
 ) -> None:
     """Return the compression of spring k, positive in contact."""
-    slope, arm = math.tan(y[2]), y[0] - params[FIRST] - k * params[SPACING]
+    slope = math.tan(y[2])
+    arm = y[0] - params[FIRST] - k * params[SPACING]
     h[k] = params[REST_LENGTH] + slope * arm - y[1]
     hdot[k] = slope * dy[0] - dy[1] + (1.0 + slope * slope) * dy[2] * arm
 
@@ -175,10 +188,12 @@ def plate_rate_bound(
     t: float, y: FloatArray, dy: FloatArray, mode: IntArray, params: FloatArray
 ) -> float:
     """Return the largest rate of any compression, m/s: of the first or last spring."""
-    slope, arm = math.tan(y[2]), y[0] - params[FIRST]
-    rate, per_arm = slope * dy[0] - dy[1], (1.0 + slope * slope) * dy[2]
-    last = arm - (len(mode) - 1) * params[SPACING]
-    return max(abs(rate + per_arm * arm), abs(rate + per_arm * last))
+    slope = math.tan(y[2])
+    rate = slope * dy[0] - dy[1]
+    per_arm = (1.0 + slope * slope) * dy[2]
+    first = y[0] - params[FIRST]
+    last = first - (len(mode) - 1) * params[SPACING]
+    return max(abs(rate + per_arm * first), abs(rate + per_arm * last))
 
 
 @jacobian
@@ -235,7 +250,8 @@ def plate_guards(
     slope = math.tan(y[2])
     steepening = (1.0 + slope * slope) * dy[2]
     arm = y[0] - params[FIRST]
-    height, rate = params[REST_LENGTH] - y[1], slope * dy[0] - dy[1]
+    height = params[REST_LENGTH] - y[1]
+    rate = slope * dy[0] - dy[1]
     for i in range(len(h)):
         a = arm - i * params[SPACING]
         h[i] = height + slope * a
@@ -291,8 +307,12 @@ class Plate:
     @property
     def params(self) -> tuple[float, ...]:
         """Parameters in the form that the compiled functions take."""
-        n, w = self.n_contacts, self.half_width_m
-        first, spacing = (-w, 2 * w / (n - 1)) if n > 1 else (0.0, 0.0)
+        n = self.n_contacts
+        first = 0.0
+        spacing = 0.0
+        if n > 1:
+            first = -self.half_width_m
+            spacing = 2 * self.half_width_m / (n - 1)
         return (
             self.gravity_m_s2,
             self.mass_kg,
@@ -314,11 +334,9 @@ class Plate:
         """
         if sparse:
             return _system_of_sums(self.n_contacts, sparse=True)
-        return (
-            _system_of_sums(self.n_contacts, sparse=False)
-            if sums
-            else _system(self.n_contacts)
-        )
+        if sums:
+            return _system_of_sums(self.n_contacts, sparse=False)
+        return _system(self.n_contacts)
 
     def memory(self, y0: ArrayLike) -> tuple[float, ...]:
         """Return the sums over the contacts for a start that may be in contact."""
@@ -331,15 +349,18 @@ class Plate:
         Heights are drawn from (2, 3) m and angles from (-0.1, 0.1) rad.
         """
         states = np.zeros((count, 6))
-        states[:, 1:3] = np.random.default_rng(seed).uniform(
-            (2.0, -0.1), (3.0, 0.1), (count, 2)
-        )
+        lowest = (2.0, -0.1)
+        highest = (3.0, 0.1)
+        rng = np.random.default_rng(seed)
+        states[:, 1:3] = rng.uniform(lowest, highest, (count, 2))
         return states
 
     def compressions(self, y: ArrayLike) -> FloatArray:
         """Return h_i for states (6, ...): (n_contacts, ...), m; positive in contact."""
         x, z, angle, *_ = np.asarray(y, dtype=np.float64)
-        arms = x - self.spring_places_m.reshape(-1, *(1,) * np.ndim(x))
+        # The springs are the first axis; those of the states follow.
+        beside = (1,) * np.ndim(x)
+        arms = x - self.spring_places_m.reshape(-1, *beside)
         return self.rest_length_m + np.tan(angle) * arms - z
 
     def gradients(self, y: ArrayLike) -> FloatArray:
@@ -356,7 +377,8 @@ class Plate:
         """Return the energy of states (6, ...), J; the floor is at height 0."""
         y = np.asarray(y, dtype=np.float64)
         motion = self.mass_kg * (y[3] ** 2 + y[4] ** 2) + self.inertia_kg_m2 * y[5] ** 2
-        squares = np.sum(np.maximum(self.compressions(y), 0.0) ** 2, axis=0)
+        pressed = np.maximum(self.compressions(y), 0.0)
+        squares = np.sum(pressed**2, axis=0)
         springs = self.stiffness_n_m / self.n_contacts * squares
         fall = self.mass_kg * self.gravity_m_s2 * y[1]
         return np.asarray(0.5 * (motion + springs) + fall)

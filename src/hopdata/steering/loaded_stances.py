@@ -9,11 +9,12 @@ the lowest point of the body instead, and report it a few frames later.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hopdata.arrays import pd
+from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering import robot as plant
 from hopdata.steering.observation.geometry import HopperGeometry
@@ -45,8 +46,10 @@ class Noticed:
 
 def all_loaded_s(hop: Hop) -> float:
     """Return when all legs first carry load at once, s after the apex; NaN if never."""
+    n_legs = len(hop.preloads_n)
+    # Each event is a leg that touches down or lifts off.
     standing = np.cumsum(np.where(hop.event_down, 1, -1))
-    everyone = np.flatnonzero(standing == len(hop.preloads_n))
+    everyone = np.flatnonzero(standing == n_legs)
     if not len(everyone):
         return float(np.nan)
     return float(hop.event_time[everyone[0]])
@@ -78,9 +81,8 @@ def noticed_stances(
     AnalysisError
         If the robot falls.
     """
-    swings, kicks, noises = (
-        np.random.default_rng(one) for one in np.random.SeedSequence(seed).spawn(3)
-    )
+    streams = np.random.SeedSequence(seed).spawn(3)
+    swings, kicks, noises = (np.random.default_rng(stream) for stream in streams)
     detector = StanceDetector(geometry, rate_hz=rate_hz)
     apex = plant.released(robot, np.zeros(3))
     rows = []
@@ -93,6 +95,7 @@ def noticed_stances(
             raise AnalysisError.at("stances", "a robot that hops on", hop.hop.ending)
         loaded = hop.start.time_s + all_loaded_s(hop.hop)
         rows.append({"lowest_s": hop.stance.time_s, "loaded_s": loaded})
+        # The last marker is that of the boom.
         body = hop.markers[:, :-1]
         seen = body + geometry.noise_m * noises.standard_normal(body.shape)
         heights = seen[..., 2].mean(axis=1)
@@ -102,14 +105,27 @@ def noticed_stances(
                 reported.append((stance.time_s, stance.told_s))
         apex = hop.end
     table = pd.DataFrame(rows)
-    found = np.full((len(table), 2), np.nan)
-    n_false = 0
-    for one in reported:
-        apart = np.abs(table["lowest_s"].to_numpy() - one[0])
-        nearest = int(apart.argmin())
-        if apart[nearest] < SAME_STANCE_S and np.isnan(found[nearest, 0]):
-            found[nearest] = one
-        else:
-            n_false += 1
+    found, n_false = _matched(table["lowest_s"].to_numpy(), reported)
     table[["found_s", "told_s"]] = found
     return Noticed(table, n_false)
+
+
+def _matched(
+    lowest_s: FloatArray, reported: Sequence[tuple[float, float]]
+) -> tuple[FloatArray, int]:
+    """Return what was reported of each true stance, (n, 2), s, and the false reports.
+
+    A report is of the nearest true stance. It is false if none is near, or if there
+    was a report of that one before.
+    """
+    found = np.full((len(lowest_s), 2), np.nan)
+    n_false = 0
+    for stance_s, told_s in reported:
+        apart = np.abs(lowest_s - stance_s)
+        nearest = int(apart.argmin())
+        is_new = np.isnan(found[nearest, 0])
+        if apart[nearest] < SAME_STANCE_S and is_new:
+            found[nearest] = (stance_s, told_s)
+        else:
+            n_false += 1
+    return found, n_false

@@ -1,6 +1,7 @@
 import pytest
 
 from hopdata.dissertation.report.sentences import filled
+from hopdata.report.formatting import NO_BREAK_SPACE
 
 
 @pytest.mark.parametrize(
@@ -14,7 +15,7 @@ from hopdata.dissertation.report.sentences import filled
         ("{x:.0e}", {"x": 3.2e-16}, "3\u00a0×\u00a010⁻¹⁶"),
         ("{x:.0e}", {"x": 1e-9}, "10⁻⁹"),
         ("{x:.1e}", {"x": 1.5}, "1.5"),
-        ("{x:.0%}", {"x": 0.756}, "76%"),
+        ("{x:.0%}", {"x": 0.756}, f"76{NO_BREAK_SPACE}%"),
         ("{x:.1g}", {"x": 30.4}, "30"),
         ("{x:.2g}", {"x": -1234.5}, "−1200"),
         ("{x:.2g}", {"x": 3.16e-7}, "3.2\u00a0×\u00a010⁻⁷"),

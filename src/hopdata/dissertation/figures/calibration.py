@@ -32,7 +32,7 @@ QUANTITIES = {
     "velocity": ("m_s", "m/s", (-5.2, 5.2), (1e-17, 1e5)),
 }
 # Where the note stands that tells of the first contact, s and m.
-UNDER_THE_ARCH = (1.0, 1.2)
+UNDER_THE_ARCH = (1.0, 0.95)
 
 
 @style.styled

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import ticker
 
 from hopdata.figures import style
 from hopdata.hybrid.filtering import confidence_limit
@@ -86,7 +87,8 @@ def _draw_shares(axes: Axes, table: pd.DataFrame, limit: float) -> None:
             (0.5, "none", WITHOUT),
         ):
             own = table[chosen & (table["filter"] == name)]
-            share = 100 * float((own["prediction"] < limit).mean())
+            held = (own["prediction"] < limit).groupby(own["seed"]).mean()
+            share = 100 * float(held.median())
             place = k + offset * width
             axes.bar(place, share, width * 0.94, color=colour, alpha=0.75, linewidth=0)
             style.note(
@@ -129,6 +131,7 @@ def convergence(table: pd.DataFrame) -> Figure:
         right = table["evaluation"].max()
         style.note(axes, "reached (0.01 mm)", (right, REACHED), (-2, 2), ha="right")
         axes.set_xlim(1, right)
+        axes.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
         axes.set_title(title, fontsize=style.pt(7))
         axes.set_xlabel("hops tried, each with its gradient")
     panels[0].set_ylabel("miss of the next apex (cm and degrees)")

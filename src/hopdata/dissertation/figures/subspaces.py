@@ -127,7 +127,9 @@ def spectrum_figure(spectrum: pd.DataFrame) -> Figure:
         axes, "17 leading | 17 small", (PRINTED_CUT + 0.5, 1.0), (0, -2), ha="center",
         bbox=style.ON_WHITE, fontsize=7,
     )  # fmt: skip
-    axes.text(n - 0.5, 4e-4, "the two sections", rotation=90, ha="center", va="center")
+    axes.text(
+        n - 0.5, 1.5e-4, "the two sections", rotation=90, ha="center", va="center"
+    )
     axes.set_xlim(0.3, n + 0.5)
     axes.set_ylim(0.6 * LEAST_DRAWN, 2.0)
     axes.set_xticks([1, 5, 10, 15, 20, 25, 30, n])

@@ -224,11 +224,11 @@ def printed_solver(
     """Return Algorithm 7 around SciPy's DOPRI5 as a function."""
     from scipy.integrate import RK45
 
-    system, params = HOPPER.system(), HOPPER.params
-    falling = region_of(system, params, orientation=(-1,))
-    rising = region_of(system, params, orientation=(1,))
-    tolerances = {"rtol": rtol, "atol": 1e-3 * rtol}
-    solver = Stepping(RK45, {"max_step": step_s, **tolerances})
+    system = HOPPER.system()
+    falling = region_of(system, HOPPER.params, orientation=(-1,))
+    rising = region_of(system, HOPPER.params, orientation=(1,))
+    limits = {"max_step": step_s, "rtol": rtol, "atol": 1e-3 * rtol}
+    solver = Stepping(RK45, limits)
 
     def run() -> PrintedSolution:
         return integrate_alternating(
@@ -241,9 +241,14 @@ def printed_solver(
 def solved(**options: Any) -> Any:
     """Return hopdata's solution."""
     return solve(
-        HOPPER.system(), (0.0, UNTIL_S), START, params=HOPPER.params, rtol=RTOL,
-        atol=0.1 * RTOL, **options,
-    )  # fmt: skip
+        HOPPER.system(),
+        (0.0, UNTIL_S),
+        START,
+        params=HOPPER.params,
+        rtol=RTOL,
+        atol=0.1 * RTOL,
+        **options,
+    )
 
 
 # Table 4.4: the race.
@@ -268,10 +273,8 @@ def race(_seed: int) -> dict[str, float]:
         "tight": printed_solver(RESTARTED, rtol=TIGHT),
         "hopdata": with_hopdata,
     }
-    times = {
-        name: 1e3 * np.array(turns)
-        for name, turns in in_turn(runs, fewest=TURNS, most=TURNS).items()
-    }
+    turns_s = in_turn(runs, fewest=TURNS, most=TURNS)
+    times = {name: 1e3 * np.array(turns) for name, turns in turns_s.items()}
     times["hopdata"] /= CALLS
     found = {f"{name}_ms": float(np.median(turns)) for name, turns in times.items()}
     for name in ("printed", "restarted", "tight", "hopdata"):
@@ -309,7 +312,8 @@ def table_row(
     as_exact_restarted = values["restarted_error_m"] < values["mujoco_error_m"]
     if as_fast and as_exact:
         return Row(94, Agreement.AGREES, values)
-    if as_fast or (as_fast_restarted and as_exact_restarted):
+    # Being as fast does not count where the result is wrong.
+    if as_fast_restarted and as_exact_restarted:
         return Row(94, Agreement.PARTLY, values, "tail")
     return Row(94, Agreement.DIFFERS, values, "tail")
 

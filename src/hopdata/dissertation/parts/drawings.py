@@ -155,7 +155,7 @@ def preload_row(study: HopperParameters, tables: Mapping[str, pd.DataFrame]) -> 
     is_preloaded = abs(at_touchdown_n - study.preload_n) < EXACT and at_touchdown_n > 0
     agreement = Agreement.DIFFERS
     if is_preloaded and bent_n < EXACT:
-        agreement = Agreement.AGREES
+        agreement = Agreement.BUILT
     return Row(
         item=14,
         agreement=agreement,
@@ -179,7 +179,7 @@ def robot_row(robot: plant.SteeredHopper, tables: Mapping[str, pd.DataFrame]) ->
     neutral_mm = 1e3 * share * float(np.hypot(*weight[:2]))
     agreement = Agreement.DIFFERS
     if neutral_mm < EXACT:
-        agreement = Agreement.AGREES
+        agreement = Agreement.BUILT
     return Row(
         item=51,
         agreement=agreement,
@@ -342,7 +342,7 @@ def loop_row(alive: set[str], driven: Drive) -> Row:
     latency_ms = float(1e3 * np.nanmedian(latencies)) if len(latencies) else np.nan
     agreement = Agreement.DIFFERS
     if both <= alive and alive == declared:
-        agreement = Agreement.AGREES
+        agreement = Agreement.BUILT
     return Row(
         item=71,
         agreement=agreement,
@@ -397,9 +397,10 @@ def board_row(board: pd.DataFrame) -> Row:
     free = float(steps_mm[~pushing].mean()) if (~pushing).any() else np.nan
     impeded = float(steps_mm[pushing].mean()) if pushing.any() else np.nan
     agreement = Agreement.DIFFERS
-    # It goes on through the board, and the board impedes it.
+    # It goes on through the board, which impedes it; but the printed board takes up
+    # momentum, and this one has no mass.
     if moved_m > 0 and ahead_m > 0 and impeded < free:
-        agreement = Agreement.AGREES
+        agreement = Agreement.PARTLY
     return Row(
         item=74,
         agreement=agreement,

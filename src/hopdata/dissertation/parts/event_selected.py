@@ -343,7 +343,7 @@ def checklist_rows(
     return [
         Row(
             3,
-            _agreement(wrong_left == 0),
+            Agreement.BUILT if wrong_left == 0 else Agreement.DIFFERS,
             {
                 "lines": len(reports[LANDING].ess),
                 "systems": len(reports),
@@ -644,6 +644,7 @@ def _joined() -> Row:
     error = float(np.abs(whole.y_end - exact).max() / DROP_M)
     printed = float(np.abs(joined.y_end - exact).max() / DROP_M)
     holds = max(error, float(product_error)) < JOINED
+    holds = holds and len(joined.events) == len(whole.events)
     values = {
         "seconds": HOPPING_S,
         "events": len(whole.events),

@@ -212,7 +212,8 @@ def _roots_of(seed: int) -> tuple[float, float]:
     for _ in range(N_SPLINES):
         # Rising splines: both slopes are up to three times the chord's, which keeps a
         # Hermite cubic monotone, so that there is one root.
-        low, high = -rng.uniform(0.01, 1.0), rng.uniform(0.01, 1.0)
+        low = -rng.uniform(0.01, 1.0)
+        high = rng.uniform(0.01, 1.0)
         slopes = rng.uniform(0.1, 2.0, 2) * (high - low)
         cubic = coefficients(low, high, float(slopes[0]), float(slopes[1]))
         largest = max(largest, abs(illinois(cubic) - closed_form(cubic)))
@@ -221,6 +222,7 @@ def _roots_of(seed: int) -> tuple[float, float]:
 
 
 def _evaluations(cubic: Cubic) -> int:
+    """Return how often the Illinois method evaluates a cubic."""
     calls = []
 
     def counted(x: float) -> float:
@@ -235,13 +237,12 @@ def _level_landings(seed: int) -> tuple[int, int]:
     """Return how many level plates lack a bracket, as printed and corrected."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     plate = Plate(7)
+    as_printed = replace(CORRECTED, cross_at_surface=False)
     refused = 0
     corrected = 0
     for height in rng.uniform(2.0, 3.0, N_LANDINGS):
         start = (rng.uniform(-0.5, 0.5), height, 0.0, 0.0, 0.0, 0.0)
-        refused += _has_no_bracket(
-            plate, start, replace(CORRECTED, cross_at_surface=False)
-        )
+        refused += _has_no_bracket(plate, start, as_printed)
         corrected += _has_no_bracket(plate, start, CORRECTED)
     return refused, corrected
 
@@ -249,6 +250,7 @@ def _level_landings(seed: int) -> tuple[int, int]:
 def _has_no_bracket(
     plate: Plate, start: Sequence[float], options: PrintedOptions
 ) -> bool:
+    """Return whether the printed method finds no bracket of a root, and gives up."""
     region = region_of(plate.system(), plate.params)
     try:
         integrate(region, (0.0, 0.7), start, solver=dopri5(0.02), options=options)
@@ -262,9 +264,9 @@ def _has_no_bracket(
 
 def hopper_regions(hopper: VerticalHopper) -> tuple[Region, Region]:
     """Return the region of touchdown, and the one of take-off."""
-    system, params = hopper.system(), hopper.params
-    falling = region_of(system, params, orientation=(-1,))
-    rising = region_of(system, params, orientation=(1,))
+    system = hopper.system()
+    falling = region_of(system, hopper.params, orientation=(-1,))
+    rising = region_of(system, hopper.params, orientation=(1,))
     return falling, rising
 
 
@@ -283,6 +285,9 @@ def hops(
 #: Length of a step that holds the apex and the touchdown of a low hop.
 #: Unit: s. Origin: chosen.
 LONG_STEP_S = 0.12
+#: Largest error of the hopper's end with which Algorithm 7 is right once it ends.
+#: Unit: m, m/s. Origin: chosen: far above that of steps of 2 ms, far below a hop.
+RIGHT = 1e-3
 #: Low hops of each seed.
 #: Unit: 1. Origin: chosen.
 N_LOW_HOPS = 20
@@ -303,12 +308,16 @@ def alternation_row(seeds: Sequence[int]) -> Row:
         "printed": error(hops(dopri5(0.002), PRINTED).y_end, exact),
         "corrected": error(hops(dopri5(0.002), CORRECTED).y_end, exact),
     }
-    if not values["ends"]:
+    if values["printed"] > RIGHT:
         return Row(88, Agreement.DIFFERS, values, "loop")
+    if not values["ends"]:
+        # With the slip mended and short steps it is right.
+        return Row(88, Agreement.PARTLY, values, "loop")
     return Row(88, Agreement.BUILT, values)
 
 
 def _ends(options: PrintedOptions) -> bool:
+    """Return whether Algorithm 7 comes to its end on the hopper."""
     try:
         hops(dopri5(0.05), options)
     except ArithmeticError:
@@ -544,7 +553,7 @@ def plate_row(seeds: Sequence[int]) -> Row:
     drawn = values["z_least"] > 2.0 and values["z_most"] < 3.0
     drawn = drawn and values["angle_least"] > -0.1 and values["angle_most"] < 0.1
     if drawn and above.all() and values["gradient"] < 1e-8 and max(values["lost"]) == 0:
-        return Row(98, Agreement.AGREES, values, "partition")
+        return Row(98, Agreement.BUILT, values, "partition")
     return Row(98, Agreement.DIFFERS, values, "partition")
 
 

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 HOPPER = HopperParameters()
 N_FEET = HOPPER.n_legs
+#: Tolerances of all integrations.
+#: Unit: 1, and m, rad, and these per s. Origin: chosen.
 OPTIONS: dict[str, Any] = {"rtol": 1e-8, "atol": 1e-12}
 
 
@@ -153,6 +155,7 @@ def track(tracking: Tracking, entropy: Sequence[int]) -> pd.DataFrame:
             **OPTIONS,
         )
         estimates[name] = Estimate(0.0, expected, np.diag(sd**2), flying)
+    # What is measured of a state: its first six components, position and attitude.
     pose = np.eye(6, 12)
     noise = np.diag(tracking.noise_sd**2)
     rows = []
@@ -164,16 +167,15 @@ def track(tracking: Tracking, entropy: Sequence[int]) -> pd.DataFrame:
             predicted = one.predict(estimates[name], time)
             estimates[name] = one.update(predicted, measured, pose, noise)
             error = estimates[name].mean - truth.state
-            rows.append(
-                {
-                    "time_s": time,
-                    "filter": name,
-                    "contact": is_contact,
-                    "prediction": predicted.normalised_error(truth.state),
-                    "speed_m_s": float(np.linalg.norm(error[6:9])),
-                    "turn_rad_s": float(np.linalg.norm(error[9:])),
-                }
-            )
+            row = {
+                "time_s": time,
+                "filter": name,
+                "contact": is_contact,
+                "prediction": predicted.normalised_error(truth.state),
+                "speed_m_s": float(np.linalg.norm(error[6:9])),
+                "turn_rad_s": float(np.linalg.norm(error[9:])),
+            }
+            rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -207,7 +209,9 @@ class _Truth:
                 **OPTIONS,
             )
             is_contact |= bool((piece.events.guard < N_FEET).any())
-            self.time, self.state, self.mode = piece.t_end, piece.y_end, piece.mode
+            self.time = piece.t_end
+            self.state = piece.y_end
+            self.mode = piece.mode
         self.state = self.state + self.tracking.push_sd * self.rng.normal(size=12)
         return is_contact
 
@@ -250,8 +254,13 @@ def _by_seed(table: pd.DataFrame, name: str) -> dict[str, list[float]]:
     limit = confidence_limit(12, share=CONFIDENCE)
     at_contacts = table[table["contact"]].groupby("seed", sort=False)
     elsewhere = table[~table["contact"]].groupby("seed", sort=False)
-    within = at_contacts["prediction"].agg(lambda found: float((found < limit).mean()))
-    others = elsewhere["prediction"].agg(lambda found: float((found < limit).mean()))
+
+    def held(errors: pd.Series) -> float:
+        """Return the share of squared errors that the confidence holds."""
+        return float((errors < limit).mean())
+
+    within = at_contacts["prediction"].agg(held)
+    others = elsewhere["prediction"].agg(held)
     squares = at_contacts["turn_rad_s"].agg(lambda found: float((found**2).mean()))
     return {
         f"{name}_held": within.tolist(),

@@ -157,9 +157,9 @@ def _own_step(_slope: object, t: float, y: FloatArray, dt: float) -> FloatArray:
     def growing(t, y, mode, params, dy):  # type: ignore[no-untyped-def] # noqa: ARG001
         dy[0] = y[0] * np.cos(t)
 
+    system = System(growing, n_states=1)
     options: dict[str, Any] = {**LOOSE, "first_step": dt, "max_step": dt}
-    span = (t, t + dt)
-    return solve(System(growing, n_states=1), span, y, method="dopri5", **options).y_end
+    return solve(system, (t, t + dt), y, method="dopri5", **options).y_end
 
 
 def spline_row() -> Row:
@@ -194,27 +194,30 @@ def _spline_order(ends: Callable[[float], Ends]) -> float:
     event = turning_point()
     steps = 0.2 / 2.0 ** np.arange(5)
     errors = []
-    for dt in steps:
-        between = ends(float(dt))
+    for dt in steps.tolist():
+        between = ends(dt)
         largest = 0.0
-        for theta in np.linspace(0.0, 1.0, 33):
+        for theta in np.linspace(0.0, 1.0, 33).tolist():
             exact = event.derivative(0, np.array(event.time + theta * dt))
-            found = hermite(float(theta), *between, float(dt))
+            found = hermite(theta, *between, dt)
             largest = max(largest, float(np.abs(found - exact).max()))
         errors.append(largest)
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0]) - 1.0
+    slope, _ = np.polyfit(np.log(steps), np.log(errors), 1)
+    return float(slope) - 1.0
 
 
 def _error_on_a_cubic() -> float:
     """Return the largest error of the formula on the cubic that it should repeat."""
     cubic = np.polynomial.Polynomial([0.3, -1.1, 0.7, 2.0])
     slope = cubic.deriv()
-    start, dt = 0.2, 0.9
+    start = 0.2
+    dt = 0.9
     end = start + dt
+    ends = (cubic(start), cubic(end), slope(start), slope(end))
     theta = np.linspace(0.0, 1.0, 101)
-    ends = cubic(start), cubic(end), slope(start), slope(end)
     found = [hermite(float(one), *ends, dt) for one in theta]
-    return float(np.abs(found - cubic(start + theta * dt)).max())
+    exact = cubic(start + theta * dt)
+    return float(np.abs(found - exact).max())
 
 
 # Theorem 4.2.1 and its constants.
@@ -274,7 +277,9 @@ def theorem_row(table: pd.DataFrame) -> Row:
 
 
 def _slope(rows: pd.DataFrame, column: str) -> float:
-    return float(np.polyfit(np.log(rows["dt"]), np.log(rows[column]), 1)[0])
+    """Return the slope of an error over the step, both on logarithmic scales."""
+    slope, _ = np.polyfit(np.log(rows["dt"]), np.log(rows[column]), 1)
+    return float(slope)
 
 
 def constants_row() -> Row:
@@ -318,6 +323,7 @@ def runs() -> dict[str, Run]:
 
 
 def _printed(options: PrintedOptions) -> Run:
+    """Return the printed method with equal steps of SciPy's DOPRI5."""
     from scipy.integrate import RK45
 
     region = region_of(octant())
@@ -331,13 +337,14 @@ def _printed(options: PrintedOptions) -> Run:
 
 
 def _own(method: str) -> Run:
+    """Return a method of `hopdata.hybrid.solve` with equal steps."""
+
     def run(longest: float, first: float) -> FloatArray:
-        options: dict[str, Any] = {
-            **LOOSE,
-            "max_step": longest,
-            "first_step": first,
-        }
-        return solve(octant(), T_SPAN, INITIAL_STATE, method=method, **options).y_end
+        options: dict[str, Any] = dict(LOOSE)
+        options["max_step"] = longest
+        options["first_step"] = first
+        found = solve(octant(), T_SPAN, INITIAL_STATE, method=method, **options)
+        return found.y_end
 
     return run
 
@@ -397,21 +404,18 @@ def error_table(sweeps: Mapping[str, Sweep]) -> pd.DataFrame:
     for name, sweep in sweeps.items():
         fit = fit_order(sweep.steps, sweep.rms)
         limit = fit_limit(sweep.steps, sweep.rms, shortest_piece())
-        tables.append(
-            pd.DataFrame(
-                {
-                    "method": name,
-                    "step": sweep.steps,
-                    "error": sweep.rms,
-                    "in_fit": fit.used,
-                    "fitted": fit.error(sweep.steps),
-                    "slope": fit.order,
-                    "slope_se": fit.standard_error,
-                    "limit": limit.order,
-                    "limit_se": limit.standard_error,
-                }
-            )
-        )
+        columns = {
+            "method": name,
+            "step": sweep.steps,
+            "error": sweep.rms,
+            "in_fit": fit.used,
+            "fitted": fit.error(sweep.steps),
+            "slope": fit.order,
+            "slope_se": fit.standard_error,
+            "limit": limit.order,
+            "limit_se": limit.standard_error,
+        }
+        tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -425,20 +429,20 @@ def slope_table(sweep: Sweep) -> pd.DataFrame:
     for first in range(len(sweep.steps) - DECADE):
         part = slice(first, first + DECADE + 1)
         logs = np.log(sweep.steps[part])
-        single = np.polyfit(logs, np.log(sweep.single[:, part]).T, 1)[0]
+        together, _ = np.polyfit(logs, np.log(sweep.rms[part]), 1)
+        single, _ = np.polyfit(logs, np.log(sweep.single[:, part]).T, 1)
         low, high = np.quantile(single, [0.05, 0.95])
-        rows.append(
-            {
-                "step": float(np.exp(logs.mean())),
-                "longest": float(sweep.steps[first]),
-                "slope": float(np.polyfit(logs, np.log(sweep.rms[part]), 1)[0]),
-                "low": float(low),
-                "high": float(high),
-                "least": float(single.min()),
-                "most": float(single.max()),
-                "above_printed": float(np.mean(single >= PRINTED_SLOPE)),
-            }
-        )
+        row = {
+            "step": float(np.exp(logs.mean())),
+            "longest": float(sweep.steps[first]),
+            "slope": float(together),
+            "low": float(low),
+            "high": float(high),
+            "least": float(single.min()),
+            "most": float(single.max()),
+            "above_printed": float(np.mean(single >= PRINTED_SLOPE)),
+        }
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -453,17 +457,18 @@ def figure_row(
         wanted = "a straight part of the error over the step"
         raise AnalysisError.at("figure 4.2", wanted, "none")
     logs = np.log(used)
-    of_seeds = np.log(printed.of_seeds[:, fit.used])
+    of_seeds, _ = np.polyfit(logs, np.log(printed.of_seeds[:, fit.used]).T, 1)
     limit = fit_limit(printed.steps, printed.rms, shortest_piece())
     # A decade whose steps are all shorter than the shortest piece has one event a step.
     apart = slopes[slopes["longest"] < shortest_piece()]
     own = errors.groupby("method")[["slope", "limit"]].first().to_dict("index")
+    # The corrected method was run only in the longest of the steps.
     corrected = sweeps["corrected"].rms
     ratio = printed.rms[: len(corrected)] / corrected
     values: dict[str, Any] = {
         "slope": fit.order,
         "slope_se": fit.standard_error,
-        "seeds": np.polyfit(logs, of_seeds.T, 1)[0].tolist(),
+        "seeds": of_seeds.tolist(),
         "count": len(used),
         "shortest": float(used.min()),
         "longest": float(used.max()),

@@ -48,6 +48,7 @@ from hopdata.synthesis.scaling import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hopdata.synthesis.scaling import KnownScene, TrueStates
     from hopdata.walk import Study
 
 # What the dissertation prints.
@@ -57,16 +58,27 @@ PRINTED_TRAVEL_MM = 140.0
 PRINTED_IMPACTS = 100
 
 AFFINE = ("specialised", "near", "all", "far")
+#: Numbers of landings to learn from.
+#: Unit: landings. Origin: chosen: about doubled each time, to what the sample has.
 SIZES = (25, 50, PRINTED_IMPACTS, 200, 400, 800, 1400)
 #: Spreads of the small studies, over that of the sample.
+#: Unit: 1. Origin: chosen.
 SCALES = (0.25, 0.5, 1.0, 2.0)
 #: Deviations of the noise-free landings, over those of the sample.
+#: Unit: 1. Origin: chosen: halved each time.
 DEVIATIONS = (1.0, 0.5, 0.25, 0.125, 0.0625)
+#: Hops of a small study.
+#: Unit: hops. Origin: chosen: a study takes a second.
 SMALL_HOPS = 900
+#: Bootstraps of a small study.
+#: Unit: 1. Origin: chosen.
 SMALL_BOOTSTRAPS = 60
+#: Landings of the sample that are integrated with smaller deviations.
+#: Unit: landings. Origin: chosen.
 MOST_SCALED = 800
 #: That of the sample's control: a leg has a fifth less force for each leg that does not
 #: yet stand.
+#: Unit: 1. Origin: convention: config/sample_control.yaml.
 COUPLING = 0.2
 
 # When print and result are said to agree.
@@ -131,8 +143,10 @@ def _bootstraps(study: Study, seeds: Sequence[int]) -> list[pd.DataFrame]:
 
 
 def _bootstrap(study: Study, seed: int, **options: Any) -> pd.DataFrame:
+    """Return the errors of a study's bootstraps, by its keys and these."""
     pairs = study.pairs
     x, y = pairs.normalised()
+    keys = {**study.config["prediction"], **options}
     found = bootstrap_prediction(
         x,
         y,
@@ -141,12 +155,13 @@ def _bootstrap(study: Study, seed: int, **options: Any) -> pd.DataFrame:
         length_unit_m=pairs.length_unit_m,
         time_unit_s=pairs.time_unit_s,
         seed=seed,
-        **{**study.config["prediction"], **options},
+        **keys,
     )
     return found.errors
 
 
 def _summary(boxes: Mapping[str, list[pd.DataFrame]], method: str) -> pd.DataFrame:
+    """Return what the boxes of a method show: a row a model, over all seeds."""
     summary = summarise_errors(pd.concat(boxes[method]))
     summary.insert(0, "method", method)
     return summary
@@ -162,6 +177,7 @@ def _medians(tables: list[pd.DataFrame]) -> list[dict[str, float]]:
 
 
 def _ratios(tables: list[pd.DataFrame], above: str, below: str) -> list[float]:
+    """Return the median error of one model over that of another, for each seed."""
     return [median[above] / median[below] for median in _medians(tables)]
 
 
@@ -179,7 +195,7 @@ def _least_squares(study: Study, seeds: Sequence[int]) -> Row:
         largest.append(float(np.abs(ours / theirs - 1).max()))
     agreement = Agreement.DIFFERS
     if max(largest) < 1e-9:
-        agreement = Agreement.AGREES
+        agreement = Agreement.BUILT
     return Row(32, agreement, {"difference": largest, "fits": 20 * len(seeds)})
 
 
@@ -208,6 +224,7 @@ def _replacement(printed: Study, ours: Study, seeds: Sequence[int]) -> Row:
     for name, drawn in DRAWS.items():
         fitted, tested = drawn(generator, 276, (120, 41), 200)
         pairs = zip(tested, fitted, strict=True)
+        # Share of the tested landings that the map was fitted to.
         shared = np.mean([np.isin(test, fit).mean() for test, fit in pairs])
         distinct = np.mean([len(np.unique(fit)) for fit in fitted])
         values[f"{name}_shared"] = 100 * float(shared)
@@ -222,6 +239,7 @@ def _replacement(printed: Study, ours: Study, seeds: Sequence[int]) -> Row:
 
 
 def _class_sizes(study: Study) -> str:
+    """Return the number of landings of each order, in words."""
     _, counts = np.unique(study.pairs.schedule, return_counts=True)
     return ", ".join(str(count) for count in counts)
 
@@ -236,8 +254,9 @@ def _worst(printed: Study, ours: Study, boxes: Mapping[str, list[pd.DataFrame]])
         agrees[method] = all(1 / SAME_ORDER < one < SAME_ORDER for one in ratios)
         values[f"{method}_mm"] = millimetres
         values[f"{method}_m_s"] = metres_per_second
-        single = _largest_single(study)
-        values[f"{method}_single_mm"], values[f"{method}_single_m_s"] = single
+        single_mm, single_m_s = _largest_single(study)
+        values[f"{method}_single_mm"] = single_mm
+        values[f"{method}_single_m_s"] = single_m_s
     agreement = Agreement.DIFFERS
     if all(agrees.values()):
         agreement = Agreement.AGREES
@@ -270,7 +289,8 @@ def _largest_single(study: Study) -> tuple[float, float]:
     for order in np.unique(pairs.schedule):
         rows = pairs.schedule == order
         errors.append(leave_one_out_residuals(pairs.x[rows], pairs.y[rows]))
-    position, velocity = np.split(np.abs(np.concatenate(errors)), 2, axis=1)
+    sizes = np.abs(np.concatenate(errors))
+    position, velocity = np.split(sizes, 2, axis=1)
     return 1e3 * float(position.max()), float(velocity.max())
 
 
@@ -329,7 +349,7 @@ def _six_boxes(boxes: Mapping[str, list[pd.DataFrame]]) -> Row:
     agreement = Agreement.DIFFERS
     if all(holds):
         agreement = Agreement.AGREES
-    return Row(43, agreement, values)
+    return Row(43, agreement, values, "order")
 
 
 # "Specialised" against "all", by the spread of the contacts.
@@ -337,7 +357,7 @@ def _six_boxes(boxes: Mapping[str, list[pd.DataFrame]]) -> Row:
 
 def _spreads(study: Study, seeds: Sequence[int]) -> pd.DataFrame:
     """Return the ratio of the models' errors in small studies, a row a study."""
-    heights = (study.sections.pre_height_m, study.sections.post_height_m)
+    heights = small_studies.section_heights_m(study)
     noise = small_studies.Noise.of(study.pairs)
     units = small_studies.units_of(study.pairs)
     rows = []
@@ -358,8 +378,9 @@ def _spreads(study: Study, seeds: Sequence[int]) -> pd.DataFrame:
 
 
 def _all_over_specialised(
-    x: FloatArray, y: FloatArray, states: Any, seed: int
+    x: FloatArray, y: FloatArray, states: TrueStates, seed: int
 ) -> float:
+    """Return the error of one map for all orders over that of a map for each."""
     found = bootstrap_prediction(
         x,
         y,
@@ -408,6 +429,7 @@ class _Rigid:
 
 
 def _rigid(study: Study) -> _Rigid:
+    """Return the landings of a study, with the shape of its own body."""
     pairs = study.pairs
     shape = body_shape(split_states(pairs.x)[0])
     before = rigid_states(pairs.x, shape)
@@ -442,6 +464,7 @@ def _norms(ours: Study, control: Study, seeds: Sequence[int]) -> Row:
 
 
 def _across_over_within(differences: pd.DataFrame, norm: str) -> float:
+    """Return the median difference between orders over that within one."""
     median = differences.groupby("kind")[norm].median()
     return float(median["cross_class"] / median["in_class"])
 
@@ -455,10 +478,7 @@ def _learning(study: Study, seeds: Sequence[int]) -> pd.DataFrame:
     rigid = _rigid(study)
     truth = truth_of()
     scene = common_scene([truth])
-    body = study.config["markers"]["body"]
-    heights = SectionHeights(
-        study.sections.pre_height_m, study.sections.post_height_m, scene.points_of(body)
-    )
+    heights = _sections_of(study, scene)
     exact = exact_map(
         exact_maps([truth], heights),
         true_states(truth, scene, heights).x,
@@ -474,6 +494,13 @@ def _learning(study: Study, seeds: Sequence[int]) -> pd.DataFrame:
         of_map = map_error_by_landings(exact, rigid.x, rigid.y, SIZES, seed=seed)
         tables.append(of_map.assign(what="map", seed=seed))
     return pd.concat(tables, ignore_index=True)
+
+
+def _sections_of(study: Study, scene: KnownScene) -> SectionHeights:
+    """Return the sections of a study, with the body markers that it names."""
+    pre_m, post_m = small_studies.section_heights_m(study)
+    body = study.config["markers"]["body"]
+    return SectionHeights(pre_m, post_m, scene.points_of(body))
 
 
 def _enough_impacts(learning: pd.DataFrame) -> Row:
@@ -505,29 +532,27 @@ def _unseen_when_near(study: Study) -> pd.DataFrame:
     """
     truth = truth_of()
     scene = common_scene([truth])
-    body = study.config["markers"]["body"]
-    heights = SectionHeights(
-        study.sections.pre_height_m, study.sections.post_height_m, scene.points_of(body)
-    )
-    weights = output_weights(
-        heights.points_m - heights.centre_m, study.pairs.time_unit_s
-    )
+    heights = _sections_of(study, scene)
+    shape = heights.points_m - heights.centre_m
+    weights = output_weights(shape, study.pairs.time_unit_s)
     cases = {"C1": Control(), "control": Control(coupling=COUPLING)}
-    rows = []
-    for found in scaled_landings(
+    landings = scaled_landings(
         scene.scene,
         cases,
         truth.apex_states[:MOST_SCALED],
         truth.preloads_n[:MOST_SCALED],
         heights,
         scales=DEVIATIONS,
-    ):
+    )
+    rows = []
+    for found in landings:
         inputs = np.hstack([found.x, found.preloads_n])
         table = leave_one_order_out(inputs, found.y * weights, found.schedule, seed=1)
         of_all = np.sqrt(table[["unseen", "seen", "mean"]].mean())
+        unseen = of_all["unseen"] / of_all["mean"]
+        seen = of_all["seen"] / of_all["mean"]
         spread_ms = 1e3 * float(np.median(found.contact_s.std(axis=1)))
-        shares = (of_all["unseen"] / of_all["mean"], of_all["seen"] / of_all["mean"])
-        rows.append((found.case, found.scale, spread_ms, *shares))
+        rows.append((found.case, found.scale, spread_ms, unseen, seen))
     columns = ["case", "scale", "spread_ms", "unseen", "seen"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -548,12 +573,10 @@ def _never_trained_on(
             ratios.append(float(mean["unseen"] / mean["seen"]))
         values[f"{case}_share"] = shares[0]
         values[f"{case}_over_seen"] = ratios
-        noise = small_studies.Noise.of(study.pairs).y / small_studies.units_of(
-            study.pairs
-        )
-        values[f"{case}_noise"] = 100 * float(
-            np.sqrt(np.mean(noise**2) / table["mean"].mean())
-        )
+        units = small_studies.units_of(study.pairs)
+        noise = small_studies.Noise.of(study.pairs).y / units
+        noise_share = np.sqrt(np.mean(noise**2) / table["mean"].mean())
+        values[f"{case}_noise"] = 100 * float(noise_share)
     nearest = near["scale"].min()
     for case in ("C1", "control"):
         by_scale = near[near["case"] == case].set_index("scale")["unseen"]

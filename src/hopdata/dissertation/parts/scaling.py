@@ -42,7 +42,10 @@ Run = Callable[[FloatArray], FloatArray]
 
 # Numbers of springs (section 4.4.4).
 CONTACTS = tuple(range(2, 36))
+#: Simulated time.
+#: Unit: s. Origin: chosen: as for the hopper of section 4.4.3.
 UNTIL_S = 2.0
+# MuJoCo's time step, as in Table 4.4, s.
 TIMESTEP_S = 2e-3
 #: Largest step of the printed method: its error is then below that of MuJoCo.
 #: Unit: s. Origin: measured: tests/dissertation/test_scaling.py.
@@ -97,8 +100,8 @@ def draw(tables: Mapping[str, pd.DataFrame]) -> Mapping[str, Figure]:
     """Draw Fig. 4.4."""
     from hopdata.dissertation.figures.scaling import scaling_figure
 
-    names = ("scaling", "marginal", "settling")
-    return {"fig4_4_scaling": scaling_figure(*(tables[name] for name in names))}
+    figure = scaling_figure(tables["scaling"], tables["marginal"], tables["settling"])
+    return {"fig4_4_scaling": figure}
 
 
 def settling_bed(n_contacts: int) -> Plate:
@@ -142,10 +145,15 @@ def by_printed(plate: Plate) -> Run:
     options = PrintedOptions(root_finder="cubic")
 
     def run(start: FloatArray) -> FloatArray:
-        return integrate_both_ways(
-            plate.system(), (0.0, UNTIL_S), start, params=plate.params, solver=solver,
+        found = integrate_both_ways(
+            plate.system(),
+            (0.0, UNTIL_S),
+            start,
+            params=plate.params,
+            solver=solver,
             options=options,
-        ).y_end  # fmt: skip
+        )
+        return found.y_end
 
     return run
 
@@ -162,9 +170,14 @@ def by_hopdata(plate: Plate, rtol: float = RTOL) -> Run:
 def solved(plate: Plate, start: FloatArray, rtol: float) -> Any:
     """Return hopdata's solution, without output in between."""
     return solve(
-        plate.system(), (0.0, UNTIL_S), start, params=plate.params, rtol=rtol,
-        atol=0.1 * rtol, t_eval=(UNTIL_S,),
-    )  # fmt: skip
+        plate.system(),
+        (0.0, UNTIL_S),
+        start,
+        params=plate.params,
+        rtol=rtol,
+        atol=0.1 * rtol,
+        t_eval=(UNTIL_S,),
+    )
 
 
 # The race.
@@ -194,7 +207,8 @@ class Race:
 
     def slopes(self, solver: str) -> FloatArray:
         """Return the time per further contact with each seed, (K,), us/s."""
-        return slope(self.contacts, np.median(self.times_us[solver], axis=1))
+        medians = np.median(self.times_us[solver], axis=1)
+        return slope(self.contacts, medians)
 
     def table(self) -> pd.DataFrame:
         """Return a row a solver and number of springs: times and errors."""
@@ -229,13 +243,14 @@ class Race:
             for first in range(len(self.contacts) - window + 1):
                 part = slice(first, first + window)
                 counts = self.contacts[part]
-                band = np.percentile(slope(counts, drawn[:, part]), (2.5, 97.5))
+                of_draws = slope(counts, drawn[:, part])
+                low, high = np.percentile(of_draws, (2.5, 97.5))
                 row = {
                     "solver": solver,
                     "n_contacts": float(counts.mean()),
-                    "low95_us": band[0],
+                    "low95_us": low,
                     "marginal_us": float(slope(counts, medians[part])),
-                    "high95_us": band[1],
+                    "high95_us": high,
                 }
                 rows.append(row)
         return pd.DataFrame(rows)
@@ -248,9 +263,10 @@ def raced(
     plates = [bed(n) for n in contacts]
     runs = [solvers(plate) for plate in plates]
     exact = [by_hopdata(plate, TIGHT) for plate in plates]
-    starts = [bed(contacts[0]).initial_states(STARTS, seed) for seed in seeds]
+    # The starts are the same for all numbers of springs.
+    starts = [plates[0].initial_states(STARTS, seed) for seed in seeds]
     warmed_up(runs, starts[0][0])
-    shape = len(seeds), STARTS, len(contacts)
+    shape = (len(seeds), STARTS, len(contacts))
     times = {name: np.empty(shape) for name in runs[0]}
     errors = {name: np.empty(shape) for name in runs[0]}
     events = np.empty(shape)
@@ -313,6 +329,7 @@ def scaling_row(bouncing: Race, settling: Race, mujoco_version: str) -> Row:
     values: dict[str, Any] = {name: one.tolist() for name, one in lists.items()}
     for short, name in NAMES.items():
         values[f"{short}_error"] = float(np.median(bouncing.errors[name]))
+    # Of a spring, each time.
     values["events"] = float(np.median(bouncing.events / bouncing.contacts))
     values["settling_events"] = float(np.median(settling.events / settling.contacts))
     values["settling_error"] = float(np.median(settling.errors["printed"]))

@@ -37,16 +37,23 @@ from hopdata.steering.trial import ControlGrid, TrueFrameChanges, true_frame_cha
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Tilt of the test of headings, rad.
+#: Tilt of the test of headings.
+#: Unit: rad. Origin: chosen.
 TILT_RAD = 0.15
+#: Frames of the test of headings.
+#: Unit: 1. Origin: chosen.
 TILTED_FRAMES = 2000
-# Nodes of the true map: coarse, since it is averaged.
+#: Boom angles at which the true map is known: few, since it is averaged.
+#: Unit: 1. Origin: chosen.
 TRUE_ANGLES = 16
+#: Swings at which it is known.
+#: Unit: 1. Origin: chosen.
 TRUE_SWINGS = 5
-# Hops that the models learn from, and twice as many.
+# Hops that the models learn from (Sec. 3.4.2), and twice as many.
 PAIRS = 100
 TWICE = 200
-# Hops of the analytic functions.
+#: Hops of the analytic functions.
+#: Unit: hops. Origin: chosen.
 SMOOTH_HOPS = 400
 # Kernels of C1 and of C2 functions.
 C1, C2 = 1.5, 2.5
@@ -66,6 +73,8 @@ COMPONENTS = ("dx", "dy", "dtheta")
 NEAR_MINIMAL = 1.1
 #: 100 hops suffice if as many again lower no error by more than this share.
 LITTLE_GAIN = 0.1
+#: They nearly suffice below this share; see `frame_change_claims.SUFFICIENT`.
+SOME_GAIN = 1 - 1 / 1.2
 #: A model is nearly periodic if a turn changes it by less than this share of its range.
 NEARLY = 0.1
 #: It cannot hop backwards if its farthest way back is less than this of that ahead.
@@ -128,7 +137,9 @@ class _Both:
 
 
 def _both(seed: int) -> _Both:
-    return _Both(learned(seed, printed=True), learned(seed, printed=False))
+    printed = learned(seed, printed=True)
+    ours = learned(seed, printed=False)
+    return _Both(printed, ours)
 
 
 def _excitation(seeds: Sequence[int]) -> Row:
@@ -141,18 +152,17 @@ def _excitation(seeds: Sequence[int]) -> Row:
     ours = over_seeds(lambda seed: len(eulerian_excitation(grid, seed)), seeds)
     longer = [100 * (hops / shortest - 1) for hops in printed]
     agreement = Agreement.DIFFERS
-    if max(printed) <= NEAR_MINIMAL * shortest:
-        agreement = Agreement.AGREES
+    # To the letter it makes no move, so it is never more than partly as printed.
+    if np.median(printed) <= NEAR_MINIMAL * shortest:
+        agreement = Agreement.PARTLY
     values = {"printed": printed, "ours": ours, "longer": longer, "shortest": shortest}
     return Row(56, agreement, values, "completed")
 
 
 def _headings(studies: Sequence[_Both]) -> Row:
     """Item 57: errors of the heading and of the place, level and tilted."""
-    values: dict[str, list[float]] = {
-        name: []
-        for name in ("printed", "ours", "printed_tilted", "ours_tilted", "spread_mm")
-    }
+    names = ("printed", "ours", "printed_tilted", "ours_tilted", "spread_mm")
+    values: dict[str, list[float]] = {name: [] for name in names}
     for study in studies:
         # The same recording by both, so that only the method differs.
         trial = study.ours.trial
@@ -166,14 +176,18 @@ def _headings(studies: Sequence[_Both]) -> Row:
         values["printed_tilted"].append(1e3 * tilted[0])
         values["ours_tilted"].append(1e3 * tilted[1])
         # What the text returns for the place: the markers about their mean.
-        centred = body[..., :2] - body[..., :2].mean(axis=1, keepdims=True)
-        values["spread_mm"].append(1e3 * float(np.nanmax(np.abs(centred.mean(axis=1)))))
-    return Row(57, Agreement.BUILT, values, "mean")
+        level = body[..., :2]
+        centred = level - level.mean(axis=1, keepdims=True)
+        returned_m = np.abs(centred.mean(axis=1))
+        values["spread_mm"].append(1e3 * float(np.nanmax(returned_m)))
+    return Row(57, Agreement.PARTLY, values, "mean")
 
 
 def _about_mean(angles_rad: FloatArray) -> float:
     """Return the root mean square of angles about their mean, rad."""
-    angles = wrapped(angles_rad - angles_rad[np.isfinite(angles_rad)][0])
+    # Counted from one of them, they have a mean that no full turn disturbs.
+    first = angles_rad[np.isfinite(angles_rad)][0]
+    angles = wrapped(angles_rad - first)
     return rms(angles - np.nanmean(angles))
 
 
@@ -191,8 +205,9 @@ def _tilted_errors(study: Learned) -> tuple[float, float]:
     pitch = TILT_RAD * np.cos(side)
     roll = TILT_RAD * np.sin(side)
     rotation = _rotations(np.column_stack([heading, pitch, roll]))
-    body = np.einsum("nij,mj->nmi", rotation, shape)
-    body = body + geometry.noise_m * rng.standard_normal(body.shape) + [0.0, 0.0, 0.3]
+    turned = np.einsum("nij,mj->nmi", rotation, shape)
+    noise = geometry.noise_m * rng.standard_normal(turned.shape)
+    body = turned + noise + [0.0, 0.0, 0.3]
     phasors = wrapped(phasor_poses(body)[:, 2] - heading)
     solid = _solid_headings(study, body)
     return _about_mean(phasors), _about_mean(wrapped(solid - heading))
@@ -224,27 +239,25 @@ def _boom_angles(studies: Sequence[_Both]) -> Row:
             seen = one.observed.motion["boom_angle_rad"].to_numpy()
             true_rad = one.trial.motion["boom_angle_rad"].to_numpy()
             errors.append(1e3 * _about_mean(seen - true_rad))
-    return Row(58, Agreement.BUILT, values, "slips")
+    return Row(58, Agreement.PARTLY, values, "slips")
 
 
 def _stances(studies: Sequence[_Both]) -> Row:
     """Item 59: stance pairs missed and invented, and those found to the letter."""
-    values: dict[str, list[float]] = {
-        name: []
-        for name in ("pairs", "letter", "missed", "invented", "own_missed", "own_more")
-    }
+    names = ("pairs", "letter", "missed", "invented", "own_missed", "own_more")
+    values: dict[str, list[float]] = {name: [] for name in names}
     for study in studies:
-        printed, ours = study.printed, study.ours
+        printed = study.printed
         literal = printed_stance_pairs(printed.recording.body_height, derivative=2)
         missed, invented = _pair_errors(printed)
-        own_missed, own_invented = _pair_errors(ours)
+        own_missed, own_invented = _pair_errors(study.ours)
         values["pairs"].append(int(printed.trial.stances["follows"].sum()))
         values["letter"].append(len(literal))
         values["missed"].append(missed)
         values["invented"].append(invented)
         values["own_missed"].append(own_missed)
         values["own_more"].append(own_invented)
-    return Row(59, Agreement.BUILT, values, "letter")
+    return Row(59, Agreement.PARTLY, values, "letter")
 
 
 def _pair_errors(study: Learned) -> tuple[int, int]:
@@ -252,7 +265,9 @@ def _pair_errors(study: Learned) -> tuple[int, int]:
     found = _first_times(study.observed.stances)
     real = _first_times(study.trial.stances)
     same = np.abs(found[:, None] - real) <= SAME_STANCE_S
-    return int((~same.any(axis=0)).sum()), int((~same.any(axis=1)).sum())
+    is_missed = ~same.any(axis=0)
+    is_invented = ~same.any(axis=1)
+    return int(is_missed.sum()), int(is_invented.sum())
 
 
 def _first_times(stances: pd.DataFrame) -> FloatArray:
@@ -306,18 +321,15 @@ def _algebra_error(study: Learned) -> float:
 
 def _pairs(studies: Sequence[_Both], seeds: Sequence[int]) -> Row:
     """Item 61: errors after 100 pairs, and after twice as many."""
-    values: dict[str, list[float]] = {
-        f"{name}_{component}": []
-        for name in ("printed", "ours")
-        for component in COMPONENTS
-    }
+    values: dict[str, list[float]] = {}
     gains = []
     for study, seed in zip(studies, seeds, strict=True):
         for name in ("printed", "ours"):
             one: Learned = getattr(study, name)
             r2 = one.scores.set_index("component")["r2"]
             for component in COMPONENTS:
-                values[f"{name}_{component}"].append(float(r2[component]))
+                of_seeds = values.setdefault(f"{name}_{component}", [])
+                of_seeds.append(float(r2[component]))
         scores = learning.learning_scores(
             study.ours.observed.changes,
             {"ours": RECOMMENDED},
@@ -328,6 +340,8 @@ def _pairs(studies: Sequence[_Both], seeds: Sequence[int]) -> Row:
         mean = scores.groupby(["component", "hops"])["rmse"].mean().unstack()
         gains.append(100 * float((1 - mean[TWICE] / mean[PAIRS]).max()))
     agreement = Agreement.DIFFERS
+    if np.median(gains) <= 100 * SOME_GAIN:
+        agreement = Agreement.PARTLY
     if np.median(gains) <= 100 * LITTLE_GAIN:
         agreement = Agreement.AGREES
     return Row(61, agreement, {**values, "gain": gains}, "noisy")
@@ -335,9 +349,8 @@ def _pairs(studies: Sequence[_Both], seeds: Sequence[int]) -> Row:
 
 def _noise(studies: Sequence[_Both]) -> Row:
     """Item 62: how periodic the models are, and whether their intervals hold."""
-    values: dict[str, list[float]] = {
-        name: [] for name in ("seam", "own_seam", "place", "turn", "own_covered")
-    }
+    names = ("seam", "own_seam", "place", "turn", "own_covered")
+    values: dict[str, list[float]] = {name: [] for name in names}
     for study in studies:
         values["seam"].append(100 * _seam(study.printed))
         values["own_seam"].append(100 * _seam(study.ours))
@@ -358,16 +371,19 @@ def _seam(study: Learned) -> float:
     It is the root mean square over the boom angles of the middle turn and the swings of
     Fig. 3.3; of the three components, the one that changes most.
     """
-    angle = np.linspace(0, TURN, 49)
     largest = learning.PRINTED_MAP_RAD
-    mesh = np.meshgrid(angle, np.linspace(-largest, largest, 9), indexing="ij")
+    angle = np.linspace(0, TURN, 49)
+    swing = np.linspace(-largest, largest, 9)
+    mesh = np.meshgrid(angle, swing, indexing="ij")
     points = np.stack(mesh, axis=-1).reshape(-1, 2)
     turn = np.array([TURN, 0.0])
     here = study.process.mean_at(points)
-    around = [study.process.mean_at(points + way) for way in (-turn, turn)]
-    apart = [there - here for there in around]
+    before = study.process.mean_at(points - turn)
+    after = study.process.mean_at(points + turn)
+    apart = [before - here, after - here]
     changed = np.sqrt(np.mean(np.square(apart), axis=(0, 1)))
-    return float((changed / np.ptp(here, axis=0)).max())
+    in_range = changed / np.ptp(here, axis=0)
+    return float(in_range.max())
 
 
 def _kernels_of(studies: Sequence[_Both], seeds: Sequence[int]) -> Any:
@@ -439,10 +455,14 @@ def _map_as_printed(studies: Sequence[_Both]) -> Row:
             for key, value in known.items():
                 values.setdefault(f"{name}_{key}", []).append(value)
     median = {name: float(np.median(found)) for name, found in values.items()}
-    no_way_back = -median["ours_back"] <= BACKWARDS * median["ours_ahead"]
-    both_ways = median["ours_cw"] < 0 < median["ours_ccw"]
-    sideways = median["ours_right"] < 0 < median["ours_left"]
-    claims = [no_way_back, both_ways, sideways]
+    claims = []
+    for name in ("printed", "ours"):
+        ahead, back = median[f"{name}_ahead"], median[f"{name}_back"]
+        claims.append(-back <= BACKWARDS * ahead)
+        for least, most in (("cw", "ccw"), ("right", "left")):
+            low, high = median[f"{name}_{least}"], median[f"{name}_{most}"]
+            # It goes both ways if the weaker is not next to nothing.
+            claims.append(min(-low, high) > BACKWARDS * max(-low, high))
     agreement = Agreement.PARTLY
     if all(claims):
         agreement = Agreement.AGREES
@@ -473,8 +493,8 @@ def _maps(studies: Sequence[_Both], truth: TrueFrameChanges) -> Row:
 
 def _explained(process: FrameChangeProcess, truth: TrueFrameChanges) -> list[float]:
     """Return the share of the true map's variance that a model explains, (3,)."""
-    mesh = np.meshgrid(truth.boom_angle_rad, truth.swing_rad, indexing="ij")
+    angle, swing = np.meshgrid(truth.boom_angle_rad, truth.swing_rad, indexing="ij")
     true_change = truth.average().reshape(-1, 3)
-    errors = process.change(mesh[0].ravel(), mesh[1].ravel()) - true_change
+    errors = process.change(angle.ravel(), swing.ravel()) - true_change
     share = 1 - np.mean(errors**2, axis=0) / true_change.var(axis=0)
     return [float(value) for value in share]

@@ -48,8 +48,12 @@ class _Shown:
 
 
 def _written(value: Any, form: str) -> str:
+    """Return a value in words or numbers, by a format as of `str.format`."""
+    # A truth value is also an integer, so it comes first.
     if isinstance(value, bool):
-        return "yes" if value else "no"
+        if value:
+            return "yes"
+        return "no"
     if isinstance(value, str):
         return format(value, form)
     if isinstance(value, Sequence):
@@ -60,7 +64,9 @@ def _written(value: Any, form: str) -> str:
 def _over_seeds(values: Sequence[Any], form: str) -> str:
     """Return ``median (low to high)``, or one text if all are written alike."""
     if any(isinstance(value, str) for value in values):
-        return ", ".join(dict.fromkeys(_written(value, form) for value in values))
+        written = [_written(value, form) for value in values]
+        # Each text once, in the order in which they came.
+        return ", ".join(dict.fromkeys(written))
     middle = _number(median(values), form)
     low = _number(min(values), form)
     high = _number(max(values), form)
@@ -70,6 +76,7 @@ def _over_seeds(values: Sequence[Any], form: str) -> str:
 
 
 def _number(value: float, form: str) -> str:
+    """Return a number with a true minus, and a power of ten where it has one."""
     if not form:
         return significant(value)
     if form.endswith("d"):
@@ -77,7 +84,10 @@ def _number(value: float, form: str) -> str:
     if form.endswith("g") and FEWEST_POWER > abs(value) >= 1:
         # Python would write 30 to one digit as 3e+01.
         return f"{float(format(value, form)):g}".replace("-", MINUS)
-    text = _SIGN.sub(MINUS, _POWER.sub(_power, format(value, form)))
+    written = format(value, form).replace("%", f"{NO_BREAK_SPACE}%")
+    text = _POWER.sub(_power, written)
+    text = _SIGN.sub(MINUS, text)
+    # A power alone: 10^-16 for 1 x 10^-16.
     return text.removeprefix(f"1{_TIMES}")
 
 

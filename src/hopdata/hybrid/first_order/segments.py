@@ -60,8 +60,9 @@ def derivative_without_saltation(
     # Of several events at one instant, the last has the state that goes on.
     last = np.flatnonzero(np.diff(events.time, append=np.inf) > 0)
     last = last[events.time[last] < whole.t_end]
-    starts = [t_span[0], *events.time[last]]
-    ends = [*events.time[last], whole.t_end]
+    between = events.time[last]
+    starts = [t_span[0], *between]
+    ends = [*between, whole.t_end]
     states = [np.asarray(y0, dtype=np.float64), *events.after[last]]
     modes = [mode, *events.mode[last].tolist()]
     pause = BEFORE_EVENT * (whole.t_end - t_span[0])
@@ -69,6 +70,7 @@ def derivative_without_saltation(
     of_params = None
     for start, end, state, its_mode in zip(starts, ends, states, modes, strict=True):
         if end - pause <= start:
+            # Two events nearly coincide: hardly anything changes between them.
             continue
         piece = solve(
             system,
@@ -82,6 +84,7 @@ def derivative_without_saltation(
         assert piece.jacobian is not None
         of_state = piece.jacobian @ of_state
         if piece.sensitivity is not None:
+            # The chain rule: what came before is carried on, and this piece adds.
             before = np.zeros_like(piece.sensitivity)
             if of_params is not None:
                 before = of_params

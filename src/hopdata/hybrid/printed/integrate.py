@@ -107,12 +107,16 @@ def integrate(
     ArithmeticError
         If the classical solver fails, or returns without having advanced.
     """
-    options = options or PrintedOptions()
+    if options is None:
+        options = PrintedOptions()
+    if solver is None:
+        solver = default_solver()
     t_start = float(t_span[0])
+    t_end = float(t_span[1])
     y = check_shape("y0", y0, region.system.n_states)
-    trail = Trail(region.system, [Mesh(np.array([t_start]), y[None])])
-    span = t_start, float(t_span[1])
-    locks = run_region(trail, region, span, solver or default_solver(), options, ended)
+    start = Mesh(np.array([t_start]), y[None])
+    trail = Trail(region.system, [start])
+    locks = run_region(trail, region, (t_start, t_end), solver, options, ended)
     return trail.solution(region.mode(locks))
 
 
@@ -180,17 +184,24 @@ def one_leg(
     ArithmeticError
         If the solver fails, or returns without having advanced.
     """
-    region, locks = stop.region, stop.locks
+    region = stop.region
+    locks = stop.locks
     mesh = solver(region.slope_in(locks), t, y, t_end, stop)
     if len(mesh.t) < 2 or not mesh.t[-1] > t:
         raise ArithmeticError(f"the classical solver did not advance from t = {t}")
-    t0, t1 = (float(time) for time in mesh.t[-2:])
+    t0, t1 = mesh.t[-2:].tolist()
     y0, y1 = mesh.y[-2:]
     if len(region.crossed(t1, y1, locks)) == 0:
-        return Leg(Mesh(mesh.t[1:], mesh.y[1:])), Resolution(t1, y1, locks, ())
+        # Nothing was crossed: the leg ends at the end of the span or of the region.
+        leg = Leg(Mesh(mesh.t[1:], mesh.y[1:]))
+        return leg, Resolution(t1, y1, locks, ())
     resolved = resolve_contacts(region, t0, y0, t1, y1, locks, options)
-    times = [*mesh.t[1:-1], *(one.time for one in resolved.crossings)]
-    states = [*mesh.y[1:-1], *(one.state for one in resolved.crossings)]
+    # In place of the last point, which lies beyond the events, stand the events.
+    times = list(mesh.t[1:-1])
+    states = list(mesh.y[1:-1])
+    for crossing in resolved.crossings:
+        times.append(crossing.time)
+        states.append(crossing.state)
     n_behind = len(resolved.crossings) - 1
     if options.tail == "heun":
         times.append(resolved.t)

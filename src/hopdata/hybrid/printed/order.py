@@ -86,15 +86,12 @@ def order_of_step(
         Where the step begins, s.
     """
     errors = []
-    for dt in steps:
-        end = one_step(slope, start, solution(start), float(dt))
-        errors.append(np.abs(end - solution(start + float(dt))).max())
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0]) - 1.0
-
-
-def rms_error(ends: FloatArray, exact: FloatArray) -> float:
-    """Return the rms deviation of final states (..., n) from the exact one (n,)."""
-    return float(np.sqrt(np.mean((ends - exact) ** 2)))
+    for dt in steps.tolist():
+        found = one_step(slope, start, solution(start), dt)
+        exact = solution(start + dt)
+        errors.append(np.abs(found - exact).max())
+    slope_of_error, _ = np.polyfit(np.log(steps), np.log(errors), 1)
+    return float(slope_of_error) - 1.0
 
 
 @dataclass(frozen=True)
@@ -145,18 +142,24 @@ def fit_order(
         Largest distance of an error from the line, decades.
     """
     order = np.argsort(step)
+    # From the finest step to the coarsest; coarse ones are given up one by one.
     inside = [int(i) for i in order if least <= error[i] <= most]
     for count in range(len(inside), FEWEST - 1, -1):
         chosen = inside[:count]
-        x, y = np.log10(step[chosen]), np.log10(error[chosen])
-        (slope, shift), (slope_error, _), residual = _regression(
-            np.stack([x, np.ones(count)]), y
-        )
+        rows = np.stack([np.log10(step[chosen]), np.ones(count)])
+        line, line_errors, residual = _regression(rows, np.log10(error[chosen]))
         if np.abs(residual).max() <= deviation:
             used = np.zeros(len(step), dtype=bool)
             used[chosen] = True
-            return OrderFit(float(slope), float(10.0**shift), used, float(slope_error))
-    return OrderFit(np.nan, np.nan, np.zeros(len(step), dtype=bool), np.nan)
+            slope, shift = line
+            return OrderFit(
+                order=float(slope),
+                factor=float(10.0**shift),
+                used=used,
+                standard_error=float(line_errors[0]),
+            )
+    none = np.zeros(len(step), dtype=bool)
+    return OrderFit(order=np.nan, factor=np.nan, used=none, standard_error=np.nan)
 
 
 @dataclass(frozen=True)
@@ -200,19 +203,29 @@ def fit_limit(
     count = int(used.sum())
     if count < FEWEST + 1:
         return LimitFit(np.nan, np.nan, np.nan, count)
+    # log error = order log step + bend step + constant
     rows = np.stack([np.log(step[used]), step[used], np.ones(count)])
-    (order, bend, _), errors, _ = _regression(rows, np.log(error[used]))
-    return LimitFit(float(order), float(errors[0]), float(bend), count)
+    found, errors, _ = _regression(rows, np.log(error[used]))
+    return LimitFit(
+        order=float(found[0]),
+        standard_error=float(errors[0]),
+        bend=float(found[1]),
+        n_steps=count,
+    )
 
 
 def _regression(
     rows: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return least-squares coefficients, their standard errors, and the residual."""
-    coefficients = np.asarray(
-        np.linalg.lstsq(rows.T, y, rcond=None)[0], dtype=np.float64
-    )
+    """Return least-squares coefficients, their standard errors, and the residual.
+
+    Each row of `rows`, (k, N), is what a coefficient is multiplied with.
+    """
+    found, *_ = np.linalg.lstsq(rows.T, y, rcond=None)
+    coefficients = np.asarray(found, dtype=np.float64)
     residual: FloatArray = y - coefficients @ rows
-    variance = residual @ residual / max(len(y) - len(rows), 1)
-    errors: FloatArray = np.sqrt(np.diag(np.linalg.inv(rows @ rows.T)) * variance)
+    degrees_of_freedom = max(len(y) - len(rows), 1)
+    variance = residual @ residual / degrees_of_freedom
+    inverse = np.linalg.inv(rows @ rows.T)
+    errors: FloatArray = np.sqrt(np.diag(inverse) * variance)
     return coefficients, errors, residual

@@ -80,7 +80,8 @@ class Region:
         The rates are those of ``dot(Dh, f)`` in Algorithm 6; the system's guards give
         them without the matrix Dh.
         """
-        h, rates = np.zeros((2, self.system.n_guards))
+        h = np.zeros(self.system.n_guards)
+        rates = np.zeros(self.system.n_guards)
         if self.system.guards is not None:
             mode = self.mode(locks)
             self.system.guards.function(t, y, dy, mode, self.params, h, rates)

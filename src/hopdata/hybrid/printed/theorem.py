@@ -67,10 +67,11 @@ class KnownEvent:
 
 def turning_point() -> KnownEvent:
     """Return an event where a helix that closes in on a plane crosses a paraboloid."""
-    time, instant = 0.7, np.array(0.7)
+    time = 0.7
     hessian = np.array([[0.6, 0.2, 0.0], [0.2, -0.4, 0.3], [0.0, 0.3, 0.5]])
     gradient = np.array([-0.3, 1.5, -0.4])
-    y = turning_derivative(0, instant)
+    y = turning_derivative(0, np.array(time))
+    # So that h is zero at that time.
     offset = -float(0.5 * y @ hessian @ y + gradient @ y)
     return KnownEvent(
         turning_slope, turning_derivative, hessian, gradient, offset, time
@@ -170,11 +171,13 @@ def localise(
     start = event.time - part * dt
     ends = mesh_ends(event, start, dt, mesh)
     root = _root(event, ends, dt)
-    found, true = hermite(root, *ends, dt), event.derivative(0, np.array(event.time))
+    found_time = start + root * dt
+    found_state = hermite(root, *ends, dt)
+    true_state = event.derivative(0, np.array(event.time))
     return Localisation(
         dt=dt,
-        time_error=abs(start + root * dt - event.time),
-        state_error=float(np.abs(found - true).max()),
+        time_error=abs(found_time - event.time),
+        state_error=float(np.abs(found_state - true_state).max()),
         constants=constants(event, start, dt, ends),
     )
 
@@ -196,53 +199,60 @@ def constants(event: KnownEvent, start: float, dt: float, ends: Ends) -> Constan
     """Return the constants of table 4.1 on the step from `start` with these ends."""
     theta = np.linspace(0.0, 1.0, GRID)
     times = start + dt * theta
-    y, dy = event.derivative(0, times), event.derivative(1, times)
-    p = spline_polynomials(ends, dt)
-    along = np.array([one(theta) for one in p])
-    rates = np.einsum("it,it->t", event.hessian @ y + event.gradient[:, None], dy)
+    y = event.derivative(0, times)
+    dy = event.derivative(1, times)
+    gradients = event.hessian @ y + event.gradient[:, None]
+    rates = np.einsum("it,it->t", gradients, dy)
     live = rates.min() > 0.0
     expect(live, "dt", "an event function that is live on the whole step", f"{dt:g}")
+    # Derivatives by theta become those by time with a factor 1 / dt each.
+    p = spline_polynomials(ends, dt)
+    along = np.array([one(theta) for one in p])
+    fourth = _height_along(event, p).deriv(4)(theta)
+    speeds = [float(np.abs(one.deriv()(theta)).max()) for one in p]
     return Constants(
-        fourth=float(np.abs(_height_along(event, p).deriv(4)(theta)).max()) / dt**4,
+        fourth=float(np.abs(fourth).max()) / dt**4,
         lipschitz=_lipschitz(event, np.concatenate([y, along], axis=1)),
         spline=_spline_constant(event, start, dt, ends, times),
         liveness=float(rates.min()),
-        speed=max(float(np.abs(one.deriv()(theta)).max()) for one in p) / dt,
+        speed=max(speeds) / dt,
     )
 
 
 def spline_polynomials(ends: Ends, dt: float) -> list[Polynomial]:
     """Return the Hermite cubic of each component as a polynomial in theta."""
     y0, y1, f0, f1 = ends
-    return [
-        Polynomial(row) for row in np.transpose(coefficients(y0, y1, dt * f0, dt * f1))
-    ]
+    of_powers = coefficients(y0, y1, dt * f0, dt * f1)
+    return [Polynomial(row) for row in np.transpose(of_powers)]
 
 
 def _root(event: KnownEvent, ends: Ends, dt: float) -> float:
+    """Return theta of the root of the Hermite cubic of the event function."""
     y0, y1, f0, f1 = ends
-    slopes = dt * event.rate(y0, f0), dt * event.rate(y1, f1)
-    return illinois(coefficients(event.height(y0), event.height(y1), *slopes))
+    heights = (event.height(y0), event.height(y1))
+    slopes = (dt * event.rate(y0, f0), dt * event.rate(y1, f1))
+    return illinois(coefficients(*heights, *slopes))
 
 
 def _height_along(event: KnownEvent, p: list[Polynomial]) -> Polynomial:
     """Return h along the spline, g = h(p), a polynomial of degree six in theta."""
-    linear = sum(
-        (q * one for q, one in zip(event.gradient, p, strict=True)), Polynomial([0.0])
-    )
-    products = (
-        0.5 * event.hessian[i, j] * p[i] * p[j]
-        for i in range(len(p))
-        for j in range(len(p))
-    )
-    return linear + sum(products, Polynomial([event.offset]))
+    linear = Polynomial([0.0])
+    for weight, one in zip(event.gradient, p, strict=True):
+        linear = linear + weight * one
+    quadratic = Polynomial([event.offset])
+    for i, j in np.ndindex(event.hessian.shape):
+        quadratic = quadratic + 0.5 * event.hessian[i, j] * p[i] * p[j]
+    return linear + quadratic
 
 
 def _lipschitz(event: KnownEvent, points: FloatArray) -> float:
     """Return a Lipschitz constant of h, in the largest component, on points' box."""
-    low, high = points.min(axis=1), points.max(axis=1)
+    low = points.min(axis=1)
+    high = points.max(axis=1)
+    # The gradient of h in the middle of the box, and how far it may be from that.
     middle = event.hessian @ (0.5 * (low + high)) + event.gradient
-    return float((np.abs(middle) + np.abs(event.hessian) @ (0.5 * (high - low))).sum())
+    around = np.abs(event.hessian) @ (0.5 * (high - low))
+    return float((np.abs(middle) + around).sum())
 
 
 def _spline_constant(
@@ -254,6 +264,5 @@ def _spline_constant(
     off = np.abs(y1 - event.derivative(0, end)).max()
     slope_off = np.abs(f1 - event.derivative(1, end)).max()
     fourth = np.abs(event.derivative(4, times)).max()
-    return float(
-        LARGEST_FOURTH * fourth + (off + LARGEST_SLOPE_BASIS * dt * slope_off) / dt**4
-    )
+    of_end = (off + LARGEST_SLOPE_BASIS * dt * slope_off) / dt**4
+    return float(LARGEST_FOURTH * fourth + of_end)

@@ -116,7 +116,8 @@ class Trail:
         """Let the last leg end earlier, at a point within its last step."""
         last = self.legs[-1]
         times = np.append(last.t[:-1], t)
-        self.legs[-1] = Mesh(times, np.vstack([last.y[:-1], y]))
+        states = np.vstack([last.y[:-1], y])
+        self.legs[-1] = Mesh(times, states)
 
     def last_step(self) -> Mesh:
         """Return the last two points."""
@@ -127,19 +128,31 @@ class Trail:
 
     def solution(self, mode: IntArray, status: int = FINISHED) -> PrintedSolution:
         """Return the whole trajectory, with the mode (m,) at its end."""
-        n, n_modes = self.system.n_states, self.system.n_modes
-        states = np.array([event[3] for event in self.events]).reshape(-1, n)
-        modes = np.array([event[4] for event in self.events], dtype=np.int64)
+        instants: list[float] = []
+        guards: list[int] = []
+        directions: list[int] = []
+        met: list[FloatArray] = []
+        entered: list[IntArray] = []
+        for time, guard, direction, state, its_mode in self.events:
+            instants.append(time)
+            guards.append(guard)
+            directions.append(direction)
+            met.append(state)
+            entered.append(its_mode)
+        # With no events, too, each array has its number of columns.
+        states = np.array(met).reshape(-1, self.system.n_states)
+        modes = np.array(entered, dtype=np.int64).reshape(-1, self.system.n_modes)
         log = EventLog.of_columns(
-            time=np.array([event[0] for event in self.events]),
-            guard=np.array([event[1] for event in self.events], dtype=np.int64),
-            direction=np.array([event[2] for event in self.events], dtype=np.int64),
+            time=np.array(instants),
+            guard=np.array(guards, dtype=np.int64),
+            direction=np.array(directions, dtype=np.int64),
             before=states,
             after=states,  # nothing is reset
-            mode=modes.reshape(-1, n_modes),
+            mode=modes,
             guard_names=self.system.guard_names,
         )
         times = np.concatenate([leg.t for leg in self.legs])
-        whole = np.concatenate([leg.y for leg in self.legs]).T.copy()
+        whole = np.concatenate([leg.y for leg in self.legs])
+        n_modes = self.system.n_modes
         steps = np.array(self.step_modes, dtype=np.int64).reshape(-1, n_modes)
-        return PrintedSolution(times, whole, log, mode, steps, status)
+        return PrintedSolution(times, whole.T.copy(), log, mode, steps, status)

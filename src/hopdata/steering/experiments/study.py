@@ -70,8 +70,11 @@ def simulated(
     return table.assign(curve="pure", stance=stances, time_s=stances * hop_s)
 
 
-FILM_HZ = 10.0  # frames of the film
+#: Frame rate of the film.
+#: Unit: Hz. Origin: chosen.
+FILM_HZ = 10.0
 
+# A run and where it starts.
 Shown: TypeAlias = tuple[tasks.Start, Run]
 
 logger = logging.getLogger(__name__)
@@ -104,7 +107,9 @@ class Setting:
         manoeuvre, impeded = tasks.EXPERIMENTS[self.experiment]
         if not impeded:
             return None
-        key = "board_ahead_m" if manoeuvre == tasks.ORIGIN else "turn_ahead_m"
+        key = "turn_ahead_m"
+        if manoeuvre == tasks.ORIGIN:
+            key = "board_ahead_m"
         return board_for(
             manoeuvre,
             start.pose,
@@ -212,8 +217,17 @@ TABLES: Mapping[str, tuple[str, ...]] = {
     "runs": (*OF_RUN, *OF_OUTCOME, "stances", "blind", "touched", "last_error"),
     "stances": (*OF_RUN, "stance", *watched.COLUMNS),
     "example": (
-        *("curve", "stance", "time_s", *POSE, "board_m", *OF_RUN, "success", "near"),
-        *("board_x", "board_y", "board_first_m"),
+        "curve",
+        "stance",
+        "time_s",
+        *POSE,
+        "board_m",
+        *OF_RUN,
+        "success",
+        "near",
+        "board_x",
+        "board_y",
+        "board_first_m",
     ),
     "film": ("time_s", "marker", "x_m", "y_m", "z_m", "experiment"),
 }
@@ -282,6 +296,7 @@ def _tables(
             columns = {**key, "stance": run.stances.index, **run.stances}
             pieces["stances"].append(pd.DataFrame(columns))
         if name == shown:
+            # Of all other controllers, no run is kept.
             chosen = typical(list(zip(starts, made, strict=True)))
     if shown is None or chosen is None:
         return pieces
@@ -358,9 +373,12 @@ def example_of(
     if board is None:
         direction = (np.nan, np.nan)
         board_first_m = np.nan
+    elif is_turn:
+        # It is across the initial heading, the x axis of the frame of the start.
+        direction = (1.0, 0.0)
+        board_first_m = board.place_m
     else:
-        # The board of a turn is across the initial heading.
-        direction = (1.0, 0.0) if is_turn else board.direction
+        direction = board.direction
         board_first_m = board.place_m
     return table.assign(
         experiment=setting.experiment,
@@ -381,7 +399,9 @@ def _film(setting: Setting, run: Run) -> pd.DataFrame:
     kept = run.frames[::every]
     times = [time for time, _ in kept]
     positions = np.array([markers for _, markers in kept])
-    names = [f"body{i + 1}" for i in range(positions.shape[1] - 1)] + ["boom"]
+    # The last marker is that of the boom.
+    n_body = positions.shape[1] - 1
+    names = [f"body{i + 1}" for i in range(n_body)] + ["boom"]
     table = pd.DataFrame(positions.reshape(-1, 3), columns=["x_m", "y_m", "z_m"])
     table.insert(0, "marker", np.tile(names, len(kept)))
     table.insert(0, "time_s", np.repeat(times, len(names)) - first_s)
@@ -396,7 +416,9 @@ def _curves(run: Run) -> pd.DataFrame:
         curve = pd.DataFrame({"curve": name, "stance": made.index})
         curve["time_s"] = made["time_s"] - made["time_s"].iloc[0]
         curve[POSE] = made[columns]
-        curve["board_m"] = made["board_m"] if name == "measured" else np.nan
+        curve["board_m"] = np.nan
+        if name == "measured":
+            curve["board_m"] = made["board_m"]
         curves.append(curve)
     return pd.concat(curves)
 

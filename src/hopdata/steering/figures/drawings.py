@@ -12,7 +12,7 @@ from matplotlib.patches import FancyBboxPatch
 from hopdata.arrays import FloatArray
 from hopdata.figures import style
 from hopdata.figures.robot import draw_body, projected
-from hopdata.steering.figures.runs import BOARD, BOARD_BEFORE, TICK_M
+from hopdata.steering.figures.runs import BOARD, BOARD_BEFORE, draw_headings
 
 # The board in the hopper's way (Fig. 3.7).
 
@@ -44,8 +44,9 @@ def board_figure(sketch: pd.DataFrame, stances: pd.DataFrame) -> Figure:
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 72.0)
     left, right = figure.subplots(1, 2, width_ratios=(1.35, 1))
-    touching = stances[stances["touched"]]
-    shown = stances if touching.empty else touching
+    shown = stances[stances["touched"]]
+    if shown.empty:
+        shown = stances
     _draw_side(left, sketch, shown.iloc[0])
     _draw_above(right, stances)
     style.letters([left, right])
@@ -60,23 +61,38 @@ def _draw_side(axes: Axes, sketch: pd.DataFrame, stance: pd.Series) -> None:
     floor_m = float(feet["z_m"].min())
     for face, colour in zip(_board_faces(ahead_m, floor_m), _SHADES, strict=True):
         axes.fill(*projected(face).T, facecolor=colour, edgecolor=style.INK, lw=0.5)
-    draw_body(axes, sketch, pose=(0.0, 0.0, float(stance["heading_rad"])), floor=False)
-    along = projected(np.array([[0.0, -0.5, floor_m], [ahead_m, -0.5, floor_m]]))
-    arrow: Any = {"arrowstyle": "<->", "lw": 0.7, "color": style.INK, "shrinkA": 0}
-    axes.annotate("", tuple(along[1]), tuple(along[0]), arrowprops={**arrow})
-    reach = f"touches it {stance['reach_m']:.2f} m ahead of its centre"
-    style.note(axes, reach, tuple(along.mean(axis=0)), (0, -5), ha="center", va="top")
-    top = np.array([ahead_m, 0.8 * HALF_M, floor_m + HEIGHT_M])
+    pose = (0.0, 0.0, float(stance["heading_rad"]))
+    draw_body(axes, sketch, pose=pose, floor=False)
+    _name_reach(axes, ahead_m, floor_m)
+    top = projected(np.array([ahead_m, 0.8 * HALF_M, floor_m + HEIGHT_M]))
     board = f"board: resists with {stance['drag_n']:g} N\nwhile it is pushed"
-    style.note(axes, board, tuple(projected(top)), (-2, 18), ha="right", va="bottom")
-    middle = floor_m + HEIGHT_M / 2
-    push = projected(np.array([[ahead_m, 0, middle], [ahead_m + 0.3, 0, middle]]))
-    axes.plot(*push.T, lw=0)  # so that there is room for the arrow
-    heavy: Any = {"arrowstyle": "-|>", "lw": 1.6, "color": style.VERMILION}
-    axes.annotate("", tuple(push[1]), tuple(push[0]), arrowprops=heavy, zorder=9)
+    style.note(axes, board, tuple(top), (-2, 18), ha="right", va="bottom")
+    _draw_push(axes, ahead_m, floor_m + HEIGHT_M / 2)
     axes.set_aspect("equal")
     axes.margins(0.06)
     axes.set_axis_off()
+
+
+def _name_reach(axes: Axes, ahead_m: float, floor_m: float) -> None:
+    """Draw an arrow of two heads from the hopper's centre to the board, beside both."""
+    start = projected(np.array([0.0, -0.5, floor_m]))
+    end = projected(np.array([ahead_m, -0.5, floor_m]))
+    arrow: Any = {"arrowstyle": "<->", "lw": 0.7, "color": style.INK, "shrinkA": 0}
+    axes.annotate("", tuple(end), tuple(start), arrowprops=arrow)
+    reach = f"touches it {ahead_m:.2f} m ahead of its centre"
+    middle = (start + end) / 2
+    style.note(axes, reach, tuple(middle), (0, -5), ha="center", va="top")
+
+
+def _draw_push(axes: Axes, ahead_m: float, height_m: float) -> None:
+    """Draw an arrow from the board in the direction in which it is pushed."""
+    start = projected(np.array([ahead_m, 0.0, height_m]))
+    end = projected(np.array([ahead_m + 0.3, 0.0, height_m]))
+    # A line that is not seen makes room for the arrow.
+    x, y = np.stack([start, end]).T
+    axes.plot(x, y, lw=0)
+    arrow: Any = {"arrowstyle": "-|>", "lw": 1.6, "color": style.VERMILION}
+    axes.annotate("", tuple(end), tuple(start), arrowprops=arrow, zorder=9)
 
 
 _SHADES = (BOARD, "#a58742", BOARD_BEFORE)
@@ -113,24 +129,20 @@ def _draw_above(axes: Axes, stances: pd.DataFrame) -> None:
     """Draw the stances from above, and the board before and after."""
     x = stances["x_m"].to_numpy()
     y = stances["y_m"].to_numpy()
-    heading = stances["heading_rad"].to_numpy()
     reach_m = float(stances["reach_m"].iloc[0])
     touched = stances["touched"].to_numpy(dtype=bool)
+    first_m = float(stances["board_m"].iloc[0])
+    last_m = float(stances["board_m"].iloc[-1])
     width = (y.min() - 0.25, y.max() + 0.25)
-    for place_m, colour, label in (
-        (float(stances["board_m"].iloc[0]), BOARD_BEFORE, "board, first"),
-        (float(stances["board_m"].iloc[-1]), BOARD, "board, last"),
-    ):
-        axes.plot([place_m] * 2, width, color=colour, lw=3, label=label)
+    axes.plot([first_m] * 2, width, color=BOARD_BEFORE, lw=3, label="board, first")
+    axes.plot([last_m] * 2, width, color=BOARD, lw=3, label="board, last")
     axes.plot(x, y, color=style.GREY, lw=0.7, zorder=1)
-    x_ends = np.stack([x, x + TICK_M * np.cos(heading)])
-    y_ends = np.stack([y, y + TICK_M * np.sin(heading)])
-    axes.plot(x_ends, y_ends, color=style.INK, lw=0.5, zorder=1)
+    draw_headings(axes, stances)
     free: Any = {"mfc": "white", "mec": style.INK, "ls": "", "marker": "o", "ms": 3.5}
     axes.plot(x[~touched], y[~touched], label="stance", **free)
     pushing: Any = {**free, "mfc": style.VERMILION}
     axes.plot(x[touched], y[touched], label="stance that pushes", **pushing)
-    limit_m = float(stances["board_m"].iloc[0]) - reach_m
+    limit_m = first_m - reach_m
     axes.axvline(limit_m, color=style.GREY, lw=0.6, ls=(0, (3, 2)))
     style.note(axes, "it touches", (limit_m, width[1]), (-2, 0), ha="right", va="top")
     axes.set_aspect("equal", adjustable="datalim")
@@ -182,11 +194,8 @@ def loop_figure(parts: pd.DataFrame, flows: pd.DataFrame) -> Figure:
         _draw_flow(axes, flow)
     for part in parts.fillna("").to_dict("records"):
         _draw_part(axes, part)
-    for kind, label in (
-        ("thread", "thread"),
-        ("store", "shared"),
-        ("outside", "outside"),
-    ):
+    labels = {"thread": "thread", "store": "shared", "outside": "outside"}
+    for kind, label in labels.items():
         axes.fill([], [], edgecolor=style.INK, label=label, **KIND_LOOK[kind])
     axes.plot([], [], color=style.INK, lw=1.6, label="in the printed figure")
     axes.plot([], [], color=style.GREY, lw=0.7, label="added here")
@@ -201,24 +210,26 @@ def _draw_part(axes: Axes, part: Mapping[Any, Any]) -> None:
     """Draw a part as a box: its name, its class, and what it does."""
     x, y = PLACES[part["name"]]
     width, height = BOX
-    look = KIND_LOOK[part["kind"]]
-    line = 1.6 if part["printed"] else 0.7
-    edge = style.INK if part["printed"] else style.GREY
+    line_width, edge = _line_of(part)
+    look: Any = {"ec": edge, "lw": line_width, **KIND_LOOK[part["kind"]]}
     corner = (x - width / 2, y - height / 2)
-    axes.add_patch(
-        FancyBboxPatch(
-            corner, width, height, boxstyle="round,pad=0.05", ec=edge, lw=line, **look
-        )
-    )
+    box = FancyBboxPatch(corner, width, height, boxstyle="round,pad=0.05", **look)
+    axes.add_patch(box)
     shown = part["name"]
     class_name = part["owner"].partition(":")[2]
     if part["kind"] == "thread":
         shown = f"{class_name}\nthread {part['name']}"
-    axes.text(
-        x, y + 0.4, shown, ha="center", va="top", fontsize=style.pt(6.2), weight="bold"
-    )
+    name: Any = {"va": "top", "fontsize": style.pt(6.2), "weight": "bold"}
+    axes.text(x, y + 0.4, shown, ha="center", **name)
     lines = _wrapped(part["does"], 27)
     axes.text(x, y - 0.42, lines, ha="center", va="bottom", fontsize=style.pt(5.6))
+
+
+def _line_of(element: Mapping[Any, Any]) -> tuple[float, str]:
+    """Return width, pt, and colour of the line of a part or flow: thick if printed."""
+    if element["printed"]:
+        return 1.6, style.INK
+    return 0.7, style.GREY
 
 
 def _wrapped(text: str, width: int) -> str:
@@ -239,22 +250,19 @@ def _draw_flow(axes: Axes, flow: Mapping[Any, Any]) -> None:
         share = float(np.min(half / np.abs(way)))
     start = first + share * way
     end = second - share * way
-    width = 1.6 if flow["printed"] else 0.7
-    colour = style.INK if flow["printed"] else style.GREY
-    arrow = {"arrowstyle": "-|>", "lw": width, "color": colour, "shrinkA": 0}
-    axes.annotate("", tuple(end), tuple(start), arrowprops={**arrow, "shrinkB": 0})
+    width, colour = _line_of(flow)
+    arrow: Any = {"arrowstyle": "-|>", "lw": width, "color": colour}
+    arrow |= {"shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", tuple(end), tuple(start), arrowprops=arrow)
     method = flow["by"].rpartition(".")[2]
     label = flow["carries"].replace(" ", "\n", 1)
     if method:
         label = f"{label}\n.{method}()"
-    middle = (start + end) / 2
-    is_flat = abs(way[1]) < abs(way[0])
+    x, y = (start + end) / 2
     look: Any = {"fontsize": style.pt(5.4), "color": style.INK}
-    if is_flat and way[1] == 0:
-        above = middle[1] + 0.06
-        axes.text(middle[0], above, label, ha="center", va="bottom", **look)
+    if way[1] == 0:
+        axes.text(x, y + 0.06, label, ha="center", va="bottom", **look)
+    elif way[0] < 0:
+        axes.text(x - 0.12, y + 0.1, label, ha="right", va="center", **look)
     else:
-        side = -1 if way[0] < 0 else 1
-        align = "right" if side < 0 else "left"
-        beside = middle[0] + 0.12 * side
-        axes.text(beside, middle[1] + 0.1, label, ha=align, va="center", **look)
+        axes.text(x + 0.12, y + 0.1, label, ha="left", va="center", **look)

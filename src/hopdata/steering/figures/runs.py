@@ -123,8 +123,10 @@ def _stage(positions: Any) -> tuple[Figure, dict[str, Any], float]:
     figure = style.paper_figure(WIDTH_MM, HEIGHT_MM)
     figure.set_dpi(DPI)
     above, side = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1))
-    low = np.fmin(np.nanmin(positions, axis=(0, 1))[:2], 0) - MARGIN_M
-    high = np.fmax(np.nanmax(positions, axis=(0, 1))[:2], 0) + MARGIN_M
+    # What is shown of the floor includes the origin, 0.
+    floor = positions[..., :2]
+    low = np.fmin(np.nanmin(floor, axis=(0, 1)), 0) - MARGIN_M
+    high = np.fmax(np.nanmax(floor, axis=(0, 1)), 0) + MARGIN_M
     middle = (low + high) / 2
     half = max(high - low) / 2
     left, bottom = middle - half
@@ -241,7 +243,9 @@ def steering_outcomes_figure(
         return style.message_figure("No run was made.")
     tasks = [task for task in TASKS if task in set(outcomes["experiment"])]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 24.0 + 17.0 * len(tasks))
-    widths = (1.2, 1.2) if horizons.empty else (1.2, 1.2, 0.8)
+    widths = [1.2, 1.2]
+    if not horizons.empty:
+        widths.append(0.8)
     panels = figure.subplots(1, len(widths), width_ratios=widths)
     rates, hops = panels[:2]
     hops.sharey(rates)
@@ -356,27 +360,30 @@ def steering_run_figure(
         return style.message_figure(NO_RUN)
     shown = sorted(curves["controller"].unique(), key=list(LOOKS).index)
     runs = [curves[curves["controller"] == name] for name in shown]
-    height_mm = ONE_RUN_MM if len(runs) == 1 else TWO_RUNS_MM
+    height_mm = ONE_RUN_MM
+    if len(runs) > 1:
+        height_mm = TWO_RUNS_MM
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
-    mosaic: Any = [
-        [f"a{k}", f"{panel}{k}"] for k in range(len(runs)) for panel in OVER_TIME
-    ]
+    # The arena of a run stands beside its three curves over time.
+    mosaic: Any = []
+    for k in range(len(runs)):
+        mosaic += [[f"a{k}", f"{panel}{k}"] for panel in OVER_TIME]
     drawn = figure.subplot_mosaic(mosaic, width_ratios=(1.15, 1))
     every: list[dict[str, Axes]] = []
     for k, run in enumerate(runs):
         panels = {panel: drawn[f"{panel}{k}"] for panel in ("a", *OVER_TIME)}
         _draw_run(panels, run)
         every.append(panels)
-        if len(runs) > 1:
-            panels["a"].set_title(_outcome_of(run))
-        if len(runs) > 1 and not (run["curve"] == POINT).any():
+        if len(runs) == 1:
+            continue
+        panels["a"].set_title(_outcome_of(run))
+        if not (run["curve"] == POINT).any():
             # The corners of all paths make the arenas alike. Among way-points one that
             # is lost would hide the other.
             panels["a"].update_datalim(_corners(curves))
             panels["a"].autoscale_view()
-    axes = [panels[name] for panels in every for name in "axyh"]
-    figure.align_ylabels([panels[name] for panels in every for name in "xyh"])
-    style.letters(axes)
+    figure.align_ylabels([panels[name] for panels in every for name in OVER_TIME])
+    style.letters([axes for panels in every for axes in panels.values()])
     # The measured curve, which is drawn last, comes first; then what is in the arena.
     known: dict[str, Any] = {}
     for panels in every:
@@ -434,7 +441,9 @@ def _is_drawn(curves: pd.DataFrame, name: str) -> bool:
         return True
     n_known = int(curves.loc[curves["curve"] == name, "x_m"].notna().sum())
     # The pure simulation begins at a stance that was measured.
-    least = 2 if name == "pure" else 1
+    least = 1
+    if name == "pure":
+        least = 2
     return n_known >= least
 
 
@@ -443,7 +452,9 @@ def _draw_curve(
 ) -> None:
     """Draw a curve in its colour, line style and marker."""
     colour, dash, mark = look
-    size = 2.2 if mark == "o" else 3
+    size = 3.0
+    if mark == "o":
+        size = 2.2
     axes.plot(x, y, color=colour, ls=dash, marker=mark, ms=size, mew=0.7, **options)
 
 
@@ -455,8 +466,9 @@ def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> No
         for name in "xy":
             panels[name].axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
         return
-    last = curves.loc[curves["curve"] == "measured"]["heading_rad"].dropna().iloc[-1]
-    panels["h"].axhline(np.sign(last) * 180, color=style.GREY, linewidth=0.6, zorder=0)
+    headings = curves.loc[curves["curve"] == "measured", "heading_rad"].dropna()
+    half_turn_deg = np.sign(headings.iloc[-1]) * 180
+    panels["h"].axhline(half_turn_deg, color=style.GREY, linewidth=0.6, zorder=0)
 
 
 def _draw_arena(
@@ -468,7 +480,7 @@ def _draw_arena(
         rows = curves[curves["curve"] == name]
         _draw_curve(axes, rows["x_m"], rows["y_m"], look)
     measured = curves[curves["curve"] == "measured"]
-    _draw_headings(axes, measured)
+    draw_headings(axes, measured)
     _draw_board(axes, measured)
     points = curves.loc[curves["curve"] == POINT, ["x_m", "y_m"]].to_numpy()
     near_m = float(curves["near"].iloc[0])
@@ -496,17 +508,21 @@ def _draw_goal(axes: Axes, point_m: FloatArray, near_m: float, label: str) -> No
 
 def _draw_way_points(axes: Axes, points_m: FloatArray, near_m: float) -> None:
     """Draw way-points, (n, 2), with their numbers."""
+    beside: Any = {"textcoords": "offset points", "xytext": (4, 4), "zorder": 6}
     for number, point_m in enumerate(points_m, start=1):
-        _draw_goal(axes, point_m, near_m, "_" if number > 1 else "way-points")
-        beside: Any = {"textcoords": "offset points", "xytext": (4, 4), "zorder": 6}
+        label = "way-points"
+        if number > 1:
+            # The legend leaves out what begins with a dash.
+            label = "_"
+        _draw_goal(axes, point_m, near_m, label)
         axes.annotate(str(number), point_m, color=style.VERMILION, **beside)
 
 
-def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
-    """Draw a short line ahead of each stance."""
-    x = measured["x_m"].to_numpy()
-    y = measured["y_m"].to_numpy()
-    heading = measured["heading_rad"].to_numpy()
+def draw_headings(axes: Axes, stances: pd.DataFrame) -> None:
+    """Draw a short line ahead of each stance (``x_m, y_m, heading_rad``)."""
+    x = stances["x_m"].to_numpy()
+    y = stances["y_m"].to_numpy()
+    heading = stances["heading_rad"].to_numpy()
     x_ends = np.stack([x, x + TICK_M * np.cos(heading)])
     y_ends = np.stack([y, y + TICK_M * np.sin(heading)])
     axes.plot(x_ends, y_ends, color=style.INK, linewidth=0.5, zorder=1)
@@ -522,9 +538,10 @@ def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
     sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
     sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
     look: Any = {"linewidth": 3, "solid_capstyle": "butt", "zorder": 0}
-    for board_m, colour, label in (
+    places = [
         (float(first_m), BOARD_BEFORE, "board, first"),
         (float(known_m.iloc[-1]), BOARD, "board, last"),
-    ):
+    ]
+    for board_m, colour, label in places:
         ends = np.stack([board_m * way + side * across for side in sides])
         axes.plot(ends[:, 0], ends[:, 1], color=colour, label=label, **look)

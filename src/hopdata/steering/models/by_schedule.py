@@ -52,17 +52,24 @@ def conditioned_mean(
     from scipy.linalg import cho_factor, cho_solve
 
     changes = known.changes
-    inputs = np.column_stack([changes.boom_angle_rad, changes.swing_rad])
+    inputs = _inputs(known)
     means = np.empty((len(points), 3))
     for j in range(3):
-        covariance = process.variance[j] * _correlation(process, j, inputs, inputs)
+        variance = process.variance[j]
+        covariance = variance * _correlation(process, j, inputs, inputs)
         covariance[np.diag_indices(len(inputs))] += process.noise[j]
         target = (changes.change[:, j] - process.offset[j]) / process.unit[j]
         factor = cho_factor(covariance, lower=True, overwrite_a=True)
-        weights = process.variance[j] * cho_solve(factor, target)
-        correlated = _correlation(process, j, points, inputs)
-        means[:, j] = process.offset[j] + process.unit[j] * (correlated @ weights)
+        weights = variance * cho_solve(factor, target)
+        standardised = _correlation(process, j, points, inputs) @ weights
+        means[:, j] = process.offset[j] + process.unit[j] * standardised
     return means
+
+
+def _inputs(hops: TrueHops) -> FloatArray:
+    """Return boom angle and swing of each hop, (n, 2), rad."""
+    changes = hops.changes
+    return np.column_stack([changes.boom_angle_rad, changes.swing_rad])
 
 
 def _correlation(
@@ -104,8 +111,7 @@ def predictions(
     known, fresh : TrueHops
         Hops to learn from, and to predict.
     """
-    changes = fresh.changes
-    points = np.column_stack([changes.boom_angle_rad, changes.swing_rad])
+    points = _inputs(fresh)
     agnostic = conditioned_mean(process, known, points)
     told = np.tile(process.offset, (len(fresh), 1))
     summed = np.zeros((len(fresh), 3))
@@ -115,6 +121,8 @@ def predictions(
         own = known.rows(schedules == schedule)
         predicted = conditioned_mean(process, own, points)
         is_own = fresh.schedule == schedule
+        # A model that is told the schedule predicts only its own hops; without being
+        # told, all models predict, each by how much its hops have to say there.
         told[is_own] = predicted[is_own]
         near = _nearness(process, own, points)
         summed += near * predicted
@@ -126,8 +134,7 @@ def _nearness(
     process: gp.FrameChangeProcess, own: TrueHops, points: FloatArray
 ) -> FloatArray:
     """Return how much some hops correlate with points in all, (n, 3)."""
-    changes = own.changes
-    inputs = np.column_stack([changes.boom_angle_rad, changes.swing_rad])
+    inputs = _inputs(own)
     sums = [_correlation(process, j, points, inputs).sum(axis=1) for j in range(3)]
     return np.column_stack(sums)
 
@@ -211,6 +218,8 @@ def crossing(curve: pd.DataFrame, component: str, model: str = TOLD) -> float:
     worse = np.flatnonzero(excess >= 0)
     if not len(worse):
         return float(size[0])
+    # The sizes on both sides of the crossing, and where between their logarithms it is.
     last = worse[-1]
     share = excess[last] / (excess[last] - excess[last + 1])
-    return float(size[last] * (size[last + 1] / size[last]) ** share)
+    growth = size[last + 1] / size[last]
+    return float(size[last] * growth**share)

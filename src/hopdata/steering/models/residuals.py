@@ -138,23 +138,9 @@ def explained_by(
     share = adjusted(_raw_share(added, residual), added.shape[1], free)
 
     rng = np.random.default_rng(seed)
-    by_chance = np.empty((permutations, response.shape[1]))
-    for k in range(permutations):
-        permuted = residual[rng.permutation(n_hops)]
-        permuted = permuted - known @ (known.T @ permuted)
-        by_chance[k] = adjusted(_raw_share(added, permuted), added.shape[1], free)
+    by_chance = _by_chance(rng, residual, known, added, permutations)
     at_least = (by_chance >= share).sum(axis=0)
-
-    again = np.empty((resamples, response.shape[1]))
-    for k in range(resamples):
-        drawn = rng.integers(n_hops, size=n_hops)
-        raw = _raw_share(orthonormal(added[drawn]), residual[drawn])
-        again[k] = adjusted(raw, added.shape[1], free)
-    # What each resample adds by its own chance is taken off again.
-    low = np.full(response.shape[1], np.nan)
-    high = low
-    if resamples:
-        low, high = np.quantile(again - again.mean(axis=0), [0.025, 0.975], axis=0)
+    low, high = _interval(rng, residual, added, free, resamples)
     spread = response - response.mean(axis=0)
     left = (residual**2).sum(axis=0) / free
     return Explained(
@@ -169,6 +155,55 @@ def explained_by(
     )
 
 
+def _by_chance(
+    rng: np.random.Generator,
+    residual: FloatArray,
+    known: FloatArray,
+    added: FloatArray,
+    permutations: int,
+) -> FloatArray:
+    """Return the shares (permutations, c) that permuted residuals have explained.
+
+    `known` and `added` are orthonormal bases, (n, r), of what is given and of what the
+    classes add to it.
+    """
+    n_hops, n_responses = residual.shape
+    free = n_hops - known.shape[1]
+    shares = np.empty((permutations, n_responses))
+    for k in range(permutations):
+        permuted = residual[rng.permutation(n_hops)]
+        # A permuted residual is no residual: what is given explains some of it.
+        permuted = permuted - known @ (known.T @ permuted)
+        shares[k] = adjusted(_raw_share(added, permuted), added.shape[1], free)
+    return shares
+
+
+def _interval(
+    rng: np.random.Generator,
+    residual: FloatArray,
+    added: FloatArray,
+    free: int,
+    resamples: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ends (c,) of the 95 % interval about the share; NaN without resamples.
+
+    Hops are drawn with replacement.
+    """
+    n_hops, n_responses = residual.shape
+    if not resamples:
+        unknown = np.full(n_responses, np.nan)
+        return unknown, unknown
+    shares = np.empty((resamples, n_responses))
+    for k in range(resamples):
+        drawn = rng.integers(n_hops, size=n_hops)
+        raw = _raw_share(orthonormal(added[drawn]), residual[drawn])
+        shares[k] = adjusted(raw, added.shape[1], free)
+    # What each resample adds by its own chance is taken off again.
+    about_mean = shares - shares.mean(axis=0)
+    low, high = np.quantile(about_mean, [0.025, 0.975], axis=0)
+    return low, high
+
+
 def class_contrasts(classes: ArrayLike) -> FloatArray:
     """Return a column for each class but the first, (n, k - 1), with ones for its own.
 
@@ -178,6 +213,7 @@ def class_contrasts(classes: ArrayLike) -> FloatArray:
         np.asarray(classes), return_inverse=True, return_counts=True
     )
     is_rare = counts < LEAST_HOPS
+    # All rare classes get the number that follows the last.
     number = np.where(is_rare[number], len(names), number)
     present = np.unique(number)
     return np.asarray(number[:, None] == present[None, 1:], dtype=float)
@@ -232,8 +268,21 @@ def input_features(
     order = np.arange(1, harmonics + 1)
     waves = order * angle[:, None]
     around = np.column_stack([np.ones(len(angle)), np.cos(waves), np.sin(waves)])
-    across = swing[:, None] ** np.arange(degree + 1)
-    return np.asarray((around[:, :, None] * across[:, None]).reshape(len(angle), -1))
+    powers = np.arange(degree + 1)
+    across = np.asarray(swing[:, None] ** powers, dtype=float)
+    return _products(around, across)
+
+
+def _products(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return each column (n, p) times each of other columns (n, q), as (n, p q)."""
+    products = first[:, :, None] * second[:, None]
+    return np.asarray(products.reshape(len(first), -1))
+
+
+def _squares(columns: FloatArray) -> FloatArray:
+    """Return the products of columns (n, p) with themselves and each other, once."""
+    first, second = np.triu_indices(columns.shape[1])
+    return np.asarray(columns[:, first] * columns[:, second])
 
 
 def standardised(states: FloatArray) -> FloatArray:
@@ -252,12 +301,11 @@ def state_features(
     They are the state's coordinates, their products, and their products with boom
     angle and swing to first order. All vanish at the mean state.
     """
-    s = standardised(states)
-    first, second = np.triu_indices(s.shape[1])
-    squares = s[:, first] * s[:, second]
+    state = standardised(states)
     inputs = input_features(boom_angle_rad, swing_rad, harmonics=1, degree=1)
-    with_inputs = (s[:, :, None] * inputs[:, None]).reshape(len(s), -1)
-    return np.column_stack([with_inputs, squares])
+    # A column of the inputs is ones, so that the state alone is among the products.
+    with_inputs = _products(state, inputs)
+    return np.column_stack([with_inputs, _squares(state)])
 
 
 # The question as the dissertation puts it.
@@ -373,22 +421,20 @@ def decided_by(hops: TrueHops) -> pd.DataFrame:
     angle = changes.boom_angle_rad
     swing = changes.swing_rad
     inputs = input_features(angle, swing)
+    # What else is known is also multiplied with these.
     low = input_features(angle, swing, harmonics=2, degree=2)
 
-    def with_inputs(values: FloatArray) -> FloatArray:
-        """Return values (n, q), also times the inputs to second order."""
-        return np.asarray((low[:, :, None] * values[:, None]).reshape(len(low), -1))
-
-    before = hops.previous_swing_rad / max(float(swing.std()), LEAST_SPREAD)
-    of_history = with_inputs(np.column_stack([before, before**2]))
+    swing_unit = max(float(swing.std()), LEAST_SPREAD)
+    before = hops.previous_swing_rad / swing_unit
+    of_history = _products(low, np.column_stack([before, before**2]))
     velocity = standardised(hops.apex[:, VELOCITY])
-    first, second = np.triu_indices(velocity.shape[1])
-    of_squares = velocity[:, first] * velocity[:, second]
+    of_velocity = _products(low, velocity)
+    of_state = state_features(hops.apex, angle, swing)
     known = {
         BY_INPUTS: inputs,
         BY_HISTORY: np.column_stack([inputs, of_history]),
-        BY_MOMENTUM: np.column_stack([inputs, with_inputs(velocity), of_squares]),
-        BY_STATE: np.column_stack([inputs, state_features(hops.apex, angle, swing)]),
+        BY_MOMENTUM: np.column_stack([inputs, of_velocity, _squares(velocity)]),
+        BY_STATE: np.column_stack([inputs, of_state]),
     }
     tables = []
     for name, features in known.items():
