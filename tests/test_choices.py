@@ -35,6 +35,8 @@ from hopdata.recordings.quality import orientation
 from hopdata.report import language
 from hopdata.scenes import SCENES
 from hopdata.synthesis import camera
+from hopdata.synthesis.integrators import INTEGRATORS
+from hopdata.synthesis.simulate import Simulation
 
 answer = import_module(
     "hopdata.maps.verdict.judge"
@@ -135,6 +137,7 @@ ASKED = {
         camera.NOISE_OF,
         lambda name: camera.MotionCapture(noise_of=name),
     ),
+    "simulation.integrator": (INTEGRATORS, lambda name: Simulation(integrator=name)),
     "integrator": (
         integrators.CHOICES,
         lambda name: integrators.check_method(name, ANY, jacobian=False),
@@ -161,6 +164,7 @@ CONFIGURED = {
     "report.language": language.LANGUAGES,
     "figures.formats": FORMATS,
     "simulation.scene": SCENES,
+    "simulation.integrator": INTEGRATORS,
     "motion_capture.noise_of": camera.NOISE_OF,
 }
 

@@ -26,6 +26,9 @@ RUNS = {
     "subspaces.incomplete": distances,
 }
 
+# Keys of what is simulated, which decide nothing about a recording that is given:
+# tests/synthesis/test_integrators.py has what they change.
+SIMULATED = {"simulation.integrator"}
 # Keys that decide something only beside another.
 BESIDE = {"subspaces.incomplete": {"subspaces.draws": "resampled"}}
 # Complements are as far apart as the subspaces, so the distances stay.
@@ -64,7 +67,8 @@ def keys_of_the_study():
 
 
 def test_every_printed_key_of_the_study_is_run_here():
-    assert set(RUNS) == set(keys_of_the_study())
+    assert set(RUNS) | SIMULATED == set(keys_of_the_study())
+    assert not set(RUNS) & SIMULATED
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +87,25 @@ def test_each_printed_variant_runs_from_its_key(recording, usual, path):
         np.testing.assert_allclose(printed, expected, atol=1e-6)
     else:
         assert not np.array_equal(printed, expected, equal_nan=True)
+
+
+@pytest.mark.parametrize("path", sorted(SIMULATED))
+def test_a_simulated_study_runs_from_each_key_of_what_is_simulated(path):
+    block, _, name = path.partition(".")
+    keys = {"hops": 30, "duration_s": 15.0}
+    made = {
+        value: hd.synthesize(**{block: {**keys, name: value}}, seed=4)
+        for value in ("driver", printed_keys()[path])
+    }
+    (usual, _), (printed, truth) = made.values()
+    contacts = [
+        hd.study(one).touchdowns[["contact_foot1_s", "contact_foot2_s"]].to_numpy()
+        for one in (usual, printed)
+    ]
+    assert len(contacts[1]) > 15
+    # What is simulated is the same but for the method's errors; the noise is the same.
+    assert np.nanmax(np.abs(contacts[0] - contacts[1])) < 1e-4
+    assert f'"{name}": "{printed_keys()[path]}"' in truth.parameters_json
 
 
 def test_the_one_key_asks_for_all_of_them(recording):

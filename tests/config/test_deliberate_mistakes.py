@@ -211,6 +211,16 @@ SIMULATION = {
         "9: simulation.quadruped: expected preload_n - stiffness_n_m release_extension_m > 6.62 N, "
         "the weight per leg, found 3.56 N: it cannot lift off",
     ),
+    "integrator: a scene that resets states": (
+        "simulation:\n  scene: quadruped\n  integrator: printed",
+        "9: simulation.integrator: expected driver beside simulation.scene: quadruped, which "
+        "resets states, as the printed method cannot, found printed",
+    ),
+    "integrator: a control that resets states": (
+        "simulation:\n  control: {impulse: 0.1}\n  integrator: printed",
+        "9: simulation.integrator: expected driver beside simulation.control.impulse, which "
+        "resets states, as the printed method cannot, found printed",
+    ),
     "scales: the smallest first": (
         "scaling_study: {scales: [0.1, 1.0]}",
         "7: scaling_study.scales: expected the largest first and each smaller than the one "

@@ -110,3 +110,32 @@ def test_the_page_tells_the_printed_value():
         line for line in configuration_page().splitlines() if "| `rule` |" in line
     )
     assert '`"landings"`; if `printed`: `"printed"`' in row
+
+
+# The printed method cannot reset a state.
+
+SIMULATED = [{"name": "one"}]
+MARKERS = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
+RESETTING = [{"scene": "quadruped"}, {"control": {"impulse": 0.1}}]
+
+
+@pytest.mark.parametrize("simulation", RESETTING)
+def test_what_the_printed_integrator_cannot_do_is_refused_with_the_way_out(simulation):
+    keys = {"recordings": SIMULATED, "markers": MARKERS, "printed": True}
+    with pytest.raises(ConfigError) as caught:
+        loaded(**keys, simulation=simulation)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 1
+    assert "simulation.integrator: expected driver beside simulation." in lines[0]
+    assert lines[0].endswith("by printed: true; set simulation.integrator: driver")
+    by_driver = loaded(**keys, simulation={**simulation, "integrator": "driver"})
+    assert by_driver["simulation"]["integrator"] == "driver"
+    # Nothing is simulated if there is a file.
+    assert loaded(printed=True, simulation=simulation)["printed"]
+
+
+def test_what_the_printed_integrator_can_do_is_allowed():
+    keys = {"recordings": SIMULATED, "markers": MARKERS, "printed": True}
+    for control in ({}, {"coupling": 0.3}, {"delay_s": 0.01}):
+        found = loaded(**keys, simulation={"control": control})
+        assert found["simulation"]["integrator"] == "printed"

@@ -12,7 +12,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from hopdata.errors import ConfigError, did_you_mean, mismatch
-from hopdata.scenes import STANDARD
+from hopdata.scenes import STANDARD, scene_class
 
 
 def _unknown(
@@ -408,8 +408,10 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
     else:
         from hopdata.synthesis.simulate import Simulation
 
+        # Whether the integrator suits is told by `_integrator`.
+        by_driver = {**simulation, "integrator": "driver"}
         try:
-            scene = Simulation.of(simulation).scene
+            scene = Simulation.of(by_driver).scene
         except ConfigError as error:
             yield str(error)
             return
@@ -426,6 +428,26 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
                 named = [(f"markers.{role}", name)]
                 yield from _unknown("a marker of the simulation", made, named)
                 return
+
+
+def _integrator(config: dict[str, Any]) -> Iterator[str]:
+    """Yield a printed integrator of what it cannot do: reset a state at an event."""
+    simulation = config["simulation"]
+    has_files = all(recording["file"] is not None for recording in config["recordings"])
+    if has_files or simulation["integrator"] != "printed":
+        return
+    name = simulation["scene"]
+    if simulation["control"]["impulse"] != 0:
+        cause = "simulation.control.impulse"
+    elif name != STANDARD and scene_class(name).resets_state:
+        cause = f"simulation.scene: {name}"
+    else:
+        return
+    wanted = f"driver beside {cause}, which resets states, as the printed method cannot"
+    found = "printed"
+    if config["printed"]:
+        found = "printed, by printed: true; set simulation.integrator: driver"
+    yield mismatch("simulation.integrator", wanted, found)
 
 
 def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
@@ -464,6 +486,7 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _idle_section_keys,
     _scales_in_order,
     _simulated_markers,
+    _integrator,
     _simulated_files,
     external_mistakes,
     _braces,

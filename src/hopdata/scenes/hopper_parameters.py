@@ -68,6 +68,7 @@ class HopperParameters(Scene):
 
     controls: ClassVar[tuple[str, ...]] = ("coupling", "impulse", "delay_s")
     has_boom: ClassVar[bool] = True
+    resets_state: ClassVar[bool] = False
 
     # The scalars of the flat vector, in its order.
     n_legs: int = 3

@@ -78,6 +78,9 @@ class Scene(ABC):
     #: True if a foot in contact stays under its rest position, False if it stays where
     #: it touched.
     feet_slide: ClassVar[bool] = True
+    #: Whether the handler of its system may change the state, such as a memory of feet.
+    #: If not, the dissertation's method can integrate it, which has no resets.
+    resets_state: ClassVar[bool] = True
 
     mass_kg: float
     preload_n: float

@@ -1,4 +1,4 @@
-"""Single hops from apex to apex, computed by the event-driven integrator."""
+"""Single hops from apex to apex, computed by an event-driven integrator."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.errors import AnalysisError
-from hopdata.hybrid import Solution, System, solve
-from hopdata.hybrid.layout import SLIDING, TERMINATED, TOO_MANY_EVENTS, ZENO
+from hopdata.errors import AnalysisError, require_choice
+from hopdata.hybrid import System
 from hopdata.scenes.body import (
     CLIMB,
     N_STATES,
@@ -19,13 +18,7 @@ from hopdata.scenes.body import (
     rotation_matrices,
 )
 from hopdata.scenes.scene import Control, Scene, Variant
-
-OPTIONS: dict[str, Any] = {
-    "rtol": 1e-10,
-    "atol": 1e-12,
-    # A foot with so many contact events in one hop neither stands nor flies.
-    "max_events": 100_000,
-}
+from hopdata.synthesis.integrators import INTEGRATORS, Flown
 
 
 @dataclass(frozen=True)
@@ -89,6 +82,7 @@ def fly_hop(
     preloads_n: FloatArray | None = None,
     frame_times_s: FloatArray | None = None,
     limit_s: float = 3.0,
+    integrator: str = "driver",
 ) -> Hop:
     """Integrate one hop from flight to the next apex.
 
@@ -106,13 +100,19 @@ def fly_hop(
         Times after the start at which states are returned, s.
     limit_s : float
         Time after which to give up if there has been no apex, s.
+    integrator : str
+        A name of `hopdata.synthesis.integrators.INTEGRATORS`: "driver", or "printed"
+        for scenes whose events do not reset the state (`Scene.resets_state`).
 
     Raises
     ------
     AnalysisError
         If the integrator fails, or the scene lacks guards with the names listed in
         `Scene`.
+    ConfigError
+        If no integrator has this name.
     """
+    require_choice("simulation.integrator", integrator, INTEGRATORS)
     n = scene.n_legs
     if preloads_n is None:
         preloads_n = np.full(n, scene.preload_n)
@@ -129,16 +129,15 @@ def fly_hop(
     if has_board and variant is not None:  # it may have passed the front already
         _, x, y, front = variant.numbers
         mode[0] = 1 if x * state[0] + y * state[1] > front else -1
-    solution = solve(
+    flown = INTEGRATORS[integrator](
         system,
-        (0.0, limit_s),
         padded(state, system),
         params=scene.vector(preloads_n, variant),
-        mode=mode.tolist(),
-        t_eval=frame_times_s[frame_times_s < limit_s],
-        **OPTIONS,
+        mode=mode,
+        frame_times_s=frame_times_s,
+        limit_s=limit_s,
     )
-    events = solution.events
+    events = flown.events
     guard = events.guard - first
     contact = (guard >= 0) & (guard < n)
     touched_s = np.nan
@@ -147,11 +146,11 @@ def fly_hop(
     return Hop(
         start_state=state,
         preloads_n=preloads_n,
-        states=solution.y[:N_STATES].T,
-        boom=scene.boom_places(solution.t),
-        end_time_s=solution.t_end,
-        end_state=solution.y_end[:N_STATES],
-        ending=_ending(solution, first + n),
+        states=flown.states[:, :N_STATES],
+        boom=scene.boom_places(flown.frame_times_s),
+        end_time_s=flown.end_time_s,
+        end_state=flown.end_state[:N_STATES],
+        ending=_ending(flown, first + n),
         event_time=events.time[contact],
         event_leg=guard[contact],
         event_down=events.direction[contact] > 0,
@@ -176,14 +175,12 @@ def padded(states: FloatArray, system: System) -> FloatArray:
     return np.concatenate([states, memory], axis=-1)
 
 
-def _ending(solution: Solution, apex: int) -> str:
+def _ending(flown: Flown, apex: int) -> str:
     """Return how a hop ended, given the index of the guard of the apex."""
-    if solution.status in (SLIDING, ZENO, TOO_MANY_EVENTS):
+    if flown.is_stuck:
         return "stuck"
-    if not solution.success:
-        raise AnalysisError(f"hop: the integration failed: {solution.message}")
-    if solution.status == TERMINATED:
-        return "apex" if solution.events.guard[-1] == apex else "tipped over"
+    if flown.has_ended:
+        return "apex" if flown.events.guard[-1] == apex else "tipped over"
     return "no apex in time"
 
 
@@ -261,6 +258,7 @@ def control_hop(
     *,
     frame_times_s: FloatArray,
     limit_s: float,
+    integrator: str = "driver",
 ) -> Hop:
     """Let a control hop from the apex at which a hop of the gait began.
 
@@ -270,7 +268,7 @@ def control_hop(
     control : Control
     gait : Hop
         The scene's own hop.
-    frame_times_s, limit_s
+    frame_times_s, limit_s, integrator
         See `fly_hop`.
 
     Returns
@@ -279,9 +277,14 @@ def control_hop(
         It ends in the final state of the gait's hop, unless either fell or the
         control's flight is too short to be led there.
     """
-    times: dict[str, Any] = {"frame_times_s": frame_times_s, "limit_s": limit_s}
     hop = fly_hop(
-        scene, gait.start_state, variant=control, preloads_n=gait.preloads_n, **times
+        scene,
+        gait.start_state,
+        variant=control,
+        preloads_n=gait.preloads_n,
+        frame_times_s=frame_times_s,
+        limit_s=limit_s,
+        integrator=integrator,
     )
     if hop.fell or gait.fell or hop.end_time_s - hop.event_time[-1] < LEAST_FLIGHT_S:
         return hop

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread
-from hopdata.errors import require
+from hopdata.errors import require, require_choice
 from hopdata.recording import Recording, Truth
 from hopdata.scenes import STANDARD, scene_class
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis import camera as cameras
 from hopdata.synthesis import trial as trials
 from hopdata.synthesis.hops import rest_foot
+from hopdata.synthesis.integrators import INTEGRATORS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +40,8 @@ class Simulation:
     control : Control
         System that lands instead of the scene, from the apexes of its gait; at strength
         zero, the scene itself.
+    integrator : str
+        What integrates the hops, of `hopdata.synthesis.integrators.INTEGRATORS`.
     """
 
     hops: int = 1000
@@ -48,6 +51,7 @@ class Simulation:
     kicks: trials.Kicks = field(default_factory=trials.Kicks)
     operator: trials.Operator = field(default_factory=trials.Operator)
     control: Control = field(default_factory=Control)
+    integrator: str = "driver"
 
     def __post_init__(self) -> None:
         self.scene.require_take_off(f"simulation.{self.name}")
@@ -56,6 +60,11 @@ class Simulation:
         for strength, value in asdict(self.control).items():
             fits = value == 0 or strength in self.scene.controls
             require(fits, f"simulation.control.{strength}", wanted, value)
+        require_choice("simulation.integrator", self.integrator, INTEGRATORS)
+        resets = self.scene.resets_state or self.control.impulse != 0
+        can_do = self.integrator != "printed" or not resets
+        wanted = "driver where events reset the state, as the printed method cannot"
+        require(can_do, "simulation.integrator", wanted, self.integrator)
 
     @classmethod
     def of(cls, values: Mapping[str, Any] | None) -> Simulation:
@@ -74,13 +83,15 @@ class Simulation:
     def said(self) -> dict[str, Any]:
         """Return the block as plain data.
 
-        It has a control, or the name of a scene that is not the standard one, only if
-        there is one.
+        It has a control, the name of a scene that is not the standard one, or an
+        integrator that is not the driver, only if there is one.
         """
         said = asdict(self)
         said[said.pop("name")] = said.pop("scene")
         if not self.control.active:
             del said["control"]
+        if self.integrator == "driver":
+            del said["integrator"]
         if self.name == STANDARD:
             return said
         return {"scene": self.name, **said}
@@ -127,6 +138,7 @@ def simulate_recording(
         kicks=simulated.kicks,
         operator=simulated.operator,
         control=control if control.active else None,
+        integrator=simulated.integrator,
         duration_s=math.inf if duration_s is None else duration_s,
     )
     tracks = cameras.track_markers(

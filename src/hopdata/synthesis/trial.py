@@ -303,6 +303,7 @@ def run_trial(  # noqa: PLR0913 (the trial's options)
     duration_s: float = math.inf,
     changes: Iterable[Mapping[str, Any]] = (),
     preloads_n: FloatArray | None = None,
+    integrator: str = "driver",
 ) -> Trial:
     """Let a body make a number of hops, or hop for a time, whichever ends first.
 
@@ -329,6 +330,8 @@ def run_trial(  # noqa: PLR0913 (the trial's options)
         Parameters of the scene that change in the first hop, the second, and so on.
     preloads_n : (n,) array, optional
         Preload of each leg before random changes, N; by default that of the scene.
+    integrator : str
+        What integrates the hops; see `hopdata.synthesis.hops.fly_hop`.
     """
     kicks = kicks or Kicks()
     operator = operator or Operator()
@@ -339,17 +342,18 @@ def run_trial(  # noqa: PLR0913 (the trial's options)
     for _ in range(hops):
         if tape.clock >= duration_s:
             break
-        frames: dict[str, Any] = {
+        flight: dict[str, Any] = {
             "frame_times_s": tape.frames_within(operator.hop_limit_s),
             "limit_s": operator.hop_limit_s,
+            "integrator": integrator,
         }
         scene = replace(scene, **next(still_to_change, {}))
         changed = 1 + kicks.preload_fraction * rng.standard_normal(scene.n_legs)
         start = kicked(state, kicks, rng)
-        hop = fly_hop(scene, start, preloads_n=preloads * changed, **frames)
+        hop = fly_hop(scene, start, preloads_n=preloads * changed, **flight)
         shown = hop
         if control is not None:
-            shown = control_hop(scene, control, hop, **frames)
+            shown = control_hop(scene, control, hop, **flight)
         tape.add_hop(shown)
         state = hop.end_state
         scene = scene.after(hop.end_time_s)

@@ -11,13 +11,16 @@ cubic Hermite splines, followed by a third-order step to its end.
   `scipy.integrate.solve_ivp` and its events, and from a function that makes one step;
 - `resolve_contacts`, `impact_fractions`: Algorithms 5 and 6;
 - `integrate_alternating`: Algorithm 7; `integrate_both_ways`: the same for many guards;
+- `states_at`: states between the mesh points, by the method's Hermite splines;
 - `PrintedOptions`: the default is corrected, `AS_PRINTED` is the text to the letter;
 - `hopdata.hybrid.printed.theorem`: Theorem 4.2.1 with the constants of Table 4.1;
 - `hopdata.hybrid.printed.order`: the order of a method from errors at many steps.
 """
 
-from hopdata.hybrid.printed.alternate import integrate_alternating, integrate_both_ways
+from hopdata.hybrid.printed.alternate import integrate_alternating
+from hopdata.hybrid.printed.both_ways import integrate_both_ways
 from hopdata.hybrid.printed.integrate import integrate
+from hopdata.hybrid.printed.interpolation import states_at
 from hopdata.hybrid.printed.one_step import dopri5_step, heun3_step, rk4_step
 from hopdata.hybrid.printed.options import AS_PRINTED, CHOICES, PrintedOptions
 from hopdata.hybrid.printed.region import Region, region_of
@@ -69,4 +72,5 @@ __all__ = [
     "region_of",
     "resolve_contacts",
     "rk4_step",
+    "states_at",
 ]

@@ -2,9 +2,8 @@
 
 A region has no way back: its locks are set once. A system whose guards are crossed to
 and fro is therefore integrated region by region. `integrate_alternating` is the
-dissertation's way (Algorithm 7): two regions, chosen by the sign of a velocity.
-`integrate_both_ways` needs no velocity: each guard looks to the side on which it is
-not, and turns once it is crossed.
+dissertation's way (Algorithm 7): two regions, chosen by the sign of a velocity. For
+many guards see `hopdata.hybrid.printed.both_ways`.
 """
 
 from __future__ import annotations
@@ -16,19 +15,16 @@ from hopdata.arrays import FloatArray
 from hopdata.hybrid.arguments import check_shape
 from hopdata.hybrid.printed.integrate import (
     Ended,
-    RegionStop,
     default_solver,
     locks_at,
-    one_leg,
     run_region,
 )
 from hopdata.hybrid.printed.options import PrintedOptions
-from hopdata.hybrid.printed.region import Region, Slope, region_of
+from hopdata.hybrid.printed.region import Region, Slope
 from hopdata.hybrid.printed.roots import FINDERS
 from hopdata.hybrid.printed.solvers import ClassicalSolver, Mesh
 from hopdata.hybrid.printed.spline import coefficients, hermite
 from hopdata.hybrid.printed.trajectory import PrintedSolution, Trail
-from hopdata.hybrid.system import System
 
 
 def integrate_alternating(
@@ -155,60 +151,3 @@ def cut_at_turn(
     theta = FINDERS[options.root_finder](coefficients(v0, v1, d0, d1))
     trail.cut(t0 + theta * dt, hermite(theta, y0, y1, f0, f1, dt))
     return True
-
-
-def integrate_both_ways(
-    system: System,
-    t_span: tuple[float, float],
-    y0: ArrayLike,
-    *,
-    params: ArrayLike = (),
-    solver: ClassicalSolver | None = None,
-    options: PrintedOptions | None = None,
-) -> PrintedSolution:
-    """Integrate a system whose guards are crossed to and fro, such as feet on a floor.
-
-    After each step with events a new region begins, in which every guard is oriented
-    away from the side on which it is. So each guard has a partition of its own, and a
-    body may land on some feet while others leave the floor. The dissertation does not
-    say how its plate (section 4.4.4) chooses regions; with Algorithm 7, feet that touch
-    while the body rises would be lost.
-
-    Parameters
-    ----------
-    system : System
-        A system without a handler; all of its guards are crossed in both directions.
-    t_span : tuple of float
-        Start and end, s.
-    y0 : (n,) array_like
-        Initial state.
-    params : (p,) array_like
-        Parameters passed to its functions.
-    solver, options
-        As for `integrate`. A guard that is crossed twice within one step is not seen.
-
-    Returns
-    -------
-    PrintedSolution
-        Mesh and events of all regions.
-    """
-    options = options or PrintedOptions()
-    solver = solver or default_solver()
-    t, t_end = float(t_span[0]), float(t_span[1])
-    y = check_shape("y0", y0, system.n_states)
-    trail = Trail(system, [Mesh(np.array([t]), y[None])])
-    rising = region_of(system, params)
-    sides = locks_at(rising, t, y, options)
-    while t < t_end:
-        # Seen from its own side, no guard is crossed yet.
-        region = rising.turned(-sides)
-        locks = -np.abs(sides)
-        stop = RegionStop(region, locks)
-        leg, resolved = one_leg(stop, solver, t, y, t_end, options)
-        trail.add(leg, resolved.crossings, region)
-        t = resolved.t
-        y = resolved.y
-        sides = region.orientation * resolved.locks
-        if not options.keep_locks:
-            sides = rising.signs(t, y)
-    return trail.solution(rising.mode(sides))

@@ -23,7 +23,7 @@ from hopdata.hybrid.printed.solvers import (
     Mesh,
     Stepping,
 )
-from hopdata.hybrid.printed.trajectory import PrintedSolution, Trail
+from hopdata.hybrid.printed.trajectory import Leg, PrintedSolution, Trail
 
 Ended = Callable[[float, FloatArray], bool]
 
@@ -136,7 +136,7 @@ def run_region(
     while t < t_end and not done:
         stop = RegionStop(region, locks, ended)
         leg, resolved = one_leg(stop, solver, t, y, t_end, options)
-        trail.add(leg, resolved.crossings, region)
+        trail.add(leg, region, locks)
         t = resolved.t
         y = resolved.y
         locks = resolved.locks
@@ -201,12 +201,12 @@ def one_leg(
     y: FloatArray,
     t_end: float,
     options: PrintedOptions,
-) -> tuple[Mesh, Resolution]:
+) -> tuple[Leg, Resolution]:
     """Run the solver in one mode until it stops, and resolve its last step.
 
     Returns
     -------
-    leg : Mesh
+    leg : Leg
         The points after the start, with the instants of events.
     resolved : Resolution
         Where the leg ends.
@@ -229,7 +229,7 @@ def one_leg(
     y0, y1 = mesh.y[-2:]
     if len(region.crossed(t1, y1, locks)) == 0:
         # Nothing was crossed: the leg ends at the end of the span or of the region.
-        leg = Mesh(mesh.t[1:], mesh.y[1:])
+        leg = Leg(Mesh(mesh.t[1:], mesh.y[1:]))
         return leg, Resolution(t1, y1, locks, ())
     resolved = resolve_contacts(region, t0, y0, t1, y1, locks, options)
     # In place of the last point, which lies beyond the events, stand the events.
@@ -238,7 +238,10 @@ def one_leg(
     for crossing in resolved.crossings:
         times.append(crossing.time)
         states.append(crossing.state)
+    n_behind = len(resolved.crossings) - 1
     if options.tail == "heun":
         times.append(resolved.t)
         states.append(resolved.y)
-    return Mesh(np.array(times), np.array(states)), resolved
+        n_behind += 1
+    whole = Mesh(np.array(times), np.array(states))
+    return Leg(whole, resolved.crossings, n_behind), resolved

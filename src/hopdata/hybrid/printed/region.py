@@ -32,20 +32,28 @@ class Region:
     orientation : (m,) array of int
         +1 if the event function of the region is h_k, -1 if it is -h_k because h_k
         falls.
+    own_modes : (e,) array of int
+        The scene's own integers in the mode, which follow the locks.
     """
 
     system: System
     params: FloatArray
     orientation: IntArray
+    own_modes: IntArray
 
     def turned(self, orientation: IntArray) -> Region:
         """Return the region of the same system with another orientation (m,)."""
         return replace(self, orientation=orientation)
 
+    def with_modes(self, own_modes: IntArray) -> Region:
+        """Return the region of the same system with other own modes (e,)."""
+        return replace(self, own_modes=own_modes)
+
     def mode(self, locks: IntArray) -> IntArray:
         """Return the system's mode for the region's locks."""
         mode = np.zeros(self.system.n_modes, dtype=np.int64)
         mode[: self.system.n_guards] = self.orientation * locks
+        mode[self.system.n_guards :] = self.own_modes
         return mode
 
     def slope(self, t: float, y: FloatArray, locks: IntArray) -> FloatArray:
@@ -130,16 +138,27 @@ def region_of(
         If the system has a handler or has no single function for all guards, or if
         `orientation` is not one sign per guard.
     """
+    wanted = "no on_event, which the printed method does not call (use hybrid.solve)"
+    expect(system.on_event is None, "system", wanted, "one")
+    return region_with_handler(system, params, orientation=orientation)
+
+
+def region_with_handler(
+    system: System, params: ArrayLike = (), *, orientation: Sequence[int] | None = None
+) -> Region:
+    """Return a region as `region_of` does, of a system that may have a handler.
+
+    The caller calls the handler between one region and the next. The scene's own
+    integers in the mode are 0.
+    """
     one_function = system.n_guards == 0 or system.guards is not None
     wanted = "all event functions in one function, @guards"
     expect(one_function, "system", wanted, "each one by itself")
-    no_handler = system.on_event is None
-    wanted = "no on_event, which the printed method does not call (use hybrid.solve)"
-    expect(no_handler, "system", wanted, "one")
     signs = (1,) * system.n_guards
     if orientation is not None:
         signs = tuple(orientation)
     are_signs = len(signs) == system.n_guards and set(signs) <= {-1, 1}
     expect(are_signs, "orientation", f"{system.n_guards} times -1 or +1", signs)
     numbers = np.array(params, dtype=np.float64).ravel()
-    return Region(system, numbers, np.array(signs, dtype=np.int64))
+    own_modes = np.zeros(system.n_extra_modes, dtype=np.int64)
+    return Region(system, numbers, np.array(signs, dtype=np.int64), own_modes)
