@@ -52,6 +52,7 @@ def build_document(items: Sequence[Item], records: Sequence[Record]) -> str:
     entries = entries_of(items, records)
     lines = ["# The dissertation beside hopdata", "", INTRODUCTION, ""]
     lines += [f"**{answer(counts_of(entries))}**", ""]
+    lines += [*_meanings(), ""]
     number = repetitions(records)
     if number > 1:
         told = f"Random numbers are medians over {number} seeds, with their range."
@@ -69,6 +70,14 @@ def build_document(items: Sequence[Item], records: Sequence[Record]) -> str:
             lines += ["", f"### Section {section}", "", _line(HEAD), _line(rule)]
         lines.append(_line(_cells(entry)))
     return "\n".join(_without_doubled(lines)) + "\n"
+
+
+def _meanings() -> list[str]:
+    """Return a line for each sign: its word, and what it means."""
+    lines = []
+    for standing in WORDS["standing"].values():
+        lines.append(f"- {standing['sign']} {standing['word']}: {standing['meaning']}")
+    return lines
 
 
 def section_of(item: Item) -> str:
