@@ -179,8 +179,20 @@ def changed_source(
         before = lines[value.lineno - 1].encode()[: value.col_offset].decode()
         after = lines[end - 1].encode()[value.end_col_offset :].decode()
         product = scaled(value, ast.unparse(value), factor)
+        if target.id.endswith("QUANTILES"):
+            product = with_scaled_tails(ast.literal_eval(value), factor)
         lines[value.lineno - 1 : end] = [f"{before}{product}{after}"]
     return "".join(lines)
+
+
+def with_scaled_tails(quantiles: Sequence[float], factor: float) -> str:
+    """Return the text of quantiles whose distances from the nearer end are multiplied."""
+    moved = []
+    for quantile in quantiles:
+        low = quantile * factor
+        high = 1 - (1 - quantile) * factor
+        moved.append(low if quantile < 0.5 else high)
+    return repr(tuple(moved))
 
 
 def scaled(value: ast.expr, text: str, factor: float) -> str:

@@ -147,6 +147,20 @@ def test_whole_numbers_stay_whole_and_tuples_are_scaled_one_by_one(text, expecte
     assert type(found) is type(expected)
 
 
+def test_quantiles_keep_within_0_and_1():
+    source = (
+        SOURCE
+        + """
+#: Lowest and highest of what is looked at.
+#: Unit: 1. Origin: chosen.
+RANGE_QUANTILES = (0.02, 0.98)
+"""
+    )
+    one = constants.Constant("a.py", "RANGE_QUANTILES", 0, "", "", "1", "chosen", "")
+    exec(constants.changed_source(source, one, 1.5), found := {})
+    assert found["RANGE_QUANTILES"] == pytest.approx((0.03, 0.97))
+
+
 def test_constants_of_a_module_are_changed_together(package):
     exec(
         constants.changed_source(SOURCE, list(constants.constants(package)), 1.5),
