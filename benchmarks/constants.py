@@ -465,6 +465,8 @@ def summary(rows: Sequence[Moved]) -> list[str]:
     text = [
         "## What moves an answer",
         "",
+        *numbers_tried(rows),
+        "",
         f"Of {len(tried)} numbers that were tried, {len(tried) - len(moving)} move nothing in",
         "these three studies: they decide what is refused or noticed in data that are less",
         f"sound, or how numbers are rounded. {len(moving) - len(large)} move something that no",
@@ -480,6 +482,19 @@ def summary(rows: Sequence[Moved]) -> list[str]:
         text.append(f"| `{name}` ({module}) | {'; '.join(words)} |".replace("||", "|"))
     text.append("")
     return text
+
+
+def numbers_tried(rows: Iterable[Moved]) -> list[str]:
+    """Return a line for each room: how many numbers were tried in which study."""
+    places = {
+        (row.module.split("/")[0], row.study, row.module, row.name) for row in rows
+    }
+    counts = Counter((room, study) for room, study, _, _ in places)
+    lines = []
+    for room in sorted({room for room, _ in counts}):
+        told = [f"{counts[room, study]} in the {study}" for study in STUDIES]
+        lines.append(f"- Tried in `{room}`: {', '.join(told)}.")
+    return lines
 
 
 def is_large(row: Moved, usual: dict[str, str]) -> bool:

@@ -82,6 +82,17 @@ def test_what_a_constant_moves_is_told_beside_what_the_study_usually_says():
     assert not constants.is_large(usual, said)
 
 
+def test_the_page_tells_how_many_numbers_were_tried_in_which_study():
+    one = constants.Moved(
+        *("landings/a.py", "A", "x 1.5", "sample", "", "no difference"),
+        *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000", "0"),
+    )
+    rows = [one, replace(one, factor="/ 1.5"), replace(one, study="runner")]
+    assert constants.numbers_tried(rows) == [
+        "- Tried in `landings`: 1 in the sample, 0 in the control, 1 in the runner."
+    ]
+
+
 @pytest.mark.parametrize(
     ("column", "small", "large"),
     [
