@@ -273,6 +273,13 @@ def test_a_lower_floor_degree_is_among_what_could_not_be_done():
     assert "instead of 3" not in Page(build_report(full_study())).text
 
 
+@pytest.mark.parametrize("printed", [True, False])
+def test_a_study_by_the_printed_methods_says_so_before_its_results(printed):
+    inputs = full_study(provenance={"config": {"printed": printed}})
+    header = build_report(inputs).partition("</header>")[0]
+    assert ("methods that the dissertation prints" in header) == printed
+
+
 def test_names_from_the_user_are_escaped():
     nasty = "<script>alert('&')</script>"
     inputs = full_study(

@@ -61,6 +61,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
             "controls": len(slopes) - len(scenes),
         },
         "method": _method(inputs.touchdowns),
+        "printed": _by_printed_methods(inputs.provenance),
         "has_forces": _has_forces(inputs.overlay),
         "estimate_errors": _by_name(truth, "map_estimate_error_"),
         "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
@@ -72,6 +73,12 @@ def _method(touchdowns: pd.DataFrame | None) -> str | None:
     if touchdowns is None or touchdowns.empty or "method" not in touchdowns:
         return None
     return str(touchdowns["method"].iloc[0])
+
+
+def _by_printed_methods(provenance: Mapping[str, Any] | None) -> bool:
+    """Return whether one key set all methods of the dissertation."""
+    config = (provenance or {}).get("config") or {}
+    return config.get("printed") is True
 
 
 def _has_forces(overlay: Mapping[str, pd.DataFrame]) -> bool:
