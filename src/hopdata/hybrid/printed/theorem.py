@@ -1,7 +1,8 @@
 """Theorem 4.2.1 in numbers: the error of one localised event, and its proven bound.
 
 On a step of length dt with one event at t*, let p be the Hermite cubic through states
-and slopes at its ends, and t' the root of the Hermite cubic of the event function. Then::
+and slopes at its ends, and t' the root of the Hermite cubic of the event function.
+Then::
 
     |t' - t*| <= (L / 24 + L_h K) / c dt^4,
     |p(t') - y(t*)| <= ((L / 24 + L_h K) / c L_p + K) dt^4
