@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, IntArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
+from hopdata.maps.verdict.session import Session
 from hopdata.messages import Message
 from hopdata.recording import numbers
 
@@ -132,6 +133,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     *,
     seed: int,
     instants_se: ArrayLike | None = None,
+    feet: ArrayLike | None = None,
+    feet_se: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    blocks: ArrayLike | None = None,
     margin: float = 0.2,
     confidence: float = 0.95,
     power: float = 0.8,
@@ -152,8 +157,21 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         Seed of the study.
     instants_se
         (n, feet) standard errors of the instants, in the same unit; they tell what the
-        states do not foretell of the contacts from what was not measured well. None if
-        they are not known.
+        states do not foretell of the contacts from what was not measured well. If they
+        are not known (None), all that is not foretold counts as real, which makes
+        intervals wide rather than wrong.
+    feet
+        (n, feet, 3) positions of the feet at the pre section, in the frame and unit of
+        `x`; NaN where a foot is not seen. They are inputs of the map where legs have a
+        posture of their own. Without them (None) kinks are averaged over posture.
+    feet_se
+        (n, feet, 3) their standard errors; zero if None.
+    time
+        (n,) instants of the landings in the session, in any unit; by default one after
+        the other.
+    blocks
+        (n,) labels of the blocks (recordings, surfaces, subjects) of the landings; by
+        default all are of one.
     margin
         Relative difference that the study is to exclude.
     confidence, power
@@ -172,6 +190,8 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         If another argument is not a number in its range.
     """
     measured = _measured(x, y, instants, instants_se)
+    measured = _with_feet(measured, feet, feet_se)
+    measured = _with_session(measured, time, blocks)
     options = _Options(seed, margin, confidence, power, flips)
     options.check()
     left_out = _left_out(measured.known())
@@ -230,6 +250,10 @@ class _Measured:
     after: FloatArray
     instants: FloatArray
     instants_se: FloatArray | None
+    feet: FloatArray | None = None
+    feet_se: FloatArray | None = None
+    time: FloatArray | None = None
+    blocks: IntArray | None = None
 
     @property
     def n_feet(self) -> int:
@@ -250,9 +274,26 @@ class _Measured:
         errors = None
         if self.instants_se is not None:
             errors = np.nan_to_num(self.instants_se[known])
+        feet = None
+        if self.feet is not None:
+            feet = self.feet[known]
+        feet_se = None
+        if self.feet_se is not None:
+            feet_se = self.feet_se[known]
+        contacts = inputs.Contacts(self.instants[known], errors, feet, feet_se)
         return inputs.section_landings(
-            self.before[known], self.after[known], self.instants[known], errors
+            self.before[known], self.after[known], contacts, self.session(known)
         )
+
+    def session(self, known: BoolArray) -> Session:
+        """Return when and where the known landings were recorded."""
+        time = self.time
+        if time is None:
+            time = np.arange(len(self.before), dtype=float)
+        blocks = self.blocks
+        if blocks is None:
+            blocks = np.zeros(len(self.before), dtype=np.int64)
+        return Session.of(time[known], blocks[known])
 
 
 def _measured(
@@ -281,6 +322,44 @@ def _measured(
         matches = errors.shape == touched.shape
         require(matches, "instants_se", wanted, errors.shape)
     return _Measured(before, after, touched, errors)
+
+
+def _with_feet(
+    measured: _Measured, feet: ArrayLike | None, feet_se: ArrayLike | None
+) -> _Measured:
+    """Return the data with the feet at the pre section, if their shapes match."""
+    if feet is None:
+        return measured
+    places = numbers("feet", feet)
+    shape = (*measured.instants.shape, 3)
+    wanted = f"a position for each foot in each landing, {shape}"
+    require(places.shape == shape, "feet", wanted, places.shape)
+    errors = None
+    if feet_se is not None:
+        errors = numbers("feet_se", feet_se)
+        wanted = f"a standard error for each coordinate of feet, {shape}"
+        require(errors.shape == shape, "feet_se", wanted, errors.shape)
+    return replace(measured, feet=places, feet_se=errors)
+
+
+def _with_session(
+    measured: _Measured, time: ArrayLike | None, blocks: ArrayLike | None
+) -> _Measured:
+    """Return the data with time and block of each landing, if their shapes match."""
+    n_landings = len(measured.before)
+    if time is not None:
+        instants = numbers("time", time)
+        is_known = instants.shape == (n_landings,) and np.isfinite(instants).all()
+        wanted = f"an instant for each of {n_landings} landings"
+        require(is_known, "time", wanted, instants.shape)
+        measured = replace(measured, time=instants)
+    if blocks is not None:
+        labels = np.asarray(blocks)
+        wanted = f"a label for each of {n_landings} landings"
+        require(labels.shape == (n_landings,), "blocks", wanted, labels.shape)
+        _, numbered = np.unique(labels.astype(str), return_inverse=True)
+        measured = replace(measured, blocks=np.asarray(numbered, np.int64))
+    return measured
 
 
 @dataclass(frozen=True)
