@@ -92,7 +92,8 @@ class Verdict(Shown):
     posture
         What the verdict knows of the feet before the landing, in words.
     session
-        What slow change was fitted: ``"time"``, ``"block"``, both or none.
+        What change over the session was fitted: some of ``"block"``, ``"time"`` and
+        ``"change"``, or nothing.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
