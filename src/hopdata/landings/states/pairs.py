@@ -40,6 +40,12 @@ class Pairs(Shown):
         were not measured.
     instants, instants_se : (n, feet) array, optional
         Contact instants of the feet, s, and their standard errors.
+    feet, feet_se : (n, feet, 3) array, optional
+        Positions of the feet at the pre section in the home frame, m, with heights
+        above the floor, and their standard errors; NaN where a foot is not seen. None
+        for states without feet.
+    time_s : (n,) array, optional
+        Instants at the pre section, s, on the clock of the session.
     """
 
     x: FloatArray
@@ -55,6 +61,9 @@ class Pairs(Shown):
     y_se: FloatArray | None = None
     instants: FloatArray | None = None
     instants_se: FloatArray | None = None
+    feet: FloatArray | None = None
+    feet_se: FloatArray | None = None
+    time_s: FloatArray | None = None
 
     def told(self) -> str:
         """Describe the numbers of landings, orders and coordinates."""
@@ -106,8 +115,17 @@ DESCRIPTIONS = {
     "index": "number of the touchdown in its recording's table",
     "instants": "contact instants of the feet, s",
     "instants_se": "standard errors of the contact instants, s",
+    "feet": (
+        "positions of the feet at the pre section, x, y, z in the home frame of the "
+        "touchdown, m; NaN where a foot is not seen in flight before the first contact"
+    ),
+    "feet_se": f"standard errors of feet, m{_ERRORS}",
+    "time_s": (
+        "instant of each landing at the pre section, s, on the clock of the session: "
+        "recordings follow one another unless the study says when they begin"
+    ),
 }
-OPTIONAL = ("x_se", "y_se", "instants", "instants_se")
+OPTIONAL = ("x_se", "y_se", "instants", "instants_se", "feet", "feet_se", "time_s")
 
 
 def write_pairs(path: str | Path, pairs: Pairs) -> None:
