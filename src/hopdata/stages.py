@@ -279,6 +279,7 @@ def home_frame(
     home_marker: str | None = key("home.marker"),
     ambiguous: str = key("touchdowns.ambiguous"),
     states: Options = key("states"),
+    begins_s: dict[str, float | None] = key("recordings.begins_s"),
 ) -> HomeFrame:
     """Put the states at both sections in their home frames (Sec. 2.2.4)."""
     from hopdata.landings.contacts.velocity_minimum import example_touchdown
@@ -292,6 +293,7 @@ def home_frame(
         post_height_m=sections.post_height_m,
         home_marker=home_marker,
         ambiguous=ambiguous,
+        begins_s=begins_s,
         **states,
     )
     touchdowns = exclude_stateless(schedules, pairs)

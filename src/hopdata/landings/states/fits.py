@@ -434,7 +434,7 @@ def section_states(  # noqa: PLR0913 (the data, and the options of the method)
     return cross(fit(), near, height_m)
 
 
-def states_in_flight(  # noqa: PLR0913 (the data, and the options of the method)
+def states_in_flight(
     time: FloatArray,
     markers: FloatArray,
     near: FloatArray,

@@ -1,5 +1,6 @@
 """Pairs: states of the body at the pre and the post section, in the home frame."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -78,6 +79,21 @@ class Pairs(Shown):
 
     def __len__(self) -> int:
         return len(self.schedule)
+
+    def blocks(self, labels: Mapping[str, str | None]) -> NDArray[np.str_] | None:
+        """Return the block of each landing; None if all are of one block.
+
+        Parameters
+        ----------
+        labels : mapping
+            Block of each recording by its name; by default, and with None, a recording
+            is a block of its own.
+        """
+        names = self.recording.tolist()
+        blocks = np.array([labels.get(name) or name for name in names], dtype=str)
+        if len(np.unique(blocks)) < 2:
+            return None
+        return blocks
 
     def with_units(self, length_m: float, time_s: float) -> Self:
         """Return the same pairs with units, m and s, > 0, for `normalised`."""
