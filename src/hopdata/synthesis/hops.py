@@ -35,8 +35,8 @@ class Hop:
     and False for a lift-off, `event_state` (E, 12). `states` (K, 12) are those at the
     requested frame times, up to the end, and `boom` (K, 3) the places of the boom then,
     body frame, m; (K, 0) without one. `longer_m` (n,) is how much longer than usual
-    each leg is, m; None if legs do not scatter. `touched_s` is when a standing hopper first
-    touched a board in its way; NaN if it never did.
+    each leg is, m; None if legs do not scatter. `touched_s` is when a standing hopper
+    first touched a board in its way; NaN if it never did.
     """
 
     start_state: FloatArray
