@@ -419,6 +419,7 @@ def verdict(
     touchdowns: pd.DataFrame,
     *,
     options: Options = key("verdict"),
+    blocks: dict[str, str | None] = key("recordings.block"),
     seed: int = key("seed"),
 ) -> Judgement:
     """Judge whether the map is C1: effect size, interval and bound."""
@@ -431,6 +432,10 @@ def verdict(
         pairs.y,
         instants,
         instants_se=pairs.instants_se,
+        feet=pairs.feet,
+        feet_se=pairs.feet_se,
+        time=pairs.time_s,
+        blocks=pairs.blocks(blocks),
         blurred=blurred(touchdowns),
         seed=seed,
         **options,
