@@ -288,7 +288,11 @@ def _percent(share: float) -> str:
 
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
     """Return what a verdict says, wrapped to as few, evenly long lines as possible."""
-    parts = [verdict[name] for name in ("sentence", "outlook", "contacts") if verdict.get(name)]
+    parts = [
+        verdict[name]
+        for name in ("sentence", "outlook", "contacts")
+        if verdict.get(name)
+    ]
     said = " ".join(parts)
     said = said.replace(" %", PER_CENT)
     fewest = len(textwrap.wrap(said, longest))
