@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hopdata as hd
+from hopdata.errors import ConfigError
 from hopdata.maps.truth.maps import true_effect
 from hopdata.synthesis.hops import rest_foot
 from hopdata.synthesis.landings import SectionHeights, true_landings
@@ -120,5 +121,5 @@ def test_recordings_are_blocks_and_have_a_session_time():
     is_second = study.pairs.recording == "b"
     assert study.pairs.time_s[is_second].min() > 500
     assert study.pairs.time_s[~is_second].max() < 100
-    with pytest.raises(hd.ConfigError, match=r"recordings: expected a, b, found c"):
+    with pytest.raises(ConfigError, match=r"recordings: expected a, b, found c"):
         hd.study([first, second], recordings=[{"name": "c", "block": "sand"}])

@@ -44,6 +44,13 @@ ROUNDING = 1e-9
 TWO_KINDS_CODE = "maps.two_kinds"
 NOT_FORETOLD_CODE = "maps.not_foretold"
 
+# What foretells the contact instants, by what is known of the feet.
+FORETOLD_BY = {
+    inputs.Posture.USED: "maps.contacts_used",
+    inputs.Posture.NOT_NEEDED: "maps.contacts_not_needed",
+    inputs.Posture.NOT_SEEN: "maps.contacts_not_seen",
+}
+
 #: What the first of these is about, in words.
 TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
 
@@ -607,8 +614,8 @@ def _left_out(known: BoolArray) -> Notes:
 
 def _contacts_said(landings: inputs.SectionLandings) -> Message:
     """Return what share of the contact instants is foretold, and by what."""
-    name = f"maps.contacts_{landings.posture.name.lower()}"
-    return Message(name, {"share": f"{100 * landings.foretold:.1f} %"})
+    said = FORETOLD_BY[landings.posture]
+    return Message(said, {"share": f"{100 * landings.foretold:.1f} %"})
 
 
 def _limits(
