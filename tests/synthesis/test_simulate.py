@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.errors import HopdataError
+from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis import simulate_recording
 
 CLEAN = {
@@ -84,6 +85,12 @@ def test_legs_of_one_length_leave_no_trace(simulated):
     first = scattered.apex_states[0]
     np.testing.assert_array_equal(first, truth.apex_states[0])
     assert '"legs_scatter_m": 0.008' in scattered.parameters_json
+
+
+def test_a_scene_says_whether_its_legs_can_scatter(monkeypatch):
+    monkeypatch.setattr(HopperParameters, "legs_can_scatter", False)
+    with pytest.raises(HopdataError, match=r"legs_scatter_m: expected 0, since the legs"):
+        simulate_recording({"hops": 1, "legs_scatter_m": 0.001}, seed=5)
 
 
 def test_apexes_are_where_the_body_is_highest(clean):
