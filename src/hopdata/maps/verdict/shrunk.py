@@ -1,0 +1,161 @@
+"""Third-order terms that are shrunk as far as the landings ask for.
+
+A study of a few hundred landings cannot determine all 120 third-order terms, and
+without them they are scatter. Their coefficients are therefore taken as random, normal
+with mean zero. The terms along the contacts have one variance and all others another,
+both in units of the noise of each outcome, and both those under which the outcomes are
+most likely (restricted maximum likelihood; Patterson and Thompson 1971). With many
+landings the variances are large, and the terms are as good as free.
+
+The landings then have a covariance V = 1 + C C', where C (n, m) are the terms times the
+root of their variance. Rows of outcomes and of all other terms are multiplied with its
+inverse root, which makes least squares the best linear estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.maps.verdict.linear import FLAT
+
+#: Variances of the coefficients that are tried, relative to that of the noise, for
+#: terms of mean square one.
+#: Unit: 1. Origin: chosen: zero, and from where 120 terms change nothing (a thousandth
+#: of the noise) to where they are free, in steps that likelihoods can tell apart.
+VARIANCES = (0.0, *(4.0**power for power in range(-8, 5)))
+
+# The two variances are chosen in turn, this often at most. Two turns are the rule.
+TURNS = 10
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """The inverse root of V, 1 + U diag(changes) U'.
+
+    Attributes
+    ----------
+    directions
+        (n, m) orthonormal columns U.
+    changes
+        (m,) factor along each direction, less one: from -1 to 0.
+    variances
+        (m,) variances of the coefficients relative to that of the noise, for terms of
+        mean square one.
+    """
+
+    directions: FloatArray
+    changes: FloatArray
+    variances: FloatArray
+
+    def of(self, columns: FloatArray) -> FloatArray:
+        """Return the columns (n, k) with their rows mixed by the inverse root of V."""
+        along = self.directions.T @ columns
+        return np.asarray(columns + self.directions @ (self.changes[:, None] * along))
+
+
+def whitening(
+    terms: FloatArray, first: BoolArray, fixed: FloatArray, outcomes: FloatArray
+) -> Whitening:
+    """Return the whitening of landings whose terms are shrunk.
+
+    Parameters
+    ----------
+    terms
+        (n, m) terms that are shrunk.
+    first
+        (m,) which of them share the first variance; the others share the second.
+    fixed
+        (n, k) terms that are not shrunk, the kinks and steps among them, which third
+        orders must not explain.
+    outcomes
+        (n, q) outcomes.
+    """
+    scaled = terms / np.sqrt(np.mean(terms**2, axis=0))
+    fixed_basis, singular, _ = np.linalg.svd(fixed, full_matrices=False)
+    fixed_basis = fixed_basis[:, singular > FLAT * singular[0]]
+    likelihood = _Likelihood.of(scaled, first, fixed_basis, outcomes)
+    variances = likelihood.best()
+    weighted = scaled * np.sqrt(variances)
+    directions, sizes, _ = np.linalg.svd(weighted, full_matrices=False)
+    changes = 1.0 / np.sqrt(1.0 + sizes**2) - 1.0
+    return Whitening(np.asarray(directions), np.asarray(changes), variances)
+
+
+@dataclass(frozen=True)
+class _Likelihood:
+    """Restricted likelihood of the two variances.
+
+    Attributes
+    ----------
+    products
+        (m, m) products of the terms beside the fixed ones.
+    with_outcomes
+        (m, q) their products with the outcomes.
+    squares
+        (q,) squared outcomes beside the fixed terms.
+    freedom
+        Number of landings less that of fixed terms.
+    first
+        (m,) which terms share the first variance.
+    """
+
+    products: FloatArray
+    with_outcomes: FloatArray
+    squares: FloatArray
+    freedom: int
+    first: BoolArray
+
+    @classmethod
+    def of(
+        cls,
+        terms: FloatArray,
+        first: BoolArray,
+        fixed: FloatArray,
+        outcomes: FloatArray,
+    ) -> _Likelihood:
+        """Return the likelihood beside an orthonormal basis `fixed` (n, k)."""
+        terms_beside = terms - fixed @ (fixed.T @ terms)
+        outcomes_beside = outcomes - fixed @ (fixed.T @ outcomes)
+        return cls(
+            products=np.asarray(terms_beside.T @ terms_beside),
+            with_outcomes=np.asarray(terms_beside.T @ outcomes_beside),
+            squares=np.asarray(np.sum(outcomes_beside**2, axis=0)),
+            freedom=len(terms) - fixed.shape[1],
+            first=first,
+        )
+
+    def variances(self, pair: tuple[float, float]) -> FloatArray:
+        """Return the variance of each term (m,)."""
+        return np.where(self.first, pair[0], pair[1])
+
+    def logarithm(self, pair: tuple[float, float]) -> float:
+        """Return the logarithm of the likelihood, but for a constant.
+
+        The noise of each outcome is the one under which this outcome is most likely.
+        """
+        roots = np.sqrt(self.variances(pair))
+        inner = np.eye(len(roots)) + roots[:, None] * self.products * roots
+        triangle = np.linalg.cholesky(inner)
+        explained = np.linalg.solve(triangle, roots[:, None] * self.with_outcomes)
+        unexplained = self.squares - np.sum(explained**2, axis=0)
+        determinant = 2.0 * np.sum(np.log(np.diag(triangle)))
+        of_outcomes = self.freedom * np.log(unexplained) + determinant
+        return -0.5 * float(np.sum(of_outcomes))
+
+    def best(self) -> FloatArray:
+        """Return the most likely variance of each term (m,).
+
+        Each of the two is chosen in turn while the other stays, until neither changes.
+        """
+        pair = max(((v, v) for v in VARIANCES), key=self.logarithm)
+        for _ in range(TURNS):
+            before = pair
+            pair = max(((v, before[1]) for v in VARIANCES), key=self.logarithm)
+            of_first = pair[0]
+            pair = max(((of_first, v) for v in VARIANCES), key=self.logarithm)
+            if pair == before:
+                break
+        return self.variances(pair)
