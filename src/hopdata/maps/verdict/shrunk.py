@@ -136,10 +136,14 @@ class _Likelihood:
 
         The noise of each outcome is the one under which this outcome is most likely.
         """
+        from scipy.linalg import solve_triangular
+
         roots = np.sqrt(self.variances(pair))
         inner = np.eye(len(roots)) + roots[:, None] * self.products * roots
         triangle = np.linalg.cholesky(inner)
-        explained = np.linalg.solve(triangle, roots[:, None] * self.with_outcomes)
+        explained = solve_triangular(
+            triangle, roots[:, None] * self.with_outcomes, lower=True, check_finite=False
+        )
         unexplained = self.squares - np.sum(explained**2, axis=0)
         determinant = 2.0 * np.sum(np.log(np.diag(triangle)))
         of_outcomes = self.freedom * np.log(unexplained) + determinant
