@@ -69,12 +69,12 @@ def landings(
     y += noise * rng.standard_normal(y.shape)
     scale = np.array([0.03, 0.03, 0.07, 0.07, 0.07, 0.3, 0.3, 0.2])
     out = np.array([0.01, 0.01, 0.02, *(0.01, 0.01, 0.05, 0.05, 0.05, 0.2, 0.2, 0.2)])
-    before, after = _states(x * scale, y * out, rng)
+    before, after = marker_states(x * scale, y * out, rng)
     times = 1.0 + instants + 0.0004 * rng.standard_normal(instants.shape)
     return Landings(before, after, times, x * scale, y * out)
 
 
-def _states(x, y, rng):
+def marker_states(x, y, rng):
     """Return marker states (n, 18) of inputs (n, 8) and outputs (n, 11), anywhere in the plane."""
     yaw = rng.uniform(-0.4, 0.4, len(x))
     place = np.column_stack([rng.uniform(-1, 1, (len(x), 2)), np.full(len(x), 0.5)])

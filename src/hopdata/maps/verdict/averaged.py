@@ -77,7 +77,8 @@ def _largest(i: int, means: FloatArray, covariance: FloatArray) -> FloatArray:
     beyond = [_apart(i, j, means, covariance)[1] for j in others]
     if len(others) == 1:
         return np.asarray(ndtr(beyond[0]))
-    return both_below(*beyond, _correlation(i, *others, covariance))
+    j, k = others
+    return both_below(beyond[0], beyond[1], _correlation(i, j, k, covariance))
 
 
 def _apart(

@@ -364,9 +364,10 @@ def _with_session(
     n_landings = len(measured.before)
     if time is not None:
         instants = numbers("time", time)
-        is_known = instants.shape == (n_landings,) and np.isfinite(instants).all()
+        is_known = bool(np.isfinite(instants).all())
+        fits = instants.shape == (n_landings,) and is_known
         wanted = f"an instant for each of {n_landings} landings"
-        require(is_known, "time", wanted, instants.shape)
+        require(fits, "time", wanted, instants.shape)
         measured = replace(measured, time=instants)
     if blocks is not None:
         labels = np.asarray(blocks)
