@@ -34,32 +34,31 @@ def _size(landings, seed, *, allowed=None):
         fit = replace(fit, allowed=allowed)
     generator = np.random.default_rng(seed)
     return effect_size(
-        fit, root, generator=generator, confidence=0.95, power=0.8, flips=199
+        fit, root, generator=generator, confidence=0.95, power=0.8, flips=99
     )
 
 
 def test_random_signs_hold_their_level_beside_shrunk_terms():
     """Of C1 studies the test that allows for nothing finds 5 %: no more and no less."""
-    studies = 200
-    found = [_size(_study(k, 180), k, allowed=0.0).p_value for k in range(studies)]
-    # The binomial limits of 99.8 % for 200 studies at 5 %.
+    found = [_size(_study(k, 160), k, allowed=0.0).p_value for k in range(200)]
+    # Limits of a binomial distribution: fewer or more are rarer than 0.2 %.
     assert 2 <= np.sum(np.array(found) <= 0.05) <= 20
-    # Their p-values are spread evenly.
-    assert 0.4 < np.mean(found) < 0.6
+    # The mean of 200 even draws errs by 0.02.
+    assert 0.44 < np.mean(found) < 0.56
 
 
 def test_small_studies_find_more_with_all_landings_and_shrunk_terms(monkeypatch):
     """Beside the nearest 85 % alone and without terms of third order."""
 
     def found():
-        sizes = [_size(_study(1000 + k, 250, kink=1.0), k) for k in range(20)]
-        return np.array([size.low > 0.0 for size in sizes])
+        how = {"kink": 1.0, "cubic": 0.03, "noise": 0.6}
+        sizes = [_size(_study(1000 + k, 200, **how), k) for k in range(16)]
+        return sum(size.low > 0.0 for size in sizes)
 
     now = found()
     monkeypatch.setattr(window, "WIDER", ())
     monkeypatch.setattr(shrunk, "VARIANCES", (0.0,))
-    before = found()
-    assert now.sum() >= before.sum() + 3, (now.sum(), before.sum())
+    assert now >= found() + 3
 
 
 @pytest.mark.parametrize(("noise", "share"), [(0.5, 1.0), (0.02, WINDOW)])

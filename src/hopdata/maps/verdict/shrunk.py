@@ -142,7 +142,10 @@ class _Likelihood:
         inner = np.eye(len(roots)) + roots[:, None] * self.products * roots
         triangle = np.linalg.cholesky(inner)
         explained = solve_triangular(
-            triangle, roots[:, None] * self.with_outcomes, lower=True, check_finite=False
+            triangle,
+            roots[:, None] * self.with_outcomes,
+            lower=True,
+            check_finite=False,
         )
         unexplained = self.squares - np.sum(explained**2, axis=0)
         determinant = 2.0 * np.sum(np.log(np.diag(triangle)))
