@@ -2,10 +2,10 @@
 
 A study of a few hundred landings cannot determine all 120 third-order terms, and
 without them they are scatter. Their coefficients are therefore taken as random, normal
-with mean zero. The terms along the contacts have one variance and all others another,
-both in units of the noise of each outcome, and both those under which the outcomes are
-most likely (restricted maximum likelihood; Patterson and Thompson 1971). With many
-landings the variances are large, and the terms are as good as free.
+with mean zero. Terms of one kind have one variance, in units of the noise of each
+outcome. The variances are those under which the outcomes are most likely (restricted
+maximum likelihood; Patterson and Thompson 1971). With many landings they determine
+terms that matter as if these were free.
 
 The landings then have a covariance V = 1 + C C', where C (n, m) are the terms times the
 root of their variance. Rows of outcomes and of all other terms are multiplied with its
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.maps.verdict.linear import FLAT
 
 #: Variances of the coefficients that are tried, relative to that of the noise, for
@@ -27,7 +27,7 @@ from hopdata.maps.verdict.linear import FLAT
 #: of the noise) to where they are free, in steps that likelihoods can tell apart.
 VARIANCES = (0.0, *(4.0**power for power in range(-8, 5)))
 
-# The two variances are chosen in turn, this often at most. Two turns are the rule.
+# All variances are chosen in turn, this often at most. Two or three turns are the rule.
 TURNS = 10
 
 
@@ -57,7 +57,7 @@ class Whitening:
 
 
 def whitening(
-    terms: FloatArray, first: BoolArray, fixed: FloatArray, outcomes: FloatArray
+    terms: FloatArray, kinds: IntArray, fixed: FloatArray, outcomes: FloatArray
 ) -> Whitening:
     """Return the whitening of landings whose terms are shrunk.
 
@@ -65,8 +65,8 @@ def whitening(
     ----------
     terms
         (n, m) terms that are shrunk.
-    first
-        (m,) which of them share the first variance; the others share the second.
+    kinds
+        (m,) number, from 0, of the kind of each; all of one kind share a variance.
     fixed
         (n, k) terms that are not shrunk, the kinks and steps among them, which third
         orders must not explain.
@@ -76,7 +76,7 @@ def whitening(
     scaled = terms / np.sqrt(np.mean(terms**2, axis=0))
     fixed_basis, singular, _ = np.linalg.svd(fixed, full_matrices=False)
     fixed_basis = fixed_basis[:, singular > FLAT * singular[0]]
-    likelihood = _Likelihood.of(scaled, first, fixed_basis, outcomes)
+    likelihood = _Likelihood.of(scaled, kinds, fixed_basis, outcomes)
     variances = likelihood.best()
     weighted = scaled * np.sqrt(variances)
     directions, sizes, _ = np.linalg.svd(weighted, full_matrices=False)
@@ -86,7 +86,7 @@ def whitening(
 
 @dataclass(frozen=True)
 class _Likelihood:
-    """Restricted likelihood of the two variances.
+    """Restricted likelihood of the variances.
 
     Attributes
     ----------
@@ -98,21 +98,21 @@ class _Likelihood:
         (q,) squared outcomes beside the fixed terms.
     freedom
         Number of landings less that of fixed terms.
-    first
-        (m,) which terms share the first variance.
+    kinds
+        (m,) kind of each term.
     """
 
     products: FloatArray
     with_outcomes: FloatArray
     squares: FloatArray
     freedom: int
-    first: BoolArray
+    kinds: IntArray
 
     @classmethod
     def of(
         cls,
         terms: FloatArray,
-        first: BoolArray,
+        kinds: IntArray,
         fixed: FloatArray,
         outcomes: FloatArray,
     ) -> _Likelihood:
@@ -124,29 +124,21 @@ class _Likelihood:
             with_outcomes=np.asarray(terms_beside.T @ outcomes_beside),
             squares=np.asarray(np.sum(outcomes_beside**2, axis=0)),
             freedom=len(terms) - fixed.shape[1],
-            first=first,
+            kinds=kinds,
         )
 
-    def variances(self, pair: tuple[float, float]) -> FloatArray:
-        """Return the variance of each term (m,)."""
-        return np.where(self.first, pair[0], pair[1])
-
-    def logarithm(self, pair: tuple[float, float]) -> float:
+    def logarithm(self, of_kinds: FloatArray) -> float:
         """Return the logarithm of the likelihood, but for a constant.
 
         The noise of each outcome is the one under which this outcome is most likely.
         """
         from scipy.linalg import solve_triangular
 
-        roots = np.sqrt(self.variances(pair))
+        roots = np.sqrt(of_kinds[self.kinds])
         inner = np.eye(len(roots)) + roots[:, None] * self.products * roots
         triangle = np.linalg.cholesky(inner)
-        explained = solve_triangular(
-            triangle,
-            roots[:, None] * self.with_outcomes,
-            lower=True,
-            check_finite=False,
-        )
+        shared = roots[:, None] * self.with_outcomes
+        explained = solve_triangular(triangle, shared, lower=True)
         unexplained = self.squares - np.sum(explained**2, axis=0)
         determinant = 2.0 * np.sum(np.log(np.diag(triangle)))
         of_outcomes = self.freedom * np.log(unexplained) + determinant
@@ -155,14 +147,19 @@ class _Likelihood:
     def best(self) -> FloatArray:
         """Return the most likely variance of each term (m,).
 
-        Each of the two is chosen in turn while the other stays, until neither changes.
+        At first all are equal. Then that of each kind is chosen in turn while the
+        others stay, until none changes.
         """
-        pair = max(((v, v) for v in VARIANCES), key=self.logarithm)
+        n_kinds = int(self.kinds.max()) + 1
+        all_equal = [np.full(n_kinds, variance) for variance in VARIANCES]
+        of_kinds = max(all_equal, key=self.logarithm)
         for _ in range(TURNS):
-            before = pair
-            pair = max(((v, before[1]) for v in VARIANCES), key=self.logarithm)
-            of_first = pair[0]
-            pair = max(((of_first, v) for v in VARIANCES), key=self.logarithm)
-            if pair == before:
+            before = of_kinds
+            for kind in range(n_kinds):
+                tried = [of_kinds.copy() for _ in VARIANCES]
+                for one, variance in zip(tried, VARIANCES, strict=True):
+                    one[kind] = variance
+                of_kinds = max(tried, key=self.logarithm)
+            if np.array_equal(of_kinds, before):
                 break
-        return self.variances(pair)
+        return np.asarray(of_kinds[self.kinds])

@@ -15,7 +15,7 @@ from math import comb
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import LANDINGS_PER_TERM, monomials
 from hopdata.maps.verdict.inputs import STATE, SectionLandings, halves
@@ -184,9 +184,9 @@ def smooth_terms(
 
     _require_scatter(fixed, outputs)
     third = monomials(core, (3,))
-    is_along = _only_of_first(core.shape[1], min(WAYS, contacts.shape[1]))
+    kinds = _factors_among_first(core.shape[1], min(WAYS, contacts.shape[1]))
     unshrunk = np.column_stack([fixed, shapes])
-    white = whitening(third, is_along, unshrunk, outputs)
+    white = whitening(third, kinds, unshrunk, outputs)
     basis, root = np.linalg.qr(white.of(fixed))
     return Smooth(raw, inputs, outputs, lower, along, white, basis, root, session.used)
 
@@ -201,10 +201,14 @@ def _require_scatter(terms: FloatArray, outputs: FloatArray) -> None:
         raise AnalysisError(Message("maps.outcome_constant"))
 
 
-def _only_of_first(n_inputs: int, n_first: int) -> BoolArray:
-    """Return which third-order monomials have no factor but the first inputs."""
+def _factors_among_first(n_inputs: int, n_first: int) -> IntArray:
+    """Return how many factors of each third-order monomial are among the first inputs.
+
+    These are the directions in which contacts separate. They vary most, and the map
+    bends most along them.
+    """
     factors = combinations_with_replacement(range(n_inputs), 3)
-    return np.array([max(three) < n_first for three in factors])
+    return np.array([sum(one < n_first for one in three) for three in factors])
 
 
 def _core(states: FloatArray, ways: FloatArray) -> FloatArray:
