@@ -27,9 +27,6 @@ from hopdata.maps.verdict.linear import FLAT
 #: of the noise) to where they are free, in steps that likelihoods can tell apart.
 VARIANCES = (0.0, *(4.0**power for power in range(-8, 5)))
 
-# All variances are chosen in turn, this often at most. Two or three turns are the rule.
-TURNS = 10
-
 
 @dataclass(frozen=True)
 class Whitening:
@@ -127,39 +124,63 @@ class _Likelihood:
             kinds=kinds,
         )
 
-    def logarithm(self, of_kinds: FloatArray) -> float:
+    def logarithm(self, steps: IntArray) -> float:
         """Return the logarithm of the likelihood, but for a constant.
 
-        The noise of each outcome is the one under which this outcome is most likely.
+        `steps` (kinds,) are numbers in `VARIANCES`. The noise of each outcome is the
+        one under which this outcome is most likely.
         """
         from scipy.linalg import solve_triangular
 
-        roots = np.sqrt(of_kinds[self.kinds])
-        inner = np.eye(len(roots)) + roots[:, None] * self.products * roots
+        roots = np.sqrt(np.array(VARIANCES)[steps])[self.kinds]
+        inner = roots[:, None] * self.products * roots
+        inner[np.diag_indices_from(inner)] += 1.0
         triangle = np.linalg.cholesky(inner)
         shared = roots[:, None] * self.with_outcomes
-        explained = solve_triangular(triangle, shared, lower=True)
-        unexplained = self.squares - np.sum(explained**2, axis=0)
-        determinant = 2.0 * np.sum(np.log(np.diag(triangle)))
-        of_outcomes = self.freedom * np.log(unexplained) + determinant
-        return -0.5 * float(np.sum(of_outcomes))
+        explained = np.sum(solve_triangular(triangle, shared, lower=True) ** 2, axis=0)
+        determinant = 2.0 * float(np.sum(np.log(np.diag(triangle))))
+        return self._logarithm_of(explained, determinant)
+
+    def _logarithm_of(self, explained: FloatArray, determinant: float) -> float:
+        noise = np.log(self.squares - explained)
+        return -0.5 * float(np.sum(self.freedom * noise + determinant))
 
     def best(self) -> FloatArray:
         """Return the most likely variance of each term (m,).
 
-        At first all are equal. Then that of each kind is chosen in turn while the
-        others stay, until none changes.
+        At first all are equal. Then that of each kind in turn moves up or down in
+        `VARIANCES`, step by step, as long as this is more likely.
         """
-        n_kinds = int(self.kinds.max()) + 1
-        all_equal = [np.full(n_kinds, variance) for variance in VARIANCES]
-        of_kinds = max(all_equal, key=self.logarithm)
-        for _ in range(TURNS):
-            before = of_kinds
-            for kind in range(n_kinds):
-                tried = [of_kinds.copy() for _ in VARIANCES]
-                for one, variance in zip(tried, VARIANCES, strict=True):
-                    one[kind] = variance
-                of_kinds = max(tried, key=self.logarithm)
-            if np.array_equal(of_kinds, before):
-                break
-        return np.asarray(of_kinds[self.kinds])
+        steps = np.full(int(self.kinds.max()) + 1, self._best_of_all_equal())
+        most = self.logarithm(steps)
+        before = -np.inf
+        while most > before:
+            before = most
+            for kind in range(len(steps)):
+                steps, most = self._moved(steps, most, kind)
+        return np.asarray(np.array(VARIANCES)[steps][self.kinds])
+
+    def _best_of_all_equal(self) -> int:
+        """Return the most likely number in `VARIANCES` if all kinds share it."""
+        eigenvalues, axes = np.linalg.eigh(self.products)
+        squares = (axes.T @ self.with_outcomes) ** 2
+        likelihoods = []
+        for variance in VARIANCES:
+            inner = 1.0 + variance * eigenvalues.clip(0.0)
+            explained = variance * np.sum(squares / inner[:, None], axis=0)
+            determinant = float(np.sum(np.log(inner)))
+            likelihoods.append(self._logarithm_of(explained, determinant))
+        return int(np.argmax(likelihoods))
+
+    def _moved(self, steps: IntArray, most: float, kind: int) -> tuple[IntArray, float]:
+        """Return the steps with that of one kind moved to where it is most likely."""
+        for way in (1, -1):
+            while 0 <= steps[kind] + way < len(VARIANCES):
+                tried = steps.copy()
+                tried[kind] += way
+                likelihood = self.logarithm(tried)
+                if likelihood <= most:
+                    break
+                steps = tried
+                most = likelihood
+        return steps, most
