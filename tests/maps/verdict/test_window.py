@@ -61,7 +61,7 @@ def test_small_studies_find_more_with_all_landings_and_shrunk_terms(monkeypatch)
     assert now >= found() + 3
 
 
-@pytest.mark.parametrize(("noise", "share"), [(0.5, 1.0), (0.02, WINDOW)])
+@pytest.mark.parametrize(("noise", "share"), [(2.0, 1.0), (0.02, WINDOW)])
 def test_where_noise_is_large_all_landings_are_used(noise, share):
     landings = _study(1, 400, noise=noise)
     fit, _ = fit_of_best_window(landings, compared(landings))
