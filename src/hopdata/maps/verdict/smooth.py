@@ -109,8 +109,10 @@ class Smooth:
         """
         design = np.column_stack([self.lower, shapes, self.along])
         basis, root = np.linalg.qr(design)
-        to_coefficients = np.linalg.inv(root)[-self.along.shape[1] :]
-        coefficients = to_coefficients @ basis.T @ self.outputs
+        n_along = self.along.shape[1]
+        # The last block of the inverse of a triangle; steps may be alike.
+        to_coefficients = np.linalg.inv(root[-n_along:, -n_along:])
+        coefficients = to_coefficients @ basis[:, -n_along:].T @ self.outputs
 
         residuals = self.outputs - basis @ (basis.T @ self.outputs)
         noise = np.sum(residuals**2, axis=0) / (len(basis) - basis.shape[1])
