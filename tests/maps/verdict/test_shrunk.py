@@ -10,12 +10,19 @@ N = 120
 KINDS = np.array([0, 0, 1, 1, 1, 1])
 
 
+def _unit(terms):
+    """Return terms whose mean squares add up to one in each kind."""
+    squares = np.mean(terms**2, axis=0)
+    totals = np.array([squares[kind == KINDS].sum() for kind in (0, 1)])
+    return terms / np.sqrt(totals[KINDS])
+
+
 def _study(seed, first, others):
     """Return terms, fixed terms and outcomes whose random terms have these sizes."""
     rng = np.random.default_rng(seed)
     terms = rng.standard_normal((N, len(KINDS))) * [1, 5, 1, 0.2, 1, 1]
     fixed = np.column_stack([np.ones(N), rng.standard_normal((N, 4))])
-    unit = terms / np.sqrt(np.mean(terms**2, axis=0))
+    unit = _unit(terms)
     sizes = np.array([first, others])[KINDS][:, None]
     coefficients = sizes * rng.standard_normal((len(KINDS), 11))
     outcomes = unit @ coefficients + fixed @ rng.standard_normal((5, 11))
@@ -27,7 +34,7 @@ def _study(seed, first, others):
 def test_rows_are_multiplied_with_the_inverse_root_of_their_covariance():
     terms, fixed, outcomes = _study(1, 1.0, 0.3)
     found = whitening(terms, KINDS, fixed, outcomes)
-    unit = terms / np.sqrt(np.mean(terms**2, axis=0))
+    unit = _unit(terms)
     covariance = np.eye(N) + unit * found.variances @ unit.T
     values, vectors = np.linalg.eigh(covariance)
     inverse_root = vectors / np.sqrt(values) @ vectors.T
@@ -38,7 +45,7 @@ def test_the_variances_are_the_most_likely():
     """No other pair has a larger density of the residuals of the fixed terms."""
     terms, fixed, outcomes = _study(2, 1.0, 0.1)
     found = whitening(terms, KINDS, fixed, outcomes)
-    unit = terms / np.sqrt(np.mean(terms**2, axis=0))
+    unit = _unit(terms)
     left, _, _ = np.linalg.svd(fixed)
     rest = left[:, fixed.shape[1] :].T
 
@@ -53,8 +60,8 @@ def test_the_variances_are_the_most_likely():
     pairs = [(a, b) for a in VARIANCES for b in VARIANCES]
     best = max(pairs, key=lambda pair: likelihood(*pair))
     np.testing.assert_array_equal(found.variances, np.array(best)[KINDS])
-    assert 0.25 <= best[0] <= 4.0, "coefficients of the first have variance 1"
-    assert best[1] < 0.1, "and those of the others 0.01"
+    assert 0.25 <= best[0] <= 4.0, "the first add 1"
+    assert best[1] < 0.1, "and the others 0.01"
 
 
 @pytest.mark.parametrize("size", [0.0, 100.0])

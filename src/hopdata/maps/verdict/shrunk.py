@@ -2,7 +2,7 @@
 
 A study of a few hundred landings cannot determine all 120 third-order terms, and
 without them they are scatter. Their coefficients are therefore taken as random, normal
-with mean zero. Terms of one kind have one variance, in units of the noise of each
+with mean zero. Terms of one kind have one variance, relative to the noise of each
 outcome. The variances are those under which the outcomes are most likely (restricted
 maximum likelihood; Patterson and Thompson 1971). With many landings they determine
 terms that matter as if these were free.
@@ -21,11 +21,11 @@ import numpy as np
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.maps.verdict.linear import FLAT
 
-#: Variances of the coefficients that are tried, relative to that of the noise, for
-#: terms of mean square one.
-#: Unit: 1. Origin: chosen: zero, and from where 120 terms change nothing (a thousandth
-#: of the noise) to where they are free, in steps that likelihoods can tell apart.
-VARIANCES = (0.0, *(4.0**power for power in range(-8, 5)))
+#: Variances that are tried for the terms of a kind: what they add to an outcome,
+#: relative to its noise.
+#: Unit: 1. Origin: chosen: zero, and from where terms change nothing (a thousandth of
+#: the noise) to where they are free, in steps that likelihoods can tell apart.
+VARIANCES = (0.0, *(4.0**power for power in range(-5, 9)))
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Whitening:
     changes
         (m,) factor along each direction, less one: from -1 to 0.
     variances
-        (m,) variances of the coefficients relative to that of the noise, for terms of
-        mean square one.
+        (m,) what the terms of each term's kind add to the variance of an outcome,
+        relative to its noise.
     """
 
     directions: FloatArray
@@ -61,7 +61,8 @@ def whitening(
     Parameters
     ----------
     terms
-        (n, m) terms that are shrunk.
+        (n, m) terms that are shrunk. Their sizes relative to others of their kind say
+        how much each is expected to matter.
     kinds
         (m,) number, from 0, of the kind of each; all of one kind share a variance.
     fixed
@@ -70,7 +71,8 @@ def whitening(
     outcomes
         (n, q) outcomes.
     """
-    scaled = terms / np.sqrt(np.mean(terms**2, axis=0))
+    total_of_kinds = np.bincount(kinds, weights=np.mean(terms**2, axis=0))
+    scaled = terms / np.sqrt(total_of_kinds[kinds])
     fixed_basis, singular, _ = np.linalg.svd(fixed, full_matrices=False)
     fixed_basis = fixed_basis[:, singular > FLAT * singular[0]]
     likelihood = _Likelihood.of(scaled, kinds, fixed_basis, outcomes)

@@ -10,7 +10,7 @@ of the session join where they help.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, permutations
 from math import comb
 
 import numpy as np
@@ -185,7 +185,7 @@ def smooth_terms(
         fixed = np.column_stack([lower, instants[:, :1] ** 4])
 
     _require_scatter(fixed, outputs)
-    third = monomials(core, (3,))
+    third = monomials(core, (3,)) * np.sqrt(_multiplicities(core.shape[1]))
     kinds = _factors_among_first(core.shape[1], min(WAYS, contacts.shape[1]))
     unshrunk = np.column_stack([fixed, shapes])
     white = whitening(third, kinds, unshrunk, outputs)
@@ -201,6 +201,16 @@ def _require_scatter(terms: FloatArray, outputs: FloatArray) -> None:
     largest = np.abs(outputs - outputs.mean(axis=0)).max()
     if not scatter.min() > FLAT * largest:
         raise AnalysisError(Message("maps.outcome_constant"))
+
+
+def _multiplicities(n_inputs: int) -> FloatArray:
+    """Return how often each third-order monomial occurs in (u1 + u2 + ...)^3.
+
+    Terms times the root of it, with random coefficients of one variance, are the same
+    function of the inputs however these are turned.
+    """
+    factors = combinations_with_replacement(range(n_inputs), 3)
+    return np.array([len(set(permutations(three))) for three in factors], float)
 
 
 def _factors_among_first(n_inputs: int, n_first: int) -> IntArray:
