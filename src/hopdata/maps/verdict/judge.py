@@ -19,8 +19,9 @@ from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict import inputs
-from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
+from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike
 from hopdata.maps.verdict.session import Session
+from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.messages import Message
 from hopdata.recording import numbers
 
@@ -224,11 +225,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
             raise AnalysisError(blurred)
         landings = measured.landings()
         comparison = sizing.compared(landings)
-        fit = fit_kinks(landings)
+        fit, root = fit_of_best_window(landings, comparison)
     except AnalysisError as error:
         return _no_answer(error, measured, options, left_out)
 
-    root = sizing.squared_size(fit, landings, comparison)
     effect = options.size(fit, root, "signs")
     jump = None
     if fit.jumps is not None:
