@@ -1,0 +1,247 @@
+"""Which landings are gross errors: swapped markers, slips, contacts of a second bounce.
+
+A landing is left out if it is far from what all others tell:
+
+- its body markers are not as far apart as those of the body (`markers_apart`);
+- its state before is far from all others;
+- its contact instants are far from those that are expected;
+- its outcome is far from what a map of low order foretells, the same for all landings.
+
+None of these looks at whether contact orders differ: that map has kinks and steps of
+any size, and only the length of a miss counts, not its direction. In a landing that has
+one derivative, what the map misses of the landings that stay is therefore as likely to
+have either sign as before, which is all that random signs ask for.
+
+How far is too far is read from the study (`too_far`): a study with heavy tails has wide
+limits, and loses next to nothing.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from statistics import NormalDist
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.maps.coordinates import LANDINGS_PER_TERM, kinks, monomials, split_states
+
+#: Number of landings of a sound study that are expected beyond `too_far`, before
+#: `GROSS`.
+#: Unit: landings. Origin: convention: a half (Chauvenet's criterion).
+EXPECTED_BEYOND = 0.5
+
+#: A landing is a gross error this many times farther away than the farthest of a sound
+#: study.
+#: Unit: 1. Origin: measured: at 1, sound simulated studies lost up to 1.4 % of their
+#: landings, those far out on the curvature of the map; at 1.5 at most 0.3 %, and 0.7 %
+#: with errors of Student's t with three degrees of freedom.
+GROSS = 1.5
+
+#: Quantile of the distances that, with the median, tells how they spread.
+#: Unit: 1. Origin: chosen: it holds up while fewer than a fifth of the landings are
+#: wrong.
+UPPER = 0.8
+
+#: A state is far from all others beyond this distance from the median, which no heavy
+#: tail explains.
+#: Unit: median distances. Origin: chosen.
+FAR_OFF = 30.0
+
+#: Least slack of a landing (one minus its leverage) by which a residual is divided.
+#: Unit: 1. Origin: chosen.
+LEAST_SLACK = 0.05
+
+#: Singular values and scatters at or below this share of the largest are rounding.
+#: Unit: 1. Origin: rounding.
+FLAT = 1e-9
+
+# Passes of the reweighted fit, which settles in fewer.
+PASSES = 10
+
+# Searches, each among what the one before has left. Few studies need a third.
+SEARCHES = 5
+
+# Reasons for which landings are left out; each is also the name of a message.
+MARKERS = "markers_apart"
+STATE = "state_far_off"
+CONTACTS = "contacts_far_off"
+OUTCOME = "outcome_far_off"
+REASONS = (MARKERS, STATE, CONTACTS, OUTCOME)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of n landings, in any units.
+
+    Attributes
+    ----------
+    inputs
+        (n, p) state before the landing; the first `n_bent` are its own coordinates.
+    outputs
+        (n, q) outcome.
+    expected
+        (n, feet) contact instants that the state foretells.
+    missed
+        (n, feet) measured less expected contact instants.
+    slow
+        (n, m) terms that change slowly over the session; no column if there are none.
+    """
+
+    inputs: FloatArray
+    outputs: FloatArray
+    expected: FloatArray
+    missed: FloatArray
+    slow: FloatArray
+
+
+def too_far(distances: FloatArray) -> float:
+    """Return the distance beyond which no landing of a sound study is expected.
+
+    The logarithms of the distances are taken as normally distributed above their
+    median, as wide as the quantile `UPPER` tells. Student's t with three degrees of
+    freedom has less beyond.
+    """
+    median, upper = np.quantile(distances, [0.5, UPPER])
+    if not median > 0.0:
+        return np.inf
+    normal = NormalDist()
+    width = np.log(upper / median) / normal.inv_cdf(UPPER)
+    reach = normal.inv_cdf(1.0 - EXPECTED_BEYOND / len(distances))
+    return float(GROSS * median * np.exp(reach * width))
+
+
+def _beyond(distances: FloatArray) -> BoolArray:
+    return np.asarray(distances > too_far(distances))
+
+
+def markers_apart(states: FloatArray) -> BoolArray:
+    """Return in which states the markers are not those of the one rigid body.
+
+    Their distances, or the speeds at which these change, are then too far from the
+    usual ones, as if two markers were swapped.
+
+    Parameters
+    ----------
+    states
+        (n, 6B) positions and velocities of markers.
+    """
+    positions, velocities = split_states(states)
+    lengthened = []
+    lengthening = []
+    for i, j in combinations(range(positions.shape[1]), 2):
+        apart = positions[:, i] - positions[:, j]
+        distance = np.linalg.norm(apart, axis=1)
+        moving = np.sum(apart * (velocities[:, i] - velocities[:, j]), axis=1)
+        lengthened.append(distance - np.median(distance))
+        lengthening.append(moving / np.median(distance))
+    of_positions = _beyond(np.linalg.norm(lengthened, axis=0))
+    of_velocities = _beyond(np.linalg.norm(lengthening, axis=0))
+    return np.asarray(of_positions | of_velocities)
+
+
+def gross(known: Known) -> Mapping[str, BoolArray]:
+    """Return which of the n landings are gross errors, by reason."""
+    from_median = np.abs(known.inputs - np.median(known.inputs, axis=0))
+    is_far = from_median > FAR_OFF * np.median(from_median, axis=0)
+    far_states = np.asarray(is_far.any(axis=1))
+    late = np.linalg.norm(known.missed, axis=1)
+
+    # A far state would bend the map towards its own outcome.
+    near = np.flatnonzero(~far_states)
+    missed = misses(_rough_map(known)[near], known.outputs[near])
+    far_outcomes = np.zeros(len(late), dtype=bool)
+    far_outcomes[near] = _beyond(missed)
+    return {STATE: far_states, CONTACTS: _beyond(late), OUTCOME: far_outcomes}
+
+
+def _rough_map(known: Known) -> FloatArray:
+    """Return the terms of a map of low order, with kinks and steps, (n, terms)."""
+    instants = known.expected
+    n, n_feet = instants.shape
+    scaled = known.inputs / np.maximum(known.inputs.std(axis=0), 1e-300)
+    steps = []
+    for i, j in combinations(range(n_feet), 2):
+        steps.append(np.sign(instants[:, i] - instants[:, j]))
+    terms = [np.ones(n), scaled, known.slow, kinks(instants), *steps]
+    rough = np.column_stack(terms)
+    squares = monomials(scaled, (2,))
+    if n < LANDINGS_PER_TERM * (rough.shape[1] + squares.shape[1]):
+        state = min(8, scaled.shape[1])
+        squares = monomials(scaled[:, :state], (2,))
+    return np.column_stack([rough, squares])
+
+
+def misses(design: FloatArray, outcomes: FloatArray) -> FloatArray:
+    """Return how far each outcome is from a fit that the far ones hardly move, (n,).
+
+    The fit is an M-estimate of map and scatter together: a landing counts as the
+    median distance over its own, at most fully (Huber's weights). Distances are
+    Mahalanobis distances of residuals over the root of their slack.
+
+    Parameters
+    ----------
+    design
+        (n, terms) terms of the map.
+    outcomes
+        (n, q) outcomes.
+    """
+    design = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    outcomes = outcomes / np.maximum(outcomes.std(axis=0), 1e-300)
+    weights = np.ones(len(design))
+    distances = np.zeros(len(design))
+    for _ in range(PASSES):
+        roots = np.sqrt(weights)[:, None]
+        left, singular, _ = np.linalg.svd(roots * design, full_matrices=False)
+        basis = left[:, singular > FLAT * singular[0]]
+        rest = roots * outcomes
+        rest = rest - basis @ (basis.T @ rest)
+        slack = np.maximum(1.0 - np.sum(basis**2, axis=1), LEAST_SLACK)
+        residuals = rest / (roots * np.sqrt(slack)[:, None])
+        scatter = residuals.T @ (weights[:, None] ** 2 * residuals)
+        values, vectors = np.linalg.eigh(scatter)
+        if not values[-1] > 0.0:
+            return distances
+        widths = np.sqrt(np.maximum(values, FLAT * values[-1]))
+        distances = np.linalg.norm(residuals @ (vectors / widths), axis=1)
+        median = np.median(distances)
+        weights = median / np.maximum(distances, median)
+    return distances
+
+
+def search(
+    n_landings: int,
+    apart: BoolArray,
+    known_of: Callable[[IntArray], tuple[IntArray, Known]],
+) -> tuple[IntArray, dict[str, list[int]]]:
+    """Search for gross errors until no more are found.
+
+    Parameters
+    ----------
+    n_landings
+        Number of landings.
+    apart
+        (n,) in which of them markers are swapped: see `markers_apart`.
+    known_of
+        Takes numbers of landings; returns those of them that can be used, and what is
+        known of these when all others are left out.
+
+    Returns
+    -------
+    tuple
+        Numbers of the sound landings, and of those left out by reason.
+    """
+    every = np.arange(n_landings)
+    left_out = {MARKERS: np.flatnonzero(apart).tolist()}
+    sound = every[~apart]
+    for _ in range(SEARCHES):
+        rows, known = known_of(sound)
+        wrong: set[int] = set()
+        for reason, is_wrong in gross(known).items():
+            new = sorted(set(rows[is_wrong].tolist()) - wrong)
+            left_out[reason] = sorted([*left_out.get(reason, []), *new])
+            wrong.update(new)
+        if not wrong:
+            break
+        sound = np.setdiff1d(sound, sorted(wrong))
+    return sound, {reason: rows for reason, rows in left_out.items() if rows}
