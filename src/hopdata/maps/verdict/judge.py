@@ -19,6 +19,7 @@ from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict import inputs
+from hopdata.maps.verdict import orders as which
 from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
 from hopdata.messages import Message
 from hopdata.recording import numbers
@@ -81,12 +82,21 @@ class Verdict(Shown):
         foretells; None if it could not be computed. What it does not foretell (legs
         whose length varies from landing to landing, noise in the state) makes every
         size too small.
+    level_of_each
+        Level of the test of the size and of that of the jump: of both together one
+        finds a difference where there is none in 1 - confidence of such studies. None
+        if the size could not be computed.
+    orders
+        Size of each pair of contact orders, or of feet: see
+        `hopdata.maps.verdict.orders.PairEffect`.
+    mainly
+        Which orders differ most, in words; empty if no pair was found.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
     messages
-        Codes and values of ``sentence``, ``outlook`` and ``compared``, where these are
-        not empty.
+        Codes and values of ``sentence``, ``outlook``, ``compared`` and ``mainly``,
+        where these are not empty.
     """
 
     conclusion: str
@@ -105,6 +115,9 @@ class Verdict(Shown):
     decided_by: str = "effect"
     landings_needed: int | None = None
     foretold: float | None = None
+    level_of_each: float | None = None
+    orders: Sequence[Mapping[str, Any]] = field(default_factory=list)
+    mainly: str = ""
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
@@ -184,18 +197,22 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     except AnalysisError as error:
         return _no_answer(error, measured, options, left_out)
 
-    root = sizing.squared_size(fit, landings, comparison)
-    effect = options.size(fit, root, "signs")
-    jump = None
-    if fit.jumps is not None:
-        root_of_jumps = sizing.squared_jump(fit.jumps, landings)
-        jump = options.size(fit.jumps, root_of_jumps, "jumps")
+    sizes = _sizes(fit, landings, comparison, options)
+    effect = sizes.effect
+    jump = sizes.jump
 
     answer = _answer(effect, comparison.what, measured, options)
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
-    alike = err_alike(fit.scores @ root.T)
-    limits = _limits(landings, answer.no_evidence, alike)
+    limits = _limits(landings, answer.no_evidence, sizes.alike)
+    messages = {
+        "sentence": answer.sentence,
+        "outlook": answer.outlook,
+        "compared": comparison.what,
+    }
+    most = which.mainly(sizes.orders)
+    if most is not None:
+        messages["mainly"] = most
     return Verdict(
         conclusion=answer.conclusion,
         sentence=str(answer.sentence),
@@ -213,13 +230,67 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
         foretold=landings.foretold,
+        level_of_each=sizes.level_of_each,
+        orders=[asdict(pair) for pair in sizes.orders],
+        mainly=str(most or ""),
         notes=[*left_out, *limits],
-        messages={
-            "sentence": answer.sentence,
-            "outlook": answer.outlook,
-            "compared": comparison.what,
-        },
+        messages=messages,
     )
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """The sizes of a study; the level of each of its tests; the size of each pair."""
+
+    effect: sizing.EffectSize
+    jump: sizing.EffectSize | None
+    alike: bool
+    level_of_each: float
+    orders: list[which.PairEffect]
+
+
+def _sizes(
+    fit: KinkFit,
+    landings: inputs.SectionLandings,
+    comparison: sizing.Comparison,
+    options: "_Options",
+) -> _Sizes:
+    """Return the sizes of kinks and jumps, and of each pair, from the same signs."""
+    fits = [fit]
+    roots = [sizing.squared_size(fit, landings, comparison)]
+    if fit.jumps is not None:
+        fits.append(fit.jumps)
+        roots.append(sizing.squared_jump(fit.jumps, landings))
+    alike = any(
+        err_alike(part.scores @ root.T) for part, root in zip(fits, roots, strict=True)
+    )
+    generator = named_generator(options.seed, "verdict", "signs")
+    errors = sizing.signed_errors(fits, options.flips, generator, alike=alike)
+    draws = [
+        sizing.Draws(part, root, signed, alike=alike)
+        for part, root, signed in zip(fits, roots, errors, strict=True)
+    ]
+    tests = [(drawn, part.allowed) for drawn, part in zip(draws, fits, strict=True)]
+    joint = which.joint_level(tests, round(1.0 - options.confidence, 12))
+    effects = [
+        sizing.effect_size(
+            drawn,
+            part,
+            level_found=joint.of_each,
+            confidence=options.confidence,
+            power=options.power,
+        )
+        for drawn, part in zip(draws, fits, strict=True)
+    ]
+    pairs = which.pairs_of_maps(fit, errors[0], landings, comparison)
+    jump = None
+    if fit.jumps is not None:
+        jump = effects[1]
+        pairs += which.pairs_of_jumps(fit.jumps, errors[1], landings)
+    of_pairs = which.pair_effects(
+        pairs, alike=alike, joint_p_value=joint.p_value, confidence=options.confidence
+    )
+    return _Sizes(effects[0], jump, alike, joint.of_each, of_pairs)
 
 
 @dataclass(frozen=True)
@@ -302,21 +373,10 @@ class _Options:
         require(fits, "margin", "a number in (0, 1]", self.margin)
         fits = isinstance(self.seed, Integral) and self.seed >= 0
         require(fits, "seed", "a whole number, 0 or more", self.seed)
-        # With fewer flips no p-value could be small enough.
-        least = ceil(1 / (1 - self.confidence))
+        # With fewer flips no p-value of one of two tests could be small enough.
+        least = ceil(2 / (1 - self.confidence))
         fits = isinstance(self.flips, Integral) and self.flips >= least
         require(fits, "flips", f"a whole number, {least} or more", self.flips)
-
-    def size(self, fit: KinkFit, root: FloatArray, stream: str) -> sizing.EffectSize:
-        """Return the size of kinks or steps, with signs from a stream of their own."""
-        return sizing.effect_size(
-            fit,
-            root,
-            generator=named_generator(self.seed, "verdict", stream),
-            confidence=self.confidence,
-            power=self.power,
-            flips=self.flips,
-        )
 
 
 def _no_answer(

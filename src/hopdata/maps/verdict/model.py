@@ -239,12 +239,8 @@ class _Smooth:
 
         instants = self.landings.expected[self.rows].T
         steps = []
-        for i, j in combinations(range(len(instants)), 2):
-            step = np.sign(instants[i] - instants[j])
-            # Twice the number of landings in the rarer of the two orders.
-            twice_rarer = len(step) - np.abs(step.sum())
-            if twice_rarer >= 2 * LEAST_CLASS:
-                steps.append(step)
+        for i, j in pairs_that_exchange(instants.T):
+            steps.append(np.sign(instants[i] - instants[j]))
         if not steps:
             steps = [np.zeros(len(self.rows))]
         self.kinks = np.column_stack(steps)
@@ -324,6 +320,18 @@ class _Smooth:
         centred = inputs - inputs.mean(axis=0)
         whitening = np.linalg.lstsq(centred, self.inputs, rcond=None)[0]
         return np.asarray(whitening @ by_whitened)
+
+
+def pairs_that_exchange(instants: FloatArray) -> list[tuple[int, int]]:
+    """Return the pairs of feet of which each comes first in `LEAST_CLASS` landings."""
+    pairs = []
+    for i, j in combinations(range(instants.shape[1]), 2):
+        step = np.sign(instants[:, i] - instants[:, j])
+        # Twice the number of landings in the rarer of the two orders.
+        twice_rarer = len(step) - np.abs(step.sum())
+        if twice_rarer >= 2 * LEAST_CLASS:
+            pairs.append((i, j))
+    return pairs
 
 
 def err_alike(scores: FloatArray) -> bool:

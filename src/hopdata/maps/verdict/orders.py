@@ -1,0 +1,345 @@
+"""Which contact orders differ, beside whether any do; and the level of both.
+
+**Kinks and jumps together.** A study is different if its kinks or its jumps are. These
+are two tests, and one of them alone would err in 5 % of the studies without a
+difference. The rarest of both p-values is therefore compared with its own distribution
+over the random signs, which both tests share (Westfall and Young 1993): each is then
+tested at some 2.6 %, and one of the two errs in 5 % (`joint_level`).
+
+**Which.** e^2 is the mean over pairs of orders, or of feet. Each pair has a size of its
+own, and all pairs, those of maps and those of jumps, are tested together: the largest
+of their statistics, each as a share of its own 95 % quantile, is compared with its own
+distribution over the same signs (single-step max T of Westfall and Young). The
+intervals of all pairs hold together. No pair is different unless the study is, as
+closed testing asks for.
+
+What smooth terms may leave of a pair is the same share of its kinks as of all: pairs
+of opposite orders allow for more than pairs of similar ones, and `KinkFit.allowed` is
+the root of the mean square over the pairs.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.maps.verdict import effect as sizing
+from hopdata.maps.verdict.effect import Comparison, Draws, SignedErrors
+from hopdata.maps.verdict.inputs import SectionLandings
+from hopdata.maps.verdict.model import KinkFit, pairs_that_exchange
+from hopdata.messages import Message
+
+# What a pair differs in.
+OF_MAP = "map"
+OF_JUMP = "jump"
+
+
+@dataclass(frozen=True)
+class PairEffect:
+    """The difference between two orders, or between either order of two feet.
+
+    Attributes
+    ----------
+    of
+        ``"map"``: relative difference of the Jacobians; ``"jump"``: jump of the outcome
+        as a share of its variation.
+    first, second
+        The orders, as ``"1>2>3"``; for pairs of feet ``"1>2"`` and ``"2>1"``.
+    estimate, low, high
+        Size and interval as those of the study, `EffectSize`; all intervals hold
+        together. `low` is above zero if the two differ.
+    p_value
+        Adjusted for the number of pairs.
+    """
+
+    of: str
+    first: str
+    second: str
+    estimate: float
+    low: float
+    high: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class JointLevel:
+    """The level of the tests of kinks and jumps.
+
+    Attributes
+    ----------
+    of_each
+        Each test finds a difference if its own p-value is below this.
+    p_value
+        Share of the sign patterns, with the data, in which the rarer of both statistics
+        is as rare.
+    """
+
+    of_each: float
+    p_value: float
+
+
+def joint_level(tests: Sequence[tuple[Draws, float]], level: float) -> JointLevel:
+    """Return the level of each of several tests of which one errs at `level`.
+
+    Parameters
+    ----------
+    tests
+        Draws of each test, from the same random signs, and the size that is no evidence
+        in it.
+    level
+        Probability that one or more find a difference where there is none.
+    """
+    of_draws = []
+    of_data = []
+    for draws, allowed in tests:
+        drawn, found = _as_large(draws.statistics(allowed), draws.statistic)
+        of_draws.append(drawn)
+        of_data.append(found)
+    rarest_drawn = np.min(of_draws, axis=0)
+    rarest = min(of_data)
+    n = 1 + len(rarest_drawn)
+
+    def share(as_rare_as: int) -> float:
+        """Return the share of patterns, with the data, as rare as this in a test."""
+        of_data_too = int(rarest <= as_rare_as)
+        return (of_data_too + int(np.sum(rarest_drawn <= as_rare_as))) / n
+
+    last = 0
+    while last < n and share(last + 1) < level:
+        last += 1
+    # Between two of the p-values that are possible.
+    return JointLevel(of_each=(last + 0.5) / n, p_value=share(rarest))
+
+
+def _as_large(drawn: FloatArray, found: float) -> tuple[IntArray, int]:
+    """Return how many of all statistics, with itself, are as large as each."""
+    ordered = np.sort(np.append(drawn, found))
+    below = np.searchsorted(ordered, np.append(drawn, found), side="left")
+    places = len(ordered) - below
+    return places[:-1], int(places[-1])
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """A pair that is compared, the root of its squared size, what is no evidence."""
+
+    of: str
+    names: tuple[str, str]
+    fit: KinkFit
+    errors: SignedErrors
+    root: FloatArray
+    allowed: float
+
+
+def pair_effects(
+    pairs: Sequence[_Pair],
+    *,
+    alike: bool,
+    joint_p_value: float,
+    confidence: float,
+) -> list[PairEffect]:
+    """Return the size of each pair, with intervals that hold together.
+
+    Parameters
+    ----------
+    pairs
+        Pairs of orders or of feet: see `pairs_of_maps` and `pairs_of_jumps`.
+    alike
+        Whether successive landings err alike: see `signed_errors`.
+    joint_p_value
+        Of the study. No pair has a smaller one.
+    confidence
+        Confidence of all intervals together.
+    """
+    level = round(1.0 - confidence, 12)
+    draws = [Draws(p.fit, p.root, p.errors, alike=alike) for p in pairs]
+    usual = []
+    shares = []
+    for pair, of_pair in zip(pairs, draws, strict=True):
+        statistics = of_pair.statistics(pair.allowed)
+        usual.append(float(np.quantile(statistics, confidence)))
+        shares.append(statistics / usual[-1])
+    largest = np.max(shares, axis=0)
+    critical = float(np.quantile(largest, confidence, method="higher"))
+    n = 1 + len(largest)
+
+    effects = []
+    for pair, of_pair, at, drawn in zip(pairs, draws, usual, shares, strict=True):
+        as_large = int(np.sum(largest >= of_pair.statistic / at))
+        p_value = max((1 + as_large) / n, joint_p_value)
+        # The level at which all pairs together err at the level of the study.
+        own_level = (1 + int(np.sum(drawn >= critical))) / n
+        ends = sizing.interval(
+            of_pair,
+            pair.allowed,
+            is_found=p_value < level,
+            level_found=own_level,
+            level=own_level,
+        )
+        squared = of_pair.statistic - of_pair.of_noise
+        effects.append(
+            PairEffect(
+                of=pair.of,
+                first=pair.names[0],
+                second=pair.names[1],
+                estimate=float(np.sqrt(max(0.0, squared))),
+                low=ends.low,
+                high=ends.high,
+                p_value=p_value,
+            )
+        )
+    return effects
+
+
+def pairs_of_maps(
+    fit: KinkFit,
+    errors: SignedErrors,
+    landings: SectionLandings,
+    comparison: Comparison,
+) -> list[_Pair]:
+    """Return the pairs whose maps are compared; the mean of their squares is e^2."""
+    changes = sizing.changes_of_map(fit, landings, comparison)
+    weights = sizing.weights_of_map(fit, landings, comparison)
+    squares = np.sum(changes**2, axis=(1, 2))
+    shares = np.sqrt(squares / squares.mean())
+    pairs = []
+    for names, change, share in zip(comparison.names, changes, shares, strict=True):
+        root = np.kron(change.T, weights)
+        allowed = float(share * fit.allowed)
+        pairs.append(_Pair(OF_MAP, names, fit, errors, root, allowed))
+    return pairs
+
+
+def pairs_of_jumps(
+    fit: KinkFit, errors: SignedErrors, landings: SectionLandings
+) -> list[_Pair]:
+    """Return the pairs of feet at whose exchange the outcome may jump."""
+    instants = landings.expected[fit.rows]
+    weights = sizing.weights_of_jumps(landings)
+    feet = pairs_that_exchange(instants)
+    pairs = []
+    for (i, j), seen in zip(feet, fit.seen, strict=True):
+        root = np.kron(2.0 * seen[None, :], weights)
+        names = sizing.names_of_feet(i, j)
+        pairs.append(_Pair(OF_JUMP, names, fit, errors, root, fit.allowed))
+    return pairs
+
+
+# What the differences have in common, in words.
+
+Parted = Callable[[tuple[str, ...], tuple[str, ...]], bool]
+
+
+def mainly(effects: Sequence[PairEffect]) -> Message | None:
+    """Return which orders differ most, or which feet; None if no pair was found.
+
+    What a group of pairs has in common is said if all of the group were found and even
+    the low ends of their intervals are above the estimates of all other pairs.
+    Otherwise the pair with the largest low end is named.
+    """
+    of_maps = [effect for effect in effects if effect.of == OF_MAP]
+    of_jumps = [effect for effect in effects if effect.of == OF_JUMP]
+    maps = _mainly_maps(of_maps)
+    jumps = _mainly_jump(of_jumps)
+    if maps is not None and jumps is not None:
+        return Message("maps.mainly_both", {"maps": maps, "jumps": jumps})
+    return maps or jumps
+
+
+def _mainly_maps(effects: Sequence[PairEffect]) -> Message | None:
+    found = [effect for effect in effects if effect.low > 0.0]
+    if not found or len(effects) == 1:
+        return None
+    if len(found[0].first.split(">")) == 2:
+        return _most(found)
+    best: Message | None = None
+    most = 0
+    for said, parted in _statements(effects):
+        group = []
+        others = []
+        for effect in effects:
+            if parted(_feet(effect.first), _feet(effect.second)):
+                group.append(effect)
+            else:
+                others.append(effect)
+        if len(group) <= most or not others:
+            continue
+        least = min(effect.low for effect in group)
+        if least > max(0.0, *(effect.estimate for effect in others)):
+            best = said
+            most = len(group)
+    return best or _most(found)
+
+
+def _mainly_jump(effects: Sequence[PairEffect]) -> Message | None:
+    found = [effect for effect in effects if effect.low > 0.0]
+    if not found or len(effects) == 1:
+        return None
+    largest = max(found, key=lambda effect: effect.low)
+    first, second = _feet(largest.first)
+    return Message("maps.mainly_jump", {"a": first, "b": second})
+
+
+def _most(found: Sequence[PairEffect]) -> Message:
+    largest = max(found, key=lambda effect: effect.low)
+    values = {"first": arrows(largest.first), "second": arrows(largest.second)}
+    if len(_feet(largest.first)) == 2:
+        a, b = _feet(largest.first)
+        return Message("maps.mainly_feet", {"a": a, "b": b})
+    return Message("maps.mainly_pair", values)
+
+
+def _statements(effects: Sequence[PairEffect]) -> list[tuple[Message, Parted]]:
+    """Return what may part the orders of pairs: a foot that is first, last or before.
+
+    Each comes with a function of two orders that tells whether it parts them.
+    """
+    feet = sorted(_feet(effects[0].first), key=int)
+    statements: list[tuple[Message, Parted]] = []
+    for name, place in (("begin", 0), ("end", -1)):
+        statements.append(
+            (Message(f"maps.{name}_differently"), partial(_differ_at, place))
+        )
+        for foot in feet:
+            said = Message(f"maps.{name}_with", {"a": foot})
+            statements.append((said, partial(_one_has, place, foot)))
+        for a, b in combinations(feet, 2):
+            said = Message(f"maps.{name}_with_either", {"a": a, "b": b})
+            statements.append((said, partial(_have, place, {a, b})))
+    for a, b in combinations(feet, 2):
+        said = Message("maps.before", {"a": a, "b": b})
+        statements.append((said, partial(_exchanged, a, b)))
+    return statements
+
+
+def _differ_at(place: int, one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    return one[place] != other[place]
+
+
+def _one_has(
+    place: int, foot: str, one: tuple[str, ...], other: tuple[str, ...]
+) -> bool:
+    return (one[place] == foot) != (other[place] == foot)
+
+
+def _have(
+    place: int, feet: set[str], one: tuple[str, ...], other: tuple[str, ...]
+) -> bool:
+    return {one[place], other[place]} == feet
+
+
+def _exchanged(a: str, b: str, one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    before = one.index(a) < one.index(b)
+    return before != (other.index(a) < other.index(b))
+
+
+def _feet(order: str) -> tuple[str, ...]:
+    return tuple(order.split(">"))
+
+
+def arrows(order: str) -> str:
+    """Return the name of an order as it is read, ``1 → 2 → 3``."""
+    return order.replace(">", " → ")
