@@ -294,7 +294,7 @@ def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
 
 
 def weights_of_jumps(landings: SectionLandings) -> FloatArray:
-    """Return the matrix (q, q) that makes shares of what the outcome varies of jumps."""
+    """Return the matrix (q, q) that makes jumps shares of what the outcome varies."""
     return _weights(landings.outputs)
 
 

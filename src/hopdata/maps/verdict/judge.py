@@ -82,10 +82,9 @@ class Verdict(Shown):
         foretells; None if it could not be computed. What it does not foretell (legs
         whose length varies from landing to landing, noise in the state) makes every
         size too small.
-    level_of_each
-        Level of the test of the size and of that of the jump: of both together one
-        finds a difference where there is none in 1 - confidence of such studies. None
-        if the size could not be computed.
+    levels
+        Levels of the tests of ``effect`` and ``jump``. One or both find a difference
+        where there is none in 1 - confidence of such studies.
     orders
         Size of each pair of contact orders, or of feet: see
         `hopdata.maps.verdict.orders.PairEffect`.
@@ -115,7 +114,7 @@ class Verdict(Shown):
     decided_by: str = "effect"
     landings_needed: int | None = None
     foretold: float | None = None
-    level_of_each: float | None = None
+    levels: Mapping[str, float] = field(default_factory=dict)
     orders: Sequence[Mapping[str, Any]] = field(default_factory=list)
     mainly: str = ""
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
@@ -230,7 +229,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
         foretold=landings.foretold,
-        level_of_each=sizes.level_of_each,
+        levels=sizes.levels,
         orders=[asdict(pair) for pair in sizes.orders],
         mainly=str(most or ""),
         notes=[*left_out, *limits],
@@ -240,12 +239,12 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
 
 @dataclass(frozen=True)
 class _Sizes:
-    """The sizes of a study; the level of each of its tests; the size of each pair."""
+    """The sizes of a study, the levels of their tests, and the size of each pair."""
 
     effect: sizing.EffectSize
     jump: sizing.EffectSize | None
     alike: bool
-    level_of_each: float
+    levels: dict[str, float]
     orders: list[which.PairEffect]
 
 
@@ -270,17 +269,23 @@ def _sizes(
         sizing.Draws(part, root, signed, alike=alike)
         for part, root, signed in zip(fits, roots, errors, strict=True)
     ]
-    tests = [(drawn, part.allowed) for drawn, part in zip(draws, fits, strict=True)]
+    shares = [1.0]
+    if fit.jumps is not None:
+        shares = [1.0 - which.OF_JUMPS, which.OF_JUMPS]
+    tests = [
+        which.Test(drawn, part.allowed, share)
+        for drawn, part, share in zip(draws, fits, shares, strict=True)
+    ]
     joint = which.joint_level(tests, round(1.0 - options.confidence, 12))
     effects = [
         sizing.effect_size(
             drawn,
             part,
-            level_found=joint.of_each,
+            level_found=level,
             confidence=options.confidence,
             power=options.power,
         )
-        for drawn, part in zip(draws, fits, strict=True)
+        for drawn, part, level in zip(draws, fits, joint.of_each, strict=True)
     ]
     pairs = which.pairs_of_maps(fit, errors[0], landings, comparison)
     jump = None
@@ -290,7 +295,8 @@ def _sizes(
     of_pairs = which.pair_effects(
         pairs, alike=alike, joint_p_value=joint.p_value, confidence=options.confidence
     )
-    return _Sizes(effects[0], jump, alike, joint.of_each, of_pairs)
+    levels = dict(zip(("effect", "jump"), joint.of_each, strict=False))
+    return _Sizes(effects[0], jump, alike, levels, of_pairs)
 
 
 @dataclass(frozen=True)
@@ -373,8 +379,8 @@ class _Options:
         require(fits, "margin", "a number in (0, 1]", self.margin)
         fits = isinstance(self.seed, Integral) and self.seed >= 0
         require(fits, "seed", "a whole number, 0 or more", self.seed)
-        # With fewer flips no p-value of one of two tests could be small enough.
-        least = ceil(2 / (1 - self.confidence))
+        # With fewer flips no p-value could be small enough.
+        least = ceil(1 / (1 - self.confidence))
         fits = isinstance(self.flips, Integral) and self.flips >= least
         require(fits, "flips", f"a whole number, {least} or more", self.flips)
 
