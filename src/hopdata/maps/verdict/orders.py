@@ -19,14 +19,15 @@ of opposite orders allow for more than pairs of similar ones, and `KinkFit.allow
 the root of the mean square over the pairs.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import partial
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray, IntArray, pd
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict.effect import Comparison, Draws, SignedErrors
 from hopdata.maps.verdict.inputs import SectionLandings
@@ -76,6 +77,12 @@ class PairEffect:
     low: float
     high: float
     p_value: float
+
+
+def orders_table(effects: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return the sizes of pairs as a table, a row for each `PairEffect`."""
+    columns = [item.name for item in fields(PairEffect)]
+    return pd.DataFrame(list(effects), columns=columns)
 
 
 @dataclass(frozen=True)
