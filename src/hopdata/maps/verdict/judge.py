@@ -209,7 +209,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         "outlook": answer.outlook,
         "compared": comparison.what,
     }
-    most = which.mainly(sizes.orders)
+    most = which.mainly(sizes.orders, landings.expected)
     if most is not None:
         messages["mainly"] = most
     return Verdict(
@@ -273,7 +273,7 @@ def _sizes(
     if fit.jumps is not None:
         shares = [1.0 - which.OF_JUMPS, which.OF_JUMPS]
     tests = [
-        which.Test(drawn, part.allowed, share)
+        which.OneTest(drawn, part.allowed, share)
         for drawn, part, share in zip(draws, fits, shares, strict=True)
     ]
     joint = which.joint_level(tests, round(1.0 - options.confidence, 12))

@@ -47,6 +47,11 @@ OF_JUMPS = 0.2
 #: Unit: 1. Origin: chosen.
 LEAST_SEEN = 0.1
 
+#: Two pairs of feet exchange their order together if they agree, or disagree, in this
+#: share more of the landings than they do not.
+#: Unit: 1. Origin: chosen.
+TOGETHER = 0.8
+
 # What a pair differs in.
 OF_MAP = "map"
 OF_JUMP = "jump"
@@ -86,7 +91,7 @@ def orders_table(effects: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 @dataclass(frozen=True)
-class Test:
+class OneTest:
     """One of the tests of a study.
 
     Attributes
@@ -121,7 +126,7 @@ class JointLevel:
     p_value: float
 
 
-def joint_level(tests: Sequence[Test], level: float) -> JointLevel:
+def joint_level(tests: Sequence[OneTest], level: float) -> JointLevel:
     """Return the level of each test.
 
     Parameters
@@ -278,28 +283,37 @@ def pairs_of_jumps(
 Parted = Callable[[tuple[str, ...], tuple[str, ...]], bool]
 
 
-def mainly(effects: Sequence[PairEffect]) -> Message | None:
+def mainly(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
     """Return which orders differ most, or which feet; None if no pair was found.
 
     What a group of pairs has in common is said if all of the group were found and even
     the low ends of their intervals are above the estimates of all other pairs.
-    Otherwise the pair with the largest low end is named.
+    Otherwise the pair with the largest low end is named. Of feet, pairs that exchange
+    their order together are named together, since no landing tells them apart.
+
+    Parameters
+    ----------
+    effects
+        See `pair_effects`.
+    instants
+        (n, feet) expected contact instants.
     """
     of_maps = [effect for effect in effects if effect.of == OF_MAP]
     of_jumps = [effect for effect in effects if effect.of == OF_JUMP]
-    maps = _mainly_maps(of_maps)
-    jumps = _mainly_jump(of_jumps)
+    maps = _mainly_maps(of_maps, instants)
+    jumps = _mainly_jump(of_jumps, instants)
     if maps is not None and jumps is not None:
         return Message("maps.mainly_both", {"maps": maps, "jumps": jumps})
     return maps or jumps
 
 
-def _mainly_maps(effects: Sequence[PairEffect]) -> Message | None:
+def _mainly_maps(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
     found = [effect for effect in effects if effect.low > 0.0]
     if not found or len(effects) == 1:
         return None
-    if len(found[0].first.split(">")) == 2:
-        return _most(found)
+    largest = max(found, key=lambda effect: effect.low)
+    if len(_feet(largest.first)) == 2:
+        return Message("maps.mainly_feet", {"feet": _together(largest, instants)})
     best: Message | None = None
     most = 0
     for said, parted in _statements(effects):
@@ -316,25 +330,36 @@ def _mainly_maps(effects: Sequence[PairEffect]) -> Message | None:
         if least > max(0.0, *(effect.estimate for effect in others)):
             best = said
             most = len(group)
-    return best or _most(found)
+    values = {"first": arrows(largest.first), "second": arrows(largest.second)}
+    return best or Message("maps.mainly_pair", values)
 
 
-def _mainly_jump(effects: Sequence[PairEffect]) -> Message | None:
+def _mainly_jump(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
     found = [effect for effect in effects if effect.low > 0.0]
     if not found or len(effects) == 1:
         return None
     largest = max(found, key=lambda effect: effect.low)
-    first, second = _feet(largest.first)
-    return Message("maps.mainly_jump", {"a": first, "b": second})
+    return Message("maps.mainly_jump", {"feet": _together(largest, instants)})
 
 
-def _most(found: Sequence[PairEffect]) -> Message:
-    largest = max(found, key=lambda effect: effect.low)
-    values = {"first": arrows(largest.first), "second": arrows(largest.second)}
-    if len(_feet(largest.first)) == 2:
-        a, b = _feet(largest.first)
-        return Message("maps.mainly_feet", {"a": a, "b": b})
-    return Message("maps.mainly_pair", values)
+def _together(effect: PairEffect, instants: FloatArray) -> str:
+    """Return the two feet, and all pairs that exchange their order with them."""
+    feet = _feet(effect.first)
+    first, second = (int(foot) - 1 for foot in feet)
+    exchanged = np.sign(instants[:, first] - instants[:, second])
+    said = [_both(first, second)]
+    for i, j in combinations(range(instants.shape[1]), 2):
+        other = np.sign(instants[:, i] - instants[:, j])
+        alike = abs(float(np.mean(exchanged * other)))
+        if {i, j} != {first, second} and alike > TOGETHER:
+            said.append(_both(i, j))
+    if len(said) == 1:
+        return said[0]
+    return str(Message("maps.feet_together", {"pairs": " or ".join(said)}))
+
+
+def _both(first: int, second: int) -> str:
+    return str(Message("maps.two_feet", {"a": first + 1, "b": second + 1}))
 
 
 def _statements(effects: Sequence[PairEffect]) -> list[tuple[Message, Parted]]:
