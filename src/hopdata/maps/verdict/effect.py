@@ -34,7 +34,8 @@ from hopdata.maps.verdict.inputs import (
     contact_orders,
     halves,
 )
-from hopdata.maps.verdict.model import KinkFit, symmetric_root
+from hopdata.maps.verdict.linear import regular, symmetric_root
+from hopdata.maps.verdict.model import KinkFit
 from hopdata.messages import Message
 
 #: Number of successive landings that share a random sign if successive landings err
@@ -265,9 +266,9 @@ def changes_of_map(
     fit: KinkFit, landings: SectionLandings, comparison: Comparison
 ) -> FloatArray:
     """Return by how much each kink changes each map compared, (C, K, feet)."""
-    root_of_instants = symmetric_root(np.cov(landings.expected.T))
+    covariance = np.cov(landings.expected.T) + landings.unforetold.total
     changes = np.einsum(
-        "aK,caf,fg->cKg", fit.seen, comparison.differences, root_of_instants
+        "aK,caf,fg->cKg", fit.seen, comparison.differences, symmetric_root(covariance)
     )
     return np.asarray(changes)
 
@@ -278,7 +279,28 @@ def weights_of_map(
     """Return the matrix (q, q) that makes shares of the mean map of changes."""
     by_inputs = landings.inputs @ fit.linear
     slopes = comparison.mean.T @ fit.seen @ fit.coefficients
-    return _weights(by_inputs + landings.expected @ slopes)
+    outcome = by_inputs + landings.expected @ slopes
+    return _weights(_true_power(landings, outcome, slopes))
+
+
+def _true_power(
+    landings: SectionLandings, outcome: FloatArray, slopes: FloatArray
+) -> FloatArray:
+    """Return the mean squares (q,) of a linear outcome (n, q) for the true inputs.
+
+    Noise of the inputs weakens what they explain: the slopes by the true inputs are
+    those by the measured ones times S (S - U)^-1, where S is the covariance of the
+    measured inputs and U that of their errors. What the inputs do not foretell of the
+    contact instants adds its own part, by the `slopes` (feet, q).
+    """
+    rest = landings.unforetold.by_posture
+    measured = regular(np.cov(landings.inputs.T))
+    by_measured = np.linalg.lstsq(landings.inputs, outcome, rcond=None)[0]
+    explained = measured @ by_measured
+    by_true = np.linalg.solve(measured - landings.noise, explained)
+    of_inputs = np.sum(explained * by_true, axis=0)
+    of_rest = np.einsum("fq,fg,gq->q", slopes, rest, slopes)
+    return np.asarray(of_inputs + of_rest)
 
 
 def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
@@ -295,12 +317,11 @@ def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
 
 def weights_of_jumps(landings: SectionLandings) -> FloatArray:
     """Return the matrix (q, q) that makes jumps shares of what the outcome varies."""
-    return _weights(landings.outputs)
+    return _weights(np.var(landings.outputs, axis=0, ddof=1))
 
 
-def _weights(outcome: FloatArray) -> FloatArray:
+def _weights(variance: FloatArray) -> FloatArray:
     """Return the matrix (q, q) that weighs positions and velocities one half each."""
-    variance = np.var(outcome, axis=0, ddof=1)
     return np.diag(np.sqrt(halves(variance)))
 
 

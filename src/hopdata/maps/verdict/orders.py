@@ -29,9 +29,10 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray, pd
 from hopdata.maps.verdict import effect as sizing
+from hopdata.maps.verdict.averaged import pairs_that_exchange
 from hopdata.maps.verdict.effect import Comparison, Draws, SignedErrors
-from hopdata.maps.verdict.inputs import SectionLandings
-from hopdata.maps.verdict.model import KinkFit, pairs_that_exchange
+from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings
+from hopdata.maps.verdict.model import KinkFit
 from hopdata.messages import Message
 
 #: Share of the level that the test of jumps has, if there can be any.
@@ -267,7 +268,7 @@ def pairs_of_jumps(
     """Return the pairs of feet at whose exchange the outcome may jump."""
     instants = landings.expected[fit.rows]
     weights = sizing.weights_of_jumps(landings)
-    feet = pairs_that_exchange(instants)
+    feet = pairs_that_exchange(instants, LEAST_CLASS)
     pairs = []
     for (i, j), seen in zip(feet, fit.seen, strict=True):
         if np.sum(seen**2) < LEAST_SEEN:

@@ -25,6 +25,9 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.maps.coordinates import LANDINGS_PER_TERM, kinks, monomials, split_states
+from hopdata.maps.verdict import averaged
+from hopdata.maps.verdict.inputs import STATE, SectionLandings
+from hopdata.maps.verdict.linear import FLAT
 
 #: Number of landings of a sound study that are expected beyond `too_far`, before
 #: `GROSS`.
@@ -52,10 +55,6 @@ FAR_OFF = 30.0
 #: Unit: 1. Origin: chosen.
 LEAST_SLACK = 0.05
 
-#: Singular values and scatters at or below this share of the largest are rounding.
-#: Unit: 1. Origin: rounding.
-FLAT = 1e-9
-
 # Passes of the reweighted fit, which settles in fewer.
 PASSES = 10
 
@@ -64,35 +63,9 @@ SEARCHES = 5
 
 # Reasons for which landings are left out; each is also the name of a message.
 MARKERS = "markers_apart"
-STATE = "state_far_off"
+FAR_STATE = "state_far_off"
 CONTACTS = "contacts_far_off"
 OUTCOME = "outcome_far_off"
-REASONS = (MARKERS, STATE, CONTACTS, OUTCOME)
-
-
-@dataclass(frozen=True)
-class Known:
-    """What is known of n landings, in any units.
-
-    Attributes
-    ----------
-    inputs
-        (n, p) state before the landing; the first `n_bent` are its own coordinates.
-    outputs
-        (n, q) outcome.
-    expected
-        (n, feet) contact instants that the state foretells.
-    missed
-        (n, feet) measured less expected contact instants.
-    slow
-        (n, m) terms that change slowly over the session; no column if there are none.
-    """
-
-    inputs: FloatArray
-    outputs: FloatArray
-    expected: FloatArray
-    missed: FloatArray
-    slow: FloatArray
 
 
 def too_far(distances: FloatArray) -> float:
@@ -140,35 +113,43 @@ def markers_apart(states: FloatArray) -> BoolArray:
     return np.asarray(of_positions | of_velocities)
 
 
-def gross(known: Known) -> Mapping[str, BoolArray]:
+def gross(landings: SectionLandings) -> Mapping[str, BoolArray]:
     """Return which of the n landings are gross errors, by reason."""
-    from_median = np.abs(known.inputs - np.median(known.inputs, axis=0))
+    state = landings.inputs[:, :STATE]
+    from_median = np.abs(state - np.median(state, axis=0))
     is_far = from_median > FAR_OFF * np.median(from_median, axis=0)
     far_states = np.asarray(is_far.any(axis=1))
-    late = np.linalg.norm(known.missed, axis=1)
+    late = np.linalg.norm(landings.missed, axis=1)
 
     # A far state would bend the map towards its own outcome.
     near = np.flatnonzero(~far_states)
-    missed = misses(_rough_map(known)[near], known.outputs[near])
+    missed = misses(_rough_map(landings)[near], landings.outputs[near])
     far_outcomes = np.zeros(len(late), dtype=bool)
     far_outcomes[near] = _beyond(missed)
-    return {STATE: far_states, CONTACTS: _beyond(late), OUTCOME: far_outcomes}
+    return {FAR_STATE: far_states, CONTACTS: _beyond(late), OUTCOME: far_outcomes}
 
 
-def _rough_map(known: Known) -> FloatArray:
+def _rough_map(landings: SectionLandings) -> FloatArray:
     """Return the terms of a map of low order, with kinks and steps, (n, terms)."""
-    instants = known.expected
-    n, n_feet = instants.shape
-    scaled = known.inputs / np.maximum(known.inputs.std(axis=0), 1e-300)
-    steps = []
-    for i, j in combinations(range(n_feet), 2):
-        steps.append(np.sign(instants[:, i] - instants[:, j]))
-    terms = [np.ones(n), scaled, known.slow, kinks(instants), *steps]
-    rough = np.column_stack(terms)
-    squares = monomials(scaled, (2,))
-    if n < LANDINGS_PER_TERM * (rough.shape[1] + squares.shape[1]):
-        state = min(8, scaled.shape[1])
-        squares = monomials(scaled[:, :state], (2,))
+    instants = landings.expected
+    n_landings, n_feet = instants.shape
+    scaled = landings.inputs / np.maximum(landings.inputs.std(axis=0), 1e-300)
+    pairs = list(combinations(range(n_feet), 2))
+    steps = averaged.steps(instants, landings.unforetold.total, pairs)
+    session = landings.session
+    rough = np.column_stack(
+        [
+            np.ones(n_landings),
+            scaled,
+            session.drift(),
+            session.levels(),
+            kinks(instants),
+            steps,
+        ]
+    )
+    squares = monomials(scaled[:, : landings.n_bent], (2,))
+    if n_landings < LANDINGS_PER_TERM * (rough.shape[1] + squares.shape[1]):
+        squares = monomials(scaled[:, :STATE], (2,))
     return np.column_stack([rough, squares])
 
 
@@ -209,39 +190,49 @@ def misses(design: FloatArray, outcomes: FloatArray) -> FloatArray:
     return distances
 
 
-def search(
-    n_landings: int,
-    apart: BoolArray,
-    known_of: Callable[[IntArray], tuple[IntArray, Known]],
-) -> tuple[IntArray, dict[str, list[int]]]:
-    """Search for gross errors until no more are found.
+@dataclass(frozen=True)
+class Sound:
+    """What a search for gross errors leaves.
+
+    Attributes
+    ----------
+    landings
+        The sound landings.
+    left_out
+        Numbers of the landings left out, by reason.
+    """
+
+    landings: SectionLandings
+    left_out: dict[str, list[int]]
+
+
+def sound_landings(
+    before: FloatArray,
+    after: FloatArray,
+    convert: Callable[[IntArray], SectionLandings],
+) -> Sound:
+    """Leave out gross errors until no more are found.
 
     Parameters
     ----------
-    n_landings
-        Number of landings.
-    apart
-        (n,) in which of them markers are swapped: see `markers_apart`.
-    known_of
-        Takes numbers of landings; returns those of them that can be used, and what is
-        known of these when all others are left out.
-
-    Returns
-    -------
-    tuple
-        Numbers of the sound landings, and of those left out by reason.
+    before, after
+        (n, 6B) states of the landings at both sections.
+    convert
+        Returns the landings of these numbers, as if there were no others.
     """
-    every = np.arange(n_landings)
+    apart = markers_apart(before) | markers_apart(after)
     left_out = {MARKERS: np.flatnonzero(apart).tolist()}
-    sound = every[~apart]
+    sound = np.flatnonzero(~apart)
+    landings = convert(sound)
     for _ in range(SEARCHES):
-        rows, known = known_of(sound)
+        rows = sound[landings.kept]
         wrong: set[int] = set()
-        for reason, is_wrong in gross(known).items():
-            new = sorted(set(rows[is_wrong].tolist()) - wrong)
+        for reason, is_wrong in gross(landings).items():
+            new = set(rows[is_wrong].tolist()) - wrong
             left_out[reason] = sorted([*left_out.get(reason, []), *new])
             wrong.update(new)
         if not wrong:
             break
         sound = np.setdiff1d(sound, sorted(wrong))
-    return sound, {reason: rows for reason, rows in left_out.items() if rows}
+        landings = convert(sound)
+    return Sound(landings, {why: rows for why, rows in left_out.items() if rows})
