@@ -76,22 +76,20 @@ def test_sound_studies_lose_next_to_nothing(strength, jump, seed):
 
 
 def test_a_rare_order_with_another_outcome_is_no_mistake():
-    """Of two feet, one comes first in 5 % of the landings, and the outcome jumps."""
-    data = landings(N, feet=2)
-    early = data.before[:, 0] < np.inf
-    assert early.all()
-    shifted = landings(N, feet=2, jump=1.0, noise=1e-3)
-    apart = shifted.instants[:, 0] - shifted.instants[:, 1]
-    rare = np.flatnonzero(apart > 0)
-    kept = np.sort(np.concatenate([np.flatnonzero(apart < 0), rare[:25]]))
+    """Of two feet, one comes first in a tenth of the landings, and the outcome jumps."""
+    data = landings(N, feet=2, jump=1.0)
+    apart = data.instants[:, 0] - data.instants[:, 1]
+    rare = np.flatnonzero(apart > 0)[:25]
+    kept = np.sort(np.concatenate([np.flatnonzero(apart < 0), rare]))
     few = replace(
-        shifted,
-        before=shifted.before[kept],
-        after=shifted.after[kept],
-        instants=shifted.instants[kept],
+        data,
+        before=data.before[kept],
+        after=data.after[kept],
+        instants=data.instants[kept],
     )
     answer = verdict(few)
-    assert sum(map(len, answer.gross_errors.values())) <= 2
+    assert not answer.gross_errors
+    assert answer.conclusion == "different"
 
 
 @pytest.mark.parametrize("freedom", [3, 5, np.inf])

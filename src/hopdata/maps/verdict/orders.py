@@ -281,6 +281,11 @@ def pairs_of_jumps(
 
 # What the differences have in common, in words.
 
+# Place of a foot in an order -> what is said of orders that differ there.
+PLACES = {
+    0: ("maps.begin_differently", "maps.begin_with", "maps.begin_with_either"),
+    -1: ("maps.end_differently", "maps.end_with", "maps.end_with_either"),
+}
 Parted = Callable[[tuple[str, ...], tuple[str, ...]], bool]
 
 
@@ -370,15 +375,13 @@ def _statements(effects: Sequence[PairEffect]) -> list[tuple[Message, Parted]]:
     """
     feet = sorted(_feet(effects[0].first), key=int)
     statements: list[tuple[Message, Parted]] = []
-    for name, place in (("begin", 0), ("end", -1)):
-        statements.append(
-            (Message(f"maps.{name}_differently"), partial(_differ_at, place))
-        )
+    for place, (differently, with_one, with_either) in PLACES.items():
+        statements.append((Message(differently), partial(_differ_at, place)))
         for foot in feet:
-            said = Message(f"maps.{name}_with", {"a": foot})
+            said = Message(with_one, {"a": foot})
             statements.append((said, partial(_one_has, place, foot)))
         for a, b in combinations(feet, 2):
-            said = Message(f"maps.{name}_with_either", {"a": a, "b": b})
+            said = Message(with_either, {"a": a, "b": b})
             statements.append((said, partial(_have, place, {a, b})))
     for a, b in combinations(feet, 2):
         said = Message("maps.before", {"a": a, "b": b})

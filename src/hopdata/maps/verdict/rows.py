@@ -27,7 +27,8 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.maps.coordinates import LANDINGS_PER_TERM, kinks, monomials, split_states
 from hopdata.maps.verdict import averaged
 from hopdata.maps.verdict.inputs import STATE, SectionLandings
-from hopdata.maps.verdict.linear import FLAT
+from hopdata.maps.verdict.linear import FLAT, whitened
+from hopdata.maps.verdict.smooth import WAYS
 
 #: Number of landings of a sound study that are expected beyond `too_far`, before
 #: `GROSS`.
@@ -123,17 +124,21 @@ def gross(landings: SectionLandings) -> Mapping[str, BoolArray]:
 
     # A far state would bend the map towards its own outcome.
     near = np.flatnonzero(~far_states)
-    missed = misses(_rough_map(landings)[near], landings.outputs[near])
+    rough, n_steps = _rough_map(landings)
+    missed = misses(rough[near], landings.outputs[near], n_steps)
     far_outcomes = np.zeros(len(late), dtype=bool)
     far_outcomes[near] = _beyond(missed)
     return {FAR_STATE: far_states, CONTACTS: _beyond(late), OUTCOME: far_outcomes}
 
 
-def _rough_map(landings: SectionLandings) -> FloatArray:
-    """Return the terms of a map of low order, with kinks and steps, (n, terms)."""
+def _rough_map(landings: SectionLandings) -> tuple[FloatArray, int]:
+    """Return the terms of a map of low order, (n, terms), and how many are steps.
+
+    The steps are the last terms.
+    """
     instants = landings.expected
     n_landings, n_feet = instants.shape
-    scaled = landings.inputs / np.maximum(landings.inputs.std(axis=0), 1e-300)
+    scaled = _scaled(landings.inputs)
     pairs = list(combinations(range(n_feet), 2))
     steps = averaged.steps(instants, landings.unforetold.total, pairs)
     session = landings.session
@@ -144,17 +149,29 @@ def _rough_map(landings: SectionLandings) -> FloatArray:
             session.drift(),
             session.levels(),
             kinks(instants),
-            steps,
+            monomials(whitened(instants)[:, :WAYS], (3,)),
         ]
     )
     squares = monomials(scaled[:, : landings.n_bent], (2,))
-    if n_landings < LANDINGS_PER_TERM * (rough.shape[1] + squares.shape[1]):
+    n_terms = rough.shape[1] + squares.shape[1] + steps.shape[1]
+    if n_landings < LANDINGS_PER_TERM * n_terms:
         squares = monomials(scaled[:, :STATE], (2,))
-    return np.column_stack([rough, squares])
+    return np.column_stack([rough, squares, steps]), steps.shape[1]
 
 
-def misses(design: FloatArray, outcomes: FloatArray) -> FloatArray:
+def _scaled(columns: FloatArray) -> FloatArray:
+    """Return columns of standard deviation one; constant ones stay."""
+    sds = columns.std(axis=0)
+    sds[sds == 0.0] = 1.0
+    return np.asarray(columns / sds)
+
+
+def misses(design: FloatArray, outcomes: FloatArray, n_steps: int = 0) -> FloatArray:
     """Return how far each outcome is from a fit that the far ones hardly move, (n,).
+
+    If the outcome jumps, a landing near the exchange of two feet may have jumped the
+    other way than its state foretells. The distance is therefore that from the nearest
+    of the outcomes on either side of each step.
 
     The fit is an M-estimate of map and scatter together: a landing counts as the
     median distance over its own, at most fully (Huber's weights). Distances are
@@ -166,17 +183,26 @@ def misses(design: FloatArray, outcomes: FloatArray) -> FloatArray:
         (n, terms) terms of the map.
     outcomes
         (n, q) outcomes.
+    n_steps
+        How many of the last terms are steps from -1 to 1.
     """
-    design = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)
-    outcomes = outcomes / np.maximum(outcomes.std(axis=0), 1e-300)
+    first_step = design.shape[1] - n_steps
+    steps = design[:, first_step:]
+    lengths = np.linalg.norm(design, axis=0)
+    lengths[lengths == 0.0] = 1.0
+    design = design / lengths
+    outcomes = _scaled(outcomes)
     weights = np.ones(len(design))
     distances = np.zeros(len(design))
     for _ in range(PASSES):
         roots = np.sqrt(weights)[:, None]
-        left, singular, _ = np.linalg.svd(roots * design, full_matrices=False)
-        basis = left[:, singular > FLAT * singular[0]]
-        rest = roots * outcomes
-        rest = rest - basis @ (basis.T @ rest)
+        left, singular, right = np.linalg.svd(roots * design, full_matrices=False)
+        kept = singular > FLAT * singular[0]
+        basis = left[:, kept]
+        along = basis.T @ (roots * outcomes)
+        rest = roots * outcomes - basis @ along
+        coefficients = (right[kept].T / singular[kept]) @ along
+        jumps = (coefficients / lengths[:, None])[first_step:]
         slack = np.maximum(1.0 - np.sum(basis**2, axis=1), LEAST_SLACK)
         residuals = rest / (roots * np.sqrt(slack)[:, None])
         scatter = residuals.T @ (weights[:, None] ** 2 * residuals)
@@ -184,7 +210,13 @@ def misses(design: FloatArray, outcomes: FloatArray) -> FloatArray:
         if not values[-1] > 0.0:
             return distances
         widths = np.sqrt(np.maximum(values, FLAT * values[-1]))
-        distances = np.linalg.norm(residuals @ (vectors / widths), axis=1)
+        whitening = vectors / widths
+        distances = np.linalg.norm(residuals @ whitening, axis=1)
+        for step, jump in zip(steps.T, jumps, strict=True):
+            for side in (-1.0, 1.0):
+                there = residuals - (side - step)[:, None] * jump
+                distance = np.linalg.norm(there @ whitening, axis=1)
+                distances = np.minimum(distances, distance)
         median = np.median(distances)
         weights = median / np.maximum(distances, median)
     return distances
@@ -220,6 +252,8 @@ def sound_landings(
     convert
         Returns the landings of these numbers, as if there were no others.
     """
+    if not len(before):
+        return Sound(convert(np.arange(0)), {})
     apart = markers_apart(before) | markers_apart(after)
     left_out = {MARKERS: np.flatnonzero(apart).tolist()}
     sound = np.flatnonzero(~apart)
