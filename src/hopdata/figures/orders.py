@@ -14,8 +14,8 @@ NO_SIZES = "This study has no size of a difference for each two contact orders."
 NONE_FOUND = "No two orders are found to differ"
 # Titles of the fields of maps and of jumps.
 TITLES = {
-    "map": "difference between the maps (% of the map)",
-    "jump": "jump of the outcome (% of what it varies)",
+    "map": "difference between the maps\n(% of the map)",
+    "jump": "jump of the outcome\n(% of what it varies)",
 }
 # Height of the figure: of its frame, and of each row of fields.
 FRAME_MM = 40.0
