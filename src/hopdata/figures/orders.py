@@ -109,9 +109,9 @@ def _draw_fields(
     are_feet = _are_feet(effects)
     largest = max(0.2, *(float(effect["estimate"]) for effect in effects))
     for effect in effects:
-        ends = (effect["first"], effect["second"])
+        ends = [str(effect["first"]), str(effect["second"])]
         if are_feet:
-            ends = tuple(str(effect["first"]).split(">"))
+            ends = ends[0].split(">")
         column, row = sorted(names.index(end) for end in ends)
         _draw_field(axes, (column, row), effect, largest)
     labels = [name.replace(">", ARROW) for name in names]
