@@ -279,6 +279,7 @@ def build_report(inputs: ReportInputs) -> str:
         sentence=verdict.worded(known, "sentence"),
         outlook=verdict.worded(known, "outlook"),
         mainly=verdict.worded(known, "mainly"),
+        contacts=verdict.worded(known, "contacts"),
         highlights=_highlights(facts, inputs),
         keys=list(KEYS.values()),
         lights=tables.lights(inputs.quality),

@@ -45,6 +45,13 @@ ROUNDING = 1e-9
 TWO_KINDS_CODE = "maps.two_kinds"
 NOT_FORETOLD_CODE = "maps.not_foretold"
 
+# What foretells the contact instants, by what is known of the feet.
+FORETOLD_BY = {
+    inputs.Posture.USED: "maps.contacts_used",
+    inputs.Posture.NOT_NEEDED: "maps.contacts_not_needed",
+    inputs.Posture.NOT_SEEN: "maps.contacts_not_seen",
+}
+
 #: What the first of these is about, in words.
 TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
 
@@ -65,6 +72,8 @@ class Verdict(Shown):
         empty if the size could not be computed.
     compared
         Whose maps were compared, in words.
+    contacts
+        What share of the contact instants is foretold, and by what, in one sentence.
     n_feet, n_landings, n_window
         Number of feet, of landings used, and of landings fitted: those nearest to the
         simultaneous contact.
@@ -93,7 +102,8 @@ class Verdict(Shown):
     posture
         What the verdict knows of the feet before the landing, in words.
     session
-        What slow change was fitted: ``"time"``, ``"block"``, both or none.
+        What change over the session was fitted: some of ``"block"``, ``"time"`` and
+        ``"change"``, or nothing.
     levels
         Levels of the tests of ``effect`` and ``jump``. One or both find a difference
         where there is none in 1 - confidence of such studies.
@@ -109,8 +119,8 @@ class Verdict(Shown):
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
     messages
-        Codes and values of ``sentence``, ``outlook``, ``compared`` and ``mainly``,
-        where these are not empty.
+        Codes and values of ``sentence``, ``outlook``, ``compared``, ``contacts`` and
+        ``mainly``, where these are not empty.
     """
 
     conclusion: str
@@ -124,6 +134,7 @@ class Verdict(Shown):
     margin: float
     power: float
     flips: int
+    contacts: str = ""
     effect: sizing.EffectSize | None = None
     jump: sizing.EffectSize | None = None
     decided_by: str = "effect"
@@ -241,11 +252,13 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     answer = _answer(effect, comparison.what, measured, options)
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
+    contacts = _contacts_said(landings)
     limits = _limits(landings, fit, sizes.alike, jumps=answer.decided_by == "jump")
     messages = {
         "sentence": answer.sentence,
         "outlook": answer.outlook,
         "compared": comparison.what,
+        "contacts": contacts,
     }
     most = which.mainly(sizes.orders, landings.expected)
     if most is not None:
@@ -255,6 +268,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         sentence=str(answer.sentence),
         outlook=str(answer.outlook),
         compared=str(comparison.what),
+        contacts=str(contacts),
         n_feet=measured.n_feet,
         n_landings=len(landings.inputs),
         n_window=len(fit.rows),
@@ -700,6 +714,12 @@ def _gross_errors(sound: rows.Sound) -> Notes:
             rows=sound.left_out,
         )
     ]
+
+
+def _contacts_said(landings: inputs.SectionLandings) -> Message:
+    """Return what share of the contact instants is foretold, and by what."""
+    said = FORETOLD_BY[landings.posture]
+    return Message(said, {"share": f"{100 * landings.foretold:.1f} %"})
 
 
 def _limits(
