@@ -143,10 +143,10 @@ def _leverage_rows(leverage: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     rows = []
     for side in ("pre", "post"):
         of_side = leverage.get(side) or {}
-        for which, words in (("usual", ""), ("large", ", slowest landing of twenty")):
+        for which, words in (("usual", "time per mm of height"), ("large", "its 95 % quantile")):
             s_per_m = of_side.get(which)
             if s_per_m is not None:
-                name = f"time per mm of height, {side} section{words}"
+                name = f"{words}, {side} section"
                 rows.append((name, show.fixed(s_per_m, 2), "ms"))
     return rows
 
