@@ -42,8 +42,8 @@ MECHANISMS = [
     "c1",
     "clutch",  # legs push more until all feet stand
     "reflex",  # a foot pushes the more, the later it comes
-    "damping",  # the first foot damps more until all feet stand
-    "side",  # the first foot pushes outwards until all feet stand
+    "damping",  # a foot that stands alone damps more
+    "side",  # a foot that stands alone pushes outwards
     "twist",  # the body is turned from the first contact until all feet stand
     "friction",  # a foot that stands alone has more friction
     "stick",  # a foot that stands alone sticks, after a few milliseconds
@@ -167,7 +167,7 @@ def mechanism_of_push(i, t, touched, build):
         extra = strength * min(delay / 0.005, 1.0)
     elif build.mechanism == DECAY and not_all:
         extra = strength * np.exp(-(t - first) / 0.005)
-    elif build.mechanism == DAMPING and not_all and delay == 0.0:
+    elif build.mechanism == DAMPING and standing == 1:
         damping = 1.0 + strength
     elif build.mechanism == RANK:
         factor = 1.0 + strength * (np.sum(touched < touched[i]) - 1)
@@ -234,8 +234,7 @@ def leg_force(i, t, s, turn, feet, contacts, wear, build):
         push = push_of(i, depth, rate, modified, wear, build)
         drag = drag_of(velocity, push, standing == 1, wear, build)
         force = (push * axis[0] + drag[0], push * axis[1] + drag[1], push * axis[2])
-    is_first = touched[i] == touched.min()
-    if build.mechanism == SIDE and is_first and standing < len(touched):
+    if build.mechanism == SIDE and standing == 1:
         outward = turned(turn, np.array([feet[i, 0], feet[i, 1], 0.0]))
         size = build.strength * build.load / build.reach
         force = (force[0] + size * outward[0], force[1] + size * outward[1], force[2])
@@ -358,64 +357,155 @@ def outcome_of(s, build):
 
 
 @njit(cache=True)
+def next_event(s, t, bottom, motion):
+    """Return which foot touches first within the next step, and after what time.
+
+    The number of feet means that the markers' centre reaches the post section, a larger
+    number that nothing happens.
+    """
+    feet, contacts, wear, build = motion
+    n = len(feet)
+    end = stepped(s, t, STEP_S, feet, contacts, wear, build)
+    which = n + 1
+    soonest = STEP_S
+    for i in range(n + 1):
+        point = build.centre
+        level = bottom
+        if i < n:
+            point = feet[i]
+            level = 0.0
+        waits = i == n or contacts[0][i] == np.inf
+        if waits and height(end, point)[0] < level:
+            h = crossing(s, t, point, level, motion)
+            if h <= soonest:
+                which = i
+                soonest = h
+    return which, soonest
+
+
+@njit(cache=True)
 def landing(u, wear, feet, top, bottom, build):
-    """Return outcome, contact instants, and whether all feet touched in between."""
+    """Return outcome, contact instants, end, and whether all feet touched before it."""
     n = len(feet)
     touched = np.full(n, np.inf)
-    anchors = np.zeros((n, 2))
-    contacts = (touched, anchors)
+    contacts = (touched, np.zeros((n, 2)))
     motion = (feet, contacts, wear, build)
     t = 0.0
     s = start_of(u, top, build)
     for i in range(n):
         if height(s, feet[i])[0] < 0.0:
-            return np.zeros(11), touched, False
+            return np.zeros(11), touched, t, False
     while t < LONGEST_S:
-        end = stepped(s, t, STEP_S, feet, contacts, wear, build)
-        which = n + 1
-        soonest = STEP_S
-        for i in range(n + 1):
-            point = build.centre
-            level = bottom
-            if i < n:
-                point = feet[i]
-                level = 0.0
-            waits = i == n or touched[i] == np.inf
-            if waits and height(end, point)[0] < level:
-                h = crossing(s, t, point, level, motion)
-                if h <= soonest:
-                    which = i
-                    soonest = h
-        if which > n:
-            s = end
-        else:
-            s = stepped(s, t, soonest, feet, contacts, wear, build)
-        t += soonest
+        which, h = next_event(s, t, bottom, motion)
+        s = stepped(s, t, h, feet, contacts, wear, build)
+        t += h
         if which < n:
-            place, _ = point_motion(s, rotation(s[3], s[4], s[5]), feet[which])
-            anchors[which, 0] = place[0]
-            anchors[which, 1] = place[1]
-            touched[which] = t
-            if build.mechanism == IMPACT:
-                s = strike(s, feet[which], build)
+            s = touching(s, t, which, motion)
         if which == n:
-            return outcome_of(s, build), touched, bool(touched.max() < np.inf)
+            return outcome_of(s, build), touched, t, bool(touched.max() < np.inf)
         if height(s, build.centre)[1] >= 0.0:
             break
-    return np.zeros(11), touched, False
+    return np.zeros(11), touched, t, False
+
+
+@njit(cache=True)
+def touching(s, t, which, motion):
+    """Enter a contact, and return the state after it."""
+    feet, contacts, _, build = motion
+    place, _ = point_motion(s, rotation(s[3], s[4], s[5]), feet[which])
+    contacts[1][which, 0] = place[0]
+    contacts[1][which, 1] = place[1]
+    contacts[0][which] = t
+    if build.mechanism == IMPACT:
+        s = strike(s, feet[which], build)
+    return s
 
 
 @njit(cache=True)
 def land_all(us, wear, base, top, bottom, build):
-    """Return outcomes (N, 11), contact instants (N, F), and which landings are whole."""
+    """Return outcomes (N, 11), instants (N, F), ends (N,), and which are whole."""
     n = len(base)
     ys = np.zeros((len(us), 11))
     instants = np.zeros((len(us), n))
+    ends = np.zeros(len(us))
     whole = np.zeros(len(us), np.bool_)
     for k in range(len(us)):
         feet = base + us[k, 8:].copy().reshape(n, 3)
-        ys[k], instants[k], whole[k] = landing(us[k], wear[k], feet, top, bottom, build)
-    return ys, instants, whole
+        ys[k], instants[k], ends[k], whole[k] = landing(
+            us[k], wear[k], feet, top, bottom, build
+        )
+    return ys, instants, ends, whole
+
+
+@njit(cache=True)
+def advanced(s, t, until, motion):
+    """Return the state at a later time, without contacts in between."""
+    feet, contacts, wear, build = motion
+    steps = int(np.ceil((until - t) / STEP_S))
+    for k in range(steps):
+        h = (until - t) / steps
+        s = stepped(s, t + k * h, h, feet, contacts, wear, build)
+    return s
+
+
+@njit(cache=True)
+def motion_at(u, wear, feet, top, build, instants, times):
+    """Return the states (T, 12) of one landing at increasing times, s.
+
+    Times are relative to the pre section; before it the body flies. The contacts are
+    those that have been found.
+    """
+    n = len(feet)
+    contacts = (np.full(n, np.inf), np.zeros((n, 2)))
+    motion = (feet, contacts, wear, build)
+    order = np.argsort(instants)
+    states = np.zeros((len(times), 12))
+    s = start_of(u, top, build)
+    t = 0.0
+    for k in range(len(times) - 1, -1, -1):
+        if times[k] < 0.0:
+            s = stepped(s, t, times[k] - t, feet, contacts, wear, build)
+            t = times[k]
+            states[k] = s
+    s = start_of(u, top, build)
+    t = 0.0
+    down = 0
+    for k in range(len(times)):
+        if times[k] >= 0.0:
+            while down < n and instants[order[down]] <= times[k]:
+                touch = instants[order[down]]
+                s = advanced(s, t, touch, motion)
+                t = touch
+                s = touching(s, t, order[down], motion)
+                down += 1
+            s = advanced(s, t, times[k], motion)
+            t = times[k]
+            states[k] = s
+    return states
+
+
+@njit(cache=True)
+def filtered_markers(us, wear, base, top, build, instants, centres, points, kernel):
+    """Return marker states (N, 6 B) about the times `centres`, smoothed by a kernel.
+
+    The kernel holds offsets, s, and weights, (K, 2).
+    """
+    n_points = len(points)
+    half = 3 * n_points
+    seen = np.zeros((len(us), 2 * half))
+    for k in range(len(us)):
+        feet = base + us[k, 8:].copy().reshape(len(base), 3)
+        times = centres[k] + kernel[:, 0]
+        states = motion_at(us[k], wear[k], feet, top, build, instants[k], times)
+        for m in range(len(times)):
+            s = states[m]
+            turn = rotation(s[3], s[4], s[5])
+            for j in range(n_points):
+                place, velocity = point_motion(s, turn, points[j])
+                for a in range(3):
+                    seen[k, 3 * j + a] += kernel[m, 1] * place[a]
+                    seen[k, half + 3 * j + a] += kernel[m, 1] * velocity[a]
+    return seen
 
 
 @dataclass(frozen=True)
@@ -450,6 +540,8 @@ class Landings:
         (N, 11) at the post section.
     instants
         (N, F) contact instants after the pre section, s.
+    ends
+        (N,) instants of the post section, s.
     wear
         (N, 2) factors of the legs' stiffness and of friction.
     time, blocks
@@ -459,6 +551,7 @@ class Landings:
     inputs: np.ndarray
     outcomes: np.ndarray
     instants: np.ndarray
+    ends: np.ndarray
     wear: np.ndarray
     time: np.ndarray
     blocks: np.ndarray
@@ -626,22 +719,22 @@ class Body:
         us = np.zeros((n, len(self.sd)))
         ys = np.zeros((n, 11))
         instants = np.zeros((n, self.feet))
+        ends = np.zeros(n)
         missing = np.arange(n)
         for _ in range(20):
             drawn = rng.standard_normal((len(missing), len(self.sd)))
             us[missing] = self.mean + self.sd * drawn
-            ys[missing], instants[missing], whole = self.land(
-                us[missing], wear[missing]
-            )
+            found = self.land(us[missing], wear[missing])
+            ys[missing], instants[missing], ends[missing], whole = found
             missing = missing[~whole]
             if not len(missing):
-                return Landings(us, ys, instants, wear, time, blocks)
+                return Landings(us, ys, instants, ends, wear, time, blocks)
         raise ValueError(f"{self}: few of its landings are whole")
 
     def land(
         self, us: np.ndarray, wear: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return outcomes (N, 11), instants (N, F), s, and which landings are whole."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return outcomes (N, 11), instants (N, F), ends (N,), and which are whole."""
         if wear is None:
             wear = np.ones((len(us), 2))
         return land_all(us, wear, self.base, self.top_m, self.bottom_m, self.build)
@@ -692,14 +785,14 @@ class Body:
         """Return the orders (S, F) that are compared, and how often they occur (S,).
 
         With up to three feet all orders count alike; with more, those that occur, the
-        commonest 100 of them.
+        commonest 60 of them.
         """
         if self.feet <= 3:
             orders = np.array(list(permutations(range(self.feet))))
             return orders, np.full(len(orders), 100)
         seen = np.argsort(landings.instants, axis=1)
         orders, counts = np.unique(seen, axis=0, return_counts=True)
-        common = np.argsort(-counts, kind="stable")[:100]
+        common = np.argsort(-counts, kind="stable")[:60]
         return orders[common], counts[common]
 
     def _averaged(
@@ -843,6 +936,8 @@ def study(
         "instants": landings.instants.copy(),
         "feet": feet_of(body, landings),
     }
+    if seen.blur_s:
+        exact |= _blurred(body, landings, seen.blur_s)
     errors = {
         "before": np.repeat(PER_NOISE["before"], 9) * seen.noise_m,
         "after": np.repeat(PER_NOISE["after"], 9) * seen.noise_m,
@@ -867,6 +962,30 @@ def study(
         time=landings.time.copy(),
         blocks=landings.blocks.copy(),
     )
+
+
+def _blurred(body: Body, landings: Landings, width_s: float) -> dict[str, np.ndarray]:
+    """Return marker states that a Gaussian low-pass of this width has smoothed."""
+    offsets = width_s * np.linspace(-3.0, 3.0, 25)
+    weights = np.exp(-0.5 * (offsets / width_s) ** 2)
+    kernel = np.column_stack([offsets, weights / weights.sum()])
+    smoothed = {}
+    for name, centres in (
+        ("before", np.zeros(len(landings))),
+        ("after", landings.ends),
+    ):
+        smoothed[name] = filtered_markers(
+            landings.inputs,
+            landings.wear,
+            body.base,
+            body.top_m,
+            body.build,
+            landings.instants,
+            centres,
+            body.markers + body.build.centre,
+            kernel,
+        )
+    return smoothed
 
 
 def feet_of(body: Body, landings: Landings) -> np.ndarray:
