@@ -643,7 +643,7 @@ class Body:
         """Draw the body."""
         n = self.feet
         rng = np.random.default_rng([self.seed, n, 55])
-        leg = self.leg or self._drawn_leg()
+        leg = self.leg or self._leg()
         mass = rng.uniform(1.5, 4.0)
         speed = rng.uniform(1.4, 2.0)
         reach = rng.uniform(0.16, 0.26)
@@ -686,7 +686,6 @@ class Body:
         of_state = [tilt, tilt, 0.15, 0.15, 0.08, 0.35, 0.35, 0.3]
         level = length + centre[2]
         drawn = {
-            "leg": leg,
             "build": build,
             "base": base,
             "markers": markers - centre,
@@ -698,7 +697,12 @@ class Body:
         for name, value in drawn.items():
             object.__setattr__(self, name, value)
 
-    def _drawn_leg(self) -> str:
+    @property
+    def drawn_leg(self) -> str:
+        """Return the kind of its legs."""
+        return LEGS[self.build.leg]
+
+    def _leg(self) -> str:
         able = list(LEGS)
         if self.mechanism in OF_SLIDING_FEET:
             able.remove("pivoting")
@@ -799,7 +803,7 @@ class Body:
         self, landings: Landings, moved: np.ndarray, root: np.ndarray
     ) -> float:
         """Return the size of the difference that the mechanism makes, over landings."""
-        plain = replace(self, mechanism="c1", strength=0.0)
+        plain = replace(self, mechanism="c1", strength=0.0, leg=self.drawn_leg)
         _, own = self.derivatives(landings.inputs, landings.wear)
         _, without = plain.derivatives(landings.inputs, landings.wear)
         changes = marker_motions(self.markers) @ (own - without) @ root
