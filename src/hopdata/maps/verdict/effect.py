@@ -34,7 +34,8 @@ from hopdata.maps.verdict.inputs import (
     contact_orders,
     halves,
 )
-from hopdata.maps.verdict.model import KinkFit, symmetric_root
+from hopdata.maps.verdict.linear import regular, symmetric_root
+from hopdata.maps.verdict.model import KinkFit
 from hopdata.messages import Message
 
 #: Number of successive landings that share a random sign if successive landings err
@@ -218,16 +219,37 @@ def squared_size(
 ) -> FloatArray:
     """Return a root R (K q, K q) of the squared size of the kinks, |R b|^2 = b'Fb."""
     instants = landings.expected
-    root_of_instants = symmetric_root(np.cov(instants.T))
+    covariance = np.cov(instants.T) + landings.unforetold.total
     changes = np.einsum(
-        "aK,caf,fg->cKg", fit.seen, comparison.differences, root_of_instants
+        "aK,caf,fg->cKg", fit.seen, comparison.differences, symmetric_root(covariance)
     )
     form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
 
     by_inputs = landings.inputs @ fit.linear
-    by_kinks = instants @ comparison.mean.T @ fit.seen @ fit.coefficients
-    weights = _weights(by_inputs + by_kinks)
+    slopes = comparison.mean.T @ fit.seen @ fit.coefficients
+    by_kinks = instants @ slopes
+    weights = _weights(_true_power(landings, by_inputs + by_kinks, slopes))
     return np.asarray(np.kron(symmetric_root(form), weights), float)
+
+
+def _true_power(
+    landings: SectionLandings, outcome: FloatArray, slopes: FloatArray
+) -> FloatArray:
+    """Return the mean squares (q,) of a linear outcome (n, q) for the true inputs.
+
+    Noise of the inputs weakens what they explain: the slopes by the true inputs are
+    those by the measured ones times S (S - U)^-1, where S is the covariance of the
+    measured inputs and U that of their errors. What the inputs do not foretell of the
+    contact instants adds its own part, by the `slopes` (feet, q).
+    """
+    rest = landings.unforetold.by_posture
+    measured = regular(np.cov(landings.inputs.T))
+    by_measured = np.linalg.lstsq(landings.inputs, outcome, rcond=None)[0]
+    explained = measured @ by_measured
+    by_true = np.linalg.solve(measured - landings.noise, explained)
+    of_inputs = np.sum(explained * by_true, axis=0)
+    of_rest = np.einsum("fq,fg,gq->q", slopes, rest, slopes)
+    return np.asarray(of_inputs + of_rest)
 
 
 def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
@@ -239,12 +261,12 @@ def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
     n_pairs, n_seen = fit.seen.shape
     # A step from -1 to 1 changes the outcome by twice its coefficient.
     mean_of_pairs = 2.0 / np.sqrt(n_pairs) * np.eye(n_seen)
-    return np.asarray(np.kron(mean_of_pairs, _weights(landings.outputs)), float)
+    variance = np.var(landings.outputs, axis=0, ddof=1)
+    return np.asarray(np.kron(mean_of_pairs, _weights(variance)), float)
 
 
-def _weights(outcome: FloatArray) -> FloatArray:
+def _weights(variance: FloatArray) -> FloatArray:
     """Return the matrix (q, q) that weighs positions and velocities one half each."""
-    variance = np.var(outcome, axis=0, ddof=1)
     return np.diag(np.sqrt(halves(variance)))
 
 

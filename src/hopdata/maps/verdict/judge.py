@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, IntArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
+from hopdata.maps.verdict.session import Session
 from hopdata.messages import Message
 from hopdata.recording import numbers
 
@@ -31,6 +32,13 @@ CONCLUSIONS = (DIFFERENT, NO_DIFFERENCE, CANNOT_TELL)
 #: Difference for which every verdict gives the number of landings needed to show it.
 #: Unit: share of the map. Origin: chosen.
 ASKED = 0.2
+
+#: Kinks that averaging makes fainter than this are noted.
+#: Unit: 1. Origin: chosen.
+FAINT = 1.3
+
+# Relative error of a product of two numbers, with room.
+ROUNDING = 1e-9
 
 # Codes of notes that others look for.
 TWO_KINDS_CODE = "maps.two_kinds"
@@ -77,10 +85,14 @@ class Verdict(Shown):
         if the size could not be computed, if the jump decided, or if no number
         suffices.
     foretold
-        Share of the contact instants' mean square that the state before the landing
-        foretells; None if it could not be computed. What it does not foretell (legs
-        whose length varies from landing to landing, noise in the state) makes every
-        size too small.
+        Share of the contact instants' mean square that the inputs foretell; None if it
+        could not be computed. The inputs are the state before the landing, and the feet
+        if `posture` says so. The rest (legs whose length varies from landing to
+        landing, noise in the state) rounds kinks and jumps, which sizes allow for.
+    posture
+        What the verdict knows of the feet before the landing, in words.
+    session
+        What slow change was fitted: ``"time"``, ``"block"``, both or none.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
@@ -105,6 +117,8 @@ class Verdict(Shown):
     decided_by: str = "effect"
     landings_needed: int | None = None
     foretold: float | None = None
+    posture: str = ""
+    session: Sequence[str] = ()
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
@@ -132,6 +146,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     *,
     seed: int,
     instants_se: ArrayLike | None = None,
+    feet: ArrayLike | None = None,
+    feet_se: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    blocks: ArrayLike | None = None,
     margin: float = 0.2,
     confidence: float = 0.95,
     power: float = 0.8,
@@ -152,8 +170,21 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         Seed of the study.
     instants_se
         (n, feet) standard errors of the instants, in the same unit; they tell what the
-        states do not foretell of the contacts from what was not measured well. None if
-        they are not known.
+        states do not foretell of the contacts from what was not measured well. If they
+        are not known (None), all that is not foretold counts as real, which makes
+        intervals wide rather than wrong.
+    feet
+        (n, feet, 3) positions of the feet at the pre section, in the frame and unit of
+        `x`; NaN where a foot is not seen. They are inputs of the map where legs have a
+        posture of their own. Without them (None) kinks are averaged over posture.
+    feet_se
+        (n, feet, 3) their standard errors; zero if None.
+    time
+        (n,) instants of the landings in the session, in any unit; by default one after
+        the other.
+    blocks
+        (n,) labels of the blocks (recordings, surfaces, subjects) of the landings; by
+        default all are of one.
     margin
         Relative difference that the study is to exclude.
     confidence, power
@@ -172,6 +203,8 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         If another argument is not a number in its range.
     """
     measured = _measured(x, y, instants, instants_se)
+    measured = _with_feet(measured, feet, feet_se)
+    measured = _with_session(measured, time, blocks)
     options = _Options(seed, margin, confidence, power, flips)
     options.check()
     left_out = _left_out(measured.known())
@@ -195,14 +228,14 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
     alike = err_alike(fit.scores @ root.T)
-    limits = _limits(landings, answer.no_evidence, alike)
+    limits = _limits(landings, fit, alike, jumps=answer.decided_by == "jump")
     return Verdict(
         conclusion=answer.conclusion,
         sentence=str(answer.sentence),
         outlook=str(answer.outlook),
         compared=str(comparison.what),
         n_feet=measured.n_feet,
-        n_landings=measured.n_known,
+        n_landings=len(landings.inputs),
         n_window=len(fit.rows),
         confidence=confidence,
         margin=margin,
@@ -213,6 +246,8 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
         foretold=landings.foretold,
+        posture=landings.posture.value,
+        session=fit.session,
         notes=[*left_out, *limits],
         messages={
             "sentence": answer.sentence,
@@ -230,6 +265,10 @@ class _Measured:
     after: FloatArray
     instants: FloatArray
     instants_se: FloatArray | None
+    feet: FloatArray | None = None
+    feet_se: FloatArray | None = None
+    time: FloatArray | None = None
+    blocks: IntArray | None = None
 
     @property
     def n_feet(self) -> int:
@@ -250,9 +289,26 @@ class _Measured:
         errors = None
         if self.instants_se is not None:
             errors = np.nan_to_num(self.instants_se[known])
+        feet = None
+        if self.feet is not None:
+            feet = self.feet[known]
+        feet_se = None
+        if self.feet_se is not None:
+            feet_se = self.feet_se[known]
+        contacts = inputs.Contacts(self.instants[known], errors, feet, feet_se)
         return inputs.section_landings(
-            self.before[known], self.after[known], self.instants[known], errors
+            self.before[known], self.after[known], contacts, self.session(known)
         )
+
+    def session(self, known: BoolArray) -> Session:
+        """Return when and where the known landings were recorded."""
+        time = self.time
+        if time is None:
+            time = np.arange(len(self.before), dtype=float)
+        blocks = self.blocks
+        if blocks is None:
+            blocks = np.zeros(len(self.before), dtype=np.int64)
+        return Session.of(time[known], blocks[known])
 
 
 def _measured(
@@ -281,6 +337,45 @@ def _measured(
         matches = errors.shape == touched.shape
         require(matches, "instants_se", wanted, errors.shape)
     return _Measured(before, after, touched, errors)
+
+
+def _with_feet(
+    measured: _Measured, feet: ArrayLike | None, feet_se: ArrayLike | None
+) -> _Measured:
+    """Return the data with the feet at the pre section, if their shapes match."""
+    if feet is None:
+        return measured
+    places = numbers("feet", feet)
+    shape = (*measured.instants.shape, 3)
+    wanted = f"a position for each foot in each landing, {shape}"
+    require(places.shape == shape, "feet", wanted, places.shape)
+    errors = None
+    if feet_se is not None:
+        errors = numbers("feet_se", feet_se)
+        wanted = f"a standard error for each coordinate of feet, {shape}"
+        require(errors.shape == shape, "feet_se", wanted, errors.shape)
+    return replace(measured, feet=places, feet_se=errors)
+
+
+def _with_session(
+    measured: _Measured, time: ArrayLike | None, blocks: ArrayLike | None
+) -> _Measured:
+    """Return the data with time and block of each landing, if their shapes match."""
+    n_landings = len(measured.before)
+    if time is not None:
+        instants = numbers("time", time)
+        is_known = bool(np.isfinite(instants).all())
+        fits = instants.shape == (n_landings,) and is_known
+        wanted = f"an instant for each of {n_landings} landings"
+        require(fits, "time", wanted, instants.shape)
+        measured = replace(measured, time=instants)
+    if blocks is not None:
+        labels = np.asarray(blocks)
+        wanted = f"a label for each of {n_landings} landings"
+        require(labels.shape == (n_landings,), "blocks", wanted, labels.shape)
+        _, numbered = np.unique(labels.astype(str), return_inverse=True)
+        measured = replace(measured, blocks=np.asarray(numbered, np.int64))
+    return measured
 
 
 @dataclass(frozen=True)
@@ -352,14 +447,13 @@ def _no_answer(
 
 @dataclass(frozen=True)
 class _Answer:
-    """What a verdict says: see `Verdict`; and up to which size kinks say nothing."""
+    """What a verdict says: see `Verdict`."""
 
     conclusion: str
     decided_by: str
     landings_needed: int | None
     sentence: Message
     outlook: Message
-    no_evidence: float
 
 
 def _answer(
@@ -380,7 +474,6 @@ def _answer(
             conclusion, effect.sizes(), what, options.confidence, options.margin
         ),
         outlook=outlook(effect, needed, measured.n_known, options.power),
-        no_evidence=effect.allowed,
     )
 
 
@@ -400,7 +493,6 @@ def _with_jump(
         landings_needed=None,
         sentence=Message("maps.jump_decides", {"compared": what, "jump": jumps}),
         outlook=Message("maps.outlook_jump", shown),
-        no_evidence=0.0,
     )
 
 
@@ -507,18 +599,26 @@ def _left_out(known: BoolArray) -> Notes:
     return [_note("left_out", unknown=unknown, landings=len(known))]
 
 
-def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> Notes:
-    """Return notes on what limits the answer.
+def _limits(
+    landings: inputs.SectionLandings, fit: KinkFit, alike: bool, *, jumps: bool
+) -> Notes:
+    """Return notes on what limits the answer, and on what was done about it.
 
-    `allowed` is the size up to which kinks are not evidence, and `alike` whether
-    successive landings err alike.
+    `alike` tells whether successive landings err alike, and `jumps` whether a jump
+    decided, beside which sizes of kinks do not matter.
     """
     notes = []
+    share = f"{100 * landings.foretold:.1f} %"
+    hidden = int((~landings.kept).sum())
+    if hidden:
+        notes.append(_note("feet_hidden", count=hidden, landings=len(landings.kept)))
     if inputs.feet_as_one(landings):
         notes.append(_note("feet_as_one"))
-    if allowed > LEFT:
-        notes.append(_note("contacts_far_apart", allowed=percent(allowed)))
-    state = inputs.two_kinds(landings.inputs)
+    if fit.allowed / fit.faded > LEFT * (1.0 + ROUNDING) and not jumps:
+        notes.append(_note("contacts_far_apart", allowed=percent(fit.allowed)))
+    if fit.faded > FAINT:
+        notes.append(_note("faint", share=share, allowed=percent(fit.allowed)))
+    state = inputs.two_kinds(landings.inputs[:, : inputs.STATE])
     if state:
         notes.append(_note("two_kinds", state=Message(f"maps.{state}")))
     far_off = inputs.far_off(landings)
@@ -526,8 +626,13 @@ def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> No
         notes.append(_note("far_off", count=far_off))
     if alike:
         notes.append(_note("err_alike", in_a_row=sizing.IN_A_ROW))
-    if landings.foretold < inputs.WELL_FORETOLD:
-        notes.append(_note("not_foretold", share=f"{100 * landings.foretold:.1f} %"))
+    if landings.posture is inputs.Posture.USED:
+        notes.append(_note("feet_used", share=share))
+    elif landings.foretold < inputs.WELL_FORETOLD:
+        notes.append(_note("not_foretold", share=share))
+    if fit.session:
+        change = [str(Message(f"maps.session_{name}")) for name in fit.session]
+        notes.append(_note("session", change=" and ".join(change)))
     return notes
 
 
