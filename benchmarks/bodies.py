@@ -615,7 +615,8 @@ class Body:
     feet
         Number of feet, two to six.
     spread_s
-        Root mean square of the contact instants about their mean, by tilt alone, s.
+        Root mean square of the contact instants about their mean that tilt alone would
+        give if no leg pushed, s. The first feet right the body, so it is less.
     scatter_m
         Standard deviation of each coordinate of each foot from landing to landing, m.
     leg
@@ -746,18 +747,29 @@ class Body:
     def derivatives(
         self, us: np.ndarray, wear: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return outcomes (N, 11) and their derivatives (N, 11, p) by differences."""
+        """Return outcomes (N, 11) and their derivatives (N, 11, p) by differences.
+
+        Derivatives with respect to inputs that do not vary in this body, other than the
+        heights of its feet, are left out as zero.
+        """
         n, p = us.shape
         if wear is None:
             wear = np.ones((n, 2))
+        wanted = self.sd > 0.0
+        wanted[10::3] = True  # heights of the feet
+        varying = np.flatnonzero(wanted)
+        count = len(varying)
         steps = np.full(p, 1e-6)
         steps[2:8] = 1e-5
-        moves = np.vstack([np.zeros(p), np.diag(steps), -np.diag(steps)])
+        moves = np.diag(steps)[varying]
+        moves = np.vstack([np.zeros(p), moves, -moves])
         around = (us[:, None] + moves).reshape(-1, p)
         ys = self.land(around, np.repeat(wear, len(moves), axis=0))[0]
         ys = ys.reshape(n, len(moves), 11)
-        slopes = (ys[:, 1 : p + 1] - ys[:, p + 1 :]) / (2 * steps[:, None])
-        return ys[:, 0], np.swapaxes(slopes, 1, 2)
+        changes = ys[:, 1 : count + 1] - ys[:, count + 1 :]
+        slopes = np.zeros((n, 11, p))
+        slopes[:, :, varying] = np.swapaxes(changes / (2 * steps[varying, None]), 1, 2)
+        return ys[:, 0], slopes
 
     def truth(self, landings: Landings, over: int = 0) -> Truth:
         """Return the exact differences for these landings.
@@ -851,7 +863,7 @@ def body_of_size(size: float, landings: int = 400, **drawn) -> Body:
     strongest = STRONGEST.get(trial.mechanism, STRONGEST_OF_OTHERS)
     over = 0
     if trial.mechanism in SATURATING:
-        over = 60
+        over = 30
     body = trial
     for _ in range(2):
         rng = np.random.default_rng([body.seed, 56])

@@ -34,7 +34,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import inspect
 import os
 import re
 import time
@@ -182,21 +181,18 @@ def source(seed: int, *names: str) -> np.random.Generator:
 
 
 def asked(data: Study, seed: int) -> Verdict:
-    """Return the verdict on a study, given all that `judge` accepts of it."""
-    accepted = inspect.signature(judge).parameters
-    more = {
-        name: getattr(data, name)
-        for name in ("feet", "feet_se", "time", "blocks")
-        if name in accepted
-    }
+    """Return the verdict on a study."""
     return judge(
         data.x,
         data.y,
         data.instants,
         seed=seed,
         instants_se=data.instants_se,
+        feet=data.feet,
+        feet_se=data.feet_se,
+        time=data.time,
+        blocks=data.blocks,
         flips=FLIPS,
-        **more,
     )
 
 
@@ -271,6 +267,7 @@ COLUMNS = [
     "error",
     "leg",
     "strength",
+    "spread_seen_ms",
     "true_kink",
     "true_jump",
     "true_average",
@@ -300,6 +297,7 @@ def studies_of(scene: Scene, seed: int, cells: list[Cell]) -> list[dict[str, Any
     exact = {
         "leg": body.drawn_leg,
         "strength": body.strength,
+        "spread_seen_ms": 1e3 * np.sqrt(np.mean(np.var(landings.instants, axis=1))),
         "true_kink": truth.kink,
         "true_jump": truth.jump,
         "true_average": truth.averaged,
@@ -442,6 +440,7 @@ def _summary(part: pd.DataFrame, twin: pd.DataFrame | None) -> dict[str, Any]:
         "interval_holds": known["interval"].mean(),
         "jump_bound_holds": steps["jump_bound"].mean(),
         "jump_interval_holds": steps["jump_interval"].mean(),
+        "spread_seen_ms": known["spread_seen_ms"].median(),
         "bound_median": known["upper_bound"].median(),
         "detectable_median": known["detectable"].median(),
         "allowed_median": known["allowed"].median(),
