@@ -771,12 +771,13 @@ class Body:
         slopes[:, :, varying] = np.swapaxes(changes / (2 * steps[varying, None]), 1, 2)
         return ys[:, 0], slopes
 
-    def truth(self, landings: Landings, over: int = 0) -> Truth:
+    def truth(self, landings: Landings, over: int = 0, most: int = 240) -> Truth:
         """Return the exact differences for these landings.
 
         `over` is the number of landings over which the size is averaged; none if 0.
+        With more than three feet, the orders are those of the first `most` landings.
         """
-        orders, counts = self._orders(landings)
+        orders, counts = self._orders(landings, most)
         at = np.tile(self.mean, (len(orders), 1))
         for k, order in enumerate(orders):
             # Each foot 20 um above the one that touches before it.
@@ -797,19 +798,18 @@ class Body:
             averaged=averaged,
         )
 
-    def _orders(self, landings: Landings) -> tuple[np.ndarray, np.ndarray]:
+    def _orders(self, landings: Landings, most: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the orders (S, F) that are compared, and how often they occur (S,).
 
-        With up to three feet all orders count alike; with more, those that occur, the
-        commonest 60 of them.
+        With up to three feet all orders count alike; with more, those of the first
+        `most` landings.
         """
         if self.feet <= 3:
             orders = np.array(list(permutations(range(self.feet))))
             return orders, np.full(len(orders), 100)
-        seen = np.argsort(landings.instants, axis=1)
+        seen = np.argsort(landings.instants[:most], axis=1)
         orders, counts = np.unique(seen, axis=0, return_counts=True)
-        common = np.argsort(-counts, kind="stable")[:60]
-        return orders[common], counts[common]
+        return orders, counts * len(landings) // min(most, len(landings))
 
     def _averaged(
         self, landings: Landings, moved: np.ndarray, root: np.ndarray
@@ -868,7 +868,7 @@ def body_of_size(size: float, landings: int = 400, **drawn) -> Body:
     for _ in range(2):
         rng = np.random.default_rng([body.seed, 56])
         drawn_landings = body.landings(landings, rng)
-        made = leading(body.mechanism, body.truth(drawn_landings, over))
+        made = leading(body.mechanism, body.truth(drawn_landings, over, most=60))
         strength = body.strength * size / max(made, 1e-6)
         body = replace(body, strength=min(strongest, strength))
     return body

@@ -19,8 +19,9 @@ their processor times are the same at any number of jobs.
 ``verdict_campaign.csv`` has one row for each cell. Shares are of the studies that gave a
 number. `called_different` and `called_none` are shares of all studies. The bound and
 the interval of derivatives are compared with their exact difference at the simultaneous
-contact (`bound_holds`, `interval_holds`) and with the one that the mechanism makes on
-average over the landings (`bound_holds_average`); those of jumps with the exact jump. For
+contact (`bound_holds`, `interval_holds`) and, if it saturates, with the one that the
+mechanism makes on average over the landings (`bound_holds_average`); those of jumps
+with the exact jump. For
 each rival (`verdict_rivals.py`), `_found` is the share that it calls different itself,
 and `_equal` the share above the 95 % quantile of its statistic in the C1 twin of the
 cell, that is at equal size.
@@ -73,6 +74,7 @@ FLIPS = 999
 KINKS = (0.15, 0.6)  # sizes of the differences, drawn evenly on a logarithmic scale
 JUMPS = (0.06, 0.3)
 AVERAGED_OVER = 40  # landings
+OF_MANY_ORDERS = 240  # landings whose orders are compared, with more than three feet
 NEAR_DETECTABLE = (0.8, 1.25)
 
 #: What is wrong with how the landings are seen.
@@ -212,10 +214,13 @@ def moved(scene: Scene, seed: int) -> tuple[Body, Landings, Truth]:
     )
     rng = source(seed, scene.name, "landings")
     landings = body.landings(scene.simulated, rng, SESSIONS[scene.session])
-    over = AVERAGED_OVER
+    over = 0
+    if scene.mechanism in SATURATING:
+        over = AVERAGED_OVER
+    most = OF_MANY_ORDERS
     if scene.mechanism == "c1":
-        over = 0
-    return body, landings, body.truth(landings, over)
+        most = OF_MANY_ORDERS // 4
+    return body, landings, body.truth(landings, over, most)
 
 
 def judged(one: Cell, seed: int, body: Body, landings: Landings) -> dict[str, Any]:
@@ -452,7 +457,7 @@ def _summary(part: pd.DataFrame, twin: pd.DataFrame | None) -> dict[str, Any]:
         "foretold": known["foretold"].median(),
         "judge_s": judged_ones["judge_s"].median(),
     }
-    if part["mechanism"].iloc[0] == "c1":
+    if part["mechanism"].iloc[0] not in SATURATING:
         row["bound_holds_average"] = np.nan
     for name in RIVALS:
         row[f"{name}_found"] = judged_ones[f"{name}_found"].mean()
