@@ -105,7 +105,7 @@ class Build(NamedTuple):
 
 # The equations of motion. A state holds position, yaw, pitch, roll, velocity (world) and
 # spin (body). `touched` (F,) are the contact instants, inf before; `anchors` (F, 2) the
-# places of the contacts. `wear` holds factors of the legs' stiffness and of friction.
+# places of the contacts. `wear` holds factors of the legs' force and of friction.
 
 
 @njit(cache=True)
@@ -180,7 +180,7 @@ def mechanism_of_push(i, t, touched, build):
 def push_of(i, depth, rate, modified, wear, build):
     """Return the force along a leg that is compressed by `depth` at this rate, N."""
     extra, factor, damping = modified
-    stiffness = wear[0] * build.stiffness[i]
+    stiffness = build.stiffness[i]
     damping = damping * build.damping[i]
     if build.leg == HERTZ:
         depth = max(0.0, depth)
@@ -190,7 +190,7 @@ def push_of(i, depth, rate, modified, wear, build):
     else:
         push = build.preload[i] + stiffness * depth * (1.0 + 2.0 * depth)
         push += damping * rate
-    return max(0.0, (push + extra * build.load) * factor)
+    return wear[0] * max(0.0, (push + extra * build.load) * factor)
 
 
 @njit(cache=True)
@@ -543,7 +543,7 @@ class Landings:
     ends
         (N,) instants of the post section, s.
     wear
-        (N, 2) factors of the legs' stiffness and of friction.
+        (N, 2) factors of the legs' force and of friction.
     time, blocks
         (N,) place in the session from 0 to 1, and label of the surface.
     """
