@@ -143,7 +143,10 @@ def _leverage_rows(leverage: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     rows = []
     for side in ("pre", "post"):
         of_side = leverage.get(side) or {}
-        for which, words in (("usual", "time per mm of height"), ("large", "its 95 % quantile")):
+        for which, words in (
+            ("usual", "time per mm of height"),
+            ("large", "its 95 % quantile"),
+        ):
             s_per_m = of_side.get(which)
             if s_per_m is not None:
                 name = f"{words}, {side} section"

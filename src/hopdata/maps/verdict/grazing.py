@@ -34,6 +34,11 @@ SMOOTH_DEGREE = 3
 #: Unit: 1. Origin: chosen.
 INNER = (0.01, 0.99)
 
+#: If more than this share of the landings rise at the section, it is none that bodies
+#: fall through, and nothing can be said of how they pass it.
+#: Unit: 1. Origin: chosen: noise of the speeds makes a few rise among the lowest points.
+MOST_RISING = 0.1
+
 #: Fewest landings of which a bend is told.
 #: Unit: landings. Origin: chosen.
 LEAST_LANDINGS = 20
@@ -53,7 +58,7 @@ class Grazing:
         Standard deviation of the squared vertical speed, as a share of its mean.
     bent
         Share of the map's derivative into the vertical speed that smooth terms leave,
-        as the root mean square over the landings.
+        as the root mean square over the landings; 0 if more than `MOST_RISING` rise.
     rising
         Share of the landings that do not fall at the section.
     """
@@ -89,12 +94,16 @@ def grazing(y: ArrayLike) -> Grazing:
     half = known.shape[1] // 2
     fall = -known[:, half + 2 :: 3].mean(axis=1)
     squared = fall**2
+    rising = float(np.mean(fall <= 0))
+    bent = 0.0
+    if rising <= MOST_RISING:
+        bent = bent_share(squared)
     return Grazing(
         usual_time_per_height=_one_over(float(np.median(fall))),
         large_time_per_height=_one_over(float(np.quantile(fall, 0.05))),
         scatter=float(squared.std() / squared.mean()),
-        bent=bent_share(squared),
-        rising=float(np.mean(fall <= 0)),
+        bent=bent,
+        rising=rising,
     )
 
 

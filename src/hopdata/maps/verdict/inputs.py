@@ -28,6 +28,7 @@ from hopdata.maps.verdict.expected import (
     expected_contacts,
     unforetold,
 )
+from hopdata.maps.verdict.grazing import grazing
 from hopdata.maps.verdict.linear import FLAT
 from hopdata.maps.verdict.noise import believable, state_noise
 from hopdata.maps.verdict.session import Session
@@ -145,6 +146,9 @@ class SectionLandings:
         What is known of the feet before the landing.
     kept
         (N,) which of the N landings given these n are.
+    bent
+        Share of the map that the square root leaves with which a body that hardly falls
+        passes the post section: see `grazing`.
     """
 
     inputs: FloatArray
@@ -158,6 +162,7 @@ class SectionLandings:
     n_bent: int
     posture: Posture
     kept: BoolArray
+    bent: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -245,6 +250,7 @@ def section_landings(
         n_bent=known.n_bent,
         posture=known.posture,
         kept=kept,
+        bent=grazing(dimensionless.after[kept]).bent,
     )
 
 
