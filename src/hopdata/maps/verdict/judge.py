@@ -20,8 +20,9 @@ from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict import inputs, rows
 from hopdata.maps.verdict import orders as which
-from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
+from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike
 from hopdata.maps.verdict.session import Session
+from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.messages import Message
 from hopdata.recording import numbers
 
@@ -241,11 +242,11 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         sound = measured.sound_landings()
         landings = sound.landings
         comparison = sizing.compared(landings)
-        fit = fit_kinks(landings)
+        fit, root = fit_of_best_window(landings, comparison)
     except AnalysisError as error:
         return _no_answer(error, measured, options, left_out)
 
-    sizes = _sizes(fit, landings, comparison, options)
+    sizes = _sizes(fit, root, landings, comparison, options)
     effect = sizes.effect
     jump = sizes.jump
 
@@ -305,13 +306,14 @@ class _Sizes:
 
 def _sizes(
     fit: KinkFit,
+    root: FloatArray,
     landings: inputs.SectionLandings,
     comparison: sizing.Comparison,
     options: "_Options",
 ) -> _Sizes:
     """Return the sizes of kinks and jumps, and of each pair, from the same signs."""
     fits = [fit]
-    roots = [sizing.squared_size(fit, landings, comparison)]
+    roots = [root]
     if fit.jumps is not None:
         fits.append(fit.jumps)
         roots.append(sizing.squared_jump(fit.jumps, landings))
@@ -333,7 +335,7 @@ def _sizes(
     ]
     joint = which.joint_level(tests, round(1.0 - options.confidence, 12))
     effects = [
-        sizing.effect_size(
+        sizing.size_drawn(
             drawn,
             part,
             level_found=level,
