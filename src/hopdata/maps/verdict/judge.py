@@ -242,11 +242,11 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         sound = measured.sound_landings()
         landings = sound.landings
         comparison = sizing.compared(landings)
-        fit, root = fit_of_best_window(landings, comparison)
+        fit = fit_of_best_window(landings, comparison)
     except AnalysisError as error:
         return _no_answer(error, measured, options, left_out)
 
-    sizes = _sizes(fit, root, landings, comparison, options)
+    sizes = _sizes(fit, landings, comparison, options)
     effect = sizes.effect
     jump = sizes.jump
 
@@ -306,14 +306,13 @@ class _Sizes:
 
 def _sizes(
     fit: KinkFit,
-    root: FloatArray,
     landings: inputs.SectionLandings,
     comparison: sizing.Comparison,
     options: "_Options",
 ) -> _Sizes:
     """Return the sizes of kinks and jumps, and of each pair, from the same signs."""
     fits = [fit]
-    roots = [root]
+    roots = [sizing.squared_size(fit, landings, comparison)]
     if fit.jumps is not None:
         fits.append(fit.jumps)
         roots.append(sizing.squared_jump(fit.jumps, landings))
