@@ -344,6 +344,35 @@ def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> f
 
 
 def effect_size(
+    fit: KinkFit,
+    root: FloatArray,
+    *,
+    generator: np.random.Generator,
+    confidence: float,
+    power: float,
+    flips: int,
+) -> EffectSize:
+    """Return the size of the kinks, if no other test shares the level of theirs.
+
+    Parameters
+    ----------
+    fit, root
+        Kinks, and the root of their squared size: see `squared_size`.
+    generator
+        Source of the random signs.
+    confidence, power
+        See `size_drawn`.
+    flips
+        Number of random sign patterns.
+    """
+    alike = model.err_alike(fit.scores @ root.T)
+    (errors,) = signed_errors([fit], flips, generator, alike=alike)
+    draws = Draws(fit, root, errors, alike=alike)
+    level = round(1.0 - confidence, 12)
+    return size_drawn(draws, fit, level_found=level, confidence=confidence, power=power)
+
+
+def size_drawn(
     draws: "Draws",
     fit: KinkFit,
     *,
@@ -359,7 +388,7 @@ def effect_size(
     Parameters
     ----------
     draws
-        Draws of T: see `sign_draws`.
+        Draws of T.
     fit
         The kinks.
     level_found

@@ -47,6 +47,13 @@ BENT = 0.02
 # Relative error of a product of two numbers, with room.
 ROUNDING = 1e-9
 
+# Change over the session -> its code.
+SESSION_CODES = {
+    "time": "maps.session_time",
+    "block": "maps.session_block",
+    "change": "maps.session_change",
+}
+
 # Codes of notes that others look for.
 TWO_KINDS_CODE = "maps.two_kinds"
 NOT_FORETOLD_CODE = "maps.not_foretold"
@@ -339,7 +346,7 @@ def _sizes(
     ]
     joint = which.joint_level(tests, round(1.0 - options.confidence, 12))
     effects = [
-        sizing.effect_size(
+        sizing.size_drawn(
             drawn,
             part,
             level_found=level,
@@ -760,7 +767,7 @@ def _limits(
     elif landings.foretold < inputs.WELL_FORETOLD:
         notes.append(_note("not_foretold", share=share))
     if fit.session:
-        change = [str(Message(f"maps.session_{name}")) for name in fit.session]
+        change = [str(Message(SESSION_CODES[name])) for name in fit.session]
         notes.append(_note("session", change=" and ".join(change)))
     return notes
 
