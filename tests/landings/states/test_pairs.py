@@ -140,7 +140,18 @@ def test_a_foot_that_is_not_seen_in_flight_leaves_the_rest():
     assert is_missing.sum() == 1
     apart = np.abs(found.feet - pairs().feet) / pairs().feet_se
     assert (apart[~is_missing] < 1).all()
-    np.testing.assert_array_equal(found.x, pairs().x)
+    np.testing.assert_allclose(found.x, pairs().x, atol=1e-12)
+
+
+def test_feet_stand_in_the_order_of_their_contacts():
+    """The table's columns have an order of their own."""
+    names = SCENE.recording.names("foot")
+    columns = [name for name in TABLE if name.startswith(("contact_", "se_"))]
+    others = [name for name in TABLE if name not in columns]
+    found = pairs(table=TABLE[[*others, *columns[::-1]]])
+    assert len(names) == 3
+    np.testing.assert_array_equal(found.instants, pairs().instants[:, ::-1])
+    np.testing.assert_allclose(found.feet, pairs().feet[:, ::-1], atol=1e-12)
 
 
 def three_recordings():

@@ -276,14 +276,14 @@ def _pairs_of(
     )
     x, x_se = _in_home_frame(home, pre)
     y, y_se = _in_home_frame(home, post)
-    instants = used.filter(regex="^contact_").to_numpy(float)
+    instants = used.filter(regex="^contact_")
     instants_se = used.filter(regex="^se_").to_numpy(float)
     feet, feet_se = feet_at_section(
         recording.time,
-        [recording.positions[:, parts] for parts in parts_of_feet(recording)],
+        _tracks_of_feet(recording, instants.columns),
         pre,
         home,
-        contacts=instants,
+        contacts=instants.to_numpy(float),
         contacts_se=instants_se,
         window_s=window_s,
         pace=recording.pace,
@@ -303,12 +303,24 @@ def _pairs_of(
         body_markers=recording.names("body"),
         x_se=x_se[whole],
         y_se=y_se[whole],
-        instants=instants[whole],
+        instants=instants.to_numpy(float)[whole],
         instants_se=instants_se[whole],
         feet=feet[whole],
         feet_se=feet_se[whole],
         time_s=pre.time[whole],
     )
+
+
+def _tracks_of_feet(
+    recording: Recording, contact_columns: Iterable[str]
+) -> list[FloatArray]:
+    """Return the markers of each foot, (N, p, 3), in the order of these columns."""
+    parts = dict(zip(recording.names("foot"), parts_of_feet(recording), strict=True))
+    tracks = []
+    for column in contact_columns:
+        foot = column.removeprefix("contact_").removesuffix("_s")
+        tracks.append(recording.positions[:, parts[foot]])
+    return tracks
 
 
 def _in_home_frame(
