@@ -36,7 +36,7 @@ INNER = (0.01, 0.99)
 
 #: If more than this share of the landings rise at the section, it is none that bodies
 #: fall through, and nothing can be said of how they pass it.
-#: Unit: 1. Origin: chosen: noise of the speeds makes a few rise among the lowest points.
+#: Unit: 1. Origin: chosen: noise of the speeds makes a few rise.
 MOST_RISING = 0.1
 
 #: Fewest landings of which a bend is told.
