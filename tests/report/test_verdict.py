@@ -70,8 +70,25 @@ def test_the_answer_is_not_told_again_by_its_picture():
     assert page.text.count(verdict()["sentence"]) == 1
 
 
+def test_what_foretells_the_contacts_stands_under_the_verdict_and_its_picture():
+    said = "The state and the feet foretell 99.9 % of how far apart the feet touch."
+    page = Page(build_report(full_study(verdict=verdict(contacts=said))))
+    assert page.text.count(said) == 2
+    assert "foretell" not in Page(build_report(full_study())).text
+
+
 def test_notes_stand_under_the_verdict():
     noted = verdict(notes=[{"what": "smooth terms", "reason": "150 landings"}])
     page = Page(build_report(full_study(verdict=noted)))
     assert "What limits this verdict: smooth terms: 150 landings" in page.text
     assert "What limits" not in Page(build_report(full_study())).text
+
+
+def test_which_orders_differ_is_said_and_tabled():
+    pair = {"of": "map", "first": "1>2", "second": "2>1", "estimate": 0.4}
+    pair |= {"low": 0.2, "high": 0.5, "p_value": 0.0005}
+    known = verdict(orders=[pair], mainly="most of all: landings with foot 1 first")
+    page = Page(build_report(full_study(verdict=known)))
+    assert "Which orders differ: most of all: landings with foot 1 first." in page.text
+    assert "map 1 → 2 and 2 → 1 40.0 20.0 50.0 0.0005" in page.text
+    assert "Which orders differ:" not in Page(build_report(full_study())).text

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from hopdata.maps.verdict.effect import (
+    Draws,
     contrasts,
     effect_size,
     landings_needed,
     relative_size,
+    signed_errors,
 )
 from hopdata.maps.verdict.model import HIDDEN, LEFT, OF_FOURTH, KinkFit, upper_ends
 
@@ -43,14 +45,9 @@ def fit(size, seed, largest=False, allowed=LEFT):
 
 def size_of(kinks, seed=0):
     generator = np.random.default_rng(seed)
-    return effect_size(
-        kinks,
-        np.eye(len(WEIGHTS)),
-        generator=generator,
-        confidence=0.95,
-        power=0.8,
-        flips=199,
-    )
+    (errors,) = signed_errors([kinks], 199, generator, alike=False)
+    draws = Draws(kinks, np.eye(len(WEIGHTS)), errors, alike=False)
+    return effect_size(draws, kinks, level_found=0.05, confidence=0.95, power=0.8)
 
 
 def sizes(size, count=150, largest=False, allowed=LEFT):

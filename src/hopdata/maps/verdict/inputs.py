@@ -1,25 +1,37 @@
-"""Landings in the dimensionless coordinates of the verdict, and expected contacts.
+"""Landings as the verdict sees them: inputs, outcomes, and expected contacts.
 
-Lengths are in units of the markers' rms distance from their mean, speeds in units of
-the body's speed at the pre section, and contact instants in units of their spread. The
-axes are those of the body with its mean attitude upright. The heading of a body is its
-twist about the vertical; its tilt is the direction of the vertical in the body. Another
-frame for the states therefore turns all coordinates together and linearly, and no
-result depends on it.
+The inputs are the state of the body at the pre section (`coordinates`) and, where legs
+have a posture of their own, the feet about it. Contact instants are in units of their
+spread.
 """
 
 from dataclasses import dataclass
+from enum import Enum
 from itertools import combinations
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps import coordinates
-from hopdata.maps.coordinates import RigidStates, monomials, rigid_states, split_states
-from hopdata.maps.corrected.marker_noise import marker_noise
+from hopdata.maps.coordinates import rigid_states
+from hopdata.maps.verdict.coordinates import (
+    Dimensionless,
+    feet_about_body,
+    outcomes,
+    state_inputs,
+    without_units,
+)
+from hopdata.maps.verdict.expected import (
+    Expected,
+    Unforetold,
+    expected_contacts,
+    unforetold,
+)
+from hopdata.maps.verdict.linear import FLAT
+from hopdata.maps.verdict.noise import believable, state_noise
+from hopdata.maps.verdict.session import Session
 from hopdata.messages import Message
-from hopdata.rigid import body_shape, turned, twists, wrapped
 
 #: Share of the landings, those with the least contact spread, to which the kinks are
 #: fitted.
@@ -32,20 +44,28 @@ WINDOW = 0.85
 #: Unit: landings. Origin: chosen.
 LEAST_CLASS = 20
 
+#: Below this share foretold the verdict notes that it averages over the rest.
+#: Unit: 1. Origin: measured: rigid legs have 0.999 (the sample, its control, a hopper
+#: of another simulator). At 0.98 half of a jump is rounded away, which averaging brings
+#: back at the price of a wider interval.
+WELL_FORETOLD = 0.98
+
+#: The feet are inputs if they foretell at least this share more of the contact
+#: instants' mean square than the state alone.
+#: Unit: 1. Origin: measured: of legs that scatter by 0.5 mm the state foretells 0.9996,
+#: by 2 mm 0.98 (verdict.md). With less to gain, their terms cost more than they bring.
+WORTH = 0.01
+
+#: The feet are inputs only if they are all seen in at least this share of the landings;
+#: the other landings are then left out.
+#: Unit: 1. Origin: chosen.
+LEAST_SEEN = 0.8
+
+# Number of inputs that are the body's state.
+STATE = 8
+
 # Number of outputs that are positions; the rest are velocities.
 POSITIONS = 5
-
-#: Least share of the contact instants' mean square that the preceding states must
-#: predict.
-#: Unit: 1. Origin: chosen.
-LEAST_FORETOLD = 0.1
-
-#: Below this share the verdict notes that its sizes are too small.
-#: Unit: 1. Origin: measured: rigid legs have 0.999 (the sample, its control, a hopper
-#: of another simulator). With legs that scatter, a jump lost 15 % of its size at 0.994
-#: and half at 0.945, since the instants expected from the state then miss the order in
-#: which the feet really touch. With 0.985 the note comes when a jump has lost a fifth.
-WELL_FORETOLD = 0.99
 
 # Parts of the state before a landing -> columns of the inputs.
 STATES = {"tilt": slice(0, 2), "velocity": slice(2, 5), "spin": slice(5, 8)}
@@ -59,27 +79,6 @@ APART = 0.8
 #: Least share of the landings in the smaller of two kinds.
 #: Unit: 1. Origin: chosen.
 LEAST_PART = 0.1
-
-#: Contact instants farther from the fit than this are left out.
-#: Unit: robust standard deviations. Origin: chosen.
-OUTLYING = 5.0
-
-#: Standard deviations of a normal distribution in one median absolute deviation.
-#: Unit: 1. Origin: derived: the inverse of its quartile, 0.6745.
-ROBUST_SD = 1.4826
-
-#: A landing is far from all others beyond this distance from the median, which no heavy
-#: tail explains.
-#: Unit: median distances. Origin: chosen.
-FAR_OFF = 30.0
-
-#: Larger non-rigid speeds of markers mean mixed-up columns.
-#: Unit: share of the body's speed. Origin: chosen.
-MOST_APART = 0.5
-
-#: Singular values and mean squares at or below this share are rounding.
-#: Unit: 1. Origin: rounding.
-FLAT = 1e-9
 
 #: Two landings are suspected to be copies if they are nearer to each other than this.
 #: Unit: standard deviations of whitened inputs. Origin: chosen: nearer than any two of
@@ -104,10 +103,13 @@ CONSTANT = 1e-3
 #: fits of two feet differ.
 AS_ONE = 0.01
 
-#: Least slack of a landing (one minus its leverage) by which a leave-one-out error is
-#: divided.
-#: Unit: 1. Origin: chosen.
-LEAST_SLACK = 1e-3
+
+class Posture(Enum):
+    """What the verdict knows of the feet before the landing."""
+
+    USED = "inputs of the map"
+    NOT_NEEDED = "foretold by the state of the body"
+    NOT_SEEN = "not seen before contact"
 
 
 @dataclass(frozen=True)
@@ -117,44 +119,82 @@ class SectionLandings:
     Attributes
     ----------
     inputs
-        (n, 8) tilt, velocity and spin at the pre section.
+        (n, p) tilt, velocity and spin at the pre section; if the feet are inputs, also
+        their heights above the body's centre, then their other two coordinates.
     outputs
         (n, 11) outcome: step, tilt and turn as rms displacements of the markers, then
         velocity and spin at the post section as rms velocities of the markers.
     expected
         (n, feet) contact instants expected from the inputs, relative to the mean over
         the feet.
+    missed
+        (n, feet) measured less expected contact instants, likewise.
     foretold
         Share of the contact instants' mean square that the inputs foretell, beside what
         the standard errors of the instants explain.
+    unforetold
+        Covariances of the true instants about those expected.
+    noise
+        (p, p) covariance of the errors of the inputs.
+    session
+        When and where the landings were recorded.
+    n_bent
+        Number of leading inputs whose squares and products count among the smooth
+        terms; the others enter linearly.
+    posture
+        What is known of the feet before the landing.
+    kept
+        (N,) which of the N landings given these n are.
     """
 
     inputs: FloatArray
     outputs: FloatArray
     expected: FloatArray
+    missed: FloatArray
     foretold: float
+    unforetold: Unforetold
+    noise: FloatArray
+    session: Session
+    n_bent: int
+    posture: Posture
+    kept: BoolArray
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contact instants and feet of n landings, as they were measured.
+
+    Attributes
+    ----------
+    instants, instants_se
+        (n, feet) contact instants and their standard errors; the latter None if they
+        are not known.
+    feet, feet_se
+        (n, feet, 3) positions of the feet at the pre section, in the frame of the
+        states, and their standard errors; NaN where a foot is not seen. None if they
+        are not known.
+    """
+
+    instants: FloatArray
+    instants_se: FloatArray | None = None
+    feet: FloatArray | None = None
+    feet_se: FloatArray | None = None
 
 
 def section_landings(
-    x: FloatArray,
-    y: FloatArray,
-    instants: FloatArray,
-    instants_se: FloatArray | None = None,
+    x: FloatArray, y: FloatArray, contacts: Contacts, session: Session
 ) -> SectionLandings:
     """Convert pairs to dimensionless coordinates.
-
-    The contact instants are those expected from the inputs. Measured instants share
-    errors with the states and would make equal maps seem different.
 
     Parameters
     ----------
     x, y
         (n, 6B) states at the two sections: positions and velocities of markers, in any
         frame that moves with the body in the plane and is the same for both.
-    instants
-        (n, feet) contact instants.
-    instants_se
-        (n, feet) their standard errors; none if they are not known.
+    contacts
+        Contact instants, and the feet before them.
+    session
+        When and where the landings were recorded.
 
     Raises
     ------
@@ -162,34 +202,129 @@ def section_landings(
         If there are too few landings or markers, if landings are repeated, or if the
         states or instants do not vary.
     """
-    n_landings, n_feet = instants.shape
+    n_landings, n_feet = contacts.instants.shape
     _require("too_few_feet", least=2, found=n_feet)
     _require("too_few_landings", least=least_landings(n_feet), found=n_landings)
-    if not np.ptp(instants, axis=1).any():
+    if not np.ptp(contacts.instants, axis=1).any():
         raise AnalysisError(Message("maps.same_instants"))
 
-    before, after, shape = _without_units(x, y)
-    pre = rigid_states(before, shape)
-    post = rigid_states(after, shape)
-    inputs = _inputs(pre)
-    outputs = _outputs(pre, post, shape)
-    whitened = _whitened_states(inputs)
-    copies = _copies(whitened)
+    dimensionless = without_units(x, y)
+    pre = rigid_states(dimensionless.before, dimensionless.shape)
+    post = rigid_states(dimensionless.after, dimensionless.shape)
+    states = state_inputs(pre)
+    copies = _copies(_whitened_states(states))
     if copies:
         values = {"copies": copies, "landings": n_landings}
         raise AnalysisError(Message("maps.copies", values))
 
-    contact_spread = np.sqrt(np.mean(np.var(instants, axis=1)))
+    noise = state_noise(dimensionless.before, dimensionless.shape, dimensionless.noise)
+    spread = np.sqrt(np.mean(np.var(contacts.instants, axis=1)))
+    instants = contacts.instants / spread
     errors = None
-    if instants_se is not None:
-        errors = instants_se / contact_spread
-    expected, foretold = expected_contacts(inputs, instants / contact_spread, errors)
+    if contacts.instants_se is not None:
+        errors = contacts.instants_se / spread
+    feet = _seen_feet(dimensionless, contacts)
+    known = _known_inputs(states, noise, instants, feet)
+
+    kept = known.kept
+    inputs = known.inputs - known.inputs.mean(axis=0)
+    noise = believable(known.noise, np.cov(inputs.T))
+    if errors is not None:
+        errors = errors[kept]
+    outputs = outcomes(pre, post, dimensionless.shape)[kept]
+    relative = instants - instants.mean(axis=1, keepdims=True)
     return SectionLandings(
-        inputs=inputs - inputs.mean(axis=0),
+        inputs=inputs,
         outputs=outputs - outputs.mean(axis=0),
-        expected=expected,
-        foretold=foretold,
+        expected=known.expected.instants,
+        missed=relative[kept] - known.expected.instants,
+        foretold=known.expected.foretold(errors),
+        unforetold=unforetold(inputs, noise, known.expected, errors),
+        noise=noise,
+        session=session.rows(np.flatnonzero(kept)),
+        n_bent=known.n_bent,
+        posture=known.posture,
+        kept=kept,
     )
+
+
+@dataclass(frozen=True)
+class _SeenFeet:
+    """Feet (n, feet, 3) about the body, and their errors, in its size; who is seen."""
+
+    about: FloatArray
+    errors: FloatArray
+    seen: BoolArray
+
+
+def _seen_feet(states: Dimensionless, contacts: Contacts) -> _SeenFeet | None:
+    """Return the feet about the body; None if they are hidden in too many landings."""
+    if contacts.feet is None:
+        return None
+    feet = contacts.feet / states.length
+    seen = np.asarray(np.isfinite(feet).all(axis=(1, 2)))
+    if not seen.mean() >= LEAST_SEEN:
+        return None
+    errors = np.zeros_like(feet)
+    if contacts.feet_se is not None:
+        errors = np.nan_to_num(contacts.feet_se / states.length)
+    about = feet_about_body(rigid_states(states.before, states.shape), feet)
+    return _SeenFeet(about, errors, seen)
+
+
+@dataclass(frozen=True)
+class _KnownInputs:
+    """Inputs (n, p), the instants that they foretell, and what they are made of."""
+
+    inputs: FloatArray
+    noise: FloatArray
+    expected: Expected
+    n_bent: int
+    posture: Posture
+    kept: BoolArray
+
+
+def _known_inputs(
+    states: FloatArray,
+    noise: FloatArray,
+    instants: FloatArray,
+    feet: _SeenFeet | None,
+) -> _KnownInputs:
+    """Return the state, and the feet if they foretell what the state does not."""
+    every = np.ones(len(states), dtype=bool)
+    if feet is None:
+        expected = expected_contacts(states, instants)
+        return _KnownInputs(states, noise, expected, STATE, Posture.NOT_SEEN, every)
+
+    seen = feet.seen
+    with_heights = np.column_stack([states, feet.about[:, :, 2]])[seen]
+    alone = _missed_by_state(states[seen], instants[seen])
+    expected = expected_contacts(with_heights, instants[seen])
+    gained = (alone - expected.left) / expected.varied
+    if not gained > WORTH:
+        expected = expected_contacts(states, instants)
+        return _KnownInputs(states, noise, expected, STATE, Posture.NOT_NEEDED, every)
+
+    n_feet = instants.shape[1]
+    sideways = feet.about[:, :, :2].reshape(len(states), -1)[seen]
+    of_heights = np.mean(feet.errors[seen][:, :, 2] ** 2, axis=0)
+    of_sideways = np.mean(feet.errors[seen][:, :, :2] ** 2, axis=0).ravel()
+    n_bent = STATE + n_feet
+    errors = np.zeros((n_bent + 2 * n_feet, n_bent + 2 * n_feet))
+    errors[:STATE, :STATE] = noise
+    errors[STATE:, STATE:] = np.diag(np.concatenate([of_heights, of_sideways]))
+    inputs = np.column_stack([with_heights, sideways])
+    return _KnownInputs(inputs, errors, expected, n_bent, Posture.USED, seen)
+
+
+def _missed_by_state(states: FloatArray, instants: FloatArray) -> float:
+    """Return the mean square of the instants that the state does not foretell."""
+    try:
+        return expected_contacts(states, instants).left
+    except AnalysisError:
+        # The state foretells nothing: all is left to the feet.
+        relative = instants - instants.mean(axis=1, keepdims=True)
+        return float(np.mean(relative**2))
 
 
 def _require(name: str, *, least: int, found: int) -> None:
@@ -247,14 +382,6 @@ def two_kinds(inputs: FloatArray) -> str:
     return ""
 
 
-def far_off(landings: SectionLandings) -> int:
-    """Return how many landings are beyond `FAR_OFF` median distances."""
-    values = np.hstack([landings.inputs, landings.outputs])
-    distances = np.abs(values - np.median(values, axis=0))
-    is_far = distances > FAR_OFF * np.median(distances, axis=0)
-    return int(np.sum(is_far.any(axis=1)))
-
-
 def feet_as_one(landings: SectionLandings) -> bool:
     """Return whether two feet are always the same time apart, as copied markers are."""
     pairs = combinations(landings.expected.T, 2)
@@ -265,77 +392,6 @@ def least_landings(feet: int) -> int:
     """Return the number of landings of which the window affords second-order terms."""
     terms = coordinates.number_of_free_terms(8, feet, 2)
     return int(np.ceil(coordinates.LANDINGS_PER_TERM * terms / WINDOW))
-
-
-def expected_contacts(
-    x: FloatArray, instants: FloatArray, errors: FloatArray | None = None
-) -> tuple[FloatArray, float]:
-    """Return contact instants (N, feet) expected from the inputs, and how well.
-
-    The instants are relative to their mean over the feet. The second value is the share
-    of their mean square that the inputs foretell by leave-one-out. What the standard
-    errors of the measured instants explain, `errors` (N, feet), belongs to neither.
-
-    They are a polynomial of the inputs fitted to the measured instants. Errors of the
-    measured instants, which the outputs may share, then move no landing across a kink.
-    The degree is the one with the least leave-one-out error. Landings with outlying
-    instants are left out of the fit.
-
-    Raises
-    ------
-    AnalysisError
-        If the inputs predict less than `LEAST_FORETOLD` of the instants' mean square.
-    """
-    t = instants - instants.mean(axis=1, keepdims=True)
-    highest = max(1, coordinates.affordable_degree(len(x), x.shape[1], t.shape[1]))
-    scaled = (x - x.mean(axis=0)) / x.std(axis=0)
-
-    fitted = np.median(t, axis=0)
-    best = t
-    least = np.inf
-    # Few terms first, since wrong instants then stand out more.
-    for degree in range(1, highest + 1):
-        degrees = tuple(range(1, degree + 1))
-        design = np.column_stack([np.ones(len(x)), monomials(scaled, degrees)])
-        miss = np.abs(t - fitted).max(axis=1)
-        good = miss <= OUTLYING * ROBUST_SD * np.median(miss)
-        if good.sum() <= design.shape[1]:
-            # Too few landings to identify outliers.
-            good = np.ones(len(x), dtype=bool)
-        basis, root = np.linalg.qr(design[good])
-        fitted = design @ np.linalg.solve(root, basis.T @ t[good])
-        slack = np.maximum(1.0 - np.sum(basis**2, axis=1), LEAST_SLACK)
-        error = np.mean(((t - fitted)[good] / slack[:, None]) ** 2)
-        if error < least:
-            best = fitted
-            least = error
-
-    varied = np.mean(t[good] ** 2)
-    foretold = 0.0
-    if varied > FLAT:
-        foretold = 1.0 - least / varied
-    if not foretold >= LEAST_FORETOLD:
-        values = {
-            "wanted": f"{100 * LEAST_FORETOLD:g} %",
-            "found": f"{100 * max(0.0, foretold):.0f} %",
-        }
-        raise AnalysisError(Message("maps.orders_not_foretold", values))
-    if errors is not None:
-        foretold = _foretold_beside_errors(least, varied, errors)
-    return np.asarray(best - best.mean(axis=1, keepdims=True)), float(foretold)
-
-
-def _foretold_beside_errors(missed: float, varied: float, errors: FloatArray) -> float:
-    """Return the share foretold of what the instants' own errors leave, from 0 to 1.
-
-    Independent errors of F feet have 1 - 1 / F of their mean square about the mean over
-    the feet.
-    """
-    by_errors = float(np.mean(errors**2)) * (1.0 - 1.0 / errors.shape[1])
-    if not varied > by_errors:
-        return 0.0
-    share_missed = (missed - by_errors) / (varied - by_errors)
-    return float(np.clip(1.0 - share_missed, 0.0, 1.0))
 
 
 def contact_orders(instants: FloatArray, least: int) -> tuple[IntArray, IntArray]:
@@ -355,63 +411,3 @@ def halves(power: FloatArray) -> FloatArray:
     of_velocities = power[POSITIONS:].sum()
     weights = 0.5 / np.array([of_positions, of_velocities])
     return np.repeat(weights, [POSITIONS, len(power) - POSITIONS])
-
-
-def marker_root(shape: FloatArray) -> FloatArray:
-    """Return the matrix (3, 3) from turns about the axes to rms motions of markers."""
-    squared_size = np.mean(np.sum(shape**2, axis=1)) * np.eye(3)
-    mean_square = squared_size - shape.T @ shape / len(shape)
-    return np.asarray(np.linalg.cholesky(mean_square))
-
-
-def _without_units(
-    x: FloatArray, y: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return both states in units of size and speed, and the upright shape (B, 3)."""
-    shape = body_shape(split_states(x)[0])
-    pre = rigid_states(x, shape)
-    upright = shape @ _upright_axes(pre).T
-    speed = np.sqrt(np.mean(pre.velocity**2))
-    if not speed > 0:
-        raise AnalysisError(Message("maps.body_at_rest"))
-    apart = np.sqrt(marker_noise(x, upright).velocity) / speed
-    if apart > MOST_APART:
-        raise AnalysisError(
-            Message("maps.markers_move_apart", {"share": f"{apart:.2g}"})
-        )
-    length = np.sqrt(np.mean(upright**2))
-    units = np.repeat([length, speed], x.shape[1] // 2)
-    return x / units, y / units, upright / length
-
-
-def _upright_axes(pre: RigidStates) -> FloatArray:
-    """Return axes (3, 3) of the body, of which the third is up in its mean attitude."""
-    up = pre.rotation[:, 2].mean(axis=0)
-    least_upright = np.eye(3)[np.argmin(np.abs(up))]
-    across = np.cross(least_upright, up)
-    axes = np.stack([across, np.cross(up, across), up])
-    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
-
-
-def _inputs(pre: RigidStates) -> FloatArray:
-    heading = twists(pre.rotation)
-    tilt = _tilt(pre.rotation, heading)
-    velocity = turned(pre.velocity, heading)
-    return np.column_stack([tilt, velocity, pre.spin])
-
-
-def _outputs(pre: RigidStates, post: RigidStates, shape: FloatArray) -> FloatArray:
-    heading = twists(pre.rotation)
-    heading_after = twists(post.rotation)
-    step = turned(post.centre - pre.centre, heading)[:, :2]
-    tilt = _tilt(post.rotation, heading_after)
-    turns = np.column_stack([tilt, wrapped(heading_after - heading)])
-    velocity = turned(post.velocity, heading)
-    root = marker_root(shape)  # makes motions of the markers of turns and spins
-    return np.column_stack([step, turns @ root, velocity, post.spin @ root])
-
-
-def _tilt(rotation: FloatArray, heading: FloatArray) -> FloatArray:
-    """Return the tilt (n, 2) about the two level axes of the heading frame, rad."""
-    up = turned(rotation[:, :, 2], heading)
-    return np.column_stack([-up[:, 1], up[:, 0]])

@@ -14,12 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, IntArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
-from hopdata.maps.verdict import inputs
-from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
+from hopdata.maps.verdict import inputs, rows
+from hopdata.maps.verdict import orders as which
+from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike
+from hopdata.maps.verdict.session import Session
+from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.messages import Message
 from hopdata.recording import numbers
 
@@ -32,9 +35,23 @@ CONCLUSIONS = (DIFFERENT, NO_DIFFERENCE, CANNOT_TELL)
 #: Unit: share of the map. Origin: chosen.
 ASKED = 0.2
 
+#: Kinks that averaging makes fainter than this are noted.
+#: Unit: 1. Origin: chosen.
+FAINT = 1.3
+
+# Relative error of a product of two numbers, with room.
+ROUNDING = 1e-9
+
 # Codes of notes that others look for.
 TWO_KINDS_CODE = "maps.two_kinds"
 NOT_FORETOLD_CODE = "maps.not_foretold"
+
+# What foretells the contact instants, by what is known of the feet.
+FORETOLD_BY = {
+    inputs.Posture.USED: "maps.contacts_used",
+    inputs.Posture.NOT_NEEDED: "maps.contacts_not_needed",
+    inputs.Posture.NOT_SEEN: "maps.contacts_not_seen",
+}
 
 #: What the first of these is about, in words.
 TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
@@ -56,6 +73,8 @@ class Verdict(Shown):
         empty if the size could not be computed.
     compared
         Whose maps were compared, in words.
+    contacts
+        What share of the contact instants is foretold, and by what, in one sentence.
     n_feet, n_landings, n_window
         Number of feet, of landings used, and of landings fitted: those nearest to the
         simultaneous contact.
@@ -77,16 +96,32 @@ class Verdict(Shown):
         if the size could not be computed, if the jump decided, or if no number
         suffices.
     foretold
-        Share of the contact instants' mean square that the state before the landing
-        foretells; None if it could not be computed. What it does not foretell (legs
-        whose length varies from landing to landing, noise in the state) makes every
-        size too small.
+        Share of the contact instants' mean square that the inputs foretell; None if it
+        could not be computed. The inputs are the state before the landing, and the feet
+        if `posture` says so. The rest (legs whose length varies from landing to
+        landing, noise in the state) rounds kinks and jumps, which sizes allow for.
+    posture
+        What the verdict knows of the feet before the landing, in words.
+    session
+        What change over the session was fitted: some of ``"block"``, ``"time"`` and
+        ``"change"``, or nothing.
+    levels
+        Levels of the tests of ``effect`` and ``jump``. One or both find a difference
+        where there is none in 1 - confidence of such studies.
+    orders
+        Size of each pair of contact orders, or of feet: see
+        `hopdata.maps.verdict.orders.PairEffect`.
+    mainly
+        Which orders differ most, in words; empty if no pair was found.
+    gross_errors
+        Rows of the landings that were left out as mistakes, by reason: see
+        `hopdata.maps.verdict.rows`.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
     messages
-        Codes and values of ``sentence``, ``outlook`` and ``compared``, where these are
-        not empty.
+        Codes and values of ``sentence``, ``outlook``, ``compared``, ``contacts`` and
+        ``mainly``, where these are not empty.
     """
 
     conclusion: str
@@ -100,11 +135,18 @@ class Verdict(Shown):
     margin: float
     power: float
     flips: int
+    contacts: str = ""
     effect: sizing.EffectSize | None = None
     jump: sizing.EffectSize | None = None
     decided_by: str = "effect"
     landings_needed: int | None = None
     foretold: float | None = None
+    levels: Mapping[str, float] = field(default_factory=dict)
+    orders: Sequence[Mapping[str, Any]] = field(default_factory=list)
+    mainly: str = ""
+    posture: str = ""
+    session: Sequence[str] = ()
+    gross_errors: Mapping[str, Sequence[int]] = field(default_factory=dict)
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
@@ -132,6 +174,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     *,
     seed: int,
     instants_se: ArrayLike | None = None,
+    feet: ArrayLike | None = None,
+    feet_se: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    blocks: ArrayLike | None = None,
     margin: float = 0.2,
     confidence: float = 0.95,
     power: float = 0.8,
@@ -152,8 +198,21 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         Seed of the study.
     instants_se
         (n, feet) standard errors of the instants, in the same unit; they tell what the
-        states do not foretell of the contacts from what was not measured well. None if
-        they are not known.
+        states do not foretell of the contacts from what was not measured well. If they
+        are not known (None), all that is not foretold counts as real, which makes
+        intervals wide rather than wrong.
+    feet
+        (n, feet, 3) positions of the feet at the pre section, in the frame and unit of
+        `x`; NaN where a foot is not seen. They are inputs of the map where legs have a
+        posture of their own. Without them (None) kinks are averaged over posture.
+    feet_se
+        (n, feet, 3) their standard errors; zero if None.
+    time
+        (n,) instants of the landings in the session, in any unit; by default one after
+        the other.
+    blocks
+        (n,) labels of the blocks (recordings, surfaces, subjects) of the landings; by
+        default all are of one.
     margin
         Relative difference that the study is to exclude.
     confidence, power
@@ -172,37 +231,47 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         If another argument is not a number in its range.
     """
     measured = _measured(x, y, instants, instants_se)
+    measured = _with_feet(measured, feet, feet_se)
+    measured = _with_session(measured, time, blocks)
     options = _Options(seed, margin, confidence, power, flips)
     options.check()
     left_out = _left_out(measured.known())
     try:
         if blurred:
             raise AnalysisError(blurred)
-        landings = measured.landings()
+        sound = measured.sound_landings()
+        landings = sound.landings
         comparison = sizing.compared(landings)
-        fit = fit_kinks(landings)
+        fit = fit_of_best_window(landings, comparison)
     except AnalysisError as error:
         return _no_answer(error, measured, options, left_out)
 
-    root = sizing.squared_size(fit, landings, comparison)
-    effect = options.size(fit, root, "signs")
-    jump = None
-    if fit.jumps is not None:
-        root_of_jumps = sizing.squared_jump(fit.jumps, landings)
-        jump = options.size(fit.jumps, root_of_jumps, "jumps")
+    sizes = _sizes(fit, landings, comparison, options)
+    effect = sizes.effect
+    jump = sizes.jump
 
     answer = _answer(effect, comparison.what, measured, options)
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
-    alike = err_alike(fit.scores @ root.T)
-    limits = _limits(landings, answer.no_evidence, alike)
+    contacts = _contacts_said(landings)
+    limits = _limits(landings, fit, sizes.alike, jumps=answer.decided_by == "jump")
+    messages = {
+        "sentence": answer.sentence,
+        "outlook": answer.outlook,
+        "compared": comparison.what,
+        "contacts": contacts,
+    }
+    most = which.mainly(sizes.orders, landings.expected)
+    if most is not None:
+        messages["mainly"] = most
     return Verdict(
         conclusion=answer.conclusion,
         sentence=str(answer.sentence),
         outlook=str(answer.outlook),
         compared=str(comparison.what),
+        contacts=str(contacts),
         n_feet=measured.n_feet,
-        n_landings=measured.n_known,
+        n_landings=len(landings.inputs),
         n_window=len(fit.rows),
         confidence=confidence,
         margin=margin,
@@ -213,13 +282,77 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
         foretold=landings.foretold,
-        notes=[*left_out, *limits],
-        messages={
-            "sentence": answer.sentence,
-            "outlook": answer.outlook,
-            "compared": comparison.what,
-        },
+        levels=sizes.levels,
+        orders=[asdict(pair) for pair in sizes.orders],
+        mainly=str(most or ""),
+        posture=landings.posture.value,
+        session=fit.session,
+        gross_errors=sound.left_out,
+        notes=[*left_out, *_gross_errors(sound), *limits],
+        messages=messages,
     )
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """The sizes of a study, the levels of their tests, and the size of each pair."""
+
+    effect: sizing.EffectSize
+    jump: sizing.EffectSize | None
+    alike: bool
+    levels: dict[str, float]
+    orders: list[which.PairEffect]
+
+
+def _sizes(
+    fit: KinkFit,
+    landings: inputs.SectionLandings,
+    comparison: sizing.Comparison,
+    options: "_Options",
+) -> _Sizes:
+    """Return the sizes of kinks and jumps, and of each pair, from the same signs."""
+    fits = [fit]
+    roots = [sizing.squared_size(fit, landings, comparison)]
+    if fit.jumps is not None:
+        fits.append(fit.jumps)
+        roots.append(sizing.squared_jump(fit.jumps, landings))
+    alike = any(
+        err_alike(part.scores @ root.T) for part, root in zip(fits, roots, strict=True)
+    )
+    generator = named_generator(options.seed, "verdict", "signs")
+    errors = sizing.signed_errors(fits, options.flips, generator, alike=alike)
+    draws = [
+        sizing.Draws(part, root, signed, alike=alike)
+        for part, root, signed in zip(fits, roots, errors, strict=True)
+    ]
+    shares = [1.0]
+    if fit.jumps is not None:
+        shares = [1.0 - which.OF_JUMPS, which.OF_JUMPS]
+    tests = [
+        which.OneTest(drawn, part.allowed, share)
+        for drawn, part, share in zip(draws, fits, shares, strict=True)
+    ]
+    joint = which.joint_level(tests, round(1.0 - options.confidence, 12))
+    effects = [
+        sizing.effect_size(
+            drawn,
+            part,
+            level_found=level,
+            confidence=options.confidence,
+            power=options.power,
+        )
+        for drawn, part, level in zip(draws, fits, joint.of_each, strict=True)
+    ]
+    pairs = which.pairs_of_maps(fit, errors[0], landings, comparison)
+    jump = None
+    if fit.jumps is not None:
+        jump = effects[1]
+        pairs += which.pairs_of_jumps(fit.jumps, errors[1], landings)
+    of_pairs = which.pair_effects(
+        pairs, alike=alike, joint_p_value=joint.p_value, confidence=options.confidence
+    )
+    levels = dict(zip(("effect", "jump"), joint.of_each, strict=False))
+    return _Sizes(effects[0], jump, alike, levels, of_pairs)
 
 
 @dataclass(frozen=True)
@@ -230,6 +363,10 @@ class _Measured:
     after: FloatArray
     instants: FloatArray
     instants_se: FloatArray | None
+    feet: FloatArray | None = None
+    feet_se: FloatArray | None = None
+    time: FloatArray | None = None
+    blocks: IntArray | None = None
 
     @property
     def n_feet(self) -> int:
@@ -244,15 +381,44 @@ class _Measured:
         both = np.hstack([self.before, self.after, self.instants])
         return np.asarray(np.isfinite(both).all(axis=1))
 
-    def landings(self) -> inputs.SectionLandings:
-        """Return the known landings in the coordinates of the verdict."""
-        known = self.known()
+    def sound_landings(self) -> rows.Sound:
+        """Return the known landings without gross errors."""
+        known = np.flatnonzero(self.known())
+        found = rows.sound_landings(
+            self.before[known],
+            self.after[known],
+            lambda some: self.landings(known[some]),
+        )
+        left_out = {}
+        for reason, some in found.left_out.items():
+            left_out[reason] = known[some].tolist()
+        return rows.Sound(found.landings, left_out)
+
+    def landings(self, known: IntArray) -> inputs.SectionLandings:
+        """Return landings by their numbers, in the coordinates of the verdict."""
         errors = None
         if self.instants_se is not None:
             errors = np.nan_to_num(self.instants_se[known])
+        feet = None
+        if self.feet is not None:
+            feet = self.feet[known]
+        feet_se = None
+        if self.feet_se is not None:
+            feet_se = self.feet_se[known]
+        contacts = inputs.Contacts(self.instants[known], errors, feet, feet_se)
         return inputs.section_landings(
-            self.before[known], self.after[known], self.instants[known], errors
+            self.before[known], self.after[known], contacts, self.session(known)
         )
+
+    def session(self, known: IntArray) -> Session:
+        """Return when and where these landings were recorded."""
+        time = self.time
+        if time is None:
+            time = np.arange(len(self.before), dtype=float)
+        blocks = self.blocks
+        if blocks is None:
+            blocks = np.zeros(len(self.before), dtype=np.int64)
+        return Session.of(time[known], blocks[known])
 
 
 def _measured(
@@ -283,6 +449,45 @@ def _measured(
     return _Measured(before, after, touched, errors)
 
 
+def _with_feet(
+    measured: _Measured, feet: ArrayLike | None, feet_se: ArrayLike | None
+) -> _Measured:
+    """Return the data with the feet at the pre section, if their shapes match."""
+    if feet is None:
+        return measured
+    places = numbers("feet", feet)
+    shape = (*measured.instants.shape, 3)
+    wanted = f"a position for each foot in each landing, {shape}"
+    require(places.shape == shape, "feet", wanted, places.shape)
+    errors = None
+    if feet_se is not None:
+        errors = numbers("feet_se", feet_se)
+        wanted = f"a standard error for each coordinate of feet, {shape}"
+        require(errors.shape == shape, "feet_se", wanted, errors.shape)
+    return replace(measured, feet=places, feet_se=errors)
+
+
+def _with_session(
+    measured: _Measured, time: ArrayLike | None, blocks: ArrayLike | None
+) -> _Measured:
+    """Return the data with time and block of each landing, if their shapes match."""
+    n_landings = len(measured.before)
+    if time is not None:
+        instants = numbers("time", time)
+        is_known = bool(np.isfinite(instants).all())
+        fits = instants.shape == (n_landings,) and is_known
+        wanted = f"an instant for each of {n_landings} landings"
+        require(fits, "time", wanted, instants.shape)
+        measured = replace(measured, time=instants)
+    if blocks is not None:
+        labels = np.asarray(blocks)
+        wanted = f"a label for each of {n_landings} landings"
+        require(labels.shape == (n_landings,), "blocks", wanted, labels.shape)
+        _, numbered = np.unique(labels.astype(str), return_inverse=True)
+        measured = replace(measured, blocks=np.asarray(numbered, np.int64))
+    return measured
+
+
 @dataclass(frozen=True)
 class _Options:
     """What is asked for: see `judge`."""
@@ -306,17 +511,6 @@ class _Options:
         least = ceil(1 / (1 - self.confidence))
         fits = isinstance(self.flips, Integral) and self.flips >= least
         require(fits, "flips", f"a whole number, {least} or more", self.flips)
-
-    def size(self, fit: KinkFit, root: FloatArray, stream: str) -> sizing.EffectSize:
-        """Return the size of kinks or steps, with signs from a stream of their own."""
-        return sizing.effect_size(
-            fit,
-            root,
-            generator=named_generator(self.seed, "verdict", stream),
-            confidence=self.confidence,
-            power=self.power,
-            flips=self.flips,
-        )
 
 
 def _no_answer(
@@ -352,14 +546,13 @@ def _no_answer(
 
 @dataclass(frozen=True)
 class _Answer:
-    """What a verdict says: see `Verdict`; and up to which size kinks say nothing."""
+    """What a verdict says: see `Verdict`."""
 
     conclusion: str
     decided_by: str
     landings_needed: int | None
     sentence: Message
     outlook: Message
-    no_evidence: float
 
 
 def _answer(
@@ -380,7 +573,6 @@ def _answer(
             conclusion, effect.sizes(), what, options.confidence, options.margin
         ),
         outlook=outlook(effect, needed, measured.n_known, options.power),
-        no_evidence=effect.allowed,
     )
 
 
@@ -400,7 +592,6 @@ def _with_jump(
         landings_needed=None,
         sentence=Message("maps.jump_decides", {"compared": what, "jump": jumps}),
         outlook=Message("maps.outlook_jump", shown),
-        no_evidence=0.0,
     )
 
 
@@ -507,27 +698,62 @@ def _left_out(known: BoolArray) -> Notes:
     return [_note("left_out", unknown=unknown, landings=len(known))]
 
 
-def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> Notes:
-    """Return notes on what limits the answer.
+def _gross_errors(sound: rows.Sound) -> Notes:
+    """Return a note on the landings that are left out as mistakes, if there are any."""
+    if not sound.left_out:
+        return []
+    count = sum(len(some) for some in sound.left_out.values())
+    why = []
+    for reason, some in sound.left_out.items():
+        why.append(str(Message(f"maps.{reason}", {"count": len(some)})))
+    return [
+        _note(
+            "gross_errors",
+            count=count,
+            landings=count + len(sound.landings.kept),
+            why=", ".join(why),
+            rows=sound.left_out,
+        )
+    ]
 
-    `allowed` is the size up to which kinks are not evidence, and `alike` whether
-    successive landings err alike.
+
+def _contacts_said(landings: inputs.SectionLandings) -> Message:
+    """Return what share of the contact instants is foretold, and by what."""
+    said = FORETOLD_BY[landings.posture]
+    return Message(said, {"share": f"{100 * landings.foretold:.1f} %"})
+
+
+def _limits(
+    landings: inputs.SectionLandings, fit: KinkFit, alike: bool, *, jumps: bool
+) -> Notes:
+    """Return notes on what limits the answer, and on what was done about it.
+
+    `alike` tells whether successive landings err alike, and `jumps` whether a jump
+    decided, beside which sizes of kinks do not matter.
     """
     notes = []
+    share = f"{100 * landings.foretold:.1f} %"
+    hidden = int((~landings.kept).sum())
+    if hidden:
+        notes.append(_note("feet_hidden", count=hidden, landings=len(landings.kept)))
     if inputs.feet_as_one(landings):
         notes.append(_note("feet_as_one"))
-    if allowed > LEFT:
-        notes.append(_note("contacts_far_apart", allowed=percent(allowed)))
-    state = inputs.two_kinds(landings.inputs)
+    if fit.allowed / fit.faded > LEFT * (1.0 + ROUNDING) and not jumps:
+        notes.append(_note("contacts_far_apart", allowed=percent(fit.allowed)))
+    if fit.faded > FAINT:
+        notes.append(_note("faint", share=share, allowed=percent(fit.allowed)))
+    state = inputs.two_kinds(landings.inputs[:, : inputs.STATE])
     if state:
         notes.append(_note("two_kinds", state=Message(f"maps.{state}")))
-    far_off = inputs.far_off(landings)
-    if far_off:
-        notes.append(_note("far_off", count=far_off))
     if alike:
         notes.append(_note("err_alike", in_a_row=sizing.IN_A_ROW))
-    if landings.foretold < inputs.WELL_FORETOLD:
-        notes.append(_note("not_foretold", share=f"{100 * landings.foretold:.1f} %"))
+    if landings.posture is inputs.Posture.USED:
+        notes.append(_note("feet_used", share=share))
+    elif landings.foretold < inputs.WELL_FORETOLD:
+        notes.append(_note("not_foretold", share=share))
+    if fit.session:
+        change = [str(Message(f"maps.session_{name}")) for name in fit.session]
+        notes.append(_note("session", change=" and ".join(change)))
     return notes
 
 

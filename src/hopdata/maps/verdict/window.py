@@ -1,0 +1,58 @@
+"""Which landings a study is judged by: those nearest to the simultaneous contact.
+
+Kinks show most where contacts lie far apart, and so does what smooth terms leave. With
+few landings noise is what limits a study, and it needs them all; with many it is what
+smooth terms leave, and those of the largest spread are left out. The study takes the
+window in which it can see the smallest difference: what is allowed for, which grows
+with the spread, and beyond it the noise of the size.
+"""
+
+import numpy as np
+
+from hopdata.maps.verdict.effect import Comparison, squared_size
+from hopdata.maps.verdict.inputs import SectionLandings
+from hopdata.maps.verdict.model import LEFT, KinkFit, fit_kinks, left_by_window
+
+#: Wider windows that are tried.
+#: Unit: share of the landings. Origin: chosen: half of the landings beyond `WINDOW`,
+#: and all.
+WIDER = (0.925, 1.0)
+
+#: Standard errors beyond what is allowed at which a difference is found.
+#: Unit: 1. Origin: derived: 1.64 for a test of 5 %, and 0.84 to find four of five.
+FOUND_AT = 2.5
+
+
+def fit_of_best_window(landings: SectionLandings, comparison: Comparison) -> KinkFit:
+    """Return the kinks in the window that shows the smallest difference.
+
+    Raises
+    ------
+    AnalysisError
+        As by `fit_kinks`.
+    """
+    best = fit_kinks(landings)
+    least = _seen_from(best, landings, comparison)
+    for share in WIDER:
+        left = LEFT * left_by_window(landings.expected, share)
+        if left >= least:
+            # Not even a size without noise could be seen better.
+            break
+        wide = fit_kinks(landings, share)
+        seen_from = _seen_from(wide, landings, comparison)
+        if seen_from < least:
+            best = wide
+            least = seen_from
+    return best
+
+
+def _seen_from(
+    fit: KinkFit, landings: SectionLandings, comparison: Comparison
+) -> float:
+    """Return the size from which on a difference can be seen, roughly.
+
+    The noise of the size is that in the direction where it is largest.
+    """
+    root = squared_size(fit, landings, comparison)
+    noise = float(np.linalg.norm(fit.null_scores @ root.T, 2))
+    return fit.allowed + FOUND_AT * noise
