@@ -16,6 +16,7 @@ from hopdata.report.scene import small_plot
 # Recordings, floor, sections and touchdowns.
 
 SECTION_NAMES = show.WORDS["sections"]
+LEVERAGE_NAMES = {"usual": "time per mm of height", "large": "its 95 % quantile"}
 DETAIL_NAMES = show.WORDS["details"]
 
 # Most rows, or columns, of a table.
@@ -143,10 +144,7 @@ def _leverage_rows(leverage: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     rows = []
     for side in ("pre", "post"):
         of_side = leverage.get(side) or {}
-        for which, words in (
-            ("usual", "time per mm of height"),
-            ("large", "its 95 % quantile"),
-        ):
+        for which, words in LEVERAGE_NAMES.items():
             s_per_m = of_side.get(which)
             if s_per_m is not None:
                 name = f"{words}, {side} section"

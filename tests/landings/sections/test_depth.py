@@ -26,7 +26,15 @@ def states(tilt, velocity, spin, rng, noise=0.0):
     speed = velocity[:, None] + np.cross(spin[:, None], SHAPE)
     speed = speed + noise * rng.standard_normal(speed.shape)
     none = np.zeros((*position.shape, 3))
-    return SectionStates(np.zeros(len(tilt)), position, speed, none, none)
+    zero = np.zeros(len(tilt))
+    return SectionStates(
+        time=zero,
+        position=position,
+        velocity=speed,
+        position_covariance=none,
+        velocity_covariance=none,
+        time_se=zero,
+    )
 
 
 def made_landings(n, rng):

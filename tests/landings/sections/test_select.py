@@ -324,10 +324,11 @@ def test_two_recordings_are_pooled(fake, select):
     assert pooled.n_landings in (whole.n_landings, whole.n_landings - 1)
     assert pooled.n_frames == whole.n_frames
     assert pooled.pre_height_m == pytest.approx(whole.pre_height_m, abs=2e-4)
-    shallow_m = pooled.depth["shallowest_m"]
-    assert shallow_m == pytest.approx(whole.depth["shallowest_m"], abs=2e-4)
-    # The depth is chosen by states that each part fits for itself.
-    assert pooled.post_height_m == pytest.approx(whole.post_height_m, abs=4e-3)
+    for name in ("shallowest_m", "deepest_m"):
+        assert pooled.depth[name] == pytest.approx(whole.depth[name], abs=2e-4)
+    # The depth between them is chosen by states, which each part fits for itself.
+    assert pooled.depth["n_landings"] == whole.depth["n_landings"]
+    assert pooled.depth["share"] > 0.5
     assert select_sections(parts[:1]).n_frames == n
 
 

@@ -17,7 +17,7 @@ error (the rule of Breiman et al. 1984 for nested choices).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -50,13 +50,7 @@ SQUARED_MAD = 2.198
 
 POSITIONS = 5  # outputs that are positions; the rest are velocities
 
-STATE_ARRAYS = (
-    "time",
-    "position",
-    "velocity",
-    "position_covariance",
-    "velocity_covariance",
-)
+STATE_ARRAYS = tuple(field.name for field in fields(SectionStates))
 
 
 @dataclass(frozen=True)
