@@ -58,7 +58,8 @@ def landings(n=150, *, rate_hz=100.0, noise_m=0.0006, swing_m=0.03, seed=1):
     rng = np.random.default_rng(seed)
     time = np.arange(int(n * PERIOD_S * rate_hz)) / rate_hz
     hop = np.minimum((time / PERIOD_S).astype(int), n - 1)
-    start = (np.arange(n) + 0.05) * PERIOD_S + rng.uniform(0, 0.01, n)
+    # Every flight is longer than the windows of the fits.
+    start = (np.arange(n) + 0.25) * PERIOD_S + rng.uniform(0, 0.01, n)
     speed = rng.normal([0.1, 0.0, 0.0], 0.1, (n, 3))
     tilt, spin = rng.normal(0, 0.05, (n, 3)), rng.normal(0, 0.3, (n, 3))
     heading = rng.uniform(0, 2 * np.pi, n)
@@ -167,11 +168,12 @@ def test_a_foot_that_is_not_seen_is_nan_in_those_landings_only():
     assert np.isnan(again[:, 1]).all()
     assert np.isnan(again_se[:, 1]).all()
     # The others are learned without it, and from one landing less.
-    assert (np.abs(again[:, 0] - feet[:, 0]) < feet_se[:, 0]).all()
+    apart = (again - feet) / feet_se
+    assert np.sqrt(np.mean(apart[:, 0] ** 2)) < 0.5
     unseen = np.flatnonzero(np.isnan(again[:, 2, 0]))
     np.testing.assert_array_equal(unseen, [7])
     seen = np.delete(np.arange(60), 7)
-    assert (np.abs(again[seen, 2] - feet[seen, 2]) < feet_se[seen, 2]).all()
+    assert np.sqrt(np.mean(apart[seen, 2] ** 2)) < 0.5
 
 
 def test_a_foot_of_two_markers_is_the_one_that_is_lowest_in_most_landings():
