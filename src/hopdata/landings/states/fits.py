@@ -53,7 +53,7 @@ FLIGHT_DEGREES = (2, 3)
 #: Unit: 1. Origin: chosen.
 STANCE_DEGREES = (3, 5)
 
-#: Degree of separate fits after the contacts.
+#: Degree of separate fits after the contacts, and of swinging legs.
 #: Unit: 1. Origin: chosen.
 ALONE_DEGREE = 3
 
@@ -238,7 +238,11 @@ def alone(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit each landing by itself, as where there are too few landings to learn from."""
     if not tracks.flight:
         return tracks.fitted(window_s or WINDOW_S * tracks.pace, ALONE_DEGREE)
-    free = accelerated(tracks, window_s)
+    return straight_or(accelerated(tracks, window_s), tracks, window_s)
+
+
+def straight_or(free: Fit, tracks: Tracks, window_s: float | None) -> Fit:
+    """Return straight lines under gravity, or a freer fit if it fits far better."""
     straight = ballistic(tracks, window_s)
     if _rms_residual(straight) <= NO_LARGER * _rms_residual(free):
         return straight
@@ -482,7 +486,13 @@ def states_in_flight(
         alike in all landings.
     """
     tracks = Tracks(time, markers, near, contact, True, pace, direction)
-    fit = _split_fit(tracks, window_s, None)
+    if len(near) >= LEAST_LANDINGS:
+        fit = together(tracks, window_s)
+    else:
+        # A swinging leg's acceleration changes within the window. Within it, a cubic
+        # is hardly less sure than a parabola.
+        cubics = tracks.fitted(window_s or WINDOW_S * pace, ALONE_DEGREE)
+        fit = straight_or(cubics, tracks, window_s)
     return at_instants(fit())
 
 
