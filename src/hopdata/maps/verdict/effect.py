@@ -36,6 +36,7 @@ from hopdata.maps.verdict.inputs import (
 )
 from hopdata.maps.verdict.linear import regular, symmetric_root
 from hopdata.maps.verdict.model import KinkFit
+from hopdata.maps.verdict.saturation import saturation
 from hopdata.messages import Message
 
 #: Number of successive landings that share a random sign if successive landings err
@@ -364,6 +365,74 @@ def effect_size(
         allowed=fit.allowed,
         left=fit.left,
     )
+
+
+@dataclass(frozen=True)
+class AtContact:
+    """What saturation changes of a size over the landings.
+
+    Attributes
+    ----------
+    size
+        Size at the simultaneous contact.
+    saturates
+        Whether the kinks are found to saturate.
+    p_value
+        Share of the sign patterns, including the data's own, that show as much
+        saturation as found.
+    """
+
+    size: EffectSize
+    saturates: bool
+    p_value: float
+
+
+def at_the_contact(
+    fit: KinkFit,
+    over_landings: EffectSize,
+    size: Callable[[KinkFit], EffectSize],
+    *,
+    generator: np.random.Generator,
+    level: float,
+    flips: int,
+) -> AtContact:
+    """Return the size at the simultaneous contact.
+
+    It is that over the landings unless the kinks are found to saturate. Then the
+    estimate is that for the slowest time constant in doubt, and the upper ends are the
+    largest of all of them. `low` remains: kinks that saturate are
+    smaller over the landings than at the contact.
+
+    Parameters
+    ----------
+    fit
+        Kinks over the landings.
+    over_landings
+        Their size.
+    size
+        Function that returns the size of kinks.
+    generator, flips
+        Source and number of random sign patterns.
+    level
+        Level of the test for saturation.
+    """
+    in_a_row = 1
+    if model.err_alike(fit.scores):
+        in_a_row = IN_A_ROW
+    p_value, in_doubt = saturation(
+        fit.at_contact, flips=flips, in_a_row=in_a_row, rng=generator
+    )
+    if not p_value < level:
+        return AtContact(over_landings, saturates=False, p_value=p_value)
+    sizes = [size(fit.with_slopes(of_constant)) for of_constant in in_doubt]
+    every = [over_landings, *sizes]
+    found = replace(
+        over_landings,
+        estimate=sizes[0].estimate,
+        high=max(one.high for one in every),
+        upper_bound=max(one.upper_bound for one in every),
+    )
+    return AtContact(found, saturates=True, p_value=p_value)
 
 
 def _with_signs_in_a_row(fit: KinkFit) -> KinkFit:

@@ -20,6 +20,7 @@ from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
+from hopdata.maps.verdict.saturation import least_time_constant
 from hopdata.maps.verdict.session import Session
 from hopdata.messages import Message
 from hopdata.recording import numbers
@@ -66,7 +67,17 @@ class Verdict(Shown):
     flips
         Number of random sign patterns.
     effect
-        Size of the difference; None if it could not be computed.
+        Size of the difference at the simultaneous contact; None if it could not be
+        computed.
+    effect_over_landings
+        Size of the mean difference over the landings. It is the same as ``effect``
+        unless the difference saturates as the contacts come farther apart.
+    saturates, saturation_p_value
+        Whether it does, and the p-value of the test for it: see `saturation`.
+    holds_from
+        Time constant, in the unit of the contact instants, from which on a difference
+        that saturates is at most ``margin`` at the simultaneous contact; None if no
+        difference within ``margin`` is excluded.
     jump
         Size of the jumps of the outcome where two feet exchange their order, as a share
         of its variation; None if it could not be computed, or if no two feet exchange
@@ -102,6 +113,10 @@ class Verdict(Shown):
     power: float
     flips: int
     effect: sizing.EffectSize | None = None
+    effect_over_landings: sizing.EffectSize | None = None
+    saturates: bool = False
+    saturation_p_value: float | None = None
+    holds_from: float | None = None
     jump: sizing.EffectSize | None = None
     decided_by: str = "effect"
     landings_needed: int | None = None
@@ -205,13 +220,16 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         return _no_answer(error, measured, options, left_out)
 
     root = sizing.squared_size(fit, landings, comparison)
-    effect = options.size(fit, root, "signs")
+    over_landings = options.size(fit, root, "signs")
+    at_contact = options.at_contact(fit, root, over_landings)
+    effect = at_contact.size
+    holds_from = _holds_from(fit, over_landings, measured, options)
     jump = None
     if fit.jumps is not None:
         root_of_jumps = sizing.squared_jump(fit.jumps, landings)
         jump = options.size(fit.jumps, root_of_jumps, "jumps")
 
-    answer = _answer(effect, comparison.what, measured, options)
+    answer = _answer(effect, comparison.what, measured, options, holds_from)
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
     alike = err_alike(fit.scores @ root.T)
@@ -229,6 +247,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         power=power,
         flips=flips,
         effect=effect,
+        effect_over_landings=over_landings,
+        saturates=at_contact.saturates,
+        saturation_p_value=at_contact.p_value,
+        holds_from=holds_from,
         jump=jump,
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
@@ -397,6 +419,40 @@ class _Options:
             flips=self.flips,
         )
 
+    def at_contact(
+        self, fit: KinkFit, root: FloatArray, over_landings: sizing.EffectSize
+    ) -> sizing.AtContact:
+        """Return the size at the simultaneous contact, from that over the landings."""
+        return sizing.at_the_contact(
+            fit,
+            over_landings,
+            lambda slopes: self.size(slopes, root, "contact"),
+            generator=named_generator(self.seed, "verdict", "saturation"),
+            level=round(1.0 - self.confidence, 12),
+            flips=self.flips,
+        )
+
+
+def _holds_from(
+    fit: KinkFit,
+    over_landings: sizing.EffectSize,
+    measured: _Measured,
+    options: _Options,
+) -> float | None:
+    """Return the time constant from which on `margin` bounds a difference at contact.
+
+    The bound over the landings is at most the share of `margin` that such a difference
+    shows there.
+    """
+    if fit.shows is None:
+        return None
+    share = over_landings.upper_bound / options.margin
+    in_spreads = least_time_constant(fit.shows, share)
+    if in_spreads is None:
+        return None
+    instants = measured.instants[measured.known()]
+    return in_spreads * inputs.contact_spread(instants)
+
 
 def _no_answer(
     error: AnalysisError, measured: _Measured, options: _Options, left_out: Notes
@@ -442,7 +498,11 @@ class _Answer:
 
 
 def _answer(
-    effect: sizing.EffectSize, what: Message, measured: _Measured, options: _Options
+    effect: sizing.EffectSize,
+    what: Message,
+    measured: _Measured,
+    options: _Options,
+    holds_from: float | None,
 ) -> _Answer:
     """Return what the size of the difference says."""
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
@@ -456,7 +516,12 @@ def _answer(
         decided_by="effect",
         landings_needed=needed,
         sentence=sentence(
-            conclusion, effect.sizes(), what, options.confidence, options.margin
+            conclusion,
+            effect.sizes(),
+            what,
+            options.confidence,
+            options.margin,
+            holds_from=holds_from,
         ),
         outlook=outlook(effect, needed, measured.n_known, options.power),
         no_evidence=effect.allowed,
@@ -500,6 +565,7 @@ def sentence(
     margin: float,
     *,
     subjects: int | None = None,
+    holds_from: float | None = None,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -515,6 +581,8 @@ def sentence(
         As for `judge`.
     subjects
         Number of subjects, if it is the conclusion on a group of them.
+    holds_from
+        As in `Verdict`, s: what the bound does not cover is said with it.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
@@ -530,6 +598,10 @@ def sentence(
     name = conclusion.replace(" ", "_")
     if conclusion == CANNOT_TELL and values["bound"] == values["margin"]:
         name = "cannot_tell_just"
+    if conclusion == NO_DIFFERENCE and holds_from is not None:
+        name = "no_difference_at_contact"
+        two_digits = float(f"{1000.0 * holds_from:.2g}")
+        values["milliseconds"] = f"{two_digits:g}"
     if subjects is not None:
         name = f"group_{name}"
         values["subjects"] = subjects

@@ -25,6 +25,7 @@ from hopdata.maps import coordinates
 from hopdata.maps.coordinates import ALL_SETS_UP_TO
 from hopdata.maps.verdict import averaged
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings
+from hopdata.maps.verdict.saturation import AtContact, at_contact, lasts
 from hopdata.maps.verdict.smooth import (
     Fit,
     Shapes,
@@ -116,6 +117,11 @@ class KinkFit:
         What the terms of the session depend on, if there are any.
     jumps
         Steps of the outcome beside the kinks; None if no steps can be fitted.
+    at_contact
+        The kinks at the simultaneous contact, if they saturate: see `saturation`.
+    shows
+        Time constants of kinks that saturate, in contact spreads, and the shares of
+        them that show over the landings: see `saturation.lasts`.
     """
 
     coefficients: FloatArray
@@ -129,6 +135,19 @@ class KinkFit:
     faded: float = 1.0
     session: tuple[str, ...] = ()
     jumps: "KinkFit | None" = None
+    at_contact: tuple[AtContact, ...] = ()
+    shows: tuple[FloatArray, FloatArray] | None = None
+
+    def with_slopes(self, at: AtContact) -> "KinkFit":
+        """Return the fit with the slopes at the simultaneous contact as its kinks."""
+        scores = _of_all(at.slopes.scores, self.rows, len(self.scores))
+        null_scores = _of_all(at.slopes.null_scores, self.rows, len(self.scores))
+        return replace(
+            self,
+            coefficients=at.slopes.coefficients,
+            scores=scores,
+            null_scores=null_scores,
+        )
 
 
 def fit_kinks(landings: SectionLandings) -> KinkFit:
@@ -165,7 +184,14 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
     if third is Third.NONE:
         left = WITHOUT_THIRD * of_kinks
     found = _kink_fit(landings, fit, linear, seen, rows, of_kinks, left)
-    found = replace(found, session=smooth.session, faded=faded)
+    instants = landings.expected[rows]
+    found = replace(
+        found,
+        session=smooth.session,
+        faded=faded,
+        at_contact=at_contact(smooth, shown, seen, instants, landings.unforetold.total),
+        shows=lasts(smooth, seen, instants),
+    )
 
     steps = _steps(landings, rows)
     if steps is None:
@@ -213,21 +239,24 @@ def _kink_fit(
     left: float,
 ) -> KinkFit:
     """Return the fit with its scores at the rows of all landings."""
-    scores = []
-    for of_rows in (fit.scores, fit.null_scores):
-        of_all = np.zeros((len(landings.inputs), of_rows.shape[1]))
-        of_all[rows] = of_rows
-        scores.append(of_all)
+    number = len(landings.inputs)
     return KinkFit(
         coefficients=fit.coefficients,
         linear=linear,
-        scores=scores[0],
-        null_scores=scores[1],
+        scores=_of_all(fit.scores, rows, number),
+        null_scores=_of_all(fit.null_scores, rows, number),
         seen=seen,
         rows=rows,
         allowed=allowed,
         left=left,
     )
+
+
+def _of_all(scores: FloatArray, rows: IntArray, number: int) -> FloatArray:
+    """Return the scores (number, m) of all landings; zero beside the rows."""
+    of_all = np.zeros((number, scores.shape[1]))
+    of_all[rows] = scores
+    return of_all
 
 
 def _window(instants: FloatArray) -> IntArray:
