@@ -72,11 +72,13 @@ from hopdata.maps.verdict.effect import (
 from hopdata.maps.verdict.group import GroupVerdict, compare_conditions, judge_group
 from hopdata.maps.verdict.inputs import (
     LEAST_CLASS,
+    Contacts,
     SectionLandings,
     contact_orders,
     section_landings,
 )
 from hopdata.maps.verdict.model import KinkFit, fit_kinks
+from hopdata.maps.verdict.session import Session
 from hopdata.scenes.body import N_STATES
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.quadruped import Quadruped
@@ -769,12 +771,12 @@ def promise(seeds: range, folder: Path) -> pd.DataFrame:
     for name in PROMISED:
         parts = [simulate(name, seed, folder) for seed in seeds]
         joined = (np.concatenate([one[key] for one in parts]) for key in OBSERVED)
-        fit = fit_kinks(section_landings(*joined))
+        fit = fit_kinks(at_sections(*joined))
         shown = fit.seen @ fit.coefficients
         for seed, asked in product(seeds, (FEWEST, FEW, WHOLE)):
             study = simulate("C1", seed, folder)
             for first in range(0, max(1, len(study["before"]) - asked + 1), asked):
-                landings = section_landings(
+                landings = at_sections(
                     *(study[k][first : first + asked] for k in OBSERVED)
                 )
                 fit, root, effect = judged_kinks(landings, seed + first)
@@ -801,6 +803,15 @@ def promise(seeds: range, folder: Path) -> pd.DataFrame:
         studies=("found", "size"), detectable=("detectable", "median"), shown=("shown", "mean"),
         found_share=("found", "mean"),
     ).reset_index()  # fmt: skip
+
+
+def at_sections(
+    before: np.ndarray, after: np.ndarray, instants: np.ndarray
+) -> SectionLandings:
+    """Return landings of a steady session in the coordinates of the verdict."""
+    n = len(instants)
+    steady = Session.of(np.arange(n, dtype=float), np.zeros(n, dtype=np.int64))
+    return section_landings(before, after, Contacts(instants), steady)
 
 
 def judged_kinks(

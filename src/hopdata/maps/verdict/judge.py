@@ -34,6 +34,13 @@ CONCLUSIONS = (DIFFERENT, NO_DIFFERENCE, CANNOT_TELL)
 #: Unit: share of the map. Origin: chosen.
 ASKED = 0.2
 
+#: Kinks that averaging makes fainter than this are noted.
+#: Unit: 1. Origin: chosen.
+FAINT = 1.3
+
+# Relative error of a product of two numbers, with room.
+ROUNDING = 1e-9
+
 # Codes of notes that others look for.
 TWO_KINDS_CODE = "maps.two_kinds"
 NOT_FORETOLD_CODE = "maps.not_foretold"
@@ -89,10 +96,14 @@ class Verdict(Shown):
         if the size could not be computed, if the jump decided, or if no number
         suffices.
     foretold
-        Share of the contact instants' mean square that the state before the landing
-        foretells; None if it could not be computed. What it does not foretell (legs
-        whose length varies from landing to landing, noise in the state) makes every
-        size too small.
+        Share of the contact instants' mean square that the inputs foretell; None if it
+        could not be computed. The inputs are the state before the landing, and the feet
+        if `posture` says so. The rest (legs whose length varies from landing to
+        landing, noise in the state) rounds kinks and jumps, which sizes allow for.
+    posture
+        What the verdict knows of the feet before the landing, in words.
+    session
+        What slow change was fitted: ``"time"``, ``"block"``, both or none.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
@@ -121,6 +132,8 @@ class Verdict(Shown):
     decided_by: str = "effect"
     landings_needed: int | None = None
     foretold: float | None = None
+    posture: str = ""
+    session: Sequence[str] = ()
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
@@ -233,14 +246,14 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
     alike = err_alike(fit.scores @ root.T)
-    limits = _limits(landings, answer.no_evidence, alike)
+    limits = _limits(landings, fit, alike, jumps=answer.decided_by == "jump")
     return Verdict(
         conclusion=answer.conclusion,
         sentence=str(answer.sentence),
         outlook=str(answer.outlook),
         compared=str(comparison.what),
         n_feet=measured.n_feet,
-        n_landings=measured.n_known,
+        n_landings=len(landings.inputs),
         n_window=len(fit.rows),
         confidence=confidence,
         margin=margin,
@@ -255,6 +268,8 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
         foretold=landings.foretold,
+        posture=landings.posture.value,
+        session=fit.session,
         notes=[*left_out, *limits],
         messages={
             "sentence": answer.sentence,
@@ -371,9 +386,10 @@ def _with_session(
     n_landings = len(measured.before)
     if time is not None:
         instants = numbers("time", time)
-        is_known = instants.shape == (n_landings,) and np.isfinite(instants).all()
+        is_known = bool(np.isfinite(instants).all())
+        fits = instants.shape == (n_landings,) and is_known
         wanted = f"an instant for each of {n_landings} landings"
-        require(is_known, "time", wanted, instants.shape)
+        require(fits, "time", wanted, instants.shape)
         measured = replace(measured, time=instants)
     if blocks is not None:
         labels = np.asarray(blocks)
@@ -487,14 +503,13 @@ def _no_answer(
 
 @dataclass(frozen=True)
 class _Answer:
-    """What a verdict says: see `Verdict`; and up to which size kinks say nothing."""
+    """What a verdict says: see `Verdict`."""
 
     conclusion: str
     decided_by: str
     landings_needed: int | None
     sentence: Message
     outlook: Message
-    no_evidence: float
 
 
 def _answer(
@@ -524,7 +539,6 @@ def _answer(
             holds_from=holds_from,
         ),
         outlook=outlook(effect, needed, measured.n_known, options.power),
-        no_evidence=effect.allowed,
     )
 
 
@@ -544,7 +558,6 @@ def _with_jump(
         landings_needed=None,
         sentence=Message("maps.jump_decides", {"compared": what, "jump": jumps}),
         outlook=Message("maps.outlook_jump", shown),
-        no_evidence=0.0,
     )
 
 
@@ -658,18 +671,26 @@ def _left_out(known: BoolArray) -> Notes:
     return [_note("left_out", unknown=unknown, landings=len(known))]
 
 
-def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> Notes:
-    """Return notes on what limits the answer.
+def _limits(
+    landings: inputs.SectionLandings, fit: KinkFit, alike: bool, *, jumps: bool
+) -> Notes:
+    """Return notes on what limits the answer, and on what was done about it.
 
-    `allowed` is the size up to which kinks are not evidence, and `alike` whether
-    successive landings err alike.
+    `alike` tells whether successive landings err alike, and `jumps` whether a jump
+    decided, beside which sizes of kinks do not matter.
     """
     notes = []
+    share = f"{100 * landings.foretold:.1f} %"
+    hidden = int((~landings.kept).sum())
+    if hidden:
+        notes.append(_note("feet_hidden", count=hidden, landings=len(landings.kept)))
     if inputs.feet_as_one(landings):
         notes.append(_note("feet_as_one"))
-    if allowed > LEFT:
-        notes.append(_note("contacts_far_apart", allowed=percent(allowed)))
-    state = inputs.two_kinds(landings.inputs)
+    if fit.allowed / fit.faded > LEFT * (1.0 + ROUNDING) and not jumps:
+        notes.append(_note("contacts_far_apart", allowed=percent(fit.allowed)))
+    if fit.faded > FAINT:
+        notes.append(_note("faint", share=share, allowed=percent(fit.allowed)))
+    state = inputs.two_kinds(landings.inputs[:, : inputs.STATE])
     if state:
         notes.append(_note("two_kinds", state=Message(f"maps.{state}")))
     far_off = inputs.far_off(landings)
@@ -677,8 +698,13 @@ def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> No
         notes.append(_note("far_off", count=far_off))
     if alike:
         notes.append(_note("err_alike", in_a_row=sizing.IN_A_ROW))
-    if landings.foretold < inputs.WELL_FORETOLD:
-        notes.append(_note("not_foretold", share=f"{100 * landings.foretold:.1f} %"))
+    if landings.posture is inputs.Posture.USED:
+        notes.append(_note("feet_used", share=share))
+    elif landings.foretold < inputs.WELL_FORETOLD:
+        notes.append(_note("not_foretold", share=share))
+    if fit.session:
+        change = [str(Message(f"maps.session_{name}")) for name in fit.session]
+        notes.append(_note("session", change=" and ".join(change)))
     return notes
 
 

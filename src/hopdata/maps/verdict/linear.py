@@ -32,8 +32,9 @@ def regular(covariance: FloatArray) -> FloatArray:
 
     It then has an inverse and a triangular root.
     """
-    largest = float(np.max(np.diag(covariance)))
-    return np.asarray(covariance + FLAT * largest * np.eye(len(covariance)))
+    # The trace is the same in any axes, and so is the result.
+    little = FLAT * float(np.trace(covariance))
+    return np.asarray(covariance + little * np.eye(len(covariance)))
 
 
 def positive_part(matrix: FloatArray) -> FloatArray:

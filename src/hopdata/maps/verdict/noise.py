@@ -13,6 +13,7 @@ from hopdata.maps.coordinates import rigid_states, split_states
 from hopdata.maps.corrected.marker_noise import LINEARISED, MarkerNoise
 from hopdata.maps.verdict.coordinates import state_inputs
 from hopdata.maps.verdict.linear import regular
+from hopdata.rigid import turned, twists
 
 #: Least share of the variance of the inputs, in any direction, that is not attributed
 #: to noise.
@@ -43,13 +44,25 @@ def state_noise(
         Noise of a marker's coordinate, in the same units.
     """
     every = -(-len(states) // LINEARISED)  # rounded up
-    some = states[::every]
+    some = _along_heading(states[::every], shape)
     slopes = _slopes(some, shape)
     heights = split_states(states)[0][..., 2].mean(axis=1)
     if heights.std() < ON_SECTION * np.sqrt(noise.position):
         slopes = slopes @ _at_noisy_instant(some)
     covariances = slopes @ noise.covariance(len(shape)) @ slopes.swapaxes(1, 2)
     return np.asarray(covariances.mean(axis=0))
+
+
+def _along_heading(states: FloatArray, shape: FloatArray) -> FloatArray:
+    """Return states (n, 6B) in axes of which the first points along the heading.
+
+    The frame of the states then changes nothing, to rounding.
+    """
+    heading = twists(rigid_states(states, shape).rotation)
+    vectors = states.reshape(len(states), -1, 3)
+    markers = range(vectors.shape[1])
+    along = [turned(vectors[:, one], heading) for one in markers]
+    return np.stack(along, axis=1).reshape(states.shape)
 
 
 def _slopes(states: FloatArray, shape: FloatArray) -> FloatArray:

@@ -44,12 +44,10 @@ class Session:
     @classmethod
     def of(cls, time: FloatArray, labels: IntArray) -> "Session":
         """Return the session of these instants, and labels of blocks."""
-        first = float(time.min())
-        duration = float(np.ptp(time))
         scaled = np.zeros(len(time))
-        if duration > 0.0:
-            scaled = 2.0 * (time - first) / duration - 1.0
-        return cls(np.asarray(scaled), labels)
+        if len(time) and np.ptp(time) > 0.0:
+            scaled = 2.0 * (time - time.min()) / np.ptp(time) - 1.0
+        return cls(scaled, labels)
 
     def rows(self, rows: IntArray) -> "Session":
         """Return the session of these landings alone."""
@@ -57,7 +55,7 @@ class Session:
 
     def drift(self) -> FloatArray:
         """Return s and s^2 (n, 2), or no column if all landings share an instant."""
-        if not np.ptp(self.time) > 0.0:
+        if not np.any(self.time):
             return np.empty((len(self.time), 0))
         return np.column_stack([self.time, self.time**2 - np.mean(self.time**2)])
 

@@ -240,9 +240,9 @@ class Shapes:
 
     def faded(self, smooth: Smooth, seen: FloatArray) -> float:
         """Return by how much averaging makes the seen kinks fainter, 1 or more."""
-        sharp = np.linalg.norm(smooth.without(self.sharp) @ seen)
-        shown = np.linalg.norm(smooth.without(self.shown) @ seen)
-        return float(max(1.0, sharp / shown))
+        sharp = float(np.linalg.norm(smooth.without(self.sharp) @ seen))
+        shown = float(np.linalg.norm(smooth.without(self.shown) @ seen))
+        return max(1.0, sharp / shown)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hopdata.maps.verdict.inputs import expected_contacts
+from hopdata.maps.verdict.expected import expected_contacts
 
 
 @pytest.mark.parametrize("feet", [2, 3, 5])
@@ -20,12 +20,12 @@ def test_errors_of_the_instants_count_as_neither_foretold_nor_missed(feet):
     def size(values):
         return np.mean((values - values.mean(axis=1, keepdims=True)) ** 2)
 
-    _, plain = expected_contacts(x, instants)
-    said = np.full(instants.shape, error)
-    expected, beside_errors = expected_contacts(x, instants, said)
+    found = expected_contacts(x, instants)
+    plain = found.foretold()
+    beside_errors = found.foretold(np.full(instants.shape, error))
     whole = size(explained) + size(posture)
     assert plain == pytest.approx(size(explained) / size(instants), abs=0.05)
     assert beside_errors == pytest.approx(size(explained) / whole, abs=0.05)
     # Errors as large as the instants vary leave nothing to foretell.
-    assert expected_contacts(x, instants, 3.0 * np.abs(instants))[1] == 0.0
-    np.testing.assert_allclose(expected.mean(axis=1), 0.0, atol=1e-12)
+    assert found.foretold(3.0 * np.abs(instants)) == 0.0
+    np.testing.assert_allclose(found.instants.mean(axis=1), 0.0, atol=1e-12)
