@@ -81,6 +81,8 @@ class Verdict(Shown):
         unless the difference saturates as the contacts come farther apart.
     saturates, saturation_p_value
         Whether it does, and the p-value of the test for it: see `saturation`.
+    contact_spread
+        How far apart the contacts of a landing are, rms, in their own unit of time.
     holds_from
         Time constant, in the unit of the contact instants, from which on a difference
         that saturates is at most ``margin`` at the simultaneous contact; None if no
@@ -127,6 +129,7 @@ class Verdict(Shown):
     effect_over_landings: sizing.EffectSize | None = None
     saturates: bool = False
     saturation_p_value: float | None = None
+    contact_spread: float | None = None
     holds_from: float | None = None
     jump: sizing.EffectSize | None = None
     decided_by: str = "effect"
@@ -236,13 +239,24 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     over_landings = options.size(fit, root, "signs")
     at_contact = options.at_contact(fit, root, over_landings)
     effect = at_contact.size
-    holds_from = _holds_from(fit, over_landings, measured, options)
+    contact_spread = inputs.contact_spread(measured.instants[measured.known()])
+    spreads = _holds_from(fit, over_landings, margin)
+    holds_from = None
+    if spreads is not None:
+        holds_from = spreads * contact_spread
     jump = None
     if fit.jumps is not None:
         root_of_jumps = sizing.squared_jump(fit.jumps, landings)
         jump = options.size(fit.jumps, root_of_jumps, "jumps")
 
-    answer = _answer(effect, comparison.what, measured, options, holds_from)
+    answer = _answer(
+        effect,
+        comparison.what,
+        measured,
+        options,
+        spreads,
+        saturates=at_contact.saturates,
+    )
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
     alike = err_alike(fit.scores @ root.T)
@@ -263,6 +277,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         effect_over_landings=over_landings,
         saturates=at_contact.saturates,
         saturation_p_value=at_contact.p_value,
+        contact_spread=contact_spread,
         holds_from=holds_from,
         jump=jump,
         decided_by=answer.decided_by,
@@ -444,30 +459,21 @@ class _Options:
             over_landings,
             lambda slopes: self.size(slopes, root, "contact"),
             generator=named_generator(self.seed, "verdict", "saturation"),
-            level=round(1.0 - self.confidence, 12),
             flips=self.flips,
         )
 
 
 def _holds_from(
-    fit: KinkFit,
-    over_landings: sizing.EffectSize,
-    measured: _Measured,
-    options: _Options,
+    fit: KinkFit, over_landings: sizing.EffectSize, margin: float
 ) -> float | None:
     """Return the time constant from which on `margin` bounds a difference at contact.
 
-    The bound over the landings is at most the share of `margin` that such a difference
-    shows there.
+    It is in contact spreads. The bound over the landings is then at most the share of
+    `margin` that shows there.
     """
     if fit.shows is None:
         return None
-    share = over_landings.upper_bound / options.margin
-    in_spreads = least_time_constant(fit.shows, share)
-    if in_spreads is None:
-        return None
-    instants = measured.instants[measured.known()]
-    return in_spreads * inputs.contact_spread(instants)
+    return least_time_constant(fit.shows, over_landings.upper_bound / margin)
 
 
 def _no_answer(
@@ -517,7 +523,9 @@ def _answer(
     what: Message,
     measured: _Measured,
     options: _Options,
-    holds_from: float | None,
+    spreads: float | None,
+    *,
+    saturates: bool,
 ) -> _Answer:
     """Return what the size of the difference says."""
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
@@ -536,7 +544,8 @@ def _answer(
             what,
             options.confidence,
             options.margin,
-            holds_from=holds_from,
+            spreads=spreads,
+            over_landings=not saturates,
         ),
         outlook=outlook(effect, needed, measured.n_known, options.power),
     )
@@ -578,7 +587,8 @@ def sentence(
     margin: float,
     *,
     subjects: int | None = None,
-    holds_from: float | None = None,
+    spreads: float | None = None,
+    over_landings: bool = False,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -594,13 +604,17 @@ def sentence(
         As for `judge`.
     subjects
         Number of subjects, if it is the conclusion on a group of them.
-    holds_from
-        As in `Verdict`, s: what the bound does not cover is said with it.
+    spreads
+        `Verdict.holds_from` in contact spreads: what the bound does not cover is said
+        with it.
+    over_landings
+        Whether the bound is one over the landings only.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
     values: dict[str, Any] = {
         "compared": compared,
+        "where": "",
         "size": percent(estimate),
         "low": percent(low),
         "high": percent(high),
@@ -611,10 +625,11 @@ def sentence(
     name = conclusion.replace(" ", "_")
     if conclusion == CANNOT_TELL and values["bound"] == values["margin"]:
         name = "cannot_tell_just"
-    if conclusion == NO_DIFFERENCE and holds_from is not None:
+    if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
-        two_digits = float(f"{1000.0 * holds_from:.2g}")
-        values["milliseconds"] = f"{two_digits:g}"
+        values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
+    if over_landings:
+        values["where"] = Message("maps.over_landings")
     if subjects is not None:
         name = f"group_{name}"
         values["subjects"] = subjects

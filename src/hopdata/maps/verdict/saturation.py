@@ -29,11 +29,17 @@ from hopdata.maps.verdict.smooth import Fit, Shapes, Smooth, fit_beside
 
 #: Time constants of the terms that saturate.
 #: Unit: contact spreads. Origin: chosen: slower ones differ little from kinks over the
-#: landings, faster ones from steps.
+#: landings, faster ones from nothing at all.
 TIME_CONSTANTS = (1.0, 0.5, 0.25)
 
-#: A time constant is in doubt if its terms fit nearly as well as the best ones: their
-#: statistic is less by at most this.
+#: Kinks saturate if the random signs show as much saturation with less than this
+#: probability.
+#: Unit: 1. Origin: chosen: false findings cost a C1 study its bound, so at most one in
+#: a hundred.
+LEVEL = 0.01
+
+#: A time constant is in doubt if it fits nearly as well as the best one: twice the
+#: log-likelihood of normal residuals is less by at most this.
 #: Unit: 1. Origin: table: 95 % quantile of chi-squared with one degree of freedom.
 NEARLY = 3.84
 
@@ -66,11 +72,14 @@ class AtContact:
         Coefficients of the kinks at the simultaneous contact, and their errors.
     beyond
         The terms that saturate, fitted beside the kinks.
+    misfit
+        Minus twice the log-likelihood of normal residuals, but for a constant.
     """
 
     time_constant: float
     slopes: Fit
     beyond: Fit
+    misfit: float
 
 
 def durations(instants: FloatArray) -> FloatArray:
@@ -97,7 +106,7 @@ def durations(instants: FloatArray) -> FloatArray:
 
 
 def kinks_of_durations(n_feet: int) -> FloatArray:
-    """Return the kinks (D, K) that each duration is, beside terms linear in instants."""
+    """Return the kinks (D, K) that each duration is, but for terms linear in time."""
     sets = foot_sets(n_feet)
 
     def latest(feet: Feet) -> FloatArray:
@@ -204,8 +213,16 @@ def at_contact(
             null_scores=both.null_scores @ of_scores,
         )
         beyond = fit_beside(beside_kinks, terms)
-        found.append(AtContact(time_constant, slopes, beyond))
+        explained = beside_kinks.without(terms) @ beyond.coefficients
+        misfit = _misfit(beside_kinks.without(smooth.outputs) - explained)
+        found.append(AtContact(time_constant, slopes, beyond, misfit))
     return tuple(found)
+
+
+def _misfit(residuals: FloatArray) -> float:
+    """Return minus twice the log-likelihood of residuals (n, q), but for a constant."""
+    _, log_determinant = np.linalg.slogdet(residuals.T @ residuals)
+    return float(len(residuals) * log_determinant)
 
 
 def saturation(
@@ -215,7 +232,7 @@ def saturation(
 
     The statistic of a time constant is the squared length of its terms in units of
     their errors; the test takes the largest of all. The fits in doubt are those that
-    are nearly as good as the best, slow ones first.
+    are nearly as likely as the best, slow ones first.
 
     Parameters
     ----------
@@ -239,8 +256,8 @@ def saturation(
     draws = [np.sum((signs @ block) ** 2, axis=1) for block in blocks]
     best = max(statistics)
     as_large = int(np.sum(np.max(draws, axis=0) >= best))
-    with_statistics = zip(fits, statistics, strict=True)
-    in_doubt = [fit for fit, one in with_statistics if one >= best - NEARLY]
+    least = min(fit.misfit for fit in fits)
+    in_doubt = [fit for fit in fits if fit.misfit <= least + NEARLY]
     return (1 + as_large) / (1 + flips), in_doubt
 
 
