@@ -4,8 +4,10 @@ import inspect
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from hopdata.landings.states.pairs import Pairs
 from hopdata.line import Key, Kind, Line, key, results, saved
 from hopdata.provenance import stage_digest
 from hopdata.recordings.readers.hdf5 import read_recording
@@ -18,6 +20,7 @@ from hopdata.stages import (
     mode_schedules,
     normalisation,
     poincare_sections,
+    verdict,
 )
 
 SCRIPT = Path(__file__).parents[1] / "workflow" / "scripts" / "stage.py"
@@ -79,6 +82,39 @@ def test_a_stage_called_alone_takes_the_defaults_of_the_schema(sample_path):
     ] == pytest.approx(0.1)
     flat = floor_compensation(recording, floor={"enabled": False})
     assert flat.floor_model.degree == 0
+
+
+def test_the_verdict_is_given_feet_session_time_and_blocks(monkeypatch):
+    rng = np.random.default_rng(0)
+    n = 6
+    pairs = Pairs(
+        x=rng.random((n, 18)),
+        y=rng.random((n, 18)),
+        schedule=np.array(["1>2"] * n),
+        spread_s=np.ones(n),
+        recording=np.array(["a", "a", "b", "b", "c", "c"]),
+        index=np.arange(n),
+        body_markers=("p", "q", "r"),
+        instants=rng.random((n, 2)),
+        feet=rng.random((n, 2, 3)),
+        feet_se=rng.random((n, 2, 3)),
+        time_s=np.arange(n) + 0.5,
+    )
+    given = {}
+
+    def noting(*_, **named):
+        given.update(named)
+
+    monkeypatch.setattr("hopdata.maps.verdict.judge", noting)
+    monkeypatch.setattr("hopdata.landings.checks.blurred", lambda _: "")
+    verdict(
+        pairs, None, options={}, blocks={"a": "mat", "b": "sand", "c": "mat"}, seed=1
+    )
+    for name, field in (("feet", "feet"), ("feet_se", "feet_se"), ("time", "time_s")):
+        np.testing.assert_array_equal(given[name], getattr(pairs, field))
+    np.testing.assert_array_equal(given["blocks"] == "sand", pairs.recording == "b")
+    verdict(pairs, None, options={}, blocks=dict.fromkeys("abc"), seed=1)
+    np.testing.assert_array_equal(given["blocks"], pairs.recording)
 
 
 def test_only_a_stage_s_own_text_and_modules_are_in_its_digest():

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import pd
 from hopdata.config.loading import check_keys, load_config, read_yaml
-from hopdata.errors import AnalysisError, ArgumentError, RecordingError, told_call
+from hopdata.errors import (
+    AnalysisError,
+    ArgumentError,
+    RecordingError,
+    require,
+    told_call,
+)
 from hopdata.recording import Recording, Truth, marker_names, numbers
 from hopdata.stages import LINE
 from hopdata.walk import SNAKEFILE, Contents, Progress, Study
@@ -22,6 +28,8 @@ __all__ = ["SNAKEFILE", "Study", "analyse", "plan", "read", "study", "synthesize
 BEYOND = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
 #: Suffixes of configurations.
 YAML = (".yaml", ".yml")
+# Source of all recordings that were simulated.
+SIMULATED = "simulation"
 
 
 @told_call
@@ -169,12 +177,27 @@ def _study_of_recordings(
     ]
     if any(roles != every[0] for roles in every):
         raise RecordingError.at("source", "the same markers in the same order", every)
-    entries = [{"name": one.name, "file": one.source or one.name} for one in recordings]
+    keys = dict(keys)
+    beside = {entry["name"]: entry for entry in keys.pop("recordings", [])}
+    names = [one.name for one in recordings]
+    unknown = [name for name in beside if name not in names]
+    require(not unknown, "recordings", ", ".join(names), ", ".join(unknown))
+    entries = [
+        {"name": one.name, "file": _file_of(one), **beside.get(one.name, {})}
+        for one in recordings
+    ]
     content = {"study": recordings[0].name, "recordings": entries}
     config = load_config(_joined(content, keys, every[0]), check_files=False)
     for recording in recordings:
         check_plausible(recording, **config["quality"])
     return Study(config, recordings, progress)
+
+
+def _file_of(recording: Recording) -> str:
+    """Return the file of a recording; its name if it was not read from one."""
+    if recording.source in ("", SIMULATED):
+        return recording.name
+    return recording.source
 
 
 def _with_guesses(
@@ -235,7 +258,9 @@ def analyse(
         A function such as `print`, called with the name of each stage as it begins.
     keys
         Sections of the configuration, such as ``touchdowns={"method": "kink"}``. Other
-        keys in the same section of `source` stay as they are. For a motion-capture file
+        keys in the same section of `source` stay as they are. For recordings,
+        ``recordings=[{"name": "walk2", "block": "sand"}]`` adds to what is known of
+        them. For a motion-capture file
         the vertical axis is guessed from free fall unless ``input["vertical_axis"]`` is
         given.
 

@@ -546,6 +546,9 @@ class Truth(Shown):
         State of the body at the apex, after the kick (see `hopdata.scenes.body`).
     preloads_n : (L, n) array
         Preload of each leg in each landing, N.
+    longer_m : (L, n) array, optional
+        How much longer than usual each leg is in each landing, m; None if legs do not
+        scatter.
     noise_m : float
         Standard deviation of the noise per marker coordinate, m.
     parameters_json : str
@@ -567,6 +570,7 @@ class Truth(Shown):
     noise_m: float
     parameters_json: str
     true_effect: float = float("nan")
+    longer_m: FloatArray | None = None
 
     def told(self) -> str:
         """Return the numbers of landings and feet."""
@@ -585,6 +589,7 @@ _SIZES: dict[str, tuple[str | int, ...]] = {
     "floor_at_contacts": ("L", "n"),
     "apex_states": ("L", 12),
     "preloads_n": ("L", "n"),
+    "longer_m": ("L", "n"),
 }
 
 
@@ -598,7 +603,10 @@ def check_sizes(truth: Truth) -> None:
     """
     known: dict[str, int] = {}
     for name, letters in _SIZES.items():
-        shape = getattr(truth, name).shape
+        values = getattr(truth, name)
+        if values is None:
+            continue
+        shape = values.shape
         expected = []
         for letter, size in zip(letters, shape, strict=False):
             if isinstance(letter, int):

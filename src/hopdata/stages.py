@@ -279,6 +279,7 @@ def home_frame(
     home_marker: str | None = key("home.marker"),
     ambiguous: str = key("touchdowns.ambiguous"),
     states: Options = key("states"),
+    begins_s: dict[str, float | None] = key("recordings.begins_s"),
 ) -> HomeFrame:
     """Put the states at both sections in their home frames (Sec. 2.2.4)."""
     from hopdata.landings.contacts.velocity_minimum import example_touchdown
@@ -292,6 +293,7 @@ def home_frame(
         post_height_m=sections.post_height_m,
         home_marker=home_marker,
         ambiguous=ambiguous,
+        begins_s=begins_s,
         **states,
     )
     touchdowns = exclude_stateless(schedules, pairs)
@@ -417,6 +419,7 @@ def verdict(
     touchdowns: pd.DataFrame,
     *,
     options: Options = key("verdict"),
+    blocks: dict[str, str | None] = key("recordings.block"),
     seed: int = key("seed"),
 ) -> Judgement:
     """Judge whether the map is C1: effect size, interval and bound."""
@@ -429,6 +432,10 @@ def verdict(
         pairs.y,
         instants,
         instants_se=pairs.instants_se,
+        feet=pairs.feet,
+        feet_se=pairs.feet_se,
+        time=pairs.time_s,
+        blocks=pairs.blocks(blocks),
         blurred=blurred(touchdowns),
         seed=seed,
         **options,

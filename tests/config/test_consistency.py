@@ -151,7 +151,28 @@ def test_spans_that_are_left_out():
     assert second["landings"] == [3]
 
 
+def in_blocks(*labels):
+    config = copy.deepcopy(SOUND)
+    first = config["recordings"][0]
+    config["recordings"] = [
+        {**first, "name": f"trial{i}", "file": f"{i}.tsv", "block": label}
+        for i, label in enumerate(labels)
+    ]
+    return config
+
+
+def test_all_recordings_may_have_blocks():
+    loaded = load_config(in_blocks("sand", "mat", "sand"), check_files=False)
+    assert [one["block"] for one in loaded["recordings"]] == ["sand", "mat", "sand"]
+    loaded = load_config(in_blocks(None, None), check_files=False)
+    assert [one["begins_s"] for one in loaded["recordings"]] == [None, None]
+
+
 MISTAKES = {
+    "a recording without a block": (
+        in_blocks("sand", None),
+        ["recordings[1].block", "a label, as others have one", "found null"],
+    ),
     "empty span": (
         excluding(to_s=2.0),
         ["recordings[0].exclude[0].to_s", "more than from_s (2 s)", "found 2 s"],

@@ -249,7 +249,7 @@ REPLACED = {
     "recordings: another key": (
         ("file: one.tsv", "path: one.tsv"),
         "4: recordings[0].path: expected a known key, found 'path'; "
-        "the keys here are name, file, exclude, simulation, contacts, forces",
+        "the keys here are name, file, begins_s, block, exclude, simulation, contacts, forces",
     ),
     "recordings: a space in the name": (
         ("name: one", "name: day one"),

@@ -70,6 +70,13 @@ def test_the_answer_is_not_told_again_by_its_picture():
     assert page.text.count(verdict()["sentence"]) == 1
 
 
+def test_what_foretells_the_contacts_stands_under_the_verdict_and_its_picture():
+    said = "The state and the feet foretell 99.9 % of how far apart the feet touch."
+    page = Page(build_report(full_study(verdict=verdict(contacts=said))))
+    assert page.text.count(said) == 2
+    assert "foretell" not in Page(build_report(full_study())).text
+
+
 def test_notes_stand_under_the_verdict():
     noted = verdict(notes=[{"what": "smooth terms", "reason": "150 landings"}])
     page = Page(build_report(full_study(verdict=noted)))

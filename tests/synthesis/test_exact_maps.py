@@ -10,7 +10,12 @@ from hopdata.errors import AnalysisError
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
-from hopdata.synthesis.exact_maps import homed, section_jacobians, simultaneous_landing
+from hopdata.synthesis.exact_maps import (
+    homed,
+    leg_slopes,
+    section_jacobians,
+    simultaneous_landing,
+)
 from hopdata.synthesis.hops import level_state
 from hopdata.synthesis.landings import (
     SectionHeights,
@@ -170,3 +175,31 @@ def test_impulses_and_a_delay_together_have_no_simultaneous_contact():
         section_jacobians(
             HOPPER, Control(impulse=0.1, delay_s=0.005), apexes(), SECTIONS
         )
+
+
+@pytest.mark.parametrize("kind", ["hopper", "coupling"])
+def test_slopes_by_the_lengths_of_legs_foretell_landings(jacobians, kind):
+    control, found = CONTROLS[kind], jacobians[kind]
+    slopes = leg_slopes(HOPPER, control, SECTIONS, found)
+    assert slopes.shape == (6, 11, 3)
+    apart = largest_difference(slopes)
+    if kind == "hopper":
+        assert apart < 1e-3  # C1 in the lengths of its legs, too
+    else:
+        assert apart > 0.02
+    longer = 5e-5 * np.random.default_rng(3).standard_normal((20, 3))
+    flown = true_landings(
+        HOPPER,
+        control,
+        np.tile(found.landing.apex_state, (20, 1)),
+        np.full((20, 3), HOPPER.preload_n),
+        SECTIONS,
+        longer_m=longer,
+        rtol=1e-11,
+    )
+    outcome = output_coordinates(flown.pre_state, flown.post_state, SECTIONS.centre_m)
+    order = [found.schedules.index(schedule) for schedule in flown.schedule]
+    assert len(set(order)) > 3
+    foretold = found.y[order] + np.einsum("nqp,np->nq", slopes[order], longer)
+    moved = np.abs(outcome - found.y[0]).max(axis=0)
+    assert (np.abs(outcome - foretold).max(axis=0) < 0.02 * moved + 1e-8).all()

@@ -58,6 +58,34 @@ def test_contacts_of_the_truth_are_where_feet_reach_the_floor(clean):
             np.testing.assert_allclose(feet[k, foot, :2], point, atol=2e-3)
 
 
+@pytest.mark.parametrize("scene", ["hopper", "quadruped"])
+def test_legs_that_scatter_touch_when_their_feet_reach_the_floor(scene):
+    scattered = {"scene": scene, "hops": 25, "legs_scatter_m": 0.008}
+    camera = {**CLEAN, "rate_hz": 500}
+    recording, truth = simulate_recording(scattered, camera, seed=5)
+    assert truth.longer_m.shape == truth.contact_times.shape
+    assert 0.006 < truth.longer_m.std() < 0.01
+    test_contacts_of_the_truth_are_where_feet_reach_the_floor((recording, truth))
+    test_truth_of_the_body_height_is_what_a_perfect_camera_sees((recording, truth))
+    # Feet do not jump, though legs change their length.
+    speed = np.linalg.norm(np.diff(recording.feet, axis=0), axis=2) * 500
+    assert speed.max() < 4.0
+    # Longer legs touch earlier.
+    early = truth.contact_times - truth.contact_times.mean(axis=1, keepdims=True)
+    longer = truth.longer_m - truth.longer_m.mean(axis=1, keepdims=True)
+    assert np.corrcoef(early.ravel(), longer.ravel())[0, 1] < -0.4
+
+
+def test_legs_of_one_length_leave_no_trace(simulated):
+    _, truth = simulated
+    assert truth.longer_m is None
+    assert "legs" not in truth.parameters_json
+    _, scattered = simulate_recording({"hops": 2, "legs_scatter_m": 0.008}, seed=5)
+    first = scattered.apex_states[0]
+    np.testing.assert_array_equal(first, truth.apex_states[0])
+    assert '"legs_scatter_m": 0.008' in scattered.parameters_json
+
+
 def test_apexes_are_where_the_body_is_highest(clean):
     recording, truth = clean
     for apex in truth.apex_times[1:]:

@@ -19,6 +19,8 @@ FIRST = {
     "motion_capture.noise_m": ["simulate", "quality"],
     "recordings.file": ["import_recording", "quality"],
     "recordings.exclude": ["import_recording", "mode_schedules"],
+    "recordings.begins_s": ["home_frame"],
+    "recordings.block": ["verdict"],
     "markers.*": ["import_recording"],
     "markers.body": ["import_recording", "floor_compensation"],
     "input.*": ["import_recording"],

@@ -182,6 +182,7 @@ rule home_frame:
         home_marker=STUDY["home"]["marker"],
         ambiguous=STUDY["touchdowns"]["ambiguous"],
         states=STUDY["states"],
+        begins_s=in_recordings("begins_s"),
         code=stage_code("home_frame"),
     script:
         "../scripts/stage.py"
@@ -298,6 +299,7 @@ rule verdict:
     params:
         stage="verdict",
         options=STUDY["verdict"],
+        blocks=in_recordings("block"),
         seed=STUDY["seed"],
         code=stage_code("verdict"),
     script:

@@ -261,6 +261,17 @@ def _repeated(config: dict[str, Any]) -> Iterator[str]:
     yield from _once("file", files)
 
 
+def _blocks_of_all(config: dict[str, Any]) -> Iterator[str]:
+    """Yield recordings without a block beside others that have one."""
+    recordings = config["recordings"]
+    if all(recording["block"] is None for recording in recordings):
+        return
+    for i, recording in enumerate(recordings):
+        if recording["block"] is None:
+            place = f"recordings[{i}].block"
+            yield mismatch(place, "a label, as others have one", "null (nothing)")
+
+
 def _left_out(config: dict[str, Any]) -> Iterator[str]:
     known = [*config["markers"]["body"], *config["markers"]["feet"]]
     for i, recording in enumerate(config["recordings"]):
@@ -479,6 +490,7 @@ def _reserved_study(config: dict[str, Any]) -> Iterator[str]:
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _repeated,
+    _blocks_of_all,
     _left_out,
     _joined_feet,
     _home_marker,

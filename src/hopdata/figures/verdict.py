@@ -287,8 +287,9 @@ def _percent(share: float) -> str:
 
 
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
-    """Return sentence and outlook, wrapped to as few, evenly long lines as possible."""
-    said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip()
+    """Return what a verdict says, wrapped to as few, evenly long lines as possible."""
+    parts = [verdict.get(name) for name in ("sentence", "outlook", "contacts")]
+    said = " ".join(part for part in parts if part)
     said = said.replace(" %", PER_CENT)
     fewest = len(textwrap.wrap(said, longest))
     for width in range(20, longest):

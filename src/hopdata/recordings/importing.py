@@ -431,5 +431,8 @@ def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth 
             f"{found_frames} and {found_feet}",
         )
     order = [feet_in_file.index(name) for name in feet]
-    in_order = {key: getattr(truth, key)[:, order] for key in PER_FOOT}
+    per_foot = [*PER_FOOT]
+    if truth.longer_m is not None:
+        per_foot.append("longer_m")
+    in_order = {key: getattr(truth, key)[:, order] for key in per_foot}
     return replace(truth, **in_order)

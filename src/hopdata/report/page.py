@@ -278,6 +278,7 @@ def build_report(inputs: ReportInputs) -> str:
         facts=facts,
         sentence=verdict.worded(known, "sentence"),
         outlook=verdict.worded(known, "outlook"),
+        contacts=verdict.worded(known, "contacts"),
         highlights=_highlights(facts, inputs),
         keys=list(KEYS.values()),
         lights=tables.lights(inputs.quality),

@@ -47,7 +47,8 @@ def verdict_facts(
     Returns
     -------
     dict
-        ``sentence``; ``outlook``, what these data could have shown; ``difference``, the
+        ``sentence``; ``outlook``, what these data could have shown; ``contacts``, what
+        foretells when the feet touch; ``difference``, the
         effect with its interval; ``true``, the true effect in a simulation; ``remark``,
         the deciding bound; ``confidence``, ``power``; ``conclusion``; ``found``,
         whether an effect was estimated at all; ``jumps``, whether a jump of the outcome
@@ -59,6 +60,7 @@ def verdict_facts(
     facts: dict[str, Any] = {
         "sentence": known.get("sentence"),
         "outlook": known.get("outlook"),
+        "contacts": known.get("contacts"),
         "conclusion": known.get("conclusion"),
         "found": effect is not None,
         "jumps": known.get("decided_by") == "jump",

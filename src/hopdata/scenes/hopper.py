@@ -118,7 +118,8 @@ def n_legs_of(p: FloatArray) -> int:
 def rest_foot(leg: int, p: FloatArray) -> Vector:
     """Return a leg's foot at rest length, body frame, m."""
     first = at.LEGS + at.LEG_STRIDE * leg
-    return p[first + at.FOOT_X], p[first + at.FOOT_Y], -p[at.LEG_LENGTH]
+    below = -p[at.LEG_LENGTH] - p[first + at.LONGER]
+    return p[first + at.FOOT_X], p[first + at.FOOT_Y], below
 
 
 @kept_njit(error_model="numpy")
@@ -297,12 +298,12 @@ def hopper_guards(
     rot = rotation_entries(y[YAW], y[PITCH], y[ROLL])
     tx, ty, tz = vertical_rate(y, dy, rot)
     for leg in range(n):
-        foot_x, foot_y, _below = rest_foot(leg, p)
+        foot_x, foot_y, below = rest_foot(leg, p)
         reach = 0.0
         if mode[released + leg] > 0:
             reach = p[at.RELEASE_EXTENSION]
         h[leg] = reach - foot_gap(leg, y, rot, p)[0]
-        hdot[leg] = -(dy[HEIGHT] + tx * foot_x + ty * foot_y - tz * p[at.LEG_LENGTH])
+        hdot[leg] = -(dy[HEIGHT] + tx * foot_x + ty * foot_y + tz * below)
     h[apex] = y[CLIMB]
     hdot[apex] = dy[CLIMB]
     h[fallen] = math.cos(p[at.TILT_LIMIT]) - rot[8]

@@ -68,6 +68,7 @@ class HopperParameters(Scene):
 
     controls: ClassVar[tuple[str, ...]] = ("coupling", "impulse", "delay_s")
     has_boom: ClassVar[bool] = True
+    legs_can_scatter: ClassVar[bool] = True
     resets_state: ClassVar[bool] = False
 
     # The scalars of the flat vector, in its order.
@@ -122,7 +123,8 @@ class HopperParameters(Scene):
         scalars = [float(getattr(self, one.name)) for one in fields(self)[: at.LEGS]]
         legs = np.empty((self.n_legs, at.LEG_STRIDE))
         legs[:, at.PRELOAD] = self.preload_n if preloads_n is None else preloads_n
-        legs[:, at.FOOT_X :] = self.rest_feet()[:, :2]
+        legs[:, at.FOOT_X : at.LONGER] = self.rest_feet()[:, :2]
+        legs[:, at.LONGER] = 0.0
         numbers = () if variant is None else variant.numbers
         return np.array([*scalars, *legs.ravel(), *numbers])
 
@@ -138,6 +140,13 @@ class HopperParameters(Scene):
         vectors[:, first_entries + at.PRELOAD] = preloads_n
         vectors[:, at.BOOM_START] -= since_apex_s
         return vectors
+
+    def lengthened(self, vectors: FloatArray, longer_m: FloatArray) -> FloatArray:
+        """Return parameter vectors with legs that are longer than usual."""
+        first_entries = at.LEGS + at.LEG_STRIDE * np.arange(self.n_legs)
+        changed = vectors.copy()
+        changed[..., first_entries + at.LONGER] = longer_m
+        return changed
 
     def boom_places(self, times_s: FloatArray) -> FloatArray:
         """Return the positions of the counterweight, (N, 3), body frame, m."""

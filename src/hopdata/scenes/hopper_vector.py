@@ -1,8 +1,8 @@
 """The flat vector of parameters that the hopper's compiled functions read: its indices.
 
 Scalars come first, in the order of the fields of `HopperParameters`; then, for each
-leg, its preload and the x and y of its rest foot; then the numbers of a variant, if
-there is one (`hopdata.scenes.hopper_control`).
+leg, its preload, the x and y of its rest foot and how much longer than usual it is;
+then the numbers of a variant, if there is one (`hopdata.scenes.hopper_control`).
 """
 
 N_LEGS = 0
@@ -28,9 +28,10 @@ BOOM_DURATION = 19
 TILT_LIMIT = 20
 
 LEGS = 21  # the first leg's entries begin here
-LEG_STRIDE = 3  # entries of a leg
+LEG_STRIDE = 4  # entries of a leg
 
 # Entries of a leg, counted from its first.
 PRELOAD = 0
 FOOT_X = 1
 FOOT_Y = 2
+LONGER = 3

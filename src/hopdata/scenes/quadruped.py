@@ -56,8 +56,8 @@ APEX = N_LEGS
 FALLEN = N_LEGS + 1
 RELEASED = N_LEGS + 2
 
-# Indices into the flat vector: the fields of `Quadruped` in order, then the preloads
-# and kappa.
+# Indices into the flat vector: the fields of `Quadruped` in order, then the preloads,
+# kappa, and how much longer than usual each leg is.
 MASS = 0
 INERTIA_X = 1
 INERTIA_Y = 2
@@ -74,6 +74,7 @@ TILT_LIMIT = 13
 GRAVITY = 14
 PRELOADS = 15
 COUPLING = PRELOADS + N_LEGS
+LONGER = COUPLING + 1
 
 
 @kept_njit(error_model="numpy")
@@ -88,7 +89,7 @@ def rest_place(leg: int, p: FloatArray) -> Vector:
     y = p[HALF_WIDTH]
     if leg % 2 == 1:
         y = -y
-    return x, y, -p[LEG_LENGTH]
+    return x, y, -p[LEG_LENGTH] - p[LONGER + leg]
 
 
 @kept_njit(error_model="numpy")
@@ -218,6 +219,7 @@ class Quadruped(Scene):
 
     controls: ClassVar[tuple[str, ...]] = ("coupling",)
     feet_slide: ClassVar[bool] = False
+    legs_can_scatter: ClassVar[bool] = True
 
     mass_kg: float = positive(2.7, "Mass of the body.", "kg")
     inertia_x_kg_m2: float = positive(
@@ -288,9 +290,15 @@ class Quadruped(Scene):
     def vector(
         self, preloads_n: FloatArray | None = None, variant: Variant | None = None
     ) -> FloatArray:
-        """Return the flat parameter vector; its last entry is the coupling."""
+        """Return the flat parameter vector."""
         scalars = [getattr(self, one.name) for one in fields(self)]
         if preloads_n is None:
             preloads_n = np.full(N_LEGS, self.preload_n)
         coupling = 0.0 if variant is None else variant.numbers[0]
-        return np.array([*scalars, *preloads_n, coupling])
+        return np.array([*scalars, *preloads_n, coupling, *np.zeros(N_LEGS)])
+
+    def lengthened(self, vectors: FloatArray, longer_m: FloatArray) -> FloatArray:
+        """Return parameter vectors with legs that are longer than usual."""
+        changed = vectors.copy()
+        changed[..., LONGER : LONGER + N_LEGS] = longer_m
+        return changed

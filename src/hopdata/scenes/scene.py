@@ -81,6 +81,8 @@ class Scene(ABC):
     #: Whether the handler of its system may change the state, such as a memory of feet.
     #: If not, the dissertation's method can integrate it, which has no resets.
     resets_state: ClassVar[bool] = True
+    #: Whether its legs may differ in length from landing to landing: see `lengthened`.
+    legs_can_scatter: ClassVar[bool] = False
 
     mass_kg: float
     preload_n: float
@@ -147,6 +149,14 @@ class Scene(ABC):
             Time from the apex to the start, s; only a moving boom depends on it.
         """
         return np.array([self.vector(row, variant) for row in preloads_n])
+
+    def lengthened(self, _vectors: FloatArray, _longer_m: FloatArray, /) -> FloatArray:
+        """Return parameter vectors (..., p) with legs longer by (..., n), m.
+
+        The rest feet move along the body z-axis. Only a scene whose `legs_can_scatter`
+        knows how.
+        """
+        raise NotImplementedError(type(self).__name__)
 
     def require_take_off(self, key: str) -> None:
         """Raise a `ConfigError` about `key` if extended legs cannot carry the body."""

@@ -217,20 +217,22 @@ def _follow_feet(
 
     A foot in contact is on the floor, below its rest place or where it touched down. A
     foot in flight is at its rest place plus its extension at lift-off, which stays
-    fixed in the body and fades within `retraction_s`. Place, speed and acceleration do
-    not jump.
+    fixed in the body and fades within `retraction_s`. A leg that will be longer in the
+    next landing is so from lift-off. Place, speed and acceleration do not jump.
     """
     time = np.arange(len(trial.states)) / trial.rate_hz
     rotations = rotation_matrices(trial.states[:, 3:6])
     down = np.zeros((len(time), scene.n_legs), dtype=bool)
     feet = np.empty((len(time), scene.n_legs, 3))
     for leg in range(scene.n_legs):
-        since, place, extension, down[:, leg] = _last_event(trial, scene, leg, time)
-        rest = rest_foot(scene, trial.states, leg)
+        last = _last_event(trial, scene, leg, time)
+        since, place, extension, down[:, leg], longer = last
+        rest = rest_foot(scene, trial.states, leg, longer)
         drawn = extension * (1.0 - smooth_step(since / retraction_s))[:, None]
         flying = rest + np.einsum("nij,nj->ni", rotations, drawn)
         if delay_s != 0:
-            flying[:, 2] += delay_s * _running_ahead(trial, scene, leg, since, time)
+            climb = rest_foot_climb(scene, trial.states, leg, longer)
+            flying[:, 2] += delay_s * (_running_ahead(trial, since, time) * climb)
         standing = place
         if scene.feet_slide:
             standing = rest * ON_FLOOR
@@ -238,38 +240,61 @@ def _follow_feet(
     return down, feet
 
 
-def _running_ahead(
-    trial: Trial, scene: Scene, leg: int, since: FloatArray, time: FloatArray
-) -> FloatArray:
-    """Return a foot's climb rate, (N,), m/s: faded in from apex to contact."""
+def _running_ahead(trial: Trial, since: FloatArray, time: FloatArray) -> FloatArray:
+    """Return by what share, (N,), a foot runs ahead: faded in from apex to contact."""
     apex = np.searchsorted(trial.apex_s, time, side="right") - 1
     falling = time - trial.apex_s[apex]
     has_not_touched = since > falling
-    share = np.where(has_not_touched, smooth_step(falling / RUNNING_AHEAD_S), 0.0)
-    return np.asarray(share * rest_foot_climb(scene, trial.states, leg))
+    return np.where(has_not_touched, smooth_step(falling / RUNNING_AHEAD_S), 0.0)
 
 
 def _last_event(
     trial: Trial, scene: Scene, leg: int, time: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, FloatArray]:
     """Find the last contact event of a leg before each of N frames.
 
     Returns the time since, s; the foot's place on the floor then, (N, 3), world, m; its
-    offset from the rest place, (N, 3), body frame, m; and whether it touched down (else
-    it lifted off).
+    offset from the rest place, (N, 3), body frame, m; whether it touched down (else it
+    lifted off); and how much longer than usual the leg is from then on, (N,), m.
     """
     own = np.flatnonzero(trial.event_leg == leg)
     states = trial.event_state[own]
     touches = trial.event_down[own]
-    rest = rest_foot(scene, states, leg)
-    place = rest * ON_FLOOR
+    longer, longer_then = _longer_at(trial, leg, trial.event_time[own], touches)
+    place = rest_foot(scene, states, leg, longer) * ON_FLOOR
     if not scene.feet_slide:  # place of the touchdown before the lift-off
         place[~touches] = place[np.flatnonzero(~touches) - 1]
+    rest = rest_foot(scene, states, leg, longer_then)
     extension = np.einsum("nji,nj->ni", rotation_matrices(states[:, 3:6]), place - rest)
     # Before the first event (index -1): in flight, at rest length.
     when = np.append(trial.event_time[own], -np.inf)
     places = np.vstack([place, np.zeros(3)])
     extensions = np.vstack([extension, np.zeros(3)])
     downs = np.append(touches, False)
+    longers = np.append(longer_then, trial.longer_m[0, leg])
     last = np.searchsorted(when[:-1], time, side="right") - 1
-    return time - when[last], places[last], extensions[last], downs[last]
+    return (
+        time - when[last],
+        places[last],
+        extensions[last],
+        downs[last],
+        longers[last],
+    )
+
+
+def _longer_at(
+    trial: Trial, leg: int, when: FloatArray, touches: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how much longer a leg is until each of E events, and from then on, (E,).
+
+    A leg that has lifted off takes the length with which it will touch next.
+    """
+    hop = np.searchsorted(trial.apex_s, when, side="right") - 1
+    upcoming = len(trial.apex_s) - 1
+    next_hop = np.empty(len(hop), dtype=int)
+    for event in range(len(hop) - 1, -1, -1):
+        if touches[event]:
+            upcoming = hop[event]
+        next_hop[event] = upcoming
+    of_leg = trial.longer_m[:, leg]
+    return of_leg[hop], of_leg[next_hop]

@@ -46,6 +46,12 @@ EXACTLY: dict[str, Any] = {
 #: Contacts that are no further apart are simultaneous.
 #: Unit: s. Origin: chosen.
 SAME_INSTANT_S = 1e-13
+#: Difference in length of legs that touch one after the other, in `leg_slopes`.
+#: Unit: m. Origin: chosen.
+LEGS_APART_M = 2e-6
+#: Step of the differences by the lengths of legs; smaller, so that no order changes.
+#: Unit: m. Origin: derived: a quarter of `LEGS_APART_M`.
+LEG_STEP_M = LEGS_APART_M / 4
 #: Most corrections of a simultaneous contact before it is given up.
 #: Unit: 1. Origin: chosen.
 MOST_STEPS = 20
@@ -277,6 +283,50 @@ def section_jacobians(
     x = landings.input_coordinates(pre, centre)
     y = np.array(outcomes)
     return SectionJacobians(landing, pre, schedules, np.array(maps), x, y)
+
+
+def leg_slopes(
+    scene: Scene,
+    control: Control,
+    sections: landings.SectionHeights,
+    found: SectionJacobians,
+) -> FloatArray:
+    """Return derivatives (S, 11, n) of each schedule's outcome by the legs' lengths.
+
+    They are central differences of landings near the simultaneous one, whose legs are a
+    little longer the earlier they touch, so that the order stays.
+
+    Parameters
+    ----------
+    scene, control, sections
+        As for `section_jacobians`.
+    found : SectionJacobians
+        Its result.
+    """
+    n = scene.n_legs
+    steps = LEG_STEP_M * np.vstack([np.eye(n), -np.eye(n)])
+    lengths = []
+    for schedule in found.schedules:
+        order = [int(foot) - 1 for foot in schedule.split(">")]
+        ordered = np.empty(n)
+        ordered[order] = LEGS_APART_M * np.arange(n)[::-1]
+        lengths.append(ordered + steps)
+    longer_m = np.concatenate(lengths)
+    flown = landings.true_landings(
+        scene,
+        control,
+        np.tile(found.landing.apex_state, (len(longer_m), 1)),
+        np.full(longer_m.shape, scene.preload_n),
+        sections,
+        longer_m=longer_m,
+        rtol=RTOL,
+        workers=1,
+    )
+    outcomes = landings.output_coordinates(
+        flown.pre_state, flown.post_state, sections.centre_m
+    ).reshape(len(found.schedules), 2, n, -1)
+    slopes = (outcomes[:, 0] - outcomes[:, 1]) / (2.0 * LEG_STEP_M)
+    return np.asarray(np.swapaxes(slopes, 1, 2))
 
 
 def _orders(

@@ -34,8 +34,9 @@ class Hop:
     time: `event_time` (E,), `event_leg` (E,), `event_down` (E,) True for a touchdown
     and False for a lift-off, `event_state` (E, 12). `states` (K, 12) are those at the
     requested frame times, up to the end, and `boom` (K, 3) the places of the boom then,
-    body frame, m; (K, 0) without one. `touched_s` is when a standing hopper first
-    touched a board in its way; NaN if it never did.
+    body frame, m; (K, 0) without one. `longer_m` (n,) is how much longer than usual
+    each leg is, m; None if legs do not scatter. `touched_s` is when a standing hopper
+    first touched a board in its way; NaN if it never did.
     """
 
     start_state: FloatArray
@@ -50,6 +51,7 @@ class Hop:
     event_down: BoolArray
     event_state: FloatArray
     touched_s: float = np.nan
+    longer_m: FloatArray | None = None
 
     @property
     def fell(self) -> bool:
@@ -80,6 +82,7 @@ def fly_hop(
     *,
     variant: Variant | None = None,
     preloads_n: FloatArray | None = None,
+    longer_m: FloatArray | None = None,
     frame_times_s: FloatArray | None = None,
     limit_s: float = 3.0,
     integrator: str = "driver",
@@ -96,6 +99,8 @@ def fly_hop(
         default the scene itself.
     preloads_n : (n,) array, optional
         Preload of each leg in this hop, N.
+    longer_m : (n,) array, optional
+        How much longer than usual each leg is in this hop, m.
     frame_times_s : (K,) array, optional
         Times after the start at which states are returned, s.
     limit_s : float
@@ -118,6 +123,9 @@ def fly_hop(
         preloads_n = np.full(n, scene.preload_n)
     if frame_times_s is None:
         frame_times_s = np.empty(0)
+    params = scene.vector(preloads_n, variant)
+    if longer_m is not None:
+        params = scene.lengthened(params, longer_m)
     system = scene.system(variant)
     wanted = [*(f"foot{leg + 1}" for leg in range(n)), "apex", "fallen"]
     if not set(wanted) <= set(system.guard_names):
@@ -132,7 +140,7 @@ def fly_hop(
     flown = INTEGRATORS[integrator](
         system,
         padded(state, system),
-        params=scene.vector(preloads_n, variant),
+        params=params,
         mode=mode,
         frame_times_s=frame_times_s,
         limit_s=limit_s,
@@ -156,6 +164,7 @@ def fly_hop(
         event_down=events.direction[contact] > 0,
         event_state=events.after[contact, :N_STATES],
         touched_s=touched_s,
+        longer_m=longer_m,
     )
 
 
@@ -189,14 +198,25 @@ def place_of(point_m: FloatArray, states: Any) -> Any:
     return states[..., :3] + rotation_matrices(states[..., 3:6]) @ point_m
 
 
-def rest_foot(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
-    """Return the place of one leg's foot at rest length, world frame, (..., 3), m."""
-    return np.asarray(place_of(scene.rest_feet()[leg], states))
+def rest_foot(
+    scene: Scene, states: FloatArray, leg: int, longer_m: FloatArray | float = 0.0
+) -> FloatArray:
+    """Return the place of one leg's foot at rest length, world frame, (..., 3), m.
+
+    `longer_m` (...), m, is how much longer than usual the leg is.
+    """
+    usual = place_of(scene.rest_feet()[leg], states)
+    along = rotation_matrices(states[..., 3:6])[..., :, 2]
+    return np.asarray(usual - np.asarray(longer_m)[..., None] * along)
 
 
-def rest_foot_climb(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
+def rest_foot_climb(
+    scene: Scene, states: FloatArray, leg: int, longer_m: FloatArray | float = 0.0
+) -> FloatArray:
     """Return the rate of height of one leg's foot at rest length, (...), m/s."""
-    turning = np.cross(states[..., 9:12], scene.rest_feet()[leg])
+    down = np.array([0.0, 0.0, -1.0])
+    foot = scene.rest_feet()[leg] + np.asarray(longer_m)[..., None] * down
+    turning = np.cross(states[..., 9:12], foot)
     up = rotation_matrices(states[..., 3:6])[..., 2, :]
     return np.asarray(states[..., 8] + np.sum(up * turning, axis=-1))
 
@@ -282,6 +302,7 @@ def control_hop(
         gait.start_state,
         variant=control,
         preloads_n=gait.preloads_n,
+        longer_m=gait.longer_m,
         frame_times_s=frame_times_s,
         limit_s=limit_s,
         integrator=integrator,

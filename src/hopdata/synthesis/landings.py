@@ -58,6 +58,7 @@ def landing_vectors(
     point_m: ArrayLike,
     height_m: float,
     since_apex_s: FloatArray | float = 0.0,
+    longer_m: FloatArray | None = None,
 ) -> FloatArray:
     """Return the parameter vectors of L landings, (L, p).
 
@@ -73,8 +74,12 @@ def landing_vectors(
         Height of the section, m.
     since_apex_s : float or (L,) array
         Time since the apex at which the integration begins, s.
+    longer_m : (L, n) array, optional
+        How much longer than usual each leg is, m.
     """
     vectors = scene.vectors(preloads_n, variant, since_apex_s)
+    if longer_m is not None:
+        vectors = scene.lengthened(vectors, longer_m)
     section = [*np.asarray(point_m, dtype=float), height_m]
     return np.hstack([np.tile(section, (len(vectors), 1)), vectors])
 
@@ -240,6 +245,7 @@ def true_landings(
     preloads_n: FloatArray,
     sections: SectionHeights,
     *,
+    longer_m: FloatArray | None = None,
     rtol: float = 1e-8,
     workers: int | None = None,
 ) -> TrueLandings:
@@ -255,6 +261,8 @@ def true_landings(
         Preload of each leg, N.
     sections : SectionHeights
         Where to stop.
+    longer_m : (L, n) array, optional
+        How much longer than usual each leg is, m.
     rtol : float
         Relative tolerance of the integration; the absolute one is a hundredth of it.
     workers : int, optional
@@ -267,7 +275,8 @@ def true_landings(
         are down there.
     """
     fall = partial(_fall, scene, variant, sections, rtol=rtol, workers=workers)
-    pre_time, pre, contact, fell = fall(apex_states, preloads_n, sections.pre_m, 0.0)
+    legs = _Legs(preloads_n, longer_m)
+    pre_time, pre, contact, fell = fall(apex_states, legs, sections.pre_m, 0.0)
     # All feet must be up at the pre section.
     whole = fell & (contact < 0).all(axis=1)
     post_time = np.full(len(apex_states), np.nan)
@@ -276,7 +285,7 @@ def true_landings(
     if len(rows) > 0:
         start = pre_time[rows]
         after, post[rows], late, fell = fall(
-            pre[rows], preloads_n[rows], sections.post_m, start
+            pre[rows], legs.of(rows), sections.post_m, start
         )
         post_time[rows] = after + start
         contact[rows] = np.where(late >= 0, late + start[:, None], NOT_YET)
@@ -285,12 +294,26 @@ def true_landings(
     return TrueLandings(pre_time, post_time, pre, post, contact, whole)
 
 
+@dataclass(frozen=True)
+class _Legs:
+    """Preloads (L, n), N, and how much longer than usual each leg is, (L, n), m."""
+
+    preloads_n: FloatArray
+    longer_m: FloatArray | None
+
+    def of(self, rows: IntArray) -> "_Legs":
+        """Return the legs of some of the landings."""
+        if self.longer_m is None:
+            return _Legs(self.preloads_n[rows], None)
+        return _Legs(self.preloads_n[rows], self.longer_m[rows])
+
+
 def _fall(  # noqa: PLR0913 (partly applied by its only caller)
     scene: Scene,
     variant: Variant | None,
     sections: SectionHeights,
     states: FloatArray,
-    preloads_n: FloatArray,
+    legs: _Legs,
     height_m: float,
     since_apex_s: FloatArray | float,
     *,
@@ -304,14 +327,15 @@ def _fall(  # noqa: PLR0913 (partly applied by its only caller)
     """
     own = scene.system(variant)
     system = landing_system(own)
-    no_contacts = np.full(preloads_n.shape, NOT_YET)
+    no_contacts = np.full(legs.preloads_n.shape, NOT_YET)
     params = landing_vectors(
         scene,
         variant,
-        preloads_n,
+        legs.preloads_n,
         point_m=sections.centre_m,
         height_m=height_m,
         since_apex_s=since_apex_s,
+        longer_m=legs.longer_m,
     )
     solution = solve_batch(
         system,

@@ -22,7 +22,7 @@ from hopdata.scenes import STANDARD, scene_class
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis import landings as true
 from hopdata.synthesis.camera import fixed_markers, in_world
-from hopdata.synthesis.exact_maps import homed, section_jacobians
+from hopdata.synthesis.exact_maps import homed, leg_slopes, section_jacobians
 from hopdata.synthesis.landings import SectionHeights, true_landings
 
 # The scene that the truth of a synthetic recording was made with.
@@ -335,12 +335,16 @@ def true_states(
     """
     parts = []
     for scene, rows in known.scene.by_hop(len(truth.apex_states)):
+        longer_m = None
+        if truth.longer_m is not None:
+            longer_m = truth.longer_m[rows]
         found = true_landings(
             scene,
             known.control,
             truth.apex_states[rows],
             truth.preloads_n[rows],
             sections,
+            longer_m=longer_m,
             rtol=TRUE_SECTIONS_RTOL,
             workers=1,
         )
@@ -380,12 +384,15 @@ def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, A
     dict
         ``inputs`` and ``outputs`` (names of the coordinates), ``body_points_m`` (B, 3),
         ``schedules`` (S), ``maps`` (S, 11, 8), and the input ``x`` (8) and outcomes
-        ``y`` (S, 11) of the landing at which they hold.
+        ``y`` (S, 11) of the landing at which they hold. Where legs scatter, ``legs``
+        has ``maps`` (S, 11, n) by their lengths, and the ``covariance_m2`` (n, n) of
+        these.
     """
     known = common_scene(truths)
     apexes, _ = _starts(truths, known.scene)
-    found = section_jacobians(known.scene.still(), known.control, apexes, sections)
-    return {
+    scene = known.scene.still()
+    found = section_jacobians(scene, known.control, apexes, sections)
+    exact = {
         "inputs": list(INPUT_NAMES),
         "outputs": list(OUTPUT_NAMES),
         "body_points_m": sections.points_m.tolist(),
@@ -394,3 +401,12 @@ def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, A
         "x": found.x.tolist(),
         "y": found.y.tolist(),
     }
+    lengths = [truth.longer_m for truth in truths if truth.longer_m is not None]
+    if lengths:
+        slopes = leg_slopes(scene, known.control, sections, found)
+        covariance = np.cov(np.concatenate(lengths).T)
+        exact["legs"] = {
+            "maps": slopes.tolist(),
+            "covariance_m2": covariance.tolist(),
+        }
+    return exact

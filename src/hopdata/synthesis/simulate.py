@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -40,6 +40,8 @@ class Simulation:
     control : Control
         System that lands instead of the scene, from the apexes of its gait; at strength
         zero, the scene itself.
+    legs_scatter_m : float
+        Standard deviation of the length of each leg, drawn anew for every landing, m.
     integrator : str
         What integrates the hops, of `hopdata.synthesis.integrators.INTEGRATORS`.
     """
@@ -51,6 +53,7 @@ class Simulation:
     kicks: trials.Kicks = field(default_factory=trials.Kicks)
     operator: trials.Operator = field(default_factory=trials.Operator)
     control: Control = field(default_factory=Control)
+    legs_scatter_m: float = 0.0
     integrator: str = "driver"
 
     def __post_init__(self) -> None:
@@ -60,6 +63,9 @@ class Simulation:
         for strength, value in asdict(self.control).items():
             fits = value == 0 or strength in self.scene.controls
             require(fits, f"simulation.control.{strength}", wanted, value)
+        fits = self.legs_scatter_m == 0 or self.scene.legs_can_scatter
+        wanted = f"0, since the legs of the scene {self.name} have one length"
+        require(fits, "simulation.legs_scatter_m", wanted, self.legs_scatter_m)
         require_choice("simulation.integrator", self.integrator, INTEGRATORS)
         resets = self.scene.resets_state or self.control.impulse != 0
         can_do = self.integrator != "printed" or not resets
@@ -80,16 +86,25 @@ class Simulation:
         scene = trials.from_mapping(scene_class(name), given.pop(name, None))
         return replace(trials.from_mapping(cls, given), name=name, scene=scene)
 
+    def lengths(self, rng: np.random.Generator) -> Iterator[FloatArray]:
+        """Yield how much longer than usual each leg is, (n,), m, hop by hop."""
+        if self.legs_scatter_m == 0:
+            return
+        for _ in range(self.hops):
+            yield self.legs_scatter_m * rng.standard_normal(self.scene.n_legs)
+
     def said(self) -> dict[str, Any]:
         """Return the block as plain data.
 
-        It has a control, the name of a scene that is not the standard one, or an
-        integrator that is not the driver, only if there is one.
+        It has a control, a scatter of the legs, the name of a scene that is not the
+        standard one, or an integrator that is not the driver, only if there is one.
         """
         said = asdict(self)
         said[said.pop("name")] = said.pop("scene")
         if not self.control.active:
             del said["control"]
+        if self.legs_scatter_m == 0:
+            del said["legs_scatter_m"]
         if self.integrator == "driver":
             del said["integrator"]
         if self.name == STANDARD:
@@ -113,8 +128,8 @@ def simulate_recording(
         Blocks of the configuration (fields of `Simulation` and `MotionCapture`);
         missing keys take their defaults.
     seed : int or sequence of int
-        Seed of all random numbers. Kicks, floor, noise and gaps have separate streams,
-        so that changing one leaves the others unchanged.
+        Seed of all random numbers. Kicks, floor, noise, gaps and legs have separate
+        streams, so that changing one leaves the others unchanged.
     name : str
         Name of the recording.
 
@@ -128,8 +143,9 @@ def simulate_recording(
     scene = simulated.scene
     control = simulated.control
     duration_s = simulated.duration_s
-    streams = np.random.SeedSequence(seed).spawn(4)
-    kicks_rng, floor_rng, noise_rng, gaps_rng = map(np.random.default_rng, streams)
+    streams = np.random.SeedSequence(seed).spawn(5)
+    generators = map(np.random.default_rng, streams)
+    kicks_rng, floor_rng, noise_rng, gaps_rng, legs_rng = generators
     trial = trials.run_trial(
         scene,
         hops=simulated.hops,
@@ -138,6 +154,7 @@ def simulate_recording(
         kicks=simulated.kicks,
         operator=simulated.operator,
         control=control if control.active else None,
+        longer_m=simulated.lengths(legs_rng),
         integrator=simulated.integrator,
         duration_s=math.inf if duration_s is None else duration_s,
     )
@@ -148,6 +165,9 @@ def simulate_recording(
     recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
     times, points = first_contacts(trial, scene)
     bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
+    longer_m = None
+    if simulated.legs_scatter_m > 0:
+        longer_m = trial.longer_m[: len(trial.hops)]
     parameters = {
         "seed": seed,
         "simulation": simulated.said(),
@@ -165,6 +185,7 @@ def simulate_recording(
         preloads_n=np.array([hop.preloads_n for hop in trial.hops]),
         noise_m=camera.coordinate_noise_m,
         parameters_json=json.dumps(parameters, sort_keys=True),
+        longer_m=longer_m,
     )
     return recording, truth
 
@@ -201,5 +222,7 @@ def first_contacts(trial: trials.Trial, scene: Scene) -> tuple[FloatArray, Float
         for leg, k in enumerate(hop.first_contacts()):
             if k >= 0:
                 times[i, leg] = trial.hop_start_s[i] + hop.event_time[k]
-                points[i, leg] = rest_foot(scene, hop.event_state[k], leg)[:2]
+                longer = trial.longer_m[i, leg]
+                foot = rest_foot(scene, hop.event_state[k], leg, longer)
+                points[i, leg] = foot[:2]
     return times, points

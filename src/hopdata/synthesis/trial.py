@@ -182,6 +182,8 @@ class Trial:
         All contact events, (E,), (E,), (E,) and (E, 12), in order of time.
     n_carries : int
         Number of times the operator carried the hopper back.
+    longer_m : (A, n) array
+        How much longer than usual each leg is in every hop, m.
     """
 
     rate_hz: float
@@ -195,6 +197,7 @@ class Trial:
     event_down: BoolArray
     event_state: FloatArray
     n_carries: int
+    longer_m: FloatArray
 
 
 class Tape:
@@ -269,7 +272,15 @@ class Tape:
             event_down=event_down,
             event_state=event_state,
             n_carries=self.n_carries,
+            longer_m=np.array([_longer(hop) for hop in self.hops]),
         )
+
+
+def _longer(hop: Hop) -> FloatArray:
+    """Return how much longer than usual each leg of a hop is, (n,), m."""
+    if hop.longer_m is None:
+        return np.zeros(len(hop.preloads_n))
+    return hop.longer_m
 
 
 def carried(
@@ -303,6 +314,7 @@ def run_trial(  # noqa: PLR0913 (the trial's options)
     duration_s: float = math.inf,
     changes: Iterable[Mapping[str, Any]] = (),
     preloads_n: FloatArray | None = None,
+    longer_m: Iterable[FloatArray] = (),
     integrator: str = "driver",
 ) -> Trial:
     """Let a body make a number of hops, or hop for a time, whichever ends first.
@@ -330,12 +342,16 @@ def run_trial(  # noqa: PLR0913 (the trial's options)
         Parameters of the scene that change in the first hop, the second, and so on.
     preloads_n : (n,) array, optional
         Preload of each leg before random changes, N; by default that of the scene.
+    longer_m : iterable of (n,) array
+        How much longer than usual each leg is in the first hop, the second, and so on,
+        m; by default none is.
     integrator : str
         What integrates the hops; see `hopdata.synthesis.hops.fly_hop`.
     """
     kicks = kicks or Kicks()
     operator = operator or Operator()
     still_to_change = iter(changes)
+    legs_to_come = iter(longer_m)
     preloads = scene.preload_n if preloads_n is None else preloads_n
     tape = Tape(rate_hz)
     state = _release_state(scene, operator, rng, 0.0)
@@ -347,10 +363,12 @@ def run_trial(  # noqa: PLR0913 (the trial's options)
             "limit_s": operator.hop_limit_s,
             "integrator": integrator,
         }
+        longer = next(legs_to_come, None)
         scene = replace(scene, **next(still_to_change, {}))
         changed = 1 + kicks.preload_fraction * rng.standard_normal(scene.n_legs)
         start = kicked(state, kicks, rng)
-        hop = fly_hop(scene, start, preloads_n=preloads * changed, **flight)
+        pushing = preloads * changed
+        hop = fly_hop(scene, start, preloads_n=pushing, longer_m=longer, **flight)
         shown = hop
         if control is not None:
             shown = control_hop(scene, control, hop, **flight)

@@ -74,6 +74,8 @@ def test_no_planar_rigid_motion_matters(method, angle, shift):
     theirs = pairs(moved(SCENE.recording, angle, shift), method=method)
     np.testing.assert_allclose(theirs.x, ours.x, atol=1e-12, rtol=0)
     np.testing.assert_allclose(theirs.y, ours.y, atol=1e-12, rtol=0)
+    np.testing.assert_allclose(theirs.feet, ours.feet, atol=1e-10, rtol=0)
+    np.testing.assert_allclose(theirs.feet_se, ours.feet_se, rtol=1e-6)
 
 
 def test_a_tilt_does_matter():
@@ -108,6 +110,83 @@ def test_only_used_touchdowns_of_all_recordings():
     assert 3 not in found.index[:19]
     same = assemble_pairs([second, SCENE.recording], both, **SECTIONS)
     np.testing.assert_array_equal(same.x, found.x)
+
+
+def test_feet_are_in_the_home_frame_with_their_errors():
+    found = pairs(home_marker="body2")
+    quiet = pairs(SCENE.clean, home_marker="body2")
+    assert found.feet.shape == found.feet_se.shape == (40, 3, 3)
+    # Above the floor by what the body still has to fall.
+    assert (found.feet[:, :, 2] > 0.01).all()
+    assert (found.feet_se < 0.002).all()
+    # The home frame's own error, common to both sections, is of the size of the noise.
+    apart = found.feet[:, :, 2] - quiet.feet[:, :, 2]
+    score = apart / found.feet_se[:, :, 2]
+    assert np.sqrt(np.mean(score**2)) == pytest.approx(1.0, abs=0.25)
+    # Feet are as far apart as in the body, whose tilt is small.
+    sides = np.linalg.norm(np.diff(quiet.feet[:, [0, 1, 2, 0]], axis=1), axis=2)
+    np.testing.assert_allclose(sides, 0.38 * np.sqrt(3), atol=0.01)
+
+
+def test_a_foot_that_is_not_seen_in_flight_leaves_the_rest():
+    positions = SCENE.recording.positions.copy()
+    hidden = SCENE.recording.markers.index(SCENE.recording.names("foot")[1])
+    crossing = TABLE["t_pre_s"].iloc[5]
+    near = np.abs(SCENE.recording.time - crossing) < 0.25
+    positions[near, hidden] = np.nan
+    found = pairs(replace(SCENE.recording, positions=positions))
+    is_missing = np.isnan(found.feet).any(axis=2)
+    assert is_missing[5, 1]
+    assert is_missing.sum() == 1
+    apart = np.abs(found.feet - pairs().feet) / pairs().feet_se
+    assert (apart[~is_missing] < 1).all()
+    np.testing.assert_allclose(found.x, pairs().x, atol=1e-12)
+
+
+def test_feet_stand_in_the_order_of_their_contacts():
+    """The table's columns have an order of their own."""
+    names = SCENE.recording.names("foot")
+    columns = [name for name in TABLE if name.startswith(("contact_", "se_"))]
+    others = [name for name in TABLE if name not in columns]
+    found = pairs(table=TABLE[[*others, *columns[::-1]]])
+    assert len(names) == 3
+    np.testing.assert_array_equal(found.instants, pairs().instants[:, ::-1])
+    np.testing.assert_allclose(found.feet, pairs().feet[:, ::-1], atol=1e-12)
+
+
+def three_recordings():
+    import pandas as pd
+
+    names = ["b", "a", "c"]
+    recordings = [replace(SCENE.recording, name=name) for name in names]
+    tables = [TABLE.assign(recording=name) for name in names]
+    return recordings, pd.concat(tables)
+
+
+def test_recordings_follow_one_another_unless_the_study_says_when_they_begin():
+    recordings, table = three_recordings()
+    long_s = np.ptp(SCENE.recording.time)
+    alone = pairs().time_s
+    np.testing.assert_allclose(alone, TABLE["t_pre_s"], atol=0.01)
+    found = assemble_pairs(recordings, table, **SECTIONS)
+    expected = [alone, alone + long_s, alone + 2 * long_s]
+    np.testing.assert_allclose(found.time_s, np.concatenate(expected), atol=1e-9)
+    begins_s = {"a": 100.0, "b": None, "c": 5.0}
+    found = assemble_pairs(recordings, table, **SECTIONS, begins_s=begins_s)
+    since = alone - SCENE.recording.time[0]
+    expected = [since + 100.0, since + 100.0 + long_s, since + 5.0]
+    np.testing.assert_allclose(found.time_s, np.concatenate(expected), atol=1e-9)
+
+
+def test_a_block_is_a_recording_or_what_the_study_says():
+    recordings, table = three_recordings()
+    found = assemble_pairs(recordings, table, **SECTIONS)
+    np.testing.assert_array_equal(found.blocks({}), found.recording)
+    labels = {"a": "sand", "b": "mat", "c": "sand"}
+    blocks = found.blocks(labels)
+    np.testing.assert_array_equal(blocks == "mat", found.recording == "b")
+    assert found.blocks(dict.fromkeys("abc", "sand")) is None
+    assert pairs().blocks({}) is None
 
 
 def test_the_default_home_marker_is_the_farthest_in_any_order_of_markers():
@@ -156,6 +235,7 @@ def test_file_round_trip(tmp_path):
     write_pairs(path, ours)
     theirs = read_pairs(path)
     assert ours.instants.shape == ours.instants_se.shape == (len(ours), 3)
+    assert ours.feet.shape == (len(ours), 3, 3)
     for name in DESCRIPTIONS:
         np.testing.assert_array_equal(getattr(theirs, name), getattr(ours, name))
     import h5py
@@ -185,9 +265,11 @@ def test_files_are_written_and_read_without_locks(tmp_path, monkeypatch):
 
 
 def test_a_file_may_have_no_standard_errors(tmp_path):
-    write_pairs(tmp_path / "pairs.h5", replace(pairs(), x_se=None, y_se=None))
+    without = replace(pairs(), x_se=None, y_se=None, feet=None, feet_se=None)
+    write_pairs(tmp_path / "pairs.h5", without)
     theirs = read_pairs(tmp_path / "pairs.h5")
     assert theirs.x_se is theirs.y_se is None
+    assert theirs.feet is theirs.feet_se is None
 
 
 def test_standard_errors_are_those_of_the_states():

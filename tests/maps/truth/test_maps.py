@@ -205,6 +205,22 @@ def test_positions_and_velocities_count_alike_whatever_their_units():
     assert found == pytest.approx(0.2 / np.sqrt(2), rel=1e-9)
 
 
+def test_legs_that_scatter_are_inputs_as_well():
+    by_legs = np.random.default_rng(5).standard_normal((11, 3))
+    changes = (-0.1, 0.1, 0.0)
+
+    def with_legs(*factors):
+        maps = [(by_legs * factor).tolist() for factor in factors]
+        legs = {"maps": maps, "covariance_m2": (0.008**2 * np.eye(3)).tolist()}
+        return true_effect(exact(*changes) | {"legs": legs}, landings(40)[0], INSTANTS)
+
+    without = true_effect(exact(*changes), landings(40)[0], INSTANTS)
+    assert with_legs(0.0, 0.0, 0.0) == pytest.approx(without, rel=1e-9)
+    assert with_legs(0.9, 1.1, 1.0) == pytest.approx(without, rel=1e-9)
+    assert with_legs(1.0, 1.0, 1.0) < 0.999 * without
+    assert with_legs(0.5, 1.5, 1.0) > 1.001 * without
+
+
 def test_turns_move_the_markers_as_said():
     """The rms motion of the markers about each axis is that of a small rotation of the body."""
     motions = marker_motions(POINTS)

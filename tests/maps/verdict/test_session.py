@@ -39,6 +39,19 @@ def test_surfaces_by_turns_are_a_factor(rng, softer):
     assert found.used == (("block",) if softer else ())
 
 
+@pytest.mark.parametrize("softer", [0.0, 0.5])
+def test_one_surface_after_the_other_is_a_change(rng, softer):
+    """Nobody said which landings were on which surface."""
+    time = np.arange(400.0)
+    design, outcomes, states = _study(rng, softer * (time >= 143))
+    session = Session.of(time, np.zeros(400, dtype=np.int64))
+    found = session_terms(session, design, outcomes, states=states)
+    assert found.used == (("change",) if softer else ())
+    if softer:
+        levels, counts = np.unique(found.columns[:, 0], return_counts=True)
+        assert counts[levels < 0].sum() == pytest.approx(143, abs=1)
+
+
 def test_too_few_landings_have_no_terms_of_the_session(rng):
     time = np.arange(25.0)
     design, outcomes, states = _study(rng, time / 25, n=25)

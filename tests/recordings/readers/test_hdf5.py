@@ -73,6 +73,15 @@ def test_a_recording_and_its_truth_come_back_as_they_were(tmp_path, recording, t
     arrays_equal(read_truth(path), truth)
 
 
+def test_the_lengths_of_legs_are_kept_where_they_scatter(tmp_path, recording, truth):
+    path = tmp_path / "trial.h5"
+    scattered = replace(truth, longer_m=np.full((LANDINGS, 2), 0.004))
+    write_recording(path, recording, scattered)
+    arrays_equal(read_truth(path), scattered)
+    write_recording(path, recording, truth)
+    assert read_truth(path).longer_m is None
+
+
 def test_a_truth_that_does_not_say_how_far_the_maps_are_apart(
     tmp_path, recording, truth
 ):

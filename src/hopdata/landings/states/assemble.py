@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, require_choice
 from hopdata.landings import exclusion
+from hopdata.landings.contacts.joined import parts_of_feet
 from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states.crossing import SectionStates
+from hopdata.landings.states.feet import feet_at_section
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.home_frames import HomeFrames, home_frames
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
@@ -47,6 +50,7 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
     window_s: float | None = None,
     gravity: str = "auto",
     ambiguous: str = "keep",
+    begins_s: Mapping[str, float | None] | None = None,
 ) -> Pairs:
     """Collect the pairs of all touchdowns that are not excluded.
 
@@ -65,6 +69,9 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
     ambiguous : {"keep", "pool", "exclude"}
         With ``pool``, touchdowns of the class ``ambiguous`` get no schedule and are
         used only where the order of the contacts does not matter.
+    begins_s : mapping, optional
+        When each recording begins in the session, s, by its name. Without an entry, or
+        with None, it follows the one before it in the order of names.
 
     Returns
     -------
@@ -92,7 +99,9 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
     parts = []
     # The order of the landings decides random draws, so it is not that of the
     # configuration.
-    for recording in sorted(recordings, key=lambda one: one.name):
+    in_order = sorted(recordings, key=lambda one: one.name)
+    starts = session_starts(in_order, begins_s or {})
+    for recording, start_s in zip(in_order, starts, strict=True):
         marker = recording.names("body").index(home_marker)
         is_own = table["recording"] == recording.name
         used = table[is_own & ~table["excluded"].astype(bool)]
@@ -100,7 +109,9 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
             continue
         options = {"method": method, "window_s": window_s, "gravity": gravity}
         pre, post = _states(recording, used, pre_height_m, post_height_m, options)
-        parts.append(_pairs_of(recording, used, pre, post, marker))
+        found = _pairs_of(recording, used, pre, post, marker, window_s)
+        in_session = start_s - float(recording.time[0])
+        parts.append(replace(found, time_s=found.time_s + in_session))
     n_pairs = sum(len(part) for part in parts)
     if n_pairs < LEAST_PAIRS:
         rest = table
@@ -116,6 +127,30 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
             "sections.pre_height_m and sections.post_height_m"
         )
     return joined(parts, DESCRIPTIONS)
+
+
+def session_starts(
+    recordings: Sequence[Recording], begins_s: Mapping[str, float | None]
+) -> list[float]:
+    """Return when each recording begins in its session, s.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        In the order in which they follow one another. The first begins at the first
+        instant of its own clock.
+    begins_s : mapping
+        Instants that are known, by the names of the recordings.
+    """
+    starts = []
+    after = float(recordings[0].time[0])
+    for recording in recordings:
+        start = begins_s.get(recording.name)
+        if start is None:
+            start = after
+        starts.append(start)
+        after = start + float(recording.time[-1] - recording.time[0])
+    return starts
 
 
 def farthest_marker(recordings: Sequence[Recording]) -> str:
@@ -227,8 +262,9 @@ def _pairs_of(
     pre: SectionStates,
     post: SectionStates,
     marker: int,
+    window_s: float | None,
 ) -> Pairs:
-    """Bring states to their home frames; leave undetermined ones out."""
+    """Bring states and feet to their home frames; leave undetermined states out."""
     t_pre = used["t_pre_s"].to_numpy()
     home = home_frames(
         recording.time,
@@ -240,6 +276,18 @@ def _pairs_of(
     )
     x, x_se = _in_home_frame(home, pre)
     y, y_se = _in_home_frame(home, post)
+    instants = used.filter(regex="^contact_")
+    instants_se = used.filter(regex="^se_").to_numpy(float)
+    feet, feet_se = feet_at_section(
+        recording.time,
+        _tracks_of_feet(recording, instants.columns),
+        pre,
+        home,
+        contacts=instants.to_numpy(float),
+        contacts_se=instants_se,
+        window_s=window_s,
+        pace=recording.pace,
+    )
     whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
     if not whole.all():
         lost = ", ".join(f"{t:.2f}" for t in t_pre[~whole])
@@ -255,9 +303,24 @@ def _pairs_of(
         body_markers=recording.names("body"),
         x_se=x_se[whole],
         y_se=y_se[whole],
-        instants=kept.filter(regex="^contact_").to_numpy(float),
-        instants_se=kept.filter(regex="^se_").to_numpy(float),
+        instants=instants.to_numpy(float)[whole],
+        instants_se=instants_se[whole],
+        feet=feet[whole],
+        feet_se=feet_se[whole],
+        time_s=pre.time[whole],
     )
+
+
+def _tracks_of_feet(
+    recording: Recording, contact_columns: Iterable[str]
+) -> list[FloatArray]:
+    """Return the markers of each foot, (N, p, 3), in the order of these columns."""
+    parts = dict(zip(recording.names("foot"), parts_of_feet(recording), strict=True))
+    tracks = []
+    for column in contact_columns:
+        foot = column.removeprefix("contact_").removesuffix("_s")
+        tracks.append(recording.positions[:, parts[foot]])
+    return tracks
 
 
 def _in_home_frame(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +22,23 @@ Fitted = tuple[Moments, Coefficients]
 
 
 @dataclass(frozen=True)
+class InstantStates:
+    """States of B markers at L instants, in the world; NaN where not determined.
+
+    Parameters
+    ----------
+    position, velocity : (L, B, 3) array
+        Positions, m, and velocities, m/s.
+    covariance : (L, B, 3, 3) array
+        Covariance of the errors of each position at the instant as it stands, m^2.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
 class SectionStates:
     """States of B body markers at L crossings of a section, in the world.
 
@@ -28,8 +46,9 @@ class SectionStates:
 
     Parameters
     ----------
-    time : (L,) array
-        Instants at which the mean height of the fitted markers equals the section's, s.
+    time, time_se : (L,) array
+        Instants at which the mean height of the fitted markers equals the section's,
+        and their standard errors, s.
     position, velocity : (L, B, 3) array
         Positions, m, and velocities, m/s.
     position_covariance, velocity_covariance : (L, B, 3, 3) array
@@ -38,10 +57,14 @@ class SectionStates:
     """
 
     time: FloatArray
+    time_se: FloatArray
     position: FloatArray
     velocity: FloatArray
     position_covariance: FloatArray
     velocity_covariance: FloatArray
+
+
+Block = TypeVar("Block", InstantStates, SectionStates)
 
 
 def cross(parts: Iterable[Fitted], near: FloatArray, height_m: float) -> SectionStates:
@@ -60,13 +83,33 @@ def cross(parts: Iterable[Fitted], near: FloatArray, height_m: float) -> Section
     -------
     SectionStates
     """
-    blocks = [_cross(sums, fit, near, height_m) for sums, fit in parts]
+    return _joined([_cross(sums, fit, near, height_m) for sums, fit in parts])
+
+
+def at_instants(parts: Iterable[Fitted]) -> InstantStates:
+    """Evaluate polynomials at the instants of their windows, where u is zero."""
+    return _joined([_at_instants(sums, fit) for sums, fit in parts])
+
+
+def _joined(blocks: list[Block]) -> Block:
+    """Join blocks of states."""
     arrays = {}
-    for field in fields(SectionStates):
+    for field in fields(blocks[0]):
         arrays[field.name] = np.concatenate(
             [getattr(block, field.name) for block in blocks]
         )
-    return SectionStates(**arrays)
+    return type(blocks[0])(**arrays)
+
+
+def _at_instants(sums: Moments, fit: Coefficients) -> InstantStates:
+    """Evaluate the polynomials of one block at the instants of its windows."""
+    coefficients = _whole(sums, fit.mean)
+    errors = fit.covariance[..., 0, 0, None] * np.eye(3)
+    return InstantStates(
+        position=turned(coefficients[..., 0], sums.direction, back=True),
+        velocity=turned(coefficients[..., 1] / sums.scale, sums.direction, back=True),
+        covariance=_turned_back(errors, sums.direction),
+    )
 
 
 def _cross(
@@ -84,6 +127,7 @@ def _cross(
     of_speed = _with_instant(errors, acceleration, sinking, order=1)
     return SectionStates(
         time=near[sums.rows] + u * sums.scale,
+        time_se=np.sqrt(_of_mean_height(errors)) / np.abs(sinking),
         position=turned(place, sums.direction, back=True),
         velocity=turned(speed, sums.direction, back=True),
         position_covariance=_turned_back(of_place, sums.direction),
@@ -150,6 +194,12 @@ def _errors(covariance: FloatArray, u: FloatArray, scale: float) -> FloatArray:
     )
 
 
+def _of_mean_height(errors: FloatArray) -> FloatArray:
+    """Return the variance (L,) of the mean height of the markers: see `_errors`."""
+    of_heights = errors[0, 0, :, :, 2]
+    return np.asarray(of_heights.sum(axis=1) / of_heights.shape[1] ** 2)
+
+
 def _with_instant(
     errors: FloatArray, motion: FloatArray, sinking: FloatArray, *, order: int
 ) -> FloatArray:
@@ -170,7 +220,7 @@ def _with_instant(
     """
     markers = motion.shape[1]
     along = -motion / sinking[:, None, None]
-    height = errors[0, 0, :, :, 2].sum(axis=1) / markers**2
+    height = _of_mean_height(errors)
     shared = errors[order, 0, :, :, 2] / markers
     own = errors[order, order][..., None] * np.eye(3)
     moved = along[..., None] * along[..., None, :] * height[:, None, None, None]

@@ -11,7 +11,13 @@ import numpy as np
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import chosen
 from hopdata.landings.states import coefficients
-from hopdata.landings.states.crossing import Fitted, SectionStates, cross
+from hopdata.landings.states.crossing import (
+    Fitted,
+    InstantStates,
+    SectionStates,
+    at_instants,
+    cross,
+)
 from hopdata.landings.states.tracks import (
     LOOK_AT,
     Moments,
@@ -107,6 +113,8 @@ class Tracks:
         Whether the section lies before the contact.
     pace : float
         Pace of the recording: the windows of an animal of 1 m are multiplied by it.
+    direction : (L, 2) array, optional
+        x axes of the landings' frames; by default they follow from the markers.
     """
 
     time: FloatArray
@@ -115,6 +123,7 @@ class Tracks:
     contact: FloatArray
     flight: bool
     pace: float = 1.0
+    direction: FloatArray | None = None
 
     @property
     def frame_s(self) -> float:
@@ -124,7 +133,15 @@ class Tracks:
     def evenly(self, count: int) -> Tracks:
         """Return at most `count` of the crossings, evenly spaced."""
         rows = evenly(len(self.near), count)
-        return replace(self, near=self.near[rows], contact=self.contact[rows])
+        direction = self.direction
+        if direction is not None:
+            direction = direction[rows]
+        return replace(
+            self,
+            near=self.near[rows],
+            contact=self.contact[rows],
+            direction=direction,
+        )
 
     @property
     def lead_s(self) -> float:
@@ -154,7 +171,7 @@ class Tracks:
             start = np.searchsorted(self.time, earliest)
             stop = np.searchsorted(self.time, near + window_s, side="right")
             stop = np.maximum(stop, start + LEAST_FRAMES)
-        return Windows(near, start, stop, window_s)
+        return Windows(near, start, stop, window_s, self.direction)
 
     def sums(
         self, window_s: float, degree: int, *, falling: bool = False
@@ -415,6 +432,33 @@ def section_states(  # noqa: PLR0913 (the data, and the options of the method)
     tracks = Tracks(time, body, near, contact, is_flight, pace)
     fit = fit_tracks(tracks, window_s, fit_flight)
     return cross(fit(), near, height_m)
+
+
+def states_in_flight(
+    time: FloatArray,
+    markers: FloatArray,
+    near: FloatArray,
+    *,
+    contact: FloatArray,
+    direction: FloatArray,
+    window_s: float | None = None,
+    pace: float = 1.0,
+) -> InstantStates:
+    """Fit the motion of markers in flight about given instants by the split fit.
+
+    Unlike those of a rigid body, the markers need not be in free fall.
+
+    Parameters
+    ----------
+    time, markers, near, contact, window_s, pace
+        See `section_states`; `markers` (N, B, 3), m, need not be on the body.
+    direction : (L, 2) array
+        x axes of frames, turned about the vertical, in which the markers move much
+        alike in all landings.
+    """
+    tracks = Tracks(time, markers, near, contact, True, pace, direction)
+    fit = _split_fit(tracks, window_s, None)
+    return at_instants(fit())
 
 
 def _split_fit(

@@ -1,5 +1,6 @@
 """Pairs: states of the body at the pre and the post section, in the home frame."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -40,6 +41,12 @@ class Pairs(Shown):
         were not measured.
     instants, instants_se : (n, feet) array, optional
         Contact instants of the feet, s, and their standard errors.
+    feet, feet_se : (n, feet, 3) array, optional
+        Positions of the feet at the pre section in the home frame, m, with heights
+        above the floor, and their standard errors; NaN where a foot is not seen. None
+        for states without feet.
+    time_s : (n,) array, optional
+        Instants at the pre section, s, on the clock of the session.
     """
 
     x: FloatArray
@@ -55,6 +62,9 @@ class Pairs(Shown):
     y_se: FloatArray | None = None
     instants: FloatArray | None = None
     instants_se: FloatArray | None = None
+    feet: FloatArray | None = None
+    feet_se: FloatArray | None = None
+    time_s: FloatArray | None = None
 
     def told(self) -> str:
         """Describe the numbers of landings, orders and coordinates."""
@@ -69,6 +79,21 @@ class Pairs(Shown):
 
     def __len__(self) -> int:
         return len(self.schedule)
+
+    def blocks(self, labels: Mapping[str, str | None]) -> NDArray[np.str_] | None:
+        """Return the block of each landing; None if all are of one block.
+
+        Parameters
+        ----------
+        labels : mapping
+            Block of each recording by its name; by default, and with None, a recording
+            is a block of its own.
+        """
+        names = self.recording.tolist()
+        blocks = np.array([labels.get(name) or name for name in names], dtype=str)
+        if len(np.unique(blocks)) < 2:
+            return None
+        return blocks
 
     def with_units(self, length_m: float, time_s: float) -> Self:
         """Return the same pairs with units, m and s, > 0, for `normalised`."""
@@ -106,8 +131,17 @@ DESCRIPTIONS = {
     "index": "number of the touchdown in its recording's table",
     "instants": "contact instants of the feet, s",
     "instants_se": "standard errors of the contact instants, s",
+    "feet": (
+        "positions of the feet at the pre section, x, y, z in the home frame of the "
+        "touchdown, m; NaN where a foot is not seen in flight before the first contact"
+    ),
+    "feet_se": f"standard errors of feet, m{_ERRORS}",
+    "time_s": (
+        "instant of each landing at the pre section, s, on the clock of the session: "
+        "recordings follow one another unless the study says when they begin"
+    ),
 }
-OPTIONAL = ("x_se", "y_se", "instants", "instants_se")
+OPTIONAL = ("x_se", "y_se", "instants", "instants_se", "feet", "feet_se", "time_s")
 
 
 def write_pairs(path: str | Path, pairs: Pairs) -> None:

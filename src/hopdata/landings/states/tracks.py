@@ -32,17 +32,28 @@ class Windows:
         First frame, and the frame after the last.
     scale : float
         Unit of u, s.
+    direction : (L, 2) array, optional
+        x axes of the landings' frames in the world. By default they follow from the
+        markers: see `Moments`.
     """
 
     near: FloatArray
     start: IntArray
     stop: IntArray
     scale: float
+    direction: FloatArray | None = None
 
     def some(self, rows: IntArray | slice) -> Self:
         """Return the windows of some of the instants."""
+        direction = self.direction
+        if direction is not None:
+            direction = direction[rows]
         return replace(
-            self, near=self.near[rows], start=self.start[rows], stop=self.stop[rows]
+            self,
+            near=self.near[rows],
+            start=self.start[rows],
+            stop=self.stop[rows],
+            direction=direction,
         )
 
 
@@ -55,8 +66,9 @@ class Moments:
     coefficients are still position and velocity at u = 0.
 
     Coordinates are those of the landing's own frame, turned about the vertical,
-    relative to the mean of the marker's track. The fall under gravity is subtracted if
-    requested.
+    relative to the mean of the marker's track. Its x axis is that of the windows, or
+    points from the middle of the markers to the farthest one. The fall under gravity is
+    subtracted if requested.
 
     Parameters
     ----------
@@ -206,6 +218,8 @@ class _Seen:
         Mean of each marker's track, m.
     arms : (L, B, 2) array
         Horizontal vectors from the middle of the body to these means, m.
+    direction : (L, 2) array, optional
+        x axes of the landings' frames, if they are given.
     """
 
     u: FloatArray
@@ -213,11 +227,19 @@ class _Seen:
     usable: BoolArray
     centre: FloatArray
     arms: FloatArray
+    direction: FloatArray | None
 
     @property
     def lengths(self) -> FloatArray:
         """Lengths of the arms, (L, B), m."""
         return np.hypot(self.arms[..., 0], self.arms[..., 1])
+
+    def along_arm(self, marker: int) -> FloatArray:
+        """Return unit vectors (L, 2) along the arm of a marker."""
+        arm = self.arms[:, marker]
+        length = self.lengths[:, marker, None]
+        is_known = length > 0
+        return np.where(is_known, arm / np.where(is_known, length, 1.0), [1.0, 0.0])
 
 
 def _farthest_out(time: FloatArray, body: FloatArray, windows: Windows) -> int:
@@ -234,10 +256,9 @@ def _farthest_out(time: FloatArray, body: FloatArray, windows: Windows) -> int:
 
 def _moments(seen: _Seen, rows: IntArray, basis: _Basis) -> Moments:
     """Sum the frames of a block of windows, in each landing's own frame."""
-    arm = seen.arms[:, basis.marker]
-    length = seen.lengths[:, basis.marker, None]
-    is_known = length > 0
-    direction = np.where(is_known, arm / np.where(is_known, length, 1.0), [1.0, 0.0])
+    direction = seen.direction
+    if direction is None:
+        direction = seen.along_arm(basis.marker)
     values = turned(seen.points - seen.centre[:, :, None], direction)
     values[..., 2] -= basis.fall * seen.u[:, None] ** 2
     values *= seen.usable[..., None]
@@ -271,7 +292,7 @@ def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> _Seen:
     count = np.maximum(usable.sum(axis=2), 1.0)
     centre = points.sum(axis=2) / count[..., None]
     arms = (centre - centre.mean(axis=1, keepdims=True))[..., :2]
-    return _Seen(u, points, usable, centre, arms)
+    return _Seen(u, points, usable, centre, arms, windows.direction)
 
 
 def _span(time: FloatArray, windows: Windows) -> tuple[float, float]:

@@ -246,6 +246,9 @@ def true_effect(
 ) -> float:
     """Return the relative difference of the exact maps as the verdict measures it.
 
+    Where legs scatter it is that over state and posture, which the verdict measures if
+    it sees the feet.
+
     Parameters
     ----------
     exact
@@ -269,8 +272,13 @@ def true_effect(
     count_of = dict(zip(map(tuple, seen.tolist()), counts, strict=True))
     occurrences = np.array([count_of.get(tuple(order), 0) for order in orders])
     weights = contrasts(np.array(orders), occurrences)
-    maps = marker_motions(points) @ np.array(exact["maps"], float) @ input_root(inputs)
-    return relative_size(maps, weights)
+    maps = np.array(exact["maps"], float) @ input_root(inputs)
+    if "legs" in exact:
+        # Legs that scatter are inputs as well, and independent of the state.
+        root = np.linalg.cholesky(np.array(exact["legs"]["covariance_m2"], float))
+        by_legs = np.array(exact["legs"]["maps"], float) @ root
+        maps = np.concatenate([maps, by_legs], axis=2)
+    return relative_size(marker_motions(points) @ maps, weights)
 
 
 def marker_motions(points_m: FloatArray) -> FloatArray:

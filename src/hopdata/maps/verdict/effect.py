@@ -400,6 +400,7 @@ class AtContact:
 
 def at_the_contact(
     fit: KinkFit,
+    landings: SectionLandings,
     over_landings: EffectSize,
     size: Callable[[KinkFit], EffectSize],
     *,
@@ -415,7 +416,7 @@ def at_the_contact(
 
     Parameters
     ----------
-    fit
+    fit, landings
         Kinks over the landings.
     over_landings
         Their size.
@@ -428,7 +429,7 @@ def at_the_contact(
     if model.err_alike(fit.scores):
         in_a_row = IN_A_ROW
     p_value, in_doubt = saturation(
-        fit.at_contact, flips=flips, in_a_row=in_a_row, rng=generator
+        fit.at_contact(landings), flips=flips, in_a_row=in_a_row, rng=generator
     )
     if not p_value < LEVEL:
         return AtContact(over_landings, saturates=False, p_value=p_value)

@@ -19,9 +19,9 @@ from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict import inputs
-from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
-from hopdata.maps.verdict.saturation import least_time_constant
+from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike
 from hopdata.maps.verdict.session import Session
+from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.messages import Message
 from hopdata.recording import numbers
 
@@ -45,6 +45,13 @@ ROUNDING = 1e-9
 TWO_KINDS_CODE = "maps.two_kinds"
 NOT_FORETOLD_CODE = "maps.not_foretold"
 
+# What foretells the contact instants, by what is known of the feet.
+FORETOLD_BY = {
+    inputs.Posture.USED: "maps.contacts_used",
+    inputs.Posture.NOT_NEEDED: "maps.contacts_not_needed",
+    inputs.Posture.NOT_SEEN: "maps.contacts_not_seen",
+}
+
 #: What the first of these is about, in words.
 TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
 
@@ -65,6 +72,8 @@ class Verdict(Shown):
         empty if the size could not be computed.
     compared
         Whose maps were compared, in words.
+    contacts
+        What share of the contact instants is foretold, and by what, in one sentence.
     n_feet, n_landings, n_window
         Number of feet, of landings used, and of landings fitted: those nearest to the
         simultaneous contact.
@@ -105,13 +114,14 @@ class Verdict(Shown):
     posture
         What the verdict knows of the feet before the landing, in words.
     session
-        What slow change was fitted: ``"time"``, ``"block"``, both or none.
+        What change over the session was fitted: some of ``"block"``, ``"time"`` and
+        ``"change"``, or nothing.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
     messages
-        Codes and values of ``sentence``, ``outlook`` and ``compared``, where these are
-        not empty.
+        Codes and values of ``sentence``, ``outlook``, ``compared`` and ``contacts``,
+        where these are not empty.
     """
 
     conclusion: str
@@ -125,6 +135,7 @@ class Verdict(Shown):
     margin: float
     power: float
     flips: int
+    contacts: str = ""
     effect: sizing.EffectSize | None = None
     effect_over_landings: sizing.EffectSize | None = None
     saturates: bool = False
@@ -231,16 +242,16 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
             raise AnalysisError(blurred)
         landings = measured.landings()
         comparison = sizing.compared(landings)
-        fit = fit_kinks(landings)
+        fit, root = fit_of_best_window(landings, comparison)
     except AnalysisError as error:
         return _no_answer(error, measured, options, left_out)
 
-    root = sizing.squared_size(fit, landings, comparison)
     over_landings = options.size(fit, root, "signs")
-    at_contact = options.at_contact(fit, root, over_landings)
+    at_contact = options.at_contact(fit, root, landings, over_landings)
     effect = at_contact.size
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
-    spreads = _holds_from(fit, over_landings, margin)
+    share = over_landings.upper_bound / margin
+    spreads = fit.least_time_constant(landings, share)
     holds_from = None
     if spreads is not None:
         holds_from = spreads * contact_spread
@@ -260,12 +271,14 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
     alike = err_alike(fit.scores @ root.T)
+    contacts = _contacts_said(landings)
     limits = _limits(landings, fit, alike, jumps=answer.decided_by == "jump")
     return Verdict(
         conclusion=answer.conclusion,
         sentence=str(answer.sentence),
         outlook=str(answer.outlook),
         compared=str(comparison.what),
+        contacts=str(contacts),
         n_feet=measured.n_feet,
         n_landings=len(landings.inputs),
         n_window=len(fit.rows),
@@ -290,6 +303,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
             "sentence": answer.sentence,
             "outlook": answer.outlook,
             "compared": comparison.what,
+            "contacts": contacts,
         },
     )
 
@@ -451,29 +465,21 @@ class _Options:
         )
 
     def at_contact(
-        self, fit: KinkFit, root: FloatArray, over_landings: sizing.EffectSize
+        self,
+        fit: KinkFit,
+        root: FloatArray,
+        landings: inputs.SectionLandings,
+        over_landings: sizing.EffectSize,
     ) -> sizing.AtContact:
         """Return the size at the simultaneous contact, from that over the landings."""
         return sizing.at_the_contact(
             fit,
+            landings,
             over_landings,
             lambda slopes: self.size(slopes, root, "contact"),
             generator=named_generator(self.seed, "verdict", "saturation"),
             flips=self.flips,
         )
-
-
-def _holds_from(
-    fit: KinkFit, over_landings: sizing.EffectSize, margin: float
-) -> float | None:
-    """Return the time constant from which on `margin` bounds a difference at contact.
-
-    It is in contact spreads. The bound over the landings is then at most the share of
-    `margin` that shows there.
-    """
-    if fit.shows is None:
-        return None
-    return least_time_constant(fit.shows, over_landings.upper_bound / margin)
 
 
 def _no_answer(
@@ -684,6 +690,12 @@ def _left_out(known: BoolArray) -> Notes:
     if not unknown:
         return []
     return [_note("left_out", unknown=unknown, landings=len(known))]
+
+
+def _contacts_said(landings: inputs.SectionLandings) -> Message:
+    """Return what share of the contact instants is foretold, and by what."""
+    said = FORETOLD_BY[landings.posture]
+    return Message(said, {"share": f"{100 * landings.foretold:.1f} %"})
 
 
 def _limits(

@@ -6,9 +6,10 @@ before the landing, and averaged over what is not foretold of them (`averaged`);
 zero exactly if the map is C1.
 
 Other terms of a C1 map look like kinks; they shrink as the contacts come closer
-together. The landings with the largest contact spread are therefore left out, and kinks
-up to `allowed` are not evidence. What smooth terms leave is not rounded as kinks are,
-so `allowed` grows as averaging makes the kinks fainter.
+together. The landings with the largest contact spread are therefore left out unless the
+study needs them (`window`), and kinks up to `allowed` are not evidence. What smooth
+terms leave is not rounded as kinks are, so `allowed` grows as averaging makes the kinks
+fainter.
 
 If impacts do not commute, the outcome itself jumps where two feet exchange their order.
 Steps, sign(t_i - t_j), are then fitted like the kinks, and the kinks count as smooth
@@ -25,11 +26,15 @@ from hopdata.maps import coordinates
 from hopdata.maps.coordinates import ALL_SETS_UP_TO
 from hopdata.maps.verdict import averaged
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings
-from hopdata.maps.verdict.saturation import AtContact, at_contact, lasts
+from hopdata.maps.verdict.saturation import (
+    AtContact,
+    at_contact,
+    lasts,
+    least_time_constant,
+)
 from hopdata.maps.verdict.smooth import (
     Fit,
     Shapes,
-    Third,
     affords_third,
     fit_beside,
     smooth_terms,
@@ -48,6 +53,13 @@ LEFT = 0.1
 #: Unit: 1. Origin: measured: of 1.5 c, 2 c and 4 c^1.5 the last covers C1 hoppers of
 #: other shapes (decisions.md, "Where contacts lie far apart").
 OF_FOURTH = 4.0
+
+#: Power of the contacts' spread with which the part that smooth terms leave grows from
+#: one window to a wider one.
+#: Unit: 1. Origin: measured: a C1 hopper without noise has kinks of 0.051, 0.060 and
+#: 0.080 in the nearest 85 %, 92 % and all landings, whose spreads are as 1, 1.08 and
+#: 1.23 (decisions.md, "A tenth of the map is allowed for").
+OF_SPREAD = 2.2
 
 #: Apparent jump that residual smooth terms may cause.
 #: Unit: share of the outcome's sd. Origin: measured: in other bodies smooth terms leave
@@ -117,11 +129,9 @@ class KinkFit:
         What the terms of the session depend on, if there are any.
     jumps
         Steps of the outcome beside the kinks; None if no steps can be fitted.
-    at_contact
-        The kinks at the simultaneous contact, if they saturate: see `saturation`.
-    shows
-        Time constants of kinks that saturate, in contact spreads, and the shares of
-        them that show over the landings: see `saturation.lasts`.
+    smooth, shown
+        Smooth terms of the landings in the window, and the (n, K) kinks that were
+        fitted beside them; None for steps.
     """
 
     coefficients: FloatArray
@@ -135,8 +145,8 @@ class KinkFit:
     faded: float = 1.0
     session: tuple[str, ...] = ()
     jumps: "KinkFit | None" = None
-    at_contact: tuple[AtContact, ...] = ()
-    shows: tuple[FloatArray, FloatArray] | None = None
+    smooth: Smooth | None = None
+    shown: FloatArray | None = None
 
     def with_slopes(self, at: AtContact) -> "KinkFit":
         """Return the fit with the slopes at the simultaneous contact as its kinks."""
@@ -149,9 +159,32 @@ class KinkFit:
             null_scores=null_scores,
         )
 
+    def at_contact(self, landings: SectionLandings) -> tuple[AtContact, ...]:
+        """Return the kinks at the simultaneous contact, if they saturate.
 
-def fit_kinks(landings: SectionLandings) -> KinkFit:
-    """Fit the kinks to the landings of the window.
+        See `saturation.at_contact`; there are none of steps.
+        """
+        if self.smooth is None or self.shown is None:
+            return ()
+        instants = landings.expected[self.rows]
+        rest = landings.unforetold.total
+        return at_contact(self.smooth, self.shown, self.seen, instants, rest)
+
+    def least_time_constant(
+        self, landings: SectionLandings, share: float
+    ) -> float | None:
+        """Return the least time constant at which this share of kinks shows.
+
+        It is in contact spreads; see `saturation.least_time_constant`.
+        """
+        if self.smooth is None:
+            return None
+        instants = landings.expected[self.rows]
+        return least_time_constant(lasts(self.smooth, self.seen, instants), share)
+
+
+def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
+    """Fit the kinks to this share of the landings, those of least contact spread.
 
     Raises
     ------
@@ -159,49 +192,41 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
         If there are no landings in which two feet exchange their order.
     """
     n_feet = landings.expected.shape[1]
-    rows = _window(landings.expected)
+    rows = nearest(landings.expected, share)
     kinks = _kinks(landings, rows)
+    steps = _steps(landings, rows)
+    shapes = np.column_stack([kinks.shown, steps.shown])
+    smooth = smooth_terms(landings, rows, shapes)
     least = LEAST_OF_PAIRS if n_feet > ALL_SETS_UP_TO else 0.0
-    third = Third.ALL if affords_third(landings, len(rows)) else Third.NONE
-    smooth = smooth_terms(landings, rows, third)
     seen = kinks.visible(smooth, least)
-    change = smooth.change_by_third(kinks.shown @ seen)
-    allowed = max(LEFT, OF_FOURTH * change**1.5)
-    if third is Third.NONE and allowed > LEFT:
-        third = Third.ALONG
-        smooth = smooth_terms(landings, rows, third)
-        seen = kinks.visible(smooth, least)
     if not seen.size:
         missing = Message("maps.feet_exchange")
         raise AnalysisError(Message("maps.no_two_feet", {"what_is_missing": missing}))
 
     shown = kinks.shown @ seen
+    change = smooth.change_by_third(np.column_stack([shown, steps.shown]))
+    of_window = left_by_window(landings.expected, share)
+    allowed = max(LEFT * of_window, OF_FOURTH * change**1.5)
     fit = fit_beside(smooth, shown)
     linear = smooth.linear(shown @ fit.coefficients)
     faded = kinks.faded(smooth, seen)
     of_kinks = faded * allowed
     left = of_kinks
-    if third is Third.NONE:
+    if not affords_third(landings, len(rows)):
         left = WITHOUT_THIRD * of_kinks
     found = _kink_fit(landings, fit, linear, seen, rows, of_kinks, left)
-    instants = landings.expected[rows]
     found = replace(
-        found,
-        session=smooth.session,
-        faded=faded,
-        at_contact=at_contact(smooth, shown, seen, instants, landings.unforetold.total),
-        shows=lasts(smooth, seen, instants),
+        found, session=smooth.session, faded=faded, smooth=smooth, shown=shown
     )
 
-    steps = _steps(landings, rows)
-    if steps is None:
+    if not steps.shown.size:
         return found
     beside_kinks = smooth.and_also(shown)
     seen = steps.visible(beside_kinks, LEAST_OF_PAIRS)
     if not seen.size:
         return found
     fit = fit_beside(beside_kinks, steps.shown @ seen)
-    of_jumps = max(LEFT_OF_JUMPS, OF_ALLOWED * allowed)
+    of_jumps = max(LEFT_OF_JUMPS * of_window, OF_ALLOWED * allowed)
     of_jumps *= steps.faded(beside_kinks, seen)
     jumps = _kink_fit(landings, fit, linear, seen, rows, of_jumps, of_jumps)
     return replace(found, jumps=jumps)
@@ -216,12 +241,10 @@ def _kinks(landings: SectionLandings, rows: IntArray) -> Shapes:
     )
 
 
-def _steps(landings: SectionLandings, rows: IntArray) -> Shapes | None:
-    """Return the steps of these landings; None if too few feet exchange their order."""
+def _steps(landings: SectionLandings, rows: IntArray) -> Shapes:
+    """Return the steps of these landings, of the feet that exchange their order."""
     instants = landings.expected[rows]
     pairs = averaged.pairs_that_exchange(instants, LEAST_CLASS)
-    if not pairs:
-        return None
     nothing = np.zeros_like(landings.unforetold.total)
     return Shapes(
         shown=averaged.steps(instants, landings.unforetold.total, pairs),
@@ -259,11 +282,19 @@ def _of_all(scores: FloatArray, rows: IntArray, number: int) -> FloatArray:
     return of_all
 
 
-def _window(instants: FloatArray) -> IntArray:
+def nearest(instants: FloatArray, share: float) -> IntArray:
     """Return the numbers of the landings with the least contact spread, increasing."""
     by_spread = np.argsort(instants.std(axis=1), kind="stable")
-    nearest = by_spread[: round(WINDOW * len(instants))]
-    return np.sort(nearest)
+    chosen = by_spread[: round(share * len(instants))]
+    return np.sort(chosen)
+
+
+def left_by_window(instants: FloatArray, share: float) -> float:
+    """Return how much more smooth terms leave in this share than in `WINDOW`."""
+    spreads = instants.std(axis=1)
+    of_share = np.mean(spreads[nearest(instants, share)] ** 2)
+    of_window = np.mean(spreads[nearest(instants, WINDOW)] ** 2)
+    return float((of_share / of_window) ** (OF_SPREAD / 2.0))
 
 
 def err_alike(scores: FloatArray) -> bool:

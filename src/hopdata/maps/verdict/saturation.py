@@ -271,7 +271,7 @@ def share_shown(
     """
     bends = smooth.without(kinks(instants) @ seen)
     of_kinks = np.linalg.pinv(kinks_of_durations(instants.shape[1]).T) @ seen
-    columns = saturated(durations(instants), time_constant) @ of_kinks
+    columns = smooth.without(saturated(durations(instants), time_constant) @ of_kinks)
     gram = bends.T @ bends
     root = symmetric_root(gram)
     slopes = np.linalg.solve(gram, bends.T @ columns)

@@ -1,16 +1,16 @@
 """The smooth terms of a landing map, and what they leave of kinks and outcomes.
 
-They are all monomials of the inputs up to the third order as far as the landings allow:
-the third order in the eight inputs that matter most, the second in the state and the
-heights of the feet, the first in all. The eight are the state of the body or, if feet
-are inputs, the directions in which contacts separate, and what the state says beside
-them. Terms of the session join where they help.
+They are monomials of the inputs: the first order in all, the second in the state and
+the heights of the feet, and the third in the eight inputs that matter most. The eight
+are the directions in which contacts separate, and what the state of the body says
+beside them. The third order is shrunk as far as the landings ask for (`shrunk`). Terms
+of the session join where they help.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import Enum
+from itertools import combinations_with_replacement, permutations
 from math import comb
 
 import numpy as np
@@ -21,6 +21,7 @@ from hopdata.maps.coordinates import LANDINGS_PER_TERM, monomials
 from hopdata.maps.verdict.inputs import STATE, SectionLandings, halves
 from hopdata.maps.verdict.linear import FLAT, beside, whitened
 from hopdata.maps.verdict.session import session_terms
+from hopdata.maps.verdict.shrunk import Whitening, whitening
 from hopdata.messages import Message
 
 #: Main directions in which contacts separate.
@@ -42,14 +43,6 @@ LEAST_KINK = 1e-3
 LEAST_SLACK = 0.1
 
 
-class Third(Enum):
-    """The third-order terms of the smooth part."""
-
-    NONE = "none"
-    ALONG = "along the contacts"
-    ALL = "of all inputs"
-
-
 @dataclass(frozen=True)
 class Smooth:
     """Smooth terms for n landings of a study, with p inputs and q outcomes.
@@ -66,8 +59,10 @@ class Smooth:
         (n, terms) terms of first and second order, and of the session.
     along
         (n, 4) third-order terms along the contacts.
+    whitening
+        What the shrunk terms of third order do to the rows of all others.
     basis, root
-        QR decomposition of all terms.
+        QR decomposition of all other terms, so whitened.
     session
         What the terms of the session depend on: see `session.SessionTerms`.
     """
@@ -77,13 +72,15 @@ class Smooth:
     outputs: FloatArray
     lower: FloatArray
     along: FloatArray
+    whitening: Whitening
     basis: FloatArray
     root: FloatArray
     session: tuple[str, ...]
 
     def without(self, columns: FloatArray) -> FloatArray:
-        """Return what the smooth terms leave of the columns (n, m)."""
-        return np.asarray(columns - self.basis @ (self.basis.T @ columns))
+        """Return what the smooth terms leave of the columns (n, m), whitened."""
+        white = self.whitening.of(columns)
+        return np.asarray(white - self.basis @ (self.basis.T @ white))
 
     def and_also(self, columns: FloatArray) -> Smooth:
         """Return the smooth terms with further columns (n, m) among them."""
@@ -96,23 +93,26 @@ class Smooth:
 
         `kinks` (n, q) is the part of the outputs that is not smooth.
         """
-        terms = np.linalg.solve(self.root, self.basis.T @ (self.outputs - kinks))
+        white = self.whitening.of(self.outputs - kinks)
+        terms = np.linalg.solve(self.root, self.basis.T @ white)
         by_whitened = terms[1 : self.inputs.shape[1] + 1]  # after the constant
         centred = self.raw - self.raw.mean(axis=0)
         whitening = np.linalg.lstsq(centred, self.inputs, rcond=None)[0]
         return np.asarray(whitening @ by_whitened)
 
-    def change_by_third(self, kinks: FloatArray) -> float:
+    def change_by_third(self, shapes: FloatArray) -> float:
         """Return c, by how much third-order terms change the derivative.
 
         The terms are those along the contacts. It is the rms over the landings,
-        relative to the derivative and without the contribution of noise. `kinks` (n, K)
-        are fitted, too.
+        relative to the derivative and without the contribution of noise. `shapes`
+        (n, K), kinks and steps, are fitted, too: a step looks much like a cube.
         """
-        design = np.column_stack([self.lower, kinks, self.along])
+        design = np.column_stack([self.lower, shapes, self.along])
         basis, root = np.linalg.qr(design)
-        to_coefficients = np.linalg.inv(root)[-self.along.shape[1] :]
-        coefficients = to_coefficients @ basis.T @ self.outputs
+        n_along = self.along.shape[1]
+        # The last block of the inverse of a triangle; steps may be alike.
+        to_coefficients = np.linalg.inv(root[-n_along:, -n_along:])
+        coefficients = to_coefficients @ basis[:, -n_along:].T @ self.outputs
 
         residuals = self.outputs - basis @ (basis.T @ self.outputs)
         noise = np.sum(residuals**2, axis=0) / (len(basis) - basis.shape[1])
@@ -144,8 +144,12 @@ def _of_pairs(landings: SectionLandings) -> int:
     return n_feet * (n_feet - 1)
 
 
-def smooth_terms(landings: SectionLandings, rows: IntArray, third: Third) -> Smooth:
+def smooth_terms(
+    landings: SectionLandings, rows: IntArray, shapes: FloatArray
+) -> Smooth:
     """Return the smooth terms for the given landings of a study.
+
+    `shapes` (n, K) are the kinks and steps, which the third order leaves alone.
 
     Raises
     ------
@@ -155,51 +159,76 @@ def smooth_terms(landings: SectionLandings, rows: IntArray, third: Third) -> Smo
     instants = landings.expected[rows]
     outputs = landings.outputs[rows]
     raw = landings.inputs[rows]
+    contacts = whitened(instants)
     bent = whitened(raw[:, : landings.n_bent])
     inputs = bent
     if landings.n_bent < raw.shape[1]:
         inputs = np.column_stack([bent, beside(bent, raw[:, landings.n_bent :])])
-    core = bent
+    n_ways = WAYS
     if landings.n_bent > STATE:
-        core = _core(whitened(raw[:, :STATE]), whitened(instants))
+        n_ways = WAYS_OF_POSTURE
+    core = _core(whitened(raw[:, :STATE]), contacts[:, :n_ways])
+    if landings.n_bent > STATE:
         terms = comb(landings.n_bent + 2, 2) + _of_pairs(landings)
         if len(rows) < LANDINGS_PER_TERM * terms:
             bent = core
-    along = monomials(whitened(instants)[:, :WAYS], (3,))
+    along = monomials(contacts[:, :WAYS], (3,))
     second = monomials(bent, (2,))
     lower = np.column_stack([np.ones(len(rows)), inputs, second])
     weighted = outputs * np.sqrt(halves(np.var(outputs, axis=0)))
     states = whitened(raw[:, :STATE])
     session = session_terms(landings.session.rows(rows), lower, weighted, states=states)
     lower = np.column_stack([lower, session.columns])
-
-    terms_of_third = []
-    if third is Third.ALONG:
-        terms_of_third = [along]
-    if third is Third.ALL:
-        terms_of_third = [monomials(core, (3,))]
-    fourth = []
+    fixed = lower
     if instants.shape[1] == 2:
         # Of two feet, d^4 looks most like their only kink, |d|.
-        fourth = [instants[:, :1] ** 4]
-    design = np.column_stack([lower, *terms_of_third, *fourth])
-    basis, root = np.linalg.qr(design)
-    smooth = Smooth(raw, inputs, outputs, lower, along, basis, root, session.used)
-    rest = smooth.without(outputs)
+        fixed = np.column_stack([lower, instants[:, :1] ** 4])
+
+    _require_scatter(fixed, outputs)
+    third = monomials(core, (3,)) * np.sqrt(_multiplicities(core.shape[1]))
+    kinds = _factors_among_first(core.shape[1], min(WAYS, contacts.shape[1]))
+    unshrunk = np.column_stack([fixed, shapes])
+    white = whitening(third, kinds, unshrunk, outputs)
+    basis, root = np.linalg.qr(white.of(fixed))
+    return Smooth(raw, inputs, outputs, lower, along, white, basis, root, session.used)
+
+
+def _require_scatter(terms: FloatArray, outputs: FloatArray) -> None:
+    """Raise an `AnalysisError` if the terms explain an outcome but for rounding."""
+    basis, _ = np.linalg.qr(terms)
+    rest = outputs - basis @ (basis.T @ outputs)
     scatter = np.abs(np.diag(np.linalg.qr(rest, mode="r")))
     largest = np.abs(outputs - outputs.mean(axis=0)).max()
     if not scatter.min() > FLAT * largest:
         raise AnalysisError(Message("maps.outcome_constant"))
-    return smooth
 
 
-def _core(states: FloatArray, contacts: FloatArray) -> FloatArray:
+def _multiplicities(n_inputs: int) -> FloatArray:
+    """Return how often each third-order monomial occurs in (u1 + u2 + ...)^3.
+
+    Terms times the root of it, with random coefficients of one variance, are the same
+    function of the inputs however these are turned.
+    """
+    factors = combinations_with_replacement(range(n_inputs), 3)
+    return np.array([len(set(permutations(three))) for three in factors], float)
+
+
+def _factors_among_first(n_inputs: int, n_first: int) -> IntArray:
+    """Return how many factors of each third-order monomial are among the first inputs.
+
+    These are the directions in which contacts separate. They vary most, and the map
+    bends most along them.
+    """
+    factors = combinations_with_replacement(range(n_inputs), 3)
+    return np.array([sum(one < n_first for one in three) for three in factors])
+
+
+def _core(states: FloatArray, ways: FloatArray) -> FloatArray:
     """Return the eight directions (n, 8) of state and feet that matter most.
 
-    The directions in which contacts separate come first, then what the whitened state
-    (n, 8) says beside them.
+    The directions in which contacts separate, `ways` (n, m), come first, then what the
+    whitened state (n, 8) says beside them.
     """
-    ways = contacts[:, :WAYS_OF_POSTURE]
     n = len(states)
     rest = states - ways @ (ways.T @ states) / n
     left, _, _ = np.linalg.svd(rest, full_matrices=False)

@@ -134,8 +134,11 @@ COMPRESSION = 2
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 _TRUTH_ATTRIBUTES = ("noise_m", "parameters_json", "true_effect")
+_TRUTH_OPTIONAL = "longer_m"  # only where legs scatter
 _TRUTH_DATASETS = tuple(
-    one.name for one in fields(Truth) if one.name not in _TRUTH_ATTRIBUTES
+    one.name
+    for one in fields(Truth)
+    if one.name not in (*_TRUTH_ATTRIBUTES, _TRUTH_OPTIONAL)
 )
 _TEXT_ATTRIBUTES = ("name", "source", "source_sha256", "vertical_axis")
 
@@ -186,6 +189,8 @@ def write_recording(
             group = file.create_group("truth")
             for key in _TRUTH_DATASETS:
                 _dataset(group, key, getattr(truth, key))
+            if truth.longer_m is not None:
+                _dataset(group, _TRUTH_OPTIONAL, truth.longer_m)
             for key in _TRUTH_ATTRIBUTES:
                 group.attrs[key] = getattr(truth, key)
 
@@ -246,6 +251,8 @@ def read_truth(path: str | Path) -> Truth | None:
             return None
         group = file["truth"]
         datasets = {key: numbers(group, key) for key in _TRUTH_DATASETS}
+        if _TRUTH_OPTIONAL in group:
+            datasets[_TRUTH_OPTIONAL] = numbers(group, _TRUTH_OPTIONAL)
         noise_m = float(attribute(group, "noise_m", "a number"))
         parameters_json = attribute(group, "parameters_json", "text")
         true_effect = np.nan

@@ -1,0 +1,82 @@
+"""Which landings a study is judged by, and what small studies show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kinked_landings import in_section
+
+from hopdata.maps.coordinates import kinks, monomials
+from hopdata.maps.verdict import shrunk, window
+from hopdata.maps.verdict.effect import compared, effect_size
+from hopdata.maps.verdict.inputs import WINDOW
+from hopdata.maps.verdict.model import left_by_window, nearest
+from hopdata.maps.verdict.window import fit_of_best_window
+
+ANGLES = 2.0 * np.pi * np.arange(3) / 3.0
+
+
+def _study(seed, n, *, kink=0.0, cubic=0.02, noise=0.3):
+    """Return n landings of a body with tilt and seven other inputs, on three feet."""
+    rng = np.random.default_rng([7, seed])
+    x = rng.standard_normal((n, 8))
+    instants = x[:, :2] @ np.array([np.cos(ANGLES), np.sin(ANGLES)])
+    cubes = monomials(x, (3,))
+    y = x @ rng.standard_normal((8, 11))
+    y += cubic * cubes @ rng.standard_normal((cubes.shape[1], 11))
+    y += kink * kinks(instants)[:, -1:] * rng.standard_normal(11)
+    return in_section(instants, y + noise * rng.standard_normal((n, 11)), x)
+
+
+def _size(landings, seed, *, allowed=None):
+    fit, root = fit_of_best_window(landings, compared(landings))
+    if allowed is not None:
+        fit = replace(fit, allowed=allowed)
+    generator = np.random.default_rng(seed)
+    return effect_size(
+        fit, root, generator=generator, confidence=0.95, power=0.8, flips=99
+    )
+
+
+def test_random_signs_hold_their_level_beside_shrunk_terms():
+    """Of C1 studies the test that allows for nothing finds 5 %: no more and no less."""
+    found = [_size(_study(k, 160), k, allowed=0.0).p_value for k in range(200)]
+    # Limits of a binomial distribution: fewer or more are rarer than 0.2 %.
+    assert 2 <= np.sum(np.array(found) <= 0.05) <= 20
+    # The mean of 200 even draws errs by 0.02.
+    assert 0.44 < np.mean(found) < 0.56
+
+
+def test_small_studies_find_more_with_all_landings_and_shrunk_terms(monkeypatch):
+    """Beside the nearest 85 % alone and without terms of third order."""
+
+    def found():
+        how = {"kink": 1.0, "cubic": 0.03, "noise": 0.6}
+        sizes = [_size(_study(1000 + k, 200, **how), k) for k in range(16)]
+        return sum(size.low > 0.0 for size in sizes)
+
+    now = found()
+    monkeypatch.setattr(window, "WIDER", ())
+    monkeypatch.setattr(shrunk, "VARIANCES", (0.0,))
+    assert now >= found() + 3
+
+
+@pytest.mark.parametrize(("noise", "share"), [(2.0, 1.0), (0.02, WINDOW)])
+def test_where_noise_is_large_all_landings_are_used(noise, share):
+    landings = _study(1, 400, noise=noise)
+    fit, _ = fit_of_best_window(landings, compared(landings))
+    assert len(fit.rows) == round(share * 400)
+
+
+def test_more_is_left_where_contacts_lie_farther_apart():
+    """The spread of normal tilts is 1.23 times that of their nearest 85 %."""
+    instants = _study(2, 4000).expected
+    more = left_by_window(instants, 1.0)
+    assert more == pytest.approx(1.226**2.2, rel=0.02)
+    assert left_by_window(instants, WINDOW) == 1.0
+
+
+def test_the_nearest_landings_are_those_of_least_spread():
+    instants = np.array([[0.0, 3.0], [0.0, 1.0], [0.0, 2.0], [4.0, 0.0]])
+    assert nearest(instants, 0.5).tolist() == [1, 2]
+    assert nearest(instants, 1.0).tolist() == [0, 1, 2, 3]
