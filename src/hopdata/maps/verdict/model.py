@@ -35,6 +35,7 @@ from hopdata.maps.verdict.saturation import (
 from hopdata.maps.verdict.smooth import (
     Fit,
     Shapes,
+    Smooth,
     affords_third,
     fit_beside,
     smooth_terms,
