@@ -573,9 +573,9 @@ def steady(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def softening(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Legs are 30 % softer at the end."""
+    """Legs have lost 30 % of their force at the end."""
     wear, surface = steady(time)
-    wear[:, 0] = 1.15 - 0.3 * time
+    wear[:, 0] = 1.2 - 0.36 * time
     return wear, surface
 
 

@@ -166,7 +166,8 @@ def _cells_of(mechanism: str) -> list[Cell]:
         {"session": "softening", "scatter_mm": 8.0},
     ]
     changing = [session for session in SESSIONS if session != "steady"]
-    settings += [{"session": session} for session in changing]
+    for session in changing:
+        settings += [{"session": session}, {"session": session, "noise_mm": 0.2}]
     settings += [{"errors": errors} for errors in ERRORS if errors != "none"]
     faults = ("swapped markers", "slips", "double bounces", "outlying instants")
     settings += [{"fault": fault} for fault in faults]

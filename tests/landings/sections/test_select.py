@@ -445,9 +445,7 @@ def test_landings_see_past_feet_that_are_not_followed():
     assert shallow_m == pytest.approx(alone.depth["shallowest_m"], abs=0.004)
     assert found.pre_height_m == pytest.approx(alone.pre_height_m, abs=0.004)
     printed = select_sections([walker], rule="printed")
-    assert (
-        printed.post_height_m < found.post_height_m - 0.1
-    )  # the body sinks onto other feet
+    assert printed.post_height_m < shallow_m - 0.1  # the body sinks onto other feet
 
 
 def test_without_a_landing_of_all_feet_each_foot_is_counted(fake):
