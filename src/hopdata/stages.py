@@ -411,6 +411,7 @@ class Judgement:
     """Whether one smooth map serves all contact orders."""
 
     verdict: Verdict = saved("verdict.json", VERDICT)
+    verdict_orders: pd.DataFrame = saved("tables/verdict_orders.csv", TABLE)
 
 
 @LINE.stage(minutes=60, mb_a_mb=200, priority=2)
@@ -425,6 +426,7 @@ def verdict(
     """Judge whether the map is C1: effect size, interval and bound."""
     from hopdata.landings.checks import blurred
     from hopdata.maps.verdict import judge
+    from hopdata.maps.verdict.orders import orders_table
 
     instants: Any = pairs.instants  # measured pairs have them
     found = judge(
@@ -440,7 +442,7 @@ def verdict(
         seed=seed,
         **options,
     )
-    return Judgement(found)
+    return Judgement(found, orders_table(found.orders))
 
 
 @results

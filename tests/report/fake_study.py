@@ -73,6 +73,17 @@ def sections() -> dict[str, object]:
         "held": {"pre": 1.0, "post": 0.979},
         "pre_speed_m_s": 1.25,
         "post_speed_m_s": 1.43,
+        "leverage": {
+            "pre": {"usual": 0.8, "large": None},
+            "post": {"usual": 0.699, "large": 0.813},
+        },
+        "depth": {
+            "shallowest_m": 0.2913,
+            "deepest_m": 0.2713,
+            "share": 0.15,
+            "misfit": [0.0157, 0.0188, 0.0239],
+            "n_landings": 300,
+        },
         "beside": {"rule": "printed", "pre_height_m": 0.5087, "post_height_m": 0.3075},
         "frames": "all",
         "min_foot_mode": {

@@ -21,7 +21,7 @@ SENTENCE = Message(
     "maps.no_difference",
     {"compared": "6 orders", "bound": "12 %", "confidence": "95 %"},
 )
-NOTE = Message("maps.far_off", {"count": 3})
+NOTE = Message("maps.gross_errors", {"count": 3, "landings": 9, "why": "3 odd"})
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def german(tmp_path, monkeypatch):
         'glance = "Auf einen Blick"\nframes = "{frames} Bilder"\nnote = "{what} - {reason}"\n'
     )
     (tmp_path / "maps" / "messages.de.toml").write_text(
-        'no_difference = "Kein Unterschied über {bound}."\nfar_off = "{count} Ausreißer"\n'
+        'no_difference = "Kein Unterschied über {bound}."\ngross_errors = "{count} Ausreißer"\n'
     )
     (tmp_path / "report" / "words.de.toml").write_text(
         'Recordings = "Aufnahmen"\n"rate (Hz)" = "Bildrate (Hz)"\n'
@@ -48,7 +48,7 @@ def german(tmp_path, monkeypatch):
 
 def study():
     """Return a study whose verdict has its sentence and a note as messages."""
-    note = {"what": str(Message("maps.far_off_what")), "reason": str(NOTE)}
+    note = {"what": str(Message("maps.gross_errors_what")), "reason": str(NOTE)}
     known = verdict(
         sentence=str(SENTENCE),
         messages={"sentence": SENTENCE.to_dict()},
@@ -65,7 +65,7 @@ def test_a_page_is_translated_as_far_as_there_are_words(german):
     assert "<caption>Aufnahmen</caption>" in page
     assert ">Bildrate (Hz)</th>" in page
     assert "Kein Unterschied über 12 %." in page
-    assert "landings far from all others - 3 Ausreißer" in page
+    assert "landings left out as mistakes - 3 Ausreißer" in page
     assert "Descents that are not used" in page  # not translated
 
 
@@ -75,7 +75,7 @@ def test_english_is_the_page_without_a_language(german):
     assert "At a glance" in page
     assert "Bilder" not in page
     assert str(SENTENCE) in page
-    assert f"landings far from all others: {NOTE}" in page
+    assert f"landings left out as mistakes: {NOTE}" in page
 
 
 def test_a_language_without_a_file_is_an_error():

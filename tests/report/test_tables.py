@@ -259,7 +259,11 @@ def test_sections_begin_with_what_matters_and_keep_the_rest():
     assert rows["kind of frames pooled"] == ("all", "")
     assert rows["how the sections are chosen"] == ("landings", "")
     assert rows["speed of the fall at the post section"] == ("1.43", "m/s")
-    assert rows["time per mm of height, post section"] == ("0.70", "ms")
+    each = "time per mm of height, post section"
+    assert rows[each] == ("0.70", "ms")
+    assert rows["its 95 % quantile, post section"] == ("0.81", "ms")
+    assert "its 95 % quantile, pre section" not in rows
+    assert rows["place chosen between them, 0 to 1"] == ("0.15", "")
     assert rows["pre section by the other rule"] == ("509", "mm")
     assert [table.kind(i) for i in range(3)] == ["text", "number", "unit"]
 

@@ -82,3 +82,13 @@ def test_notes_stand_under_the_verdict():
     page = Page(build_report(full_study(verdict=noted)))
     assert "What limits this verdict: smooth terms: 150 landings" in page.text
     assert "What limits" not in Page(build_report(full_study())).text
+
+
+def test_which_orders_differ_is_said_and_tabled():
+    pair = {"of": "map", "first": "1>2", "second": "2>1", "estimate": 0.4}
+    pair |= {"low": 0.2, "high": 0.5, "p_value": 0.0005}
+    known = verdict(orders=[pair], mainly="most of all: landings with foot 1 first")
+    page = Page(build_report(full_study(verdict=known)))
+    assert "Which orders differ: most of all: landings with foot 1 first." in page.text
+    assert "map 1 → 2 and 2 → 1 40.0 20.0 50.0 0.0005" in page.text
+    assert "Which orders differ:" not in Page(build_report(full_study())).text

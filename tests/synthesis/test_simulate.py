@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.errors import HopdataError
+from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis import simulate_recording
 
 CLEAN = {
@@ -60,7 +61,7 @@ def test_contacts_of_the_truth_are_where_feet_reach_the_floor(clean):
 
 @pytest.mark.parametrize("scene", ["hopper", "quadruped"])
 def test_legs_that_scatter_touch_when_their_feet_reach_the_floor(scene):
-    scattered = {"scene": scene, "hops": 25, "legs_scatter_m": 0.008}
+    scattered = {"scene": scene, "hops": 40, "legs_scatter_m": 0.008}
     camera = {**CLEAN, "rate_hz": 500}
     recording, truth = simulate_recording(scattered, camera, seed=5)
     assert truth.longer_m.shape == truth.contact_times.shape
@@ -70,20 +71,32 @@ def test_legs_that_scatter_touch_when_their_feet_reach_the_floor(scene):
     # Feet do not jump, though legs change their length.
     speed = np.linalg.norm(np.diff(recording.feet, axis=0), axis=2) * 500
     assert speed.max() < 4.0
-    # Longer legs touch earlier.
+    # Beside tilt and spin, longer legs touch earlier: by their length over the speed.
     early = truth.contact_times - truth.contact_times.mean(axis=1, keepdims=True)
     longer = truth.longer_m - truth.longer_m.mean(axis=1, keepdims=True)
-    assert np.corrcoef(early.ravel(), longer.ravel())[0, 1] < -0.4
+    body = truth.apex_states[:, [4, 5, 9, 10]]
+    for foot in range(early.shape[1]):
+        design = np.column_stack([np.ones(len(body)), longer[:, foot], body])
+        slopes, *_ = np.linalg.lstsq(design, early[:, foot], rcond=None)
+        assert slopes[1] == pytest.approx(-1 / 2.2, rel=0.25)  # m/s
 
 
 def test_legs_of_one_length_leave_no_trace(simulated):
     _, truth = simulated
     assert truth.longer_m is None
-    assert "legs" not in truth.parameters_json
+    assert "scatter" not in truth.parameters_json
     _, scattered = simulate_recording({"hops": 2, "legs_scatter_m": 0.008}, seed=5)
     first = scattered.apex_states[0]
     np.testing.assert_array_equal(first, truth.apex_states[0])
     assert '"legs_scatter_m": 0.008' in scattered.parameters_json
+
+
+def test_a_scene_says_whether_its_legs_can_scatter(monkeypatch):
+    monkeypatch.setattr(HopperParameters, "legs_can_scatter", False)
+    with pytest.raises(
+        HopdataError, match=r"legs_scatter_m: expected 0, since the legs"
+    ):
+        simulate_recording({"hops": 1, "legs_scatter_m": 0.001}, seed=5)
 
 
 def test_apexes_are_where_the_body_is_highest(clean):

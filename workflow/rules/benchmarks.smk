@@ -22,6 +22,11 @@ BENCHMARK_TABLES = {
         "verdict_studies.csv",
         "group_power.csv",
     ],
+    "verdict_campaign": [
+        "verdict_campaign.csv",
+        "verdict_campaign_studies.csv",
+        "verdict_campaign_detectable.csv",
+    ],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
     "animals": ["animals.csv"],
     "recording_faults": [
@@ -64,6 +69,7 @@ BENCHMARK_ARGUMENTS = {
     "stress": "--hops 20000 --systems 100",
     "study_cost": "--base 0.07",
     "velocities": "--draws 10",
+    "verdict_campaign": "--studies 1",
     "verdict_power": "--studies 1",
     "work_precision": "--turns 7 --race-turns 30 --systems 4000",
 }

@@ -289,6 +289,7 @@ rule verdict:
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
     output:
         verdict=f"{RESULTS}/verdict.json",
+        verdict_orders=f"{RESULTS}/tables/verdict_orders.csv",
     log:
         f"{RESULTS}/logs/verdict.log",
     benchmark:

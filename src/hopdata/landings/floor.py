@@ -32,6 +32,7 @@ from hopdata.landings.floor_rests import (
     few_of,
     rest_points,
     thinned,
+    without_long_rests,
 )
 from hopdata.landings.floor_surface import (
     BIWEIGHT,
@@ -150,7 +151,7 @@ def fit_floor(
     rest = rest.take(_near_floor(rest, FIRST_BANDS * rest_band_m))
     n_steps = rest.n_steps
     turned = turn_messages(rest)
-    rest = thinned(rest, max_points)
+    rest = thinned(without_long_rests(rest), max_points)
     rest = rest.take(in_order(rest))  # later steps take every k-th point
     ground = _ground_of(rest)
 

@@ -46,6 +46,11 @@ LESS_STILL = (1.0, 2.0, 4.0)
 #: Unit: s. Origin: chosen.
 PAUSE_S = 0.1
 
+#: Points of a long rest that count, in those of the usual rest of the recording: one
+#: place that is stood on for a fifth of the time would bend the floor elsewhere.
+#: Unit: 1. Origin: chosen.
+LONG_RESTS = 10
+
 #: Range of the heights of a foot at rest on one floor, however uneven.
 #: Unit: m. Origin: chosen.
 LEVEL_M = 0.06
@@ -221,6 +226,28 @@ def _ground_of(time: FloatArray, heights: FloatArray, scale: float) -> float:
 def thinned(rest: RestPoints, max_points: int) -> RestPoints:
     """Keep the points of every k-th instant, so that about `max_points` remain."""
     return rest.take(few_of(rest.time, max_points))
+
+
+def without_long_rests(rest: RestPoints) -> RestPoints:
+    """Keep `LONG_RESTS` times the usual number of points of a rest, evenly spaced.
+
+    Nothing changes where no rest is that long, as in hopping and running.
+    """
+    if not len(rest.foot):
+        return rest
+    pause_s = PAUSE_S * np.sqrt(rest.scale)
+    begins = np.concatenate(
+        [[True], (np.diff(rest.foot) != 0) | (np.diff(rest.time) > pause_s)]
+    )
+    first = np.flatnonzero(begins)
+    length = np.diff(first, append=len(begins))
+    most = LONG_RESTS * int(np.median(length))
+    number = np.cumsum(begins) - 1
+    place = np.arange(len(begins)) - first[number]
+    # One point of each span of a long rest; each point of a short one.
+    span = place * np.minimum(most, length)[number] // length[number]
+    is_new = np.diff(span, prepend=-1) != 0
+    return rest.take(begins | is_new)
 
 
 def few_of(time: FloatArray, max_points: int) -> BoolArray:

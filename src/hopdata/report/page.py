@@ -278,6 +278,7 @@ def build_report(inputs: ReportInputs) -> str:
         facts=facts,
         sentence=verdict.worded(known, "sentence"),
         outlook=verdict.worded(known, "outlook"),
+        mainly=verdict.worded(known, "mainly"),
         contacts=verdict.worded(known, "contacts"),
         highlights=_highlights(facts, inputs),
         keys=list(KEYS.values()),
@@ -491,6 +492,7 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "thresholds": tables.thresholds_table(inputs.overlay),
         "prediction": tables.prediction_table(inputs.prediction),
         "distances": tables.distances_table(inputs.distances),
+        "orders": verdict.orders_table(inputs.verdict),
         "truth": tables.truth_table(inputs.truth),
         **tables.record_tables(inputs.provenance or {}),
     }

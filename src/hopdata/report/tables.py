@@ -16,6 +16,7 @@ from hopdata.report.scene import small_plot
 # Recordings, floor, sections and touchdowns.
 
 SECTION_NAMES = show.WORDS["sections"]
+LEVERAGE_NAMES = {"usual": "time per mm of height", "large": "its 95 % quantile"}
 DETAIL_NAMES = show.WORDS["details"]
 
 # Most rows, or columns, of a table.
@@ -128,23 +129,27 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     if pre_m is not None and post_m is not None:
         travel = show.fixed((pre_m - post_m) * 1e3, 2)
         rows.append(("travel from pre to post", travel, "mm"))
-    for side in ("pre", "post"):
-        speed_m_s = sections.get(f"{side}_speed_m_s")
-        if speed_m_s is not None:
-            # A height that is wrong by 1 mm shifts the instant of the passage by this
-            # many ms.
-            name = f"time per mm of height, {side} section"
-            rows.append((name, show.fixed(1 / speed_m_s, 2), "ms"))
-    others = {
-        key: value
-        for key, value in sections.items()
-        if key not in SECTION_NAMES and key != "decided"
-    }
+    rows += _leverage_rows(sections.get("leverage") or {})
+    said = (*SECTION_NAMES, "decided", "leverage")
+    others = {key: value for key, value in sections.items() if key not in said}
     for key, value in show.flat(others):
         words, text, unit = show.labelled(key, value)
         rows.append((DETAIL_NAMES.get(key, words), text, unit))
     head = ("quantity", "value", "unit")
     return show.Table("Thresholds and sections", head, tuple(rows))
+
+
+def _leverage_rows(leverage: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return by how many ms a height that is wrong by 1 mm shifts a passage."""
+    rows = []
+    for side in ("pre", "post"):
+        of_side = leverage.get(side) or {}
+        for which, words in LEVERAGE_NAMES.items():
+            s_per_m = of_side.get(which)
+            if s_per_m is not None:
+                name = f"{words}, {side} section"
+                rows.append((name, show.fixed(s_per_m, 2), "ms"))
+    return rows
 
 
 def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:

@@ -126,6 +126,27 @@ def _true_effect(truth: Mapping[str, Mapping[str, Any]] | None) -> str | None:
     return _percent(float(true))
 
 
+ORDERS: show.Columns = {
+    "of": lambda row: str(row["of"]),
+    "orders": lambda row: f"{_arrows(row['first'])} and {_arrows(row['second'])}",
+    "size (%)": show.decimals("estimate", 1, 100.0),
+    "from (%)": show.decimals("low", 1, 100.0),
+    "to (%)": show.decimals("high", 1, 100.0),
+    "p": lambda row: show.significant(row["p_value"], 2),
+}
+
+
+def orders_table(verdict: Verdict | None) -> show.Table | None:
+    """Return one row for each two contact orders, or feet, that are compared."""
+    rows = (verdict or {}).get("orders") or []
+    note = Message("report.orders_note")
+    return show.table_of("Which contact orders differ", rows, ORDERS, note=note)
+
+
+def _arrows(order: str) -> str:
+    return order.replace(">", " → ")
+
+
 # The page of a group: answer, forest plot, conditions, and every member with its link.
 
 CONDITIONS: show.Columns = {

@@ -93,7 +93,8 @@ def test_a_landing_is_held_between_its_turning_point_and_its_contact():
 
 def test_the_post_section_loses_one_in_fifty_of_many_landings():
     heights = landings_like(np.random.default_rng(1), 2000)
-    _, post_m, bandwidth_m = heights_from_landings(heights)
+    held = heights_from_landings(heights)
+    post_m, bandwidth_m = held.shallow_m, held.bandwidth_m
     assert 0.001 < bandwidth_m < 0.003
     after = heights[:, 5] >= post_m
     assert 0.98 <= after.mean() < 0.984, "no shallower height loses as few"
@@ -103,7 +104,8 @@ def test_the_post_section_loses_one_in_fifty_of_many_landings():
 def test_of_few_landings_none_is_lost():
     for seed in range(20):
         heights = landings_like(np.random.default_rng(seed), 39)
-        pre_m, post_m, _ = heights_from_landings(heights)
+        held = heights_from_landings(heights)
+        pre_m, post_m = held.pre_m, held.shallow_m
         assert holds(pre_m, heights, "pre").all()
         assert holds(post_m, heights, "post").all()
 
@@ -112,10 +114,10 @@ def test_one_deep_contact_of_few_is_held():
     """The tail of its density alone may be lost: it is one landing, and one in 39 is not 2 %."""
     heights = landings_like(np.random.default_rng(1), 39, contact_sd_m=5e-4)
     heights[0, [LAST_CONTACT, 5]] = 0.295
-    _, post_m, _ = heights_from_landings(heights, 2e-3)
+    post_m = heights_from_landings(heights, 2e-3).shallow_m
     assert 0.293 < post_m <= 0.295
     many = np.concatenate([heights, landings_like(np.random.default_rng(2), 200, 5e-4)])
-    assert heights_from_landings(many, 2e-3)[1] > 0.2955, (
+    assert heights_from_landings(many, 2e-3).shallow_m > 0.2955, (
         "of 239 landings, it may be lost"
     )
 
@@ -123,11 +125,11 @@ def test_one_deep_contact_of_few_is_held():
 def test_the_pre_section_lies_half_way_in_the_time_of_the_flight():
     heights = np.tile([1.0, 0.78, 0.7, 0.6, 0.8, 0.69], (100, 1))
     heights += 1e-4 * np.random.default_rng(1).standard_normal((100, 1))
-    assert heights_from_landings(heights)[0] == pytest.approx(0.95, abs=1e-3)
+    assert heights_from_landings(heights).pre_m == pytest.approx(0.95, abs=1e-3)
     # Where a third of the landings begin lower, it lies below a tenth of their falls.
     heights[:33, TOP] = 0.92
     expected = 0.92 - 0.1 * (0.92 - 0.78)
-    assert heights_from_landings(heights)[0] == pytest.approx(expected, abs=1e-3)
+    assert heights_from_landings(heights).pre_m == pytest.approx(expected, abs=1e-3)
 
 
 def test_flights_are_continued_only_where_they_must_be():
@@ -137,10 +139,10 @@ def test_flights_are_continued_only_where_they_must_be():
     heights[:10, FIRST_CONTACT] = 0.955
     heights[:10, 4] = 0.965
     heights[10:, TOP] = 0.99
-    pre_m = heights_from_landings(heights)[0]
+    pre_m = heights_from_landings(heights).pre_m
     assert 0.965 <= pre_m < 0.97
     heights[:10, 4] = 0.985  # no height is above these contacts and below the tops
-    pre_m = heights_from_landings(heights)[0]
+    pre_m = heights_from_landings(heights).pre_m
     assert 0.955 <= pre_m < 0.97
     assert holds(pre_m, heights, "pre").all()
 
@@ -153,9 +155,9 @@ def test_no_section_lies_where_the_body_nearly_stands():
     # Every other last contact lies at the lowest point: such landings are held nowhere
     # else.
     heights[::2, [2, 5]] = 0.705
-    pre_m, post_m, _ = heights_from_landings(heights)
-    assert 0.724 < post_m <= 0.801
-    assert pre_m < 0.98
+    held = heights_from_landings(heights)
+    assert 0.724 < held.deep_m <= held.shallow_m <= 0.801
+    assert held.pre_m < 0.98
 
 
 @pytest.mark.parametrize("share", [0.002, 0.01, 0.05, 0.2, 0.45])
@@ -169,10 +171,9 @@ def test_odd_landings_hardly_move_the_sections(share):
     odd[on_a_step, 1:] += 0.06
     odd[late, LAST_CONTACT] = odd[late, LOWEST] + 0.001
     odd[late, 5] = odd[late, LOWEST]
-    pre_m, post_m, _ = heights_from_landings(heights)
-    odd_pre_m, odd_post_m, _ = heights_from_landings(odd)
-    assert odd_pre_m == pytest.approx(pre_m, abs=1e-3 + 0.02 * share)
-    assert odd_post_m == pytest.approx(post_m, abs=1e-3 + 0.012 * share)
+    usual, found = heights_from_landings(heights), heights_from_landings(odd)
+    assert found.pre_m == pytest.approx(usual.pre_m, abs=1e-3 + 0.02 * share)
+    assert found.shallow_m == pytest.approx(usual.shallow_m, abs=1e-3 + 0.012 * share)
 
 
 def test_when_most_landings_are_lower_so_are_the_sections():
@@ -180,20 +181,20 @@ def test_when_most_landings_are_lower_so_are_the_sections():
     heights = landings_like(rng, 500)
     lower = heights.copy()
     lower[:300] -= 0.05
-    for found, usual in zip(
-        heights_from_landings(lower)[:2],
-        heights_from_landings(heights)[:2],
-        strict=True,
-    ):
-        assert found < usual - 0.02
+    found, usual = heights_from_landings(lower), heights_from_landings(heights)
+    assert found.pre_m < usual.pre_m - 0.02
+    assert found.shallow_m < usual.shallow_m - 0.02
+    assert found.deep_m < usual.deep_m - 0.02
 
 
 def test_the_bandwidth_decides():
     heights = landings_like(np.random.default_rng(1), 500, contact_sd_m=0.004)
-    _, fine_m, used_m = heights_from_landings(heights, 1e-4)
-    _, wide_m, _ = heights_from_landings(heights, 8e-3)
-    assert used_m == 1e-4
-    assert fine_m - wide_m > 2e-3, "a wider density of contacts reaches further down"
+    fine = heights_from_landings(heights, 1e-4)
+    wide = heights_from_landings(heights, 8e-3)
+    assert fine.bandwidth_m == 1e-4
+    assert fine.shallow_m - wide.shallow_m > 2e-3, (
+        "a wider density of contacts reaches further down"
+    )
 
 
 def test_a_bandwidth_that_does_not_suit_the_heights_is_refused():
@@ -210,9 +211,11 @@ def test_a_bandwidth_that_does_not_suit_the_heights_is_refused():
 
 @pytest.mark.parametrize("number", [1, 2, 5])
 def test_a_few_equal_landings_have_sections(number):
-    pre_m, post_m, _ = heights_from_landings(np.array([ONE] * number))
-    assert 0.904 < pre_m < 1.0
-    assert post_m == pytest.approx(0.797, abs=1e-3)
+    held = heights_from_landings(np.array([ONE] * number))
+    assert 0.904 < held.pre_m < 1.0
+    assert held.shallow_m == pytest.approx(0.797, abs=1e-3)
+    # A quarter of the way to the lowest point is left out.
+    assert held.deep_m == pytest.approx(0.70 + 0.25 * 0.097, abs=1e-3)
 
 
 def test_a_landing_that_no_height_holds_does_not_count_against_one():

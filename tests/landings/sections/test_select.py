@@ -14,6 +14,7 @@ from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.frames import descents, landing_frames
 from hopdata.landings.sections.select import (
     Sections,
+    leverage,
     section_densities,
     section_frames,
     select_sections,
@@ -91,7 +92,9 @@ def test_heights_in_whole_millimetres_have_sections_and_curves(noise_m):
         fine, positions=np.round(fine.positions + 0.0004, 3)
     )  # 0 or 1 mm, in stance
     expected, found = select_sections([fine]), select_sections([coarse])
-    assert found.post_height_m == pytest.approx(expected.post_height_m, abs=0.01)
+    shallow_m = found.depth["shallowest_m"]
+    assert shallow_m == pytest.approx(expected.depth["shallowest_m"], abs=0.01)
+    assert found.depth["deepest_m"] <= found.post_height_m <= shallow_m
     assert found.pre_height_m == pytest.approx(expected.pre_height_m, abs=0.01)
     densities = section_densities([coarse], found, landings_of(coarse))
     assert np.isfinite(densities["density_per_m"]).all()
@@ -204,10 +207,12 @@ def test_sections_hold_the_true_landings_at_any_noise(options):
             settled_m.append(height[down[apex : nadir + 1]].max())
         assert np.mean(passed_up) == 1.0
         assert np.mean(passed_down) >= 0.95
-        # It is not deeper than it must be: a frame of the fall and the scatter of few
+        # It may lie no deeper than it must: a frame of the fall and the scatter of few
         # landings.
         frame_m = 2.5 / fake.recording.rate_hz
-        assert found.post_height_m > np.quantile(settled_m, 0.02) - frame_m - 0.004
+        assert (
+            found.depth["shallowest_m"] > np.quantile(settled_m, 0.02) - frame_m - 0.004
+        )
 
 
 def test_sample_within_2_mm_of_its_truth(sample):
@@ -319,7 +324,11 @@ def test_two_recordings_are_pooled(fake, select):
     assert pooled.n_landings in (whole.n_landings, whole.n_landings - 1)
     assert pooled.n_frames == whole.n_frames
     assert pooled.pre_height_m == pytest.approx(whole.pre_height_m, abs=2e-4)
-    assert pooled.post_height_m == pytest.approx(whole.post_height_m, abs=2e-4)
+    for name in ("shallowest_m", "deepest_m"):
+        assert pooled.depth[name] == pytest.approx(whole.depth[name], abs=2e-4)
+    # The depth between them is chosen by states, which each part fits for itself.
+    assert pooled.depth["n_landings"] == whole.depth["n_landings"]
+    assert pooled.depth["share"] > 0.5
     assert select_sections(parts[:1]).n_frames == n
 
 
@@ -343,8 +352,23 @@ def test_what_a_given_section_holds_is_counted():
     chosen = select_sections([fake.recording])
     assert chosen.held["post"] >= 0.98
     assert chosen.post_speed_m_s > 0.5
+    for side in ("pre", "post"):
+        assert 0 < chosen.leverage[side]["usual"] < chosen.leverage[side]["large"]
+    assert chosen.leverage["post"]["usual"] == pytest.approx(1 / chosen.post_speed_m_s)
     loose = select_sections([fake.recording], max_foot_threshold_m=0.03)
     assert loose.post_height_m == chosen.post_height_m, "thresholds are for the figure"
+
+
+def test_where_the_body_does_not_fall_it_has_no_leverage():
+    assert leverage(np.empty(0)) == {"usual": None, "large": None}
+    some_rise = np.array([-0.1] * 3 + [0.5] * 17)
+    assert leverage(some_rise) == {"usual": 2.0, "large": None}
+
+
+def test_a_section_that_is_given_is_no_choice_of_depth(fake, select):
+    given = select(post_height_m=0.3)
+    assert given.depth == {}
+    assert select(rule="printed").depth == {}
 
 
 def test_gaps_are_left_out(fake, select):
@@ -417,12 +441,11 @@ def test_landings_see_past_feet_that_are_not_followed():
     found = select_sections([walker], frames="landings")
     assert found.n_used < 0.6 * alone.n_used
     assert found.n_landings < 0.6 * alone.n_landings
-    assert found.post_height_m == pytest.approx(alone.post_height_m, abs=0.004)
+    shallow_m = found.depth["shallowest_m"]
+    assert shallow_m == pytest.approx(alone.depth["shallowest_m"], abs=0.004)
     assert found.pre_height_m == pytest.approx(alone.pre_height_m, abs=0.004)
     printed = select_sections([walker], rule="printed")
-    assert (
-        printed.post_height_m < found.post_height_m - 0.1
-    )  # the body sinks onto other feet
+    assert printed.post_height_m < shallow_m - 0.1  # the body sinks onto other feet
 
 
 def test_without_a_landing_of_all_feet_each_foot_is_counted(fake):
@@ -462,6 +485,7 @@ def test_the_pre_section_must_be_above_the_post_section(select):
 
 def test_goes_through_json(select):
     found = select(pre_height_m=0.55)
+    assert found.depth["share"] > 0
     assert Sections.from_dict(json.loads(json.dumps(found.to_dict()))) == found
 
 
@@ -487,7 +511,7 @@ def test_all_feet_are_down_below_the_post_section_whatever_the_method(method):
 
     def open_at_post(table):
         sections = select_sections([recording], landings={recording.name: table})
-        return float(np.mean(last < sections.post_height_m))
+        return float(np.mean(last < sections.depth["shallowest_m"]))
 
     assert open_at_post(landings) <= 0.03
     if method != "kink":

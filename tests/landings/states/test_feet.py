@@ -131,8 +131,9 @@ def test_errors_are_as_stated(rate_hz, noise_m, swing_m):
     assert rms < 0.7 * noise_m
 
 
-def test_few_landings_of_stiff_legs_are_fitted_alone():
-    made = landings(25, swing_m=0.0)
+@pytest.mark.parametrize("swing_m", [0.0, 0.03])
+def test_errors_of_few_landings_are_as_stated(swing_m):
+    made = landings(25, rate_hz=250, swing_m=swing_m)
     feet, feet_se = made.found()
     relative = (feet - made.true_feet) / feet_se
     assert 0.8 < np.sqrt(np.mean(relative**2)) < 1.25

@@ -162,6 +162,7 @@ def in_section(instants, outputs, inputs, *, unforetold=None, session=None):
         inputs=inputs,
         outputs=outputs,
         expected=instants - instants.mean(axis=1, keepdims=True),
+        missed=np.zeros_like(instants),
         foretold=1.0,
         unforetold=Unforetold(nothing, of_posture),
         noise=np.zeros((inputs.shape[1], inputs.shape[1])),

@@ -398,20 +398,37 @@ def test_landings_that_remember_those_before_are_noted_and_widen_the_interval():
     data = replace(data, after=data.after + 0.02 * slow[:, None] * np.arange(18))
     mixed = some(data, np.random.default_rng(3).permutation(900))
     remembered, independent = verdict(data), verdict(mixed)
-    noted = remembered.notes[-1]
-    assert noted["what"] == "landings are not independent"
+    what = "landings are not independent"
+    (noted,) = [note for note in remembered.notes if note["what"] == what]
     assert "widens the interval" in noted["reason"]
-    assert noted["what"] not in [note["what"] for note in independent.notes]
+    assert what not in [note["what"] for note in independent.notes]
     assert remembered.effect.squared_error > 3.0 * independent.effect.squared_error
 
 
-def test_landings_far_from_all_others_are_counted():
+def test_mistakes_are_left_out_and_told():
     data = landings()
-    assert not verdict(data).notes
+    clean = verdict(data)
+    assert not clean.notes
     data.after[[3, 500], -1] += 50.0
-    note = verdict(data).notes[-1]
-    assert note["what"] == "landings far from all others"
-    assert "these 2 are mistakes" in note["reason"]
+    answer = verdict(data)
+    note = answer.notes[-1]
+    assert note["what"] == "landings left out as mistakes"
+    assert "2 of 900" in note["reason"]
+    assert note["values"]["rows"] == answer.gross_errors == {"markers_apart": [3, 500]}
+    assert answer.n_landings == 898
+    assert answer.effect.upper_bound == pytest.approx(clean.effect.upper_bound, rel=0.1)
+
+
+def test_rows_of_mistakes_are_those_of_the_arrays_given():
+    data = landings()
+    data.instants[10, 0] = np.nan
+    data.after[[3, 500], -1] += 50.0
+    answer = verdict(data)
+    assert answer.gross_errors == {"markers_apart": [3, 500]}
+    assert [note["code"] for note in answer.notes] == [
+        "maps.left_out",
+        "maps.gross_errors",
+    ]
 
 
 @pytest.mark.parametrize("apart_s", [0.0, 2e-5])

@@ -8,7 +8,13 @@ from kinked_landings import in_section
 
 from hopdata.maps.coordinates import kinks, monomials
 from hopdata.maps.verdict import shrunk, window
-from hopdata.maps.verdict.effect import compared, effect_size
+from hopdata.maps.verdict.effect import (
+    Draws,
+    compared,
+    effect_size,
+    signed_errors,
+    squared_size,
+)
 from hopdata.maps.verdict.inputs import WINDOW
 from hopdata.maps.verdict.model import left_by_window, nearest
 from hopdata.maps.verdict.window import fit_of_best_window
@@ -29,13 +35,15 @@ def _study(seed, n, *, kink=0.0, cubic=0.02, noise=0.3):
 
 
 def _size(landings, seed, *, allowed=None):
-    fit, root = fit_of_best_window(landings, compared(landings))
+    comparison = compared(landings)
+    fit = fit_of_best_window(landings, comparison)
+    root = squared_size(fit, landings, comparison)
     if allowed is not None:
         fit = replace(fit, allowed=allowed)
     generator = np.random.default_rng(seed)
-    return effect_size(
-        fit, root, generator=generator, confidence=0.95, power=0.8, flips=99
-    )
+    (errors,) = signed_errors([fit], 99, generator, alike=False)
+    draws = Draws(fit, root, errors, alike=False)
+    return effect_size(draws, fit, level_found=0.05, confidence=0.95, power=0.8)
 
 
 def test_random_signs_hold_their_level_beside_shrunk_terms():
@@ -64,7 +72,7 @@ def test_small_studies_find_more_with_all_landings_and_shrunk_terms(monkeypatch)
 @pytest.mark.parametrize(("noise", "share"), [(2.0, 1.0), (0.02, WINDOW)])
 def test_where_noise_is_large_all_landings_are_used(noise, share):
     landings = _study(1, 400, noise=noise)
-    fit, _ = fit_of_best_window(landings, compared(landings))
+    fit = fit_of_best_window(landings, compared(landings))
     assert len(fit.rows) == round(share * 400)
 
 

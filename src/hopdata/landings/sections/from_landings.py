@@ -7,12 +7,17 @@ contact and the lowest point. The share of the landings that a height holds is t
 between two densities, that of the heights of contact and that of the heights of
 turning, each estimated with a Gaussian kernel.
 
+Several post sections hold nearly as many landings. Which of them is taken is decided in
+`hopdata.landings.sections.depth`.
+
 The rule asks for two heights and not for a tail of frames, because a tail belongs to
 whoever is in it. One fall of a second is more frames than the tail has, and moved the
 post section by 28 mm; of 500 landings, it is one.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -157,15 +162,33 @@ def holds(height_m: float, heights: FloatArray, side: str) -> BoolArray:
     return np.asarray((lower <= height_m) & (height_m <= upper))
 
 
+@dataclass(frozen=True)
+class HeldHeights:
+    """Heights that hold nearly as many landings as any.
+
+    Parameters
+    ----------
+    pre_m : float
+        Height of the pre section, m.
+    shallow_m, deep_m : float
+        The highest and the lowest height of a post section, m.
+    bandwidth_m : float
+        Bandwidth with which they were found, m.
+    """
+
+    pre_m: float
+    shallow_m: float
+    deep_m: float
+    bandwidth_m: float
+
+
 def heights_from_landings(
     heights: FloatArray, bandwidth_m: float | None = None
-) -> tuple[float, float, float]:
-    """Choose the sections from the heights of landings.
+) -> HeldHeights:
+    """Find the sections that hold nearly as many landings as any does.
 
-    The post section is the shallowest height that holds nearly as many landings as any
-    does: a body just after the last contact still falls fast. The pre section is the
-    height that holds as many, with the fewest flights continued, and is nearest to the
-    middle of the usual flight in time.
+    The pre section is the height that holds as many, with the fewest flights continued,
+    and is nearest to the middle of the usual flight in time.
 
     Parameters
     ----------
@@ -177,10 +200,7 @@ def heights_from_landings(
 
     Returns
     -------
-    pre_m, post_m : float
-        Heights of the sections, m.
-    bandwidth_m : float
-        Bandwidth with which they were chosen, m.
+    HeldHeights
 
     Raises
     ------
@@ -202,8 +222,12 @@ def heights_from_landings(
     after = heights_that_hold(-settled, -above_lowest, bandwidth_m)
     half_time = float(np.median(top - PRE_FALL * (top - untouched)))
     pre_m = float(np.clip(half_time, before[0], before[-1]))
-    post_m = float(-after[0])
-    return pre_m, post_m, bandwidth_m
+    # Heights beyond a gap hold other landings: those that touch where most stand.
+    beyond_gap = np.flatnonzero(np.diff(after) > bandwidth_m)
+    deepest = len(after) - 1
+    if len(beyond_gap) > 0:
+        deepest = int(beyond_gap[0])
+    return HeldHeights(pre_m, float(-after[0]), float(-after[deepest]), bandwidth_m)
 
 
 def fall_speed(

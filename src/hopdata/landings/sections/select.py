@@ -18,6 +18,7 @@ from hopdata.landings.sections.densities import (
     normal_bandwidth,
     usual_bandwidth,
 )
+from hopdata.landings.sections.depth import choose_depth
 from hopdata.landings.sections.frames import (
     Frames,
     Heights,
@@ -60,6 +61,10 @@ FOOT_BANDWIDTH = 0.5
 #: Unit: 1. Origin: chosen.
 FINEST_BANDWIDTH = 1e-5
 
+#: Quantile of the speeds of the fall at a section that gives its large leverage.
+#: Unit: 1. Origin: convention: one landing in twenty is slower.
+SLOW = 0.05
+
 # Reach of a curve beyond its heights, in bandwidths.
 REACH_OF_FEET = 4
 REACH_OF_BODIES = 3
@@ -96,6 +101,15 @@ class Sections(Shown):
     pre_speed_m_s, post_speed_m_s : float or None
         Median speed of the fall as a landing passes the section, m/s. An error in
         height shifts the instant of the passage by that error over this speed.
+    leverage : dict
+        For the ``"pre"`` and the ``"post"`` section, how much an error in height shifts
+        the instant of the passage, s/m: ``usual``, the median over the landings, and
+        ``large``, their 95 % quantile. None where the body hardly falls, and without
+        landings.
+    depth : dict
+        How the rule ``"landings"`` chose among the post sections that hold nearly as
+        many landings: ``shallowest_m`` and ``deepest_m``, and what `Depth` has (see
+        `hopdata.landings.sections.depth`). Empty if nothing was chosen.
     n_landings : int
         Number of landings of all feet.
     n_frames : int
@@ -123,6 +137,8 @@ class Sections(Shown):
     held: dict[str, float | None]
     pre_speed_m_s: float | None
     post_speed_m_s: float | None
+    leverage: dict[str, dict[str, float | None]]
+    depth: dict[str, Any]
     n_landings: int
     n_frames: int
     n_used: int
@@ -247,6 +263,8 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         held={},
         pre_speed_m_s=None,
         post_speed_m_s=None,
+        leverage={},
+        depth={},
         n_landings=len(of_landings),
         n_frames=sum(int(h.seen.sum()) for h in heights),
         n_used=0,
@@ -266,14 +284,17 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         )
     if compare:
         sections = replace(sections, beside=_beside(start, material))
+    pre_speed_m_s = _fall_speeds(sections.pre_height_m, material)
+    post_speed_m_s = _fall_speeds(sections.post_height_m, material)
     return replace(
         sections,
         held={
             "pre": _share_held(sections.pre_height_m, of_landings, "pre"),
             "post": _share_held(sections.post_height_m, of_landings, "post"),
         },
-        pre_speed_m_s=_usual_speed(sections.pre_height_m, material),
-        post_speed_m_s=_usual_speed(sections.post_height_m, material),
+        pre_speed_m_s=_usual(pre_speed_m_s),
+        post_speed_m_s=_usual(post_speed_m_s),
+        leverage={"pre": leverage(pre_speed_m_s), "post": leverage(post_speed_m_s)},
     )
 
 
@@ -316,11 +337,27 @@ def _by_landings(sections: Sections, material: _Material) -> Sections:
         return replace(sections, bandwidth_m=None)
     if len(material.of_landings) == 0:
         raise _no_landing(material, frames, sections)
-    pre_m, post_m, bandwidth_m = heights_from_landings(
-        material.of_landings, sections.bandwidth_m
+    held = heights_from_landings(material.of_landings, sections.bandwidth_m)
+    sections = replace(sections, bandwidth_m=held.bandwidth_m)
+    sections = _filled(sections, pre_height_m=held.pre_m)
+    if sections.decided["post_height_m"] == "config":
+        return sections
+    depth = choose_depth(
+        material.recordings,
+        material.landings,
+        pre_m=sections.pre_height_m,
+        shallow_m=held.shallow_m,
+        deep_m=held.deep_m,
     )
-    sections = _filled(sections, pre_height_m=pre_m, post_height_m=post_m)
-    return replace(sections, bandwidth_m=bandwidth_m)
+    post_m = held.shallow_m - depth.share * (held.shallow_m - held.deep_m)
+    found = {
+        "shallowest_m": held.shallow_m,
+        "deepest_m": held.deep_m,
+        "share": depth.share,
+        "misfit": list(depth.misfit),
+        "n_landings": depth.n_landings,
+    }
+    return replace(_filled(sections, post_height_m=post_m), depth=found)
 
 
 def _by_densities(sections: Sections, material: _Material) -> Sections:
@@ -392,14 +429,42 @@ def _share_held(height_m: float, of_landings: FloatArray, side: str) -> float | 
     return float(np.mean(holds(height_m, of_landings, side)))
 
 
-def _usual_speed(height_m: float, material: _Material) -> float | None:
-    """Return the median speed of falls past a height, m/s; None without any."""
+def _fall_speeds(height_m: float, material: _Material) -> FloatArray:
+    """Return the speeds of the falls past a height, m/s."""
     pairs = zip(material.recordings, material.landings, strict=True)
     speeds = [fall_speed(recording, table, height_m) for recording, table in pairs]
-    known = finite(np.concatenate(speeds))
-    if len(known) == 0:
+    return finite(np.concatenate(speeds))
+
+
+def _usual(speeds_m_s: FloatArray) -> float | None:
+    """Return the median; None without any."""
+    if len(speeds_m_s) == 0:
         return None
-    return float(np.median(known))
+    return float(np.median(speeds_m_s))
+
+
+def leverage(speeds_m_s: FloatArray) -> dict[str, float | None]:
+    """Return how much an error in height shifts the instant of a passage, s/m.
+
+    Parameters
+    ----------
+    speeds_m_s : (L,) array
+        Speeds of the falls past a section, m/s.
+
+    Returns
+    -------
+    dict
+        ``usual``, the median over the landings, and ``large``, their 95 % quantile;
+        None where the body does not fall, and without landings.
+    """
+    found: dict[str, float | None] = {}
+    for name, quantile in (("usual", 0.5), ("large", SLOW)):
+        found[name] = None
+        if len(speeds_m_s) > 0:
+            slow_m_s = float(np.quantile(speeds_m_s, quantile))
+            if slow_m_s > 0:
+                found[name] = 1.0 / slow_m_s
+    return found
 
 
 def _no_landing(

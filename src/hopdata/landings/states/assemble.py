@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -109,9 +108,9 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
             continue
         options = {"method": method, "window_s": window_s, "gravity": gravity}
         pre, post = _states(recording, used, pre_height_m, post_height_m, options)
-        found = _pairs_of(recording, used, pre, post, marker, window_s)
-        in_session = start_s - float(recording.time[0])
-        parts.append(replace(found, time_s=found.time_s + in_session))
+        later_s = start_s - float(recording.time[0])
+        part = _pairs_of(recording, used, pre, post, marker, window_s, later_s)
+        parts.append(part)
     n_pairs = sum(len(part) for part in parts)
     if n_pairs < LEAST_PAIRS:
         rest = table
@@ -263,8 +262,12 @@ def _pairs_of(
     post: SectionStates,
     marker: int,
     window_s: float | None,
+    later_s: float,
 ) -> Pairs:
-    """Bring states and feet to their home frames; leave undetermined states out."""
+    """Bring states and feet to their home frames; leave undetermined states out.
+
+    The session's clock shows `later_s` more than that of the recording.
+    """
     t_pre = used["t_pre_s"].to_numpy()
     home = home_frames(
         recording.time,
@@ -307,7 +310,7 @@ def _pairs_of(
         instants_se=instants_se[whole],
         feet=feet[whole],
         feet_se=feet_se[whole],
-        time_s=pre.time[whole],
+        time_s=pre.time[whole] + later_s,
     )
 
 

@@ -115,6 +115,18 @@ def noise(parts: Iterable[Moments]) -> tuple[FloatArray, FloatArray]:
     return np.maximum(variance, LEAST_NOISE_M**2), np.concatenate(frames)
 
 
+def residual_squares(sums: Moments) -> FloatArray:
+    """Return the mean squared residual of each landing about its own fit, (L,), m^2.
+
+    NaN for landings in which a track has no more frames than coefficients.
+    """
+    solved = _solved(sums)
+    freedom = 3.0 * (sums.frames - sums.terms).sum(axis=1)
+    square = solved.residual_square.sum(axis=(1, 2))
+    is_whole = solved.enough.all(axis=1)
+    return np.where(is_whole, square / np.where(is_whole, freedom, 1.0), np.nan)
+
+
 @dataclass(frozen=True)
 class _Solved:
     """Separate fits of tracks.

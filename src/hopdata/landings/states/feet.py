@@ -9,7 +9,7 @@ A foot on a swinging leg is not in free fall. But its acceleration changes littl
 within a window, and is much the same in all landings: exactly what
 `hopdata.landings.states.fits.together` learns, in the home frame.
 Where few landings are there to learn from, the residuals choose between free fall and
-an acceleration of its own.
+a cubic.
 """
 
 from __future__ import annotations

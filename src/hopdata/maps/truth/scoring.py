@@ -147,7 +147,11 @@ def score_sections(
         heights = np.concatenate(each)
         if len(heights) == 0:
             return {}
-        pre_m, post_m, _ = heights_from_landings(heights, sections["bandwidth_m"])
+        held = heights_from_landings(heights, sections["bandwidth_m"])
+        # The study's own errors chose the depth: the truth has none.
+        share = sections.get("depth", {}).get("share", 0.0)
+        pre_m = held.pre_m
+        post_m = held.shallow_m - share * (held.shallow_m - held.deep_m)
     else:
         what = "true foot states"
         each_frames = [

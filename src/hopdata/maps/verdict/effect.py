@@ -17,7 +17,7 @@ landings (Hemerik, Goeman and Finos 2020). If successive landings have similar e
 study of a system, so a size up to `allowed` is not evidence.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -141,22 +141,45 @@ def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArra
         (C, S) weights of the orders in the differences, and (S,) weights in the mean.
     """
     n_orders, n_feet = orders.shape
+    pairs = pairs_compared(orders, counts)
     differences = []
     if n_feet <= coordinates.ALL_SETS_UP_TO:
         one = np.eye(n_orders)
-        for a, b in combinations(range(n_orders), 2):
+        for a, b in pairs:
             differences.append(one[a] - one[b])
         mean = np.full(n_orders, 1.0 / max(n_orders, 1))
     else:
-        rank = np.argsort(orders, axis=1)
-        for i, j in combinations(range(n_feet), 2):
-            i_first = counts * (rank[:, i] < rank[:, j])
+        for i, j in pairs:
+            i_first = _with_first(orders, counts, i, j)
             j_first = counts - i_first
-            if min(i_first.sum(), j_first.sum()) >= LEAST_CLASS:
-                difference = i_first / i_first.sum() - j_first / j_first.sum()
-                differences.append(difference)
+            differences.append(i_first / i_first.sum() - j_first / j_first.sum())
         mean = counts / counts.sum()
     return np.reshape(differences, (len(differences), n_orders)), mean
+
+
+def pairs_compared(orders: IntArray, counts: IntArray) -> list[tuple[int, int]]:
+    """Return the pairs that are compared: numbers of orders or, of many feet, of feet.
+
+    Parameters
+    ----------
+    orders, counts
+        As for `contrasts`.
+    """
+    n_orders, n_feet = orders.shape
+    if n_feet <= coordinates.ALL_SETS_UP_TO:
+        return list(combinations(range(n_orders), 2))
+    pairs = []
+    for i, j in combinations(range(n_feet), 2):
+        i_first = _with_first(orders, counts, i, j).sum()
+        if min(i_first, counts.sum() - i_first) >= LEAST_CLASS:
+            pairs.append((i, j))
+    return pairs
+
+
+def _with_first(orders: IntArray, counts: IntArray, i: int, j: int) -> IntArray:
+    """Return the number of landings of each order in which foot i is before foot j."""
+    rank = np.argsort(orders, axis=1)
+    return np.asarray(counts * (rank[:, i] < rank[:, j]))
 
 
 @dataclass(frozen=True)
@@ -172,11 +195,15 @@ class Comparison:
         (all kinks, feet) derivatives of the mean map.
     what
         What completes "the maps of".
+    names
+        C pairs of names of what is compared: contact orders as ``"1>2>3"``, or the
+        orders of two feet, ``"1>2"`` and ``"2>1"``.
     """
 
     differences: FloatArray
     mean: FloatArray
     what: Message
+    names: list[tuple[str, str]]
 
 
 def compared(landings: SectionLandings) -> Comparison:
@@ -193,17 +220,28 @@ def compared(landings: SectionLandings) -> Comparison:
     differences, mean = contrasts(orders, counts)
     if not len(differences):
         raise AnalysisError(_nothing_to_compare(landings, by_order=by_order))
+    pairs = pairs_compared(orders, counts)
     if by_order:
         what = Message("maps.orders", {"count": len(orders)})
+        of_orders = order_names(orders)
+        names = [(of_orders[a], of_orders[b]) for a, b in pairs]
     else:
         what = Message("maps.pairs_of_feet", {"count": len(differences)})
-    of_orders = [coordinates.kink_slopes(tuple(order)) for order in orders.tolist()]
-    slopes = np.array(of_orders)
+        names = [names_of_feet(i, j) for i, j in pairs]
+    slopes = np.array(
+        [coordinates.kink_slopes(tuple(order)) for order in orders.tolist()]
+    )
     return Comparison(
         differences=np.tensordot(differences, slopes, axes=1),
         mean=np.tensordot(mean, slopes, axes=1),
         what=what,
+        names=names,
     )
+
+
+def names_of_feet(i: int, j: int) -> tuple[str, str]:
+    """Return the names of "foot i before foot j" and the reverse; i and j from 0."""
+    return f"{i + 1}>{j + 1}", f"{j + 1}>{i + 1}"
 
 
 def _nothing_to_compare(landings: SectionLandings, *, by_order: bool) -> Message:
@@ -230,18 +268,31 @@ def squared_size(
     fit: KinkFit, landings: SectionLandings, comparison: Comparison
 ) -> FloatArray:
     """Return a root R (K q, K q) of the squared size of the kinks, |R b|^2 = b'Fb."""
-    instants = landings.expected
-    covariance = np.cov(instants.T) + landings.unforetold.total
+    changes = changes_of_map(fit, landings, comparison)
+    form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
+    weights = weights_of_map(fit, landings, comparison)
+    return np.asarray(np.kron(symmetric_root(form), weights), float)
+
+
+def changes_of_map(
+    fit: KinkFit, landings: SectionLandings, comparison: Comparison
+) -> FloatArray:
+    """Return by how much each kink changes each map compared, (C, K, feet)."""
+    covariance = np.cov(landings.expected.T) + landings.unforetold.total
     changes = np.einsum(
         "aK,caf,fg->cKg", fit.seen, comparison.differences, symmetric_root(covariance)
     )
-    form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
+    return np.asarray(changes)
 
+
+def weights_of_map(
+    fit: KinkFit, landings: SectionLandings, comparison: Comparison
+) -> FloatArray:
+    """Return the matrix (q, q) that makes shares of the mean map of changes."""
     by_inputs = landings.inputs @ fit.linear
     slopes = comparison.mean.T @ fit.seen @ fit.coefficients
-    by_kinks = instants @ slopes
-    weights = _weights(_true_power(landings, by_inputs + by_kinks, slopes))
-    return np.asarray(np.kron(symmetric_root(form), weights), float)
+    outcome = by_inputs + landings.expected @ slopes
+    return _weights(_true_power(landings, outcome, slopes))
 
 
 def _true_power(
@@ -273,8 +324,12 @@ def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
     n_pairs, n_seen = fit.seen.shape
     # A step from -1 to 1 changes the outcome by twice its coefficient.
     mean_of_pairs = 2.0 / np.sqrt(n_pairs) * np.eye(n_seen)
-    variance = np.var(landings.outputs, axis=0, ddof=1)
-    return np.asarray(np.kron(mean_of_pairs, _weights(variance)), float)
+    return np.asarray(np.kron(mean_of_pairs, weights_of_jumps(landings)), float)
+
+
+def weights_of_jumps(landings: SectionLandings) -> FloatArray:
+    """Return the matrix (q, q) that makes jumps shares of what the outcome varies."""
+    return _weights(np.var(landings.outputs, axis=0, ddof=1))
 
 
 def _weights(variance: FloatArray) -> FloatArray:
@@ -309,19 +364,7 @@ def effect_size(
     power: float,
     flips: int,
 ) -> EffectSize:
-    """Return the size of the kinks, with interval, bounds and p-value.
-
-    The interval contains the sizes for which the T found is not a rare draw. Its low
-    end is then reduced by `allowed` and its high end raised by `upper_ends`, for two
-    reasons: residual smooth terms may add to a difference or hide part of it, and the
-    simultaneous contact is a single landing, which may differ from the observed mean
-    (`one_landing`).
-
-    Below the size at which a statistic as small as the median under `allowed` becomes
-    rare, only large draws count as rare. The interval therefore starts above zero
-    exactly if the test, of level 1 - confidence, finds more than `allowed`. For `high`
-    and the bound, a statistic below the median without kinks is replaced by that
-    median: an estimate smaller than noise alone gives is luck, not knowledge.
+    """Return the size of the kinks, if no other test shares the level of theirs.
 
     Parameters
     ----------
@@ -330,49 +373,62 @@ def effect_size(
     generator
         Source of the random signs.
     confidence, power
-        Confidence of the interval and the bound, and power for the detectable
-        difference.
+        See `size_drawn`.
     flips
         Number of random sign patterns.
     """
-    if model.err_alike(fit.scores @ root.T):
-        fit = _with_signs_in_a_row(fit)
-    root = _axes(fit, root) @ root
-    found = root @ fit.coefficients.ravel()
-    statistic = float(found @ found)
-    null_errors, full_errors = _draws(fit, root, flips, generator)
-    draws = _Draws(found, null_errors, full_errors)
+    alike = model.err_alike(fit.scores @ root.T)
+    (errors,) = signed_errors([fit], flips, generator, alike=alike)
+    draws = Draws(fit, root, errors, alike=alike)
+    level = round(1.0 - confidence, 12)
+    return size_drawn(draws, fit, level_found=level, confidence=confidence, power=power)
 
-    null_statistics = np.sum(null_errors**2, axis=1)
-    allowed_statistics = draws.statistics(fit.allowed)
+
+def size_drawn(
+    draws: "Draws",
+    fit: KinkFit,
+    *,
+    level_found: float,
+    confidence: float,
+    power: float,
+) -> EffectSize:
+    """Return the size of the kinks, with interval, bounds and p-value.
+
+    The interval contains the sizes for which the T found is not a rare draw: see
+    `interval`.
+
+    Parameters
+    ----------
+    draws
+        Draws of T.
+    fit
+        The kinks.
+    level_found
+        Level of the test that finds a difference: see `hopdata.maps.verdict.orders`.
+    confidence, power
+        Confidence of the interval and the bound, and power for the detectable
+        difference.
+    """
     level = round(1.0 - confidence, 12)  # 0.05, not slightly more
-    p_value = (1 + int(np.sum(allowed_statistics >= statistic))) / (1 + flips)
-
-    low = 0.0
-    if p_value < level:
-        floor = draws.size_below(float(np.median(allowed_statistics)), level / 2.0)
-        one_sided = draws.size_below(statistic, 1.0 - level)
-        two_sided = draws.size_below(statistic, 1.0 - level / 2.0)
-        found_low = min(one_sided, max(floor, two_sided))
-        deviation = model.one_landing(fit.allowed)
-        low = max(0.0, found_low - fit.allowed) / (1.0 + deviation)
-
-    typical = max(statistic, float(np.median(null_statistics)))
-    ends = [draws.size_below(typical, level / 2.0), draws.size_below(typical, level)]
-    high, bound = model.upper_ends(ends, fit.allowed)
-
-    of_noise = float(np.sum((fit.scores @ root.T) ** 2))
-    squared = statistic - of_noise
+    p_value = draws.p_value(fit.allowed)
+    ends = interval(
+        draws,
+        fit.allowed,
+        is_found=p_value < level_found,
+        level_found=level_found,
+        level=level,
+    )
+    squared = draws.statistic - draws.of_noise
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, squared))),
-        low=low,
-        high=high,
-        upper_bound=bound,
-        detectable=_detectable(null_errors, fit.allowed, level, power),
+        low=ends.low,
+        high=ends.high,
+        upper_bound=ends.upper_bound,
+        detectable=_detectable(draws, fit.allowed, level_found, power),
         p_value=p_value,
         squared=squared,
-        squared_error=float(np.std(null_statistics)),
-        along_error=float(np.std(full_errors @ found) / draws.size),
+        squared_error=float(np.std(draws.statistics(0.0))),
+        along_error=draws.along_error,
         allowed=fit.allowed,
         left=fit.left,
     )
@@ -406,6 +462,7 @@ def at_the_contact(
     *,
     generator: np.random.Generator,
     flips: int,
+    alike: bool,
 ) -> AtContact:
     """Return the size at the simultaneous contact.
 
@@ -424,9 +481,11 @@ def at_the_contact(
         Function that returns the size of kinks.
     generator, flips
         Source and number of random sign patterns.
+    alike
+        Whether successive landings err alike: see `signed_errors`.
     """
     in_a_row = 1
-    if model.err_alike(fit.scores):
+    if alike:
         in_a_row = IN_A_ROW
     p_value, in_doubt = saturation(
         fit.at_contact(landings), flips=flips, in_a_row=in_a_row, rng=generator
@@ -447,41 +506,150 @@ def at_the_contact(
     return AtContact(found, saturates=True, p_value=p_value)
 
 
-def _with_signs_in_a_row(fit: KinkFit) -> KinkFit:
-    """Return the fit with the scores of `IN_A_ROW` successive landings summed."""
-    first = np.arange(0, len(fit.scores), IN_A_ROW)
-    scores = np.add.reduceat(fit.scores, first)
-    null_scores = np.add.reduceat(fit.null_scores, first)
-    return replace(fit, scores=scores, null_scores=null_scores)
+@dataclass(frozen=True)
+class Ends:
+    """Ends of an interval, and the bound from one side: see `EffectSize`."""
+
+    low: float
+    high: float
+    upper_bound: float
 
 
-class _Draws:
+def interval(
+    draws: "Draws",
+    allowed: float,
+    *,
+    is_found: bool,
+    level_found: float,
+    level: float,
+) -> Ends:
+    """Return the sizes for which the T found is not a rare draw.
+
+    The low end is then reduced by `allowed` and the high end raised by `upper_ends`,
+    for two reasons: residual smooth terms may add to a difference or hide part of it,
+    and the simultaneous contact is a single landing, which may differ from the observed
+    mean (`one_landing`).
+
+    Below the size at which a statistic as small as the median under `allowed` becomes
+    rare, only large draws count as rare. The interval therefore starts above zero
+    exactly if the test, of level `level_found`, finds more than `allowed`, as
+    `is_found` says. For the high end and the bound, a statistic below the median
+    without kinks is replaced by that median: an estimate smaller than noise alone gives
+    is luck, not knowledge.
+    """
+    low = 0.0
+    if is_found:
+        of_allowed = float(np.median(draws.statistics(allowed)))
+        floor = draws.size_below(of_allowed, level_found / 2.0)
+        one_sided = draws.size_below(draws.statistic, 1.0 - level_found)
+        two_sided = draws.size_below(draws.statistic, 1.0 - level_found / 2.0)
+        found_low = min(one_sided, max(floor, two_sided))
+        deviation = model.one_landing(allowed)
+        low = max(0.0, found_low - allowed) / (1.0 + deviation)
+
+    typical = max(draws.statistic, float(np.median(draws.statistics(0.0))))
+    ends = [draws.size_below(typical, level / 2.0), draws.size_below(typical, level)]
+    high, bound = model.upper_ends(ends, allowed)
+    return Ends(low, high, bound)
+
+
+@dataclass(frozen=True)
+class SignedErrors:
+    """Random errors of the kinks of a fit, (draws, K q) each.
+
+    Both are randomly signed sums of the landings' contributions: for no kinks, and for
+    the kinks found. For an assumed size in between, they are mixed in proportion to it.
+    """
+
+    null: FloatArray
+    full: FloatArray
+
+
+def signed_errors(
+    fits: Sequence[KinkFit], count: int, generator: np.random.Generator, *, alike: bool
+) -> list[SignedErrors]:
+    """Return random errors of fits to the same landings, with the same random signs.
+
+    Parameters
+    ----------
+    fits
+        Kinks, and steps.
+    count
+        Number of random sign patterns.
+    generator
+        Source of the random signs.
+    alike
+        Whether successive landings err alike; `IN_A_ROW` of them then get one sign.
+    """
+    both = np.hstack([part for fit in fits for part in (fit.null_scores, fit.scores)])
+    if alike:
+        both = np.add.reduceat(both, np.arange(0, len(both), IN_A_ROW))
+    sums = np.empty((count, both.shape[1]))
+    draws_at_once = max(1, SIGNS_AT_ONCE // len(both))
+    for first in range(0, count, draws_at_once):
+        chunk = sums[first : first + draws_at_once]
+        zeros_and_ones = generator.integers(0, 2, size=(len(chunk), len(both)))
+        chunk[:] = (2.0 * zeros_and_ones - 1.0) @ both
+    widths = [part.shape[1] for fit in fits for part in (fit.null_scores, fit.scores)]
+    parts = np.split(sums, np.cumsum(widths)[:-1], axis=1)
+    nulls = parts[::2]
+    fulls = parts[1::2]
+    return [SignedErrors(*pair) for pair in zip(nulls, fulls, strict=True)]
+
+
+class Draws:
     """Draws of the statistic T for kinks of any size along those found.
 
     Parameters
     ----------
-    found
-        (m,) kinks found, in the axes of the errors.
-    null_errors, full_errors
-        (draws, m) random errors for no kinks, and for the kinks found.
+    fit
+        The kinks found.
+    root
+        (m, K q) root of their squared size: see `squared_size`.
+    errors
+        Random errors of the kinks.
+    alike
+        Whether successive landings err alike: see `signed_errors`.
     """
 
     def __init__(
-        self, found: FloatArray, null_errors: FloatArray, full_errors: FloatArray
+        self, fit: KinkFit, root: FloatArray, errors: SignedErrors, *, alike: bool
     ) -> None:
-        self.size = float(np.sqrt(float(found @ found)))
-        self._along = found / self.size
-        # Rows of axes are quicker to add than rows of draws.
-        self._null_errors = np.ascontiguousarray(null_errors.T)
-        self._full_errors = np.ascontiguousarray(full_errors.T)
+        self.found = root @ fit.coefficients.ravel()
+        self.statistic = float(self.found @ self.found)
+        self.size = float(np.sqrt(self.statistic))
+        scores = fit.scores @ root.T
+        if alike:
+            scores = np.add.reduceat(scores, np.arange(0, len(scores), IN_A_ROW))
+        self.of_noise = float(np.sum(scores**2))
+
+        along = self.found / self.size
+        self.null_errors = errors.null @ root.T
+        full_errors = errors.full @ root.T
+        self.along_error = float(np.std(full_errors @ along))
+        # T is a polynomial of the size and of the share of the errors that are mixed.
+        self._null_null = np.sum(self.null_errors**2, axis=1)
+        self._null_full = np.sum(self.null_errors * full_errors, axis=1)
+        self._full_full = np.sum(full_errors**2, axis=1)
+        self._along_null = self.null_errors @ along
+        self._along_full = full_errors @ along
 
     def statistics(self, true: float) -> FloatArray:
         """Return the draws (draws,) of T for kinks of this size."""
-        share = min(1.0, true / self.size)
-        errors = self._full_errors
-        if share < 1.0:
-            errors = (1.0 - share) * self._null_errors + share * self._full_errors
-        return np.asarray(((errors + true * self._along[:, None]) ** 2).sum(axis=0))
+        full = min(1.0, true / self.size)
+        null = 1.0 - full
+        of_errors = (
+            null * null * self._null_null
+            + 2.0 * null * full * self._null_full
+            + full * full * self._full_full
+        )
+        along = null * self._along_null + full * self._along_full
+        return np.asarray(of_errors + 2.0 * true * along + true * true)
+
+    def p_value(self, true: float) -> float:
+        """Return the share of draws, and the data, with a T as large at this size."""
+        as_large = int(np.sum(self.statistics(true) >= self.statistic))
+        return (1 + as_large) / (1 + len(self._null_null))
 
     def size_below(self, least: float, share: float) -> float:
         """Return the size at which only this share of the draws is at most `least`."""
@@ -518,55 +686,16 @@ def landings_needed(
     return max(inputs.least_landings(feet), needed)
 
 
-def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
-    """Return the principal axes of the size's error, pointing along the kinks found.
-
-    In these axes the same random numbers give the same draws, whatever the axes of the
-    data.
-    """
-    scores = fit.null_scores @ root.T
-    _, vectors = np.linalg.eigh(scores.T @ scores)
-    axes = vectors.T
-    signs = np.sign(axes @ root @ fit.coefficients.ravel())
-    return np.asarray(axes * signs[:, None])
-
-
-def _draws(
-    fit: KinkFit, root: FloatArray, count: int, generator: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Return random errors of the kinks, in axes in which their length is their size.
-
-    Both (draws, m) are randomly signed sums of the landings' contributions: for no
-    kinks, and for the kinks found. For an assumed size in between, they are mixed in
-    proportion to it.
-    """
-    both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
-    sums = np.empty((count, both.shape[1]))
-    draws_at_once = max(1, SIGNS_AT_ONCE // len(both))
-    for first in range(0, count, draws_at_once):
-        chunk = sums[first : first + draws_at_once]
-        zeros_and_ones = generator.integers(0, 2, size=(len(chunk), len(both)))
-        chunk[:] = (2.0 * zeros_and_ones - 1.0) @ both
-    null, full = np.split(sums, 2, axis=1)
-    return null, full
-
-
-def _detectable(
-    errors: FloatArray, allowed: float, level: float, power: float
-) -> float:
+def _detectable(draws: Draws, allowed: float, level: float, power: float) -> float:
     """Return the size of kinks that the test finds with this power.
 
     The power is the mean over `DIRECTIONS` in which kinks may lie and over the sizes as
     which they may show: see `SHOWN_SCATTER`. Directions are those of random errors,
     since kinks and errors both are largest in the outcomes that vary most.
-
-    Parameters
-    ----------
-    errors
-        (draws, m) random errors of the kinks.
     """
     from scipy.special import ndtri
 
+    errors = draws.null_errors
     squares = np.sum(errors**2, axis=1)
     directions = errors[:DIRECTIONS] / np.sqrt(squares[:DIRECTIONS, None])
     along = directions @ errors.T

@@ -28,6 +28,7 @@ from hopdata.maps.verdict.expected import (
     expected_contacts,
     unforetold,
 )
+from hopdata.maps.verdict.grazing import grazing
 from hopdata.maps.verdict.linear import FLAT
 from hopdata.maps.verdict.noise import believable, state_noise
 from hopdata.maps.verdict.session import Session
@@ -80,11 +81,6 @@ APART = 0.8
 #: Unit: 1. Origin: chosen.
 LEAST_PART = 0.1
 
-#: A landing is far from all others beyond this distance from the median, which no heavy
-#: tail explains.
-#: Unit: median distances. Origin: chosen.
-FAR_OFF = 30.0
-
 #: Two landings are suspected to be copies if they are nearer to each other than this.
 #: Unit: standard deviations of whitened inputs. Origin: chosen: nearer than any two of
 #: 100,000 landings.
@@ -132,6 +128,8 @@ class SectionLandings:
     expected
         (n, feet) contact instants expected from the inputs, relative to the mean over
         the feet.
+    missed
+        (n, feet) measured less expected contact instants, likewise.
     foretold
         Share of the contact instants' mean square that the inputs foretell, beside what
         the standard errors of the instants explain.
@@ -148,11 +146,15 @@ class SectionLandings:
         What is known of the feet before the landing.
     kept
         (N,) which of the N landings given these n are.
+    bent
+        Share of the map that the square root leaves with which a body that hardly falls
+        passes the post section: see `grazing`.
     """
 
     inputs: FloatArray
     outputs: FloatArray
     expected: FloatArray
+    missed: FloatArray
     foretold: float
     unforetold: Unforetold
     noise: FloatArray
@@ -160,6 +162,7 @@ class SectionLandings:
     n_bent: int
     posture: Posture
     kept: BoolArray
+    bent: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -234,10 +237,12 @@ def section_landings(
     if errors is not None:
         errors = errors[kept]
     outputs = outcomes(pre, post, dimensionless.shape)[kept]
+    relative = instants - instants.mean(axis=1, keepdims=True)
     return SectionLandings(
         inputs=inputs,
         outputs=outputs - outputs.mean(axis=0),
         expected=known.expected.instants,
+        missed=relative[kept] - known.expected.instants,
         foretold=known.expected.foretold(errors),
         unforetold=unforetold(inputs, noise, known.expected, errors),
         noise=noise,
@@ -245,6 +250,7 @@ def section_landings(
         n_bent=known.n_bent,
         posture=known.posture,
         kept=kept,
+        bent=grazing(dimensionless.after[kept]).bent,
     )
 
 
@@ -385,14 +391,6 @@ def two_kinds(inputs: FloatArray) -> str:
         if np.max(between) > APART:
             return name
     return ""
-
-
-def far_off(landings: SectionLandings) -> int:
-    """Return how many landings are beyond `FAR_OFF` median distances."""
-    values = np.hstack([landings.inputs, landings.outputs])
-    distances = np.abs(values - np.median(values, axis=0))
-    is_far = distances > FAR_OFF * np.median(distances, axis=0)
-    return int(np.sum(is_far.any(axis=1)))
 
 
 def feet_as_one(landings: SectionLandings) -> bool:

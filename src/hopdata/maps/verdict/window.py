@@ -9,7 +9,6 @@ with the spread, and beyond it the noise of the size.
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
 from hopdata.maps.verdict.effect import Comparison, squared_size
 from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import LEFT, KinkFit, fit_kinks, left_by_window
@@ -24,36 +23,36 @@ WIDER = (0.925, 1.0)
 FOUND_AT = 2.5
 
 
-def fit_of_best_window(
-    landings: SectionLandings, comparison: Comparison
-) -> tuple[KinkFit, FloatArray]:
+def fit_of_best_window(landings: SectionLandings, comparison: Comparison) -> KinkFit:
     """Return the kinks in the window that shows the smallest difference.
-
-    The second value is the root of their squared size: see `squared_size`.
 
     Raises
     ------
     AnalysisError
         As by `fit_kinks`.
     """
-    fit = fit_kinks(landings)
-    root = squared_size(fit, landings, comparison)
-    least = fit.allowed + FOUND_AT * _noise(fit, root)
+    best = fit_kinks(landings)
+    least = _seen_from(best, landings, comparison)
     for share in WIDER:
         left = LEFT * left_by_window(landings.expected, share)
         if left >= least:
             # Not even a size without noise could be seen better.
             break
         wide = fit_kinks(landings, share)
-        wide_root = squared_size(wide, landings, comparison)
-        seen_from = wide.allowed + FOUND_AT * _noise(wide, wide_root)
+        seen_from = _seen_from(wide, landings, comparison)
         if seen_from < least:
-            fit = wide
-            root = wide_root
+            best = wide
             least = seen_from
-    return fit, root
+    return best
 
 
-def _noise(fit: KinkFit, root: FloatArray) -> float:
-    """Return the standard error of the size in the direction where it is largest."""
-    return float(np.linalg.norm(fit.null_scores @ root.T, 2))
+def _seen_from(
+    fit: KinkFit, landings: SectionLandings, comparison: Comparison
+) -> float:
+    """Return the size from which on a difference can be seen, roughly.
+
+    The noise of the size is that in the direction where it is largest.
+    """
+    root = squared_size(fit, landings, comparison)
+    noise = float(np.linalg.norm(fit.null_scores @ root.T, 2))
+    return fit.allowed + FOUND_AT * noise

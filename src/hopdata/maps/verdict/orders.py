@@ -1,0 +1,419 @@
+"""Which contact orders differ, beside whether any do; and the level of both.
+
+**Kinks and jumps together.** A study is different if its kinks or its jumps are. These
+are two tests, and one of them alone would err in 5 % of the studies without a
+difference. The rarest of both p-values is therefore compared with its own distribution
+over the random signs, which both tests share (Westfall and Young 1993). The jumps have
+a fifth of the level, `OF_JUMPS`: kinks are tested at some 4 %, jumps at some 1 %, and
+one of the two errs in 5 % (`joint_level`).
+
+**Which.** e^2 is the mean over pairs of orders, or of feet. Each pair has a size of its
+own, and all pairs, those of maps and those of jumps, are tested together: the largest
+of their statistics, each as a share of its own 95 % quantile, is compared with its own
+distribution over the same signs (single-step max T of Westfall and Young). The
+intervals of all pairs hold together. No pair is different unless the study is, as
+closed testing asks for.
+
+What smooth terms may leave of a pair is the same share of its kinks as of all: pairs
+of opposite orders allow for more than pairs of similar ones, and `KinkFit.allowed` is
+the root of the mean square over the pairs.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, IntArray, pd
+from hopdata.maps.verdict import effect as sizing
+from hopdata.maps.verdict.averaged import pairs_that_exchange
+from hopdata.maps.verdict.effect import Comparison, Draws, SignedErrors
+from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings
+from hopdata.maps.verdict.model import KinkFit
+from hopdata.messages import Message
+
+#: Share of the level that the test of jumps has, if there can be any.
+#: Unit: 1. Origin: measured: beside a test of kinks alone the size of kinks that is
+#: found in 80 % of studies rises by 1 to 2 %, and with equal shares by 4 to 8 %. That
+#: of jumps rises by 4 to 7 % in place of 3 to 4 %, but is smaller anyway (14 simulated
+#: studies of some 600 landings).
+OF_JUMPS = 0.2
+
+#: A pair is left out if less than this share of the square of its difference, beside
+#: that of the others, is distinct from smooth terms, as of two feet that always touch
+#: together.
+#: Unit: 1. Origin: chosen.
+LEAST_SEEN = 0.1
+
+#: Two pairs of feet exchange their order together if they agree, or disagree, in this
+#: share more of the landings than they do not.
+#: Unit: 1. Origin: chosen.
+TOGETHER = 0.8
+
+# What a pair differs in.
+OF_MAP = "map"
+OF_JUMP = "jump"
+
+
+@dataclass(frozen=True)
+class PairEffect:
+    """The difference between two orders, or between either order of two feet.
+
+    Attributes
+    ----------
+    of
+        ``"map"``: relative difference of the Jacobians; ``"jump"``: jump of the outcome
+        as a share of its variation.
+    first, second
+        The orders, as ``"1>2>3"``; for pairs of feet ``"1>2"`` and ``"2>1"``.
+    estimate, low, high
+        Size and interval as those of the study, `EffectSize`; all intervals hold
+        together. `low` is above zero if the two differ.
+    p_value
+        Adjusted for the number of pairs.
+    """
+
+    of: str
+    first: str
+    second: str
+    estimate: float
+    low: float
+    high: float
+    p_value: float
+
+
+def orders_table(effects: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return the sizes of pairs as a table, a row for each `PairEffect`."""
+    columns = [item.name for item in fields(PairEffect)]
+    return pd.DataFrame(list(effects), columns=columns)
+
+
+@dataclass(frozen=True)
+class OneTest:
+    """One of the tests of a study.
+
+    Attributes
+    ----------
+    draws
+        Draws of its statistic, from the same random signs as those of the others.
+    allowed
+        Size that is no evidence.
+    share
+        Its share of the level.
+    """
+
+    draws: Draws
+    allowed: float
+    share: float
+
+
+@dataclass(frozen=True)
+class JointLevel:
+    """The level of the tests of a study, of which one errs at the level of the study.
+
+    Attributes
+    ----------
+    of_each
+        A test finds a difference if its own p-value is below its level.
+    p_value
+        Share of the sign patterns, with the data, in which the rarest statistic is as
+        rare.
+    """
+
+    of_each: list[float]
+    p_value: float
+
+
+def joint_level(tests: Sequence[OneTest], level: float) -> JointLevel:
+    """Return the level of each test.
+
+    Parameters
+    ----------
+    tests
+        Of kinks, and of jumps if there can be any.
+    level
+        Probability that one or more find a difference where there is none.
+    """
+    of_draws = []
+    of_data = []
+    for test in tests:
+        drawn = test.draws.statistics(test.allowed)
+        places, place = _as_large(drawn, test.draws.statistic)
+        of_draws.append(places / test.share)
+        of_data.append(place / test.share)
+    found = min(of_data)
+    rarest = np.sort(np.append(np.min(of_draws, axis=0), found))
+    n = len(rarest)
+
+    # The first that is not rare is above the level with its whole group of equals.
+    within = np.searchsorted(rarest, rarest, side="right") / n < level
+    n_within = int(within.sum())
+    last = 0.0
+    if n_within:
+        last = float(rarest[n_within - 1])
+    critical = 0.5 * (last + float(rarest[n_within]))
+    return JointLevel(
+        of_each=[critical * test.share / n for test in tests],
+        p_value=float(np.searchsorted(rarest, found, side="right") / n),
+    )
+
+
+def _as_large(drawn: FloatArray, found: float) -> tuple[IntArray, int]:
+    """Return how many of all statistics, with itself, are as large as each."""
+    every = np.append(drawn, found)
+    below = np.searchsorted(np.sort(every), every, side="left")
+    places = len(every) - below
+    return places[:-1], int(places[-1])
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """A pair that is compared, the root of its squared size, what is no evidence."""
+
+    of: str
+    names: tuple[str, str]
+    fit: KinkFit
+    errors: SignedErrors
+    root: FloatArray
+    allowed: float
+
+
+def pair_effects(
+    pairs: Sequence[_Pair],
+    *,
+    alike: bool,
+    joint_p_value: float,
+    confidence: float,
+) -> list[PairEffect]:
+    """Return the size of each pair, with intervals that hold together.
+
+    Parameters
+    ----------
+    pairs
+        Pairs of orders or of feet: see `pairs_of_maps` and `pairs_of_jumps`.
+    alike
+        Whether successive landings err alike: see `signed_errors`.
+    joint_p_value
+        Of the study. No pair has a smaller one.
+    confidence
+        Confidence of all intervals together.
+    """
+    level = round(1.0 - confidence, 12)
+    draws = [Draws(p.fit, p.root, p.errors, alike=alike) for p in pairs]
+    usual = []
+    shares = []
+    for pair, of_pair in zip(pairs, draws, strict=True):
+        statistics = of_pair.statistics(pair.allowed)
+        usual.append(float(np.quantile(statistics, confidence)))
+        shares.append(statistics / usual[-1])
+    largest = np.max(shares, axis=0)
+    critical = float(np.quantile(largest, confidence, method="higher"))
+    n = 1 + len(largest)
+
+    effects = []
+    for pair, of_pair, at, drawn in zip(pairs, draws, usual, shares, strict=True):
+        as_large = int(np.sum(largest >= of_pair.statistic / at))
+        p_value = max((1 + as_large) / n, joint_p_value)
+        # The level at which all pairs together err at the level of the study.
+        own_level = (1 + int(np.sum(drawn >= critical))) / n
+        ends = sizing.interval(
+            of_pair,
+            pair.allowed,
+            is_found=p_value < level,
+            level_found=own_level,
+            level=own_level,
+        )
+        squared = of_pair.statistic - of_pair.of_noise
+        effects.append(
+            PairEffect(
+                of=pair.of,
+                first=pair.names[0],
+                second=pair.names[1],
+                estimate=float(np.sqrt(max(0.0, squared))),
+                low=ends.low,
+                high=ends.high,
+                p_value=p_value,
+            )
+        )
+    return effects
+
+
+def pairs_of_maps(
+    fit: KinkFit,
+    errors: SignedErrors,
+    landings: SectionLandings,
+    comparison: Comparison,
+) -> list[_Pair]:
+    """Return the pairs whose maps are compared; the mean of their squares is e^2."""
+    changes = sizing.changes_of_map(fit, landings, comparison)
+    weights = sizing.weights_of_map(fit, landings, comparison)
+    squares = np.sum(changes**2, axis=(1, 2))
+    mean_square = squares.mean()
+    pairs = []
+    for names, change, square in zip(comparison.names, changes, squares, strict=True):
+        if square < LEAST_SEEN * mean_square:
+            continue
+        root = np.kron(change.T, weights)
+        allowed = float(np.sqrt(square / mean_square) * fit.allowed)
+        pairs.append(_Pair(OF_MAP, names, fit, errors, root, allowed))
+    return pairs
+
+
+def pairs_of_jumps(
+    fit: KinkFit, errors: SignedErrors, landings: SectionLandings
+) -> list[_Pair]:
+    """Return the pairs of feet at whose exchange the outcome may jump."""
+    instants = landings.expected[fit.rows]
+    weights = sizing.weights_of_jumps(landings)
+    feet = pairs_that_exchange(instants, LEAST_CLASS)
+    pairs = []
+    for (i, j), seen in zip(feet, fit.seen, strict=True):
+        if np.sum(seen**2) < LEAST_SEEN:
+            continue
+        root = np.kron(2.0 * seen[None, :], weights)
+        names = sizing.names_of_feet(i, j)
+        pairs.append(_Pair(OF_JUMP, names, fit, errors, root, fit.allowed))
+    return pairs
+
+
+# What the differences have in common, in words.
+
+# Place of a foot in an order -> what is said of orders that differ there.
+PLACES = {
+    0: ("maps.begin_differently", "maps.begin_with", "maps.begin_with_either"),
+    -1: ("maps.end_differently", "maps.end_with", "maps.end_with_either"),
+}
+Parted = Callable[[tuple[str, ...], tuple[str, ...]], bool]
+
+
+def mainly(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
+    """Return which orders differ most, or which feet; None if no pair was found.
+
+    What a group of pairs has in common is said if all of the group were found and even
+    the low ends of their intervals are above the estimates of all other pairs.
+    Otherwise the pair with the largest low end is named. Of feet, pairs that exchange
+    their order together are named together, since no landing tells them apart.
+
+    Parameters
+    ----------
+    effects
+        See `pair_effects`.
+    instants
+        (n, feet) expected contact instants.
+    """
+    of_maps = [effect for effect in effects if effect.of == OF_MAP]
+    of_jumps = [effect for effect in effects if effect.of == OF_JUMP]
+    maps = _mainly_maps(of_maps, instants)
+    jumps = _mainly_jump(of_jumps, instants)
+    if maps is not None and jumps is not None:
+        return Message("maps.mainly_both", {"maps": maps, "jumps": jumps})
+    return maps or jumps
+
+
+def _mainly_maps(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
+    found = [effect for effect in effects if effect.low > 0.0]
+    if not found or len(effects) == 1:
+        return None
+    largest = max(found, key=lambda effect: effect.low)
+    if len(_feet(largest.first)) == 2:
+        return Message("maps.mainly_feet", {"feet": _together(largest, instants)})
+    best: Message | None = None
+    most = 0
+    for said, parted in _statements(effects):
+        group = []
+        others = []
+        for effect in effects:
+            if parted(_feet(effect.first), _feet(effect.second)):
+                group.append(effect)
+            else:
+                others.append(effect)
+        if len(group) <= most or not others:
+            continue
+        least = min(effect.low for effect in group)
+        if least > max(0.0, *(effect.estimate for effect in others)):
+            best = said
+            most = len(group)
+    values = {"first": arrows(largest.first), "second": arrows(largest.second)}
+    return best or Message("maps.mainly_pair", values)
+
+
+def _mainly_jump(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
+    found = [effect for effect in effects if effect.low > 0.0]
+    if not found or len(effects) == 1:
+        return None
+    largest = max(found, key=lambda effect: effect.low)
+    return Message("maps.mainly_jump", {"feet": _together(largest, instants)})
+
+
+def _together(effect: PairEffect, instants: FloatArray) -> str:
+    """Return the two feet, and all pairs that exchange their order with them."""
+    feet = _feet(effect.first)
+    first, second = (int(foot) - 1 for foot in feet)
+    exchanged = np.sign(instants[:, first] - instants[:, second])
+    said = [_both(first, second)]
+    for i, j in combinations(range(instants.shape[1]), 2):
+        other = np.sign(instants[:, i] - instants[:, j])
+        alike = abs(float(np.mean(exchanged * other)))
+        if {i, j} != {first, second} and alike > TOGETHER:
+            said.append(_both(i, j))
+    if len(said) == 1:
+        return said[0]
+    return str(Message("maps.feet_together", {"pairs": " or ".join(said)}))
+
+
+def _both(first: int, second: int) -> str:
+    return str(Message("maps.two_feet", {"a": first + 1, "b": second + 1}))
+
+
+def _statements(effects: Sequence[PairEffect]) -> list[tuple[Message, Parted]]:
+    """Return what may part the orders of pairs: a foot that is first, last or before.
+
+    Each comes with a function of two orders that tells whether it parts them.
+    """
+    feet = sorted(_feet(effects[0].first), key=int)
+    statements: list[tuple[Message, Parted]] = []
+    for place, (differently, with_one, with_either) in PLACES.items():
+        statements.append((Message(differently), partial(_differ_at, place)))
+        for foot in feet:
+            said = Message(with_one, {"a": foot})
+            statements.append((said, partial(_one_has, place, foot)))
+        for a, b in combinations(feet, 2):
+            said = Message(with_either, {"a": a, "b": b})
+            statements.append((said, partial(_have, place, {a, b})))
+    for a, b in combinations(feet, 2):
+        said = Message("maps.before", {"a": a, "b": b})
+        statements.append((said, partial(_exchanged, a, b)))
+    return statements
+
+
+def _differ_at(place: int, one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    return one[place] != other[place]
+
+
+def _one_has(
+    place: int, foot: str, one: tuple[str, ...], other: tuple[str, ...]
+) -> bool:
+    return (one[place] == foot) != (other[place] == foot)
+
+
+def _have(
+    place: int, feet: set[str], one: tuple[str, ...], other: tuple[str, ...]
+) -> bool:
+    return {one[place], other[place]} == feet
+
+
+def _exchanged(a: str, b: str, one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    before = one.index(a) < one.index(b)
+    return before != (other.index(a) < other.index(b))
+
+
+def _feet(order: str) -> tuple[str, ...]:
+    return tuple(order.split(">"))
+
+
+def arrows(order: str) -> str:
+    """Return the name of an order as it is read, ``1 → 2 → 3``."""
+    return order.replace(">", " → ")
