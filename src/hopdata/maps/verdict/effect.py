@@ -435,6 +435,15 @@ def size_drawn(
 
 
 @dataclass(frozen=True)
+class Ends:
+    """Ends of an interval, and the bound from one side: see `EffectSize`."""
+
+    low: float
+    high: float
+    upper_bound: float
+
+
+@dataclass(frozen=True)
 class AtContact:
     """What saturation changes of a size over the landings.
 
@@ -462,7 +471,6 @@ def at_the_contact(
     *,
     generator: np.random.Generator,
     flips: int,
-    alike: bool,
 ) -> AtContact:
     """Return the size at the simultaneous contact.
 
@@ -481,11 +489,9 @@ def at_the_contact(
         Function that returns the size of kinks.
     generator, flips
         Source and number of random sign patterns.
-    alike
-        Whether successive landings err alike: see `signed_errors`.
     """
     in_a_row = 1
-    if alike:
+    if model.err_alike(fit.scores):
         in_a_row = IN_A_ROW
     p_value, in_doubt = saturation(
         fit.at_contact(landings), flips=flips, in_a_row=in_a_row, rng=generator
@@ -504,15 +510,6 @@ def at_the_contact(
         upper_bound=max(one.upper_bound for one in every),
     )
     return AtContact(found, saturates=True, p_value=p_value)
-
-
-@dataclass(frozen=True)
-class Ends:
-    """Ends of an interval, and the bound from one side: see `EffectSize`."""
-
-    low: float
-    high: float
-    upper_bound: float
 
 
 def interval(
@@ -692,6 +689,15 @@ def _detectable(draws: Draws, allowed: float, level: float, power: float) -> flo
     The power is the mean over `DIRECTIONS` in which kinks may lie and over the sizes as
     which they may show: see `SHOWN_SCATTER`. Directions are those of random errors,
     since kinks and errors both are largest in the outcomes that vary most.
+
+    Parameters
+    ----------
+    draws
+        Random errors of the kinks.
+    allowed
+        Size that is no evidence.
+    level, power
+        Level of the test, and share of the studies that it is to find.
     """
     from scipy.special import ndtri
 

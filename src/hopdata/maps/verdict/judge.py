@@ -277,16 +277,15 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
 
     sizes = _sizes(fit, landings, comparison, options)
     over_landings = sizes.effect
-    root = sizing.squared_size(fit, landings, comparison)
-    at_contact = options.at_contact(fit, root, landings, sizes)
+    at_contact = options.at_contact(fit, landings, comparison, over_landings)
     effect = at_contact.size
-    jump = sizes.jump
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
     share = over_landings.upper_bound / margin
     spreads = fit.least_time_constant(landings, share)
     holds_from = None
     if spreads is not None:
         holds_from = spreads * contact_spread
+    jump = sizes.jump
 
     answer = _answer(
         effect,
@@ -562,33 +561,33 @@ class _Options:
         fits = isinstance(self.flips, Integral) and self.flips >= least
         require(fits, "flips", f"a whole number, {least} or more", self.flips)
 
-    def size(self, fit: KinkFit, root: FloatArray, stream: str) -> sizing.EffectSize:
-        """Return the size of kinks or steps, with signs from a stream of their own."""
-        return sizing.effect_size(
-            fit,
-            root,
-            generator=named_generator(self.seed, "verdict", stream),
-            confidence=self.confidence,
-            power=self.power,
-            flips=self.flips,
-        )
-
     def at_contact(
         self,
         fit: KinkFit,
-        root: FloatArray,
         landings: inputs.SectionLandings,
-        sizes: "_Sizes",
+        comparison: sizing.Comparison,
+        over_landings: sizing.EffectSize,
     ) -> sizing.AtContact:
         """Return the size at the simultaneous contact, from that over the landings."""
+        root = sizing.squared_size(fit, landings, comparison)
+
+        def size(slopes: KinkFit) -> sizing.EffectSize:
+            return sizing.effect_size(
+                slopes,
+                root,
+                generator=named_generator(self.seed, "verdict", "contact"),
+                confidence=self.confidence,
+                power=self.power,
+                flips=self.flips,
+            )
+
         return sizing.at_the_contact(
             fit,
             landings,
-            sizes.effect,
-            lambda slopes: self.size(slopes, root, "contact"),
+            over_landings,
+            size,
             generator=named_generator(self.seed, "verdict", "saturation"),
             flips=self.flips,
-            alike=sizes.alike,
         )
 
 
