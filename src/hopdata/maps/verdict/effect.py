@@ -499,6 +499,9 @@ def at_the_contact(
     if not p_value < LEVEL:
         return AtContact(over_landings, saturates=False, p_value=p_value)
     sizes = [size(fit.with_slopes(of_constant)) for of_constant in in_doubt]
+    if sizes[0].estimate <= fit.allowed:
+        # Smooth terms may leave as much.
+        return AtContact(over_landings, saturates=False, p_value=p_value)
     every = [over_landings, *sizes]
     found = replace(
         over_landings,

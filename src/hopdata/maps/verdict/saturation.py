@@ -195,6 +195,8 @@ def at_contact(
     instants, rest
         As for `mean_saturated`.
     """
+    # Terms that saturate look much like cubes along the contacts, so these are free.
+    smooth = smooth.and_also(smooth.along)
     n_outputs = smooth.outputs.shape[1]
     n_kinks = shown.shape[1]
     beside_kinks = smooth.and_also(shown)
