@@ -12,6 +12,11 @@ from hopdata.maps.verdict.inputs import (
     SectionLandings,
     section_landings,
 )
+from hopdata.maps.verdict.saturation import (
+    durations,
+    kinks_of_durations,
+    saturated,
+)
 from hopdata.maps.verdict.session import Session
 
 SHAPE = np.array([[0.13, 0.03, -0.01], [-0.07, 0.11, 0.02], [-0.06, -0.14, -0.01]])
@@ -41,12 +46,14 @@ def landings(
     faster=0.0,
     of_these=0.5,
     jump=0.0,
+    spent_within=np.inf,
 ):
     """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part.
 
     `cubic` scales a term in the cube of the first foot's instant relative to the mean,
     with the slopes of a kink. Input number `constant` does not vary. The outcome jumps
     by twice `jump` times the slopes of a kink where two feet exchange their order. A
+    The kinks of three feet saturate if they are `spent_within` some contact spreads. A
     fraction `of_these` of the landings is faster by `faster` standard deviations.
     """
     rng = np.random.default_rng(seed)
@@ -62,7 +69,11 @@ def landings(
     x[: int(of_these * n), 2:4] += faster / np.sqrt(2)
     instants = x @ onto
     y = x @ linear + np.einsum("ni,nj,ijk->nk", x, x, square)
-    y += strength * kinks(instants / SPREAD_S) @ bends
+    bent = kinks(instants / SPREAD_S)
+    if np.isfinite(spent_within):
+        of_durations = np.linalg.pinv(kinks_of_durations(feet).T)
+        bent = saturated(durations(instants / SPREAD_S), spent_within) @ of_durations
+    y += strength * bent @ bends
     y += jump * np.sign(instants[:, :1] - instants[:, 1:2]) * bends[0]
     if cubic:
         y += cubic * (instants[:, :1] / instants[:, 0].std()) ** 3 * bends[0]

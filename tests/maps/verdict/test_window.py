@@ -8,13 +8,7 @@ from kinked_landings import in_section
 
 from hopdata.maps.coordinates import kinks, monomials
 from hopdata.maps.verdict import shrunk, window
-from hopdata.maps.verdict.effect import (
-    Draws,
-    compared,
-    effect_size,
-    signed_errors,
-    squared_size,
-)
+from hopdata.maps.verdict.effect import compared, effect_size, squared_size
 from hopdata.maps.verdict.inputs import WINDOW
 from hopdata.maps.verdict.model import left_by_window, nearest
 from hopdata.maps.verdict.window import fit_of_best_window
@@ -41,9 +35,9 @@ def _size(landings, seed, *, allowed=None):
     if allowed is not None:
         fit = replace(fit, allowed=allowed)
     generator = np.random.default_rng(seed)
-    (errors,) = signed_errors([fit], 99, generator, alike=False)
-    draws = Draws(fit, root, errors, alike=False)
-    return effect_size(draws, fit, level_found=0.05, confidence=0.95, power=0.8)
+    return effect_size(
+        fit, root, generator=generator, confidence=0.95, power=0.8, flips=99
+    )
 
 
 def test_random_signs_hold_their_level_beside_shrunk_terms():

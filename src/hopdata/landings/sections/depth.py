@@ -103,9 +103,10 @@ def choose_depth(
         passed.append(_passages(recording, table, pre_m, tried_m))
     n_passed = sum(len(one.before_s) for one in passed)
     parts = []
-    for recording, one in zip(recordings, passed, strict=True):
-        n_own = -(-LOOK_AT * len(one.before_s) // max(n_passed, 1))
-        few = one.some(evenly(len(one.before_s), n_own))
+    for recording, of_recording in zip(recordings, passed, strict=True):
+        n_landings = len(of_recording.before_s)
+        n_own = -(-LOOK_AT * n_landings // max(n_passed, 1))
+        few = of_recording.some(evenly(n_landings, n_own))
         if len(few.before_s) > 0:
             parts.append(_states(recording, few, pre_m, tried_m))
     if not parts:

@@ -370,8 +370,9 @@ def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
     twice its standard error; None if too few landings have enough frames.
     """
     more = joined(tracks.sums(window_s, degree + FURTHER, falling=tracks.flight))
-    whole = (more.frames > more.terms).all(axis=1)
-    whole = np.flatnonzero(whole & _usual([coefficients.residual_squares(more)]))
+    has_enough = (more.frames > more.terms).all(axis=1)
+    is_usual = _usual([coefficients.residual_squares(more)])
+    whole = np.flatnonzero(has_enough & is_usual)
     if len(whole) < LEAST_LANDINGS:
         return None
     more = more.some(whole)

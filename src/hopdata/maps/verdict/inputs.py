@@ -223,7 +223,7 @@ def section_landings(
         raise AnalysisError(Message("maps.copies", values))
 
     noise = state_noise(dimensionless.before, dimensionless.shape, dimensionless.noise)
-    spread = np.sqrt(np.mean(np.var(contacts.instants, axis=1)))
+    spread = contact_spread(contacts.instants)
     instants = contacts.instants / spread
     errors = None
     if contacts.instants_se is not None:
@@ -252,6 +252,11 @@ def section_landings(
         kept=kept,
         bent=grazing(dimensionless.after[kept]).bent,
     )
+
+
+def contact_spread(instants: FloatArray) -> float:
+    """Return how far apart the contacts (n, feet) of a landing are, rms."""
+    return float(np.sqrt(np.mean(np.var(instants, axis=1))))
 
 
 @dataclass(frozen=True)

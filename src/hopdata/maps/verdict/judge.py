@@ -96,7 +96,19 @@ class Verdict(Shown):
     flips
         Number of random sign patterns.
     effect
-        Size of the difference; None if it could not be computed.
+        Size of the difference at the simultaneous contact; None if it could not be
+        computed.
+    effect_over_landings
+        Size of the mean difference over the landings. It is the same as ``effect``
+        unless the difference saturates as the contacts come farther apart.
+    saturates, saturation_p_value
+        Whether it does, and the p-value of the test for it: see `saturation`.
+    contact_spread
+        How far apart the contacts of a landing are, rms, in their own unit of time.
+    holds_from
+        Time constant, in the unit of the contact instants, from which on a difference
+        that saturates is at most ``margin`` at the simultaneous contact; None if no
+        difference within ``margin`` is excluded.
     jump
         Size of the jumps of the outcome where two feet exchange their order, as a share
         of its variation; None if it could not be computed, or if no two feet exchange
@@ -149,6 +161,11 @@ class Verdict(Shown):
     flips: int
     contacts: str = ""
     effect: sizing.EffectSize | None = None
+    effect_over_landings: sizing.EffectSize | None = None
+    saturates: bool = False
+    saturation_p_value: float | None = None
+    contact_spread: float | None = None
+    holds_from: float | None = None
     jump: sizing.EffectSize | None = None
     decided_by: str = "effect"
     landings_needed: int | None = None
@@ -259,10 +276,25 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         return _no_answer(error, measured, options, left_out)
 
     sizes = _sizes(fit, landings, comparison, options)
-    effect = sizes.effect
+    over_landings = sizes.effect
+    at_contact = options.at_contact(fit, landings, comparison, over_landings)
+    effect = at_contact.size
+    contact_spread = inputs.contact_spread(measured.instants[measured.known()])
+    share = over_landings.upper_bound / margin
+    spreads = fit.least_time_constant(landings, share)
+    holds_from = None
+    if spreads is not None:
+        holds_from = spreads * contact_spread
     jump = sizes.jump
 
-    answer = _answer(effect, comparison.what, measured, options)
+    answer = _answer(
+        effect,
+        comparison.what,
+        measured,
+        options,
+        spreads,
+        saturates=at_contact.saturates,
+    )
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
     contacts = _contacts_said(landings)
@@ -290,6 +322,11 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         power=power,
         flips=flips,
         effect=effect,
+        effect_over_landings=over_landings,
+        saturates=at_contact.saturates,
+        saturation_p_value=at_contact.p_value,
+        contact_spread=contact_spread,
+        holds_from=holds_from,
         jump=jump,
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
@@ -524,6 +561,35 @@ class _Options:
         fits = isinstance(self.flips, Integral) and self.flips >= least
         require(fits, "flips", f"a whole number, {least} or more", self.flips)
 
+    def at_contact(
+        self,
+        fit: KinkFit,
+        landings: inputs.SectionLandings,
+        comparison: sizing.Comparison,
+        over_landings: sizing.EffectSize,
+    ) -> sizing.AtContact:
+        """Return the size at the simultaneous contact, from that over the landings."""
+        root = sizing.squared_size(fit, landings, comparison)
+
+        def size(slopes: KinkFit) -> sizing.EffectSize:
+            return sizing.effect_size(
+                slopes,
+                root,
+                generator=named_generator(self.seed, "verdict", "contact"),
+                confidence=self.confidence,
+                power=self.power,
+                flips=self.flips,
+            )
+
+        return sizing.at_the_contact(
+            fit,
+            landings,
+            over_landings,
+            size,
+            generator=named_generator(self.seed, "verdict", "saturation"),
+            flips=self.flips,
+        )
+
 
 def _no_answer(
     error: AnalysisError, measured: _Measured, options: _Options, left_out: Notes
@@ -568,7 +634,13 @@ class _Answer:
 
 
 def _answer(
-    effect: sizing.EffectSize, what: Message, measured: _Measured, options: _Options
+    effect: sizing.EffectSize,
+    what: Message,
+    measured: _Measured,
+    options: _Options,
+    spreads: float | None,
+    *,
+    saturates: bool,
 ) -> _Answer:
     """Return what the size of the difference says."""
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
@@ -582,7 +654,13 @@ def _answer(
         decided_by="effect",
         landings_needed=needed,
         sentence=sentence(
-            conclusion, effect.sizes(), what, options.confidence, options.margin
+            conclusion,
+            effect.sizes(),
+            what,
+            options.confidence,
+            options.margin,
+            spreads=spreads,
+            over_landings=not saturates,
         ),
         outlook=outlook(effect, needed, measured.n_known, options.power),
     )
@@ -624,6 +702,8 @@ def sentence(
     margin: float,
     *,
     subjects: int | None = None,
+    spreads: float | None = None,
+    over_landings: bool = False,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -639,11 +719,17 @@ def sentence(
         As for `judge`.
     subjects
         Number of subjects, if it is the conclusion on a group of them.
+    spreads
+        `Verdict.holds_from` in contact spreads: what the bound does not cover is said
+        with it.
+    over_landings
+        Whether the bound is one over the landings only.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
     values: dict[str, Any] = {
         "compared": compared,
+        "where": "",
         "size": percent(estimate),
         "low": percent(low),
         "high": percent(high),
@@ -654,6 +740,11 @@ def sentence(
     name = conclusion.replace(" ", "_")
     if conclusion == CANNOT_TELL and values["bound"] == values["margin"]:
         name = "cannot_tell_just"
+    if conclusion == NO_DIFFERENCE and spreads is not None:
+        name = "no_difference_at_contact"
+        values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
+    if over_landings:
+        values["where"] = Message("maps.over_landings")
     if subjects is not None:
         name = f"group_{name}"
         values["subjects"] = subjects

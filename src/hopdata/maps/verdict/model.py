@@ -26,9 +26,16 @@ from hopdata.maps import coordinates
 from hopdata.maps.coordinates import ALL_SETS_UP_TO
 from hopdata.maps.verdict import averaged
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings
+from hopdata.maps.verdict.saturation import (
+    AtContact,
+    at_contact,
+    lasts,
+    least_time_constant,
+)
 from hopdata.maps.verdict.smooth import (
     Fit,
     Shapes,
+    Smooth,
     affords_third,
     fit_beside,
     smooth_terms,
@@ -123,6 +130,9 @@ class KinkFit:
         What the terms of the session depend on, if there are any.
     jumps
         Steps of the outcome beside the kinks; None if no steps can be fitted.
+    smooth, shown
+        Smooth terms of the landings in the window, and the (n, K) kinks that were
+        fitted beside them; None for steps.
     """
 
     coefficients: FloatArray
@@ -136,6 +146,42 @@ class KinkFit:
     faded: float = 1.0
     session: tuple[str, ...] = ()
     jumps: "KinkFit | None" = None
+    smooth: Smooth | None = None
+    shown: FloatArray | None = None
+
+    def with_slopes(self, at: AtContact) -> "KinkFit":
+        """Return the fit with the slopes at the simultaneous contact as its kinks."""
+        scores = _of_all(at.slopes.scores, self.rows, len(self.scores))
+        null_scores = _of_all(at.slopes.null_scores, self.rows, len(self.scores))
+        return replace(
+            self,
+            coefficients=at.slopes.coefficients,
+            scores=scores,
+            null_scores=null_scores,
+        )
+
+    def at_contact(self, landings: SectionLandings) -> tuple[AtContact, ...]:
+        """Return the kinks at the simultaneous contact, if they saturate.
+
+        See `saturation.at_contact`; there are none of steps.
+        """
+        if self.smooth is None or self.shown is None:
+            return ()
+        instants = landings.expected[self.rows]
+        rest = landings.unforetold.total
+        return at_contact(self.smooth, self.shown, self.seen, instants, rest)
+
+    def least_time_constant(
+        self, landings: SectionLandings, share: float
+    ) -> float | None:
+        """Return the least time constant at which this share of kinks shows.
+
+        It is in contact spreads; see `saturation.least_time_constant`.
+        """
+        if self.smooth is None:
+            return None
+        instants = landings.expected[self.rows]
+        return least_time_constant(lasts(self.smooth, self.seen, instants), share)
 
 
 def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
@@ -170,7 +216,9 @@ def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
     if not affords_third(landings, len(rows)):
         left = WITHOUT_THIRD * of_kinks
     found = _kink_fit(landings, fit, linear, seen, rows, of_kinks, left)
-    found = replace(found, session=smooth.session, faded=faded)
+    found = replace(
+        found, session=smooth.session, faded=faded, smooth=smooth, shown=shown
+    )
 
     if not steps.shown.size:
         return found
@@ -215,21 +263,24 @@ def _kink_fit(
     left: float,
 ) -> KinkFit:
     """Return the fit with its scores at the rows of all landings."""
-    scores = []
-    for of_rows in (fit.scores, fit.null_scores):
-        of_all = np.zeros((len(landings.inputs), of_rows.shape[1]))
-        of_all[rows] = of_rows
-        scores.append(of_all)
+    number = len(landings.inputs)
     return KinkFit(
         coefficients=fit.coefficients,
         linear=linear,
-        scores=scores[0],
-        null_scores=scores[1],
+        scores=_of_all(fit.scores, rows, number),
+        null_scores=_of_all(fit.null_scores, rows, number),
         seen=seen,
         rows=rows,
         allowed=allowed,
         left=left,
     )
+
+
+def _of_all(scores: FloatArray, rows: IntArray, number: int) -> FloatArray:
+    """Return the scores (number, m) of all landings; zero beside the rows."""
+    of_all = np.zeros((number, scores.shape[1]))
+    of_all[rows] = scores
+    return of_all
 
 
 def nearest(instants: FloatArray, share: float) -> IntArray:

@@ -1,0 +1,131 @@
+"""Kinks that are spent before the contacts are far apart."""
+
+import numpy as np
+import pytest
+from tests.maps.verdict.kinked_landings import landings
+
+from hopdata.maps.coordinates import kinks
+from hopdata.maps.verdict.judge import judge
+from hopdata.maps.verdict.saturation import (
+    FASTEST,
+    SLOWEST,
+    TIME_CONSTANTS,
+    durations,
+    kinks_of_durations,
+    least_time_constant,
+    mean_saturated,
+    saturated,
+)
+
+NO_REST = np.zeros((3, 3))
+
+
+def study(spent_within=np.inf, strength=0.5, seed=1, n=900):
+    """Return the verdict on landings whose kinks saturate after some contact spreads."""
+    data = landings(
+        n=n, strength=strength, spent_within=spent_within, curvature=0.0, seed=seed
+    )
+    errors = np.full_like(data.instants, 0.0004)
+    return judge(
+        data.before, data.after, data.instants, instants_se=errors, seed=1, flips=499
+    )
+
+
+def test_of_three_feet_one_is_alone_first_and_another_last():
+    instants = np.array([[0.0, 1.0, 4.0], [2.0, 0.5, 0.5]])
+    found = durations(instants)
+    assert found.tolist() == [[1, 0, 0, 0, 0, 3], [0, 0, 0, 1.5, 0, 0]]
+
+
+@pytest.mark.parametrize("feet", [2, 3, 4])
+def test_durations_are_kinks_and_a_linear_part(feet):
+    instants = np.random.default_rng(feet).standard_normal((200, feet))
+    rest = durations(instants) - kinks(instants) @ kinks_of_durations(feet).T
+    left = rest - instants @ np.linalg.lstsq(instants, rest, rcond=None)[0]
+    assert np.abs(left).max() < 1e-12
+    # A linear part alone would not do.
+    alone = durations(instants)
+    left = alone - instants @ np.linalg.lstsq(instants, alone, rcond=None)[0]
+    assert np.abs(left).max() > 0.1
+
+
+def test_a_term_that_saturates_starts_as_a_kink_and_ends_constant():
+    assert saturated(np.array([1e-4]), 0.5) == pytest.approx(1e-4, rel=1e-6)
+    assert saturated(np.array([50.0]), 0.5) == pytest.approx(0.5)
+
+
+def test_terms_are_averaged_over_what_is_not_foretold():
+    instants = np.array([[0.0, 0.1, 0.7], [0.4, -0.3, 0.2]])
+    exact = saturated(durations(instants), TIME_CONSTANTS[0])
+    assert mean_saturated(instants, NO_REST)[0] == pytest.approx(exact)
+
+    rest = np.diag([0.1, 0.2, 0.15]) ** 2
+    moves = np.random.default_rng(1).standard_normal((40_000, 3)) @ np.sqrt(rest)
+    for mean, constant in zip(
+        mean_saturated(instants, rest), TIME_CONSTANTS, strict=True
+    ):
+        for row, instant in zip(mean, instants, strict=True):
+            drawn = saturated(durations(instant + moves), constant).mean(axis=0)
+            assert row == pytest.approx(drawn, abs=0.01)
+
+
+def test_the_least_time_constant_is_where_the_share_is_reached():
+    shown = np.array([SLOWEST, 1.0, FASTEST]), np.array([0.99, 0.5, 0.1])
+    assert least_time_constant(shown, 0.5) == pytest.approx(1.0)
+    assert least_time_constant(shown, 0.995) is None
+    assert least_time_constant(shown, 0.05) == FASTEST
+    between = np.sqrt(1.0 * SLOWEST)
+    assert least_time_constant(shown, 0.745) == pytest.approx(between)
+
+
+@pytest.fixture(scope="module")
+def lasting():
+    return study()
+
+
+@pytest.fixture(scope="module")
+def brief():
+    return study(spent_within=0.5)
+
+
+def test_kinks_that_last_are_as_large_over_the_landings(lasting):
+    assert not lasting.saturates
+    assert lasting.effect == lasting.effect_over_landings
+
+
+def test_kinks_that_saturate_are_found_and_measured_at_the_contact(lasting, brief):
+    """Both have the same slope at the simultaneous contact."""
+    assert brief.saturates
+    assert brief.saturation_p_value < 0.01
+    over_landings = brief.effect_over_landings
+    assert over_landings.upper_bound < lasting.effect.estimate
+    assert brief.effect.estimate > 1.5 * over_landings.estimate
+    assert brief.effect.estimate == pytest.approx(lasting.effect.estimate, rel=0.2)
+    assert brief.effect.upper_bound > lasting.effect.estimate
+    assert brief.effect.low == over_landings.low
+
+
+def test_a_smooth_map_seldom_saturates():
+    found = [study(strength=0.0, seed=seed, n=400).saturates for seed in range(12)]
+    assert sum(found) <= 1
+
+
+def test_the_bound_says_what_it_does_not_cover():
+    same = study(strength=0.0)
+    assert same.conclusion == "no difference"
+    spreads = same.holds_from / same.contact_spread
+    assert 0.1 < spreads < 2.0
+    words = f"unless it is spent within {spreads:.2g} times the contacts' spread"
+    assert words in same.sentence
+    assert "over these landings" in same.sentence
+
+
+def test_a_wider_margin_covers_faster_kinks():
+    data = landings(strength=0.0, curvature=0.0)
+    found = [
+        judge(
+            data.before, data.after, data.instants, seed=1, flips=99, margin=margin
+        ).holds_from
+        for margin in (0.2, 0.4)
+    ]
+    assert found[1] < found[0]
