@@ -246,6 +246,14 @@ def judged(one: Cell, seed: int, body: Body, landings: Landings) -> dict[str, An
     return row
 
 
+OF_PROMISE = [
+    "mechanism",
+    "truth",
+    "studies",
+    "found_share",
+    "found_low",
+    "found_high",
+]
 OF_SIZE = [
     "estimate",
     "low",
@@ -502,7 +510,7 @@ def detectable_table(rows: pd.DataFrame) -> pd.DataFrame:
             row = {"mechanism": mechanism, "truth": true, "studies": len(near)}
             row |= {"found_share": hits / max(len(near), 1)}
             found.append(row | {"found_low": low, "found_high": high})
-    return pd.DataFrame(found)
+    return pd.DataFrame(found, columns=OF_PROMISE)
 
 
 def tables(out: Path, file: Path) -> None:

@@ -141,6 +141,9 @@ def test_the_tables_count_what_the_rows_say(tmp_path, small):
     promised = detectable_table(read(file)).set_index("mechanism")
     assert promised.loc["clutch", "studies"] == 2  # 0.6 is twice what is detectable
     assert promised.loc["clutch", "found_share"] == 0.5
+    only_same = detectable_table(read(file).query("mechanism == 'c1'"))
+    assert not len(only_same)
+    assert list(only_same.columns) == verdict_campaign.OF_PROMISE
 
 
 def test_the_program_writes_its_tables(tmp_path, small, monkeypatch):
