@@ -12,15 +12,10 @@ from hopdata.errors import AnalysisError, ConfigError
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import two_kinds
-from hopdata.maps.verdict.judge import (
-    CANNOT_TELL,
-    NOT_FORETOLD_CODE,
-    TWO_KINDS_CODE,
-    conclude,
-    outlook,
-    sentence,
-)
+from hopdata.maps.verdict.judge import conclude
+from hopdata.maps.verdict.limits import NOT_FORETOLD_CODE, TWO_KINDS_CODE
 from hopdata.maps.verdict.model import LEFT
+from hopdata.maps.verdict.words import CANNOT_TELL, outlook, sentence
 from hopdata.messages import Message
 
 OPTIONS = {"seed": 3, "flips": 199}

@@ -8,7 +8,8 @@ from kinked_landings import in_section
 
 from hopdata.maps.coordinates import kinks, monomials
 from hopdata.maps.verdict import shrunk, window
-from hopdata.maps.verdict.effect import compared, effect_size, squared_size
+from hopdata.maps.verdict.comparison import compared, squared_size
+from hopdata.maps.verdict.effect import effect_size
 from hopdata.maps.verdict.inputs import WINDOW
 from hopdata.maps.verdict.model import left_by_window, nearest
 from hopdata.maps.verdict.window import fit_of_best_window

@@ -9,7 +9,7 @@ with the spread, and beyond it the noise of the size.
 
 import numpy as np
 
-from hopdata.maps.verdict.effect import Comparison, squared_size
+from hopdata.maps.verdict.comparison import Comparison, squared_size
 from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import LEFT, KinkFit, fit_kinks, left_by_window
 
