@@ -164,7 +164,9 @@ def test_the_three_conclusions():
 
 
 def test_what_could_have_been_seen_is_said():
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
+    size = EffectSize(
+        0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1, 0.15, 0.1
+    )
     said = str(outlook(size, 2_312, 1_617, 0.8))
     assert "shows as 15 % would be found in 80 %" in said
     assert "you would need about 2,300 landings" in said
@@ -177,7 +179,9 @@ def test_what_could_have_been_seen_is_said():
     ("landings", "enough"), [(989, False), (990, True), (1_617, True)]
 )
 def test_no_study_is_told_to_have_what_it_has(landings, enough):
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
+    size = EffectSize(
+        0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1, 0.15, 0.1
+    )
     said = str(outlook(size, 990, landings, 0.8))
     assert ("you would need about 990 landings" in said) == (not enough)
     assert ("to see 20 %, about 990 of these landings are enough" in said) == enough

@@ -86,6 +86,11 @@ class EffectSize(Shown):
     allowed, left
         Sizes up to which one study, and the mean of such studies, is not evidence: see
         `KinkFit`.
+    detectable_nearest, allowed_nearest
+        `detectable` and `allowed` if only the nearest landings were used. They are the
+        same if these are all that was used. A small study uses others too, which are
+        less noisy together and for which more must be allowed; a larger study of the
+        same body does not need them, and shows smaller differences: see `window`.
     """
 
     estimate: float
@@ -99,12 +104,39 @@ class EffectSize(Shown):
     along_error: float
     allowed: float
     left: float
+    detectable_nearest: float
+    allowed_nearest: float
 
     def told(self) -> str:
         """Return the estimate, its interval, the bound and the detectable size."""
         size = f"{self.estimate:.2g}, {self.low:.2g} to {self.high:.2g}"
         bound = f"at most {self.upper_bound:.2g}"
         return f"{size}; {bound}; detectable from {self.detectable:.2g}"
+
+    @property
+    def least_allowed(self) -> float:
+        """Return the size beyond which enough landings show any difference."""
+        return min(self.allowed, self.allowed_nearest)
+
+    def landings_needed(self, landings: int, difference: float, feet: int) -> int:
+        """Return the number of landings that shows a difference: see `landings_needed`.
+
+        Parameters
+        ----------
+        landings, feet
+            Number of landings that this size is of, and number of feet.
+        difference
+            Difference to show.
+        """
+        return landings_needed(
+            landings,
+            self.detectable,
+            self.allowed,
+            difference,
+            feet,
+            detectable_nearest=self.detectable_nearest,
+            allowed_nearest=self.allowed_nearest,
+        )
 
     def sizes(self) -> tuple[float, float, float, float]:
         """Return estimate, low, high and upper bound."""
@@ -175,18 +207,29 @@ def size_drawn(
         level=level,
     )
     squared = draws.statistic - draws.of_noise
+    errors = draws.null_errors
+    detectable = _detectable(errors, fit.allowed, level_found, power)
+    detectable_nearest = detectable
+    allowed_nearest = fit.allowed
+    if fit.nearest is not None:
+        allowed_nearest = fit.nearest.allowed
+        detectable_nearest = _detectable(
+            fit.nearest.noise * errors, allowed_nearest, level_found, power
+        )
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, squared))),
         low=ends.low,
         high=ends.high,
         upper_bound=ends.upper_bound,
-        detectable=_detectable(draws, fit.allowed, level_found, power),
+        detectable=detectable,
         p_value=p_value,
         squared=squared,
         squared_error=float(np.std(draws.statistics(0.0))),
         along_error=draws.along_error,
         allowed=fit.allowed,
         left=fit.left,
+        detectable_nearest=detectable_nearest,
+        allowed_nearest=allowed_nearest,
     )
 
 
@@ -237,7 +280,9 @@ def interval(
     return Ends(low, high, bound)
 
 
-def _detectable(draws: Draws, allowed: float, level: float, power: float) -> float:
+def _detectable(
+    errors: FloatArray, allowed: float, level: float, power: float
+) -> float:
     """Return the size of kinks that the test finds with this power.
 
     The power is the mean over `DIRECTIONS` in which kinks may lie and over the sizes as
@@ -246,8 +291,8 @@ def _detectable(draws: Draws, allowed: float, level: float, power: float) -> flo
 
     Parameters
     ----------
-    draws
-        Random errors of the kinks.
+    errors
+        (draws, m) random errors of kinks that are not there, in shares of the map.
     allowed
         Size that is no evidence.
     level, power
@@ -255,7 +300,6 @@ def _detectable(draws: Draws, allowed: float, level: float, power: float) -> flo
     """
     from scipy.special import ndtri
 
-    errors = draws.null_errors
     squares = np.sum(errors**2, axis=1)
     directions = errors[:DIRECTIONS] / np.sqrt(squares[:DIRECTIONS, None])
     along = directions @ errors.T
@@ -344,22 +388,47 @@ def at_the_contact(
 
 
 def landings_needed(
-    landings: int, detectable: float, allowed: float, difference: float, feet: int
+    landings: int,
+    detectable: float,
+    allowed: float,
+    difference: float,
+    feet: int,
+    *,
+    detectable_nearest: float | None = None,
+    allowed_nearest: float | None = None,
 ) -> int:
     """Return the number of landings that shows a difference as well as the detectable.
 
-    The detectable size beyond `allowed` falls with the root of the number of landings.
-    The result is at least the number that second-order terms need.
+    The detectable size beyond `allowed` falls with the root of the number of landings,
+    in the window of the study as in that of the nearest landings; a study uses the
+    better one. The result is at least the number that second-order terms need.
+
+    Parameters
+    ----------
+    landings, feet
+        Number of landings that the sizes are of, and number of feet.
+    detectable, allowed, detectable_nearest, allowed_nearest
+        As in `EffectSize`; without the latter two, the study is taken to have used the
+        nearest landings.
+    difference
+        Difference to show.
 
     Raises
     ------
     AnalysisError
-        If the difference is not larger than `allowed`, so that no number of landings
-        shows it.
+        If the difference is larger than neither allowed size, so that no number of
+        landings shows it.
     """
-    if not difference > allowed:
-        least = f"numbers above {allowed:.2g}, as much as smooth terms may leave"
+    windows = [(detectable, allowed)]
+    if detectable_nearest is not None and allowed_nearest is not None:
+        windows.append((detectable_nearest, allowed_nearest))
+    needs = []
+    for shown, left in windows:
+        if difference > left:
+            beyond = max(0.0, shown - left) / (difference - left)
+            needs.append(int(np.ceil(landings * beyond**2)))
+    if not needs:
+        least_allowed = min(left for _, left in windows)
+        least = f"numbers above {least_allowed:.2g}, as much as smooth terms may leave"
         raise AnalysisError(f"differences: expected {least}, found {difference}")
-    beyond = max(0.0, detectable - allowed) / (difference - allowed)
-    needed = int(np.ceil(landings * beyond**2))
-    return max(inputs.least_landings(feet), needed)
+    return max(inputs.least_landings(feet), min(needs))

@@ -20,7 +20,7 @@ from hopdata.maps.verdict import data, inputs, limits
 from hopdata.maps.verdict import orders as which
 from hopdata.maps.verdict.comparison import compared
 from hopdata.maps.verdict.data import Measured, Options
-from hopdata.maps.verdict.effect import EffectSize, landings_needed
+from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.sizes import at_contact, sizes_of
 from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.maps.verdict.words import (
@@ -366,10 +366,8 @@ def _answer(
     """Return what the size of the difference says."""
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
     needed = None
-    if effect.allowed < ASKED:
-        needed = landings_needed(
-            measured.n_known, effect.detectable, effect.allowed, ASKED, measured.n_feet
-        )
+    if effect.least_allowed < ASKED:
+        needed = effect.landings_needed(measured.n_known, ASKED, measured.n_feet)
     return _Answer(
         conclusion=conclusion,
         decided_by="effect",
