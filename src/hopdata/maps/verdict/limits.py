@@ -19,7 +19,9 @@ FAINT = 1.3
 #: by 0.001 to 0.005, and those among the lowest points by 0.1 and more (`grazing`).
 BENT = 0.02
 
-# Relative error of a product of two numbers, with room.
+#: Sizes of which one is larger by less than this share count as equal: relative error
+#: of a product of two numbers, with room.
+#: Unit: 1. Origin: rounding.
 ROUNDING = 1e-9
 
 # Change over the session -> its code.
