@@ -58,8 +58,8 @@ def landings(n=150, *, rate_hz=100.0, noise_m=0.0006, swing_m=0.03, seed=1):
     rng = np.random.default_rng(seed)
     time = np.arange(int(n * PERIOD_S * rate_hz)) / rate_hz
     hop = np.minimum((time / PERIOD_S).astype(int), n - 1)
-    # Every flight is longer than the windows of the fits.
-    start = (np.arange(n) + 0.25) * PERIOD_S + rng.uniform(0, 0.01, n)
+    # The windows of the fits hold frames of the stance before the shortest flights.
+    start = (np.arange(n) + 0.05) * PERIOD_S + rng.uniform(0, 0.01, n)
     speed = rng.normal([0.1, 0.0, 0.0], 0.1, (n, 3))
     tilt, spin = rng.normal(0, 0.05, (n, 3)), rng.normal(0, 0.3, (n, 3))
     heading = rng.uniform(0, 2 * np.pi, n)

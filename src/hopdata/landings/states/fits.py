@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray
+from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
 from hopdata.errors import chosen
 from hopdata.landings.states import coefficients
 from hopdata.landings.states.crossing import (
@@ -138,7 +138,10 @@ class Tracks:
 
     def evenly(self, count: int) -> Tracks:
         """Return at most `count` of the crossings, evenly spaced."""
-        rows = evenly(len(self.near), count)
+        return self.some(evenly(len(self.near), count))
+
+    def some(self, rows: IntArray) -> Tracks:
+        """Return the crossings of these numbers."""
         direction = self.direction
         if direction is not None:
             direction = direction[rows]
@@ -325,9 +328,54 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
             fit = fitted(part)
             fit.covariance[coefficients.VARIANCES] += added
             fit.mean[~is_close[part.rows]] = np.nan
+            odd = np.flatnonzero(~is_usual[part.rows])
+            if len(odd):
+                _fit_closely(fit, part, odd, tracks, window_s)
             yield part.lower(degree), fit
 
     return expected / window_s**2, parts
+
+
+def _fit_closely(
+    fit: coefficients.Coefficients,
+    part: Moments,
+    odd: IntArray,
+    tracks: Tracks,
+    window_s: float,
+) -> None:
+    """Replace the coefficients of odd landings by those of frames near the crossing.
+
+    The wide window of all others holds frames there that follow another motion, such
+    as those of the stance before a short flight. Coefficients of a narrower window are
+    brought to the unit of time of the wide one.
+
+    Parameters
+    ----------
+    fit, part
+        Fit of a block of landings, and its sums.
+    odd
+        Which of the block's landings these are.
+    tracks, window_s
+        All landings, and the wide window, s.
+    """
+    close_s = min(WINDOW_S * tracks.pace, window_s)
+    terms = fit.mean.shape[-1]
+    degree = min(terms - 1, 2 if tracks.flight else ALONE_DEGREE)
+    few = tracks.some(part.rows[odd])
+    few = replace(few, direction=part.direction[odd])
+    wider = (window_s / close_s) ** np.arange(degree + 1)
+    sums = joined(few.sums(close_s, degree, falling=tracks.flight))
+    close = coefficients.least_squares(sums, fit.noise_m**2)
+    is_known = np.isfinite(fit.mean[odd])
+    mean = np.zeros(fit.mean[odd].shape)
+    mean[..., : degree + 1] = close.mean * wider
+    mean[..., 0] += sums.centre - part.centre[odd]
+    covariance = np.zeros(fit.covariance[odd].shape)
+    covariance[..., : degree + 1, : degree + 1] = (
+        close.covariance * wider[:, None] * wider
+    )
+    fit.mean[odd] = np.where(is_known, mean, np.nan)
+    fit.covariance[odd] = covariance
 
 
 def _usual(residual_squares: Sequence[FloatArray]) -> BoolArray:
