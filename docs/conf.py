@@ -22,7 +22,7 @@ PAGES = {
     "Look up": ["gallery", "api", "glossary", "constants", "../CHANGELOG", "../SECURITY"],
     "Understand": [
         "dissertation", "printed_method", "c1", "gradient", "filter", "verdict",
-        "verdict_campaign",
+        "verdict_method", "verdict_campaign",
         "unseen_order", "impacts", "contacts", "limits", "integrator_choices",
         "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/last_run/README",

@@ -43,9 +43,9 @@ __all__ = [
 DIRECTIONS = 64
 
 #: Scatter of the logarithm of how large a difference shows, relative to its exact size.
-#: Unit: 1. Origin: measured: on hoppers eps shows as 1.4 to 1.6 times its exact size,
-#: kappa as 0.85 and tau as 0.6 to 0.75, since smooth terms add to kinks or hide them
-#: (verdict.md).
+#: Unit: 1. Origin: chosen: smooth terms add to kinks or hide them. On hoppers that were
+#: seen before, eps shows as 1.4 to 1.6 times its exact size, kappa as 0.85 and tau as
+#: 0.6 to 0.75.
 SHOWN_SCATTER = 0.3
 
 #: More landings than this are not asked for without a word on the contacts' spread.

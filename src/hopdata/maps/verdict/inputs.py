@@ -54,7 +54,7 @@ WELL_FORETOLD = 0.98
 #: The feet are inputs if they foretell at least this share more of the contact
 #: instants' mean square than the state alone.
 #: Unit: 1. Origin: measured: of legs that scatter by 0.5 mm the state foretells 0.9996,
-#: by 2 mm 0.98 (verdict.md). With less to gain, their terms cost more than they bring.
+#: by 2 mm 0.98. With less to gain, their terms cost more than they bring.
 WORTH = 0.01
 
 #: The feet are inputs only if they are all seen in at least this share of the landings;

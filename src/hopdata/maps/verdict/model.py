@@ -64,7 +64,7 @@ OF_SPREAD = 2.2
 
 #: Apparent jump that residual smooth terms may cause.
 #: Unit: share of the outcome's sd. Origin: measured: in other bodies smooth terms leave
-#: about as much (verdict.md).
+#: about as much (verdict_method.md).
 LEFT_OF_JUMPS = 0.05
 
 #: The same where contacts lie far apart, as a share of `KinkFit.allowed`.
