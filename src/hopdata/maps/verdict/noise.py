@@ -25,7 +25,8 @@ LEAST_RELIABLE = 0.3
 #: Unit: 1. Origin: chosen.
 ON_SECTION = 1e-3
 
-# Step of the central differences, in units of the body's size and of its speed.
+#: Step of the central differences.
+#: Unit: the body's size and its speed. Origin: rounding.
 STEP = 1e-5
 
 

@@ -48,9 +48,12 @@ NEARLY = 3.84
 #: Unit: 1. Origin: chosen.
 LEAST_TERM = 0.01
 
-#: Slowest and fastest time constant that `lasts` considers.
-#: Unit: contact spreads. Origin: chosen: far beyond all landings, and far within.
+#: Slowest time constant that `lasts` considers.
+#: Unit: contact spreads. Origin: chosen: far beyond all landings.
 SLOWEST = 100.0
+
+#: Fastest time constant that `lasts` considers.
+#: Unit: contact spreads. Origin: chosen: far within.
 FASTEST = 0.01
 
 # Time constants between these for which `lasts` computes the share that is shown.
