@@ -61,14 +61,13 @@ from hopdata.maps.coordinates import kinks
 from hopdata.maps.draws import named_generator
 from hopdata.maps.truth.maps import input_root, marker_motions
 from hopdata.maps.verdict import judge
-from hopdata.maps.verdict.effect import (
-    EffectSize,
+from hopdata.maps.verdict.comparison import (
     compared,
     contrasts,
-    effect_size,
     relative_size,
     squared_size,
 )
+from hopdata.maps.verdict.effect import EffectSize, effect_size
 from hopdata.maps.verdict.group import GroupVerdict, compare_conditions, judge_group
 from hopdata.maps.verdict.inputs import (
     LEAST_CLASS,

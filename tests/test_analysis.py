@@ -470,7 +470,14 @@ def test_a_plan_asks_for_no_difference_that_smooth_terms_may_leave(study):
     """Contacts far apart leave more than a tenth."""
     verdict = study[0].verdict
     wide = replace(
-        verdict, effect=replace(verdict.effect, detectable=0.6, allowed=0.55)
+        verdict,
+        effect=replace(
+            verdict.effect,
+            detectable=0.6,
+            allowed=0.55,
+            detectable_nearest=0.7,
+            allowed_nearest=0.55,
+        ),
     )
     assert hd.plan(wide)["difference"].between(0.57, 1).all()
 

@@ -1,6 +1,5 @@
 """Each choice by name has one table of names, and an unknown name is an error."""
 
-from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,6 +20,7 @@ from hopdata.landings.states import assemble as pair_assembly
 from hopdata.landings.states import fits as states
 from hopdata.maps import prediction, subspaces
 from hopdata.maps.truth import scoring as landing_scores
+from hopdata.maps.verdict import words
 from hopdata.recordings import (
     axes,
     importing,
@@ -38,9 +38,6 @@ from hopdata.synthesis import camera
 from hopdata.synthesis.integrators import INTEGRATORS
 from hopdata.synthesis.simulate import Simulation
 
-answer = import_module(
-    "hopdata.maps.verdict.judge"
-)  # the package exports a function of that name
 ANY = SimpleNamespace()  # stands for arguments that are read only after the name
 FORCES = {"unit": "lbf", "inverted": False}
 NONE = np.empty((0, 3))
@@ -130,8 +127,8 @@ ASKED = {
         ),
     ),
     "conclusion": (
-        answer.CONCLUSIONS,
-        lambda name: answer.sentence(name, ANY, "", 0.95, 0.1),
+        words.CONCLUSIONS,
+        lambda name: words.sentence(name, ANY, "", 0.95, 0.1),
     ),
     "motion_capture.noise_of": (
         camera.NOISE_OF,

@@ -360,7 +360,6 @@ def plan(
         If the pilot has no answer, or if no number of landings shows one of the
         differences.
     """
-    from hopdata.maps.verdict.effect import landings_needed
     from hopdata.maps.verdict.judge import Verdict
 
     verdict = getattr(pilot, "verdict", pilot)
@@ -371,13 +370,12 @@ def plan(
         raise AnalysisError(
             f"pilot: expected an answer to plan from: {verdict.sentence}"
         )
-    allowed = verdict.effect.allowed
+    effect = verdict.effect
     if differences is None:
-        differences = planned(allowed)
+        differences = planned(effect.least_allowed)
     sizes = numbers("differences", differences).ravel()
-    detectable = verdict.effect.detectable
     needed = [
-        landings_needed(verdict.n_landings, detectable, allowed, size, verdict.n_feet)
+        effect.landings_needed(verdict.n_landings, size, verdict.n_feet)
         for size in sizes
     ]
     return pd.DataFrame({"difference": sizes, "landings": needed})

@@ -5,6 +5,7 @@ the study.
 """
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -302,6 +303,24 @@ def lost_for(reason, feet=("a", "b")):
         "sections": {"rule": "landings"},
     }
     return forecast.Forecast(table, 1.0, detectable=0.1), config
+
+
+def test_few_landings_are_not_told_that_a_margin_is_out_of_reach_of_many():
+    """More is allowed in the wide window of few landings than in that of many."""
+    few, config = lost_for("body stayed below the pre section")
+    few = replace(few, detectable=0.5, allowed=0.25)
+
+    def advice(found):
+        changes = forecast.changes(found, config, [])
+        return {change.code: change.values for change in changes}
+
+    assert advice(few)["commands.larger_margin"] == {"allowed": 0.25}
+    seen = advice(replace(few, detectable_nearest=0.6, allowed_nearest=0.1))
+    assert "commands.larger_margin" not in seen
+    # 10 (0.5 / 0.1)^2
+    assert seen["commands.record_landings"]["landings"] == 250
+    far = advice(replace(few, detectable_nearest=0.6, allowed_nearest=0.21))
+    assert far["commands.larger_margin"] == {"allowed": 0.21}
 
 
 @pytest.mark.parametrize("code", forecast.CHANGES)

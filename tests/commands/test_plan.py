@@ -55,6 +55,25 @@ def test_what_smooth_terms_may_leave_is_in_no_plan(tmp_path, capsys):
     assert "above 0.22, as much as smooth terms may leave" in capsys.readouterr().err
 
 
+def test_a_small_pilot_is_planned_by_the_landings_that_a_large_study_uses(
+    tmp_path, capsys
+):
+    """Of few landings the farther ones are used too, and more is allowed for them."""
+    effect = {"detectable": 0.4, "allowed": 0.157}
+    nearest = {"detectable_nearest": 0.5, "allowed_nearest": 0.1}
+    small = PILOT | {"n_landings": 300, "effect": effect | nearest}
+    assert main(["plan", written(tmp_path, small), "--difference", "0.12"]) == 0
+    said = capsys.readouterr().out
+    rows = dict(map(str.strip, line.split("%")) for line in said.splitlines()[3:])
+    assert rows["12"] == "120,000"
+    assert rows["20"] == "4,800"
+    assert rows["50"] == "150", "second-order terms take as many"
+
+    older = PILOT | {"n_landings": 300, "effect": effect}
+    assert main(["plan", written(tmp_path, older), "--difference", "0.12"]) == 1
+    assert "above 0.16, as much as smooth terms may leave" in capsys.readouterr().err
+
+
 def test_the_curve_is_drawn_through_the_pilot(tmp_path):
     figure = tmp_path / "plan.png"
     assert main(["plan", written(tmp_path, PILOT), "--figure", str(figure)]) == 0

@@ -19,7 +19,7 @@ from hopdata.report.page import build_report
 
 SENTENCE = Message(
     "maps.no_difference",
-    {"compared": "6 orders", "bound": "12 %", "confidence": "95 %"},
+    {"compared": "6 orders", "bound": "12 %", "where": "", "confidence": "95 %"},
 )
 NOTE = Message("maps.gross_errors", {"count": 3, "landings": 9, "why": "3 odd"})
 

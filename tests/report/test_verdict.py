@@ -77,6 +77,28 @@ def test_what_foretells_the_contacts_stands_under_the_verdict_and_its_picture():
     assert "foretell" not in Page(build_report(full_study())).text
 
 
+def test_what_holds_at_the_contact_is_told_beside_what_holds_over_the_landings():
+    reach = {"holds_from": 0.00652, "contact_spread": 0.0119}
+    page = Page(build_report(full_study(verdict=verdict(**reach))))
+    said = "more than 20 % only if it were spent within 6.5 ms; the contacts of these "
+    assert f"{said}landings lie 12 ms apart" in page.text
+    assert "spent within 6.5 ms of contact could be more than 20 %" in page.text
+    assert "it is spent" not in page.text.lower()
+    assert "6.5" not in Page(build_report(full_study())).text
+
+    over = verdict()["effect"] | {"estimate": 0.21, "low": 0.12, "high": 0.31}
+    found = {"conclusion": "different", "saturates": True, "effect_over_landings": over}
+    page = Page(build_report(full_study(verdict=verdict(**reach | found))))
+    assert "over the landings of this study it is 21 (12 to 31) %." in page.text
+    assert "The bar is of the simultaneous contact." in page.text
+    assert "6.5 ms" not in page.text
+
+    jump = {"decided_by": "jump", "jump": verdict()["effect"]}
+    facts = verdict_facts(verdict(**reach | found | jump))
+    assert facts["over_landings"] is None
+    assert facts["holds_from"] is None
+
+
 def test_notes_stand_under_the_verdict():
     noted = verdict(notes=[{"what": "smooth terms", "reason": "150 landings"}])
     page = Page(build_report(full_study(verdict=noted)))

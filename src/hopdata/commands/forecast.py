@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from hopdata.landings import exclusion
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
-from hopdata.maps.verdict.judge import TWO_KINDS, TWO_KINDS_CODE
+from hopdata.maps.verdict.limits import TWO_KINDS, TWO_KINDS_CODE
 from hopdata.maps.verdict.model import LEFT
 from hopdata.messages import Message
 from hopdata.recording import Recording, fraction_seen
@@ -95,7 +95,10 @@ class Forecast:
         Difference that the verdict detects with its power, given all landings; None if
         it cannot show any.
     allowed
-        Largest difference that is no evidence, with any number of landings.
+        Largest difference that is no evidence in it.
+    detectable_nearest, allowed_nearest
+        The same if only the nearest landings were used, as a larger study would: see
+        `hopdata.maps.verdict.effect.EffectSize`.
     reason, code
         Why the verdict cannot show a difference, in words and as the code of a message;
         empty if it can.
@@ -112,11 +115,20 @@ class Forecast:
     frames_share: float
     detectable: float | None = None
     allowed: float = LEFT
+    detectable_nearest: float | None = None
+    allowed_nearest: float | None = None
     reason: str = ""
     code: str = ""
     stops: bool = False
     best: Mapping[str, float] = field(default_factory=dict)
     kinds: str = ""
+
+    @property
+    def least_allowed(self) -> float:
+        """Return the largest difference that is no evidence, however many landings."""
+        if self.allowed_nearest is None:
+            return self.allowed
+        return min(self.allowed, self.allowed_nearest)
 
     @property
     def landings(self) -> int:
@@ -225,19 +237,32 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
         return Forecast(
             touchdowns, share, reason=note["reason"], code=note["code"], best=best
         )
-    allowed = verdict.effect.allowed
-    beyond_allowed = max(0.0, verdict.effect.detectable - allowed)
-    # Errors fall with the root of the number of landings.
-    detectable = allowed + beyond_allowed * float(np.sqrt(share))
+    effect = verdict.effect
+    shown = _in_all(effect.detectable, effect.allowed, share)
+    shown_nearest = _in_all(effect.detectable_nearest, effect.allowed_nearest, share)
+    is_part = share < 1.0
+    if is_part and shown_nearest < shown:
+        # The whole study will use the nearest landings only.
+        shown = shown_nearest
+        effect = replace(effect, allowed=effect.allowed_nearest)
     kinds = [note["reason"] for note in verdict.notes if note["code"] == TWO_KINDS_CODE]
     return Forecast(
         touchdowns,
         share,
-        detectable=detectable,
-        allowed=allowed,
+        detectable=shown,
+        allowed=effect.allowed,
+        detectable_nearest=shown_nearest,
+        allowed_nearest=effect.allowed_nearest,
         best=best,
         kinds="".join(kinds),
     )
+
+
+def _in_all(detectable: float, allowed: float, share: float) -> float:
+    """Return the detectable size in all landings, from that in a share of them."""
+    beyond_allowed = max(0.0, detectable - allowed)
+    # Errors fall with the root of the number of landings.
+    return allowed + beyond_allowed * float(np.sqrt(share))
 
 
 def _best_sections(study: Study) -> dict[str, float]:
@@ -416,13 +441,21 @@ def _for_few_landings(
     forecast: Forecast, config: Mapping[str, Any]
 ) -> Iterator[Message]:
     margin = config["verdict"]["margin"]
-    allowed = forecast.allowed
     detectable = forecast.detectable
-    if margin <= allowed < 1:
-        yield Message("commands.larger_margin", {"allowed": allowed})
+    least_allowed = forecast.least_allowed
+    if margin <= least_allowed < 1:
+        yield Message("commands.larger_margin", {"allowed": least_allowed})
         return
     n_feet = len(feet_of(config))
-    needed = landings_needed(forecast.used, detectable or 0.0, allowed, margin, n_feet)
+    needed = landings_needed(
+        forecast.used,
+        detectable or 0.0,
+        forecast.allowed,
+        margin,
+        n_feet,
+        detectable_nearest=forecast.detectable_nearest,
+        allowed_nearest=forecast.allowed_nearest,
+    )
     is_enough = detectable is not None and detectable <= margin
     if needed <= forecast.used or is_enough:
         return

@@ -34,11 +34,22 @@ def plan(options: argparse.Namespace) -> int:
     allowed = effect["allowed"]
     found = f"{100 * detectable:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
-    asked = {*planned(allowed)}
+    # Verdicts of older versions tell of one window only.
+    detectable_nearest = effect.get("detectable_nearest", detectable)
+    allowed_nearest = effect.get("allowed_nearest", allowed)
+    asked = {*planned(min(allowed, allowed_nearest))}
     if options.difference is not None:
         asked.add(options.difference)
     needed = {
-        difference: landings_needed(landings, detectable, allowed, difference, feet)
+        difference: landings_needed(
+            landings,
+            detectable,
+            allowed,
+            difference,
+            feet,
+            detectable_nearest=detectable_nearest,
+            allowed_nearest=allowed_nearest,
+        )
         for difference in sorted(asked)
     }
     _print_needed(needed)

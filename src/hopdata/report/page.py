@@ -289,6 +289,7 @@ def build_report(inputs: ReportInputs) -> str:
         tables=_tables(inputs),
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.meaning(inputs.verdict),
+        verdict_reach=verdict.reach(inputs.verdict),
         distances_asked=inputs.distances_asked,
         verdict_notes=[_note(note) for note in known.get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),

@@ -21,6 +21,23 @@ def meaning(verdict: Verdict | None) -> Message:
     return Message(f"report.meaning_of_{decided_by}")
 
 
+def reach(verdict: Verdict | None) -> list[Message]:
+    """Return what holds at the simultaneous contact, and what over the landings.
+
+    These are two things if the difference is found to saturate, or if it might without
+    being found: see `hopdata.maps.verdict.saturation`.
+    """
+    facts = verdict_facts(verdict)
+    said = []
+    if facts["over_landings"]:
+        said.append(Message("report.spent", {"over_landings": facts["over_landings"]}))
+    if facts["holds_from"]:
+        names = ("margin", "holds_from", "contact_spread")
+        values = {name: facts[name] for name in names}
+        said.append(Message("report.unless_spent", values))
+    return said
+
+
 def worded(verdict: Verdict, name: str) -> Message | str:
     """Return the sentence or the outlook of a verdict, by its code if it has one."""
     message = verdict.get("messages", {}).get(name)
@@ -53,7 +70,11 @@ def verdict_facts(
         the deciding bound; ``confidence``, ``power``; ``conclusion``; ``found``,
         whether an effect was estimated at all; ``jumps``, whether a jump of the outcome
         decided; ``allowed``, by how much orders of one smooth map may seem to differ;
-        ``detectable``, None if nothing could have been seen.
+        ``detectable``, None if nothing could have been seen; ``margin``, below which
+        a difference counts as none; ``over_landings``, the effect over the landings
+        with its interval, if the effect saturates; ``holds_from``, the time constant in
+        ms from which on a verdict of no difference holds at the simultaneous contact,
+        and ``contact_spread``, how far apart the contacts are, in ms.
     """
     known: Verdict = verdict or {}
     effect = _deciding(known)
@@ -71,22 +92,53 @@ def verdict_facts(
         "remark": str(remark(verdict, truth)),
         "confidence": None,
         "power": None,
+        "margin": None,
+        "over_landings": None,
+        "holds_from": None,
+        "contact_spread": None,
     }
     if known:
         facts["confidence"] = show.percent(100 * known["confidence"])
         facts["power"] = show.percent(100 * known["power"])
+        facts["margin"] = _margin(known)
     if effect is None:
         return facts
+    if not facts["jumps"]:
+        facts |= _reach_facts(known)
     facts["true"] = _true_effect(truth)
     if effect.get("allowed") is not None:
         facts["allowed"] = _percent(effect["allowed"])
     if effect["detectable"] <= 1.0:
         facts["detectable"] = _percent(effect["detectable"])
+    facts["difference"] = _with_interval(effect)
+    return facts
+
+
+def _reach_facts(verdict: Verdict) -> dict[str, str]:
+    """Return the facts on what holds over the landings, and what at the contact."""
+    facts = {}
+    if verdict.get("saturates"):
+        facts["over_landings"] = _with_interval(verdict["effect_over_landings"])
+    holds_from = verdict.get("holds_from")
+    if verdict["conclusion"] == "no difference" and holds_from is not None:
+        facts["holds_from"] = _milliseconds(holds_from)
+        facts["contact_spread"] = _milliseconds(verdict["contact_spread"])
+    return facts
+
+
+def _with_interval(effect: Mapping[str, Any]) -> str:
     estimate = show.significant(100 * effect["estimate"], 2)
     low = show.significant(100 * effect["low"], 2)
     high = show.significant(100 * effect["high"], 2)
-    facts["difference"] = show.with_unit(f"{estimate} ({low} to {high})", "%")
-    return facts
+    return show.with_unit(f"{estimate} ({low} to {high})", "%")
+
+
+def _milliseconds(duration_s: float) -> str:
+    return show.with_unit(show.significant(1000 * duration_s, 2), "ms")
+
+
+def _margin(verdict: Verdict) -> str:
+    return show.with_unit(f"{100 * verdict['margin']:g}", "%")
 
 
 def remark(
@@ -104,7 +156,7 @@ def remark(
     said = Message("report.difference_remark", values)
     if known["conclusion"] != "different":
         values["bound"] = _percent(effect["upper_bound"])
-        values["margin"] = show.with_unit(f"{100 * known['margin']:g}", "%")
+        values["margin"] = _margin(known)
         said = Message("report.difference_bounded", values)
     true = _true_effect(truth)
     if true:

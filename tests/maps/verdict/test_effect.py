@@ -6,6 +6,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.effect import (
     SHOWN_SCATTER,
     contrasts,
@@ -122,6 +123,19 @@ def test_half_the_difference_takes_four_times_the_landings():
     assert (
         landings_needed(1000, 0.2, LEFT, 0.9, 3) == 150
     )  # those for second-order terms
+
+
+def test_of_two_windows_the_one_that_needs_less_is_planned_for():
+    nearest = {"detectable_nearest": 0.5, "allowed_nearest": 0.1}
+    both = [landings_needed(300, 0.4, 0.15, d, 3, **nearest) for d in (0.12, 0.2, 0.35)]
+    # 300 (0.4 / 0.02)^2 and 300 (0.4 / 0.1)^2 by the nearest, 300 (0.25 / 0.2)^2.
+    assert both == pytest.approx([120_000, 4_800, 469], abs=1)
+    alone = [landings_needed(300, 0.4, 0.15, d, 3) for d in (0.2, 0.35)]
+    assert alone == pytest.approx([7_500, 469], abs=1)
+    with pytest.raises(AnalysisError, match=r"numbers above 0\.15, .* found 0\.12"):
+        landings_needed(300, 0.4, 0.15, 0.12, 3)
+    with pytest.raises(AnalysisError, match=r"numbers above 0\.1, .* found 0\.1$"):
+        landings_needed(300, 0.4, 0.15, 0.1, 3, **nearest)
 
 
 def test_of_three_feet_each_pair_of_orders_is_compared():

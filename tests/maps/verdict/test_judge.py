@@ -12,15 +12,10 @@ from hopdata.errors import AnalysisError, ConfigError
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import two_kinds
-from hopdata.maps.verdict.judge import (
-    CANNOT_TELL,
-    NOT_FORETOLD_CODE,
-    TWO_KINDS_CODE,
-    conclude,
-    outlook,
-    sentence,
-)
+from hopdata.maps.verdict.judge import conclude
+from hopdata.maps.verdict.limits import NOT_FORETOLD_CODE, TWO_KINDS_CODE
 from hopdata.maps.verdict.model import LEFT
+from hopdata.maps.verdict.words import CANNOT_TELL, outlook, sentence
 from hopdata.messages import Message
 
 OPTIONS = {"seed": 3, "flips": 199}
@@ -169,7 +164,9 @@ def test_the_three_conclusions():
 
 
 def test_what_could_have_been_seen_is_said():
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
+    size = EffectSize(
+        0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1, 0.15, 0.1
+    )
     said = str(outlook(size, 2_312, 1_617, 0.8))
     assert "shows as 15 % would be found in 80 %" in said
     assert "you would need about 2,300 landings" in said
@@ -182,7 +179,9 @@ def test_what_could_have_been_seen_is_said():
     ("landings", "enough"), [(989, False), (990, True), (1_617, True)]
 )
 def test_no_study_is_told_to_have_what_it_has(landings, enough):
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
+    size = EffectSize(
+        0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1, 0.15, 0.1
+    )
     said = str(outlook(size, 990, landings, 0.8))
     assert ("you would need about 990 landings" in said) == (not enough)
     assert ("to see 20 %, about 990 of these landings are enough" in said) == enough

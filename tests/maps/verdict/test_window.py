@@ -8,7 +8,8 @@ from kinked_landings import in_section
 
 from hopdata.maps.coordinates import kinks, monomials
 from hopdata.maps.verdict import shrunk, window
-from hopdata.maps.verdict.effect import compared, effect_size, squared_size
+from hopdata.maps.verdict.comparison import compared, squared_size
+from hopdata.maps.verdict.effect import effect_size, landings_needed
 from hopdata.maps.verdict.inputs import WINDOW
 from hopdata.maps.verdict.model import left_by_window, nearest
 from hopdata.maps.verdict.window import fit_of_best_window
@@ -68,6 +69,30 @@ def test_where_noise_is_large_all_landings_are_used(noise, share):
     landings = _study(1, 400, noise=noise)
     fit = fit_of_best_window(landings, compared(landings))
     assert len(fit.rows) == round(share * 400)
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_wider_window_remembers_what_the_nearest_landings_show(seed, monkeypatch):
+    landings = _study(seed, 300, noise=1.0)
+    wide = _size(landings, seed)
+    monkeypatch.setattr(window, "WIDER", ())
+    alone = _size(landings, seed)
+    assert wide.allowed_nearest == alone.allowed != wide.allowed
+    # Directions and signs are others: those of other errors.
+    assert wide.detectable_nearest == pytest.approx(alone.detectable, rel=0.15)
+    assert wide.detectable < wide.detectable_nearest
+    own = (alone.detectable, alone.allowed)
+    assert (alone.detectable_nearest, alone.allowed_nearest) == own
+
+
+def test_a_larger_study_is_planned_by_the_nearest_landings():
+    """What it needs is less than by the pilot's window, and no less than it needs."""
+    pilot = _size(_study(1, 300, noise=1.0), 1)
+    assert pilot.least_allowed == pilot.allowed_nearest < 0.12 < pilot.allowed
+    needed = pilot.landings_needed(300, 0.2, 3)
+    assert needed < landings_needed(300, pilot.detectable, pilot.allowed, 0.2, 3) / 1.3
+    assert _size(_study(11, needed, noise=1.0), 2).detectable < 0.2
+    assert _size(_study(11, needed // 4, noise=1.0), 2).detectable > 0.2
 
 
 def test_more_is_left_where_contacts_lie_farther_apart():

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.maps.coordinates import output_weights, rigid_states, section_coordinates
 from hopdata.maps.corrected.estimates import coefficient_table
+from hopdata.maps.verdict.comparison import contrasts, relative_size
 from hopdata.maps.verdict.coordinates import marker_root
-from hopdata.maps.verdict.effect import contrasts, relative_size
 from hopdata.maps.verdict.inputs import contact_orders
 from hopdata.rigid import OUTPUT_NAMES, kabsch
 

@@ -26,8 +26,9 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
-from hopdata.maps.verdict.judge import DIFFERENT, conclude, percent, sentence
+from hopdata.maps.verdict.judge import conclude
 from hopdata.maps.verdict.model import one_landing, upper_ends
+from hopdata.maps.verdict.words import DIFFERENT, percent, sentence
 from hopdata.messages import Message
 
 #: Least number of subjects of a group.

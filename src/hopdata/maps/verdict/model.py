@@ -101,6 +101,22 @@ LEAST_OF_PAIRS = 0.25
 
 
 @dataclass(frozen=True)
+class Nearest:
+    """What the nearest landings, `WINDOW` of them, leave beside a wider window.
+
+    Attributes
+    ----------
+    allowed
+        Size up to which kinks of these landings are not evidence.
+    noise
+        Noise of that size, as a multiple of the noise in the wider window.
+    """
+
+    allowed: float
+    noise: float
+
+
+@dataclass(frozen=True)
 class KinkFit:
     """Kinks, or steps, of a study with K kinks, q outputs and N landings.
 
@@ -133,6 +149,8 @@ class KinkFit:
     smooth, shown
         Smooth terms of the landings in the window, and the (n, K) kinks that were
         fitted beside them; None for steps.
+    nearest
+        What the nearest landings alone would leave; None if the window is theirs.
     """
 
     coefficients: FloatArray
@@ -148,6 +166,7 @@ class KinkFit:
     jumps: "KinkFit | None" = None
     smooth: Smooth | None = None
     shown: FloatArray | None = None
+    nearest: Nearest | None = None
 
     def with_slopes(self, at: AtContact) -> "KinkFit":
         """Return the fit with the slopes at the simultaneous contact as its kinks."""

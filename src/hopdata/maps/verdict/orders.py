@@ -19,6 +19,8 @@ of opposite orders allow for more than pairs of similar ones, and `KinkFit.allow
 the root of the mean square over the pairs.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -28,11 +30,13 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray, pd
-from hopdata.maps.verdict import effect as sizing
+from hopdata.maps.verdict import comparison as comparing
 from hopdata.maps.verdict.averaged import pairs_that_exchange
-from hopdata.maps.verdict.effect import Comparison, Draws, SignedErrors
+from hopdata.maps.verdict.comparison import Comparison
+from hopdata.maps.verdict.effect import interval
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings
 from hopdata.maps.verdict.model import KinkFit
+from hopdata.maps.verdict.signs import Draws, SignedErrors
 from hopdata.messages import Message
 
 #: Share of the level that the test of jumps has, if there can be any.
@@ -219,7 +223,7 @@ def pair_effects(
         p_value = max((1 + as_large) / n, joint_p_value)
         # The level at which all pairs together err at the level of the study.
         own_level = (1 + int(np.sum(drawn >= critical))) / n
-        ends = sizing.interval(
+        ends = interval(
             of_pair,
             pair.allowed,
             is_found=p_value < level,
@@ -248,8 +252,8 @@ def pairs_of_maps(
     comparison: Comparison,
 ) -> list[_Pair]:
     """Return the pairs whose maps are compared; the mean of their squares is e^2."""
-    changes = sizing.changes_of_map(fit, landings, comparison)
-    weights = sizing.weights_of_map(fit, landings, comparison)
+    changes = comparing.changes_of_map(fit, landings, comparison)
+    weights = comparing.weights_of_map(fit, landings, comparison)
     squares = np.sum(changes**2, axis=(1, 2))
     mean_square = squares.mean()
     pairs = []
@@ -267,14 +271,14 @@ def pairs_of_jumps(
 ) -> list[_Pair]:
     """Return the pairs of feet at whose exchange the outcome may jump."""
     instants = landings.expected[fit.rows]
-    weights = sizing.weights_of_jumps(landings)
+    weights = comparing.weights_of_jumps(landings)
     feet = pairs_that_exchange(instants, LEAST_CLASS)
     pairs = []
     for (i, j), seen in zip(feet, fit.seen, strict=True):
         if np.sum(seen**2) < LEAST_SEEN:
             continue
         root = np.kron(2.0 * seen[None, :], weights)
-        names = sizing.names_of_feet(i, j)
+        names = comparing.names_of_feet(i, j)
         pairs.append(_Pair(OF_JUMP, names, fit, errors, root, fit.allowed))
     return pairs
 

@@ -7,11 +7,19 @@ window in which it can see the smallest difference: what is allowed for, which g
 with the spread, and beyond it the noise of the size.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
-from hopdata.maps.verdict.effect import Comparison, squared_size
+from hopdata.maps.verdict.comparison import Comparison, squared_size
 from hopdata.maps.verdict.inputs import SectionLandings
-from hopdata.maps.verdict.model import LEFT, KinkFit, fit_kinks, left_by_window
+from hopdata.maps.verdict.model import (
+    LEFT,
+    KinkFit,
+    Nearest,
+    fit_kinks,
+    left_by_window,
+)
 
 #: Wider windows that are tried.
 #: Unit: share of the landings. Origin: chosen: half of the landings beyond `WINDOW`,
@@ -26,33 +34,40 @@ FOUND_AT = 2.5
 def fit_of_best_window(landings: SectionLandings, comparison: Comparison) -> KinkFit:
     """Return the kinks in the window that shows the smallest difference.
 
+    Beside those of a wider window it is kept what the nearest landings leave, since a
+    larger study of the same body will be judged by these.
+
     Raises
     ------
     AnalysisError
         As by `fit_kinks`.
     """
-    best = fit_kinks(landings)
-    least = _seen_from(best, landings, comparison)
+    nearest = fit_kinks(landings)
+    noise_of_nearest = _noise(nearest, landings, comparison)
+    best = nearest
+    least = _seen_from(nearest, noise_of_nearest)
     for share in WIDER:
         left = LEFT * left_by_window(landings.expected, share)
         if left >= least:
             # Not even a size without noise could be seen better.
             break
         wide = fit_kinks(landings, share)
-        seen_from = _seen_from(wide, landings, comparison)
+        noise = _noise(wide, landings, comparison)
+        seen_from = _seen_from(wide, noise)
         if seen_from < least:
-            best = wide
+            best = replace(
+                wide, nearest=Nearest(nearest.allowed, noise_of_nearest / noise)
+            )
             least = seen_from
     return best
 
 
-def _seen_from(
-    fit: KinkFit, landings: SectionLandings, comparison: Comparison
-) -> float:
-    """Return the size from which on a difference can be seen, roughly.
-
-    The noise of the size is that in the direction where it is largest.
-    """
+def _noise(fit: KinkFit, landings: SectionLandings, comparison: Comparison) -> float:
+    """Return the noise of the size in the direction where it is largest."""
     root = squared_size(fit, landings, comparison)
-    noise = float(np.linalg.norm(fit.null_scores @ root.T, 2))
+    return float(np.linalg.norm(fit.null_scores @ root.T, 2))
+
+
+def _seen_from(fit: KinkFit, noise: float) -> float:
+    """Return the size from which on a difference can be seen, roughly."""
     return fit.allowed + FOUND_AT * noise

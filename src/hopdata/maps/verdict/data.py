@@ -1,0 +1,174 @@
+"""What a study brings to its verdict: its arrays and options, and their checks."""
+
+from dataclasses import dataclass, replace
+from math import ceil
+from numbers import Integral, Real
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.errors import AnalysisError, require
+from hopdata.maps.verdict import inputs, rows
+from hopdata.maps.verdict.session import Session
+from hopdata.recording import numbers
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The arrays of a study, of shapes that match: see `judge`."""
+
+    before: FloatArray
+    after: FloatArray
+    instants: FloatArray
+    instants_se: FloatArray | None
+    feet: FloatArray | None = None
+    feet_se: FloatArray | None = None
+    time: FloatArray | None = None
+    blocks: IntArray | None = None
+
+    @property
+    def n_feet(self) -> int:
+        """Return the number of feet."""
+        return self.instants.shape[1]
+
+    @property
+    def n_known(self) -> int:
+        """Return of how many landings all states and instants are known."""
+        return int(self.known().sum())
+
+    def known(self) -> BoolArray:
+        """Return of which landings all states and instants are known, (n,)."""
+        both = np.hstack([self.before, self.after, self.instants])
+        return np.asarray(np.isfinite(both).all(axis=1))
+
+    def sound_landings(self) -> rows.Sound:
+        """Return the known landings without gross errors."""
+        known = np.flatnonzero(self.known())
+        found = rows.sound_landings(
+            self.before[known],
+            self.after[known],
+            lambda some: self.landings(known[some]),
+        )
+        left_out = {}
+        for reason, some in found.left_out.items():
+            left_out[reason] = known[some].tolist()
+        return rows.Sound(found.landings, left_out)
+
+    def landings(self, known: IntArray) -> inputs.SectionLandings:
+        """Return landings by their numbers, in the coordinates of the verdict."""
+        errors = None
+        if self.instants_se is not None:
+            errors = np.nan_to_num(self.instants_se[known])
+        feet = None
+        if self.feet is not None:
+            feet = self.feet[known]
+        feet_se = None
+        if self.feet_se is not None:
+            feet_se = self.feet_se[known]
+        contacts = inputs.Contacts(self.instants[known], errors, feet, feet_se)
+        return inputs.section_landings(
+            self.before[known], self.after[known], contacts, self.session(known)
+        )
+
+    def session(self, known: IntArray) -> Session:
+        """Return when and where these landings were recorded."""
+        time = self.time
+        if time is None:
+            time = np.arange(len(self.before), dtype=float)
+        blocks = self.blocks
+        if blocks is None:
+            blocks = np.zeros(len(self.before), dtype=np.int64)
+        return Session.of(time[known], blocks[known])
+
+
+def measured(
+    x: ArrayLike, y: ArrayLike, instants: ArrayLike, instants_se: ArrayLike | None
+) -> Measured:
+    """Return the arrays, if their shapes match."""
+    before = numbers("x", x)
+    after = numbers("y", y)
+    touched = numbers("instants", instants)
+    are_tables = before.ndim == 2 and after.ndim == 2 and touched.ndim == 2
+    matches = (
+        are_tables
+        and before.shape == after.shape
+        and len(before) == len(touched)
+        and before.shape[1] > 0
+        and before.shape[1] % 6 == 0
+    )
+    if not matches:
+        expected = "one row per landing, (n, 6B), (n, 6B), (n, feet)"
+        found = f"{before.shape}, {after.shape}, {touched.shape}"
+        raise AnalysisError.at("x, y, instants", expected, found)
+    errors = None
+    if instants_se is not None:
+        errors = numbers("instants_se", instants_se)
+        wanted = f"a standard error for each instant, {touched.shape}"
+        matches = errors.shape == touched.shape
+        require(matches, "instants_se", wanted, errors.shape)
+    return Measured(before, after, touched, errors)
+
+
+def with_feet(
+    measured: Measured, feet: ArrayLike | None, feet_se: ArrayLike | None
+) -> Measured:
+    """Return the data with the feet at the pre section, if their shapes match."""
+    if feet is None:
+        return measured
+    places = numbers("feet", feet)
+    shape = (*measured.instants.shape, 3)
+    wanted = f"a position for each foot in each landing, {shape}"
+    require(places.shape == shape, "feet", wanted, places.shape)
+    errors = None
+    if feet_se is not None:
+        errors = numbers("feet_se", feet_se)
+        wanted = f"a standard error for each coordinate of feet, {shape}"
+        require(errors.shape == shape, "feet_se", wanted, errors.shape)
+    return replace(measured, feet=places, feet_se=errors)
+
+
+def with_session(
+    measured: Measured, time: ArrayLike | None, blocks: ArrayLike | None
+) -> Measured:
+    """Return the data with time and block of each landing, if their shapes match."""
+    n_landings = len(measured.before)
+    if time is not None:
+        instants = numbers("time", time)
+        is_known = bool(np.isfinite(instants).all())
+        fits = instants.shape == (n_landings,) and is_known
+        wanted = f"an instant for each of {n_landings} landings"
+        require(fits, "time", wanted, instants.shape)
+        measured = replace(measured, time=instants)
+    if blocks is not None:
+        labels = np.asarray(blocks)
+        wanted = f"a label for each of {n_landings} landings"
+        require(labels.shape == (n_landings,), "blocks", wanted, labels.shape)
+        _, numbered = np.unique(labels.astype(str), return_inverse=True)
+        measured = replace(measured, blocks=np.asarray(numbered, np.int64))
+    return measured
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is asked for: see `judge`."""
+
+    seed: int
+    margin: float
+    confidence: float
+    power: float
+    flips: int
+
+    def check(self) -> None:
+        """Raise a `ConfigError` unless every option is a number in its range."""
+        for key, share in (("confidence", self.confidence), ("power", self.power)):
+            fits = isinstance(share, Real) and 0 < share < 1
+            require(fits, key, "a number between 0 and 1", share)
+        fits = isinstance(self.margin, Real) and 0 < self.margin <= 1
+        require(fits, "margin", "a number in (0, 1]", self.margin)
+        fits = isinstance(self.seed, Integral) and self.seed >= 0
+        require(fits, "seed", "a whole number, 0 or more", self.seed)
+        # With fewer flips no p-value could be small enough.
+        least = ceil(1 / (1 - self.confidence))
+        fits = isinstance(self.flips, Integral) and self.flips >= least
+        require(fits, "flips", f"a whole number, {least} or more", self.flips)

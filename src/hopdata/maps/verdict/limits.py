@@ -1,0 +1,114 @@
+"""The notes of a verdict: what limits the answer, and what was done about it."""
+
+from typing import Any
+
+from hopdata.arrays import BoolArray
+from hopdata.maps.draws import Notes
+from hopdata.maps.verdict import inputs, rows
+from hopdata.maps.verdict.model import LEFT, KinkFit
+from hopdata.maps.verdict.signs import IN_A_ROW
+from hopdata.maps.verdict.words import percent
+from hopdata.messages import Message
+
+#: Kinks that averaging makes fainter than this are noted.
+#: Unit: 1. Origin: chosen.
+FAINT = 1.3
+
+#: A map that the post section bends by more than this share is noted.
+#: Unit: 1. Origin: measured: sections 50 to 70 mm below the contact bent maps of bodies
+#: by 0.001 to 0.005, and those among the lowest points by 0.1 and more (`grazing`).
+BENT = 0.02
+
+#: Sizes of which one is larger by less than this share count as equal: relative error
+#: of a product of two numbers, with room.
+#: Unit: 1. Origin: rounding.
+ROUNDING = 1e-9
+
+# Change over the session -> its code.
+SESSION_CODES = {
+    "time": "maps.session_time",
+    "block": "maps.session_block",
+    "change": "maps.session_change",
+}
+
+# Codes of notes that others look for.
+TWO_KINDS_CODE = "maps.two_kinds"
+
+NOT_FORETOLD_CODE = "maps.not_foretold"
+
+#: What the first of these is about, in words.
+TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
+
+
+def left_out(known: BoolArray) -> Notes:
+    """Return a note on the landings of which something is not known, if any."""
+    unknown = int((~known).sum())
+    if not unknown:
+        return []
+    return [_note("left_out", unknown=unknown, landings=len(known))]
+
+
+def gross_errors(sound: rows.Sound) -> Notes:
+    """Return a note on the landings that are left out as mistakes, if there are any."""
+    if not sound.left_out:
+        return []
+    count = sum(len(some) for some in sound.left_out.values())
+    why = []
+    for reason, some in sound.left_out.items():
+        why.append(str(Message(f"maps.{reason}", {"count": len(some)})))
+    return [
+        _note(
+            "gross_errors",
+            count=count,
+            landings=count + len(sound.landings.kept),
+            why=", ".join(why),
+            rows=sound.left_out,
+        )
+    ]
+
+
+def what_limits(
+    landings: inputs.SectionLandings, fit: KinkFit, alike: bool, *, jumps: bool
+) -> Notes:
+    """Return notes on what limits the answer, and on what was done about it.
+
+    `alike` tells whether successive landings err alike, and `jumps` whether a jump
+    decided, beside which sizes of kinks do not matter.
+    """
+    notes = []
+    share = f"{100 * landings.foretold:.1f} %"
+    hidden = int((~landings.kept).sum())
+    if hidden:
+        notes.append(_note("feet_hidden", count=hidden, landings=len(landings.kept)))
+    if inputs.feet_as_one(landings):
+        notes.append(_note("feet_as_one"))
+    without_bend = fit.allowed / fit.faded - landings.bent
+    if without_bend > LEFT * (1.0 + ROUNDING) and not jumps:
+        notes.append(_note("contacts_far_apart", allowed=percent(fit.allowed)))
+    if fit.faded > FAINT:
+        notes.append(_note("faint", share=share, allowed=percent(fit.allowed)))
+    if landings.bent > BENT:
+        notes.append(_note("grazes", bent=percent(landings.bent)))
+    state = inputs.two_kinds(landings.inputs[:, : inputs.STATE])
+    if state:
+        notes.append(_note("two_kinds", state=Message(f"maps.{state}")))
+    if alike:
+        notes.append(_note("err_alike", in_a_row=IN_A_ROW))
+    if landings.posture is inputs.Posture.USED:
+        notes.append(_note("feet_used", share=share))
+    elif landings.foretold < inputs.WELL_FORETOLD:
+        notes.append(_note("not_foretold", share=share))
+    if fit.session:
+        change = [str(Message(SESSION_CODES[name])) for name in fit.session]
+        notes.append(_note("session", change=" and ".join(change)))
+    return notes
+
+
+def _note(name: str, **values: Any) -> dict[str, Any]:
+    reason = Message(f"maps.{name}", values)
+    return {
+        "what": str(Message(f"maps.{name}_what")),
+        "reason": str(reason),
+        "code": reason.code,
+        "values": values,
+    }

@@ -1,0 +1,106 @@
+"""The sizes of a study: of kinks, jumps and each pair, from the same random signs."""
+
+from dataclasses import dataclass
+
+from hopdata.maps.draws import named_generator
+from hopdata.maps.verdict import comparison as comparing
+from hopdata.maps.verdict import effect as sizing
+from hopdata.maps.verdict import orders as which
+from hopdata.maps.verdict.comparison import Comparison
+from hopdata.maps.verdict.data import Options
+from hopdata.maps.verdict.effect import AtContact, EffectSize
+from hopdata.maps.verdict.inputs import SectionLandings
+from hopdata.maps.verdict.model import KinkFit, err_alike
+from hopdata.maps.verdict.signs import Draws, signed_errors
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The sizes of a study, the levels of their tests, and the size of each pair."""
+
+    effect: EffectSize
+    jump: EffectSize | None
+    alike: bool
+    levels: dict[str, float]
+    orders: list[which.PairEffect]
+
+
+def sizes_of(
+    fit: KinkFit,
+    landings: SectionLandings,
+    comparison: Comparison,
+    options: Options,
+) -> Sizes:
+    """Return the sizes of kinks and jumps, and of each pair, from the same signs."""
+    fits = [fit]
+    roots = [comparing.squared_size(fit, landings, comparison)]
+    if fit.jumps is not None:
+        fits.append(fit.jumps)
+        roots.append(comparing.squared_jump(fit.jumps, landings))
+    alike = any(
+        err_alike(part.scores @ root.T) for part, root in zip(fits, roots, strict=True)
+    )
+    generator = named_generator(options.seed, "verdict", "signs")
+    errors = signed_errors(fits, options.flips, generator, alike=alike)
+    draws = [
+        Draws(part, root, signed, alike=alike)
+        for part, root, signed in zip(fits, roots, errors, strict=True)
+    ]
+    shares = [1.0]
+    if fit.jumps is not None:
+        shares = [1.0 - which.OF_JUMPS, which.OF_JUMPS]
+    tests = [
+        which.OneTest(drawn, part.allowed, share)
+        for drawn, part, share in zip(draws, fits, shares, strict=True)
+    ]
+    joint = which.joint_level(tests, round(1.0 - options.confidence, 12))
+    effects = [
+        sizing.size_drawn(
+            drawn,
+            part,
+            level_found=level,
+            confidence=options.confidence,
+            power=options.power,
+        )
+        for drawn, part, level in zip(draws, fits, joint.of_each, strict=True)
+    ]
+    pairs = which.pairs_of_maps(fit, errors[0], landings, comparison)
+    jump = None
+    if fit.jumps is not None:
+        jump = effects[1]
+        pairs += which.pairs_of_jumps(fit.jumps, errors[1], landings)
+    of_pairs = which.pair_effects(
+        pairs, alike=alike, joint_p_value=joint.p_value, confidence=options.confidence
+    )
+    levels = dict(zip(("effect", "jump"), joint.of_each, strict=False))
+    return Sizes(effects[0], jump, alike, levels, of_pairs)
+
+
+def at_contact(
+    fit: KinkFit,
+    landings: SectionLandings,
+    comparison: Comparison,
+    over_landings: EffectSize,
+    options: Options,
+) -> AtContact:
+    """Return the size at the simultaneous contact, from that over the landings."""
+    root = comparing.squared_size(fit, landings, comparison)
+
+    def size(slopes: KinkFit) -> EffectSize:
+        return sizing.effect_size(
+            slopes,
+            root,
+            generator=named_generator(options.seed, "verdict", "contact"),
+            confidence=options.confidence,
+            power=options.power,
+            flips=options.flips,
+        )
+
+    return sizing.at_the_contact(
+        fit,
+        landings,
+        over_landings,
+        size,
+        generator=named_generator(options.seed, "verdict", "saturation"),
+        flips=options.flips,
+    )

@@ -1,0 +1,149 @@
+"""What a verdict says: its sentence, its outlook, and what foretells the contacts.
+
+Nothing is decided here: conclusions and sizes are put into words.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from hopdata.errors import require_choice
+from hopdata.maps.verdict import inputs
+from hopdata.maps.verdict.effect import MOST_LANDINGS, EffectSize
+from hopdata.messages import Message
+
+DIFFERENT = "different"
+
+NO_DIFFERENCE = "no difference"
+
+CANNOT_TELL = "cannot tell"
+
+CONCLUSIONS = (DIFFERENT, NO_DIFFERENCE, CANNOT_TELL)
+
+#: Difference for which every verdict gives the number of landings needed to show it.
+#: Unit: share of the map. Origin: chosen.
+ASKED = 0.2
+
+# What foretells the contact instants, by what is known of the feet.
+FORETOLD_BY = {
+    inputs.Posture.USED: "maps.contacts_used",
+    inputs.Posture.NOT_NEEDED: "maps.contacts_not_needed",
+    inputs.Posture.NOT_SEEN: "maps.contacts_not_seen",
+}
+
+
+def sentence(
+    conclusion: str,
+    sizes: Sequence[float],
+    compared: Message | str,
+    confidence: float,
+    margin: float,
+    *,
+    subjects: int | None = None,
+    spreads: float | None = None,
+    over_landings: bool = False,
+) -> Message:
+    """Return a conclusion in one sentence.
+
+    Parameters
+    ----------
+    conclusion
+        One of `CONCLUSIONS`.
+    sizes
+        Estimate, low, high and upper bound.
+    compared
+        Whose maps were compared.
+    confidence, margin
+        As for `judge`.
+    subjects
+        Number of subjects, if it is the conclusion on a group of them.
+    spreads
+        `Verdict.holds_from` in contact spreads: what the bound does not cover is said
+        with it.
+    over_landings
+        Whether the bound is one over the landings only.
+    """
+    require_choice("conclusion", conclusion, CONCLUSIONS)
+    estimate, low, high, bound = sizes
+    values: dict[str, Any] = {
+        "compared": compared,
+        "where": "",
+        "size": percent(estimate),
+        "low": percent(low),
+        "high": percent(high),
+        "bound": percent(bound),
+        "confidence": as_given(confidence),
+        "margin": percent(margin),
+    }
+    name = conclusion.replace(" ", "_")
+    if conclusion == CANNOT_TELL and values["bound"] == values["margin"]:
+        name = "cannot_tell_just"
+    if conclusion == NO_DIFFERENCE and spreads is not None:
+        name = "no_difference_at_contact"
+        values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
+    if over_landings:
+        values["where"] = Message("maps.over_landings")
+    if subjects is not None:
+        name = f"group_{name}"
+        values["subjects"] = subjects
+    return Message(f"maps.{name}", values)
+
+
+def outlook(
+    effect: EffectSize, needed: int | None, landings: int, power: float
+) -> Message:
+    """Return what these data could have shown, and what would show more.
+
+    Parameters
+    ----------
+    effect
+        Size of the difference.
+    needed
+        Number of landings that show a difference of `ASKED`; None if no number does.
+    landings
+        Number of landings that these data have.
+    power
+        Power with which the detectable difference would have been found.
+    """
+    seen = Message("maps.nothing_seen")
+    if effect.detectable <= 1.0:
+        shown = {"detectable": percent(effect.detectable), "power": as_given(power)}
+        seen = Message("maps.seen", shown)
+    values: dict[str, Any] = {"seen": seen, "asked": percent(ASKED)}
+    if needed is None:
+        return Message("maps.outlook_never", values)
+    two_digits = int(float(f"{needed:.1e}"))
+    values["number"] = f"{two_digits:,}"
+    if needed <= landings:
+        return Message("maps.outlook_enough", values)
+    if needed > MOST_LANDINGS:
+        values["more_spread"] = Message("maps.more_spread")
+        return Message("maps.outlook_spread", values)
+    return Message("maps.outlook_more", values)
+
+
+def jump_said(jump: EffectSize, confidence: float) -> Message:
+    """Return the size of a jump, as a part of a sentence."""
+    values = {
+        "size": percent(jump.estimate),
+        "low": percent(jump.low),
+        "high": percent(jump.high),
+        "confidence": as_given(confidence),
+    }
+    return Message("maps.jump", values)
+
+
+def contacts_said(landings: inputs.SectionLandings) -> Message:
+    """Return what share of the contact instants is foretold, and by what."""
+    said = FORETOLD_BY[landings.posture]
+    return Message(said, {"share": f"{100 * landings.foretold:.1f} %"})
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, to two digits."""
+    two_digits = float(f"{100 * share:.2g}")
+    return f"{two_digits:g} %"
+
+
+def as_given(share: float) -> str:
+    """Return a share that a user gave in per cent, as it was given."""
+    return f"{100 * share:g} %"
