@@ -1,10 +1,14 @@
 """Kinks that are spent before the contacts are far apart."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from tests.maps.verdict.kinked_landings import landings
 
 from hopdata.maps.coordinates import kinks
+from hopdata.maps.verdict import effect
 from hopdata.maps.verdict.judge import judge
 from hopdata.maps.verdict.saturation import (
     FASTEST,
@@ -129,3 +133,26 @@ def test_a_wider_margin_covers_faster_kinks():
         for margin in (0.2, 0.4)
     ]
     assert found[1] < found[0]
+
+
+@pytest.mark.parametrize(("at_contact", "saturates"), [(0.9, True), (0.3, False)])
+def test_only_kinks_that_are_larger_at_the_contact_saturate(
+    monkeypatch, brief, at_contact, saturates
+):
+    """Smaller ones grow with the delay; `low` would lie above their estimate."""
+    over = brief.effect_over_landings
+    size = replace(over, estimate=at_contact * over.estimate / 0.5, high=9.0)
+    fit = SimpleNamespace(
+        scores=np.eye(50),
+        allowed=0.1,
+        at_contact=lambda landings: landings,
+        with_slopes=lambda slopes: slopes,
+    )
+    monkeypatch.setattr(effect, "saturation", lambda *_, **__: (0.001, ["slow"]))
+    rng = np.random.default_rng(1)
+    found = effect.at_the_contact(
+        fit, None, over, lambda _: size, generator=rng, flips=99
+    )
+    assert found.saturates == saturates
+    assert (found.size == over) == (not saturates)
+    assert found.size.low <= found.size.estimate

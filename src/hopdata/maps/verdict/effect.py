@@ -374,8 +374,8 @@ def at_the_contact(
     if not p_value < LEVEL:
         return AtContact(over_landings, saturates=False, p_value=p_value)
     sizes = [size(fit.with_slopes(of_constant)) for of_constant in in_doubt]
-    if sizes[0].estimate <= fit.allowed:
-        # Smooth terms may leave as much.
+    if sizes[0].estimate <= max(fit.allowed, over_landings.estimate):
+        # Smooth terms may leave as much, or the kinks grow with the delay instead.
         return AtContact(over_landings, saturates=False, p_value=p_value)
     every = [over_landings, *sizes]
     found = replace(
