@@ -1173,7 +1173,7 @@ def changes(section, fit):
 def size_of_steps(section, fit):
     """9: the size of steps."""
     pairs, n_visible = fit.v_steps.shape
-    w = halves(section.outcomes.var(axis=0))
+    w = halves(section.outcomes.var(axis=0, ddof=1))
     return Size(2 / np.sqrt(pairs) * np.eye(n_visible), w)
 
 
