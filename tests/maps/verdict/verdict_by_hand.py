@@ -56,7 +56,7 @@ class Section:
     bent: float
     time: np.ndarray
     blocks: np.ndarray
-    hidden: bool
+    kept: np.ndarray
 
     @property
     def n(self):
@@ -213,14 +213,16 @@ def inverse_of(covariance):
     return (vectors / np.maximum(values, 1e-9 * values[-1])) @ vectors.T
 
 
-def distances_from_rough_map(section):
-    """1c: distances of the outcomes from a rough map."""
+def distances_from_rough_map(section, rows):
+    """1c: distances of the outcomes of these rows from a rough map of them."""
     columns, n_steps = rough_map_columns(section)
+    columns = columns[rows]
     lengths = np.linalg.norm(columns, axis=0)
     lengths[lengths == 0] = 1.0
     unit = columns / lengths
-    outcomes = section.outcomes / section.outcomes.std(axis=0)
-    weights = np.ones(section.n)
+    outcomes = section.outcomes[rows]
+    outcomes = outcomes / outcomes.std(axis=0)
+    weights = np.ones(len(rows))
     for _ in range(10):
         coefficients, leverages = weighted_fit(unit, outcomes, weights)
         misses = outcomes - unit @ coefficients
@@ -246,9 +248,8 @@ def mistakes(section):
     late = np.linalg.norm(section.missed, axis=1)
     contacts = too_far(late) & (late > 0.1)
     out = far | contacts
-    distances = distances_from_rough_map(section)
     rows = np.flatnonzero(~far)
-    out[rows[too_far(distances[rows])]] = True
+    out[rows[too_far(distances_from_rough_map(section, rows))]] = True
     return out
 
 
@@ -283,9 +284,8 @@ def searched(study):
     study = rows_of(study, ~(markers_apart(study.x) | markers_apart(study.y)))
     section = in_section(study)
     for _ in range(5):
-        if section.hidden:
-            break
-        out = mistakes(section)
+        out = np.zeros(len(section.kept), dtype=bool)
+        out[section.kept] = mistakes(section)
         if not out.any():
             break
         study = rows_of(study, ~out)
@@ -500,7 +500,6 @@ def in_section(study):
     t = (study.instants - study.instants.mean(axis=1, keepdims=True)) / spread
     se = study.instants_se / spread
     noise = noise_of_states(body)
-    bent = bend_of_section(-body.post.v[:, 2])
     time = scaled_time(study.time)
     kept = np.ones(len(t), dtype=bool)
     used = False
@@ -538,10 +537,10 @@ def in_section(study):
         noise=noise,
         unforetold=by_noise + rest,
         rest=rest,
-        bent=bent,
+        bent=bend_of_section(-body.post.v[kept, 2]),
         time=time[kept],
         blocks=study.blocks[kept],
-        hidden=not kept.all(),
+        kept=kept,
     )
 
 
@@ -1545,7 +1544,7 @@ def saturation(section, fit, size, over_landings, study):
     """13: p-value of saturation, and the effect at the contact."""
     w3 = beside(fit.mixing(fit.w3), fit.q)
     q = np.hstack([fit.q, basis(w3)])
-    by_forty = alike(fit.kinks.full)
+    by_forty = alike(over_rows(fit.kinks, fit.rows, section.n).full)
     n = len(fit.rows)
     n_signs = ceil(n / 40) if by_forty else n
     signs = random_signs(study.seed, "saturation", study.flips, n_signs)
