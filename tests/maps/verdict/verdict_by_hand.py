@@ -30,6 +30,7 @@ class Study:
     feet_se: np.ndarray | None = None
     time: np.ndarray | None = None
     blocks: np.ndarray | None = None
+    margin: float = 0.2
     confidence: float = 0.95
     power: float = 0.8
     flips: int = 1999
@@ -970,7 +971,7 @@ class Fit:
     kinks: Scores
     by_inputs: np.ndarray
     allowed: float
-    least_allowed: float
+    left: float
     v_steps: np.ndarray
     steps: Scores | None
     allowed_steps: float
@@ -1079,7 +1080,7 @@ def fit_in_window(section, share):
         kinks=fit,
         by_inputs=by_inputs,
         allowed=allowed,
-        least_allowed=0.1 * g,
+        left=left_of(allowed, section, len(rows)),
         v_steps=v_steps,
         steps=of_steps,
         allowed_steps=allowed_steps,
@@ -1089,6 +1090,14 @@ def fit_in_window(section, share):
         w3=w3,
         outcomes=outcomes,
     )
+
+
+def left_of(allowed, section, n_rows):
+    """8e: what smooth terms leave in the mean of many studies."""
+    feet = section.t.shape[1]
+    level = section.inputs.shape[1] - section.n_bent
+    terms = comb(section.n_bent + 2, 2) + level + 120 + feet * (feet - 1)
+    return allowed if n_rows >= 2.5 * terms else 1.5 * allowed
 
 
 def fading(sharp, shown, mixing, q):
@@ -1576,7 +1585,54 @@ def at_contact(section, fit, slopes_there, size, study):
     return effect_of(draws, fit.allowed, study.level, study)
 
 
+def lasting(section, fit):
+    """13: time constants, slow ones first, and the shares of kinks that show."""
+    t = section.t[fit.rows]
+    bends = beside(fit.mixing(sharp_kinks(t) @ fit.v), fit.q)
+    gram = bends.T @ bends
+    size = root(gram)
+    to_kinks = np.linalg.pinv(durations_by_kinks(t.shape[1]).T) @ fit.v
+    taus = np.geomspace(100, 0.01, 24)
+    shares = []
+    for tau in taus:
+        columns = tau * np.tanh(durations(t) / tau) @ to_kinks
+        by_bends = np.linalg.solve(gram, bends.T @ beside(fit.mixing(columns), fit.q))
+        relative = size @ by_bends @ np.linalg.inv(size)
+        shares.append(np.linalg.norm(relative) / np.sqrt(len(gram)))
+    return taus, np.minimum.accumulate(shares)
+
+
+def holds_from(section, fit, share):
+    """13: the time constant of which this share shows, in contact spreads, or None."""
+    taus, shares = lasting(section, fit)
+    if shares[0] < share:
+        return None
+    if shares[-1] >= share:
+        return taus[-1]
+    following = int(np.argmax(shares < share))
+    ends = [following, following - 1]
+    return float(np.exp(np.interp(share, shares[ends], np.log(taus[ends]))))
+
+
+def landings_needed(n, effect, feet):
+    """11: landings that show 0.2, or None."""
+    a = effect["allowed"]
+    if a >= 0.2:
+        return None
+    fewest = ceil(2.5 * (45 + feet * (feet - 1)) / 0.85)
+    return max(fewest, ceil(n * (max(0.0, effect["detectable"] - a) / (0.2 - a)) ** 2))
+
+
 # The verdict
+
+
+def conclusion(effect, jump, margin):
+    """14: the answer in words."""
+    if effect["low"] > 0 or (jump is not None and jump["low"] > 0):
+        return "different"
+    if effect["upper_bound"] <= margin:
+        return "no difference"
+    return "cannot tell"
 
 
 def verdict(x, y, instants, seed, **options):
@@ -1598,15 +1654,28 @@ def verdict(x, y, instants, seed, **options):
     effects = []
     for draws, a, level in zip(tests, allowed, levels, strict=True):
         effects.append(effect_of(draws, a, level, study))
+    effects[0]["left"] = fit.left
+    jump = None
+    if len(effects) == 2:
+        jump = effects[1] | {"left": fit.allowed_steps}
     p_value, effect = saturation(section, fit, size, effects[0], study)
     pairs = pair_draws(m, size, fit, of_steps, errors)
+    spread = np.sqrt(np.mean(np.var(study.instants, axis=1)))
+    share = effects[0]["upper_bound"] / study.margin
+    holds = holds_from(section, fit, share)
     return {
+        "conclusion": conclusion(effect, jump, study.margin),
+        "contact_spread": spread,
+        "holds_from": None if holds is None else holds * spread,
+        "landings_needed": landings_needed(
+            len(study.x), effect, study.instants.shape[1]
+        ),
         "n_landings": section.n,
         "n_window": len(fit.rows),
         "foretold": section.foretold,
         "effect_over_landings": effects[0],
         "effect": effect,
-        "jump": effects[1] if len(effects) == 2 else None,
+        "jump": jump,
         "levels": levels,
         "saturation_p_value": p_value,
         "orders": sizes_of_pairs(pairs, joint_p, study),
