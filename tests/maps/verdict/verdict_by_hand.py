@@ -980,6 +980,8 @@ class Fit:
     shown: np.ndarray
     w3: np.ndarray
     outcomes: np.ndarray
+    allowed_nearest: float | None = None
+    noise_nearest: float = 1.0
 
 
 def curvature(design, w3, outcomes):
@@ -1187,20 +1189,31 @@ def size_of_steps(section, fit):
 
 def best_window(section):
     """8g: the fit in the window that is expected to show most."""
-    best = None
-    least = np.inf
-    for share in SHARES:
-        spread = section.t[window_rows(section.t, share)].var(axis=1).mean()
-        usual = spread_in(section.t, window_rows(section.t, 0.85))
+    nearest = fit_in_window(section, SHARES[0])
+    of_nearest = largest_noise(section, nearest)
+    best = nearest
+    least = nearest.allowed + 2.5 * of_nearest
+    usual = spread_in(section.t, nearest.rows)
+    for share in SHARES[1:]:
+        spread = spread_in(section.t, window_rows(section.t, share))
         if 0.1 * (spread / usual) ** 1.1 >= least:
             break
-        fit = fit_in_window(section, share)
-        _, size = changes(section, fit)
-        noise = np.linalg.norm(size.of(fit.kinks.null), 2)
-        if fit.allowed + 2.5 * noise < least:
-            least = fit.allowed + 2.5 * noise
-            best = fit
+        wide = fit_in_window(section, share)
+        noise = largest_noise(section, wide)
+        if wide.allowed + 2.5 * noise < least:
+            least = wide.allowed + 2.5 * noise
+            best = replace(
+                wide,
+                allowed_nearest=nearest.allowed,
+                noise_nearest=of_nearest / noise,
+            )
     return best
+
+
+def largest_noise(section, fit):
+    """8g: noise of the size in the direction where it is largest."""
+    _, size = changes(section, fit)
+    return np.linalg.norm(size.of(fit.kinks.null), 2)
 
 
 # 10. Random signs
@@ -1322,9 +1335,8 @@ def interval(draws, allowed, found, level, two_sided):
     return low, high, widened(draws.size_at(at_least, two_sided))
 
 
-def detectable(draws, allowed, level, power):
+def detectable(noise, allowed, level, power):
     """11: the size that is found with the given power."""
-    noise = draws.null
     directions = noise[:64] / np.linalg.norm(noise[:64], axis=1, keepdims=True)
     along = directions @ noise.T
     squares = np.sum(noise**2, axis=1)
@@ -1349,7 +1361,7 @@ def effect_of(draws, allowed, level, study):
         "low": low,
         "high": high,
         "upper_bound": bound,
-        "detectable": detectable(draws, allowed, level, study.power),
+        "detectable": detectable(draws.null, allowed, level, study.power),
         "allowed": allowed,
         "p_value": p_value,
         "squared": draws.squared,
@@ -1614,13 +1626,28 @@ def holds_from(section, fit, share):
     return float(np.exp(np.interp(share, shares[ends], np.log(taus[ends]))))
 
 
+def of_nearest(draws, fit, level, study):
+    """11: what the nearest landings alone would allow for and detect."""
+    if fit.allowed_nearest is None:
+        own = detectable(draws.null, fit.allowed, level, study.power)
+        return {"allowed_nearest": fit.allowed, "detectable_nearest": own}
+    noise = fit.noise_nearest * draws.null
+    there = detectable(noise, fit.allowed_nearest, level, study.power)
+    return {"allowed_nearest": fit.allowed_nearest, "detectable_nearest": there}
+
+
 def landings_needed(n, effect, feet):
     """11: landings that show 0.2, or None."""
-    a = effect["allowed"]
-    if a >= 0.2:
+    needs = []
+    for window in ("", "_nearest"):
+        a = effect["allowed" + window]
+        if a < 0.2:
+            beyond = max(0.0, effect["detectable" + window] - a) / (0.2 - a)
+            needs.append(ceil(n * beyond**2))
+    if not needs:
         return None
     fewest = ceil(2.5 * (45 + feet * (feet - 1)) / 0.85)
-    return max(fewest, ceil(n * (max(0.0, effect["detectable"] - a) / (0.2 - a)) ** 2))
+    return max(fewest, min(needs))
 
 
 # The verdict
@@ -1655,6 +1682,7 @@ def verdict(x, y, instants, seed, **options):
     for draws, a, level in zip(tests, allowed, levels, strict=True):
         effects.append(effect_of(draws, a, level, study))
     effects[0]["left"] = fit.left
+    effects[0] |= of_nearest(tests[0], fit, levels[0], study)
     jump = None
     if len(effects) == 2:
         jump = effects[1] | {"left": fit.allowed_steps}
