@@ -37,6 +37,14 @@ def _of_a_session():
     return _study(replace(data, after=after), blocks=surface)
 
 
+def _of_slow_change():
+    """Landings that err alike, but within what chance explains."""
+    data = landings(n=500, strength=0.3)
+    after = data.after.copy()
+    after[:, 9:] *= (1 + 0.3 * np.arange(500) / 500)[:, None]
+    return _study(replace(data, after=after))
+
+
 STUDIES = {
     "kinks": lambda: _study(landings(n=N, strength=0.3)),
     "jumps": lambda: _study(landings(n=N, strength=0.3, jump=0.4)),
@@ -45,6 +53,23 @@ STUDIES = {
     "saturation": lambda: _study(landings(n=900, strength=1.0, spent_within=0.2)),
     "legs and feet": _of_legs,
     "session": _of_a_session,
+    "slow change": _of_slow_change,
+    "jumps alone": lambda: _study(landings(n=N, jump=0.4)),
+}
+
+
+# What makes a study a test of a step of the page.
+SHOWS = {
+    "jumps": lambda answer: answer.jump.low > 0,
+    "saturation": lambda answer: answer.saturates,
+    "legs and feet": lambda answer: (
+        answer.posture == "inputs of the map"
+        and len(answer.gross_errors["outcome_far_off"]) > 0
+        and answer.effect.allowed > 0.2
+    ),
+    "session": lambda answer: "block" in answer.session,
+    "slow change": lambda answer: "time" in answer.session,
+    "jumps alone": lambda answer: answer.decided_by == "jump",
 }
 
 
@@ -83,9 +108,12 @@ def _different(by_hand, answer):
 def test_each_number_agrees_with_that_computed_from_the_page(name):
     study = STUDIES[name]()
     by_hand = verdict(**study, seed=3, flips=FLIPS)
-    wrong, count = _different(by_hand, judge(**study, seed=3, flips=FLIPS))
+    answer = judge(**study, seed=3, flips=FLIPS)
+    wrong, count = _different(by_hand, answer)
     assert wrong == []
     assert count > 40
+    if name in SHOWS:
+        assert SHOWS[name](answer)
 
 
 def test_another_seed_does_not_agree():

@@ -37,6 +37,7 @@ class Study:
 
     @property
     def level(self):
+        """Return one minus the confidence."""
         return round(1 - self.confidence, 12)
 
 
@@ -61,10 +62,12 @@ class Section:
 
     @property
     def n(self):
+        """Return the number of landings that are left."""
         return len(self.t)
 
     @property
     def with_feet(self):
+        """Return whether feet are inputs."""
         return self.inputs.shape[1] > 8
 
 
@@ -255,7 +258,7 @@ def mistakes(section):
 
 
 def known(study):
-    """1: the study's rows without missing elements, errors of instants and feet known."""
+    """1: rows without missing elements; errors of instants and feet are known."""
     n = len(study.x)
     finite = np.isfinite(np.hstack([study.x, study.y, study.instants])).all(axis=1)
     se = np.zeros_like(study.instants)
@@ -881,6 +884,7 @@ class Likelihood:
         return self.known[places]
 
     def computed(self, g):
+        """Return the log likelihood of variances of the kinds."""
         d = np.sqrt(g[self.kinds])
         k = np.eye(len(d)) + d[:, None] * self.cc * d
         factor = np.linalg.cholesky(k)
@@ -924,6 +928,7 @@ class Mixing:
         self.less = 1 / np.sqrt(1 + values**2) - 1
 
     def __call__(self, columns):
+        """Return mixed columns."""
         return columns + self.left @ (self.less[:, None] * (self.left.T @ columns))
 
 
@@ -1261,11 +1266,13 @@ class Draws:
         self.squared = self.statistic - np.sum(full**2)
 
     def at(self, size):
+        """Return T_s(e)."""
         a = min(1.0, size / self.length)
         errors = (1 - a) * self.null + a * self.full
         return np.sum((size * self.direction + errors) ** 2, axis=1)
 
     def p_value(self, size):
+        """Return p(e)."""
         return (1 + np.sum(self.at(size) >= self.statistic)) / (1 + len(self.null))
 
     def size_at(self, statistic, share):
@@ -1295,7 +1302,7 @@ def where_falls(share_at, share):
 
 
 def rarest(tests, allowed):
-    """11: the rarest of each pattern, those of the draws first; then shares of tests."""
+    """11: the rarest of each pattern, first those of the draws; shares."""
     shares = [0.8, 0.2] if len(tests) == 2 else [1.0]
     places = []
     for draws, a, share in zip(tests, allowed, shares, strict=True):
@@ -1691,13 +1698,14 @@ def verdict(x, y, instants, seed, **options):
     spread = np.sqrt(np.mean(np.var(study.instants, axis=1)))
     share = effects[0]["upper_bound"] / study.margin
     holds = holds_from(section, fit, share)
+    needed = landings_needed(len(study.x), effect, study.instants.shape[1])
+    if jump is not None and jump["low"] > 0 and effect["low"] == 0:
+        needed = None
     return {
         "conclusion": conclusion(effect, jump, study.margin),
         "contact_spread": spread,
         "holds_from": None if holds is None else holds * spread,
-        "landings_needed": landings_needed(
-            len(study.x), effect, study.instants.shape[1]
-        ),
+        "landings_needed": needed,
         "n_landings": section.n,
         "n_window": len(fit.rows),
         "foretold": section.foretold,
