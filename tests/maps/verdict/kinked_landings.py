@@ -1,6 +1,6 @@
 """Landings of a rigid body under a map whose derivative is known on every schedule."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from hopdata.maps.verdict.session import Session
 
 SHAPE = np.array([[0.13, 0.03, -0.01], [-0.07, 0.11, 0.02], [-0.06, -0.14, -0.01]])
 SPREAD_S = 0.01
+FALL = 1.5  # speed, m/s, that makes a height of the foot an instant
+BENDS_OF_LEGS = np.random.default_rng(77).standard_normal((4, 11))
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,26 @@ def landings(
     before, after = marker_states(x * scale, y * out, rng)
     times = 1.0 + instants + 0.0004 * rng.standard_normal(instants.shape)
     return Landings(before, after, times, x * scale, y * out)
+
+
+def legs_and_feet(n, scatter, strength, seed=1):
+    """Return landings whose legs scatter by `scatter` spreads, and their feet.
+
+    Kinks follow the true instants, of state and legs.
+    """
+    data = landings(n=n, seed=seed, noise=0.02)
+    rng = np.random.default_rng([seed, 5])
+    lower = scatter * SPREAD_S * FALL * rng.standard_normal((n, 3))
+    instants = data.instants - lower / FALL
+    relative = instants - instants.mean(axis=1, keepdims=True)
+    bent = strength * kinks(relative / SPREAD_S) @ BENDS_OF_LEGS
+    out = np.array([0.01, 0.01, 0.02, *(0.01, 0.01, 0.05, 0.05, 0.05, 0.2, 0.2, 0.2)])
+    x, y = data.x, data.y + bent * out
+    before, after = marker_states(x, y, np.random.default_rng(seed))
+    centre = before[:, :9].reshape(n, 3, 3).mean(axis=1)
+    feet = np.tile(3.0 * SHAPE - [0.0, 0.0, 0.5], (n, 1, 1)) + centre[:, None]
+    feet[:, :, 2] += lower
+    return replace(data, before=before, after=after, instants=instants), feet
 
 
 def marker_states(x, y, rng):

@@ -4,35 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kinked_landings import SHAPE, SPREAD_S, landings, marker_states
+from kinked_landings import landings, legs_and_feet, marker_states
 
 from hopdata.errors import ConfigError
-from hopdata.maps.coordinates import kinks
 from hopdata.maps.verdict import judge
 
 OPTIONS = {"seed": 3, "flips": 199}
-FALL = 1.5  # speed, m/s, that makes a height of the foot an instant
-BENDS = np.random.default_rng(77).standard_normal((4, 11))
-
-
-def _legs(n, scatter, strength, seed=1):
-    """Return landings whose legs scatter by `scatter` spreads, and their feet.
-
-    Kinks follow the true instants, of state and legs.
-    """
-    data = landings(n=n, seed=seed, noise=0.02)
-    rng = np.random.default_rng([seed, 5])
-    lower = scatter * SPREAD_S * FALL * rng.standard_normal((n, 3))
-    instants = data.instants - lower / FALL
-    relative = instants - instants.mean(axis=1, keepdims=True)
-    bent = strength * kinks(relative / SPREAD_S) @ BENDS
-    out = np.array([0.01, 0.01, 0.02, *(0.01, 0.01, 0.05, 0.05, 0.05, 0.2, 0.2, 0.2)])
-    x, y = data.x, data.y + bent * out
-    before, after = marker_states(x, y, np.random.default_rng(seed))
-    centre = before[:, :9].reshape(n, 3, 3).mean(axis=1)
-    feet = np.tile(3.0 * SHAPE - [0.0, 0.0, 0.5], (n, 1, 1)) + centre[:, None]
-    feet[:, :, 2] += lower
-    return replace(data, before=before, after=after, instants=instants), feet
 
 
 def _judged(data, feet=None, **options):
@@ -50,12 +27,12 @@ def _judged(data, feet=None, **options):
 @pytest.fixture(scope="module")
 def scattered():
     """Legs that scatter as much as the contacts, with and without a kink."""
-    return {strength: _legs(700, 1.0, strength) for strength in (0.0, 0.3)}
+    return {strength: legs_and_feet(700, 1.0, strength) for strength in (0.0, 0.3)}
 
 
 def test_feet_before_the_landing_foretell_what_the_state_does_not(scattered):
     data, feet = scattered[0.3]
-    steady, _ = _legs(700, 0.0, 0.3)
+    steady, _ = legs_and_feet(700, 0.0, 0.3)
     # The kinks are the same, and the instants that they follow vary more.
     varies = np.std(data.instants) / np.std(steady.instants)
     wanted = varies * _judged(steady).effect.estimate
@@ -80,7 +57,7 @@ def test_scattering_legs_of_a_smooth_map_are_no_difference(scattered):
 
 
 def test_feet_that_the_state_foretells_change_nothing():
-    data, feet = _legs(500, 0.0, 0.3)
+    data, feet = legs_and_feet(500, 0.0, 0.3)
     assert _judged(data, feet).effect == _judged(data).effect
     assert _judged(data, feet).posture == "foretold by the state of the body"
 
