@@ -3,6 +3,7 @@
 import inspect
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -104,6 +105,7 @@ def test_the_verdict_is_given_feet_session_time_and_blocks(monkeypatch):
 
     def noting(*_, **named):
         given.update(named)
+        return SimpleNamespace(orders=[])
 
     monkeypatch.setattr("hopdata.maps.verdict.judge", noting)
     monkeypatch.setattr("hopdata.landings.checks.blurred", lambda _: "")

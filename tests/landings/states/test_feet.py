@@ -42,9 +42,12 @@ class Landings:
         )
         if parts is None:
             parts = [self.feet[:, [foot]] for foot in range(3)]
+        numbers = iter(range(sum(part.shape[1] for part in parts)))
+        markers = [[next(numbers) for _ in range(part.shape[1])] for part in parts]
         return feet_at_section(
             self.time,
-            parts,
+            np.concatenate(parts, axis=1),
+            markers,
             states,
             self.home,
             contacts=self.contacts,

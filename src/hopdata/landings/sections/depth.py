@@ -312,9 +312,21 @@ def _body(states: SectionStates, shape: FloatArray) -> _Body:
     return _Body(centre, heading, tilt, velocity, spin)
 
 
+def _shape(states: SectionStates) -> FloatArray:
+    """Return the markers (B, 3) in the body, the farthest of them along its x axis.
+
+    Headings are then those of the body, and robust variations along its axes are the
+    same however the laboratory's axes are turned.
+    """
+    shape = body_shape(states.position)
+    farthest = shape[np.argmax(np.hypot(shape[:, 0], shape[:, 1]))]
+    heading = np.full(len(shape), np.arctan2(farthest[1], farthest[0]))
+    return turned(shape, heading)
+
+
 def _inputs(before: SectionStates) -> FloatArray:
     """Return tilt, velocity and spin before the landing, (L, 8), of sd one."""
-    body = _body(before, body_shape(before.position))
+    body = _body(before, _shape(before))
     velocity = turned(body.velocity, body.heading)
     spin = turned(body.spin, body.heading)
     values = np.column_stack([body.tilt, velocity, spin])
@@ -327,7 +339,7 @@ def _outputs(before: SectionStates, after: SectionStates) -> FloatArray:
 
     All are motions of the markers: m, and m/s.
     """
-    shape = body_shape(before.position)
+    shape = _shape(before)
     radius_m = float(np.sqrt(np.mean(np.sum(shape**2, axis=1))))
     first = _body(before, shape)
     then = _body(after, shape)

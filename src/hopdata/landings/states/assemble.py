@@ -283,7 +283,8 @@ def _pairs_of(
     instants_se = used.filter(regex="^se_").to_numpy(float)
     feet, feet_se = feet_at_section(
         recording.time,
-        _tracks_of_feet(recording, instants.columns),
+        recording.positions,
+        _markers_of_feet(recording, instants.columns),
         pre,
         home,
         contacts=instants.to_numpy(float),
@@ -314,16 +315,16 @@ def _pairs_of(
     )
 
 
-def _tracks_of_feet(
+def _markers_of_feet(
     recording: Recording, contact_columns: Iterable[str]
-) -> list[FloatArray]:
-    """Return the markers of each foot, (N, p, 3), in the order of these columns."""
+) -> list[list[int]]:
+    """Return the numbers of each foot's markers, in the order of these columns."""
     parts = dict(zip(recording.names("foot"), parts_of_feet(recording), strict=True))
-    tracks = []
+    markers = []
     for column in contact_columns:
         foot = column.removeprefix("contact_").removesuffix("_s")
-        tracks.append(recording.positions[:, parts[foot]])
-    return tracks
+        markers.append(list(parts[foot]))
+    return markers
 
 
 def _in_home_frame(

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.landings.states.crossing import SectionStates
 from hopdata.landings.states.fits import states_in_flight
 from hopdata.landings.states.home_frames import HomeFrames
@@ -33,9 +33,10 @@ SURE_OF_FLIGHT = 2.0
 MOST = 0.8
 
 
-def feet_at_section(
+def feet_at_section(  # noqa: PLR0913 (the data, and the options of the fits)
     time: FloatArray,
-    parts_of_feet: Sequence[FloatArray],
+    positions: FloatArray,
+    markers_of_feet: Sequence[Sequence[int]],
     states: SectionStates,
     home: HomeFrames,
     *,
@@ -50,10 +51,11 @@ def feet_at_section(
     ----------
     time : (N,) array
         Time of each frame, s.
-    parts_of_feet : sequence of (N, p, 3) array
-        For each of F feet its p markers in the world, m; NaN where unseen. A foot with
-        several markers, such as heel and toe, is where the one is that is lowest in
-        most landings.
+    positions : (N, M, 3) array
+        Markers in the world, m; NaN where unseen.
+    markers_of_feet : sequence of sequence of int
+        For each of F feet its markers. A foot with several, such as heel and toe, is
+        where the one is that is lowest in most landings.
     states : SectionStates
         States of the body in L landings.
     home : HomeFrames
@@ -75,13 +77,13 @@ def feet_at_section(
     until = (contacts - margins).min(axis=1)
     # Any instant serves where the body has none, since it has no state either.
     near = np.where(np.isfinite(states.time), states.time, until)
-    tracks = np.concatenate(parts_of_feet, axis=1)
-    place = np.empty((len(near), tracks.shape[1], 3))
+    columns = np.concatenate(markers_of_feet).astype(np.int64)
+    place = np.empty((len(near), len(columns), 3))
     place_se = np.empty(place.shape)
-    for markers in _fitted_together(time, tracks, near):
+    for markers in _fitted_together(time, positions, columns, near):
         found = states_in_flight(
             time,
-            tracks[:, markers],
+            positions[:, columns[markers]],
             near,
             contact=until,
             direction=home.direction,
@@ -97,23 +99,23 @@ def feet_at_section(
 
     first = 0
     chosen = []
-    for parts in parts_of_feet:
-        last = first + parts.shape[1]
+    for markers in markers_of_feet:
+        last = first + len(markers)
         chosen.append(first + _lowest(place[:, first:last, 2]))
         first = last
     return place[:, chosen], place_se[:, chosen]
 
 
 def _fitted_together(
-    time: FloatArray, tracks: FloatArray, near: FloatArray
+    time: FloatArray, positions: FloatArray, columns: IntArray, near: FloatArray
 ) -> list[list[int]]:
-    """Return groups of markers that are fitted together.
+    """Return groups of the markers in these columns that are fitted together.
 
     They are those that most landings show, as landings teach accelerations only if they
     show all markers. Any other marker is fitted by itself.
     """
     frames = np.clip(np.searchsorted(time, near), 0, len(time) - 1)
-    is_seen = np.isfinite(tracks[frames]).all(axis=2)
+    is_seen = np.isfinite(positions[frames][:, columns]).all(axis=2)
     is_common = is_seen.mean(axis=0) > MOST
     alone = [[int(marker)] for marker in np.flatnonzero(~is_common)]
     common = np.flatnonzero(is_common).tolist()
