@@ -99,8 +99,8 @@ def feet_at_section(  # noqa: PLR0913 (the data, and the options of the fits)
 
     first = 0
     chosen = []
-    for markers in markers_of_feet:
-        last = first + len(markers)
+    for of_foot in markers_of_feet:
+        last = first + len(of_foot)
         chosen.append(first + _lowest(place[:, first:last, 2]))
         first = last
     return place[:, chosen], place_se[:, chosen]
