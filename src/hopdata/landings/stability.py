@@ -196,7 +196,10 @@ def section_stability(
         landings = {one.name: find_landings(one) for one in recordings}
     rows = [_row("chosen", "all data", sections)]
     for kind, variant, part, changed in _variants(recordings, sections):
-        how = {**options, **changed}
+        # The depth is that of the study: to choose it anew would cost a fit of all
+        # states for each variant.
+        depth_share = sections.depth.get("share")
+        how = {"depth_share": depth_share, **options, **changed}
         try:
             found = select_sections(part, landings=landings, **how)
         except AnalysisError as error:

@@ -18,7 +18,7 @@ from hopdata.landings.sections.densities import (
     normal_bandwidth,
     usual_bandwidth,
 )
-from hopdata.landings.sections.depth import choose_depth
+from hopdata.landings.sections.depth import Depth, choose_depth
 from hopdata.landings.sections.frames import (
     Frames,
     Heights,
@@ -185,6 +185,7 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
     max_foot_threshold_m: float | None = None,
     pre_height_m: float | None = None,
     post_height_m: float | None = None,
+    depth_share: float | None = None,
     compare: bool = False,
 ) -> Sections:
     """Select the pre- and post-touchdown sections from all recordings of a study.
@@ -214,6 +215,10 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
     min_foot_threshold_m, max_foot_threshold_m, pre_height_m, post_height_m : float,
     optional
         Values to use instead of those from the data, m.
+    depth_share : float, optional
+        Place of the post section between the shallowest and the deepest height that
+        hold the landings, 0 to 1, with the rule ``"landings"``; by default the study's
+        own errors choose it.
     compare : bool
         Whether to add the heights that the other rule chooses.
 
@@ -270,7 +275,7 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         n_used=0,
         beside={},
     )
-    material = _Material(recordings, tables, heights, of_landings, scale)
+    material = _Material(recordings, tables, heights, of_landings, scale, depth_share)
     sections = RULES[rule](start, material)
     if not sections.pre_height_m > sections.post_height_m:
         found = (
@@ -307,6 +312,7 @@ class _Material:
     heights: Sequence[Heights]
     of_landings: FloatArray
     scale: float
+    depth_share: float | None
 
 
 def _by_landings(sections: Sections, material: _Material) -> Sections:
@@ -342,13 +348,16 @@ def _by_landings(sections: Sections, material: _Material) -> Sections:
     sections = _filled(sections, pre_height_m=held.pre_m)
     if sections.decided["post_height_m"] == "config":
         return sections
-    depth = choose_depth(
-        material.recordings,
-        material.landings,
-        pre_m=sections.pre_height_m,
-        shallow_m=held.shallow_m,
-        deep_m=held.deep_m,
-    )
+    if material.depth_share is None:
+        depth = choose_depth(
+            material.recordings,
+            material.landings,
+            pre_m=sections.pre_height_m,
+            shallow_m=held.shallow_m,
+            deep_m=held.deep_m,
+        )
+    else:
+        depth = Depth(material.depth_share, (), 0)
     post_m = held.shallow_m - depth.share * (held.shallow_m - held.deep_m)
     found = {
         "shallowest_m": held.shallow_m,
