@@ -98,6 +98,15 @@ def test_shapes_of_feet_and_session_are_checked(scattered):
         _judged(data, feet[:, :2])
     with pytest.raises(ConfigError, match="time: expected an instant"):
         _judged(data, time=np.arange(3.0))
+    negative = np.ones_like(feet)
+    negative[:3, 0] = -1.0
+    gone = np.where(np.arange(len(feet)) < 3, np.nan, 1.0)
+    with pytest.raises(ConfigError, match="found 3 that are not finite"):
+        _judged(data, time=gone)
+    with pytest.raises(ConfigError, match="feet_se: expected nothing without feet"):
+        _judged(data, feet_se=np.ones_like(feet))
+    with pytest.raises(ConfigError, match=r"feet_se: .* found 9 below zero"):
+        _judged(data, feet, feet_se=negative)
     with pytest.raises(ConfigError, match="blocks: expected a label"):
         _judged(data, blocks=["a", "b"])
 

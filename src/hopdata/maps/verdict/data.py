@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from math import ceil
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -107,7 +108,15 @@ def measured(
         wanted = f"a standard error for each instant, {touched.shape}"
         matches = errors.shape == touched.shape
         require(matches, "instants_se", wanted, errors.shape)
+        _require_no_negative("instants_se", errors)
     return Measured(before, after, touched, errors)
+
+
+def _require_no_negative(name: str, errors: FloatArray) -> None:
+    """Raise a `ConfigError` if a standard error is below zero; NaN is not known."""
+    below = int((errors < 0.0).sum())
+    wanted = "standard errors, zero or more"
+    require(below == 0, name, wanted, f"{below} below zero")
 
 
 def with_feet(
@@ -115,6 +124,8 @@ def with_feet(
 ) -> Measured:
     """Return the data with the feet at the pre section, if their shapes match."""
     if feet is None:
+        wanted = "nothing without feet, whose errors they are"
+        require(feet_se is None, "feet_se", wanted, "errors")
         return measured
     places = numbers("feet", feet)
     shape = (*measured.instants.shape, 3)
@@ -125,6 +136,7 @@ def with_feet(
         errors = numbers("feet_se", feet_se)
         wanted = f"a standard error for each coordinate of feet, {shape}"
         require(errors.shape == shape, "feet_se", wanted, errors.shape)
+        _require_no_negative("feet_se", errors)
     return replace(measured, feet=places, feet_se=errors)
 
 
@@ -138,7 +150,10 @@ def with_session(
         is_known = bool(np.isfinite(instants).all())
         fits = instants.shape == (n_landings,) and is_known
         wanted = f"an instant for each of {n_landings} landings"
-        require(fits, "time", wanted, instants.shape)
+        found: Any = instants.shape
+        if instants.shape == (n_landings,):
+            found = f"{int((~np.isfinite(instants)).sum())} that are not finite"
+        require(fits, "time", wanted, found)
         measured = replace(measured, time=instants)
     if blocks is not None:
         labels = np.asarray(blocks)
