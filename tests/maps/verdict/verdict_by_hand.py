@@ -1647,15 +1647,16 @@ def of_nearest(draws, fit, level, study):
 
 def landings_needed(n, effect, feet):
     """11: landings that show 0.2, or None."""
+    for_terms = (45 + feet * (feet - 1)) / 0.85
     needs = []
     for window in ("", "_nearest"):
         a = effect["allowed" + window]
         if a < 0.2:
             beyond = max(0.0, effect["detectable" + window] - a) / (0.2 - a)
-            needs.append(ceil(n * beyond**2))
+            needs.append(ceil(for_terms + (n - for_terms) * beyond**2))
     if not needs:
         return None
-    fewest = ceil(2.5 * (45 + feet * (feet - 1)) / 0.85)
+    fewest = ceil(2.5 * for_terms)
     return max(fewest, min(needs))
 
 
