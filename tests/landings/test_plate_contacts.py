@@ -205,6 +205,33 @@ def test_an_onset_while_all_feet_are_up_is_of_another_foot():
     np.testing.assert_array_equal(one.of_other_foot, [True, False])
 
 
+def test_of_two_feet_on_a_plate_the_one_at_the_pressure_landed():
+    wide = plate(1, 0.0, RIGHT_ON)
+    wide.corners[[0, 3], 0] = 1.0
+    wide.pressure[:] = [0.75, 0.3, 0.0]
+    (right,) = contacts_on_plates(jumper(), [wide]).contacts
+    assert right.column.feet == ("R_toe",)
+    wide.pressure[:] = [0.45, 0.3, 0.0]  # amid both
+    (both,) = contacts_on_plates(jumper(), [wide]).contacts
+    assert both.column.feet == ("L_toe", "R_toe")
+
+
+def test_a_low_foot_away_from_the_pressure_did_not_land():
+    """A foot that swings low over a plate while another one lands on it."""
+    one_plate = plate(1, 0.0, LEFT_ON)
+    one_plate.corners[[0, 3], 0] = 1.0
+    one_plate.corners[[2, 3], 1] = 1.5
+    for y_m, is_other in ((0.4, False), (1.3, True), (9.0, False)):
+        # Far off the plate, the centre of pressure is wrong and tells nothing.
+        one_plate.pressure[:] = [0.4, y_m, 0.0]
+        feet = contacts_on_plates(jumper(), [one_plate])
+        assert bool(feet.contacts) == (not is_other)
+        if is_other:
+            assert [note.code for note in feet.notes] == [
+                "landings.plate_of_other_feet"
+            ]
+
+
 def test_a_plate_beside_the_feet_is_not_compared():
     found = contacts_on_plates(jumper(), [plate(3, 2.0, LEFT_ON), plate(4, 0.0)])
     assert not found.contacts
