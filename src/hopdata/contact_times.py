@@ -22,6 +22,7 @@ from hopdata.landings.floor import fit_floor, level
 from hopdata.messages import Message
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
+from hopdata.recordings.writers.contact_events import ContactEvent
 
 #: Probability below which an order is unsure, as `touchdowns.ambiguous_below`.
 #: Unit: 1. Origin: chosen.
@@ -30,6 +31,11 @@ SURE = 0.9
 #: Share of the heights of a foot below which it is taken to stand if it never rests.
 #: Unit: 1. Origin: chosen.
 LOWEST_SHARE = 0.02
+
+# Time about the contacts of a landing of which the page shows curves, of an animal of
+# 1 m, s.
+SHOWN_BEFORE_S = 0.08
+SHOWN_AFTER_S = 0.06
 
 # What became of a foot that may have landed: the words of the column `remark`.
 REMARKS = {
@@ -98,9 +104,68 @@ class ContactTimes(Shown):
         return self.table[self.table["found"]].reset_index(drop=True)
 
     @property
+    def feet(self) -> list[str]:
+        """Return the names of all feet, in the order of the recordings."""
+        names = [name for one in self.recordings for name in one.names("foot")]
+        return list(dict.fromkeys(names))
+
+    @property
     def median_se_s(self) -> float:
         """Return the median standard error of these, s; NaN without any."""
         return float(self.found["se_s"].median())
+
+    def events(self, recording: str) -> list[ContactEvent]:
+        """Return the contacts of a recording as events, in order of time."""
+        own = self.found[self.found["recording"] == recording]
+        return [
+            ContactEvent(
+                float(one.contact_s),
+                str(one.foot),
+                str(one.side),
+                float(one.se_s),
+                int(one.landing),
+            )
+            for one in own.sort_values("contact_s", kind="stable").itertuples()
+        ]
+
+    def curves(self, orders: pd.DataFrame) -> pd.DataFrame:
+        """Return the heights of the feet about the contacts of some landings.
+
+        Parameters
+        ----------
+        orders : DataFrame
+            Rows of `orders`.
+
+        Returns
+        -------
+        DataFrame
+            ``recording, landing, foot, time_s, height_m``, a row for each foot and
+            frame from `SHOWN_BEFORE_S` before the first contact to `SHOWN_AFTER_S`
+            after the last one; NaN where the foot was not seen.
+        """
+        by_name = {one.name: one for one in self.recordings}
+        parts = []
+        for landing in orders.itertuples():
+            recording = by_name[landing.recording]
+            own = self.table[
+                (self.table["recording"] == landing.recording)
+                & (self.table["landing"] == landing.landing)
+            ]
+            instants = own.loc[own["contact_s"].notna(), "contact_s"]
+            begin_s = instants.min() - SHOWN_BEFORE_S * recording.pace
+            end_s = instants.max() + SHOWN_AFTER_S * recording.pace
+            start, stop = np.searchsorted(recording.time, [begin_s, end_s])
+            for foot in own["foot"]:
+                marker = recording.markers.index(foot)
+                track = {
+                    "recording": landing.recording,
+                    "landing": landing.landing,
+                    "foot": foot,
+                    "time_s": recording.time[start:stop],
+                    "height_m": recording.positions[start:stop, marker, 2],
+                }
+                parts.append(pd.DataFrame(track))
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
     def told(self) -> str:
         """Return how many contacts there are, and how sure their orders are."""
@@ -183,9 +248,7 @@ def contacts(
         rows += _contact_rows(ready, of_recording)
         orders += _order_rows(ready, of_recording, sure)
         if not len(of_recording):
-            remarks.append(
-                Message("landings.no_landing", {"recording": ready.name})
-            )
+            remarks.append(Message("landings.no_landing", {"recording": ready.name}))
     return ContactTimes(
         table=pd.DataFrame(rows, columns=list(COLUMNS)),
         orders=pd.DataFrame(orders, columns=list(ORDER_COLUMNS)),
@@ -194,12 +257,37 @@ def contacts(
     )
 
 
+def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> ContactTimes:
+    """Join the contacts of several groups of recordings, in the order of these names."""
+    tables = [part.table for part in parts]
+    orders = [part.orders for part in parts]
+    recordings = {one.name: one for part in parts for one in part.recordings}
+    return ContactTimes(
+        table=_in_order(tables, names),
+        orders=_in_order(orders, names),
+        remarks=tuple(remark for part in parts for remark in part.remarks),
+        recordings=tuple(recordings[name] for name in names),
+    )
+
+
+def _in_order(tables: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFrame:
+    """Join tables; their rows follow the order of the recordings' names."""
+    filled = [table for table in tables if len(table)]
+    if not filled:
+        return tables[0]
+    whole = pd.concat(filled, ignore_index=True)
+    place = whole["recording"].map({name: i for i, name in enumerate(names)})
+    order = place.sort_values(kind="stable").index
+    return whole.loc[order].reset_index(drop=True)
+
+
 def _as_several(recordings: Recording | Sequence[Recording]) -> list[Recording]:
     """Return a recording or several as a list."""
     if isinstance(recordings, Recording):
         return [recordings]
     several = list(recordings)
     if not several or not all(isinstance(one, Recording) for one in several):
+        # A path is read by `hopdata.read`, which asks for the names of the feet.
         wanted = "a recording or several, by hd.read or hd.Recording.from_arrays"
         raise ArgumentError.at("recordings", wanted, f"{recordings!r}"[:60])
     return several

@@ -160,7 +160,7 @@ def find_landings(
         )
         down = contacts.instant
     if of_feet:
-        contacts = _without_strangers(contacts, own, is_hidden)
+        contacts = _without_strangers(contacts, found, is_hidden[:, None] & ~own)
     columns: dict[str, Any] = {
         "method": method,
         "begin_s": spans[:, 0] * time_scale,
@@ -181,14 +181,13 @@ def find_landings(
 
 
 def _without_strangers(
-    contacts: Contacts, own: BoolArray, is_of_feet: BoolArray
+    contacts: Contacts, found: steps.Steps, stranger: BoolArray
 ) -> Contacts:
-    """Keep of the landings (L,) of single feet what those feet did, and nobody else.
-
-    What a descent of the body also shows is not theirs: see `steps.found_before`.
-    """
-    stranger = is_of_feet[:, None] & ~own
-    stranger |= steps.found_before(contacts.instant, own)
+    """Leave out contacts (L, n) that are another landing's, or that have two rows."""
+    instant = np.where(stranger, np.nan, contacts.instant)
+    stranger = stranger | steps.found_twice(
+        found, instant, contacts.se, contacts.status
+    )
     return replace(
         contacts,
         instant=np.where(stranger, np.nan, contacts.instant),

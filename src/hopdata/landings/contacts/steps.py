@@ -32,9 +32,10 @@ AFTER_S = 0.12
 #: Unit: s. Origin: chosen.
 TOGETHER_S = 0.1
 
-#: Contacts of one foot that are closer than this are the same, of an animal of 1 m.
+#: Contacts in one descent of a foot that are closer than this are the same, of an
+#: animal of 1 m: the foot has not been up in between.
 #: Unit: s. Origin: chosen.
-SAME_S = 0.05
+SAME_S = 0.15
 
 
 @dataclass(frozen=True)
@@ -153,22 +154,42 @@ def landings_of(steps: Steps, n_feet: int) -> tuple[FloatArray, BoolArray]:
     return spans, own
 
 
-def found_before(instant: FloatArray, own: BoolArray) -> BoolArray:
-    """Mark the contacts (L, n) of steps that a descent of the body also shows.
+def found_twice(
+    steps: Steps, instant: FloatArray, se: FloatArray, status: IntArray
+) -> BoolArray:
+    """Mark the contacts (L, n) that belong to a descent of a foot with a surer one.
+
+    The body and the foot may both show a landing, and each has its row then.
 
     Parameters
     ----------
-    instant : (L, n) array
-        Contacts, s; NaN for none.
-    own : (L, n) bool array
-        Which of them are those of steps.
+    steps : Steps
+        All descents of the feet.
+    instant, se : (L, n) array
+        Contacts and their standard errors, s; NaN for none.
+    status : (L, n) int array
+        Codes of `hopdata.landings.contacts.descents`.
     """
-    again = np.zeros(instant.shape, dtype=bool)
+    twice = np.zeros(instant.shape, dtype=bool)
     for foot in range(instant.shape[1]):
-        of_body = np.sort(instant[~own[:, foot] & np.isfinite(instant[:, foot]), foot])
-        edges = np.concatenate([[-np.inf], of_body, [np.inf]])
-        at = np.nan_to_num(instant[:, foot], nan=np.inf)
-        place = np.searchsorted(edges, at).clip(1, len(edges) - 1)
-        nearest = np.minimum(np.abs(edges[place] - at), np.abs(at - edges[place - 1]))
-        again[:, foot] = own[:, foot] & (nearest < SAME_S)
-    return again
+        apexes = np.sort(steps.apex[steps.foot == foot])
+        rows = np.flatnonzero(np.isfinite(instant[:, foot]))
+        rows = rows[np.argsort(instant[rows, foot], kind="stable")]
+        kept = -1
+        for row in rows:
+            is_same = False
+            if kept >= 0:
+                pair = instant[[kept, row], foot]
+                descent = np.searchsorted(apexes, pair, side="right")
+                is_same = descent[0] == descent[1] and pair[1] - pair[0] < SAME_S
+            if not is_same:
+                kept = row
+                continue
+            doubts = [
+                (status[one, foot] != descents.LANDED, se[one, foot])
+                for one in (kept, row)
+            ]
+            worse = row if doubts[0] <= doubts[1] else kept
+            twice[worse, foot] = True
+            kept = kept + row - worse
+    return twice

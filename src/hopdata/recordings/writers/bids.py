@@ -11,8 +11,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-import pandas as pd
-
+from hopdata.arrays import pd
 from hopdata.recordings.writers.contact_events import ContactEvent, labels
 
 # Suffix of a motion file, in whose place that of its events stands.
@@ -34,7 +33,9 @@ COLUMNS = {
         "Description": "What happened, and on which side",
     },
     "foot": {"Description": "Foot that touched, or its marker"},
-    "landing": {"Description": "Number of the landing, from 1: feet that land together"},
+    "landing": {
+        "Description": "Number of the landing, from 1: feet that land together"
+    },
     "onset_se": {
         "LongName": "Standard error of the onset",
         "Description": "From the likelihood of a kink in the height of the foot",

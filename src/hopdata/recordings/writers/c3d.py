@@ -112,9 +112,7 @@ class _Events:
         )
 
 
-def write_c3d_events(
-    source: Path, path: Path, events: Sequence[ContactEvent]
-) -> None:
+def write_c3d_events(source: Path, path: Path, events: Sequence[ContactEvent]) -> None:
     """Copy a C3D file and add contact events to those that it has.
 
     Events of hopdata that it has already are replaced.
@@ -198,7 +196,9 @@ def _records(source: Path, section: bytes, processor: Processor) -> list[_Record
         size = _content_size(section, place, is_group=number < 0)
         if size is None or place + size > len(section):
             where = f"{source}, byte {place} of the parameters"
-            raise RecordingError.at(where, "a whole parameter", "the end of the section")
+            raise RecordingError.at(
+                where, "a whole parameter", "the end of the section"
+            )
         # What stands between this record and the next is kept with it.
         end = name_end + step
         stated_fits = step >= 2 + size and end <= len(section)
@@ -249,9 +249,7 @@ def _without_events(
     if not number:
         return list(records), 0, {}
     kept = [record for record in records if abs(record.number) != number]
-    old = {
-        record.name: record.content for record in records if record.number == number
-    }
+    old = {record.name: record.content for record in records if record.number == number}
     return kept, number, old
 
 
@@ -271,9 +269,7 @@ def _subject(records: list[_Record]) -> bytes:
     return b""
 
 
-def _with_data_start(
-    records: list[_Record], moved: int, processor: Processor
-) -> bytes:
+def _with_data_start(records: list[_Record], moved: int, processor: Processor) -> bytes:
     """Return the records' bytes, with POINT:DATA_START later by some blocks."""
     points = [-one.number for one in records if one.number < 0 and one.name == b"POINT"]
     written = []

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import pandas as pd
-
+from hopdata.arrays import pd
 from hopdata.recordings.writers.contact_events import ContactEvent, labels
 
 
