@@ -468,9 +468,7 @@ def test_gravity_decides_against_exchanged_roles():
     assert "fall along it" in found.reason
 
 
-@pytest.mark.parametrize(
-    "known", [{}, {"body": ["a"]}, {"body": ["k"], "feet": ["l"]}]
-)
+@pytest.mark.parametrize("known", [{}, {"body": ["a"]}, {"body": ["k"], "feet": ["l"]}])
 def test_roles_of_which_the_file_has_only_one_say_nothing(known):
     recording = replace(squatting(1), markers=tuple("abcdefgh"))
     found = guess_unit_and_up(recording, markers=known)[1]

@@ -25,15 +25,20 @@ FALL_MISLEADS = 1e-6
 
 #: The same where only few markers fall, as limbs that swing do.
 #: Unit: 1. Origin: chosen.
-FEW_FALLS_MISLEAD = 0.1
+FEW_FALLS_MISLEAD = 0.3
 
 #: Share of the markers that must fall for all to fall.
 #: Unit: 1. Origin: chosen.
 MOST_FALL = 0.5
 
+#: Share of the frames that must fall, since a jerk of the cameras passes for a fall of
+#: all markers.
+#: Unit: 1. Origin: chosen.
+OFTEN = 0.04
+
 #: Share of the recordings in which a body by its markers' names is not upright.
 #: Unit: 1. Origin: chosen.
-NAMES_MISLEAD = 0.01
+NAMES_MISLEAD = 0.005
 
 #: The same if the names tell of a trunk or of legs only, which may lean.
 #: Unit: 1. Origin: chosen.
@@ -43,7 +48,8 @@ TRUNK_MISLEADS = 0.05
 #: Unit: 1. Origin: chosen.
 ROLES_MISLEAD = 0.002
 
-#: Share of the recordings in which markers come to rest again and again, not on a floor.
+#: Share of the recordings in which markers come to rest again and again
+#: and not on a floor.
 #: Unit: 1. Origin: chosen.
 RESTS_MISLEAD = 0.03
 
@@ -217,7 +223,8 @@ def by_fall(fall: FreeFall) -> Evidence | None:
     """Return what free fall says, if it is clear."""
     if not fall.is_clear:
         return None
-    misleads = FALL_MISLEADS if fall.spread >= MOST_FALL else FEW_FALLS_MISLEAD
+    is_flight = fall.spread >= MOST_FALL and fall.share >= OFTEN
+    misleads = FALL_MISLEADS if is_flight else FEW_FALLS_MISLEAD
     values = {"percent": 100 * fall.share, "next_percent": 100 * fall.next_share}
     why = Message("recordings.up_by_fall", values)
     return _evidence(FALL, {fall.up: 1.0}, misleads, why)
@@ -260,7 +267,7 @@ def by_rests(
 
 
 def _stands_at_upper_end(positions: FloatArray, up: str) -> bool:
-    """Tell whether what is highest along `up` stands still, as feet of who squats do."""
+    """Tell whether what is highest along `up` stands still, as feet do."""
     stride = max(1, len(positions) // MOST_STEPS)
     heights = along(positions[::stride], up)
     low, middle, high = quantiles(heights, [0.01, 0.5, 0.99])
@@ -292,6 +299,11 @@ class Posture:
     stature: FloatArray
     explained: FloatArray
     height_range: float
+
+    @property
+    def is_whole(self) -> bool:
+        """Tell whether the parts are far enough apart for a lean not to matter."""
+        return self.height_range >= WHOLE_RANGE
 
 
 def posture_of(
@@ -332,7 +344,9 @@ def posture_of(
     return _posture(places, seen, heights[known])
 
 
-def _posture(places: FloatArray, seen: FloatArray, heights: FloatArray) -> Posture | None:
+def _posture(
+    places: FloatArray, seen: FloatArray, heights: FloatArray
+) -> Posture | None:
     """Fit heights (K,) to places (N, K, 3) where these are seen (N, K)."""
     enough = seen.sum(axis=1) >= LEAST_NAMED
     places = np.where(seen[..., None], places, 0.0)[enough]
@@ -382,8 +396,7 @@ def by_posture(
         return None
     concentration = ON_FOUR_LEGS if named.is_animal else ON_TWO_LEGS
     concentration *= beyond / (1 - LEAST_EXPLAINED)
-    is_whole = posture.height_range >= WHOLE_RANGE
-    if not is_whole:
+    if not posture.is_whole:
         concentration *= posture.height_range / WHOLE_RANGE
     beside, above = np.sort(np.abs(posture.stature))[1:].tolist()
     if not above > UPRIGHT * beside:
@@ -397,7 +410,7 @@ def by_posture(
         misleads = ROLES_MISLEAD
     else:
         code = "recordings.up_by_names"
-        misleads = NAMES_MISLEAD if is_whole else TRUNK_MISLEADS
+        misleads = NAMES_MISLEAD if posture.is_whole else TRUNK_MISLEADS
     values: dict[str, object] = {}
     if beside > 0:
         code += "_far"
@@ -453,9 +466,8 @@ def by_stance(positions: FloatArray, rate_hz: float) -> Evidence | None:
     if not seen.any():
         return None
     fast = float(np.quantile(moved[seen], 0.95))
-    usual = quantiles(moved.T, [0.5])[0]
-    with np.errstate(invalid="ignore"):
-        moving = usual > 2 * STILL * fast
+    # Frames in which a marker is not seen count as those in which it stands.
+    moving = np.median(np.where(seen, moved, 0.0), axis=1) > 2 * STILL * fast
     if np.count_nonzero(moving) < LEAST_STEPS:
         return None
     n_seen = np.maximum(seen[moving].sum(axis=0), 1)

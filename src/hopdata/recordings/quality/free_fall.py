@@ -145,15 +145,16 @@ def free_fall(
     FreeFall
         The best guess; see `FreeFall.is_clear`.
     """
-    shares = {}
-    spreads = {}
+    shares: dict[str, dict[str, float]] = {}
+    spreads: dict[str, dict[str, float]] = {}
     for unit, metres in units.items():
         measured = accelerations(positions, rate_hz, metres=metres)
         falling = falling_markers(measured, metres)
-        shares[unit] = {up: float(of_markers.mean()) for up, of_markers in falling.items()}
-        spreads[unit] = {
-            up: float(np.mean(of_markers >= FALLS)) for up, of_markers in falling.items()
-        }
+        shares[unit] = {}
+        spreads[unit] = {}
+        for up, of_markers in falling.items():
+            shares[unit][up] = float(of_markers.mean())
+            spreads[unit][up] = float(np.mean(of_markers >= FALLS))
     best_of_unit = {unit: max(shares[unit].values()) for unit in units}
     unit = max(best_of_unit, key=lambda unit: best_of_unit[unit])
     ranked = sorted(shares[unit].items(), key=lambda item: -item[1])

@@ -60,6 +60,18 @@ STRONG = float(np.log(20.0))
 #: Unit: 1. Origin: chosen. Between those of few and of most markers that fall.
 FALL_DECIDES = 1e-4
 
+#: Least stature of a person by the places of the markers, who may sit.
+#: Unit: m. Origin: chosen. A child of a year is taller where it stands.
+SHORTEST_M = 0.6
+
+#: Largest stature of a person by the places of the markers.
+#: Unit: m. Origin: chosen. Headgear and shoes are counted in.
+TALLEST_M = 2.4
+
+#: Stature of most people, if that must decide between units.
+#: Unit: m. Origin: chosen.
+USUAL_STATURE_M = 1.65
+
 UNITS = ("auto", *METRES_PER_UNIT)
 UPWARD = ("auto", *FILE_AXES)
 
@@ -277,6 +289,15 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
         moves_m_s2[one] = metres * of_median
     lively = _lively_units(extent(raw.positions), moves_m_s2)
     size = _size_in(raw, unit)
+    tall = _units_by_stature(raw)
+    if unit in tall:
+        values = {"size": size, "stature_m": tall[unit]}
+        return Guess(unit, Message("recordings.unit_by_stature", values))
+    if tall:
+        other = min(tall, key=lambda one: abs(np.log(tall[one] / USUAL_STATURE_M)))
+        values = {"size": size, "stature_m": tall[other], "other": other}
+        why = Message("recordings.unit_but_stature", values)
+        return Guess(unit, why, is_sure=False, other=other)
     values = {"size": size, "acceleration": moves_m_s2[unit]}
     if unit in lively:
         return Guess(unit, Message("recordings.markers_move", values))
@@ -288,6 +309,23 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
         "recordings.nothing_falls_markers_move", {"acceleration": moves_m_s2[unit]}
     )
     return Guess(unit, also(size, nothing), is_sure=False, other=other)
+
+
+def _units_by_stature(raw: RawRecording) -> dict[str, float]:
+    """Return the units in which a person by the markers' names is as tall as people are.
+
+    With the stature in each, m; empty if the names do not tell of a whole person.
+    """
+    named = named_parts(tuple(raw.markers))
+    posture = evidence.posture_of(raw.positions, named)
+    if posture is None or not named.is_human or not posture.is_whole:
+        return {}
+    tall = {}
+    for unit, metres in UNITS_IN_M.items():
+        stature_m = float(np.linalg.norm(posture.stature)) * metres
+        if SHORTEST_M <= stature_m <= TALLEST_M:
+            tall[unit] = stature_m
+    return tall
 
 
 def _lively_units(size: float, moves_m_s2: Mapping[str, float]) -> list[str]:
@@ -324,7 +362,7 @@ def up_evidence(
     fall : FreeFall
         How much of it looks like free fall.
     markers : mapping
-        Names of the markers of the ``"body"`` and the ``"feet"``, as the user gave them.
+        Names of the markers of the ``"body"`` and the ``"feet"``, if given by the user.
     """
     named = named_parts(tuple(raw.markers))
     given = {}

@@ -1,7 +1,7 @@
 """Which part of a body each marker is on, by all the names of a file together.
 
-A name alone may say little: ``RA`` is an ankle, an acromion or an arm. So the names of a
-file are compared with whole vocabularies, and the vocabulary that knows most of them
+A name alone may say little: ``RA`` is an ankle, an acromion or an arm. So the names of
+a file are compared with whole vocabularies, and the vocabulary that knows most of them
 settles what each means.
 """
 
@@ -12,7 +12,13 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
-from hopdata.recordings.quality.part_names import part_by_name
+from hopdata.recordings.quality.part_names import (
+    ELSEWHERE,
+    HEEL,
+    TOE,
+    part_by_name,
+    place_by_name,
+)
 
 #: Codes of one vocabulary, without their sides, that must occur together in a file.
 #: Unit: 1. Origin: chosen. The codes of one limb alone are three or four.
@@ -63,9 +69,21 @@ _OF_PEOPLE = ("pelvis", "shoulder", "neck", "head", "arm", "hand")
 # Landmarks that are palpated on people; with markers on the legs they tell a person.
 _BONES_OF_PEOPLE = {
     form
-    for bone in ("asis", "psis", "asi", "psi", "iliac", "sacral", "malleolus", "acromion")
+    for bone in (
+        "asis",
+        "psis",
+        "asi",
+        "psi",
+        "iliac",
+        "sacral",
+        "malleolus",
+        "acromion",
+    )
     for form in (bone, f"l{bone}", f"r{bone}")
 }
+
+# Words that are on feet where there are no hands.
+_OF_HANDS = frozenset({"finger", "digit", "tip"})
 
 # Words that would be others but for their first letter.
 _WITHOUT_SIDE = frozenset({"rear"})
@@ -74,8 +92,8 @@ _SIDES = {
     **dict.fromkeys(("l", "left", "gauche", "links", "esquerdo", "esquerda"), "l"),
     **dict.fromkeys(("r", "right", "droit", "droite", "rechts", "direito"), "r"),
     **dict.fromkeys(("re", "direita", "izquierdo", "derecho"), "r"),
-    **dict.fromkeys(("li", "g", "izq"), "l"),
-    **dict.fromkeys(("d", "der"), "r"),
+    **dict.fromkeys(("li", "g", "izq", "lx", "sx"), "l"),
+    **dict.fromkeys(("d", "der", "rx", "dx"), "r"),
 }
 _SIDES["izquierdo"] = "l"
 _LONG_SIDES = tuple(side for side in _SIDES if len(side) > 3)
@@ -90,7 +108,7 @@ class NamedParts:
     ----------
     parts : tuple of str
         The part of each: a key of `HEIGHTS`, ``"arm"``, ``"hand"``, ``"boom"``,
-        ``"virtual"`` (computed by a program), or an empty string.
+        ``"tail"``, ``"virtual"`` (computed by a program), or an empty string.
     sides : tuple of str
         ``"l"``, ``"r"`` or an empty string for each.
     stems : tuple of str
@@ -128,6 +146,16 @@ class NamedParts:
             return "body"
         return "other"
 
+    def place(self, m: int) -> tuple[int, str]:
+        """Return the rank of a place on a foot, heels first, and its sideless name."""
+        ranks = {"heel": HEEL, "toe": TOE}
+        return ranks.get(self.parts[m], ELSEWHERE), self.stems[m]
+
+    @property
+    def settles_feet(self) -> bool:
+        """Whether the names leave no doubt about which markers are on feet."""
+        return (self.is_human or self.is_animal) and len(self.feet) > 1
+
     @property
     def feet(self) -> list[int]:
         """The markers named as parts of feet."""
@@ -136,7 +164,7 @@ class NamedParts:
 
 @cache
 def _tables() -> tuple[dict[str, str], frozenset[str], dict[str, dict[str, str]]]:
-    """Return the part of each word, the words of animals, and each vocabulary's codes."""
+    """Return the parts of words, the words of animals, and the vocabularies' codes."""
     place = resources.files("hopdata.recordings.quality").joinpath("vocabularies.toml")
     read = tomllib.loads(place.read_text(encoding="utf-8"))
     words = {}
@@ -163,7 +191,7 @@ def named_parts(markers: tuple[str, ...]) -> NamedParts:
         The M names, in the file's order.
     """
     _, animal_words, codes = _tables()
-    own = [_own_name(name) for name in markers]
+    own = _without_common_prefix([_own_name(name) for name in markers])
     candidates = [_stems(name) for name in own]
     known_by = _recognised(candidates, codes)
     parts = []
@@ -175,12 +203,14 @@ def named_parts(markers: tuple[str, ...]) -> NamedParts:
         stems.append(stem)
         sides.append(_side(name, stem, stems_of_name))
     words = {word for name in own for word in _words(name)}
-    is_animal = bool(words & animal_words) and not known_by
+    # Joints are called alike in people and animals.
+    of_joints = all(vocabulary == "keypoints" for vocabulary, _ in known_by)
+    is_animal = bool(words & animal_words) and of_joints
     of_people = {part for part in parts if part in _OF_PEOPLE}
     of_bones = bool(words & _BONES_OF_PEOPLE) and bool({"knee", "shank"} & {*parts})
     is_human = not is_animal and (bool(known_by) or len(of_people) >= 3 or of_bones)
-    if not is_human:
-        parts = [_of_no_person(part, name) for part, name in zip(parts, own, strict=True)]
+    for m, name in enumerate(own):
+        parts[m] = _alone(parts[m], name, is_human=is_human, is_animal=is_animal)
     vocabulary = known_by[0][0] if known_by else ""
     return NamedParts(
         tuple(parts), tuple(sides), tuple(stems), vocabulary, is_human, is_animal
@@ -188,7 +218,7 @@ def named_parts(markers: tuple[str, ...]) -> NamedParts:
 
 
 def _own_name(name: str) -> str:
-    """Return a marker's name without its subject (`Anna:LTOE`) and its copy's number."""
+    """Return a name without its subject (`Anna:LTOE`) and the number of a copy."""
     name = name.rpartition(":")[2]
     return re.sub(r"\s+\d+$", "", name.strip())
 
@@ -254,7 +284,8 @@ def _part(
                 break
     for part in ("heel", "toe", "foot", "virtual", *HEIGHTS, "hand", "arm", "boom"):
         if part in found:
-            return part, "".join([*sideless, *re.findall(r"\d+", name)])
+            _, place = place_by_name(name)
+            return part, place
     shortest = min(stems, key=len, default=name)
     return "", shortest
 
@@ -277,25 +308,49 @@ def _side(name: str, stem: str, stems: Mapping[str, str]) -> str:
     """Return the side that a name gives."""
     if stems.get(stem):
         return stems[stem]
+    words_of_parts, _, _ = _tables()
     for word in _words(name):
-        if word in _SIDES and len(word) != 2:
+        if len(word) != 2 and word in _SIDES:
             return _SIDES[word]
-    compact = re.sub(r"[^a-z]", "", name.lower())
-    is_marked = compact[:1] in ("l", "r") and re.sub(r"\d", "", stem) == compact
-    words, _, _ = _tables()
-    if is_marked and compact not in words:
-        return compact[0]
+        if word in words_of_parts or word in _WITHOUT_SIDE:
+            continue
+        for side in ("l", "r", *_LONG_SIDES):
+            rest = word.removeprefix(side)
+            is_marked = word.startswith(side) and rest
+            if is_marked and _LATERAL.sub("", rest) in words_of_parts:
+                return _SIDES[side]
     return ""
 
 
-def _of_no_person(part: str, name: str) -> str:
-    """Return the part of a robot's or an animal's marker, which has no hands.
+def _alone(part: str, name: str, *, is_human: bool, is_animal: bool) -> str:
+    """Return the part of a marker that the vocabularies do not know, by its name alone.
 
-    Its fingers, digits and tips are what it lands on; what `part_by_name` knows counts.
+    A robot has no hands: its fingers, digits and tips are what it lands on. An animal's
+    tail is no boom.
     """
-    if part in ("", "hand", "arm"):
-        alone = part_by_name(name)
-        if alone == "body":
-            return "trunk"
-        return alone or part
-    return part
+    if is_animal and part == "boom":
+        return "tail"
+    if part and (is_human or part not in ("hand", "arm")):
+        return part
+    alone = part_by_name(name)
+    if alone == "foot" and is_human and _OF_HANDS & set(_words(name)):
+        return ""
+    if alone == "body":
+        return "trunk"
+    return alone or part
+
+
+def _without_common_prefix(names: list[str]) -> list[str]:
+    """Drop what all names begin with up to a separator, such as a trial's number."""
+    if len(names) < LEAST_CODES:
+        return names
+    first = min(names)
+    last = max(names)
+    n_common = 0
+    while n_common < len(first) and first[: n_common + 1] == last[: n_common + 1]:
+        n_common += 1
+    length = max(first[:n_common].rfind(mark) for mark in "_:-. ") + 1
+    # `L_` may be common to the markers of one leg.
+    if length <= len("left_"):
+        return names
+    return [name[length:] for name in names]
