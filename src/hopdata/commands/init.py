@@ -76,7 +76,6 @@ class Draft:
         Feet with several markers, and those markers.
     beside : sequence of str
         What the file holds beside markers: force plates and events.
-
     samples : str
         Table of a group, which then stands in place of the recordings; none by default.
     """
@@ -93,7 +92,6 @@ class Draft:
     home: str = ""
     joined: Mapping[str, Sequence[str]] = field(default_factory=dict)
     beside: Sequence[str] = ()
-
     samples: str = ""
 
 
@@ -114,11 +112,8 @@ def draft_config(draft: Draft, *, path: str) -> str:
         "",
         *_files(draft),
     ]
-    for name, file in draft.recordings:
-        lines.append(f"  - {{name: {scalar(name)}, file: {scalar(file)}}}")
     for text in draft.beside:
         lines += _comment(text, indent="    ")
-
     lines += ["", *_markers(draft)]
     if draft.joined:
         joined = "each of markers that keep their distance; the first to land counts"
@@ -398,7 +393,7 @@ def _beside(
     elif labels and roles.feet:
         feet = _flow(roles.joined or roles.feet)
         column = f"{{name: {scalar(labels[0])}, feet: {feet}}}"
-        file = scalar(_relative(options.file))
+        file = scalar(relative(options.file))
         block = f"contacts: {{file: {file}, columns: [{column}]}}"
         values = {"labels": shown, "block": block}
         lines.append(str(Message("commands.events_to_compare", values)))
