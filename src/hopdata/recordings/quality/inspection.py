@@ -18,7 +18,6 @@ from hopdata.recordings.quality import processing, repeats, rests, rigid, swaps
 from hopdata.recordings.quality.frame_rate import guess_rate
 from hopdata.recordings.quality.free_fall import UNITS_IN_M
 from hopdata.recordings.quality.orientation import Guess, guess_unit_and_up
-from hopdata.recordings.quality.part_names import roles_by_name
 from hopdata.recordings.quality.stretches import MarkerGaps, marker_gaps
 from hopdata.recordings.quality.surprises import (
     Excursion,
@@ -362,8 +361,7 @@ def inspect_recording(
         found = f"{len(raw.time)} frames, {len(raw.markers)} markers"
         raise RecordingError(f"expected frames and markers, found {found}")
     progress("looking for free fall, to find the unit and the vertical axis")
-    named = roles_by_name(raw.markers)
-    unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up, markers=named)
+    unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
     positions = _turned(raw.positions, UNITS_IN_M[unit_guess.value], up_guess.value)
 
     progress("measuring distances between markers")
