@@ -369,7 +369,8 @@ def read_analogs(path: Path) -> Analogs:
     n_frames, _ = head.count_frames(header, parameters, available)
     per_frame = header.n_analog // n_channels
     numbers = _numbers(path, header, parameters, n_frames)
-    stored = numbers[:, 4 * header.n_points :].astype(float)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+        stored = numbers[:, 4 * header.n_points :].astype(float)
     formats = parameters.texts("ANALOG", "FORMAT")
     is_unsigned = bool(formats) and formats[0].upper() == "UNSIGNED"
     if is_unsigned:
@@ -385,6 +386,8 @@ def read_analogs(path: Path) -> Analogs:
     general_scale = parameters.number("ANALOG", "GEN_SCALE")
     if general_scale is None:
         general_scale = 1.0
+    with np.errstate(over="ignore", invalid="ignore"):  # no number stays none
+        values = (stored - offset) * scale * general_scale
     first = (head.first_frame(header, parameters) - 1) * per_frame
     samples = first + np.arange(n_frames * per_frame)
     return Analogs(
@@ -392,7 +395,7 @@ def read_analogs(path: Path) -> Analogs:
         names=_texts(parameters, "LABELS", n_channels),
         units=_texts(parameters, "UNITS", n_channels),
         time=samples / (frame_rate(header, parameters) * per_frame),
-        values=(stored - offset) * scale * general_scale,
+        values=values,
     )
 
 
