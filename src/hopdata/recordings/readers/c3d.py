@@ -67,7 +67,7 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     if segments is not None and segments.names:
         named, positions = _joined(parameters, named, positions, segments)
         of_points += segments.remarks
-    events, unread = _events(parameters)
+    events, unread = read_events(parameters)
     first = head.first_frame(header, parameters)
     unit = parameters.texts("POINT", "UNITS")
     return raw.assembled(
@@ -282,7 +282,7 @@ def _unseen(
     return unseen, (f"{path}: {count} {why}; these points count as seen",)
 
 
-def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
+def read_events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
     """Return the events of the group ``EVENT``, and remarks.
 
     They are labels with times in minutes and seconds. Markers do not depend on them, so
