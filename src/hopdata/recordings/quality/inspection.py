@@ -11,7 +11,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import RecordingError
 from hopdata.messages import Message
-from hopdata.recording import Recording
+from hopdata.recording import Event, Recording
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import processing, repeats, rests, rigid, swaps
@@ -159,6 +159,8 @@ class Inspection:
         Remarks of the reader on the file.
     treated : tuple of Message
         Processing of the positions after they were recorded (`processing.treated`).
+    events : tuple of Event
+        Events marked in the file.
     """
 
     markers: tuple[str, ...]
@@ -176,6 +178,7 @@ class Inspection:
     faults: Faults
     remarks: tuple[str, ...] = ()
     treated: tuple[Message, ...] = ()
+    events: tuple[Event, ...] = ()
 
     def recording(
         self, feet: Iterable[str], body: Iterable[str], **named: str
@@ -403,6 +406,7 @@ def inspect_recording(
         faults=faults,
         remarks=tuple(str(remark) for remark in raw.remarks),
         treated=tuple(treated),
+        events=raw.events,
     )
 
 
