@@ -129,6 +129,24 @@ def test_few_markers_that_fall_are_weak_evidence():
     assert evidence.by_fall(FreeFall("m", "y", 0.02, 0.01)) is None
 
 
+def test_level_plates_below_the_markers_show_up():
+    made = person(16, "stand", "Plug-in Gait", seconds=1.0)
+    level = np.array(
+        [[[0, 0, 0], [0.4, 0, 0], [0.4, 0.6, 0], [0, 0.6, 0]]], dtype=float
+    )
+    for up in ("z", "y", "-x"):
+        found = evidence.by_plates(in_file(level, up), in_file(made.positions, up))
+        assert found.best == up
+        plain = tuple(f"m{k}" for k in range(len(made.names)))
+        raw = file_of(made, up, plate_corners=in_file(level, up), stated_up=up)
+        guess = guess_unit_and_up(replace(raw, markers=plain))[1]
+        assert (guess.value, guess.is_sure) == (up, up != "-x")
+    on_a_wall = np.concatenate([level, in_file(level, "y")])
+    assert evidence.by_plates(on_a_wall, made.positions) is None
+    assert evidence.by_plates(0 * level, made.positions) is None
+    assert evidence.by_plates(None, made.positions) is None
+
+
 @pytest.mark.parametrize("posture", ["treadmill", "stand"])
 def test_who_stays_in_place_shows_no_stance(posture):
     made = person(15, posture, "Plug-in Gait", seconds=4.0)

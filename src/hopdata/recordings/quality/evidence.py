@@ -73,6 +73,14 @@ FEET_MISLEAD = 0.01
 #: Unit: 1. Origin: chosen. Programs write the axes of a screen, often unasked.
 STATED_MISLEADS = 0.2
 
+#: Share of the files whose force plates are not level in the markers' axes.
+#: Unit: 1. Origin: chosen. Programs turn markers and forget the plates.
+PLATES_MISLEAD = 0.1
+
+#: Least component of a level plate's normal along an axis.
+#: Unit: 1. Origin: chosen. Ramps are less steep.
+LEVEL = 0.95
+
 #: Share of the recordings in which left and right are not beside one another.
 #: Unit: 1. Origin: chosen.
 SIDES_MISLEAD = 0.05
@@ -236,6 +244,38 @@ def by_statement(stated_up: str) -> Evidence | None:
         return None
     why = Message("recordings.up_as_stated")
     return _evidence("statement", {stated_up: 1.0}, STATED_MISLEADS, why)
+
+
+def by_plates(corners: FloatArray | None, positions: FloatArray) -> Evidence | None:
+    """Return the direction in which force plates lie level, below the markers.
+
+    Parameters
+    ----------
+    corners : (P, 4, 3) array or None
+        Corners of the plates that the file states, along its axes.
+    positions : (N, M, 3) array
+        In the same unit.
+    """
+    if corners is None or not len(corners):
+        return None
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    areas = np.linalg.norm(normals, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        tilts = np.abs(normals / areas)
+    axes = np.argmax(np.nan_to_num(tilts), axis=1)
+    if len(set(axes.tolist())) > 1 or not (np.nanmin(tilts.max(axis=1)) > LEVEL):
+        return None
+    stride = max(1, len(positions) // MOST_POSTURES)
+    centre = corners.reshape(-1, 3).mean(axis=0)
+    heights = along(positions[::stride] - centre, "xyz"[axes[0]])
+    heights = heights[np.isfinite(heights)]
+    if not len(heights):
+        return None
+    axis = "xyz"[axes[0]]
+    above = float(np.mean(heights > 0))
+    weights = {axis: above, f"-{axis}": 1 - above}
+    why = Message("recordings.up_by_plates")
+    return _evidence("plates", weights, PLATES_MISLEAD, why)
 
 
 def by_rests(

@@ -379,6 +379,7 @@ def up_evidence(
         evidence.by_habit(raw.suffix),
         evidence.by_fall(fall),
         evidence.by_statement(raw.stated_up),
+        evidence.by_plates(raw.plate_corners, raw.positions),
         evidence.by_posture(posture, named, given=are_given),
         evidence.by_rests(raw.positions, given["feet"], over),
         evidence.by_stance(raw.positions, raw.rate_hz),
