@@ -162,16 +162,16 @@ def _contact_table(found: ContactTimes) -> Table:
     """Return a row for each contact."""
     several = found.table["recording"].nunique() > 1
     rows = []
-    for contact in found.table.head(MOST_ROWS).itertuples():
-        name = f"{contact.landing}"
+    for contact in found.table.head(MOST_ROWS).to_dict("records"):
+        name = f"{contact['landing']}"
         if several:
-            name = f"{contact.recording} {contact.landing}"
+            name = f"{contact['recording']} {name}"
         numbers = [
-            _number(contact.contact_s, 4),
-            _number(1e3 * contact.se_s, 2),
-            _number(1e3 * contact.common_s, 2),
+            _number(contact["contact_s"], 4),
+            _number(1e3 * contact["se_s"], 2),
+            _number(1e3 * contact["common_s"], 2),
         ]
-        rows.append((name, contact.foot, contact.remark or "", *numbers))
+        rows.append((name, contact["foot"], contact["remark"], *numbers))
     head = (
         *("landing", "foot", "remark"),
         *("contact (s)", "standard error (ms)", "common error (ms)"),

@@ -1,6 +1,7 @@
 """Contacts without a study: the heights of the feet in each landing, and all orders."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -58,11 +59,13 @@ def landings_figure(
         cell.set_axis_off()
     of_curves = dict(list(curves.groupby(["recording", "landing"], sort=False)))
     of_contacts = dict(list(contacts.groupby(["recording", "landing"], sort=False)))
-    several = orders["recording"].nunique() > 1
-    for cell, order in zip(cells, orders.itertuples(), strict=False):
-        key = (order.recording, order.landing)
+    several = len(orders["recording"].unique()) > 1
+    for cell, order in zip(cells, orders.to_dict("records"), strict=False):
+        key = (order["recording"], order["landing"])
         _draw_landing(cell, of_curves[key], of_contacts[key], feet)
-        name = f"{order.recording} {order.landing}" if several else f"{order.landing}"
+        name = f"{order['landing']}"
+        if several:
+            name = f"{order['recording']} {name}"
         cell.set_title(_title(name, order), color=_colour(order))
     last_row = len(orders) - COLUMNS
     for place, cell in enumerate(cells[: len(orders)]):
@@ -78,16 +81,16 @@ def landings_figure(
     return figure
 
 
-def _title(name: str, order: object) -> str:
+def _title(name: str, order: Mapping[Any, Any]) -> str:
     """Return number and order of a landing, and how probable the order is."""
-    chain = str(order.order)  # type: ignore[attr-defined]
-    probability = float(order.probability)  # type: ignore[attr-defined]
+    chain = order["order"]
+    probability = order["probability"]
     if len(chain) > LONGEST_TITLE:
         chain = f"{chain[: LONGEST_TITLE - 1]}…"
     title = f"{name}: {chain}"
     if np.isfinite(probability):
         title += f"\n{_percent(probability)}"
-        if not order.sure:  # type: ignore[attr-defined]
+        if not order["sure"]:
             title += ", unsure"
     return title
 
@@ -100,9 +103,9 @@ def _percent(probability: float) -> str:
     return f"{percent:.3g} %"
 
 
-def _colour(order: object) -> str:
+def _colour(order: Mapping[Any, Any]) -> str:
     """Return the colour of a title: that of an unsure order stands out."""
-    is_unsure = np.isfinite(order.probability) and not order.sure  # type: ignore[attr-defined]
+    is_unsure = np.isfinite(order["probability"]) and not order["sure"]
     return style.VERMILION if is_unsure else style.INK
 
 
@@ -122,19 +125,19 @@ def _draw_landing(
         line = {**style.foot_line(number), "linewidth": 0.8}
         axes.plot(x, y, **line)
         axes.plot(x, y, linestyle="", marker=".", markersize=1.2, color=line["color"])
-    for contact in contacts.dropna(subset=["contact_s"]).itertuples():
-        number = feet.index(str(contact.foot))
+    for contact in contacts.dropna(subset=["contact_s"]).to_dict("records"):
+        number = feet.index(str(contact["foot"]))
         colour = style.foot_colour(number)
-        curve = curves[curves["foot"] == contact.foot].dropna(subset=["height_m"])
+        curve = curves[curves["foot"] == contact["foot"]].dropna(subset=["height_m"])
         if not len(curve):
             continue
-        height_m = np.interp(contact.contact_s, curve["time_s"], curve["height_m"])
+        height_m = np.interp(contact["contact_s"], curve["time_s"], curve["height_m"])
         axes.errorbar(
-            MS_PER_S * (contact.contact_s - zero_s),
+            MS_PER_S * (contact["contact_s"] - zero_s),
             MM_PER_M * height_m,
-            xerr=DRAWN_ERRORS * MS_PER_S * contact.se_s,
+            xerr=DRAWN_ERRORS * MS_PER_S * contact["se_s"],
             color=colour,
-            marker="o" if contact.found else "x",
+            marker="o" if contact["found"] else "x",
             markersize=3,
             markerfacecolor="white",
             elinewidth=1.4,
