@@ -83,10 +83,11 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
     orders = found.orders
     ordered = orders[orders["probability"].notna()]
     untrusted = len(found.table) - len(found.found)
+    doubt = f"{untrusted} more are not to be trusted" if untrusted else "all are found"
     feet = ", ".join(dict.fromkeys(found.table["foot"]))
     facts = [
         ("Landings", f"{len(orders)}", f"of {feet}"),
-        ("Contacts", f"{len(found.found)}", f"{untrusted} more are not to be trusted"),
+        ("Contacts", f"{len(found.found)}", doubt),
     ]
     if len(found.found):
         error = f"{1e3 * found.median_se_s:.2g} ms"
