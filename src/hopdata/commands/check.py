@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata.arrays import GRAVITY_M_S2
+from hopdata.arrays import GRAVITY_M_S2, one_blas_thread
 from hopdata.commands import listing, terminal
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.messages import Message
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hopdata.recording import Recording
 
 
+@one_blas_thread()  # more threads cost more than they gain on small matrices
 def check(options: argparse.Namespace) -> int:
     """Check a configuration, read all its recordings and forecast its first study."""
     from hopdata.commands.run import bring_bundled

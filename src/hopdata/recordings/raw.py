@@ -91,6 +91,8 @@ class RawRecording:
     has_stamps : bool
         Whether `time` comes from the file; otherwise it is counted in frames at
         `rate_hz`.
+    suffix: str
+        Suffix of the file, such as ``".trc"``; empty if it comes from no file.
     """
 
     markers: tuple[str, ...]
@@ -106,6 +108,7 @@ class RawRecording:
     unit_is_stated: bool = True
     remarks: tuple[Remark, ...] = ()
     has_stamps: bool = True
+    suffix: str = ""
 
 
 def resolve_rate(place: str, *, stated: float | None, given: float | None) -> float:

@@ -364,6 +364,7 @@ AGREEMENT: show.Columns = {
     "clock drift (ms)": show.decimals("drift_s", 1, 1e3),
     "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
     "largest deviation from bias (ms)": show.decimals("largest_s", 2, 1e3),
+    "error of the other device (ms)": show.decimals("external_se_s", 2, 1e3),
     "scatter / standard error": show.decimals("scatter_over_se", 2),
 }
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings.contacts import descents, joined, kink_law, passes
+from hopdata.landings.contacts import descents, joined, kink_law, passes, steps
 from hopdata.landings.contacts.approach import approaches
 from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
 from hopdata.landings.contacts.law import UNDETERMINED_S, FootHeights
@@ -69,6 +69,7 @@ def find_landings(
     window_after_s: float | None = None,
     down_height_m: float | None = None,
     maximum_misfit: float = 5.0,
+    of_feet: bool = False,
 ) -> pd.DataFrame:
     """Find the descents of the body, and time each foot's contact in them.
 
@@ -82,6 +83,10 @@ def find_landings(
     method, gravity, window_before_s, window_after_s, maximum_misfit
         See `find_contacts`. No sections are known yet, so every method searches from
         the apex to the nadir of the body.
+    of_feet : bool
+        Whether to look also for landings that no descent of the body shows, in the
+        descents of each foot (`hopdata.landings.contacts.steps`). One foot is then
+        enough, and no body is needed.
 
     Returns
     -------
@@ -97,37 +102,49 @@ def find_landings(
     Raises
     ------
     AnalysisError
-        If there are fewer than two feet.
+        If there are fewer than two feet, or none with `of_feet`.
     ConfigError
         If `method` or `gravity` is unknown.
     """
     printed = chosen("touchdowns.method", method, METHODS) is not None
     feet = recording.names("foot")
-    if len(feet) < 2:
-        raise AnalysisError(
-            f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
+    least_feet = 1 if of_feet else 2
+    if len(feet) < least_feet:
+        raise AnalysisError.at(
+            recording.name, f"at least {least_feet} foot markers", len(feet)
         )
     # From here on, times and heights are those of an animal of 1 m, on which this was
     # tuned.
     time_scale = recording.pace
     time = recording.time / time_scale
-    body = recording.body_height / recording.scale
+    heights = recording.feet[:, :, 2] / recording.scale
+    body = np.full(len(time), np.nan)
+    if recording.indices("body"):
+        body = recording.body_height / recording.scale
     falls = descents.descents(body, time, longest=descents.HIDDEN_S)
-    seen_spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
+    spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
+    own = np.zeros((len(spans), len(feet)), dtype=bool)
     if not down_height_m:
-        down_height_m = usual_down_height(recording, seen_spans * time_scale)
+        down_height_m = usual_down_height(recording, spans * time_scale)
     down_m = down_height_m / recording.scale
-    hidden_spans = descents.find_hidden_landings(
-        time,
-        recording.feet[:, :, 2] / recording.scale,
-        body,
-        seen_spans,
-        down_height_m=down_m,
-    )
-    both = np.concatenate([seen_spans, hidden_spans])
+    if of_feet:
+        found, fall_m = steps.find_steps(time, heights)
+        if not len(spans):  # then no descent of the body says what is low
+            down_m = max(down_m, steps.NEARLY_DOWN * fall_m)
+        more_spans, own_of_more = steps.landings_of(
+            steps.unseen_in(found, spans), len(feet)
+        )
+        own = np.concatenate([own, own_of_more])
+    else:
+        more_spans = descents.find_hidden_landings(
+            time, heights, body, spans, down_height_m=down_m
+        )
+        own = np.concatenate([own, np.zeros((len(more_spans), len(feet)), dtype=bool)])
+    both = np.concatenate([spans, more_spans])
     order = np.argsort(both[:, 0], kind="stable")
+    is_hidden = order >= len(spans)
     spans = both[order]
-    is_hidden = order >= len(seen_spans)
+    own = own[order]
     if printed:
         contacts = _printed_contacts(recording, spans, down_m, method)
         down = contacts.down
@@ -142,6 +159,8 @@ def find_landings(
             maximum_misfit=maximum_misfit,
         )
         down = contacts.instant
+    if of_feet:
+        contacts = _without_strangers(contacts, found, is_hidden[:, None] & ~own)
     columns: dict[str, Any] = {
         "method": method,
         "begin_s": spans[:, 0] * time_scale,
@@ -159,6 +178,22 @@ def find_landings(
     for i, foot in enumerate(feet):
         columns[f"down_{foot}_s"] = down[:, i] * time_scale
     return pd.DataFrame(columns)
+
+
+def _without_strangers(
+    contacts: Contacts, found: steps.Steps, stranger: BoolArray
+) -> Contacts:
+    """Leave out contacts (L, n) that are another landing's, or that have two rows."""
+    instant = np.where(stranger, np.nan, contacts.instant)
+    stranger = stranger | steps.found_twice(
+        found, instant, contacts.se, contacts.status
+    )
+    return replace(
+        contacts,
+        instant=np.where(stranger, np.nan, contacts.instant),
+        se=np.where(stranger, np.nan, contacts.se),
+        status=np.where(stranger, descents.NOT_LANDED, contacts.status),
+    )
 
 
 def _at_time_scale(duration_s: float | None, time_scale: float) -> float | None:
@@ -199,6 +234,8 @@ def _kink_contacts(
         **options,
     )
     contacts = _of_feet(of_markers, foot_of)
+    if not recording.indices("body"):
+        return contacts
     cut_off = low_pass(recording.body, scale=recording.scale)
     if not cut_off:
         return contacts
@@ -278,8 +315,10 @@ def usual_down_height(recording: Recording, spans: FloatArray) -> float:
     half_frame_s = 0.5 * float(np.min(np.diff(recording.time)))
     apex = np.searchsorted(recording.time, spans[:, 0] - half_frame_s)
     nadir = np.searchsorted(recording.time, spans[:, 1] - half_frame_s)
-    falls_m = recording.body_height[apex] - recording.body_height[nadir]
     usual_fall_m = 0.0
+    falls_m = np.empty(0)
+    if len(spans):
+        falls_m = recording.body_height[apex] - recording.body_height[nadir]
     if np.isfinite(falls_m).any():
         usual_fall_m = float(np.nanmedian(falls_m))
     noise_m = height_noise(recording.feet[:, :, 2], scale=recording.scale)

@@ -399,7 +399,8 @@ def landings_needed(
 ) -> int:
     """Return the number of landings that shows a difference as well as the detectable.
 
-    The detectable size beyond `allowed` falls with the root of the number of landings,
+    The detectable size beyond `allowed` falls with the root of the number of landings
+    beyond those that pay for the smooth terms (`inputs.landings_for_terms`). It does so
     in the window of the study as in that of the nearest landings; a study uses the
     better one. The result is at least the number that second-order terms need.
 
@@ -422,11 +423,13 @@ def landings_needed(
     windows = [(detectable, allowed)]
     if detectable_nearest is not None and allowed_nearest is not None:
         windows.append((detectable_nearest, allowed_nearest))
+    for_terms = inputs.landings_for_terms(feet)
+    free = max(0.0, landings - for_terms)
     needs = []
     for shown, left in windows:
         if difference > left:
             beyond = max(0.0, shown - left) / (difference - left)
-            needs.append(int(np.ceil(landings * beyond**2)))
+            needs.append(int(np.ceil(for_terms + free * beyond**2)))
     if not needs:
         least_allowed = min(left for _, left in windows)
         least = f"numbers above {least_allowed:.2g}, as much as smooth terms may leave"

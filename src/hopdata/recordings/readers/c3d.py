@@ -396,6 +396,12 @@ def read_analogs(path: Path) -> Analogs:
     )
 
 
+def has_channels(path: Path) -> bool:
+    """Tell whether a C3D file states analog channels."""
+    header, parameters, _ = open_c3d(path)
+    return bool(header.n_analog and parameters.number("ANALOG", "USED"))
+
+
 def _channels_of(header: C3dHeader, parameters: Parameters) -> int:
     """Return the number of channels, by which the analog numbers of a frame divide."""
     place = parameters.place("ANALOG", "USED")

@@ -114,7 +114,8 @@ def read_raw(
         raw = _read_with_plugin(_others()[suffix], path, rate_hz)
     raw = reading.overrule_rate(str(path), raw, rate_hz)
     _check_numbers(path, raw)
-    return replace(raw, remarks=raw.remarks + reading.events_outside(str(path), raw))
+    remarks = raw.remarks + reading.events_outside(str(path), raw)
+    return replace(raw, remarks=remarks, suffix=suffix)
 
 
 def _read_with_plugin(
