@@ -112,7 +112,10 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
     inspection = inspected(of_one)
     check_order(str(file), inspection.time)
     roles = guessed_roles(inspection)
-    notes = [f"{file}: {note}" for note in listing.notes(inspection)]
+    questions = [
+        note for note in listing.notes(inspection) if note not in inspection.remarks
+    ]
+    notes = [f"{file}: {note}" for note in questions]
     feet, joined = _given_feet(options.feet, file, inspection)
     if not feet:
         feet, joined = every_foot(inspection, roles)
@@ -261,9 +264,11 @@ def show(found: ContactTimes, notes: Sequence[str]) -> None:
     several = found.orders["recording"].nunique() > 1
     by_landing = dict(list(found.table.groupby(["recording", "landing"], sort=False)))
     rows = []
-    for order in found.orders.head(MOST_LISTED).itertuples():
-        own = by_landing[order.recording, order.landing]
-        name = f"{order.recording} {order.landing}" if several else f"{order.landing}"
+    for order in found.orders.head(MOST_LISTED).to_dict("records"):
+        own = by_landing[order["recording"], order["landing"]]
+        name = f"{order['landing']}"
+        if several:
+            name = f"{order['recording']} {name}"
         rows.append((name, *_cells(order, own)))
     if rows:
         columns: dict[str, terminal.Side] = {
@@ -286,21 +291,21 @@ def _cells(order: Any, own: pd.DataFrame) -> tuple[str, str, str, str]:
     timed = own.dropna(subset=["contact_s"])
     first_s = timed["contact_s"].min()
     told = []
-    for contact in own.itertuples():
-        if not np.isfinite(contact.contact_s):
-            told.append(f"{contact.foot} ? ({contact.remark})")
+    for contact in own.to_dict("records"):
+        if not np.isfinite(contact["contact_s"]):
+            told.append(f"{contact['foot']} ? ({contact['remark']})")
             continue
-        after_ms = 1e3 * (contact.contact_s - first_s)
-        text = f"{contact.foot} {after_ms:.1f} ± {1e3 * contact.se_s:.1f}"
-        if not contact.found:
-            text += f" ({contact.remark})"
+        after_ms = 1e3 * (contact["contact_s"] - first_s)
+        text = f"{contact['foot']} {after_ms:.1f} ± {1e3 * contact['se_s']:.1f}"
+        if contact["remark"]:
+            text += f" ({contact['remark']})"
         told.append(text)
     probability = ""
-    if np.isfinite(order.probability):
-        probability = f"{order.probability:.3f}"
-        if not order.sure:
+    if np.isfinite(order["probability"]):
+        probability = f"{order['probability']:.3f}"
+        if not order["sure"]:
             probability += " unsure"
-    return f"{first_s:.4f}", ", ".join(told), order.order, probability
+    return f"{first_s:.4f}", ", ".join(told), order["order"], probability
 
 
 def _plain(rows: Sequence[Sequence[str]]) -> str:

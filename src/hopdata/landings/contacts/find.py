@@ -8,7 +8,7 @@ here is tuned on an animal of 1 m; times and heights of others are scaled to it 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -117,34 +117,9 @@ def find_landings(
     # tuned.
     time_scale = recording.pace
     time = recording.time / time_scale
-    heights = recording.feet[:, :, 2] / recording.scale
-    body = np.full(len(time), np.nan)
-    if recording.indices("body"):
-        body = recording.body_height / recording.scale
-    falls = descents.descents(body, time, longest=descents.HIDDEN_S)
-    spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
-    own = np.zeros((len(spans), len(feet)), dtype=bool)
-    if not down_height_m:
-        down_height_m = usual_down_height(recording, spans * time_scale)
-    down_m = down_height_m / recording.scale
-    if of_feet:
-        found, fall_m = steps.find_steps(time, heights)
-        if not len(spans):  # then no descent of the body says what is low
-            down_m = max(down_m, steps.NEARLY_DOWN * fall_m)
-        more_spans, own_of_more = steps.landings_of(
-            steps.unseen_in(found, spans), len(feet)
-        )
-        own = np.concatenate([own, own_of_more])
-    else:
-        more_spans = descents.find_hidden_landings(
-            time, heights, body, spans, down_height_m=down_m
-        )
-        own = np.concatenate([own, np.zeros((len(more_spans), len(feet)), dtype=bool)])
-    both = np.concatenate([spans, more_spans])
-    order = np.argsort(both[:, 0], kind="stable")
-    is_hidden = order >= len(spans)
-    spans = both[order]
-    own = own[order]
+    looked = _where_to_look(recording, time, down_height_m, of_feet=of_feet)
+    spans = looked.spans
+    down_m = looked.down_m
     if printed:
         contacts = _printed_contacts(recording, spans, down_m, method)
         down = contacts.down
@@ -160,12 +135,12 @@ def find_landings(
         )
         down = contacts.instant
     if of_feet:
-        contacts = _without_strangers(contacts, found, is_hidden[:, None] & ~own)
+        contacts = _without_strangers(contacts, looked)
     columns: dict[str, Any] = {
         "method": method,
         "begin_s": spans[:, 0] * time_scale,
         "end_s": spans[:, 1] * time_scale,
-        "hidden": is_hidden,
+        "hidden": looked.is_hidden,
     }
     for i, foot in enumerate(feet):
         columns[f"contact_{foot}_s"] = contacts.instant[:, i] * time_scale
@@ -180,14 +155,81 @@ def find_landings(
     return pd.DataFrame(columns)
 
 
-def _without_strangers(
-    contacts: Contacts, found: steps.Steps, stranger: BoolArray
-) -> Contacts:
+@dataclass(frozen=True)
+class _Looked:
+    """Where contacts are looked for, of an animal of 1 m.
+
+    Parameters
+    ----------
+    spans : (L, 2) array
+        Begin and end of each landing, s, in order of time.
+    is_hidden : (L,) bool array
+        Whether no descent of the body shows it, but only feet do.
+    down_m : float
+        Height below which a foot is down, m.
+    found : Steps, optional
+        Descents of the feet, if landings were looked for in these.
+    stranger : (L, n) bool array
+        Feet that do not land in a landing of single feet.
+    """
+
+    spans: FloatArray
+    is_hidden: BoolArray
+    down_m: float
+    found: steps.Steps | None
+    stranger: BoolArray
+
+
+def _where_to_look(
+    recording: Recording,
+    time: FloatArray,
+    down_height_m: float | None,
+    *,
+    of_feet: bool,
+) -> _Looked:
+    """Find the descents of the body, and the landings that none of them shows.
+
+    `time` (N,), s, is that of an animal of 1 m.
+    """
+    heights = recording.feet[:, :, 2] / recording.scale
+    n_feet = heights.shape[1]
+    body = np.full(len(time), np.nan)
+    if recording.indices("body"):
+        body = recording.body_height / recording.scale
+    falls = descents.descents(body, time, longest=descents.HIDDEN_S)
+    if of_feet:
+        falls = steps.clear_falls(body, falls)
+    spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
+    if not down_height_m:
+        down_height_m = usual_down_height(recording, spans * recording.pace)
+    down_m = down_height_m / recording.scale
+    found = None
+    if of_feet:
+        noise_m = height_noise(heights)
+        found, fall_m = steps.find_steps(time, heights, noise_m=noise_m)
+        low_m = max(steps.LOW_SHARE * fall_m, steps.LEAST_FALL_SIGMAS * noise_m)
+        down_m = max(down_m, low_m)
+        unseen = steps.unseen_in(found, spans)
+        more_spans, own = steps.landings_of(unseen, n_feet)
+    else:
+        more_spans = descents.find_hidden_landings(
+            time, heights, body, spans, down_height_m=down_m
+        )
+        own = np.ones((len(more_spans), n_feet), dtype=bool)
+    both = np.concatenate([spans, more_spans])
+    stranger = np.concatenate([np.zeros((len(spans), n_feet), dtype=bool), ~own])
+    order = np.argsort(both[:, 0], kind="stable")
+    return _Looked(both[order], order >= len(spans), down_m, found, stranger[order])
+
+
+def _without_strangers(contacts: Contacts, looked: _Looked) -> Contacts:
     """Leave out contacts (L, n) that are another landing's, or that have two rows."""
-    instant = np.where(stranger, np.nan, contacts.instant)
-    stranger = stranger | steps.found_twice(
-        found, instant, contacts.se, contacts.status
-    )
+    stranger = looked.stranger
+    if looked.found is not None:
+        instant = np.where(stranger, np.nan, contacts.instant)
+        stranger = stranger | steps.found_twice(
+            looked.found, instant, contacts.se, contacts.status
+        )
     return replace(
         contacts,
         instant=np.where(stranger, np.nan, contacts.instant),
