@@ -16,7 +16,7 @@ from hopdata.arrays import FloatArray, Shown, pd
 from hopdata.errors import AnalysisError, ArgumentError, counted, told_call
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents
-from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.floor import fit_floor, level
@@ -210,7 +210,8 @@ def contacts(
     sure : float
         Probability from which on an order is sure.
     **options
-        Options of `hopdata.landings.contacts.find.find_landings`, such as ``gravity``.
+        Options of `hopdata.landings.contacts.find.find_study_landings`, such as
+        ``gravity``.
 
     Returns
     -------
@@ -236,13 +237,13 @@ def contacts(
     require_distinct(several)
     remarks: list[Message] = []
     levelled = []
-    tables = []
     for recording in several:
         ready, on_floor = _levelled(recording, floor or {})
         ready = join_feet(ready, feet)
         remarks += on_floor
         levelled.append(ready)
-        tables.append(find_landings(ready, of_feet=True, **options))
+    # The recordings of one call learn from one another.
+    tables = find_study_landings(levelled, of_feet=True, **options)
     rows: list[tuple[Any, ...]] = []
     orders: list[tuple[Any, ...]] = []
     for ready, landings in zip(levelled, tables, strict=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -176,8 +176,6 @@ def _require_markers(
 
 def _all_feet(recording: Recording) -> Recording:
     """Return a recording that was read without a body as one of feet only."""
-    from dataclasses import replace
-
     return replace(recording, roles=("foot",) * len(recording.markers))
 
 
@@ -209,14 +207,11 @@ def _notes_on(recording: Recording) -> list[str]:
 
 def _of_config(file: Path) -> list[Trial]:
     """Read the recordings of a configuration, with its roles and options."""
-    from hopdata.config.consistency import contact_options, files_of
+    from hopdata.config.consistency import files_of
     from hopdata.config.loading import load_config
     from hopdata.recordings.importing import import_recording
 
     config = load_config(file)
-    options = contact_options(config)
-    options.pop("method", None)
-    options["sure"] = config["touchdowns"]["ambiguous_below"]
     trials = []
     for entry in config["recordings"]:
         files = files_of(entry)
@@ -230,22 +225,28 @@ def _of_config(file: Path) -> list[Trial]:
             exclude=entry["exclude"],
             **config["input"],
         )
-        trials.append(
-            Trial(
-                recording,
-                tuple(Path(one) for one in files),
-                config["feet"],
-                {**options, "floor": config["floor"]},
-                tuple(_notes_on(recording)),
-            )
-        )
+        trial = trial_of(config, entry, recording)
+        trials.append(replace(trial, notes=tuple(_notes_on(recording))))
     return trials
+
+
+def trial_of(
+    config: Mapping[str, Any], entry: Mapping[str, Any], recording: Recording
+) -> Trial:
+    """Return a recording of a configuration with the options that it gives."""
+    from hopdata.config.consistency import contact_options, files_of
+
+    options = contact_options(config)
+    # Only the kink has errors by which orders can be sure.
+    options.pop("method", None)
+    options["sure"] = config["touchdowns"]["ambiguous_below"]
+    options["floor"] = config["floor"]
+    files = tuple(Path(one) for one in files_of(entry))
+    return Trial(recording, files, config["feet"], options)
 
 
 def _name_apart(trials: list[Trial]) -> None:
     """Give files of the same name in different folders names that differ."""
-    from dataclasses import replace
-
     known: dict[str, int] = {}
     for place, trial in enumerate(trials):
         name = trial.recording.name
