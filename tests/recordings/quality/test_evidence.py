@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_people import MARKER_SETS, in_file, person
+from made_up_people import ANIMAL_SETS, MARKER_SETS, animal, in_file, person
 
 from hopdata.recordings.axes import DIRECTIONS
 from hopdata.recordings.quality import evidence
@@ -42,6 +42,24 @@ def test_the_feet_are_known_by_name_whether_they_land_or_not(posture, marker_set
     assert roles.feet
     assert set(roles.feet) <= made.feet
     assert "feet" not in roles.unsure
+
+
+@pytest.mark.parametrize("marker_set", ANIMAL_SETS)
+def test_an_animal_stands_on_its_paws(marker_set):
+    made = animal(3, marker_set)
+    for up in ("z", "-y"):
+        found = guess_unit_and_up(file_of(made, up))[1]
+        assert (found.value, found.is_sure) == (up, True)
+    roles = guess_roles(inspect_recording(file_of(made), unit="m", up="z"))
+    assert roles.feet
+    assert set(roles.feet) <= made.feet
+
+
+def test_what_is_asked_has_two_candidates_with_reasons():
+    made = person(5, "stand", "MediaPipe", seconds=1.0)
+    found = guess_unit_and_up(file_of(made, "-x", suffix=".c3d"))[1]
+    assert (found.value, found.other, found.is_sure) == ("-x", "z", False)
+    assert "usual in such files" in found.reason
 
 
 def test_without_names_who_stands_is_asked_about():
