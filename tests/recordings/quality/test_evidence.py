@@ -55,9 +55,17 @@ def test_an_animal_stands_on_its_paws(marker_set):
     assert set(roles.feet) <= made.feet
 
 
+def one_side_of(raw, beginning):
+    """Return a recording without the markers whose names begin so."""
+    kept = [m for m, name in enumerate(raw.markers) if not name.startswith(beginning)]
+    names = tuple(raw.markers[m] for m in kept)
+    return replace(raw, markers=names, positions=raw.positions[:, kept])
+
+
 def test_what_is_asked_has_two_candidates_with_reasons():
     made = person(5, "stand", "MediaPipe", seconds=1.0)
-    found = guess_unit_and_up(file_of(made, "-x", suffix=".c3d"))[1]
+    one_side = one_side_of(file_of(made, "-x", suffix=".c3d"), "right")
+    found = guess_unit_and_up(one_side)[1]
     assert (found.value, found.other, found.is_sure) == ("-x", "z", False)
     assert "usual in such files" in found.reason
 
@@ -90,9 +98,7 @@ def test_a_statement_alone_is_not_sure_and_beside_names_it_is():
     assert not alone.is_sure
     assert {alone.value, alone.other} == {"y", "z"}
     # Of one side alone: that left is beside right would be a second piece.
-    left = [m for m, name in enumerate(made.names) if not name.startswith("R")]
-    names = tuple(made.names[m] for m in left)
-    stated = replace(stated, markers=names, positions=made.positions[:, left])
+    stated = one_side_of(replace(stated, positions=made.positions), "R")
     against = guess_unit_and_up(stated)[1]
     assert (against.value, against.other, against.is_sure) == ("z", "y", False)
     assert "for y speaks: the file says so" in against.reason
