@@ -185,12 +185,35 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
     """
     from hopdata.commands.forecast import describe, foretell
 
-    with terminal.progress_line("looking for landings"):
-        forecast = foretell(config, recordings)
+    try:
+        with terminal.progress_line("looking for landings"):
+            forecast = foretell(config, recordings)
+    except AnalysisError as error:
+        return _contacts_instead(config, recordings, error)
     print("\n".join(describe(forecast, config, recordings)))
     if forecast.stops:
-        raise AnalysisError(forecast.reason)
+        error = AnalysisError(forecast.reason)
+        return _contacts_instead(config, recordings, error)
     return forecast.vain
+
+
+def _contacts_instead(
+    config: dict[str, Any], recordings: list[Recording], error: AnalysisError
+) -> str:
+    """Print the contacts of a study that will stop; return what the run will lack.
+
+    Raises
+    ------
+    AnalysisError
+        If it is not for want of landings that the study will stop.
+    """
+    from hopdata.commands.contacts_instead import few_contacts, show_few
+
+    found = few_contacts(config, recordings)
+    if found is None:
+        raise error
+    show_few(found, str(error))
+    return str(Message("commands.gives_contacts_only"))
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
