@@ -25,7 +25,7 @@ from hopdata.arrays import (
     pd,
 )
 from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings.contacts import descents, joined, kink_law, passes
+from hopdata.landings.contacts import descents, joined, kink_law, passes, steps
 from hopdata.landings.contacts.approach import approaches
 from hopdata.landings.contacts.bounces import bounce_errors
 from hopdata.landings.contacts.doubted import doubted
@@ -147,6 +147,7 @@ def find_study_landings(
     window_after_s: float | None = None,
     down_height_m: float | None = None,
     maximum_misfit: float = 5.0,
+    of_feet: bool = False,
 ) -> list[pd.DataFrame]:
     """Find the descents of the body in each recording, and time the contacts in them.
 
@@ -163,6 +164,10 @@ def find_study_landings(
     method, gravity, window_before_s, window_after_s, maximum_misfit
         See `find_contacts`. No sections are known yet, so every method searches from
         the apex to the nadir of the body.
+    of_feet : bool
+        Whether to look also for landings that no descent of the body shows, in the
+        descents of each foot (`hopdata.landings.contacts.steps`). One foot is then
+        enough, and no body is needed.
 
     Returns
     -------
@@ -179,12 +184,14 @@ def find_study_landings(
     Raises
     ------
     AnalysisError
-        If there are fewer than two feet.
+        If there are fewer than two feet, or none with `of_feet`.
     ConfigError
         If `method` or `gravity` is unknown.
     """
     printed = chosen("touchdowns.method", method, METHODS) is not None
-    descending = [_descents_of(one, down_height_m) for one in recordings]
+    descending = [
+        _descents_of(one, down_height_m, of_feet=of_feet) for one in recordings
+    ]
     if printed:
         contacts = [_printed_contacts(one, method) for one in descending]
     else:
@@ -215,39 +222,83 @@ class _Descending:
         Whether only the feet show the landing.
     down_m : float
         Height to which a foot must sink to have landed, m.
+    steps : Steps, optional
+        Descents of the feet, if landings were looked for in these.
+    stranger : (L, n) bool array
+        Feet that do not land in a landing which only other feet show.
     """
 
     recording: Recording
     spans: FloatArray
     hidden: BoolArray
     down_m: float
+    steps: steps.Steps | None
+    stranger: BoolArray
 
 
-def _descents_of(recording: Recording, down_height_m: float | None) -> _Descending:
-    """Find the descents of the body, seen or hidden."""
-    feet = recording.names("foot")
-    if len(feet) < 2:
-        raise AnalysisError(
-            f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
+def _descents_of(
+    recording: Recording, down_height_m: float | None, *, of_feet: bool
+) -> _Descending:
+    """Find the descents of the body, and the landings that none of them shows."""
+    n_feet = len(recording.names("foot"))
+    least_feet = 1 if of_feet else 2
+    if n_feet < least_feet:
+        raise AnalysisError.at(
+            recording.name, f"at least {least_feet} foot markers", n_feet
         )
     time_scale = recording.pace
     time = recording.time / time_scale
-    body = recording.body_height / recording.scale
+    heights = recording.feet[:, :, 2] / recording.scale
+    body = np.full(len(time), np.nan)
+    if recording.indices("body"):
+        body = recording.body_height / recording.scale
     falls = descents.descents(body, time, longest=descents.HIDDEN_S)
+    if of_feet:
+        falls = steps.clear_falls(body, falls)
     seen_spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
     if not down_height_m:
         down_height_m = usual_down_height(recording, seen_spans * time_scale)
     down_m = down_height_m / recording.scale
-    hidden_spans = descents.find_hidden_landings(
-        time,
-        recording.feet[:, :, 2] / recording.scale,
-        body,
-        seen_spans,
-        down_height_m=down_m,
-    )
-    both = np.concatenate([seen_spans, hidden_spans])
+    found = None
+    if of_feet:
+        noise_m = height_noise(heights)
+        found, fall_m = steps.find_steps(time, heights, noise_m=noise_m)
+        low_m = max(steps.LOW_SHARE * fall_m, steps.LEAST_FALL_SIGMAS * noise_m)
+        down_m = max(down_m, low_m)
+        unseen = steps.unseen_in(found, seen_spans)
+        more_spans, own = steps.landings_of(unseen, n_feet)
+    else:
+        more_spans = descents.find_hidden_landings(
+            time, heights, body, seen_spans, down_height_m=down_m
+        )
+        own = np.ones((len(more_spans), n_feet), dtype=bool)
+    both = np.concatenate([seen_spans, more_spans])
+    all_own = np.concatenate([np.ones((len(seen_spans), n_feet), dtype=bool), own])
     order = np.argsort(both[:, 0], kind="stable")
-    return _Descending(recording, both[order], order >= len(seen_spans), down_m)
+    return _Descending(
+        recording,
+        spans=both[order],
+        hidden=order >= len(seen_spans),
+        down_m=down_m,
+        steps=found,
+        stranger=~all_own[order],
+    )
+
+
+def _without_strangers(found: _Descending, contacts: Contacts) -> Contacts:
+    """Leave out contacts (L, n) that are another landing's, or that have two rows."""
+    if found.steps is None:
+        return contacts
+    instant = np.where(found.stranger, np.nan, contacts.instant)
+    stranger = found.stranger | steps.found_twice(
+        found.steps, instant, contacts.se, contacts.status
+    )
+    return replace(
+        contacts,
+        instant=np.where(stranger, np.nan, contacts.instant),
+        se=np.where(stranger, np.nan, contacts.se),
+        status=np.where(stranger, descents.NOT_LANDED, contacts.status),
+    )
 
 
 def _table_of(found: _Descending, contacts: Contacts, method: str) -> pd.DataFrame:
@@ -255,6 +306,7 @@ def _table_of(found: _Descending, contacts: Contacts, method: str) -> pd.DataFra
     recording = found.recording
     feet = recording.names("foot")
     time_scale = recording.pace
+    contacts = _without_strangers(found, contacts)
     down = contacts.down
     if not down.size:
         down = contacts.instant
@@ -354,6 +406,8 @@ def _trial_of(found: _Descending) -> Trial:
 
 def _processed(recording: Recording, contacts: Contacts) -> Contacts:
     """Add to the common error what a filter or another rate did to contacts."""
+    if not recording.indices("body"):
+        return contacts
     frame_s = 1 / recording.rate_hz / recording.pace
     period = frames_of_pattern(middle(recording.body))
     early_s = RESAMPLED_FRAMES * period * frame_s
@@ -437,7 +491,9 @@ def usual_down_height(recording: Recording, spans: FloatArray) -> float:
     half_frame_s = 0.5 * float(np.min(np.diff(recording.time)))
     apex = np.searchsorted(recording.time, spans[:, 0] - half_frame_s)
     nadir = np.searchsorted(recording.time, spans[:, 1] - half_frame_s)
-    falls_m = recording.body_height[apex] - recording.body_height[nadir]
+    falls_m = np.empty(0)
+    if len(spans):
+        falls_m = recording.body_height[apex] - recording.body_height[nadir]
     usual_fall_m = 0.0
     if np.isfinite(falls_m).any():
         usual_fall_m = float(np.nanmedian(falls_m))
