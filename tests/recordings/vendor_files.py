@@ -46,7 +46,7 @@ def bvh(positions, names, *, rate=RATE, digits=6, ends=(), order="ZXY", tab=Fals
     relative[:, 1:] -= positions[:, :1]
     rows = np.concatenate([relative, np.zeros_like(relative)], axis=2)
     mark = "\t" if tab else " "
-    for row in rows.reshape(len(rows), -1):
+    for row in rows.reshape(len(rows), 6 * len(names)):
         lines.append(mark.join(f"{x:.6f}" for x in row))
     return ("\n".join(lines) + "\n").encode()
 
@@ -340,3 +340,93 @@ def theia(
     parameters = section(start, start + len(of_points) // BLOCK)
     rotations = padded(from_floats(kind, turned))
     return header.ljust(BLOCK, b"\0") + parameters + of_points + rotations
+
+
+# A C3D of any shape: points, analog samples, parameters and a header that may be wrong.
+
+
+def c3d(
+    positions,
+    names,
+    *,
+    unit="mm",
+    rate=RATE,
+    processor="Intel",
+    whole=False,
+    analog=None,
+    seen_word=0.0,
+    unseen_word=-1.0,
+    unseen=0.0,
+    first=1,
+    groups=None,
+    header=None,
+):
+    """Return a C3D file.
+
+    `analog` (N, samples a frame, channels) stands behind the points of each frame. The
+    residual words of points that were seen or not are as given, and so is what stands for
+    the coordinates of the latter. `groups` changes parameters (None removes one), `header`
+    the words of the header.
+    """
+    kind = next(one for one in PROCESSORS.values() if one.name == processor)
+    n_frames, n_points = positions.shape[:2]
+    samples = np.zeros((n_frames, 1, 0)) if analog is None else analog
+    per_frame, n_channels = samples.shape[1:]
+    largest = np.nanmax(np.abs(positions), initial=0.0) or 1.0
+    scale = float(np.float32(largest / 32000)) if whole else -1.0
+
+    def section(start):
+        point = {
+            "USED": n_points,
+            "SCALE": np.float32(scale),
+            "RATE": np.float32(rate),
+            "DATA_START": start,
+            "FRAMES": min(n_frames, 65535),
+            "UNITS": [unit],
+        }
+        for k in range(0, max(n_points, 1), 255):
+            key = "LABELS" if not k else f"LABELS{k // 255 + 1}"
+            point[key] = list(names[k : k + 255]) or [""]
+        channels = {"USED": n_channels, "RATE": np.float32(rate * per_frame)}
+        if n_channels:
+            channels["LABELS"] = [f"Fz{k + 1}" for k in range(n_channels)]
+            channels["SCALE"] = np.ones(n_channels, "f4")
+            channels["GEN_SCALE"] = np.float32(1)
+            channels["OFFSET"] = np.zeros(n_channels, int)
+        last = first + n_frames - 1
+        trial = {
+            "ACTUAL_START_FIELD": np.array([first % 65536, first // 65536]),
+            "ACTUAL_END_FIELD": np.array([last % 65536, last // 65536]),
+        }
+        all_groups = {"POINT": point, "ANALOG": channels, "TRIAL": trial}
+        for group, changes in (groups or {}).items():
+            changed = {**all_groups.get(group, {}), **changes}
+            all_groups[group] = {k: v for k, v in changed.items() if v is not None}
+        return parameter_bytes(kind, all_groups)
+
+    is_unseen = np.isnan(positions).any(axis=2)
+    points = np.zeros((n_frames, n_points, 4))
+    points[:, :, :3] = np.where(is_unseen[..., None], unseen, positions)
+    points[:, :, 3] = np.where(is_unseen, unseen_word, seen_word)
+    if whole:
+        points[:, :, :3] /= scale
+    rows = np.concatenate(
+        [points.reshape(n_frames, -1), samples.reshape(n_frames, -1)], axis=1
+    )
+    data = from_whole(kind, np.round(rows)) if whole else from_floats(kind, rows)
+    start = 2 + len(section(1)) // BLOCK
+    words = {
+        "points": n_points,
+        "analog": per_frame * n_channels,
+        "first": min(first, 65535),
+        "last": min(first + n_frames - 1, 65535),
+        "rate": rate,
+        "start": start,
+        **(header or {}),
+    }
+    lead = [words[key] for key in ("points", "analog", "first", "last")]
+    block = bytes([2, 0x50]) + from_whole(kind, [*lead, 0]) + from_floats(kind, [scale])
+    block += from_whole(kind, [words["start"], per_frame])
+    block += from_floats(kind, [words["rate"]])
+    data += b"\0" * (-len(data) % BLOCK)
+    return block.ljust(BLOCK, b"\0") + section(start) + data

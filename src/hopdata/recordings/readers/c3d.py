@@ -76,7 +76,7 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
         positions,
         number=first + np.arange(len(positions), dtype=float),
         unit=(parameters.place("POINT", "UNITS"), unit[0] if unit else ""),
-        rates_hz=(rate_of_file_hz, rate_hz),
+        rates_hz=(rate_of_file_hz or None, rate_hz),  # 0 is no rate
         remarks=parameters.remarks + miscounted + of_points + unread,
         events=events or header.events,
         stated_up=_stated_up(parameters),

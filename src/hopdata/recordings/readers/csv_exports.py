@@ -119,7 +119,7 @@ def read_export(
         return bids.read_bids(path, rate_hz=rate_hz)
     sheet = _opened(path)
     rows = sheet.rows
-    first = next((row for row in rows if not row[0].startswith("#")), [""])
+    first = next((row for row in rows if not text.is_above_table(row)), [""])
     if first[0] == "Format Version":
         return _motive(sheet, rate_hz)
     if first[0].lower() in (_TRAJECTORIES, *map(str.lower, _SECTIONS)):

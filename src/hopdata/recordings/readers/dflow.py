@@ -71,16 +71,16 @@ def read_dflow(
         if name and place not in kept and place not in of_counters
     ]
     if left_out:
-        values = {"place": path, "columns": text.listed(left_out)}
-        remarks.append(Message("recordings.columns_left_out", values))
+        of_columns = {"place": path, "columns": text.listed(left_out)}
+        remarks.append(Message("recordings.columns_left_out", of_columns))
     number = np.arange(1.0, len(counted) + 1)
     if counted.shape[1] == 2:
         number = counted[:, 1].copy()
         is_new = np.concatenate([[True], np.diff(number) != 0])
         n_repeated = int((~is_new).sum())
         if n_repeated:
-            values = {"place": path, "n_rows": n_repeated}
-            remarks.append(Message("recordings.rows_of_one_frame", values))
+            of_rows = {"place": path, "n_rows": n_repeated}
+            remarks.append(Message("recordings.rows_of_one_frame", of_rows))
             number, counted, flat = number[is_new], counted[is_new], flat[is_new]
         if (np.diff(number) < 0).any():
             row = int(np.argmax(np.diff(number) < 0)) + 1
@@ -92,8 +92,8 @@ def read_dflow(
     n_held = _blank_held(positions)
     if n_held:
         n_all = positions.shape[0] * positions.shape[1]
-        values = {"place": path, "n_held": n_held, "n_all": n_all}
-        remarks.append(Message("recordings.held_positions", values))
+        of_held = {"place": path, "n_held": n_held, "n_all": n_all}
+        remarks.append(Message("recordings.held_positions", of_held))
     return raw.assembled(
         path,
         raw.distinct_names(path, list(markers)),

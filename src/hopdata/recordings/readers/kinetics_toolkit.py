@@ -220,7 +220,8 @@ def _events(series: Series) -> tuple[Event, ...]:
             continue
         name = one.get("name")
         time_s = one.get("time")
-        is_time = isinstance(time_s, int | float) and np.isfinite(time_s)
-        if is_time and isinstance(name, str) and name.isprintable():
+        if not isinstance(time_s, int | float) or not isinstance(name, str):
+            continue
+        if np.isfinite(float(time_s)) and name.isprintable():
             events.append(Event(name, float(time_s)))
     return tuple(events)

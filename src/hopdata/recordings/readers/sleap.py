@@ -190,7 +190,7 @@ def analysis_table(rows: text.Rows, names: Sequence[str]) -> tuple[Columns, Floa
         found = _PLANE if nodes else "none"
         wanted = "points with columns <node>.x, .y and .z"
         raise RecordingError.at(rows.line(-1), wanted, found)
-    axes = AXES
+    axes: tuple[str, ...] = AXES
     if all(f"{node}.score" in place_of for node in solid):
         axes = (*AXES, "score")
     wanted_names = [f"{node}.{axis}" for node in solid for axis in axes]
@@ -220,6 +220,6 @@ def analysis_table(rows: text.Rows, names: Sequence[str]) -> tuple[Columns, Floa
             raise RecordingError.at(rows.line(row), wanted, "two")
         seen[frame, animal] = True
         values[frame, animal] = flat[row]
-    heads = [(*column,) for column in _columns(animals, solid, axes)]
+    heads = _columns(animals, solid, axes)
     table = values.reshape(len(numbers), -1)
     return [("frame",), *heads], np.column_stack([numbers, table])

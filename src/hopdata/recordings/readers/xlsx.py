@@ -1,4 +1,4 @@
-"""Reader of Excel's workbooks: the first sheet with numbers, read as the same text.
+"""Reader of Excel's workbooks: the first sheet of markers, read as the same text.
 
 A workbook is a packed collection of XML, so the size to which it claims to unpack is
 compared with the limit first. The sheet is then written as a CSV and read by the reader
@@ -65,30 +65,50 @@ def read_xlsx(
         raise RecordingError.at(path, wanted, found)
     _require_size(path, most_unpacked_mb)
     tables = _sheets(path)
-    with_numbers = [name for name, table in tables if _has_numbers(table)]
-    if not with_numbers:
+    if not tables:
         raise RecordingError.at(path, "a sheet with numbers", f"none{_TIDY}")
-    sheet = with_numbers[0]
-    remarks: tuple[raw.Remark, ...] = ()
-    others = with_numbers[1:]
-    if others:
-        values = {"place": str(path), "sheet": sheet, "others": listed(others)}
-        remarks = (Message("recordings.sheet_read", values),)
-    table = dict(tables)[sheet]
+    others = [name for name, _ in tables]
+    first_error: RecordingError | None = None
+    for sheet, table in sorted(tables, key=lambda one: not _is_of_places(one[0])):
+        try:
+            found = _read_sheet(path, sheet, table, rate_hz, least_score)
+        except RecordingError as error:
+            first_error = first_error or error
+            continue
+        others.remove(sheet)
+        if others:
+            values = {"place": str(path), "sheet": sheet, "others": listed(others)}
+            told = Message("recordings.sheet_read", values)
+            found = replace(found, remarks=(told, *found.remarks))
+        return found
+    assert first_error is not None
+    raise first_error
+
+
+def _is_of_places(sheet: str) -> bool:
+    """Tell whether a sheet's name says that it holds positions.
+
+    Workbooks of Xsens have sheets of angles whose columns are named like these.
+    """
+    return any(word in sheet.lower() for word in ("position", "marker", "trajector"))
+
+
+def _read_sheet(
+    path: Path, sheet: str, table: Any, rate_hz: float | None, least_score: float
+) -> raw.RawRecording:
+    """Read a sheet as the CSV that it would be saved to."""
     with TemporaryDirectory() as folder:
-        # The suffix of a table whose columns may have any names.
         copy = Path(folder) / "sheet.csv"
         table.to_csv(copy, header=False, index=False)
         here = f"{path}, sheet '{sheet}'"
         try:
-            found_raw = read_export(copy, rate_hz=rate_hz, least_score=least_score)
+            found = read_export(copy, rate_hz=rate_hz, least_score=least_score)
         except RecordingError as error:
             message = str(error).replace(str(copy), here)
             if not isinstance(error, raw.RateUnknownError):
                 message += _TIDY
             raise type(error)(message) from None
-    told = _renamed(found_raw.remarks, str(copy), here)
-    return replace(found_raw, remarks=(*remarks, *told))
+        return replace(found, remarks=_renamed(found.remarks, str(copy), here))
 
 
 def _renamed(
@@ -122,7 +142,7 @@ def _require_size(path: Path, most_unpacked_mb: float) -> None:
 
 
 def _sheets(path: Path) -> list[tuple[str, Any]]:
-    """Return name and cells of each sheet, in order."""
+    """Return name and cells of each sheet that has numbers, in order."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on styles and links, which are not read
@@ -141,7 +161,8 @@ def _sheets(path: Path) -> list[tuple[str, Any]]:
             wanted = f"at most {MOST_COLUMNS:,} columns"
             found = f"{table.shape[1]:,}"
             raise RecordingError.at(f"{path}, sheet '{name}'", wanted, found)
-        tables.append((str(name), table))
+        if _has_numbers(table):
+            tables.append((str(name), table))
     return tables
 
 
