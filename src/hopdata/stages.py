@@ -161,19 +161,20 @@ def floor_compensation(
 class FootContacts:
     """Descents of the body, and the contact instants of each foot."""
 
-    contacts: pd.DataFrame = saved("contacts/{recording}.csv", TABLE)
+    contacts: dict[str, pd.DataFrame] = saved("contacts/{recording}.csv", TABLE)
 
 
-@LINE.stage(per=("recording",), minutes=50, mb_a_mb=10)
+@LINE.stage(minutes=50, mb_a_mb=10)
 def foot_contacts(
-    level: Recording,
+    level: dict[str, Recording],
     *,
     options: Options = key(consistency.contact_options),
 ) -> FootContacts:
     """Find the descents of the body, and when each foot touched (Sec. 2.2.3)."""
-    from hopdata.landings.contacts.find import find_landings
+    from hopdata.landings.contacts.find import find_study_landings
 
-    return FootContacts(find_landings(level, **options))
+    tables = find_study_landings([*level.values()], **options)
+    return FootContacts(dict(zip(level, tables, strict=True)))
 
 
 @results

@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hopdata.commands import listing, terminal
+from hopdata.commands import devices, listing, terminal
 from hopdata.commands.guesses import guessed_roles, inspected
 from hopdata.errors import HopdataError, printable
 from hopdata.jobs import study_name
 from hopdata.messages import Message
+from hopdata.recording import Event
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -73,6 +74,10 @@ class Draft:
         Marker of the home frame; none by default.
     joined : mapping
         Feet with several markers, and those markers.
+    beside : sequence of str
+        What the file holds beside markers: force plates and events.
+    samples : str
+        Table of a group, which then stands in place of the recordings; none by default.
     """
 
     study: str
@@ -86,6 +91,8 @@ class Draft:
     all_markers: Sequence[str] = ()
     home: str = ""
     joined: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    beside: Sequence[str] = ()
+    samples: str = ""
 
 
 def draft_config(draft: Draft, *, path: str) -> str:
@@ -103,10 +110,10 @@ def draft_config(draft: Draft, *, path: str) -> str:
         "",
         f"study: {scalar(draft.study)}  # results go to results/{draft.study}",
         "",
-        "recordings:  # files relative to the folder in which the workflow runs",
+        *_files(draft),
     ]
-    for name, file in draft.recordings:
-        lines.append(f"  - {{name: {scalar(name)}, file: {scalar(file)}}}")
+    for text in draft.beside:
+        lines += _comment(text, indent="    ")
     lines += ["", *_markers(draft)]
     if draft.joined:
         joined = "each of markers that keep their distance; the first to land counts"
@@ -123,6 +130,17 @@ def draft_config(draft: Draft, *, path: str) -> str:
         lines += ["", "home:", *_reason(draft, "home.marker")]
         lines.append(f"  marker: {scalar(draft.home)}  # {through}")
     return "\n".join(lines) + "\n"
+
+
+def _files(draft: Draft) -> list[str]:
+    """Write the recordings, or the table of a group's."""
+    if draft.samples:
+        whose = "a row for each file, with its subject"
+        return [f"samples: {scalar(draft.samples)}  # {whose}"]
+    lines = ["recordings:  # files relative to the folder in which the workflow runs"]
+    for name, file in draft.recordings:
+        lines.append(f"  - {{name: {scalar(name)}, file: {scalar(file)}}}")
+    return lines
 
 
 def _head(draft: Draft, path: str) -> list[str]:
@@ -224,15 +242,20 @@ def init(options: argparse.Namespace) -> int:
     inspection = inspected(options)
     check_order(str(options.file), inspection.time)
     roles = guessed_roles(inspection)
-    remarks = _remarks(inspection, roles)
-    draft = _draft(options, out, inspection, roles, remarks)
+    remarks = remarks_on(inspection, roles)
+    draft = draft_of(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
-    _print_guesses(draft, inspection, roles)
+    print_guesses(draft, inspection, roles)
     for remark in remarks:
         print(f"note: {remark}")
+    return print_next(out, is_complete=not roles.problems)
+
+
+def print_next(out: Path, *, is_complete: bool) -> int:
+    """Print what to do with a new configuration; return the exit code."""
     quoted = shlex.quote(str(out))
-    if roles.problems:
+    if not is_complete:
         fill_in = f"fill in what is missing in {out} (TO DO)"
         print(f"next: {fill_in}, then hopdata check {quoted}")
         return terminal.PROBLEM
@@ -242,7 +265,7 @@ def init(options: argparse.Namespace) -> int:
     return terminal.OK
 
 
-def _print_guesses(draft: Draft, inspection: Inspection, roles: Roles) -> None:
+def print_guesses(draft: Draft, inspection: Inspection, roles: Roles) -> None:
     """Print each guess with its reason."""
     guessed = {
         "body": ", ".join(roles.body) or "not guessed",
@@ -261,7 +284,7 @@ def _print_guesses(draft: Draft, inspection: Inspection, roles: Roles) -> None:
         print(line)
 
 
-def _remarks(inspection: Inspection, roles: Roles) -> list[str]:
+def remarks_on(inspection: Inspection, roles: Roles) -> list[str]:
     """List what needs manual attention before the study can be trusted."""
     from hopdata.landings.floor import moving
 
@@ -290,13 +313,14 @@ def _remarks(inspection: Inspection, roles: Roles) -> list[str]:
     return remarks
 
 
-def _draft(
+def draft_of(
     options: argparse.Namespace,
     out: Path,
     inspection: Inspection,
     roles: Roles,
     remarks: list[str],
 ) -> Draft:
+    """Return the draft of the options' files, of which the first was inspected."""
     reasons = {}
     for role, what in _WHAT.items():
         if roles.reasons.get(role):
@@ -322,7 +346,7 @@ def _draft(
         reasons["sections.frames"] = str(only_those)
     return Draft(
         study=study_name(out.stem),
-        file=_relative(options.file),
+        file=relative(options.file),
         recordings=_recordings([options.file, *options.more]),
         markers={"body": roles.body, "feet": roles.feet, "boom": roles.boom},
         reasons=reasons,
@@ -332,7 +356,50 @@ def _draft(
         all_markers=inspection.markers,
         home=home,
         joined=roles.joined,
+        beside=_beside(options, inspection, roles),
     )
+
+
+def _beside(
+    options: argparse.Namespace, inspection: Inspection, roles: Roles
+) -> list[str]:
+    """Propose what to do with force plates and events of the file."""
+    from hopdata.landings.marked_events import side_of_contact
+
+    found = devices.devices_of(
+        options.file,
+        up=inspection.up.value,
+        unit=inspection.unit.value,
+        rate_hz=options.rate,
+        events=inspection.events,
+    )
+    lines = []
+    for plate, onsets in found.plates:
+        along_x, along_y = plate.sides_m
+        values = {
+            "number": plate.number,
+            "size": f"{along_x:.2f} x {along_y:.2f} m",
+            "onsets": devices.onsets_text(onsets),
+        }
+        lines.append(str(Message("commands.plate_compared", values)))
+    lines += [str(message) for message in found.refused]
+    labels = list(dict.fromkeys(event.label for event in found.events))
+    of_sides = [
+        label for label in labels if side_of_contact(Event(label=label, time_s=0.0))
+    ]
+    shown = ", ".join(labels[: devices.MOST_LISTED])
+    if of_sides and options.file.suffix.lower() == ".c3d":
+        lines.append(str(Message("commands.events_compared", {"labels": shown})))
+    elif labels and roles.feet:
+        in_joined = {name for names in roles.joined.values() for name in names}
+        alone = [foot for foot in roles.feet if foot not in in_joined]
+        feet = _flow([*roles.joined, *alone])
+        column = f"{{name: {scalar(labels[0])}, feet: {feet}}}"
+        file = scalar(relative(options.file))
+        block = f"contacts: {{file: {file}, columns: [{column}]}}"
+        values = {"labels": shown, "block": block}
+        lines.append(str(Message("commands.events_to_compare", values)))
+    return lines
 
 
 def _input_settings(
@@ -363,11 +430,11 @@ def _recordings(files: Sequence[Path]) -> list[tuple[str, str]]:
     recordings = []
     for number, (name, file) in enumerate(zip(names, files, strict=True), start=1):
         is_shared = names.count(name) > 1
-        recordings.append((f"{name}-{number}" if is_shared else name, _relative(file)))
+        recordings.append((f"{name}-{number}" if is_shared else name, relative(file)))
     return recordings
 
 
-def _relative(file: Path) -> str:
+def relative(file: Path) -> str:
     """Return the path from the working folder if it is in there; else as given."""
     path = Path(os.path.abspath(file))
     if path.is_relative_to(Path.cwd()):

@@ -11,7 +11,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, counted, require_choice
 from hopdata.landings.contacts.descents import LANDED
-from hopdata.landings.contacts.find import contacts_of, find_landings
+from hopdata.landings.contacts.find import contacts_of, find_study_landings
 from hopdata.landings.sections.densities import (
     finite,
     kde,
@@ -197,7 +197,7 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         Above the floor (see `hopdata.landings.floor.level`), each with feet and body.
     landings : mapping, optional
         Landings of each recording by name, from
-        `hopdata.landings.contacts.find.find_landings`; by default found here.
+        `hopdata.landings.contacts.find.find_study_landings`; by default found here.
     rule : {"landings", "printed"}
         ``"landings"``: the heights of the body in landings choose the sections (see
         `hopdata.landings.sections.from_landings`). ``"printed"``: knees of the
@@ -245,7 +245,7 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         "post_height_m": post_height_m,
     }
     if landings is None:
-        tables = [find_landings(one) for one in recordings]
+        tables = find_study_landings(recordings)
     else:
         tables = [landings[one.name] for one in recordings]
     heights = [heights_of(recording) for recording in recordings]

@@ -1,0 +1,155 @@
+"""Which files of a folder hold the same trial, by their positions and not their names.
+
+Programs write a trial in several formats: in another unit, along other axes, cut at its
+ends, with fewer digits, filtered or with other gaps. Distances between markers know
+nothing of axes, and their ratio nothing of the unit.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.recordings.quality.rigid import norms
+
+#: Markers whose distances are compared.
+#: Unit: markers. Origin: chosen.
+MOST_COMPARED = 16
+
+#: Frames at which distances are compared.
+#: Unit: frames. Origin: chosen.
+COMPARED_FRAMES = 60
+
+#: Frames by which the place of a short file within a long one is found.
+#: Unit: frames. Origin: chosen.
+SEARCHED_FRAMES = 8
+
+#: Largest difference of the distances, relative to how much they vary, at which two
+#: files hold one trial: beyond that of a filter, below that of any other trial.
+#: Unit: 1. Origin: chosen.
+SAME_MOTION = 0.2
+
+#: The same at which their positions are the same but for rounding.
+#: Unit: 1. Origin: chosen.
+SAME_POSITIONS = 0.01
+
+#: Shortest part of a trial that counts as the trial.
+#: Unit: 1. Origin: chosen.
+LEAST_PART = 0.5
+
+#: Largest relative difference of the frame rates of one trial.
+#: Unit: 1. Origin: chosen.
+SAME_RATE = 1e-3
+
+# Fewest markers in common: two distances that change independently.
+LEAST_MARKERS = 3
+
+# How two files agree.
+OTHER = ""
+PROCESSED = "processed"
+THE_SAME = "same"
+
+
+def compared_markers(names: Sequence[str]) -> list[int]:
+    """Return which markers of a file to keep for a comparison, sorted by name."""
+    order = sorted(range(len(names)), key=lambda m: names[m].casefold())
+    return order[:MOST_COMPARED]
+
+
+def agreement(
+    names: Sequence[Sequence[str]],
+    positions: Sequence[FloatArray],
+    rates_hz: Sequence[float],
+) -> str:
+    """Tell whether two files hold one trial: `THE_SAME`, `PROCESSED` or `OTHER`.
+
+    Parameters
+    ----------
+    names : two sequences of str
+        Marker names of each file.
+    positions : two arrays (N, M, 3)
+        Positions, each in its own unit and axes; NaN where not seen.
+    rates_hz : two floats
+        Frame rates, Hz.
+    """
+    if abs(rates_hz[0] / rates_hz[1] - 1) > SAME_RATE:
+        return OTHER
+    places = [{name.casefold(): m for m, name in enumerate(own)} for own in names]
+    shared = sorted(places[0].keys() & places[1].keys())
+    if len(shared) < LEAST_MARKERS:
+        return OTHER
+    distances = [
+        _distances(track[:, [place[name] for name in shared]])
+        for track, place in zip(positions, places, strict=True)
+    ]
+    long, short = sorted(distances, key=len, reverse=True)
+    if len(short) < max(2, LEAST_PART * len(long)):
+        return OTHER
+    misfit = _least_misfit(long, short)
+    if misfit < SAME_POSITIONS:
+        return THE_SAME
+    if misfit < SAME_MOTION:
+        return PROCESSED
+    return OTHER
+
+
+def _distances(track: FloatArray) -> FloatArray:
+    """Return the distances of neighbours in the list of markers, (N, M), as a ring."""
+    return norms(track - np.roll(track, 1, axis=1))
+
+
+def _least_misfit(long: FloatArray, short: FloatArray) -> float:
+    """Return the misfit at the place of the short file within the long one."""
+    start = _likeliest_start(long, short)
+    at = _spread_frames(len(short), COMPARED_FRAMES)
+    return _misfit(long[at + start], short[at])
+
+
+def _spread_frames(n_frames: int, most: int) -> IntArray:
+    return np.unique(np.linspace(0, n_frames - 1, most).astype(np.int64))
+
+
+def _likeliest_start(long: FloatArray, short: FloatArray) -> int:
+    """Return the frame of the long file at which the short one fits best."""
+    n_starts = len(long) - len(short) + 1
+    if n_starts == 1:
+        return 0
+    unit = _usual(long) / _usual(short)
+    at = _spread_frames(len(short), SEARCHED_FRAMES)
+    differ = np.zeros(n_starts)
+    counts = np.zeros(n_starts)
+    for frame in at:
+        apart = np.abs(long[frame : frame + n_starts] - unit * short[frame])
+        known = np.isfinite(apart)
+        differ += np.where(known, apart, 0.0).sum(axis=1)
+        counts += known.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        usual = np.where(counts > 0, differ / counts, np.inf)
+    return int(np.argmin(usual))
+
+
+def _usual(distances: FloatArray) -> float:
+    """Return the median distance; 1 if none is known."""
+    known = distances[np.isfinite(distances)]
+    return float(np.median(known)) if known.size and np.median(known) > 0 else 1.0
+
+
+def _misfit(one: FloatArray, other: FloatArray) -> float:
+    """Return the rms difference of distances (n, K), relative to how much they vary."""
+    known = np.isfinite(one) & np.isfinite(other)
+    is_usable = known.sum(axis=0) >= LEAST_MARKERS
+    known &= is_usable
+    if np.count_nonzero(is_usable) < 2:
+        return np.inf
+    in_one = np.where(known, one, 0.0)
+    in_other = np.where(known, other, 0.0)
+    total = float(in_other.sum())
+    if not total > 0:
+        return np.inf
+    scaled = in_other * (float(in_one.sum()) / total)
+    mean = in_one.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    varies = float((np.where(known, one - mean, 0.0) ** 2).sum())
+    differs = float(((in_one - scaled) ** 2).sum())
+    if not varies > 0:
+        return np.inf
+    return float(np.sqrt(differs / varies))

@@ -1,0 +1,175 @@
+"""``hopdata init`` of a folder: what stays, what is left out and why, and whose it is."""
+
+import contextlib
+import csv
+import io
+import shutil
+
+import pytest
+from made_up_hopper import hopping
+from made_up_lab import SUBJECTS, static, trial, write_lab, write_trc
+from written_files import write_c3d
+
+from hopdata.__main__ import main
+from hopdata.config.loading import load_config, read_yaml
+from hopdata.samples import read_group
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    """Return a folder in which `init` was run on a lab; its trials, what was printed."""
+    home = tmp_path_factory.mktemp("lab")
+    trials = write_lab(home / "mylab", n_trials=3, n_frames=400)
+    printed = io.StringIO()
+    with contextlib.chdir(home), contextlib.redirect_stdout(printed):
+        assert main(["init", "mylab"]) == 0
+    return home, trials, printed.getvalue().splitlines()
+
+
+@pytest.fixture
+def initialised(lab, monkeypatch):
+    """Return the lines that `init` printed for the lab, and its trials."""
+    home, trials, printed = lab
+    monkeypatch.chdir(home)
+    return printed, trials
+
+
+def test_a_lab_becomes_a_group_with_all_its_trials_and_nothing_else(initialised):
+    out, trials = initialised
+    group = read_group("config/mylab.yaml")
+    assert list(group["members"]) == list(SUBJECTS)
+    files = [
+        entry["file"]
+        for member in group["members"].values()
+        for entry in member["config"]["recordings"]
+    ]
+    assert sorted(files) == [f"mylab/{place}" for place in trials]
+    content = read_yaml("config/mylab.yaml")
+    assert content["samples"] == "config/mylab.tsv"
+    assert content["markers"]["feet"] == ["toe1", "toe2", "toe3"]
+    assert "  9 of 17 files are trials with landings" in out
+    assert "  3 subjects, by folder" in out
+
+
+def test_each_file_left_out_is_told_with_its_reason(initialised):
+    out, _ = initialised
+    reasons = {}
+    for line in out:
+        if line.startswith("  left out: "):
+            file, _, reason = line.removeprefix("  left out: ").partition(": ")
+            reasons[file] = reason
+    beginnings = {
+        "S01/other name.trc": "the same positions as in S01/hop1.c3d",
+        "S01/static.c3d": "hardly any marker moves",
+        "S02/cut.trc": "the same positions as in S02/hop1.c3d",
+        "S02/old set.c3d": "another set of markers (PELA, ",
+        "S02/static.c3d": "hardly any marker moves",
+        "S03/broken.c3d": "byte 1: expected a C3D file",
+        "S03/static.c3d": "hardly any marker moves",
+        "S03/stopped.c3d": "too short for a landing: 20 frames",
+    }
+    assert reasons.keys() == beginnings.keys()
+    for file, beginning in beginnings.items():
+        assert reasons[file].startswith(beginning)
+    text = "".join(line.lstrip("# ") + " " for line in _lines("config/mylab.yaml"))
+    assert all(f"left out: {file}: " in text for file in beginnings)
+    assert "  not read, since no reader takes them: 1 .docx" in out
+
+
+def _lines(file):
+    with open(file) as opened:
+        return opened.read().splitlines()
+
+
+def test_the_group_of_a_lab_passes_its_check(initialised, capsys):
+    assert main(["check", "config/mylab.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert "study S01, the first of 3 of a group" in out
+    assert "study S03: 'hop3'" in out
+    # What is the same in all files is written down, and not asked of each again.
+    assert "vertical axis" not in out
+    assert "note:" not in out
+
+
+def test_nothing_is_replaced_without_being_told_to(initialised, capsys):
+    for file in ("config/mylab.yaml", "config/mylab.tsv"):
+        kept = _lines(file)
+        assert main(["init", "mylab"]) == 1
+        assert "--force replaces it" in capsys.readouterr().err
+        assert _lines(file) == kept
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "day").mkdir()
+    return tmp_path / "day"
+
+
+def test_trials_of_one_subject_become_one_study_with_several_recordings(folder, capsys):
+    for k in range(3):
+        write_c3d(folder / f"jump{k + 1}.c3d", trial(k, n_frames=400))
+    assert main(["init", "day"]) == 0
+    assert "one subject, since nothing tells several apart" in capsys.readouterr().out
+    config = load_config("config/day.yaml")
+    named = [(entry["name"], entry["file"]) for entry in config["recordings"]]
+    assert named == [(f"jump{k}", f"day/jump{k}.c3d") for k in (1, 2, 3)]
+    assert not (folder.parent / "config/day.tsv").exists()
+
+
+def test_prefixes_that_are_no_numbers_of_subjects_are_asked_about(folder, capsys):
+    for k, name in enumerate(("anna_1", "anna_2", "ben_1", "ben_2")):
+        write_c3d(folder / f"{name}.c3d", trial(k, n_frames=400))
+    assert main(["init", "day"]) == 0
+    out = capsys.readouterr().out
+    assert "2 subjects, by how the file names begin; or one subject" in out
+    assert "column subject of config/day.tsv settles it" in out
+    with open("config/day.tsv") as opened:
+        rows = list(csv.DictReader(opened, delimiter="\t"))
+    assert [row["subject"] for row in rows] == ["anna", "anna", "ben", "ben"]
+
+
+def test_files_with_y_up_and_with_z_up_are_read_each_along_its_own(folder):
+    write_c3d(folder / "a.c3d", trial(1, n_frames=400))
+    write_trc(folder / "b.trc", trial(2, n_frames=400))
+    assert main(["init", "day"]) == 0
+    config = load_config("config/day.yaml")
+    assert len(config["recordings"]) == 2
+    assert config["input"]["vertical_axis"] == "auto"
+    assert main(["check", "config/day.yaml"]) == 0
+
+
+def test_a_folder_without_any_trial_is_refused_with_the_reasons(folder, capsys):
+    write_c3d(folder / "static.c3d", static(1))
+    (folder / "empty.trc").write_text("")
+    assert main(["init", "day"]) == 1
+    error = capsys.readouterr().err
+    assert "static.c3d: hardly any marker moves" in error
+    assert "empty.trc: " in error
+
+
+def test_trials_in_which_nothing_lands_are_left_out(folder, capsys):
+    lands = trial(1, n_frames=400)
+    write_c3d(folder / "lands.c3d", lands)
+    # The subject is carried about: everything moves, but no foot comes to rest.
+    positions = hopping(2, n_frames=400)[1]
+    carried = positions.copy()
+    phase = 2 * 3.1416 * lands.time[:, None]
+    carried[:, :6, 0] += 0.3 * (phase % 6.28 - 3.14)
+    carried[:, :6, 2] = positions[:1, :6, 2] + 1.0 + 0.1 * phase / 6.28
+    raw = trial(2, n_frames=400)
+    write_c3d(
+        folder / "carried.c3d", type(raw)(**(vars(raw) | {"positions": 1e3 * carried}))
+    )
+    assert main(["init", "day"]) == 0
+    out = capsys.readouterr().out
+    assert "left out: carried.c3d: " in out
+    assert "1 of 2 files are trials with landings" in out
+
+
+def test_a_copy_under_another_name_counts_once(folder, capsys):
+    write_c3d(folder / "a.c3d", trial(1, n_frames=400))
+    shutil.copy(folder / "a.c3d", folder / "z.c3d")
+    write_c3d(folder / "b.c3d", trial(2, n_frames=400))
+    assert main(["init", "day"]) == 0
+    assert "left out: z.c3d: the same positions as in a.c3d" in capsys.readouterr().out

@@ -1,0 +1,52 @@
+"""Which files hold the same trial."""
+
+import numpy as np
+import pytest
+from made_up_hopper import MARKERS, hopping
+
+from hopdata.recordings.same_trial import OTHER, PROCESSED, THE_SAME, agreement
+
+
+def compared(one, other, names=MARKERS, rate_hz=100.0):
+    return agreement((MARKERS, names), (one, other), (100.0, rate_hz))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_another_unit_other_axes_and_fewer_digits_are_the_same_trial(seed):
+    positions = hopping(seed, n_frames=500)[1]
+    turned = np.round(1e3 * positions[..., [1, 2, 0]], 1)
+    assert compared(positions, turned) == THE_SAME
+    assert compared(positions, turned[40:-100]) == THE_SAME
+    assert compared(turned[40:-100], positions) == THE_SAME
+    with_gap = turned.copy()
+    with_gap[100:200, 3] = np.nan
+    assert compared(positions, with_gap) == THE_SAME
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_filtered_trial_is_the_same_trial_processed(seed):
+    from scipy.signal import butter, sosfiltfilt
+
+    positions = hopping(seed, n_frames=500)[1]
+    filtered = sosfiltfilt(butter(2, 12, fs=100, output="sos"), positions, axis=0)
+    assert compared(positions, filtered) == PROCESSED
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_other_trials_of_the_same_subject_are_others(seed):
+    positions = hopping(seed, n_frames=500)[1]
+    other = hopping(seed + 10, n_frames=500)[1]
+    assert compared(positions, other) == OTHER
+    assert compared(positions, other[40:-100]) == OTHER
+    # So are two ends of one recording, other rates and other markers.
+    assert compared(positions[:250], positions[250:]) == OTHER
+    assert compared(positions, positions, rate_hz=200.0) == OTHER
+    assert compared(positions, positions, names=tuple("abcdefg")) == OTHER
+
+
+def test_two_static_trials_are_two():
+    rng = np.random.default_rng(1)
+    standing = np.repeat(hopping(1, n_frames=2)[1][:1], 300, axis=0)
+    one, other = standing + rng.normal(0, 5e-4, (2, 300, 7, 3))
+    assert compared(one, other) == OTHER
+    assert compared(one, np.round(1e3 * one, 4)) == THE_SAME
