@@ -190,6 +190,7 @@ def poincare_sections(
     contacts: dict[str, pd.DataFrame],
     *,
     options: Options = key("sections", without=("grid_nodes",)),
+    states: Options = key("states"),
 ) -> PoincareSections:
     """Choose the two Poincare sections by the heights of body and feet (Sec. 2.2.2)."""
     from hopdata.landings.sections.select import select_sections
@@ -197,7 +198,9 @@ def poincare_sections(
 
     recordings = [*level.values()]
     require_distinct(recordings)
-    found = select_sections(recordings, landings=contacts, compare=True, **options)
+    found = select_sections(
+        recordings, landings=contacts, states=states, compare=True, **options
+    )
     return PoincareSections(found)
 
 

@@ -107,6 +107,7 @@ rule poincare_sections:
     params:
         stage="poincare_sections",
         options=all_but(STUDY["sections"], "grid_nodes"),
+        states=STUDY["states"],
         code=stage_code("poincare_sections"),
     script:
         "../scripts/stage.py"

@@ -526,7 +526,7 @@ def _note(note: str | Message | Mapping[str, Any]) -> str | Message:
     what: Any = note.get("what")
     reason: Any = note.get("reason")
     if note.get("code"):
-        reason = Message.from_dict(note)
+        reason = verdict.told(note, str(reason))
         what = verdict.subject_of(note)
     if not what or not reason:
         return str(what or reason or "")

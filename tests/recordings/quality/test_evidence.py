@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_people import MARKER_SETS, in_file, person
+from made_up_people import ANIMAL_SETS, MARKER_SETS, animal, in_file, person
 
 from hopdata.recordings.axes import DIRECTIONS
 from hopdata.recordings.quality import evidence
@@ -44,6 +44,32 @@ def test_the_feet_are_known_by_name_whether_they_land_or_not(posture, marker_set
     assert "feet" not in roles.unsure
 
 
+@pytest.mark.parametrize("marker_set", ANIMAL_SETS)
+def test_an_animal_stands_on_its_paws(marker_set):
+    made = animal(3, marker_set)
+    for up in ("z", "-y"):
+        found = guess_unit_and_up(file_of(made, up))[1]
+        assert (found.value, found.is_sure) == (up, True)
+    roles = guess_roles(inspect_recording(file_of(made), unit="m", up="z"))
+    assert roles.feet
+    assert set(roles.feet) <= made.feet
+
+
+def one_side_of(raw, beginning):
+    """Return a recording without the markers whose names begin so."""
+    kept = [m for m, name in enumerate(raw.markers) if not name.startswith(beginning)]
+    names = tuple(raw.markers[m] for m in kept)
+    return replace(raw, markers=names, positions=raw.positions[:, kept])
+
+
+def test_what_is_asked_has_two_candidates_with_reasons():
+    made = person(5, "stand", "MediaPipe", seconds=1.0)
+    one_side = one_side_of(file_of(made, "-x", suffix=".c3d"), "right")
+    found = guess_unit_and_up(one_side)[1]
+    assert (found.value, found.other, found.is_sure) == ("-x", "z", False)
+    assert "usual in such files" in found.reason
+
+
 def test_without_names_who_stands_is_asked_about():
     made = person(9, "stand", "Plug-in Gait", seconds=2.0)
     plain = tuple(f"m{k}" for k in range(len(made.names)))
@@ -72,9 +98,7 @@ def test_a_statement_alone_is_not_sure_and_beside_names_it_is():
     assert not alone.is_sure
     assert {alone.value, alone.other} == {"y", "z"}
     # Of one side alone: that left is beside right would be a second piece.
-    left = [m for m, name in enumerate(made.names) if not name.startswith("R")]
-    names = tuple(made.names[m] for m in left)
-    stated = replace(stated, markers=names, positions=made.positions[:, left])
+    stated = one_side_of(replace(stated, positions=made.positions), "R")
     against = guess_unit_and_up(stated)[1]
     assert (against.value, against.other, against.is_sure) == ("z", "y", False)
     assert "for y speaks: the file says so" in against.reason

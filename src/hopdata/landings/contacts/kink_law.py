@@ -48,6 +48,14 @@ GRAVITIES = {
     "known": (-GRAVITY_M_S2, SHARP_SD),
 }
 
+#: The choice that takes the place of ``learned`` where landings are few and the body
+#: falls freely: feet fall as it does, but for what their legs do.
+FALLS = "falls"
+
+#: Standard deviation of a foot's own acceleration about that of gravity then.
+#: Unit: m/s^2. Origin: chosen.
+FALLS_SD = 3.0
+
 #: Standard deviation of the change of a foot's acceleration when another touches:
 #: about three times gravity.
 #: Unit: m/s^2. Origin: chosen.
@@ -135,9 +143,14 @@ RECENTRED = 3
 def weak_priors(n: int, gravity: str, foot_of: tuple[int, ...] = ()) -> FlightPriors:
     """Return priors of n feet before anything is learned.
 
-    `gravity` is described in `hopdata.landings.contacts.find.find_contacts`.
+    `gravity` is described in `hopdata.landings.contacts.find.find_contacts`, or is
+    `FALLS`.
     """
-    own_mean, own_sd = chosen("touchdowns.gravity", gravity, GRAVITIES)
+    if gravity == FALLS:
+        own_mean = -GRAVITY_M_S2
+        own_sd = FALLS_SD
+    else:
+        own_mean, own_sd = chosen("touchdowns.gravity", gravity, GRAVITIES)
     mean = np.zeros((n, 2 * n))
     mean[:, 0] = own_mean
     pushes = [WEAK_CHANGE_SD, WEAK_JERK_SD] * (n - 1)
@@ -171,7 +184,7 @@ def joint_fits(
         Error that all contacts of a foot may share, s.
     """
     n = near.shape[1]
-    learns_own = gravity == "learned"
+    learns_own = gravity in ("learned", FALLS)
     weak = _laws(weak_priors(n, gravity, trials.foot_of), noise_m)
     alone = trials.fits(near, changed(weak, pushes=False), widely=True)
 

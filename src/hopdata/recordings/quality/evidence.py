@@ -261,9 +261,10 @@ def by_plates(corners: FloatArray | None, positions: FloatArray) -> Evidence | N
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     areas = np.linalg.norm(normals, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        tilts = np.abs(normals / areas)
-    axes = np.argmax(np.nan_to_num(tilts), axis=1)
-    if len(set(axes.tolist())) > 1 or not (np.nanmin(tilts.max(axis=1)) > LEVEL):
+        tilts = np.nan_to_num(np.abs(normals / areas))
+    axes = np.argmax(tilts, axis=1)
+    are_level = bool((tilts.max(axis=1) > LEVEL).all())
+    if len(set(axes.tolist())) > 1 or not are_level:
         return None
     stride = max(1, len(positions) // MOST_POSTURES)
     centre = corners.reshape(-1, 3).mean(axis=0)
@@ -318,7 +319,7 @@ def _stands_at_upper_end(positions: FloatArray, up: str) -> bool:
     top = np.nanmax(high)
     at_upper_end = middle > top - UPPER_END * (top - bottom)
     stays = ranges < HARDLY * np.nanmax(ranges)
-    return np.count_nonzero(at_upper_end & stays) > 1
+    return bool(np.count_nonzero(at_upper_end & stays) > 1)
 
 
 @dataclass(frozen=True)
@@ -381,7 +382,7 @@ def posture_of(
         return None
     stride = max(1, len(positions) // MOST_POSTURES)
     places = positions[::stride, known]
-    seen = np.isfinite(places).all(axis=2)
+    seen = np.asarray(np.isfinite(places).all(axis=2))
     return _posture(places, seen, heights[known], least)
 
 

@@ -430,6 +430,10 @@ def _up(pieces: Sequence[Evidence]) -> Guess:
     elif reasons:
         values = {"reason": also(*reasons), "other": other}
         why = Message("recordings.up_rather", values)
+        for_other = [piece.why for piece in pieces if piece.best == other]
+        if for_other:
+            values["against"] = also(*for_other)
+            why = Message("recordings.up_or", values)
     else:
         why = Message("recordings.up_usual", {"other": other})
     return Guess(up, why, is_sure=False, other=other, evidence=found)

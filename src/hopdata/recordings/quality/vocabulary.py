@@ -181,7 +181,7 @@ def _tables() -> tuple[dict[str, str], frozenset[str], dict[str, dict[str, str]]
     """Return the parts of words, the words of animals, and the vocabularies' codes."""
     place = resources.files("hopdata.recordings.quality").joinpath("vocabularies.toml")
     read = tomllib.loads(place.read_text(encoding="utf-8"))
-    words = {}
+    words: dict[str, str] = {}
     for part, listed in read["words"].items():
         for word in listed.split():
             words.setdefault(word, part)
