@@ -192,8 +192,8 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
         return _contacts_instead(config, recordings, error)
     print("\n".join(describe(forecast, config, recordings)))
     if forecast.stops:
-        error = AnalysisError(forecast.reason)
-        return _contacts_instead(config, recordings, error)
+        will_stop = AnalysisError(forecast.reason)
+        return _contacts_instead(config, recordings, will_stop)
     return forecast.vain
 
 
