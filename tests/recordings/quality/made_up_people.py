@@ -126,8 +126,18 @@ MARKER_SETS = {
     ),
 }
 _SIDE_WORDS = {
-    "l": {"side": "left", "side_fr": "gauche", "side_de": "links", "side_pt": "esquerdo"},
-    "r": {"side": "right", "side_fr": "droit", "side_de": "rechts", "side_pt": "direito"},
+    "l": {
+        "side": "left",
+        "side_fr": "gauche",
+        "side_de": "links",
+        "side_pt": "esquerdo",
+    },
+    "r": {
+        "side": "right",
+        "side_fr": "droit",
+        "side_de": "rechts",
+        "side_pt": "direito",
+    },
 }
 POSTURES = ("walk", "treadmill", "run", "jump", "stand", "sit", "squat", "stoop", "lie")
 
@@ -159,7 +169,9 @@ class Person:
 
 def person(seed, posture, marker_set, *, seconds=3.0, rate_hz=100.0):
     """Return a made-up `Person` of any size and heading, with some markers missing."""
-    rng = np.random.default_rng(np.random.SeedSequence([20261128, *np.atleast_1d(seed)]))
+    rng = np.random.default_rng(
+        np.random.SeedSequence([20261128, *np.atleast_1d(seed)])
+    )
     stature_m = rng.uniform(1.1, 2.0)
     time = np.arange(round(seconds * rate_hz)) / rate_hz
     joints = _joints(posture, time, rng)
@@ -317,9 +329,7 @@ def _chain(lean, hips, knees, posture, phase, rng):
             foot = _pitched(np.zeros(n))
         shoulder = np.einsum("nij,j->ni", trunk, [0.0, sign * 0.11, 0.29])
         arm = _pitched(arm_swing * np.sin(phase + (sign > 0) * np.pi))
-        elbow = shoulder + np.einsum(
-            "nij,j->ni", arm, [0.0, sign * abducted, -0.18]
-        )
+        elbow = shoulder + np.einsum("nij,j->ni", arm, [0.0, sign * abducted, -0.18])
         forearm = _pitched(arm_swing * np.sin(phase + (sign > 0) * np.pi) - 0.3)
         joints["thigh", side] = (hip, thigh)
         joints["shank", side] = (knee, shank)
