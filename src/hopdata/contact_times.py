@@ -7,7 +7,7 @@ descents of the body and in those of each foot, and each contact is timed.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,9 @@ from hopdata.arrays import FloatArray, Shown, pd
 from hopdata.errors import AnalysisError, ArgumentError, counted, told_call
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents
-from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.contacts.joined import join_feet
+from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.floor import fit_floor, level
 from hopdata.messages import Message
 from hopdata.recording import Recording, require_distinct
@@ -80,7 +81,8 @@ class ContactTimes(Shown):
         A row for each contact, in order of time: recording, landing (from 1), foot, its
         side (``left``, ``right`` or empty), contact_s (on the clock of the file), its
         standard error se_s, the error common_s that all contacts of this foot may
-        share, found (whether the instant can be trusted), and a remark if not. A foot
+        share, found (whether the instant can be trusted), and a remark if not,
+        or if the foot slowed without a kink, so that the error is large. A foot
         that may have landed unseen has a row without an instant.
     orders : DataFrame
         A row for each landing: recording, landing, begin_s and end_s between which it
@@ -119,13 +121,13 @@ class ContactTimes(Shown):
         own = self.found[self.found["recording"] == recording]
         return [
             ContactEvent(
-                float(one.contact_s),
-                str(one.foot),
-                str(one.side),
-                float(one.se_s),
-                int(one.landing),
+                one["contact_s"],
+                one["foot"],
+                one["side"],
+                one["se_s"],
+                one["landing"],
             )
-            for one in own.sort_values("contact_s", kind="stable").itertuples()
+            for one in own.sort_values("contact_s", kind="stable").to_dict("records")
         ]
 
     def curves(self, orders: pd.DataFrame) -> pd.DataFrame:
@@ -145,11 +147,11 @@ class ContactTimes(Shown):
         """
         by_name = {one.name: one for one in self.recordings}
         parts = []
-        for landing in orders.itertuples():
-            recording = by_name[landing.recording]
+        for landing in orders.to_dict("records"):
+            recording = by_name[landing["recording"]]
             own = self.table[
-                (self.table["recording"] == landing.recording)
-                & (self.table["landing"] == landing.landing)
+                (self.table["recording"] == landing["recording"])
+                & (self.table["landing"] == landing["landing"])
             ]
             instants = own.loc[own["contact_s"].notna(), "contact_s"]
             begin_s = instants.min() - SHOWN_BEFORE_S * recording.pace
@@ -158,8 +160,8 @@ class ContactTimes(Shown):
             for foot in own["foot"]:
                 marker = recording.markers.index(foot)
                 track = {
-                    "recording": landing.recording,
-                    "landing": landing.landing,
+                    "recording": landing["recording"],
+                    "landing": landing["landing"],
                     "foot": foot,
                     "time_s": recording.time[start:stop],
                     "height_m": recording.positions[start:stop, marker, 2],
@@ -181,7 +183,7 @@ class ContactTimes(Shown):
 
     def rows(self) -> dict[str, Any]:
         """Return the table for a notebook."""
-        return dict(self.table.items())
+        return {str(name): self.table[name] for name in self.table}
 
 
 @told_call
@@ -208,7 +210,8 @@ def contacts(
     sure : float
         Probability from which on an order is sure.
     **options
-        Options of `hopdata.landings.contacts.find.find_landings`, such as ``gravity``.
+        Options of `hopdata.landings.contacts.find.find_study_landings`, such as
+        ``gravity``.
 
     Returns
     -------
@@ -234,13 +237,13 @@ def contacts(
     require_distinct(several)
     remarks: list[Message] = []
     levelled = []
-    tables = []
     for recording in several:
         ready, on_floor = _levelled(recording, floor or {})
         ready = join_feet(ready, feet)
         remarks += on_floor
         levelled.append(ready)
-        tables.append(find_landings(ready, of_feet=True, **options))
+    # The recordings of one call learn from one another.
+    tables = find_study_landings(levelled, of_feet=True, **options)
     rows: list[tuple[Any, ...]] = []
     orders: list[tuple[Any, ...]] = []
     for ready, landings in zip(levelled, tables, strict=True):
@@ -258,7 +261,7 @@ def contacts(
 
 
 def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> ContactTimes:
-    """Join the contacts of several groups of recordings, in the order of these names."""
+    """Join the contacts of groups of recordings, in the order of these names."""
     tables = [part.table for part in parts]
     orders = [part.orders for part in parts]
     recordings = {one.name: one for part in parts for one in part.recordings}
@@ -308,8 +311,6 @@ def _levelled(
     A foot that never rests, as in a file that ends with the landing, stands where it is
     lowest.
     """
-    from dataclasses import replace
-
     if not recording.indices("foot"):
         raise AnalysisError.at(recording.place, "at least 1 foot marker", "none")
     try:
@@ -332,9 +333,10 @@ def _landed(landings: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     timed = landings[[f"contact_{foot}_s" for foot in feet]].notna().to_numpy()
     # A foot that is hidden for long may have landed at any time: that is no landing.
     is_landing = (timed & ~idle).any(axis=1)
-    kept = landings[is_landing]
-    first = kept[[f"contact_{foot}_s" for foot in feet]].min(axis=1)
-    return kept.loc[first.sort_values(kind="stable").index].reset_index(drop=True)
+    kept = landings.iloc[np.flatnonzero(is_landing)]
+    instants = kept[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
+    first = np.fmin.reduce(instants, axis=1)
+    return kept.iloc[np.argsort(first, kind="stable")].reset_index(drop=True)
 
 
 def _contact_rows(
@@ -350,10 +352,13 @@ def _contact_rows(
                 continue
             instant = landing[f"contact_{foot}_s"]
             is_found = status == descents.LANDED and np.isfinite(instant)
+            se_s = landing[f"se_{foot}_s"]
             remark = ""
             if not is_found:
                 code = REMARKS.get(status, "landings.contact_not_determined")
                 remark = str(Message(code))
+            elif se_s >= UNDETERMINED_S * recording.pace:
+                remark = str(Message("landings.contact_without_kink"))
             of_landing.append(
                 (
                     recording.name,
@@ -361,7 +366,7 @@ def _contact_rows(
                     foot,
                     side_of(foot),
                     instant,
-                    landing[f"se_{foot}_s"],
+                    se_s,
                     landing[f"common_{foot}_s"],
                     is_found,
                     remark,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -112,7 +112,10 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
     inspection = inspected(of_one)
     check_order(str(file), inspection.time)
     roles = guessed_roles(inspection)
-    notes = [f"{file}: {note}" for note in listing.notes(inspection)]
+    questions = [
+        note for note in listing.notes(inspection) if note not in inspection.remarks
+    ]
+    notes = [f"{file}: {note}" for note in questions]
     feet, joined = _given_feet(options.feet, file, inspection)
     if not feet:
         feet, joined = every_foot(inspection, roles)
@@ -173,8 +176,6 @@ def _require_markers(
 
 def _all_feet(recording: Recording) -> Recording:
     """Return a recording that was read without a body as one of feet only."""
-    from dataclasses import replace
-
     return replace(recording, roles=("foot",) * len(recording.markers))
 
 
@@ -206,14 +207,11 @@ def _notes_on(recording: Recording) -> list[str]:
 
 def _of_config(file: Path) -> list[Trial]:
     """Read the recordings of a configuration, with its roles and options."""
-    from hopdata.config.consistency import contact_options, files_of
+    from hopdata.config.consistency import files_of
     from hopdata.config.loading import load_config
     from hopdata.recordings.importing import import_recording
 
     config = load_config(file)
-    options = contact_options(config)
-    options.pop("method", None)
-    options["sure"] = config["touchdowns"]["ambiguous_below"]
     trials = []
     for entry in config["recordings"]:
         files = files_of(entry)
@@ -227,22 +225,28 @@ def _of_config(file: Path) -> list[Trial]:
             exclude=entry["exclude"],
             **config["input"],
         )
-        trials.append(
-            Trial(
-                recording,
-                tuple(Path(one) for one in files),
-                config["feet"],
-                {**options, "floor": config["floor"]},
-                tuple(_notes_on(recording)),
-            )
-        )
+        trial = trial_of(config, entry, recording)
+        trials.append(replace(trial, notes=tuple(_notes_on(recording))))
     return trials
+
+
+def trial_of(
+    config: Mapping[str, Any], entry: Mapping[str, Any], recording: Recording
+) -> Trial:
+    """Return a recording of a configuration with the options that it gives."""
+    from hopdata.config.consistency import contact_options, files_of
+
+    options = contact_options(config)
+    # Only the kink has errors by which orders can be sure.
+    options.pop("method", None)
+    options["sure"] = config["touchdowns"]["ambiguous_below"]
+    options["floor"] = config["floor"]
+    files = tuple(Path(one) for one in files_of(entry))
+    return Trial(recording, files, config["feet"], options)
 
 
 def _name_apart(trials: list[Trial]) -> None:
     """Give files of the same name in different folders names that differ."""
-    from dataclasses import replace
-
     known: dict[str, int] = {}
     for place, trial in enumerate(trials):
         name = trial.recording.name
@@ -261,9 +265,11 @@ def show(found: ContactTimes, notes: Sequence[str]) -> None:
     several = found.orders["recording"].nunique() > 1
     by_landing = dict(list(found.table.groupby(["recording", "landing"], sort=False)))
     rows = []
-    for order in found.orders.head(MOST_LISTED).itertuples():
-        own = by_landing[order.recording, order.landing]
-        name = f"{order.recording} {order.landing}" if several else f"{order.landing}"
+    for order in found.orders.head(MOST_LISTED).to_dict("records"):
+        own = by_landing[order["recording"], order["landing"]]
+        name = f"{order['landing']}"
+        if several:
+            name = f"{order['recording']} {name}"
         rows.append((name, *_cells(order, own)))
     if rows:
         columns: dict[str, terminal.Side] = {
@@ -286,21 +292,21 @@ def _cells(order: Any, own: pd.DataFrame) -> tuple[str, str, str, str]:
     timed = own.dropna(subset=["contact_s"])
     first_s = timed["contact_s"].min()
     told = []
-    for contact in own.itertuples():
-        if not np.isfinite(contact.contact_s):
-            told.append(f"{contact.foot} ? ({contact.remark})")
+    for contact in own.to_dict("records"):
+        if not np.isfinite(contact["contact_s"]):
+            told.append(f"{contact['foot']} ? ({contact['remark']})")
             continue
-        after_ms = 1e3 * (contact.contact_s - first_s)
-        text = f"{contact.foot} {after_ms:.1f} ± {1e3 * contact.se_s:.1f}"
-        if not contact.found:
-            text += f" ({contact.remark})"
+        after_ms = 1e3 * (contact["contact_s"] - first_s)
+        text = f"{contact['foot']} {after_ms:.1f} ± {1e3 * contact['se_s']:.1f}"
+        if contact["remark"]:
+            text += f" ({contact['remark']})"
         told.append(text)
     probability = ""
-    if np.isfinite(order.probability):
-        probability = f"{order.probability:.3f}"
-        if not order.sure:
+    if np.isfinite(order["probability"]):
+        probability = f"{order['probability']:.3f}"
+        if not order["sure"]:
             probability += " unsure"
-    return f"{first_s:.4f}", ", ".join(told), order.order, probability
+    return f"{first_s:.4f}", ", ".join(told), order["order"], probability
 
 
 def _plain(rows: Sequence[Sequence[str]]) -> str:

@@ -83,10 +83,11 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
     orders = found.orders
     ordered = orders[orders["probability"].notna()]
     untrusted = len(found.table) - len(found.found)
+    doubt = f"{untrusted} more are not to be trusted" if untrusted else "all are found"
     feet = ", ".join(dict.fromkeys(found.table["foot"]))
     facts = [
         ("Landings", f"{len(orders)}", f"of {feet}"),
-        ("Contacts", f"{len(found.found)}", f"{untrusted} more are not to be trusted"),
+        ("Contacts", f"{len(found.found)}", doubt),
     ]
     if len(found.found):
         error = f"{1e3 * found.median_se_s:.2g} ms"
@@ -162,16 +163,16 @@ def _contact_table(found: ContactTimes) -> Table:
     """Return a row for each contact."""
     several = found.table["recording"].nunique() > 1
     rows = []
-    for contact in found.table.head(MOST_ROWS).itertuples():
-        name = f"{contact.landing}"
+    for contact in found.table.head(MOST_ROWS).to_dict("records"):
+        name = f"{contact['landing']}"
         if several:
-            name = f"{contact.recording} {contact.landing}"
+            name = f"{contact['recording']} {name}"
         numbers = [
-            _number(contact.contact_s, 4),
-            _number(1e3 * contact.se_s, 2),
-            _number(1e3 * contact.common_s, 2),
+            _number(contact["contact_s"], 4),
+            _number(1e3 * contact["se_s"], 2),
+            _number(1e3 * contact["common_s"], 2),
         ]
-        rows.append((name, contact.foot, contact.remark or "", *numbers))
+        rows.append((name, contact["foot"], contact["remark"], *numbers))
     head = (
         *("landing", "foot", "remark"),
         *("contact (s)", "standard error (ms)", "common error (ms)"),

@@ -391,7 +391,9 @@ def _beside(
     if of_sides and options.file.suffix.lower() == ".c3d":
         lines.append(str(Message("commands.events_compared", {"labels": shown})))
     elif labels and roles.feet:
-        feet = _flow(roles.joined or roles.feet)
+        in_joined = {name for names in roles.joined.values() for name in names}
+        alone = [foot for foot in roles.feet if foot not in in_joined]
+        feet = _flow([*roles.joined, *alone])
         column = f"{{name: {scalar(labels[0])}, feet: {feet}}}"
         file = scalar(relative(options.file))
         block = f"contacts: {{file: {file}, columns: [{column}]}}"

@@ -144,12 +144,12 @@ def files_of(entry: Mapping[str, Any]) -> list[str]:
 
 
 def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the ``touchdowns`` keys that `find_landings` takes.
+    """Return the ``touchdowns`` keys that `find_study_landings` takes.
 
     The other keys judge what it found.
     """
-    find_landings = resolve_name("hopdata.landings.contacts.find:find_landings")
-    taken = signature(find_landings).parameters
+    place = "hopdata.landings.contacts.find:find_study_landings"
+    taken = signature(resolve_name(place)).parameters
     return {key: value for key, value in config["touchdowns"].items() if key in taken}
 
 

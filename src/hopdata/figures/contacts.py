@@ -1,6 +1,7 @@
 """Contacts without a study: the heights of the feet in each landing, and all orders."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,8 +14,9 @@ from hopdata.figures import style
 COLUMNS = 4
 CELL_MM = 33.0
 FRAME_MM = 14.0
-# Characters of an order above a cell.
-LONGEST_TITLE = 34
+# Characters of an order above a cell; in longer ones feet are told by their numbers.
+LONGEST_ORDER = 26
+BETWEEN = " > "
 MM_PER_M = 1e3
 MS_PER_S = 1e3
 NOTHING = "No contact was found."
@@ -58,36 +60,42 @@ def landings_figure(
         cell.set_axis_off()
     of_curves = dict(list(curves.groupby(["recording", "landing"], sort=False)))
     of_contacts = dict(list(contacts.groupby(["recording", "landing"], sort=False)))
-    several = orders["recording"].nunique() > 1
-    for cell, order in zip(cells, orders.itertuples(), strict=False):
-        key = (order.recording, order.landing)
+    several = len(orders["recording"].unique()) > 1
+    number = {foot: f"{place}" for place, foot in enumerate(feet, start=1)}
+    number[""] = ""  # of a landing whose contacts cannot be trusted
+    by_number = orders["order"].str.len().max() > LONGEST_ORDER
+    for cell, order in zip(cells, orders.to_dict("records"), strict=False):
+        key = (order["recording"], order["landing"])
         _draw_landing(cell, of_curves[key], of_contacts[key], feet)
-        name = f"{order.recording} {order.landing}" if several else f"{order.landing}"
-        cell.set_title(_title(name, order), color=_colour(order))
+        name = f"{order['landing']}"
+        if several:
+            name = f"{order['recording']} {name}"
+        chain = order["order"]
+        if by_number:
+            chain = BETWEEN.join(number[foot] for foot in chain.split(BETWEEN))
+        cell.set_title(_title(name, chain, order), color=_colour(order))
     last_row = len(orders) - COLUMNS
     for place, cell in enumerate(cells[: len(orders)]):
         if place >= last_row:
             cell.tick_params(labelbottom=True)
     figure.supxlabel("time from the first contact (ms)", fontsize=style.pt(7))
     figure.supylabel("height of the foot (mm)", fontsize=style.pt(7))
-    handles = [
-        cells[0].plot([], [], **style.foot_line(number), label=style.label_of(foot))[0]
-        for number, foot in enumerate(feet)
-    ]
+    handles = []
+    for place, foot in enumerate(feet):
+        label = style.label_of(foot)
+        if by_number:
+            label = f"{place + 1}: {label}"
+        handles += cells[0].plot([], [], **style.foot_line(place), label=label)
     figure.legend(handles=handles, loc="outside upper left", ncols=len(feet))
     return figure
 
 
-def _title(name: str, order: object) -> str:
+def _title(name: str, chain: str, order: Mapping[Any, Any]) -> str:
     """Return number and order of a landing, and how probable the order is."""
-    chain = str(order.order)  # type: ignore[attr-defined]
-    probability = float(order.probability)  # type: ignore[attr-defined]
-    if len(chain) > LONGEST_TITLE:
-        chain = f"{chain[: LONGEST_TITLE - 1]}…"
     title = f"{name}: {chain}"
-    if np.isfinite(probability):
-        title += f"\n{_percent(probability)}"
-        if not order.sure:  # type: ignore[attr-defined]
+    if np.isfinite(order["probability"]):
+        title += f"\n{_percent(order['probability'])}"
+        if not order["sure"]:
             title += ", unsure"
     return title
 
@@ -100,9 +108,9 @@ def _percent(probability: float) -> str:
     return f"{percent:.3g} %"
 
 
-def _colour(order: object) -> str:
+def _colour(order: Mapping[Any, Any]) -> str:
     """Return the colour of a title: that of an unsure order stands out."""
-    is_unsure = np.isfinite(order.probability) and not order.sure  # type: ignore[attr-defined]
+    is_unsure = np.isfinite(order["probability"]) and not order["sure"]
     return style.VERMILION if is_unsure else style.INK
 
 
@@ -120,25 +128,26 @@ def _draw_landing(
         x = MS_PER_S * (curve["time_s"] - zero_s)
         y = MM_PER_M * curve["height_m"]
         line = {**style.foot_line(number), "linewidth": 0.8}
-        axes.plot(x, y, **line)
-        axes.plot(x, y, linestyle="", marker=".", markersize=1.2, color=line["color"])
-    for contact in contacts.dropna(subset=["contact_s"]).itertuples():
-        number = feet.index(str(contact.foot))
+        axes.plot(x, y, marker=".", markersize=1.8, **line)
+    for contact in contacts.dropna(subset=["contact_s"]).to_dict("records"):
+        number = feet.index(str(contact["foot"]))
         colour = style.foot_colour(number)
-        curve = curves[curves["foot"] == contact.foot].dropna(subset=["height_m"])
+        curve = curves[curves["foot"] == contact["foot"]].dropna(subset=["height_m"])
         if not len(curve):
             continue
-        height_m = np.interp(contact.contact_s, curve["time_s"], curve["height_m"])
-        axes.errorbar(
-            MS_PER_S * (contact.contact_s - zero_s),
-            MM_PER_M * height_m,
-            xerr=DRAWN_ERRORS * MS_PER_S * contact.se_s,
+        height_m = np.interp(contact["contact_s"], curve["time_s"], curve["height_m"])
+        x_ms = MS_PER_S * (contact["contact_s"] - zero_s)
+        reach_ms = DRAWN_ERRORS * MS_PER_S * contact["se_s"]
+        y_mm = MM_PER_M * float(height_m)
+        axes.plot(
+            [x_ms - reach_ms, x_ms, x_ms + reach_ms],
+            [y_mm] * 3,
             color=colour,
-            marker="o" if contact.found else "x",
+            linewidth=1.6,
+            marker="o" if contact["found"] else "x",
+            markevery=[1],
             markersize=3,
             markerfacecolor="white",
-            elinewidth=1.4,
-            capsize=1.5,
             zorder=3,
         )
 

@@ -68,6 +68,12 @@ MARGIN_M = 0.15
 #: Unit: m, of an animal of about 1 m. Origin: chosen.
 LOW_M = 0.06
 
+#: How far the centre of pressure may be from a foot that bears the load, or from the
+#: box around several feet that share it; farther, another foot does.
+#: Unit: m, of an animal of about 1 m. Origin: chosen: the length of a shoe, whose
+#: markers may be at one end and the pressure at the other.
+REACH_M = 0.3
+
 
 @dataclass(frozen=True)
 class Onsets:
@@ -223,8 +229,9 @@ def contacts_on_plates(
 ) -> PlateContacts:
     """Find the onsets of plates, and the feet that make them.
 
-    A foot makes an onset if it is low and within the plate's corners soon after. Of an
-    onset without such a foot, another foot is the cause: one that is not followed.
+    A foot makes an onset if it is low and within the plate's corners soon after, and
+    the centre of pressure is at such feet. Of an onset without them, another foot is
+    the cause: one that is not followed.
 
     Parameters
     ----------
@@ -235,7 +242,7 @@ def contacts_on_plates(
     """
     contacts = []
     signals = []
-    notes = []
+    notes: list[Message] = []
     feet = recording.names("foot")
     for plate in plates:
         notes += plate.remarks
@@ -262,7 +269,7 @@ def contacts_on_plates(
                 "plates",
                 span_s,
                 error_s=onsets.error_s,
-                of_other_foot=~made_by.any(axis=1),
+                of_other_foot=np.asarray(~made_by.any(axis=1)),
             )
         )
         above = plate.force[:, 2] - onsets.level_n
@@ -294,13 +301,75 @@ def feet_on(recording: Recording, plate: ForcePlate, instants: FloatArray) -> Bo
     low = feet[:, :, 2] <= LOW_M * recording.scale
     with np.errstate(invalid="ignore"):
         on_plate = inside & low
+    until = instants + ON_PLATE_S * recording.pace
     begin = np.searchsorted(recording.time, instants)
-    end = np.searchsorted(recording.time, instants + ON_PLATE_S * recording.pace)
+    end = np.searchsorted(recording.time, until)
+    centres = _centres_of_pressure(plate, instants, until, margin_m=margin_m)
     found = np.zeros((len(instants), feet.shape[1]), dtype=bool)
     for k, (first, stop) in enumerate(zip(begin, end, strict=True)):
         # At a low rate, the first frame after the onset has to do.
-        found[k] = on_plate[first : max(stop, first + 1)].any(axis=0)
+        frames = slice(first, max(stop, first + 1))
+        there = on_plate[frames]
+        if there.any():
+            places = feet[frames, :, :2]
+            reach_m = REACH_M * recording.scale
+            found[k] = _under_pressure(places, there, centres[k], reach_m=reach_m)
     return found
+
+
+def _under_pressure(
+    places: FloatArray, there: BoolArray, centre: FloatArray, *, reach_m: float
+) -> BoolArray:
+    """Tell which of the feet (F,) that are on a plate bear its load.
+
+    These are the feet near the centre of pressure. If there is none, several feet may
+    share the load with the centre amid them. Without a centre, all of them may.
+
+    Parameters
+    ----------
+    places : (N, F, 2) array
+        Positions of the feet in some frames, m.
+    there : (N, F) bool array
+        Whether a foot is on the plate.
+    centre : (2,) array
+        Centre of pressure, m; NaN if it is not known.
+    reach_m : float
+        Distance that counts as near, m.
+    """
+    on_plate = np.asarray(there.any(axis=0))
+    if np.isnan(centre).any():
+        return on_plate
+    away = np.hypot(*np.moveaxis(places - centre, 2, 0))
+    near = np.asarray((there & (away <= reach_m)).any(axis=0))
+    if near.any():
+        return near
+    of_feet = places[there]
+    beside = np.maximum(of_feet.min(axis=0) - centre, centre - of_feet.max(axis=0))
+    if np.hypot(*np.maximum(beside, 0)) > reach_m:
+        return np.zeros_like(on_plate)
+    return on_plate
+
+
+def _centres_of_pressure(
+    plate: ForcePlate, begin_s: FloatArray, end_s: FloatArray, *, margin_m: float
+) -> FloatArray:
+    """Return the mean centres of pressure (S, 2) between times, weighted by the force.
+
+    NaN where it is not on the plate: then channels or moments are not what they should
+    be, and tell nothing.
+    """
+    centres = np.full((len(begin_s), 3), np.nan)
+    known = np.isfinite(plate.pressure).all(axis=1)
+    weight = np.where(known, np.maximum(plate.force[:, 2], 0), 0.0)
+    first = np.searchsorted(plate.time, begin_s)
+    stop = np.searchsorted(plate.time, end_s)
+    for k, (a, b) in enumerate(zip(first, stop, strict=True)):
+        share = weight[a:b]
+        if share.sum() > 0:
+            pressure = np.nan_to_num(plate.pressure[a:b])
+            centres[k] = share @ pressure / share.sum()
+    centres[~within(plate.corners, centres, margin_m=margin_m)] = np.nan
+    return centres[:, :2]
 
 
 def within(corners: FloatArray, points: FloatArray, *, margin_m: float) -> BoolArray:

@@ -185,8 +185,9 @@ def in_laboratory(stored: StoredPlate, metres: float, vertical_axis: str) -> For
             remarks.append(Message("recordings.plate_origin", values))
         own_pressure, unit_found = _at_surface(stored, forces, moments, metres, unit_nm)
         if unit_found != unit_nm:
-            values = {"number": stored.number, "stated": unit_nm, "found": unit_found}
-            remarks.append(Message("recordings.plate_moments", values))
+            units = {"stated": unit_nm, "found": unit_found}
+            values_of_units = {"number": stored.number, **units}
+            remarks.append(Message("recordings.plate_moments", values_of_units))
     middle = metres * stored.corners.mean(axis=0)
     in_file = own_pressure @ axes[:, :2].T + middle
     force = np.ascontiguousarray(rotate_up(forces @ axes.T, vertical_axis))

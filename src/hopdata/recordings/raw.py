@@ -93,6 +93,8 @@ class RawRecording:
         `rate_hz`.
     suffix: str
         Suffix of the file, such as ``".trc"``; empty if it comes from no file.
+    plate_corners : (P, 4, 3) array, optional
+        Corners of the force plates that the file states, in its unit and axes.
     """
 
     markers: tuple[str, ...]
@@ -109,6 +111,7 @@ class RawRecording:
     remarks: tuple[Remark, ...] = ()
     has_stamps: bool = True
     suffix: str = ""
+    plate_corners: FloatArray | None = None
 
 
 def resolve_rate(place: str, *, stated: float | None, given: float | None) -> float:

@@ -419,6 +419,14 @@ def thresholds_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
     return show.table_of(title, rows, columns, text_columns=2)
 
 
+def own_devices_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
+    """Return one row per note on force plates and events in a recording's own file."""
+    columns = {"recording": show.text("recording"), "note": show.text("note")}
+    rows = show.records(overlay.get("contact_overlay_notes"))
+    title = "Force plates and events of the files"
+    return show.table_of(title, rows, columns, text_columns=2)
+
+
 def _ms(value: Any) -> str:
     return show.fixed(show.scaled(value, 1e3), 2)
 

@@ -1585,9 +1585,9 @@ def saturation(section, fit, size, over_landings, study):
     if p_value >= 0.01:
         return p_value, over_landings
     least = min(f.misfit for f in fits)
-    in_doubt = [f for f in fits if f.misfit <= least + 3.84]
-    effects = [at_contact(section, fit, f.contact, size, study) for f in in_doubt]
-    estimate = effects[0]["estimate"]
+    effects = [at_contact(section, fit, f.contact, size, study) for f in fits]
+    in_doubt = [f.misfit <= least + 3.84 for f in fits]
+    estimate = effects[in_doubt.index(True)]["estimate"]
     if estimate <= max(fit.allowed, over_landings["estimate"]):
         return p_value, over_landings
     widest = {"estimate": estimate}

@@ -317,7 +317,7 @@ def _chain(lean, hips, knees, posture, phase, rng):
     arm_swing = 0.3 if posture in ("walk", "treadmill", "run") else 0.05
     abducted = rng.uniform(0.0, 0.08)
     for side, sign in (("l", 1.0), ("r", -1.0)):
-        hip = origin + [0.0, sign * HALF_PELVIS, 0.0]
+        hip = origin + np.array([0.0, sign * HALF_PELVIS, 0.0])
         thigh = _pitched(-hips[side])
         knee = hip + np.einsum("nij,j->ni", thigh, [0.0, sign * 0.004, -THIGH])
         shank = _pitched(-hips[side] + knees[side])
@@ -348,3 +348,64 @@ def _marker(joints, landmark, side, is_single, rng):
     key = (segment, "" if segment in ("pelvis", "trunk") else side)
     origin, turn = joints[key]
     return origin + np.einsum("nij,j->ni", turn, local)
+
+
+# Names of an animal's landmarks in marker sets; `{f}` is front or hind.
+ANIMAL_SETS = {
+    "DeepLabCut, mouse": (
+        "paw {side}_{f}_paw|knee {side}_{f}_knee|root spine_{f}|nose nose|"
+        "ear {side}_ear|tail tail_base"
+    ),
+    "DeepLabCut, horse": (
+        "paw {S}{F}Hoof|fetlock {S}{F}Fetlock|knee {S}{F}Knee|root {F}Withers|nose Nostril"
+    ),
+    "limbs": "paw {S}{l}_toe|fetlock {S}{l}_ankle|knee {S}{l}_knee|root {l}_hip|nose head",
+}
+# Places on an animal of height 1: forward, outward, up; legs are at both ends.
+_ANIMAL = {
+    "paw": (0.0, 0.12, 0.0),
+    "fetlock": (-0.03, 0.13, 0.15),
+    "knee": (0.03, 0.14, 0.45),
+    "root": (0.0, 0.0, 0.95),
+    "nose": (1.2, 0.0, 1.05),
+    "ear": (0.95, 0.1, 1.15),
+    "tail": (-0.7, 0.0, 0.9),
+}
+
+
+def animal(seed, marker_set, *, seconds=4.0, rate_hz=100.0):
+    """Return a made-up animal on four legs that trots on a treadmill, as a `Person`."""
+    rng = np.random.default_rng(np.random.SeedSequence([4, *np.atleast_1d(seed)]))
+    time = np.arange(round(seconds * rate_hz)) / rate_hz
+    height_m = float(np.exp(rng.uniform(np.log(0.05), np.log(1.6))))
+    phase = 2 * np.pi * time / (0.6 * height_m**0.5) + rng.uniform(0, 2 * np.pi)
+    names, columns, feet, landmarks = [], [], [], []
+    for entry in ANIMAL_SETS[marker_set].split("|"):
+        landmark, form = entry.split(" ", 1)
+        for end, at in (("front", 0.6), ("hind", -0.6)):
+            for side, sign in (("l", 1.0), ("r", -1.0)):
+                words = {"f": end, "F": end.title(), "l": end[0].upper()}
+                name = form.format(S=side.upper(), **words, **_SIDE_WORDS[side])
+                if name in names:
+                    continue
+                forward, outward, up = _ANIMAL[landmark]
+                if landmark in ("paw", "fetlock", "knee", "root"):
+                    forward += at
+                swing = np.sin(phase + np.pi * ((side == "l") == (end == "front")))
+                place = np.zeros((len(time), 3))
+                place += [forward, sign * outward, up]
+                if landmark in ("paw", "fetlock", "knee"):
+                    share = {"paw": 1.0, "fetlock": 0.8, "knee": 0.4}[landmark]
+                    place[:, 0] += 0.25 * share * np.roll(swing, len(time) // 40)
+                    place[:, 2] += 0.12 * share * np.clip(swing, 0, 1) ** 2
+                else:
+                    place[:, 2] += 0.02 * np.sin(2 * phase)
+                names.append(name)
+                columns.append(place + rng.normal(0, 0.01, 3) * [1, 1, 0.3])
+                landmarks.append(landmark)
+                if landmark == "paw":
+                    feet.append(name)
+    positions = height_m * np.stack(columns, axis=1)
+    positions = _turned_about_z(positions, rng.uniform(0, 2 * np.pi))
+    positions += height_m * rng.normal(0, 5e-4, positions.shape)
+    return Person(tuple(names), positions, rate_hz, frozenset(feet), tuple(landmarks))

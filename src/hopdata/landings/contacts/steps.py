@@ -12,6 +12,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.landings.contacts import descents
+from hopdata.landings.contacts.noise import height_noise
 
 #: Share of a foot's descent, from its end, at which the foot is still surely in the
 #: air: a descent of the body shows the landing if it has begun by then.
@@ -21,6 +22,15 @@ HALF_WAY = 0.5
 #: Share of a foot's descent, from its end, below which the foot is nearly down.
 #: Unit: 1. Origin: chosen.
 NEARLY_DOWN = 0.15
+
+#: Share of a foot's usual descent that a foot must exceed by twice to have been up.
+#: Unit: 1. Origin: chosen.
+LOW_SHARE = 0.05
+
+#: Least fall of a foot or a body, in standard deviations of its height: the noise of a
+#: thousand frames spans 6 to 7 of them.
+#: Unit: standard deviations. Origin: chosen.
+LEAST_FALL_SIGMAS = 15.0
 
 #: Time after a foot is nearly down until which its contact is sought, of an animal of
 #: 1 m: a heel then stands, and a toe has followed.
@@ -65,7 +75,9 @@ class Steps:
         )
 
 
-def find_steps(time: FloatArray, heights: FloatArray) -> tuple[Steps, float]:
+def find_steps(
+    time: FloatArray, heights: FloatArray, *, noise_m: float
+) -> tuple[Steps, float]:
     """Find the descents of each foot, and how far a foot usually falls in them.
 
     Parameters
@@ -74,6 +86,8 @@ def find_steps(time: FloatArray, heights: FloatArray) -> tuple[Steps, float]:
         Time of each frame, s.
     heights : (N, n) array
         Heights of the feet, m; NaN where unseen.
+    noise_m : float
+        Standard deviation of a height, m.
 
     Returns
     -------
@@ -86,6 +100,8 @@ def find_steps(time: FloatArray, heights: FloatArray) -> tuple[Steps, float]:
     for foot, height in enumerate(heights.T):
         for apex, nadir in descents.descents(height, time, longest=descents.HIDDEN_S):
             fall_m = height[apex] - height[nadir]
+            if not fall_m > LEAST_FALL_SIGMAS * noise_m:
+                continue
             above_m = height[apex : nadir + 1] - height[nadir]
             # Frames that do not show the foot are no higher than any.
             is_high = above_m > HALF_WAY * fall_m
@@ -103,6 +119,19 @@ def find_steps(time: FloatArray, heights: FloatArray) -> tuple[Steps, float]:
         foot_of[order].astype(np.int64), at_apex[order], at_half[order], at_down[order]
     )
     return steps, float(np.median(falls_m))
+
+
+def clear_falls(
+    body: FloatArray, falls: list[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """Return the descents of a body that its noise does not make.
+
+    `body` (N,) is its height, m, and `falls` are frames of apex and nadir.
+    """
+    least_m = LEAST_FALL_SIGMAS * height_noise(body[:, None])
+    return [
+        (apex, nadir) for apex, nadir in falls if body[apex] - body[nadir] > least_m
+    ]
 
 
 def unseen_in(steps: Steps, spans: FloatArray) -> Steps:
@@ -176,10 +205,10 @@ def found_twice(
         rows = np.flatnonzero(np.isfinite(instant[:, foot]))
         rows = rows[np.argsort(instant[rows, foot], kind="stable")]
         kept = -1
-        for row in rows:
+        for row in rows.tolist():
             is_same = False
             if kept >= 0:
-                pair = instant[[kept, row], foot]
+                pair = instant[np.array([kept, row]), foot]
                 descent = np.searchsorted(apexes, pair, side="right")
                 is_same = descent[0] == descent[1] and pair[1] - pair[0] < SAME_S
             if not is_same:

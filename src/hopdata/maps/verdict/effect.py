@@ -350,9 +350,10 @@ def at_the_contact(
     """Return the size at the simultaneous contact.
 
     It is that over the landings unless the kinks are found to saturate. Then the
-    estimate is that for the slowest time constant in doubt, and the upper ends are the
-    largest of all of them. `low` remains: kinks that saturate are
-    smaller over the landings than at the contact.
+    estimate is that for the slowest time constant in doubt. The upper ends are the
+    largest for all time constants, since kinks that saturate in a way of their own are
+    fitted best by a wrong one. `low` remains: kinks that saturate are smaller over the
+    landings than at the contact.
 
     Parameters
     ----------
@@ -368,19 +369,19 @@ def at_the_contact(
     in_a_row = 1
     if model.err_alike(fit.scores):
         in_a_row = IN_A_ROW
-    p_value, in_doubt = saturation(
-        fit.at_contact(landings), flips=flips, in_a_row=in_a_row, rng=generator
-    )
+    fits = fit.at_contact(landings)
+    p_value, likely = saturation(fits, flips=flips, in_a_row=in_a_row, rng=generator)
     if not p_value < LEVEL:
         return AtContact(over_landings, saturates=False, p_value=p_value)
-    sizes = [size(fit.with_slopes(of_constant)) for of_constant in in_doubt]
-    if sizes[0].estimate <= max(fit.allowed, over_landings.estimate):
+    estimate = size(fit.with_slopes(likely)).estimate
+    if estimate <= max(fit.allowed, over_landings.estimate):
         # Smooth terms may leave as much, or the kinks grow with the delay instead.
         return AtContact(over_landings, saturates=False, p_value=p_value)
+    sizes = [size(fit.with_slopes(of_constant)) for of_constant in fits]
     every = [over_landings, *sizes]
     found = replace(
         over_landings,
-        estimate=sizes[0].estimate,
+        estimate=estimate,
         high=max(one.high for one in every),
         upper_bound=max(one.upper_bound for one in every),
     )

@@ -70,7 +70,7 @@ class PairEffect:
     ----------
     of
         ``"map"``: relative difference of the Jacobians; ``"jump"``: jump of the outcome
-        as a share of its variation.
+        as a share of what the mean map makes of the inputs.
     first, second
         The orders, as ``"1>2>3"``; for pairs of feet ``"1>2"`` and ``"2>1"``.
     estimate, low, high

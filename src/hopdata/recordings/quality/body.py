@@ -60,6 +60,9 @@ def guess_body(inspection: Inspection, taken: set[int], feet: list[int]) -> Body
         is_body = part_by_name(name) == "body" and names.role(m) == "body"
         if (is_body or names.parts[m] == "pelvis") and m not in taken:
             named.append(m)
+    pelvis = [m for m in named if names.parts[m] == "pelvis"]
+    if names.is_human and len(pelvis) >= LEAST_BODY:  # thighs and backs bend
+        named = pelvis
     clusters = _free_clusters(inspection, taken)
     body = _named_in_a_cluster(inspection, feet, clusters, named)
     if body is None:

@@ -42,7 +42,7 @@ NAMES_MISLEAD = 0.005
 
 #: The same if the names tell of a trunk or of legs only, which may lean.
 #: Unit: 1. Origin: chosen.
-TRUNK_MISLEADS = 0.05
+TRUNK_MISLEADS = 0.15
 
 #: The same by the roles that the user gave.
 #: Unit: 1. Origin: chosen.
@@ -71,7 +71,15 @@ FEET_MISLEAD = 0.01
 
 #: Share of the files that state another direction than the true one.
 #: Unit: 1. Origin: chosen. Programs write the axes of a screen, often unasked.
-STATED_MISLEADS = 0.1
+STATED_MISLEADS = 0.2
+
+#: Share of the files whose force plates are not level in the markers' axes.
+#: Unit: 1. Origin: chosen. Programs turn markers and forget the plates.
+PLATES_MISLEAD = 0.1
+
+#: Least component of a level plate's normal along an axis.
+#: Unit: 1. Origin: chosen. Ramps are less steep.
+LEVEL = 0.95
 
 #: Share of the recordings in which left and right are not beside one another.
 #: Unit: 1. Origin: chosen.
@@ -194,9 +202,9 @@ class Evidence:
         """The direction that it speaks for."""
         return max(DIRECTIONS, key=lambda up: self.log_likelihood[up])
 
-    def against(self, up: str) -> float:
-        """Return by how much it prefers its own direction to this one, nepers."""
-        return self.log_likelihood[self.best] - self.log_likelihood[up]
+    def margin(self, one: str, other: str) -> float:
+        """Return how much likelier it finds one direction than another, nepers."""
+        return self.log_likelihood[one] - self.log_likelihood[other]
 
 
 def _evidence(
@@ -236,6 +244,39 @@ def by_statement(stated_up: str) -> Evidence | None:
         return None
     why = Message("recordings.up_as_stated")
     return _evidence("statement", {stated_up: 1.0}, STATED_MISLEADS, why)
+
+
+def by_plates(corners: FloatArray | None, positions: FloatArray) -> Evidence | None:
+    """Return the direction in which force plates lie level, below the markers.
+
+    Parameters
+    ----------
+    corners : (P, 4, 3) array or None
+        Corners of the plates that the file states, along its axes.
+    positions : (N, M, 3) array
+        In the same unit.
+    """
+    if corners is None or not len(corners):
+        return None
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    areas = np.linalg.norm(normals, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        tilts = np.nan_to_num(np.abs(normals / areas))
+    axes = np.argmax(tilts, axis=1)
+    are_level = bool((tilts.max(axis=1) > LEVEL).all())
+    if len(set(axes.tolist())) > 1 or not are_level:
+        return None
+    stride = max(1, len(positions) // MOST_POSTURES)
+    centre = corners.reshape(-1, 3).mean(axis=0)
+    heights = along(positions[::stride] - centre, "xyz"[axes[0]])
+    heights = heights[np.isfinite(heights)]
+    if not len(heights):
+        return None
+    axis = "xyz"[axes[0]]
+    above = float(np.mean(heights > 0))
+    weights = {axis: above, f"-{axis}": 1 - above}
+    why = Message("recordings.up_by_plates")
+    return _evidence("plates", weights, PLATES_MISLEAD, why)
 
 
 def by_rests(
@@ -278,7 +319,7 @@ def _stands_at_upper_end(positions: FloatArray, up: str) -> bool:
     top = np.nanmax(high)
     at_upper_end = middle > top - UPPER_END * (top - bottom)
     stays = ranges < HARDLY * np.nanmax(ranges)
-    return np.count_nonzero(at_upper_end & stays) > 1
+    return bool(np.count_nonzero(at_upper_end & stays) > 1)
 
 
 @dataclass(frozen=True)
@@ -336,27 +377,29 @@ def posture_of(
     if len(feet):
         heights[list(feet)] = named.heights["foot"]
     known = np.flatnonzero(np.isfinite(heights))
-    if len(known) < LEAST_NAMED or np.ptp(heights[known]) < LEAST_RANGE:
+    least = 2 if len(body) and len(feet) else LEAST_NAMED
+    if len(known) < least or np.ptp(heights[known]) < LEAST_RANGE:
         return None
     stride = max(1, len(positions) // MOST_POSTURES)
     places = positions[::stride, known]
-    seen = np.isfinite(places).all(axis=2)
-    return _posture(places, seen, heights[known])
+    seen = np.asarray(np.isfinite(places).all(axis=2))
+    return _posture(places, seen, heights[known], least)
 
 
 def _posture(
-    places: FloatArray, seen: FloatArray, heights: FloatArray
+    places: FloatArray, seen: BoolArray, heights: FloatArray, least: int
 ) -> Posture | None:
-    """Fit heights (K,) to places (N, K, 3) where these are seen (N, K)."""
-    enough = seen.sum(axis=1) >= LEAST_NAMED
+    """Fit heights (K,) to places (N, K, 3) where `least` are seen (N, K)."""
+    enough = seen.sum(axis=1) >= least
     places = np.where(seen[..., None], places, 0.0)[enough]
-    seen = seen[enough].astype(float)
-    if not len(seen):
+    weights = seen[enough].astype(np.float64)
+    if not len(weights):
         return None
-    count = seen.sum(axis=1)
+    count = weights.sum(axis=1)
     centre = places.sum(axis=1) / count[:, None]
-    apart = (places - centre[:, None]) * seen[..., None]
-    above = (heights - (seen * heights).sum(axis=1)[:, None] / count[:, None]) * seen
+    apart = (places - centre[:, None]) * weights[..., None]
+    mean_height = (weights * heights).sum(axis=1) / count
+    above = (heights - mean_height[:, None]) * weights
     of_heights = (above**2).sum(axis=1)
     in_common = np.einsum("nk,nki->ni", above, apart)
     of_places = (apart**2).sum(axis=1)
@@ -405,17 +448,26 @@ def by_posture(
     weights = {
         up: float(np.exp(concentration * along(along_stature, up))) for up in DIRECTIONS
     }
+    why = _why_upright(beside, above, given=given)
     if given:
-        code = "recordings.up_by_body"
         misleads = ROLES_MISLEAD
+    elif posture.is_whole:
+        misleads = NAMES_MISLEAD
     else:
-        code = "recordings.up_by_names"
-        misleads = NAMES_MISLEAD if posture.is_whole else TRUNK_MISLEADS
-    values: dict[str, object] = {}
-    if beside > 0:
-        code += "_far"
-        values = {"times": above / beside}
-    return _evidence("posture", weights, misleads, Message(code, values))
+        misleads = TRUNK_MISLEADS
+    return _evidence("posture", weights, misleads, why)
+
+
+def _why_upright(beside: float, above: float, *, given: bool) -> Message:
+    """Report that parts lie above one another, and how much more than beside them."""
+    if not beside > 0:
+        if given:
+            return Message("recordings.up_by_body")
+        return Message("recordings.up_by_names")
+    values = {"times": above / beside}
+    if given:
+        return Message("recordings.up_by_body_far", values)
+    return Message("recordings.up_by_names_far", values)
 
 
 def by_sides(positions: FloatArray, named: NamedParts) -> Evidence | None:

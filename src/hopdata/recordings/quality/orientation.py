@@ -312,9 +312,9 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
 
 
 def _units_by_stature(raw: RawRecording) -> dict[str, float]:
-    """Return the units in which a person by the markers' names is as tall as people are.
+    """Return the units in which a person is as tall as people are, and how tall, m.
 
-    With the stature in each, m; empty if the names do not tell of a whole person.
+    By the markers' names; empty if these do not tell of a whole person.
     """
     named = named_parts(tuple(raw.markers))
     posture = evidence.posture_of(raw.positions, named)
@@ -379,6 +379,7 @@ def up_evidence(
         evidence.by_habit(raw.suffix),
         evidence.by_fall(fall),
         evidence.by_statement(raw.stated_up),
+        evidence.by_plates(raw.plate_corners, raw.positions),
         evidence.by_posture(posture, named, given=are_given),
         evidence.by_rests(raw.positions, given["feet"], over),
         evidence.by_stance(raw.positions, raw.rate_hz),
@@ -412,32 +413,42 @@ def _up(pieces: Sequence[Evidence]) -> Guess:
     """
     chances = evidence.log_odds(pieces)
     up, other = sorted(chances, key=lambda one: -chances[one])[:2]
-    for_it = [piece for piece in pieces if piece.best == up]
-    for_it.sort(key=lambda piece: -piece.against(other))
-    reasons = [piece.why for piece in for_it if piece.kind != evidence.HABIT]
     told = [piece for piece in pieces if piece.kind != evidence.HABIT]
-    against = max(told, key=lambda piece: piece.against(up), default=None)
-    all_fall = any(
-        piece.kind == evidence.FALL and piece.against(other) > -np.log(FALL_DECIDES)
-        for piece in for_it
-    )
-    is_contradicted = (
-        against is not None and against.against(up) >= STRONG and not all_fall
-    )
-    if is_contradicted and against is not None:
-        other = against.best
-    is_sure = chances[up] - chances[other] >= SURE and not is_contradicted
     found = tuple(piece.why for piece in told)
-    if is_sure:
-        return Guess(up, also(*reasons), evidence=found)
-    if is_contradicted and against is not None:
+    for_it = [piece for piece in told if piece.best == up]
+    contrary = _strongest_against(up, told)
+    if contrary is not None:
+        other = contrary.best
+    for_it.sort(key=lambda piece: -piece.margin(up, other))
+    reasons = [piece.why for piece in for_it]
+    if contrary is not None:
         mine = also(*reasons) if reasons else Message("recordings.up_by_habit")
-        values = {"reason": mine, "other": other, "against": against.why}
+        values = {"reason": mine, "other": other, "against": contrary.why}
         why = Message("recordings.up_but", values)
-        return Guess(up, why, is_sure=False, other=other, evidence=found)
-    if reasons:
+    elif reasons and chances[up] - chances[other] >= SURE:
+        return Guess(up, also(*reasons), evidence=found)
+    elif reasons:
         values = {"reason": also(*reasons), "other": other}
         why = Message("recordings.up_rather", values)
-        return Guess(up, why, is_sure=False, other=other, evidence=found)
-    usual = Message("recordings.up_usual", {"other": other})
-    return Guess(up, usual, is_sure=False, other=other, evidence=found)
+        for_other = [piece.why for piece in pieces if piece.best == other]
+        if for_other:
+            values["against"] = also(*for_other)
+            why = Message("recordings.up_or", values)
+    else:
+        why = Message("recordings.up_usual", {"other": other})
+    return Guess(up, why, is_sure=False, other=other, evidence=found)
+
+
+def _strongest_against(up: str, told: Sequence[Evidence]) -> Evidence | None:
+    """Return the evidence that speaks strongly for another direction, if any does.
+
+    It is overruled by a fall of most markers, and by two strong pieces of evidence.
+    """
+    contrary = max(told, key=lambda piece: piece.margin(piece.best, up), default=None)
+    if contrary is None or contrary.margin(contrary.best, up) < STRONG:
+        return None
+    margins = [piece.margin(up, contrary.best) for piece in told]
+    is_overruled = sum(margin >= STRONG for margin in margins) > 1
+    if is_overruled or max(margins) > -np.log(FALL_DECIDES):
+        return None
+    return contrary

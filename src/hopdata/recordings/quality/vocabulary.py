@@ -85,6 +85,20 @@ _BONES_OF_PEOPLE = {
 # Words that are on feet where there are no hands.
 _OF_HANDS = frozenset({"finger", "digit", "tip"})
 
+# Vertebrae, whose names are no words.
+_VERTEBRAE = {
+    **dict.fromkeys(("c7", "cv7"), "neck"),
+    **dict.fromkeys(("t8", "t10", "t12"), "trunk"),
+}
+
+# How the four limbs of an animal are called.
+_LIMBS = frozenset({"lf", "rf", "lh", "rh", "fl", "fr", "hl", "hr"})
+
+# Ends of an animal, before which `L` and `R` are sides.
+_ENDS = frozenset({"front", "fore", "hind", "back"})
+
+_WORD_AND_NUMBER = r"[a-zà-ÿß]+[0-9]*|[0-9]+"
+
 # Words that would be others but for their first letter.
 _WITHOUT_SIDE = frozenset({"rear"})
 
@@ -167,7 +181,7 @@ def _tables() -> tuple[dict[str, str], frozenset[str], dict[str, dict[str, str]]
     """Return the parts of words, the words of animals, and the vocabularies' codes."""
     place = resources.files("hopdata.recordings.quality").joinpath("vocabularies.toml")
     read = tomllib.loads(place.read_text(encoding="utf-8"))
-    words = {}
+    words: dict[str, str] = {}
     for part, listed in read["words"].items():
         for word in listed.split():
             words.setdefault(word, part)
@@ -205,12 +219,25 @@ def named_parts(markers: tuple[str, ...]) -> NamedParts:
     words = {word for name in own for word in _words(name)}
     # Joints are called alike in people and animals.
     of_joints = all(vocabulary == "keypoints" for vocabulary, _ in known_by)
-    is_animal = bool(words & animal_words) and of_joints
+    is_animal = bool(words & (animal_words | _LIMBS)) and of_joints
     of_people = {part for part in parts if part in _OF_PEOPLE}
-    of_bones = bool(words & _BONES_OF_PEOPLE) and bool({"knee", "shank"} & {*parts})
-    is_human = not is_animal and (bool(known_by) or len(of_people) >= 3 or of_bones)
+    has_legs = bool({"knee", "shank"} & {*parts})
+    of_bones = bool(words & _BONES_OF_PEOPLE) and has_legs
+    is_whole = len(of_people) >= 3 or (len(of_people) == 2 and has_legs)
+    is_human = not is_animal and (bool(known_by) or is_whole or of_bones)
     for m, name in enumerate(own):
         parts[m] = _alone(parts[m], name, is_human=is_human, is_animal=is_animal)
+    if is_human:
+        parts = [
+            part or _VERTEBRAE.get(stem, "")
+            for part, stem in zip(parts, stems, strict=True)
+        ]
+    # `LFOO` is on a foot, unless it is the origin of axes among `LFOA` and others.
+    if "foa" in stems:
+        parts = [
+            "virtual" if stem == "foo" else part
+            for part, stem in zip(parts, stems, strict=True)
+        ]
     vocabulary = known_by[0][0] if known_by else ""
     return NamedParts(
         tuple(parts), tuple(sides), tuple(stems), vocabulary, is_human, is_animal
@@ -225,8 +252,7 @@ def _own_name(name: str) -> str:
 
 def _words(name: str) -> list[str]:
     """Return the words of a name in lower case: `RightToeBase` has three."""
-    spaced = re.sub(r"([a-zß-ÿ])([A-Z])", r"\1 \2", name)
-    return re.findall(r"[a-zà-ÿß]+", spaced.lower())
+    return re.findall(r"[a-zà-ÿß]+", _spaced(name).lower())
 
 
 def _stems(name: str) -> dict[str, str]:
@@ -284,10 +310,28 @@ def _part(
                 break
     for part in ("heel", "toe", "foot", "virtual", *HEIGHTS, "hand", "arm", "boom"):
         if part in found:
-            _, place = place_by_name(name)
+            _, place = place_by_name(_without_sides(name))
             return part, place
     shortest = min(stems, key=len, default=name)
     return "", shortest
+
+
+def _without_sides(name: str) -> str:
+    """Return a name without its side, in any language: `talon_droit`, `LFrontHoof`."""
+    kept = []
+    for word in re.findall(_WORD_AND_NUMBER, _spaced(name).lower()):
+        letters = word.rstrip("0123456789")
+        if letters in _SIDES:
+            continue
+        if letters[:1] in ("l", "r") and letters[1:] in _ENDS:
+            word = word[1:]
+        kept.append(word)
+    return " ".join(kept)
+
+
+def _spaced(name: str) -> str:
+    """Return a name with a space before each capital letter that begins a word."""
+    return re.sub(r"([a-zß-ÿ])([A-Z])", r"\1 \2", name)
 
 
 def _plainer(word: str) -> list[str]:
@@ -317,7 +361,8 @@ def _side(name: str, stem: str, stems: Mapping[str, str]) -> str:
         for side in ("l", "r", *_LONG_SIDES):
             rest = word.removeprefix(side)
             is_marked = word.startswith(side) and rest
-            if is_marked and _LATERAL.sub("", rest) in words_of_parts:
+            is_known = _LATERAL.sub("", rest) in words_of_parts or rest in _ENDS
+            if is_marked and is_known:
                 return _SIDES[side]
     return ""
 

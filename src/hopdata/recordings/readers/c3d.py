@@ -80,6 +80,7 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
         remarks=parameters.remarks + miscounted + of_points + unread,
         events=events or header.events,
         stated_up=_stated_up(parameters),
+        plate_corners=_plate_corners(parameters),
     )
 
 
@@ -216,6 +217,16 @@ def _stated_up(parameters: Parameters) -> str:
     if axes and axes[0].upper() in ("+X", "+Y", "+Z"):
         return axes[0][1].lower()
     return ""
+
+
+def _plate_corners(parameters: Parameters) -> FloatArray:
+    """Return the corners of the force plates as stored, (P, 4, 3)."""
+    try:
+        numbers = parameters.numbers("FORCE_PLATFORM", "CORNERS")
+    except RecordingError:  # text; whoever wants the forces is told
+        numbers = []
+    n_whole = len(numbers) - len(numbers) % 12
+    return np.array(numbers[:n_whole]).reshape(-1, 4, 3)
 
 
 def _numbers(

@@ -79,8 +79,7 @@ class _Record:
     def written(self, processor: Processor) -> bytes:
         """Return the record with the distance to the next one."""
         distance = (2 + len(self.content)) % (MOST_16_BIT + 1)
-        order = "little" if processor.order == "<" else "big"
-        return self.head + distance.to_bytes(2, order) + self.content
+        return self.head + _words([distance], processor) + self.content
 
 
 @dataclass(frozen=True)
@@ -423,7 +422,7 @@ def _texts_of(content: bytes) -> list[bytes]:
 
 def _continued(old: dict[bytes, bytes], name: bytes) -> list[bytes]:
     """Return the contents of a parameter and of those that continue it."""
-    contents = []
+    contents: list[bytes] = []
     number = 1
     while True:
         key = name if number == 1 else name + str(number).encode()
