@@ -45,6 +45,13 @@ def test_a_sheet_named_for_positions_goes_before_others(tmp_path):
     np.testing.assert_allclose(found.positions, places(), atol=1e-9)
 
 
+def test_a_sheet_of_angles_is_not_taken_for_positions(tmp_path):
+    rows = table_of(places(), NAMES)
+    path = written(tmp_path, {"Joint Angles": rows, "Segment Velocity": rows})
+    with pytest.raises(RecordingError, match="expected a sheet with numbers"):
+        read_raw(path)
+
+
 def test_what_is_not_tidy_is_told_by_sheet_and_line_with_what_to_do(tmp_path):
     rows = table_of(places(), NAMES)
     rows[6][4] = "high"
