@@ -7,6 +7,7 @@ move against one another. Contacts and states of both are found in the same way.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +24,8 @@ from hopdata.landings.touchdowns import touchdown_table
 from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.recordings.quality.restoring import filter_of, recorded, unfiltered
+from hopdata.recordings.quality.rigid import frame_noise
+from hopdata.recordings.quality.softness import softness_remark
 from hopdata.rigid import body_shape, rigid_fit
 
 #: Time between two descents up to which they are the same landing, of an animal of 1 m.
@@ -46,8 +49,8 @@ LEAST_WOBBLE = 1.0
 #: Unit: frames. Origin: chosen.
 MOST_FRAMES = 30_000
 
-#: Time after the first contact in which the wobble that is seen is added once more, of
-#: an animal of 1 m.
+#: Time after the first contact in which markers move as after an impact, and else as in
+#: flight, of an animal of 1 m.
 #: Unit: s. Origin: chosen.
 WOBBLES_FOR_S = 0.25
 
@@ -115,7 +118,7 @@ def effects(recording: Recording) -> list[Message]:
         if frames is not None:
             values = {"from_hz": frames.rate_hz, "rate_hz": recording.rate_hz}
             messages += _difference("resampling", recording, frames, values)
-    messages += _wobble(recording)
+    messages += _wobble(recording, is_processed=bool(messages))
     return messages
 
 
@@ -241,38 +244,56 @@ def _rms(values: FloatArray) -> float:
 # Soft tissue.
 
 
-def _wobble(recording: Recording) -> list[Message]:
-    """Report what the markers of a body move against one another after an impact."""
+def _wobble(recording: Recording, *, is_processed: bool) -> list[Message]:
+    """Report what the markers of a body move against one another after an impact.
+
+    Told of bodies that are soft, and of those whose markers wobble after impacts only.
+    """
+    names = recording.names("body")
+    is_soft = bool(softness_remark(recording.body, names))
     try:
         rigid, residual_m = as_rigid(recording)
-        if not _is_uneven(residual_m, n_markers=len(recording.names("body"))):
+        if not is_soft and not _is_uneven(residual_m, n_markers=len(names)):
             return []
         given = find(recording)
     except AnalysisError:
         return []
-    first_s = np.nanmin(
-        np.where(np.isfinite(given.instants), given.instants, np.inf),
-        axis=1,
-        initial=np.inf,
-    )
-    first_s = first_s[np.isfinite(first_s)]
+    first_s = _first_contacts(given)
     if len(first_s) < LEAST_LANDINGS:
         return []
-    time = recording.time
     pace = recording.pace
-    in_flight = _within(time, first_s - FLIGHT_S * pace, first_s)
-    after = _within(time, first_s, first_s + WOBBLE_S * pace)
+    in_flight = _within(recording.time, first_s - FLIGHT_S * pace, first_s)
+    after = _within(recording.time, first_s, first_s + WOBBLE_S * pace)
     flight_m = _rms(residual_m[in_flight])
     after_m = _rms(residual_m[after])
-    wobble_m = np.sqrt(max(0.0, after_m**2 - flight_m**2))
-    if not wobble_m > LEAST_WOBBLE * flight_m:
+    noise_m = flight_m
+    if not is_processed:
+        # Processing leaves less noise from frame to frame than there is.
+        noise_m = min(flight_m, float(np.nanmedian(frame_noise(recording.body))))
+    wobbles = _beyond(after_m, flight_m) > LEAST_WOBBLE * flight_m
+    if not (is_soft or wobbles) or not after_m > noise_m:
         return []
-    values = {"wobble_mm": 1e3 * float(wobble_m), "flight_mm": 1e3 * flight_m}
-    share = float(wobble_m / after_m)
-    found = _states_of_wobble(recording, rigid, given, first_s, share)
-    if not found:
+    values = {"wobble_mm": 1e3 * _beyond(after_m, noise_m), "flight_mm": 1e3 * flight_m}
+    shares = {
+        "flight": _beyond(flight_m, noise_m) / flight_m,
+        "after": _beyond(after_m, noise_m) / after_m,
+    }
+    moved = _states_of_wobble(recording, rigid, given, shares)
+    if not moved:
         return [Message("landings.wobble", values)]
-    return [Message("landings.wobble_moves", {**values, **found})]
+    return [Message("landings.wobble_moves", {**values, **moved})]
+
+
+def _first_contacts(found: Found) -> FloatArray:
+    """Return the first contact of each landing that has one, s."""
+    known = np.isfinite(found.instants)
+    first_s = np.where(known, found.instants, np.inf).min(axis=1, initial=np.inf)
+    return np.asarray(first_s[np.isfinite(first_s)])
+
+
+def _beyond(whole_m: float, part_m: float) -> float:
+    """Return what is left of an rms value without an independent part of it."""
+    return float(np.sqrt(max(0.0, whole_m**2 - part_m**2)))
 
 
 def _is_uneven(residual_m: FloatArray, *, n_markers: int) -> bool:
@@ -315,17 +336,14 @@ def _within(time: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> Any:
 
 
 def _states_of_wobble(
-    recording: Recording,
-    rigid: Recording,
-    given: Found,
-    first_s: FloatArray,
-    share: float,
+    recording: Recording, rigid: Recording, given: Found, shares: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return what wobble adds to the states at the post section, mm.
+    """Return what wobble adds to the body's states at both sections, mm.
 
-    The wobble that is seen is added once more, each marker's turned at random, and
+    The motion that is seen is added once more, each marker's turned at random, and
     enlarged by what is not seen: a rigid motion follows as many as six of the
-    coordinates.
+    coordinates. Velocities are not told: they depend on the window of the fit, which a
+    wobble also changes.
 
     Parameters
     ----------
@@ -333,34 +351,29 @@ def _states_of_wobble(
         As given, and with a rigid body.
     given : Found
         What was found in the former.
-    first_s : (L,) array
-        First contact of each landing, s.
-    share : float
-        Share of the residual's amplitude that is wobble, and not noise.
+    shares : mapping
+        Share of the residual's amplitude that is no noise: ``after`` contacts, and in
+        ``flight``.
     """
-    if given.pairs is None or given.sections is None:
-        return {}
     from scipy.spatial.transform import Rotation
 
+    if given.pairs is None or given.sections is None:
+        return {}
     columns = [recording.markers.index(name) for name in recording.names("body")]
     n_coordinates = 3 * len(columns)
-    larger = share * np.sqrt(n_coordinates / (n_coordinates - 6))
-    residual = larger * (recording.positions - rigid.positions)[:, columns]
+    unseen = np.sqrt(n_coordinates / (n_coordinates - 6))
+    first_s = _first_contacts(given)
+    after = _within(recording.time, first_s, first_s + WOBBLES_FOR_S * recording.pace)
+    share = unseen * np.where(after, shares["after"], shares["flight"])
+    residual = (recording.positions - rigid.positions)[:, columns]
     generator = np.random.default_rng(np.random.SeedSequence(WOBBLE_SEED))
+    turns = Rotation.random(len(columns), random_state=generator).as_matrix()
+    added = share[:, None, None] * np.einsum("bij,nbj->nbi", turns, residual)
     positions = recording.positions.copy()
-    for begin_s in first_s:
-        inside = _within(
-            recording.time, [begin_s], [begin_s + WOBBLES_FOR_S * recording.pace]
-        )
-        turns = Rotation.random(len(columns), random_state=generator).as_matrix()
-        turned = np.einsum("bij,nbj->nbi", turns, residual[inside])
-        positions[np.ix_(inside, columns)] += turned
+    positions[:, columns] += added
     try:
         again = find(replace(recording, positions=positions), given.sections)
     except AnalysisError:
         return {}
     moved = moved_states(again, given, pace=recording.pace)
-    if not moved:
-        return {}
-    # The velocity depends on the window, which a wobble also changes.
-    return {"post_mm": moved["post_mm"]}
+    return {key: value for key, value in moved.items() if key.endswith("_mm")}
