@@ -112,10 +112,11 @@ def test_resampling_is_undone_and_told_in_ms_and_mm(seed, kind):
     true = true_effect(given, original)
     assert message.code == "landings.resampling_moves"
     assert stated["from_hz"] == pytest.approx(100.0)
-    assert stated["common_ms"] < -1.0  # contacts come early
+    if kind == "linear":
+        assert stated["common_ms"] < -1.0  # contacts come early
     for key in ("spread_ms", "pre_mm", "post_mm", "post_m_s"):
         assert within_factor(stated[key], true[key])
-    assert stated["common_ms"] == pytest.approx(true["common_ms"], rel=0.1)
+    assert stated["common_ms"] == pytest.approx(true["common_ms"], rel=0.1, abs=0.1)
 
 
 @pytest.mark.parametrize("seed", SEEDS[1:])
