@@ -36,13 +36,13 @@ help:
 	@echo "make release    build wheel and sdist reproducibly, test them in a fresh environment, write digests and release notes"
 	@echo "make clean      remove .venv, the results of every study, and caches"
 
-# The bundled study is followed by its control, and both are shown on one page.
+# The bundled study is run beside its control, and both are shown on one page.
 figures: $(VENV)/.run
-	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 ifeq ($(CONFIG),config/config.yaml)
-	$(BIN)/snakemake --cores $(CORES) --configfile config/sample_control.yaml
-	$(BIN)/snakemake --cores $(CORES) first_look
+	$(BIN)/snakemake --cores $(CORES) --snakefile workflow/first_look.smk --workflow-profile profiles/default
 	@echo "open results/both_sides/first_look.html, then results/sample/report.html"
+else
+	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 endif
 
 # Parts that cannot be made are named at the end, and made again by the next run.
@@ -118,7 +118,8 @@ $(VENV)/pyvenv.cfg:
 
 # One recipe for all environments; $(1) is the lock file. The locks agree on versions, so the environments share
 # a folder. Build requirements are installed first, from a lock of their own, because an isolated build would
-# fetch packages that no lock pins. Bytecode is not compiled at installation: a study imports few of the some
+# fetch packages that no lock pins. A recent pip is among them: the one that Python brings may take twice as long
+# to look through the index. Bytecode is not compiled at installation: a study imports few of the some
 # 9,000 modules, and Python compiles those when they are imported.
 define install
 	@if command -v uv >/dev/null 2>&1; then \
@@ -168,8 +169,8 @@ lock:
 	$(LOCK) pyproject.toml --extra dissertation -c requirements-bench.lock -o requirements-dissertation.lock
 	printf 'furo>=2024.8\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
 	  $(LOCK) - -c requirements-dev.lock -o requirements-docs.lock
-# Builds hopdata, and Snakemake's dependency connection-pool, which is published only as source.
-	printf 'hatchling>=1.27,<2\nsetuptools\n' | $(LOCK) - -c requirements-dev.lock -o requirements-build.lock
+# Installs quickly, and builds hopdata and Snakemake's dependency connection-pool, which is published only as source.
+	printf 'hatchling>=1.27,<2\npip>=26\nsetuptools\n' | $(LOCK) - -c requirements-dev.lock -o requirements-build.lock
 
 # Archives carry the commit's date, so that anyone can build the same bytes.
 release: export SOURCE_DATE_EPOCH = $(shell git log -1 --format=%ct)

@@ -18,6 +18,15 @@ for each guess and kind of change to the pieces:
   ... in another order. Right is a choice of markers that are all on feet, or all on one of pelvis,
   trunk and head.
 
+Made-up people who walk, run, jump, stand, sit, squat, stoop or lie, in the marker sets of
+`tests/recordings/quality/made_up_people.py`, stand for the files that most laboratories
+have; there are rows for each posture:
+
+- `people, up`: as a C3D file with z up, and as a TRC file with y up, neither of which
+  states it. Who lies is upright by all that a file knows, and may be guessed wrongly.
+- `people, feet`: right is a choice of markers on feet only.
+- `people, unit`: stated rightly.
+
 A stated rate is sure only where free fall confirms it: `right_unsure` is the price of
 this. For unsure guesses, `init` asks by the name of the key and offers two candidates;
 `asked` are questions without candidates. `wrong_sure` is the share that matters; it
@@ -49,6 +58,7 @@ from hopdata.recordings.readers.formats import read_raw
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "tests/recordings/quality")]
 from made_up_hopper import MARKERS, hopping  # noqa: E402
+from made_up_people import MARKER_SETS, POSTURES, in_file, person  # noqa: E402
 
 SEED = 20261124
 LENGTHS_S = (2.0, 5.0, 15.0, 60.0)
@@ -186,6 +196,29 @@ def _roles(piece: Piece, rng: np.random.Generator) -> Iterator[tuple[str, str]]:
         )
 
 
+def people(seed: int) -> Iterator[tuple[str, str, str, str]]:
+    """Guess about made-up people: rows of marker set, guess, posture and outcome."""
+    for s, marker_set in enumerate(MARKER_SETS):
+        for p, posture in enumerate(POSTURES):
+            made = person([seed, s, p], posture, marker_set)
+            time = np.arange(len(made.positions)) / made.rate_hz
+            raw = RawRecording(made.names, time, made.positions, made.rate_hz, "m")
+            for up, suffix in (("z", ".c3d"), ("y", ".trc")):
+                positions = in_file(made.positions, up)
+                file = replace(raw, positions=positions, suffix=suffix)
+                unit, guess = guess_unit_and_up(file)
+                found = outcome(guess.value == up, guess.is_sure)
+                yield marker_set, "people, up", posture, found
+                found = outcome(unit.value == "m", unit.is_sure)
+                yield marker_set, "people, unit", posture, found
+            roles = guess_roles(inspect_recording(raw, unit="m", up="z"))
+            found = "asked"
+            if roles.feet:
+                is_right = set(roles.feet) <= made.feet
+                found = outcome(is_right, "feet" not in roles.unsure)
+            yield marker_set, "people, feet", posture, found
+
+
 GUESSES = {"up": _up, "unit": _unit, "rate": _rate, "roles": _roles}
 
 
@@ -199,7 +232,8 @@ def main() -> None:
     parser.add_argument(
         "--seed", type=int, default=SEED, help="seed of pieces and hoppers"
     )
-    parser.add_argument("--only", choices=GUESSES, nargs="*", default=list(GUESSES))
+    kinds = [*GUESSES, "people"]
+    parser.add_argument("--only", choices=kinds, nargs="*", default=kinds)
     parser.add_argument(
         "--verbose", action="store_true", help="name wrong and sure guesses"
     )
@@ -208,12 +242,20 @@ def main() -> None:
     for number, piece in enumerate(
         pieces(options.recordings, options.seed, options.seeds)
     ):
-        for guess in options.only:
+        for guess, made in GUESSES.items():
+            if guess not in options.only:
+                continue
             rng = np.random.default_rng(np.random.SeedSequence([options.seed, number]))
-            for change, what in GUESSES[guess](piece, rng):
+            for change, what in made(piece, rng):
                 rows.append((piece.file, guess, change, what))
                 if options.verbose and what.startswith("wrong_sure"):
                     print(piece.file, f"{len(piece.raw.time)} frames:", guess, change)
+    if "people" in options.only:
+        for k in range(options.seeds):
+            for row in people(options.seed % 100_000 + k):
+                rows.append(row)
+                if options.verbose and row[-1] == "wrong_sure":
+                    print(*row)
     table = pd.DataFrame(rows, columns=["file", "guess", "change", "outcome"])
     counts = pd.crosstab([table["guess"], table["change"]], table["outcome"])
     names = ["right_sure", "right_unsure", "wrong_unsure", "asked", "wrong_sure"]

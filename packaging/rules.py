@@ -58,7 +58,7 @@ def _rule(line: Line, stage: Stage) -> str:
     wildcards = "".join(f"_{{{{{wildcard}}}}}" for wildcard in stage.per)
     job = f"{stage.name}{wildcards}"
     inputs = [*_inputs(line, stage)]
-    outputs = [f"{one.name}={_path(one)}" for one in stage.results.values()]
+    outputs = [*_outputs(stage)]
     minutes = stage.needs.minutes
     memory = stage.needs.mb_a_mb
     text = [f"rule {stage.name}:", f'    """{stage.summary}"""']
@@ -91,6 +91,14 @@ def _inputs(line: Line, stage: Stage) -> Iterator[str]:
         if "method" in free:  # the labels of the method that the study chose
             path = path.replace("{{method}}", "{METHOD}")
         yield f"{name}={path}"
+
+
+def _outputs(stage: Stage) -> Iterator[str]:
+    for result in stage.results.values():
+        path = _path(result)
+        if stage.makes_all(result):
+            path = f"each_recording({path})"
+        yield f"{result.name}={path}"
 
 
 def _path(result: Result) -> str:

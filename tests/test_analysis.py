@@ -80,7 +80,7 @@ def test_stages_are_told_in_their_order(study):
     assert study[1][:4] == [
         "import_recording monday",
         "floor_compensation monday",
-        "foot_contacts monday",
+        "foot_contacts",
         "poincare_sections",
     ]
     assert study[1].index("home_frame") < study[1].index("verdict")
@@ -381,7 +381,7 @@ def test_steps_one_by_one_compute_no_more_than_they_need(sample_path):
     assert study.recordings[0] is level
     assert abs(np.nanmin(level.feet[:, :, 2])) < 0.01
     assert told == ["import_recording hopper", "floor_compensation hopper"]
-    assert list(study.foot_contacts()) == ["hopper"]
+    assert list(study.foot_contacts().contacts) == ["hopper"]
     sections = study.poincare_sections().sections
     assert sections.pre_height_m > study.sections.post_height_m
     assert told[-1] == "poincare_sections"

@@ -51,7 +51,7 @@ MAY_USE = {
     "commands": {
         *("config", "recordings", "landings", "figures", "maps", "report"),
         # Modules beside the rooms.
-        *("analysis", "provenance", "samples", "stages", "walk"),
+        *("analysis", "contact_times", "provenance", "samples", "stages", "walk"),
     },
 }
 # Modules beside the rooms that stand above them, and what they may use besides `SHARED`.
@@ -68,6 +68,7 @@ ABOVE = {
         *("stages", "provenance"),
     },
     "analysis": {"config", "maps", "recordings", "stages", "walk"},
+    "contact_times": {"landings", "recordings"},
     "samples": {"config", "maps"},
     "group": {"config", "maps", "report", "walk"},
 }

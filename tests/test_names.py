@@ -29,8 +29,8 @@ from hopdata.figures.style import (
 )
 from hopdata.jobs import read_table, write_table
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
+from hopdata.landings.external_truth import overlay_external_truth
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.forces import overlay_external_truth
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table

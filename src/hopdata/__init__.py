@@ -22,6 +22,7 @@ _PLACES = {
     "Study": "analysis",
     "System": "hybrid",
     "analyse": "analysis",
+    "contacts": "contact_times",
     "judge": "maps.verdict",
     "plan": "analysis",
     "read": "analysis",

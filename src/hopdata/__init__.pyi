@@ -4,6 +4,7 @@ from hopdata.analysis import plan as plan
 from hopdata.analysis import read as read
 from hopdata.analysis import study as study
 from hopdata.analysis import synthesize as synthesize
+from hopdata.contact_times import contacts as contacts
 from hopdata.errors import HopdataError as HopdataError
 from hopdata.hybrid import System as System
 from hopdata.hybrid import solve as solve

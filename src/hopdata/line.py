@@ -279,6 +279,10 @@ class Stage:
             one.name: Result(one.name, **one.metadata) for one in fields(self.returned)
         }
 
+    def makes_all(self, result: Result) -> bool:
+        """Tell whether it makes a result of all recordings at once, by their names."""
+        return RECORDING in result.wildcards - {*self.per}
+
     def settings(self, config: Config, recording: str = "") -> dict[str, Any]:
         """Return the values of its settings."""
         return {name: one.value(config, recording) for name, one in self.keys.items()}
@@ -384,7 +388,7 @@ class Line:
         read_from
             File of each input, or its files: one a recording, named after it.
         write_to
-            File of each result.
+            File of each result, or its files: one a recording, named after it.
         settings, wildcards
             Values that hold all its settings, and its wildcards.
         """
@@ -398,7 +402,15 @@ class Line:
             given[one] = _read(self.results[one], read_from[one])
         made = stage.function(**given)
         for result in stage.results.values():
-            result.write(write_to[result.name], getattr(made, result.name))
+            _write(result, write_to[result.name], getattr(made, result.name), stage)
+
+
+def _write(result: Result, place: str | Sequence[str], made: Any, stage: Stage) -> None:
+    if not stage.makes_all(result):
+        result.write(cast(str, place), made)
+        return
+    for file in place:
+        result.write(file, made[Path(file).stem])
 
 
 def _read(result: Result, place: str | Sequence[str]) -> Any:

@@ -161,19 +161,20 @@ def floor_compensation(
 class FootContacts:
     """Descents of the body, and the contact instants of each foot."""
 
-    contacts: pd.DataFrame = saved("contacts/{recording}.csv", TABLE)
+    contacts: dict[str, pd.DataFrame] = saved("contacts/{recording}.csv", TABLE)
 
 
-@LINE.stage(per=("recording",), minutes=50, mb_a_mb=10)
+@LINE.stage(minutes=50, mb_a_mb=10)
 def foot_contacts(
-    level: Recording,
+    level: dict[str, Recording],
     *,
     options: Options = key(consistency.contact_options),
 ) -> FootContacts:
     """Find the descents of the body, and when each foot touched (Sec. 2.2.3)."""
-    from hopdata.landings.contacts.find import find_landings
+    from hopdata.landings.contacts.find import find_study_landings
 
-    return FootContacts(find_landings(level, **options))
+    tables = find_study_landings([*level.values()], **options)
+    return FootContacts(dict(zip(level, tables, strict=True)))
 
 
 @results
@@ -189,6 +190,7 @@ def poincare_sections(
     contacts: dict[str, pd.DataFrame],
     *,
     options: Options = key("sections", without=("grid_nodes",)),
+    states: Options = key("states"),
 ) -> PoincareSections:
     """Choose the two Poincare sections by the heights of body and feet (Sec. 2.2.2)."""
     from hopdata.landings.sections.select import select_sections
@@ -196,7 +198,9 @@ def poincare_sections(
 
     recordings = [*level.values()]
     require_distinct(recordings)
-    found = select_sections(recordings, landings=contacts, compare=True, **options)
+    found = select_sections(
+        recordings, landings=contacts, states=states, compare=True, **options
+    )
     return PoincareSections(found)
 
 

@@ -88,9 +88,9 @@ class Study(Shown):
         found: dict[str, stages.FloorCompensation] = self._run("floor_compensation")
         return found
 
-    def foot_contacts(self) -> dict[str, stages.FootContacts]:
+    def foot_contacts(self) -> stages.FootContacts:
         """Find the descents of the body, and when each foot touched; see `contacts`."""
-        found: dict[str, stages.FootContacts] = self._run("foot_contacts")
+        found: stages.FootContacts = self._run("foot_contacts")
         return found
 
     def poincare_sections(self) -> stages.PoincareSections:
@@ -185,10 +185,15 @@ class Study(Shown):
             given["method"] = self.config["touchdowns"]["method"]
         self.progress(f"{stage.name} {recording}".rstrip())
         made = stage.function(**given)
-        stored = {
-            name: result.kind.as_stored(getattr(made, name))
-            for name, result in stage.results.items()
-        }
+        stored = {}
+        for name, result in stage.results.items():
+            value = getattr(made, name)
+            if stage.makes_all(result):
+                stored[name] = {
+                    one: result.kind.as_stored(own) for one, own in value.items()
+                }
+            else:
+                stored[name] = result.kind.as_stored(value)
         return replace(made, **stored)
 
     def _imported(self, name: str) -> stages.Imported:

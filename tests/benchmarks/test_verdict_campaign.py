@@ -57,7 +57,7 @@ def test_the_campaign_has_the_conditions_that_it_promises():
         key: {settings_of(one)[key] for one in cells} for key in ("fault", "errors")
     }
     assert len(told["fault"]) == 5
-    assert len(told["errors"]) == 4
+    assert told["errors"] == set(verdict_campaign.ERRORS)
     twins = {one.name.partition(",")[2] for one in cells if one.scene.mechanism == "c1"}
     alone = [one.name for one in cells if one.name.partition(",")[2] not in twins]
     assert not alone
@@ -83,6 +83,16 @@ def test_a_run_goes_on_where_it_was_interrupted_and_repeats(tmp_path, small):
     torn.write_text("cell,seed\nold,1\n")
     with pytest.raises(SystemExit, match="another version"):
         finished(torn)
+
+
+def test_a_filter_is_told_as_a_study_tells_it(small):
+    """Below one of half a landing's length there is no number; a milder one passes."""
+    told = ("low-passed", "low-passed at 12 Hz", "low-passed, not told")
+    cells = [cell(300, mechanism="clutch", feet=2, errors=errors) for errors in told]
+    low, mild, silent = studies_of(cells[0].scene, 1000, cells)
+    assert low["conclusion"] == "cannot tell"
+    assert "upper_bound" not in low
+    assert mild["upper_bound"] > silent["upper_bound"] > 0.0
 
 
 def test_an_error_is_a_row_and_no_end(monkeypatch, small):
@@ -144,6 +154,21 @@ def test_the_tables_count_what_the_rows_say(tmp_path, small):
     only_same = detectable_table(read(file).query("mechanism == 'c1'"))
     assert not len(only_same)
     assert list(only_same.columns) == verdict_campaign.OF_PROMISE
+
+
+def test_bounds_of_what_saturates_are_counted_for_what_they_say(tmp_path, small):
+    stick = cell(300, mechanism="stick", feet=2)
+    told = made_up(stick, [(0.0, 0.9, 0.8), (0.0, 0.5, 0.8), (0.0, 0.4, 0.8)])
+    for row, saturates, over in zip(told, (1, 1, 0), (0.4, 0.4, 0.4), strict=True):
+        row |= {"saturates": saturates, "over_upper_bound": over, "true_average": 0.3}
+    file = tmp_path / "rows.csv"
+    pd.DataFrame(told)[COLUMNS].to_csv(file, index=False)
+    table = cell_table(read(file)).iloc[0]
+    assert table["saturates"] == pytest.approx(2 / 3)
+    assert table["bound_holds"] == pytest.approx(1 / 3)
+    assert table["bound_holds_found"] == 0.5
+    assert table["bound_holds_average"] == 1.0
+    assert table["bound_holds_said"] == pytest.approx(2 / 3)
 
 
 def test_the_program_writes_its_tables(tmp_path, small, monkeypatch):

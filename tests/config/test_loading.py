@@ -614,7 +614,7 @@ STAGES = {
     "filling": ["hopdata.landings.filling:fill_gaps"],
     "sections": ["hopdata.landings.sections.select:select_sections"],
     "touchdowns": [
-        "hopdata.landings.contacts.find:find_landings",
+        "hopdata.landings.contacts.find:find_study_landings",
         "hopdata.landings.touchdowns:touchdown_table",
     ],
     "states": ["hopdata.landings.states.assemble:assemble_pairs"],

@@ -20,6 +20,7 @@ def contacts(n_columns=1, n=30, unmatched=True):
                 "external_s": np.linspace(1, 29, n),
                 "difference_s": rng.normal(0.002, 0.001, n),
                 "se_s": 0.0008,
+                "external_se_s": np.nan,
                 "excluded": np.arange(n) % 10 == 3,
             }
         )

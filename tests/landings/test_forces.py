@@ -7,12 +7,12 @@ from external_blocks import block, columns
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import AnalysisError
+from hopdata.landings.external_truth import overlay_external_truth
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.forces import (
     FACTORS,
     contact_times_of,
     force_onsets,
-    overlay_external_truth,
     threshold_of,
 )
 from hopdata.landings.sections.select import select_sections

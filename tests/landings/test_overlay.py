@@ -247,7 +247,7 @@ def test_an_offset_between_the_clocks_is_told(scene, touchdowns):
 # Counts, bias, interval and scatter of an overlay.
 
 
-def overlay(difference, *, recording="a", column="Fz", se=0.001):
+def overlay(difference, *, recording="a", column="Fz", se=0.001, external_se=np.nan):
     n = len(difference)
     return pd.DataFrame(
         {
@@ -257,6 +257,7 @@ def overlay(difference, *, recording="a", column="Fz", se=0.001):
             "feet": "heel toe",
             "status": "matched",
             "external_s": np.arange(n, dtype=float),
+            "external_se_s": external_se,
             "found_s": np.arange(n) + difference,
             "se_s": se,
             "difference_s": difference,
@@ -266,6 +267,17 @@ def overlay(difference, *, recording="a", column="Fz", se=0.001):
             "reason": "",
         }
     )
+
+
+def test_the_error_of_the_other_device_counts():
+    """A plate that is as bad as the cameras explains scatter of root two."""
+    draw = np.random.default_rng(5).normal(0.0, 0.001 * np.sqrt(2), 2000)
+    (alone,) = summarise_overlay(overlay(draw)).to_dict("records")
+    (both,) = summarise_overlay(overlay(draw, external_se=0.001)).to_dict("records")
+    assert alone["scatter_over_se"] == pytest.approx(np.sqrt(2), rel=0.06)
+    assert both["scatter_over_se"] == pytest.approx(1.0, rel=0.06)
+    assert np.isnan(alone["external_se_s"])
+    assert both["external_se_s"] == 0.001
 
 
 def test_counts_by_status():

@@ -1,9 +1,12 @@
 """Small sound files of every format, and seeded ways to damage them."""
 
+import io
+import zipfile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import vendor_files
 from bids_files import NAME, write_bids
 from csv_files import motive, nexus
 from keypoint_files import (
@@ -31,7 +34,8 @@ from hopdata.recordings.readers.hdf5 import write_recording
 from hopdata.seal import seal_for
 
 N_FRAMES = 24
-TEXTS = (".tsv", ".txt", ".trc", ".csv", ".mot", ".json")
+TEXTS = (".tsv", ".txt", ".trc", ".csv", ".mot", ".json", ".bvh", ".mvnx")
+PACKED = (".zip", ".xlsx")
 EVENTS = (("strike", 0.05), ("toe off", 0.12))
 FORCE = "ground_force_vy"
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
@@ -106,7 +110,29 @@ def _texts():
         "mm.trc": trc_text(positions, NAMES),
         "m.trc": trc_text(positions / 1000, NAMES, unit="m", blank=False, tab="\t"),
     }
-    return {name: text.encode() for name, text in texts.items()}
+    return {name: text.encode() for name, text in texts.items()} | _of_vendors()
+
+
+def _of_vendors():
+    """Return files of further programs."""
+    positions = standing(N_FRAMES)
+    gappy = positions.copy()
+    gappy[3:5, 1] = np.nan
+    series = vendor_files.ktk_series(gappy / 1000, NAMES, events=EVENTS)
+    points = (("a", "b", "c"), positions[:, :3] + 9)
+    ends = {3: (0.0, 1.0, 2.0)}
+    table = vendor_files.table_of(gappy, NAMES)
+    return {
+        "joints.bvh": vendor_files.bvh(positions / 10, NAMES, ends=ends),
+        "tracks.trb": vendor_files.trb(gappy, NAMES),
+        "segments.mvnx": vendor_files.mvnx(positions / 1000, NAMES),
+        "series.ktk.zip": vendor_files.ktk({"Markers": series, "Note": "hop"}),
+        "rows_of_sleap.csv": vendor_files.sleap_csv(gappy, NAMES),
+        "dflow.txt": vendor_files.dflow(gappy / 1000, NAMES),
+        "rotations.c3d": vendor_files.theia(gappy, NAMES),
+        "points_and_rotations.c3d": vendor_files.theia(gappy, NAMES, points=points),
+        "sheets.xlsx": vendor_files.xlsx({"info": [["hop"]], "data": table}),
+    }
 
 
 def _storage():
@@ -129,7 +155,7 @@ def placed(folder, name, data):
         path = write_bids(folder, standing(N_FRAMES), NAMES)
         (folder / name).write_bytes(data)
         return path
-    path = folder / f"damaged{Path(name).suffix}"
+    path = folder / f"damaged{name[name.index('.') :]}"
     path.write_bytes(data)
     return path
 
@@ -153,6 +179,7 @@ def _binaries(folder):
     heads, values = keypoint_columns(NAMES, score=""), table(positions)
     pandas_rows(folder / "rows.h5", heads, values)
     pandas_blocks(folder / "blocks.h5", heads, values)
+    vendor_files.sleap_analysis(folder / "sleap.h5", positions, NAMES)
     write_bids(folder, standing(N_FRAMES), NAMES)
     own = Recording("trial", time, positions / 1000, NAMES, roles, 100.0, events=events)
     write_recording(folder / "own.h5", own)
@@ -168,6 +195,15 @@ def damaged(data, rng, *, text):
     for _ in range(rng.integers(1, 4)):
         data = kinds[rng.integers(len(kinds))](data, rng)
     return data
+
+
+def damaged_inside(data, rng):
+    """Return packed data with one member damaged before it was packed."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    name = list(members)[rng.integers(len(members))]
+    members[name] = damaged(members[name], rng, text=True)
+    return vendor_files.zipped(members)
 
 
 def _place(data, rng):
@@ -252,6 +288,8 @@ def read(path):
         "scorer" in begin[:40],
         "ncams" in begin,
         "pandas" in begin,
+        "frame_idx" in begin[:400],
+        "track_occupancy" in begin,
     )
     rate_hz = 100.0 if any(stateless) else None
     try:
@@ -297,4 +335,6 @@ def case(sound, names, seed, number):
     name = names[place]
     seeds = np.random.SeedSequence([seed, turn, *name.encode()])
     rng = np.random.Generator(np.random.PCG64(seeds))
+    if name.endswith(PACKED) and rng.random() < 0.7:
+        return name, damaged_inside(sound[name], rng)
     return name, damaged(sound[name], rng, text=Path(name).suffix in TEXTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -93,12 +94,60 @@ NEAR = 1e-3  # of a frame: C3D has no time stamps, so all must lie on the grid
 _WIDEST = 255  # texts in one list
 
 
+@dataclass(frozen=True)
+class Analog:
+    """Analog channels of a C3D file, and groups that tell what they are.
+
+    Parameters
+    ----------
+    names, units : list of str
+        Label and unit of each of the C channels.
+    values : (N, K, C) array
+        K samples in each of the N frames, in `units`.
+    scale, offset : (C,) arrays
+        A value is (stored - offset) x scale x general_scale.
+    is_unsigned : bool
+        Whether samples and offsets are stored without a sign.
+    groups : dict
+        Further groups of parameters, such as ``FORCE_PLATFORM``.
+    """
+
+    names: list[str]
+    units: list[str]
+    values: FloatArray
+    scale: FloatArray
+    offset: FloatArray
+    general_scale: float = 1.0
+    is_unsigned: bool = False
+    groups: dict[str, dict[str, Any]] | None = None
+
+    def stored(self) -> FloatArray:
+        """Return the numbers of each frame (N, K C), before any rounding."""
+        numbers = self.values / (self.scale * self.general_scale) + self.offset
+        return numbers.reshape(len(numbers), -1)
+
+    def group(self, rate_hz: float) -> dict[str, Any]:
+        """Return the group ``ANALOG``."""
+        offset = np.round(self.offset).astype(int)
+        return {
+            "USED": len(self.names),
+            "LABELS": self.names,
+            "UNITS": self.units,
+            "SCALE": np.asarray(self.scale, dtype=np.float32),
+            "OFFSET": offset,
+            "GEN_SCALE": np.float32(self.general_scale),
+            "RATE": np.float32(rate_hz * self.values.shape[1]),
+            "FORMAT": ["UNSIGNED" if self.is_unsigned else "SIGNED"],
+        }
+
+
 def write_c3d(
     path: str | Path,
     raw: RawRecording,
     *,
     whole_numbers: bool = False,
     processor: str = "Intel",
+    analog: Analog | None = None,
 ) -> None:
     """Write markers and events to a C3D file.
 
@@ -115,6 +164,8 @@ def write_c3d(
         Whether to store positions as scaled 16-bit whole numbers.
     processor : {"Intel", "DEC", "MIPS"}
         Byte order of the numbers.
+    analog : Analog, optional
+        Analog channels.
 
     Raises
     ------
@@ -128,15 +179,18 @@ def write_c3d(
     largest = float(np.nanmax(np.abs(raw.positions), initial=0.0)) or 1.0
     scale = largest / 32000 if whole_numbers else -1.0
     try:
-        parameters = parameter_bytes(kind, _groups(raw, first, scale, 0))
-        start = 2 + len(parameters) // BLOCK
-        parameters = parameter_bytes(kind, _groups(raw, first, scale, start))
+        groups = _groups(raw, first, scale, 0)
+        if analog is not None:
+            groups |= {"ANALOG": analog.group(raw.rate_hz), **(analog.groups or {})}
+        start = 2 + len(parameter_bytes(kind, groups)) // BLOCK
+        groups["POINT"]["DATA_START"] = start
+        parameters = parameter_bytes(kind, groups)
     except ValueError as error:
         raise RecordingError(f"{path}: {error}") from None
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        file.write(_header(kind, raw, first, scale, start))
+        file.write(_header(kind, raw, first, scale, start, analog))
         file.write(parameters)
-        data = _data(kind, raw.positions, scale)
+        data = _data(kind, raw.positions, scale, analog)
         file.write(data)
         file.write(b"\0" * (-len(data) % BLOCK))
 
@@ -230,29 +284,46 @@ def _event_group(events: tuple[Event, ...]) -> dict[str, Any]:
 
 
 def _header(
-    processor: Processor, raw: RawRecording, first: int, scale: float, start: int
+    processor: Processor,
+    raw: RawRecording,
+    first: int,
+    scale: float,
+    start: int,
+    analog: Analog | None,
 ) -> bytes:
     last = min(first + len(raw.time) - 1, MOST_16_BIT)
-    words = [len(raw.markers), 0, min(first, MOST_16_BIT), last, 0]
+    n_analog, per_frame = 0, 0
+    if analog is not None:
+        per_frame = analog.values.shape[1]
+        n_analog = per_frame * len(analog.names)
+    words = [len(raw.markers), n_analog, min(first, MOST_16_BIT), last, 0]
     lead = (
         bytes([2, 0x50])
         + from_whole(processor, words)
         + from_floats(processor, [scale])
     )
-    rest = from_whole(processor, [start, 0]) + from_floats(processor, [raw.rate_hz])
+    rest = from_whole(processor, [start, per_frame]) + from_floats(
+        processor, [raw.rate_hz]
+    )
     return (lead + rest).ljust(BLOCK, b"\0")
 
 
-def _data(processor: Processor, positions: FloatArray, scale: float) -> bytes:
+def _data(
+    processor: Processor, positions: FloatArray, scale: float, analog: Analog | None
+) -> bytes:
     """Encode positions (N, M, 3) with their residuals, 0 or -1."""
     unseen = np.asarray(np.isnan(positions).any(axis=2))
     points: NDArray[np.float64] = np.zeros((*positions.shape[:2], 4))
     points[:, :, :3] = np.where(unseen[:, :, None], 0.0, positions)
     points[:, :, 3] = np.where(unseen, -1.0, 0.0)
+    if scale > 0:
+        points[:, :, :3] /= scale
+    numbers = points.reshape(len(points), -1)
+    if analog is not None:
+        numbers = np.hstack([numbers, analog.stored()])
     if scale < 0:
-        return from_floats(processor, points)
-    points[:, :, :3] /= scale
-    return from_whole(processor, np.round(points))
+        return from_floats(processor, numbers)
+    return from_whole(processor, np.round(numbers))
 
 
 # Writer of QTM motion-data exports (TSV).

@@ -110,6 +110,13 @@ def test_the_scaling_study_is_of_the_scene_that_was_simulated():
     assert "scaling_slope_hopper" in truth() or "for the" in page()
 
 
+MEASURES = (
+    "feet", "n_external", "n_matched", "n_excluded", "n_missed", "n_invented",
+    "n_other_foot", "n_not_compared", "bias_s", "bias_low_s", "bias_high_s", "drift_s",
+    "robust_sd_s", "largest_s", "external_se_s", "scatter_over_se",
+)  # fmt: skip
+
+
 def test_forces_are_spoken_of_where_there_are_some():
     thresholds = pd.DataFrame(
         {"threshold": [20.0], "unit": "N", "recording": "a", "column": "f"}
@@ -117,10 +124,21 @@ def test_forces_are_spoken_of_where_there_are_some():
     thresholds = thresholds.assign(
         n_missed=0, n_invented=0, bias_s=0.001, robust_sd_s=0.001
     )
-    with_forces = page(overlay={"contact_overlay_thresholds": thresholds})
-    for words in ("and (d) the force under them", "A force begins when"):
-        assert words in with_forces
-        assert words not in page()
+    for source, words_of_forces in (
+        ("forces", True),
+        ("plates", True),
+        ("events", False),
+    ):
+        summary = pd.DataFrame({"source": [source], "recording": "a", "column": "f"})
+        summary = summary.reindex(columns=[*summary, *MEASURES])
+        overlay = {
+            "contact_overlay_summary": summary,
+            "contact_overlay_thresholds": thresholds,
+        }
+        text = page(overlay=overlay)
+        for words in ("and (d) the force under them", "A force begins when"):
+            assert (words in text) == words_of_forces
+            assert words not in page()
 
 
 def test_distances_that_were_not_asked_for_are_said_to_be_so():

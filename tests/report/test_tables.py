@@ -11,6 +11,7 @@ from hopdata.report.inputs import ReportFigure, ReportInputs, picture_of, render
 from hopdata.report.page import build_report
 from hopdata.report.tables import (
     agreement_table,
+    own_devices_table,
     quality_table,
     thresholds_table,
     unmatched_table,
@@ -83,7 +84,7 @@ SUMMARY = pd.DataFrame(
         "n_missed": [1], "n_invented": [0], "n_other_foot": [40], "n_not_compared": [2],
         "bias_s": [-0.00331], "bias_low_s": [-0.004], "bias_high_s": [-0.002], "drift_s": [0.0],
         "robust_sd_s": [0.00099], "sd_s": [0.0016], "largest_s": [0.0068],
-        "scatter_over_se": [1.25],
+        "scatter_over_se": [1.25], "external_se_s": [0.00051],
     }
 )  # fmt: skip
 CONTACTS = pd.DataFrame(
@@ -109,6 +110,20 @@ OVERLAY = {
     "contact_overlay": CONTACTS,
     "contact_overlay_thresholds": THRESHOLDS,
 }
+
+
+def test_notes_on_plates_are_listed():
+    notes = pd.DataFrame(
+        {
+            "recording": ["run"],
+            "code": ["landings.plate_shared"],
+            "note": ["plate 1: two"],
+        }
+    )
+    table = own_devices_table({"contact_overlay_notes": notes})
+    assert table.rows == (("run", "plate 1: two"),)
+    assert own_devices_table({"contact_overlay_notes": notes[:0]}) is None
+    assert own_devices_table({}) is None
 
 
 def test_agreement_in_milliseconds():

@@ -1,8 +1,10 @@
+import pytest
 from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
+from hopdata.messages import Message
 from hopdata.report.page import build_report
-from hopdata.report.verdict import meaning, verdict_facts
+from hopdata.report.verdict import meaning, verdict_facts, worded
 
 
 def test_the_card_says_effect_interval_and_the_bound_that_decides():
@@ -114,3 +116,26 @@ def test_which_orders_differ_is_said_and_tabled():
     assert "Which orders differ: most of all: landings with foot 1 first." in page.text
     assert "map 1 → 2 and 2 → 1 40.0 20.0 50.0 0.0005" in page.text
     assert "Which orders differ:" not in Page(build_report(full_study())).text
+
+
+@pytest.mark.parametrize("code", ["maps.no_difference", "maps.of_an_older_version"])
+def test_a_verdict_of_an_earlier_version_is_shown_in_its_own_words(code):
+    """Its messages lack a value of today's template, or have a code without one."""
+    values = {"compared": "6 contact orders", "bound": "12\u00a0%"}
+    old = {
+        "messages": {"sentence": {"code": code, "values": values}},
+        "notes": [{"what": "contacts", "reason": "They were.", "code": code,
+                   "values": values}],
+    }  # fmt: skip
+    assert worded(verdict(**old), "sentence") == verdict()["sentence"]
+    page = Page(build_report(full_study(verdict=verdict(**old))))
+    assert "No difference larger than 0.12 of the map, at 95 %" in page.text
+    assert "They were." in page.text
+
+
+def test_a_verdict_of_this_version_is_worded_anew():
+    said = Message("maps.outlook_never", {"seen": "Nothing", "asked": "20 %"})
+    message = {"outlook": {"code": said.code, "values": said.values}}
+    assert worded(verdict(messages=message), "outlook") == said
+    assert worded(verdict(), "outlook") == verdict()["outlook"]
+    assert worded(verdict(), "mainly") == ""

@@ -122,7 +122,10 @@ def test_the_rules_state_every_file_and_key(writers):
         rule = re.search(rf"^rule {name}:\n(.*?)(?=^rule |\Z)", text, re.M | re.S)[1]
         for result in stage.results.values():
             place = result.path.replace("{", "{{").replace("}", "}}")
-            assert f'        {result.name}=f"{{RESULTS}}/{place}",' in rule
+            file = f'f"{{RESULTS}}/{place}"'
+            if stage.makes_all(result):
+                file = f"each_recording({file})"
+            assert f"        {result.name}={file}," in rule
         for taken in [*stage.inputs, *stage.keys, *stage.sources]:
             assert f"        {taken}=" in rule
 

@@ -45,12 +45,8 @@ LABELLED_BY = METHODS if TRUTH_KNOWN else [METHOD]
 # Whether the study asks for constraint subspaces and their distances (Fig. 2.5).
 DISTANCES = STUDY["distances"]["enabled"]
 SIMULATED = consistency.is_simulated(STUDY)
-# Contacts known from other sources, for the recordings that have any.
-EXTERNAL = {
-    entry["name"]: {block: entry[block] for block in ("contacts", "forces")}
-    for entry in STUDY["recordings"]
-    if entry["contacts"]["file"] or entry["forces"]["file"]
-}
+# Contacts known from other sources or marked in its own file, for the recordings that have any.
+EXTERNAL = consistency.external_blocks(STUDY)
 # Whether short gaps of the body are filled.
 FILLS = consistency.fills(STUDY)
 FORMATS = STUDY["figures"]["formats"]

@@ -1,5 +1,8 @@
 rule contact_overlay:
-    """Compare the contacts found with events, foot switches or forces from other sources."""
+    """Compare the contacts found with events, foot switches or forces from other sources.
+
+    These are files of the configuration, and force plates and events in a recording's own file.
+    """
     input:
         recordings=expand(f"{RESULTS}/level/{{recording}}.h5", recording=list(EXTERNAL)),
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
@@ -14,6 +17,7 @@ rule contact_overlay:
         summary=f"{RESULTS}/tables/contact_overlay_summary.csv",
         thresholds=f"{RESULTS}/tables/contact_overlay_thresholds.csv",
         example=f"{RESULTS}/tables/contact_overlay_example.csv",
+        notes=f"{RESULTS}/tables/contact_overlay_notes.csv",
     log:
         f"{RESULTS}/logs/contact_overlay.log",
     benchmark:
@@ -24,6 +28,7 @@ rule contact_overlay:
         configured=EXTERNAL,
         external=STUDY["external"],
         rate_hz=STUDY["input"]["rate_hz"],
+        unit=STUDY["input"]["unit"],
         stamps=stamps(
             block["file"]
             for blocks in EXTERNAL.values()

@@ -73,13 +73,13 @@ rule floor_compensation:
 rule foot_contacts:
     """Find the descents of the body, and when each foot touched (Sec. 2.2.3)."""
     input:
-        level=f"{RESULTS}/level/{{recording}}.h5",
+        level=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
     output:
-        contacts=f"{RESULTS}/contacts/{{recording}}.csv",
+        contacts=each_recording(f"{RESULTS}/contacts/{{recording}}.csv"),
     log:
-        f"{RESULTS}/logs/foot_contacts_{{recording}}.log",
+        f"{RESULTS}/logs/foot_contacts.log",
     benchmark:
-        f"{RESULTS}/benchmarks/foot_contacts_{{recording}}.tsv"
+        f"{RESULTS}/benchmarks/foot_contacts.tsv"
     resources:
         **needs(minutes=50, mb_a_mb=10),
     params:
@@ -107,6 +107,7 @@ rule poincare_sections:
     params:
         stage="poincare_sections",
         options=all_but(STUDY["sections"], "grid_nodes"),
+        states=STUDY["states"],
         code=stage_code("poincare_sections"),
     script:
         "../scripts/stage.py"

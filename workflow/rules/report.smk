@@ -27,6 +27,7 @@ rule report:
                 f"{RESULTS}/tables/contact_overlay_summary.csv",
                 f"{RESULTS}/tables/contact_overlay.csv",
                 f"{RESULTS}/tables/contact_overlay_thresholds.csv",
+                f"{RESULTS}/tables/contact_overlay_notes.csv",
             ]
             if EXTERNAL
             else []

@@ -116,6 +116,8 @@ def _read(
         rate_hz=config["input"]["rate_hz"],
         extent_m=extent(recording.positions),
     )
+    if len(files) == 1:
+        lines += describe_own(recording, Path(files[0]), config["input"]["unit"])
     return recording, lines
 
 
@@ -185,12 +187,35 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
     """
     from hopdata.commands.forecast import describe, foretell
 
-    with terminal.progress_line("looking for landings"):
-        forecast = foretell(config, recordings)
+    try:
+        with terminal.progress_line("looking for landings"):
+            forecast = foretell(config, recordings)
+    except AnalysisError as error:
+        return _contacts_instead(config, recordings, error)
     print("\n".join(describe(forecast, config, recordings)))
     if forecast.stops:
-        raise AnalysisError(forecast.reason)
+        error = AnalysisError(forecast.reason)
+        return _contacts_instead(config, recordings, error)
     return forecast.vain
+
+
+def _contacts_instead(
+    config: dict[str, Any], recordings: list[Recording], error: AnalysisError
+) -> str:
+    """Print the contacts of a study that will stop; return what the run will lack.
+
+    Raises
+    ------
+    AnalysisError
+        If it is not for want of landings that the study will stop.
+    """
+    from hopdata.commands.contacts_instead import few_contacts, show_few
+
+    found = few_contacts(config, recordings)
+    if found is None:
+        raise error
+    show_few(found, str(error))
+    return str(Message("commands.gives_contacts_only"))
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
@@ -285,6 +310,32 @@ def describe_external(
         for signal in read_force_signals(forces, feet=feet):
             lines.append(_describe_force(signal, span_s, extent_m))
     return lines
+
+
+def describe_own(recording: Recording, file: Path, unit: str) -> list[str]:
+    """Describe the force plates in a recording's own file, which the report compares.
+
+    Parameters
+    ----------
+    recording : Recording
+        Imported from the file alone.
+    file : path
+        Its file.
+    unit : {"auto", "m", "mm"}
+        ``input.unit``.
+
+    Returns
+    -------
+    list of str
+        One line per plate; none for a file without plates.
+    """
+    from hopdata.commands.devices import devices_of, plate_line
+
+    found = devices_of(
+        file, up=recording.vertical_axis, unit=unit, rate_hz=recording.rate_hz
+    )
+    lines = [f"  plate     {plate_line(*one)}" for one in found.plates]
+    return lines + [f"  plate     {message}" for message in found.refused]
 
 
 def _describe_force(

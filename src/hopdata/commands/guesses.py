@@ -96,13 +96,13 @@ BEYOND_RIM = 1e3
 def guessed_roles(inspection: Inspection) -> Roles:
     """Guess the roles; if a sloping floor may hide feet, again with it levelled."""
     from hopdata.landings.floor import level
-    from hopdata.recordings.quality.part_names import part_by_name
     from hopdata.recordings.quality.roles import guess_roles
+    from hopdata.recordings.quality.vocabulary import named_parts
     from hopdata.recordings.wording import also
 
     markers = inspection.markers
     roles = guess_roles(inspection)
-    named = [name for name in markers if part_by_name(name) == "foot"]
+    named = [markers[m] for m in named_parts(tuple(markers)).feet]
     feet = named if len(named) > 1 else list(roles.feet)
     while _feet_may_be_missing(feet, roles, markers):
         others = [name for name in markers if name not in feet]

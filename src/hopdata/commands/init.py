@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hopdata.commands import listing, terminal
+from hopdata.commands import devices, listing, terminal
 from hopdata.commands.guesses import guessed_roles, inspected
 from hopdata.errors import HopdataError, printable
 from hopdata.jobs import study_name
 from hopdata.messages import Message
+from hopdata.recording import Event
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -73,6 +74,8 @@ class Draft:
         Marker of the home frame; none by default.
     joined : mapping
         Feet with several markers, and those markers.
+    beside : sequence of str
+        What the file holds beside markers: force plates and events.
     samples : str
         Table of a group, which then stands in place of the recordings; none by default.
     """
@@ -88,6 +91,7 @@ class Draft:
     all_markers: Sequence[str] = ()
     home: str = ""
     joined: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    beside: Sequence[str] = ()
     samples: str = ""
 
 
@@ -108,6 +112,8 @@ def draft_config(draft: Draft, *, path: str) -> str:
         "",
         *_files(draft),
     ]
+    for text in draft.beside:
+        lines += _comment(text, indent="    ")
     lines += ["", *_markers(draft)]
     if draft.joined:
         joined = "each of markers that keep their distance; the first to land counts"
@@ -350,7 +356,50 @@ def draft_of(
         all_markers=inspection.markers,
         home=home,
         joined=roles.joined,
+        beside=_beside(options, inspection, roles),
     )
+
+
+def _beside(
+    options: argparse.Namespace, inspection: Inspection, roles: Roles
+) -> list[str]:
+    """Propose what to do with force plates and events of the file."""
+    from hopdata.landings.marked_events import side_of_contact
+
+    found = devices.devices_of(
+        options.file,
+        up=inspection.up.value,
+        unit=inspection.unit.value,
+        rate_hz=options.rate,
+        events=inspection.events,
+    )
+    lines = []
+    for plate, onsets in found.plates:
+        along_x, along_y = plate.sides_m
+        values = {
+            "number": plate.number,
+            "size": f"{along_x:.2f} x {along_y:.2f} m",
+            "onsets": devices.onsets_text(onsets),
+        }
+        lines.append(str(Message("commands.plate_compared", values)))
+    lines += [str(message) for message in found.refused]
+    labels = list(dict.fromkeys(event.label for event in found.events))
+    of_sides = [
+        label for label in labels if side_of_contact(Event(label=label, time_s=0.0))
+    ]
+    shown = ", ".join(labels[: devices.MOST_LISTED])
+    if of_sides and options.file.suffix.lower() == ".c3d":
+        lines.append(str(Message("commands.events_compared", {"labels": shown})))
+    elif labels and roles.feet:
+        in_joined = {name for names in roles.joined.values() for name in names}
+        alone = [foot for foot in roles.feet if foot not in in_joined]
+        feet = _flow([*roles.joined, *alone])
+        column = f"{{name: {scalar(labels[0])}, feet: {feet}}}"
+        file = scalar(relative(options.file))
+        block = f"contacts: {{file: {file}, columns: [{column}]}}"
+        values = {"labels": shown, "block": block}
+        lines.append(str(Message("commands.events_to_compare", values)))
+    return lines
 
 
 def _input_settings(

@@ -12,7 +12,7 @@ import numpy as np
 
 from hopdata import __version__
 from hopdata.arrays import pd
-from hopdata.commands import listing, terminal
+from hopdata.commands import devices, listing, terminal
 from hopdata.commands.guesses import guessed_roles, inspected, with_effects
 from hopdata.errors import counted
 from hopdata.report.formatting import NOTES, Table
@@ -25,13 +25,27 @@ if TYPE_CHECKING:
 def inspect(options: argparse.Namespace) -> int:
     """Show what is in a file; exit code 1 if anything looks wrong."""
     inspection = with_effects(inspected(options))
-    listing.show(inspection, str(options.file))
+    beside = _beside_markers(options, inspection)
+    listing.show(inspection, str(options.file), devices.lines_of(beside))
     if options.html is not None:
         with terminal.progress_line("drawing the page"):
-            page = inspection_html(inspection, options.file.name)
+            page = inspection_html(inspection, options.file.name, beside)
         terminal.write_text(options.html, page)
         print(f"  page     {options.html}")
     return terminal.PROBLEM if inspection.n_problems else terminal.OK
+
+
+def _beside_markers(
+    options: argparse.Namespace, inspection: Inspection
+) -> devices.Devices:
+    with terminal.progress_line(f"reading force plates and events of {options.file}"):
+        return devices.devices_of(
+            options.file,
+            up=inspection.up.value,
+            unit=inspection.unit.value,
+            rate_hz=options.rate,
+            events=inspection.events,
+        )
 
 
 def view(options: argparse.Namespace) -> int:
@@ -60,8 +74,11 @@ def view(options: argparse.Namespace) -> int:
 # An inspection as a self-contained page.
 
 
-def inspection_html(inspection: Inspection, file: str) -> str:
-    """Write the page on one recording."""
+def inspection_html(
+    inspection: Inspection, file: str, beside: devices.Devices | None = None
+) -> str:
+    """Write the page on one recording, and on what its file holds beside markers."""
+    beside = beside or devices.Devices()
     found = inspection.suspects()
     image, ends = _timeline(inspection, found)
     picture = ReportFigure("seen", image, "image/svg+xml", NOTES["seen"])
@@ -69,6 +86,8 @@ def inspection_html(inspection: Inspection, file: str) -> str:
         _suspect_table(found),
         _gap_table(inspection),
         _rigid_table(inspection),
+        _plate_table(beside),
+        _event_table(beside),
     )
     span: tuple[float, ...] = ()
     if ends:
@@ -81,7 +100,7 @@ def inspection_html(inspection: Inspection, file: str) -> str:
         title=file,
         answer=listing.answer(inspection),
         highlights=_highlights(inspection),
-        notes=listing.notes(inspection),
+        notes=[*listing.notes(inspection), *map(str, beside.refused)],
         pictures=[picture_of(picture, {})],
         tables=[table for table in tables if table.rows],
         markers=inspection.markers,
@@ -193,3 +212,32 @@ def _rigid_table(inspection: Inspection) -> Table:
         tuple(rows),
         note=f"{by_distances}; what bends counts as noise.",
     )
+
+
+def _plate_table(beside: devices.Devices) -> Table:
+    rows = []
+    for plate, onsets in beside.plates:
+        along_x, along_y = plate.sides_m
+        channels = f"{plate.channels[0]} to {plate.channels[-1]}"
+        numbers = (
+            f"{plate.type}",
+            f"{along_x:.3f} x {along_y:.3f}",
+            f"{plate.rate_hz:g}",
+            f"{np.nanmax(plate.force[:, 2], initial=0.0):.0f}",
+            f"{len(onsets.instant)}",
+        )
+        when = devices.onsets_text(onsets)
+        rows.append((plate.name, channels, when, *numbers))
+    heads = ("type", "size (m)", "rate (Hz)", "largest force (N)", "onsets")
+    return Table(
+        "Force plates",
+        ("plate", "channels", "when it begins to bear load", *heads),
+        tuple(rows),
+        text_columns=3,
+        note="Vertical force of the plate on the subject.",
+    )
+
+
+def _event_table(beside: devices.Devices) -> Table:
+    rows = [(event.label, f"{event.time_s:.3f}") for event in beside.events]
+    return Table("Events", ("label", "time (s)"), tuple(rows))

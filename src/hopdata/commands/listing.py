@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import textwrap
 from collections import Counter
+from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -46,22 +47,25 @@ UNSEEN = "·"
 PLAIN = str.maketrans(HEIGHTS + PARTLY + UNSEEN, "#" * len(HEIGHTS) + "+.")
 
 
-def show(inspection: Inspection, file: str) -> None:
+Devices = Sequence[tuple[str, str]]
+
+
+def show(inspection: Inspection, file: str, devices: Devices = ()) -> None:
     """Print the listing of a file, with its tables drawn if stdout is a terminal."""
     encoding = sys.stdout.encoding or "ascii"
     if sys.stdout.isatty():
-        _draw(inspection, file, encoding)
+        _draw(inspection, file, encoding, devices)
     else:
-        print(listing(inspection, file, encoding=encoding))
+        print(listing(inspection, file, encoding=encoding, devices=devices))
 
 
-def _draw(inspection: Inspection, file: str, encoding: str) -> None:
+def _draw(inspection: Inspection, file: str, encoding: str, devices: Devices) -> None:
     """Print the listing on a terminal."""
 
     def encodable(text: str) -> str:
         return _encodable(text, encoding)
 
-    head = [*_head(inspection, file), "", _legend(inspection)]
+    head = [*_head(inspection, file, devices), "", _legend(inspection)]
     print(encodable("\n".join(head)))
     bars = _bars(inspection)
     terminal.draw_table(
@@ -85,7 +89,13 @@ def _draw(inspection: Inspection, file: str, encoding: str) -> None:
         print(line)
 
 
-def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> str:
+def listing(
+    inspection: Inspection,
+    file: str,
+    *,
+    encoding: str = "utf-8",
+    devices: Devices = (),
+) -> str:
     """Describe the contents of a recording.
 
     Parameters
@@ -96,8 +106,10 @@ def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> st
         The file, for the first line.
     encoding : str
         Encoding of the terminal; the picture is in ASCII if necessary.
+    devices : sequence of (str, str)
+        A key and a text for what the file holds beside markers, from `devices`.
     """
-    lines = [*_head(inspection, file), "", *_picture(inspection), ""]
+    lines = [*_head(inspection, file, devices), "", *_picture(inspection), ""]
     lines += _suspects(inspection)
     return _encodable("\n".join(lines), encoding)
 
@@ -125,8 +137,10 @@ def answer(inspection: Inspection) -> str:
 # Facts, and what is unsure.
 
 
-def _head(inspection: Inspection, file: str) -> list[str]:
+def _head(inspection: Inspection, file: str, devices: Devices) -> list[str]:
     lines = [file, *_facts(inspection)]
+    for key, text in devices:
+        lines += _wrapped(key, text)
     for note in notes(inspection):
         lines += _wrapped("note", note)
     return [*lines, "", *_rigid(inspection)]

@@ -15,7 +15,7 @@ from hopdata import products
 from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
-from hopdata.errors import ConfigError, did_you_mean, require
+from hopdata.errors import ConfigError, HopdataError, did_you_mean, require
 from hopdata.jobs import read_json
 from hopdata.provenance import package_digest
 from hopdata.report.tables import quality_summary
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
         snakefile=asked.snakefile,
     )
     if code:
-        return PROBLEM
+        return _contacts_instead(asked, is_part=options.until is not None)
     if is_dry(passed):
         return OK
     if options.until is not None:
@@ -75,6 +75,24 @@ def run(options: argparse.Namespace) -> int:
     else:
         _print_answer(asked)
     return OK
+
+
+def _contacts_instead(asked: _Run, *, is_part: bool) -> int:
+    """Give the contacts of a study that stopped since its landings are too few.
+
+    Return the exit code: 0 if they are given, 1 if something else stopped the study.
+    """
+    from hopdata.commands.contacts_instead import write_few
+    from hopdata.config.loading import load_config
+
+    is_study = asked.snakefile == SNAKEFILE and not asked.target
+    if is_part or not is_study:
+        return PROBLEM
+    try:
+        is_given = write_few(load_config(asked.config), Path("results", asked.study))
+    except HopdataError:
+        return PROBLEM  # the workflow has told the reason
+    return OK if is_given else PROBLEM
 
 
 def _asked(config: Path | None) -> _Run:

@@ -55,6 +55,35 @@ def external_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
             yield f"{key}.file", block["file"]
 
 
+def external_blocks(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return where contacts are known from, for each recording that has any.
+
+    These are its blocks ``contacts`` and ``forces``, and ``own`` with its file if that
+    has force plates or events of its own. Files that are joined to one recording have
+    clocks of their own, so theirs are left out.
+    """
+    found = {}
+    for entry in config["recordings"]:
+        blocks: dict[str, Any] = {kind: entry[kind] for kind in BLOCKS}
+        files = files_of(entry)
+        own_file = None
+        if len(files) == 1 and _knows_contacts(files[0]):
+            own_file = files[0]
+        blocks["own"] = {"file": own_file}
+        if any(block["file"] for block in blocks.values()):
+            found[entry["name"]] = blocks
+    return found
+
+
+def _knows_contacts(file: str) -> bool:
+    """Tell whether a file has force plates, or events that are contacts."""
+    # The suffix is asked first, so that other formats load no reader.
+    if Path(file).suffix.lower() != ".c3d":
+        return False
+    knows = resolve_name("hopdata.recordings.readers.c3d_plates:knows_contacts")
+    return bool(knows(file))
+
+
 def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
     """Yield mistakes in columns, feet and thresholds."""
     feet = feet_of(config)
@@ -115,12 +144,12 @@ def files_of(entry: Mapping[str, Any]) -> list[str]:
 
 
 def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the ``touchdowns`` keys that `find_landings` takes.
+    """Return the ``touchdowns`` keys that `find_study_landings` takes.
 
     The other keys judge what it found.
     """
-    find_landings = resolve_name("hopdata.landings.contacts.find:find_landings")
-    taken = signature(find_landings).parameters
+    place = "hopdata.landings.contacts.find:find_study_landings"
+    taken = signature(resolve_name(place)).parameters
     return {key: value for key, value in config["touchdowns"].items() if key in taken}
 
 

@@ -50,8 +50,9 @@ def contact_overlay_figure(
     -------
     Figure
         (a) Difference, found minus external, of each contact over time, with its
-        standard error. (b) Cumulative distribution of the differences, with the median
-        and its 95 % interval. (c) Foot heights and (d) force in one landing.
+        standard error, which includes that of the other device if it is known. (b)
+        Cumulative distribution of the differences, with the median and its 95 %
+        interval. (c) Foot heights and (d) force in one landing.
     """
     if not (contacts["status"] == "matched").any():
         return style.message_figure(
@@ -98,7 +99,7 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
             axes.errorbar(
                 rows["external_s"],
                 rows["difference_s"] * 1e3,
-                yerr=rows["se_s"] * 1e3,
+                yerr=np.hypot(rows["se_s"], rows["external_se_s"].fillna(0)) * 1e3,
                 fmt=MARKERS[number % len(MARKERS)],
                 color=colour,
                 markerfacecolor=face,

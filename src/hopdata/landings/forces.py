@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -43,6 +42,27 @@ BEFORE_S = 0.08
 #: Time shown after it; it moves no answer.
 #: Unit: s. Origin: chosen.
 AFTER_S = 0.12
+
+#: How far an onset is extrapolated, in times that the line through the threshold and
+#: twice the threshold takes to the unloaded force. If the force grows with the power p
+#: of the time since the contact, that was 2.4 (p = 2), 1.7 (p = 1.5), 1 (p = 1) or 0.3
+#: (p = 0.5) such times ago.
+#: Unit: 1. Origin: derived: the middle of 0.3 and 2.4.
+EXTRAPOLATED = 1.35
+
+#: Standard error of an extrapolated onset, in the same times.
+#: Unit: 1. Origin: derived: 2.1 / sqrt(12), of a uniform distribution from 0.3 to 2.4.
+SHAPE = 0.6
+
+#: Longest time by which an onset is extrapolated.
+#: Unit: s. Origin: chosen. A force that rises more slowly is no contact.
+LONGEST_RISE_S = 0.02
+
+#: Time after the threshold from which an onset is extrapolated, in deviations of the
+#: filter. A ramp behind it crosses a low threshold two deviations before it begins, and
+#: is straight again two deviations after that.
+#: Unit: 1. Origin: chosen.
+CLEAR_OF_BLUR = 3.0
 
 Signals = Sequence[external.ForceSignal]
 EXAMPLE_COLUMNS = ("recording", "time_s", "kind", "name", "value", "unit")
@@ -109,6 +129,64 @@ def _last_unloaded(
     return rises[f[rises + 1] >= least_n]  # false beside a missing sample
 
 
+def extrapolated(
+    time: FloatArray,
+    force: FloatArray,
+    crossed: FloatArray,
+    *,
+    noise_n: float,
+    blur_s: float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Extrapolate onsets from the threshold to the force of the unloaded plate.
+
+    Parameters
+    ----------
+    time, force : (N,) arrays
+        Times of the samples, s, and the force above that of the unloaded plate.
+    crossed : (S,) array
+        When the force crosses the threshold, from `force_onsets`, s.
+    noise_n : float
+        Standard deviation of the noise, in the unit of the force.
+    blur_s : float
+        Standard deviation of a filter that the force has passed, s.
+
+    Returns
+    -------
+    instant : (S,) array
+        When the force begins, s.
+    error_s : (S,) array
+        Their standard errors, s: of the shape of the rise, the noise, the filter and
+        the rate of the samples. It is also that of the crossing itself, but for the
+        delay that all crossings share.
+    """
+    instants = []
+    errors = []
+    step_s = float(np.median(np.diff(time)))
+    most = max(1, round(LONGEST_RISE_S / step_s))
+    for at in crossed:
+        # The first sample above the threshold, or clear of the filter's effect.
+        first = int(np.searchsorted(time, at + CLEAR_OF_BLUR * blur_s))
+        first = min(first, len(time) - 2)
+        ahead = force[first + 1 : first + 1 + most]
+        twice = np.flatnonzero(ahead >= 2 * force[first])
+        # A rise that ends before twice the force is taken as far as it goes.
+        second = first + 1 + (int(twice[0]) if len(twice) else int(np.argmax(ahead)))
+        risen = float(force[second] - force[first])
+        if not risen > 0:
+            instants.append(float(at))
+            errors.append(LONGEST_RISE_S)
+            continue
+        share = float(force[first]) / risen
+        before_s = min(share * float(time[second] - time[first]), LONGEST_RISE_S)
+        slope = float(force[first]) / max(before_s, 1e-9)
+        by_noise = noise_n / slope * np.sqrt((1 + share) ** 2 + share**2)
+        instants.append(time[first] - EXTRAPOLATED * before_s)
+        errors.append(np.hypot(SHAPE * before_s, min(by_noise, LONGEST_RISE_S)))
+    others = blur_s**2 + step_s**2 / 12
+    error_s = np.sqrt(np.array(errors, dtype=float) ** 2 + others)
+    return np.array(instants, dtype=float), error_s
+
+
 # Contact instants from a force under the feet: threshold, load, and the foot it may
 # belong to.
 
@@ -136,10 +214,25 @@ def contact_times_of(
     load = load_of(signal, threshold=threshold)
     instants = force_onsets(signal.time, signal.force, least_n=threshold, sure_n=load)
     span_s = (float(signal.time[0]), float(signal.time[-1]))
-    others_above_m = signal.options["other_feet_above_m"]
-    return external.ContactTimes(
-        signal.column, instants, "forces", span_s, others_above_m
+    _, error_s = extrapolated(
+        signal.time, signal.force, instants, noise_n=_noise(signal.force, threshold)
     )
+    return external.ContactTimes(
+        signal.column,
+        instants,
+        "forces",
+        span_s,
+        signal.options["other_feet_above_m"],
+        error_s,
+    )
+
+
+def _noise(force: FloatArray, threshold: float) -> float:
+    """Return the noise of the unloaded plate: of the forces below the threshold."""
+    below = force[force < threshold]
+    if not len(below):
+        return 0.0
+    return float(1.4826 * np.median(np.abs(below - np.median(below))))
 
 
 def threshold_of(signal: external.ForceSignal) -> float:
@@ -273,82 +366,3 @@ def threshold_rows(
         name = signal.column.name
         rows.append((recording.name, name, threshold, signal.unit, *measures))
     return rows
-
-
-# All external data on a study's recordings, compared with what hopdata found in them.
-
-
-@dataclass(frozen=True)
-class ExternalTruth:
-    """Tables of the overlay.
-
-    Parameters
-    ----------
-    contacts : pandas.DataFrame
-        One row for each contact, see `compare_contacts`.
-    summary : pandas.DataFrame
-        One row for each column, see `summarise_overlay`.
-    thresholds : pandas.DataFrame
-        See `threshold_rows`; empty if there are no forces.
-    example : pandas.DataFrame
-        See `example_landing`.
-    """
-
-    contacts: pd.DataFrame
-    summary: pd.DataFrame
-    thresholds: pd.DataFrame
-    example: pd.DataFrame
-
-
-def overlay_external_truth(
-    recordings: Sequence[Recording],
-    touchdowns: pd.DataFrame,
-    configured: Mapping[str, Mapping[str, Any]],
-    *,
-    window_s: float,
-    rate_hz: float | None = None,
-) -> ExternalTruth:
-    """Read the external data of a study and compare them with the contacts found.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Levelled recordings that have external data.
-    touchdowns : pandas.DataFrame
-        Touchdowns of the study.
-    configured : mapping
-        The blocks ``contacts`` and ``forces`` of the configuration, by recording name.
-    window_s : float
-        ``external.window_s``.
-    rate_hz : float, optional
-        ``input.rate_hz``.
-    """
-    contacts = []
-    thresholds = []
-    examples = []
-    for recording in recordings:
-        blocks = configured[recording.name]
-        feet = recording.names("foot")
-        is_own = touchdowns["recording"] == recording.name
-        own = touchdowns[is_own].reset_index(drop=True)
-        known: list[external.ContactTimes] = []
-        signals: list[external.ForceSignal] = []
-        if blocks["contacts"]["file"] is not None:
-            known += external.read_contact_times(
-                blocks["contacts"], feet=feet, rate_hz=rate_hz
-            )
-        if blocks["forces"]["file"] is not None:
-            signals = external.read_force_signals(blocks["forces"], feet=feet)
-            known += [contact_times_of(signal) for signal in signals]
-        compared = [
-            compare_contacts(recording, own, one, window_s=window_s) for one in known
-        ]
-        contacts += compared
-        thresholds += threshold_rows(recording, own, signals, window_s=window_s)
-        # The columns of forces if there are any, else all.
-        shown = pd.concat(compared[-len(signals) :], ignore_index=True)
-        examples.append(example_landing(recording, shown, signals))
-    table = pd.concat(contacts, ignore_index=True)
-    at_thresholds = pd.DataFrame(thresholds, columns=list(THRESHOLD_COLUMNS))
-    example = next((one for one in examples if len(one)), examples[0])
-    return ExternalTruth(table, summarise_overlay(table), at_thresholds, example)

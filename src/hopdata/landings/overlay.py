@@ -64,6 +64,7 @@ COLUMNS = (
     *SHARED_COLUMNS,
     "status",
     "external_s",
+    "external_se_s",
     "found_s",
     "se_s",
     "difference_s",
@@ -200,8 +201,9 @@ def compare_contacts(
         ``matched``; ``missed`` (external, not found); ``invented`` (found and used, not
         external); ``other foot`` (external, from a foot that is not followed); or ``not
         compared``, with the reason. `difference_s` is found minus external: positive if
-        hopdata is late. `excluded` is whether the touchdown with this index is excluded
-        from the study, and `reason` is why.
+        hopdata is late. `external_se_s` is the standard error of the other device, NaN
+        if it is not known. `excluded` is whether the touchdown with this index is
+        excluded from the study, and `reason` is why.
 
     Raises
     ------
@@ -234,8 +236,10 @@ def compare_contacts(
     partner = dict(zip(judged[at].tolist(), shown[of].tolist(), strict=True))
     of_ours: list[dict[Any, Any]] = found.to_dict("records")
     rows: list[dict[Any, Any]] = []
+    errors = _errors(external)
     for k, instant in enumerate(external.instant.tolist()):
         row: dict[Any, Any] = {"external_s": instant, "excluded": False}
+        row["external_se_s"] = errors[k]
         if not is_inside[k]:
             row |= {"status": NOT_COMPARED, "reason": OUTSIDE_RECORDING}
         elif is_of_others[k]:
@@ -295,8 +299,17 @@ def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     )
 
 
+def _errors(external: ContactTimes) -> list[float]:
+    """Return the standard errors of a column's instants, s; NaN if not known."""
+    if external.error_s is None:
+        return [float("nan")] * len(external.instant)
+    return [float(error) for error in external.error_s]
+
+
 def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
     """Tell whether all feet of the column are in the air at each instant, (K,)."""
+    if external.of_other_foot is not None:
+        return external.of_other_foot
     if external.other_feet_above_m is None:
         return np.zeros(len(external.instant), dtype=bool)
     names = recording.names("foot")
@@ -371,8 +384,10 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
         (change of the difference from the first contact to the last, by the median
         slope; 0 if chance may explain it, NaN for several recordings or fewer than ten
         contacts), sd_s, largest_s (largest distance from the bias), scatter_over_se
-        (robust sd of the distances from the bias in units of their standard errors: 1
-        if these are right).
+        (robust sd of the distances from the bias in units of their standard errors,
+        which include those of the other device where they are known: 1 if these are
+        right), external_se_s (median standard error of the other device, NaN if it is
+        not known).
     """
     keys = ["source", "column", "feet"]
     groups = list(table.groupby(["recording", *keys], sort=False))
@@ -429,12 +444,19 @@ def _drift(time: FloatArray, difference: FloatArray) -> float:
     return float(slope * np.ptp(time))
 
 
+def _error_of_difference(matched: pd.DataFrame) -> FloatArray:
+    """Return the standard error of each difference, s: of both devices, if known."""
+    ours = matched["se_s"].to_numpy(dtype=np.float64)
+    theirs = matched["external_se_s"].to_numpy(dtype=np.float64)
+    return np.asarray(np.hypot(ours, np.nan_to_num(theirs)))
+
+
 def _measures(group: pd.DataFrame) -> dict[str, Any]:
     """Return counts, bias and scatter of the contacts of a column."""
     status = group["status"]
     matched = group[status == MATCHED]
     difference = matched["difference_s"].to_numpy(dtype=np.float64)
-    error = matched["se_s"].to_numpy(dtype=np.float64)
+    error = _error_of_difference(matched)
     n = len(difference)
     nan = float("nan")
     bias = float(np.median(difference)) if n else nan
@@ -461,4 +483,5 @@ def _measures(group: pd.DataFrame) -> dict[str, Any]:
     measures["sd_s"] = float(np.std(difference, ddof=1)) if n > 1 else nan
     measures["largest_s"] = float(np.abs(difference - bias).max()) if n else nan
     measures["scatter_over_se"] = robust_sd((difference - bias) / error)
+    measures["external_se_s"] = float(matched["external_se_s"].median()) if n else nan
     return measures

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
-from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.sections.frames import heights_of
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
@@ -193,7 +193,9 @@ def section_stability(
         bandwidth to vary.
     """
     if not landings:
-        landings = {one.name: find_landings(one) for one in recordings}
+        tables = find_study_landings(recordings)
+        names = [one.name for one in recordings]
+        landings = dict(zip(names, tables, strict=True))
     rows = [_row("chosen", "all data", sections)]
     for kind, variant, part, changed in _variants(recordings, sections):
         # The depth is that of the study: to choose it anew would cost a fit of all

@@ -212,17 +212,17 @@ def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
     x, y
         (n, 6B) normalised pairs of all usable landings.
     """
-    from sklearn.decomposition import PCA
-
     pairs = np.hstack([x, y])
     centred = pairs - pairs.mean(0)
     # With fewer landings than dimensions, rows of zeros make the components complete.
     n_missing = max(0, pairs.shape[1] - len(pairs))
     complete = np.pad(centred, ((0, n_missing), (0, 0)))
-    # SciPy, which PCA uses, may have been loaded only now, without its limit. Landings
-    # that do not vary have no variance to share out among components.
-    with one_blas_thread(), np.errstate(invalid="ignore"):
-        components = PCA(svd_solver="full").fit(complete).components_
+    # scikit-learn's `PCA` finds the same, but takes longer to load than to compute.
+    _, _, components = np.linalg.svd(complete, full_matrices=False)
+    # As there, the largest entry of each component is positive.
+    largest = np.argmax(np.abs(components), axis=1)
+    sign = np.sign(components[np.arange(len(components)), largest])
+    components *= sign[:, None]
     return np.asarray(components[:-SECTION_COMPONENTS].T)
 
 
@@ -671,12 +671,12 @@ def auc(values: FloatArray, reference: FloatArray) -> float:
     """Return the probability that a value exceeds a reference; ties count half."""
     if not len(values) or not len(reference):
         return float("nan")
-    from sklearn.metrics import roc_auc_score
-
-    of_values = np.ones(len(values))
-    of_reference = np.zeros(len(reference))
-    truth = np.concatenate([of_values, of_reference])
-    return float(roc_auc_score(truth, np.concatenate([values, reference])))
+    # It is the area under the curve of scikit-learn's `roc_auc_score`, which takes
+    # longer to load than the distances take to compute.
+    ordered = np.sort(reference)
+    below = np.searchsorted(ordered, values, side="left").sum()
+    up_to = np.searchsorted(ordered, values, side="right").sum()
+    return float((below + up_to) / (2 * len(values) * len(ordered)))
 
 
 def _note(what: str, reason: str) -> dict[str, str]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import RecordingError, chosen, did_you_mean
 from hopdata.recordings.readers.qtm import KEYS
 from hopdata.recordings.readers.text import ColumnTable, listed, open_table
@@ -72,12 +72,17 @@ class ContactTimes:
     instant : (K,) array
         Contact instants on the recording's clock, s, increasing.
     source : str
-        ``"contacts"`` or ``"forces"``: the block of the configuration.
+        ``"contacts"`` or ``"forces"``, the block of the configuration; ``"plates"`` or
+        ``"events"`` if they are in the recording's own file.
     span_s : tuple of float
         First and last instant at which a contact would have been listed, s.
     other_feet_above_m : float, optional
         Height, m. A contact during which all feet of the column are higher than this
         belongs to another foot. None if the column records no other foot.
+    error_s : (K,) array, optional
+        Standard error of each instant, s; None if it is not known.
+    of_other_foot : (K,) bool array, optional
+        Which contacts belong to another foot, where that is known.
     """
 
     column: Column
@@ -85,6 +90,8 @@ class ContactTimes:
     source: str
     span_s: tuple[float, float]
     other_feet_above_m: float | None = None
+    error_s: FloatArray | None = None
+    of_other_foot: BoolArray | None = None
 
 
 @dataclass(frozen=True)

@@ -209,8 +209,8 @@ def import_recording(  # noqa: PLR0913  each option is a key of the configuratio
         Unit of the file's positions. ``"auto"`` takes the format's own unit, or the
         other one if only that gives a plausible size; a remark says so.
     vertical_axis : {"auto", "x", "y", "z", "-x", "-y", "-z"}
-        Axis of the file that points up. ``"auto"`` takes the axis along which the
-        markers fall, or the body is above its feet; a remark says so.
+        Axis of the file that points up. ``"auto"`` takes the likeliest by all that the
+        file knows (`quality.orientation`); a remark says why.
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one (`raw.overrule_rate`).
     most_unpacked_mb : float

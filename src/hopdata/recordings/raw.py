@@ -91,6 +91,10 @@ class RawRecording:
     has_stamps : bool
         Whether `time` comes from the file; otherwise it is counted in frames at
         `rate_hz`.
+    suffix: str
+        Suffix of the file, such as ``".trc"``; empty if it comes from no file.
+    plate_corners : (P, 4, 3) array, optional
+        Corners of the force plates that the file states, in its unit and axes.
     """
 
     markers: tuple[str, ...]
@@ -106,6 +110,8 @@ class RawRecording:
     unit_is_stated: bool = True
     remarks: tuple[Remark, ...] = ()
     has_stamps: bool = True
+    suffix: str = ""
+    plate_corners: FloatArray | None = None
 
 
 def resolve_rate(place: str, *, stated: float | None, given: float | None) -> float:

@@ -168,8 +168,8 @@ class ReportInputs(PageInputs):
         Contents of ``verdict.json``.
     overlay : mapping
         Tables of the contacts known from other sources, by name (``contact_overlay``,
-        ``contact_overlay_summary``, ``contact_overlay_thresholds``); empty if there are
-        none.
+        ``contact_overlay_summary``, ``contact_overlay_thresholds``,
+        ``contact_overlay_notes``); empty if there are none.
     quality : sequence of mappings, optional
         Contents of ``quality.json``: checks with ``what, value, unit, good, poor,
         status, remark``.

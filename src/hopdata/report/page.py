@@ -82,9 +82,11 @@ def _by_printed_methods(provenance: Mapping[str, Any] | None) -> bool:
 
 
 def _has_forces(overlay: Mapping[str, pd.DataFrame]) -> bool:
-    """Return whether contacts were compared with forces: only these have thresholds."""
-    thresholds = overlay.get("contact_overlay_thresholds")
-    return thresholds is not None and not thresholds.empty
+    """Return whether contacts were compared with forces, of a plate or another file."""
+    summary = overlay.get("contact_overlay_summary")
+    if summary is None or summary.empty:
+        return False
+    return bool(summary["source"].isin(["forces", "plates"]).any())
 
 
 def _counts(inputs: ReportInputs) -> dict[str, Any]:
@@ -491,6 +493,7 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "overlay": tables.agreement_table(inputs.overlay),
         "unmatched": tables.unmatched_table(inputs.overlay),
         "thresholds": tables.thresholds_table(inputs.overlay),
+        "own_devices": tables.own_devices_table(inputs.overlay),
         "prediction": tables.prediction_table(inputs.prediction),
         "distances": tables.distances_table(inputs.distances),
         "orders": verdict.orders_table(inputs.verdict),
@@ -523,7 +526,7 @@ def _note(note: str | Message | Mapping[str, Any]) -> str | Message:
     what: Any = note.get("what")
     reason: Any = note.get("reason")
     if note.get("code"):
-        reason = Message.from_dict(note)
+        reason = verdict.told(note, str(reason))
         what = verdict.subject_of(note)
     if not what or not reason:
         return str(what or reason or "")

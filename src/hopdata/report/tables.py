@@ -364,6 +364,7 @@ AGREEMENT: show.Columns = {
     "clock drift (ms)": show.decimals("drift_s", 1, 1e3),
     "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
     "largest deviation from bias (ms)": show.decimals("largest_s", 2, 1e3),
+    "error of the other device (ms)": show.decimals("external_se_s", 2, 1e3),
     "scatter / standard error": show.decimals("scatter_over_se", 2),
 }
 
@@ -415,6 +416,14 @@ def thresholds_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
     }
     rows = show.records(overlay.get("contact_overlay_thresholds"))
     title = "Agreement at other force thresholds"
+    return show.table_of(title, rows, columns, text_columns=2)
+
+
+def own_devices_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
+    """Return one row per note on force plates and events in a recording's own file."""
+    columns = {"recording": show.text("recording"), "note": show.text("note")}
+    rows = show.records(overlay.get("contact_overlay_notes"))
+    title = "Force plates and events of the files"
     return show.table_of(title, rows, columns, text_columns=2)
 
 

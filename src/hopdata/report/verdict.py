@@ -40,10 +40,25 @@ def reach(verdict: Verdict | None) -> list[Message]:
 
 def worded(verdict: Verdict, name: str) -> Message | str:
     """Return the sentence or the outlook of a verdict, by its code if it has one."""
+    as_written = verdict.get(name) or ""
     message = verdict.get("messages", {}).get(name)
     if message:
-        return Message.from_dict(message)
-    return verdict.get(name) or ""
+        return told(message, as_written)
+    return as_written
+
+
+def told(message: Mapping[str, Any], as_written: str) -> Message | str:
+    """Return a message with code and values from a file, to be put into words.
+
+    Files of earlier versions may lack a value that its template asks for, or have a
+    code without a template. Their own English text, `as_written`, is then all there is.
+    """
+    said = Message.from_dict(message)
+    try:
+        said.text()
+    except KeyError:
+        return as_written
+    return said
 
 
 def subject_of(note: Mapping[str, Any]) -> Message | str:

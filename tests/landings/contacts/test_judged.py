@@ -107,7 +107,7 @@ def test_a_contact_is_odd_if_it_misfits_twice_as_much_as_the_others():
     misfit[4, 2] = 10.0 * 2.2**2
     misfit[5, 2] = 10.0 * 1.8**2
     fits = fits_of(np.zeros((20, 3)), misfit=misfit)
-    assert np.argwhere(is_odd(fits)).tolist() == [[4, 2]]
+    assert np.argwhere(is_odd(fits, np.ones((20, 1)))).tolist() == [[4, 2]]
 
 
 def test_frames_are_missing_up_to_the_end_of_a_recording_and_nowhere_without_a_contact():

@@ -132,6 +132,17 @@ def test_a_rigid_foot_turns_about_the_marker_that_touches_first():
     assert np.median(found.velocity[:, 1]) == pytest.approx(-1.5, abs=0.1)
 
 
+def learn_alone(found, prior):
+    """Learn from one recording."""
+    (learned,) = learn(
+        found,
+        noise_m=np.array([NOISE]),
+        priors=[prior],
+        of_landing=np.zeros(len(found.instant), dtype=np.int64),
+    )
+    return learned
+
+
 def test_the_push_of_an_earlier_foot_is_learned_and_taken_into_account():
     time, heights, contact = pushed_pairs(600, -16.0, 300.0)
     alone = fit(time, heights, contact + 0.002, priors=prior(2, -GRAVITY, 1e-3))
@@ -140,7 +151,7 @@ def test_the_push_of_an_earlier_foot_is_learned_and_taken_into_account():
         found = fit(
             time, heights, found.instant, priors=learned, all_contacts=found.instant
         )
-        learned = learn(found, noise_m=NOISE, prior=learned)
+        learned = learn_alone(found, learned)
     assert learned.mean[1, 1] == pytest.approx(-16.0, abs=2.0)
     assert 3.0 < learned.sd[1, 1] < 9.0
     assert learned.mean[0, 0] == pytest.approx(-GRAVITY, abs=0.2)
@@ -158,7 +169,7 @@ def test_nothing_to_learn_leaves_the_prior():
     time, heights, contact = pushed_pairs(5, -16.0, 0.0)
     start = prior(2)
     found = fit(time, heights, contact, priors=start, all_contacts=contact)
-    learned = learn(found, noise_m=NOISE, prior=start)
+    learned = learn_alone(found, start)
     np.testing.assert_array_equal(learned.mean[:, 1:], start.mean[:, 1:])
     np.testing.assert_array_equal(learned.sd, start.sd)
 

@@ -11,8 +11,8 @@ from synthetic_landings import simulate, transitions_of
 from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import find_contacts
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
-from hopdata.landings.contacts.kink_law import learned_law, single_fits, weak_priors
-from hopdata.landings.contacts.law import FootHeights, Law
+from hopdata.landings.contacts.kink_law import learned_laws, single_fits, weak_priors
+from hopdata.landings.contacts.law import FootHeights, Law, Trials
 from hopdata.landings.contacts.learning import learn
 from hopdata.landings.contacts.passes import LONG_WINDOWS_S
 from hopdata.landings.schedules import order_probability
@@ -179,7 +179,9 @@ def law_of(feet):
     heights = FootHeights(feet.time, feet.heights, LONG_WINDOWS_S)
     start = Law(weak_priors(3, "learned"), NOISE_M)
     alone = heights.fits(near, replace(start, pushes=False), widely=True)
-    return learned_law(heights, alone.instant, start, own=True)
+    trials = Trials.of([heights], [len(near)])
+    (law,) = learned_laws(trials, alone.instant, (start,), own=True)
+    return law
 
 
 def test_the_law_has_the_parts_that_the_feet_have():
@@ -223,8 +225,11 @@ def posteriors(value, variance, prior_mean, prior_sd):
 def creep_learned(value, variance, prior_mean=0.0, prior_sd=0.1):
     prior = FlightPriors(np.zeros((2, 4)), np.full((2, 4), prior_sd))
     prior.mean[:, 3] = prior_mean
-    found = learn(
-        posteriors(value, variance, prior_mean, prior_sd), noise_m=1.0, prior=prior
+    (found,) = learn(
+        posteriors(value, variance, prior_mean, prior_sd),
+        noise_m=np.ones(1),
+        priors=[prior],
+        of_landing=np.zeros(len(value), dtype=np.int64),
     )
     return found.mean[0, 3], found.sd[0, 3]
 
@@ -268,12 +273,9 @@ def alone(feet, rounded=None):
         kernel = np.hanning(15)[1:-1] / np.hanning(15)[1:-1].sum()
         heights[:, rounded] = np.convolve(heights[:, rounded], kernel, mode="same")
     near = feet.contacts + 0.004
-    fits, _ = single_fits(
-        FootHeights(feet.time, heights, (0.05, 0.04)),
-        near,
-        noise_m=NOISE_M,
-        gravity="learned",
-    )
+    trials = Trials.of([FootHeights(feet.time, heights, (0.05, 0.04))], [len(near)])
+    noise_m = np.array([NOISE_M])
+    fits, _ = single_fits(trials, near, noise_m=noise_m, gravity="learned")
     return fits.instant - feet.contacts, NOISE_M * fits.unit_se
 
 
@@ -320,9 +322,9 @@ def test_a_kink_that_is_too_high_is_no_contact():
         earliest = np.full(feet.contacts.shape, -np.inf)
         earliest[:, 1] = feet.contacts[:, 1] + later_s
         heights = FootHeights(feet.time, feet.heights, (0.05, 0.04), earliest)
-        return single_fits(heights, feet.contacts, noise_m=NOISE_M, gravity="learned")[
-            0
-        ]
+        trials = Trials.of([heights], [60])
+        noise_m = np.array([NOISE_M])
+        return single_fits(trials, feet.contacts, noise_m=noise_m, gravity="learned")[0]
 
     free, below, above = (fitted(later_s) for later_s in (-np.inf, -0.005, 0.005))
     np.testing.assert_allclose(below.instant, free.instant, atol=5e-5, rtol=0)

@@ -8,7 +8,7 @@ from falling_feet import NOISE_M, falls
 
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.approach import approaches
-from hopdata.landings.contacts.law import FootHeights
+from hopdata.landings.contacts.law import FootHeights, Trials
 from hopdata.landings.contacts.passes import (
     LONG_WINDOWS_S,
     SHORT_WINDOWS_S,
@@ -31,11 +31,11 @@ def fitted(made, heights):
         made.time, heights, LONG_WINDOWS_S, earliest, leaves_m=8 * NOISE_M
     )
     return fit_contacts(
-        feet,
+        Trials.of([feet], [len(near)]),
         near,
         status == descents.LANDED,
-        short_windows_s=SHORT_WINDOWS_S,
-        noise_m=NOISE_M,
+        short_windows_s=[SHORT_WINDOWS_S],
+        noise_m=np.array([NOISE_M]),
         gravity="learned",
     )
 
@@ -43,7 +43,7 @@ def fitted(made, heights):
 def test_feet_that_fly_and_stand_are_fitted_by_one_law_in_long_windows():
     made = falls(60, seed=3)
     found = fitted(made, made.heights)
-    assert found.feet.windows_s == LONG_WINDOWS_S
+    assert found.trials.feet[0].windows_s == LONG_WINDOWS_S
     assert not np.any(found.rises)
     assert np.abs(found.fits.instant - made.contacts).max() < 0.003
 
@@ -51,8 +51,8 @@ def test_feet_that_fly_and_stand_are_fitted_by_one_law_in_long_windows():
 def test_feet_that_leave_at_once_are_fitted_alone_in_short_windows():
     made = falls(60, seed=3, stands_s=0.012)
     found = fitted(made, made.heights)
-    assert found.feet.windows_s == SHORT_WINDOWS_S
-    assert found.feet.leaves_m == np.inf
+    assert found.trials.feet[0].windows_s == SHORT_WINDOWS_S
+    assert found.trials.feet[0].leaves_m == np.inf
 
 
 def test_odd_landings_teach_no_law_and_are_fitted_alone():
@@ -61,9 +61,9 @@ def test_odd_landings_teach_no_law_and_are_fitted_alone():
     before = made.contacts[:, None] - made.time.reshape(100, -1, 1)
     above = 0.06 * swings * np.clip((before - 0.042) / 0.02, 0, 1)
     found = fitted(made, made.heights + above.reshape(-1, 3))
-    odd = np.broadcast_to(found.feet.odd, (100, 1))[:, 0]
+    odd = np.broadcast_to(found.trials.odd, (100, 1))[:, 0]
     swinging = swings[:, 0].any(axis=1)
-    assert found.feet.windows_s == LONG_WINDOWS_S
+    assert found.trials.feet[0].windows_s == LONG_WINDOWS_S
     assert odd[swinging].mean() > 0.9
     assert odd[~swinging].mean() < 0.05
     assert np.abs(found.fits.instant - made.contacts)[swings[:, 0]].max() < 0.01
@@ -87,11 +87,11 @@ def test_a_search_that_began_too_late_is_repeated_from_the_earliest_instant():
     ).reshape(-1, 3)
     feet = FootHeights(made.time, heights, LONG_WINDOWS_S, earliest)
     found = fit_contacts(
-        replace(feet, leaves_m=np.inf),
+        Trials.of([replace(feet, leaves_m=np.inf)], [60]),
         late,
         status == descents.LANDED,
-        short_windows_s=SHORT_WINDOWS_S,
-        noise_m=NOISE_M,
+        short_windows_s=[SHORT_WINDOWS_S],
+        noise_m=np.array([NOISE_M]),
         gravity="learned",
     )
     moved = found.near != late

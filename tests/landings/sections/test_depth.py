@@ -14,6 +14,7 @@ from hopdata.landings.sections.from_landings import (
     heights_from_landings,
     landing_heights,
 )
+from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.crossing import SectionStates
 
 SHAPE = 0.1 * np.array([[1.0, 0, 0], [-0.5, 0.9, 0], [-0.5, -0.9, 0.1]])
@@ -122,3 +123,26 @@ def test_where_no_frame_is_short_of_contacts_the_deeper_state_is_surer(made):
     assert len(found.misfit) == 3
     assert 0.0 <= found.share <= 1.0
     assert found == choose_depth([recording], [table], **places)
+
+
+def test_the_states_of_the_study_decide(made):
+    """Fits as the study does not make them would have errors that it does not have."""
+    recording, table = made
+    held = heights_from_landings(landing_heights(recording, table))
+    places = {
+        "pre_m": held.pre_m,
+        "shallow_m": held.shallow_m,
+        "deep_m": held.deep_m,
+    }
+    usual = choose_depth([recording], [table], **places)
+    options = {"method": "split_fit", "window_s": None, "gravity": "auto"}
+    named = choose_depth([recording], [table], **places, states=options)
+    other = {"method": "savitzky_golay"}
+    rough = choose_depth([recording], [table], **places, states=other)
+    assert named == usual
+    # A cubic over seven frames leaves velocities less sure at every depth.
+    assert all(a > b for a, b in zip(rough.misfit, usual.misfit, strict=True))
+    selected = select_sections(
+        [recording], landings={recording.name: table}, states=other
+    )
+    assert selected.depth["misfit"] == list(rough.misfit)

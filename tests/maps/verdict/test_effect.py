@@ -118,8 +118,10 @@ def test_the_interval_is_in_order_and_clear_of_zero_with_the_test():
         assert (effect.low > 0) == (effect.p_value < 0.05)
 
 
-def test_half_the_difference_takes_four_times_the_landings():
-    assert landings_needed(1000, 0.4, 0.3, 0.35, 3) == pytest.approx(4000, abs=1)
+def test_half_the_difference_takes_four_times_the_landings_beyond_the_terms():
+    # 51 terms of three feet take 60 landings, of which 85 % are fitted.
+    assert landings_needed(1060, 0.4, 0.3, 0.35, 3) == pytest.approx(4060, abs=1)
+    assert landings_needed(1060, 0.4, 0.3, 0.5, 3) == pytest.approx(310, abs=1)
     assert (
         landings_needed(1000, 0.2, LEFT, 0.9, 3) == 150
     )  # those for second-order terms
@@ -127,15 +129,15 @@ def test_half_the_difference_takes_four_times_the_landings():
 
 def test_of_two_windows_the_one_that_needs_less_is_planned_for():
     nearest = {"detectable_nearest": 0.5, "allowed_nearest": 0.1}
-    both = [landings_needed(300, 0.4, 0.15, d, 3, **nearest) for d in (0.12, 0.2, 0.35)]
+    both = [landings_needed(360, 0.4, 0.15, d, 3, **nearest) for d in (0.12, 0.2, 0.35)]
     # 300 (0.4 / 0.02)^2 and 300 (0.4 / 0.1)^2 by the nearest, 300 (0.25 / 0.2)^2.
-    assert both == pytest.approx([120_000, 4_800, 469], abs=1)
-    alone = [landings_needed(300, 0.4, 0.15, d, 3) for d in (0.2, 0.35)]
-    assert alone == pytest.approx([7_500, 469], abs=1)
+    assert both == pytest.approx([120_060, 4_860, 529], abs=1)
+    alone = [landings_needed(360, 0.4, 0.15, d, 3) for d in (0.2, 0.35)]
+    assert alone == pytest.approx([7_560, 529], abs=1)
     with pytest.raises(AnalysisError, match=r"numbers above 0\.15, .* found 0\.12"):
-        landings_needed(300, 0.4, 0.15, 0.12, 3)
+        landings_needed(360, 0.4, 0.15, 0.12, 3)
     with pytest.raises(AnalysisError, match=r"numbers above 0\.1, .* found 0\.1$"):
-        landings_needed(300, 0.4, 0.15, 0.1, 3, **nearest)
+        landings_needed(360, 0.4, 0.15, 0.1, 3, **nearest)
 
 
 def test_of_three_feet_each_pair_of_orders_is_compared():

@@ -61,6 +61,14 @@ def test_a_jump_of_the_outcome_is_a_difference_beside_kinks_or_without(seed, str
     assert one.jump.low < exact.jump.estimate < one.jump.high
 
 
+def test_noise_of_the_states_does_not_shrink_a_jump():
+    """The outcome then varies by half as much again, and the map does not."""
+    exact = verdict(landings(n=2000, jump=0.4, seed=5))
+    noisy = verdict(landings(n=2000, jump=0.4, noise=3.0, seed=5))
+    assert noisy.jump.estimate == pytest.approx(exact.jump.estimate, rel=0.25)
+    assert noisy.jump.upper_bound > exact.jump.estimate
+
+
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_session_exported_twice_cannot_tell(seed):
     data, generator = landings(n=400, seed=seed), np.random.default_rng(seed)

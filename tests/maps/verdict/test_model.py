@@ -129,3 +129,15 @@ def test_the_root_of_a_covariance_does_not_hang_on_the_turn_of_its_eigenvectors(
     one, other = symmetric_root(covariance), symmetric_root(nudged)
     np.testing.assert_allclose(one, other, atol=1e-9)
     np.testing.assert_allclose(one @ one, covariance, atol=1e-9)
+
+
+def test_the_mean_map_has_no_part_of_the_jumps():
+    """Where an input places a landing on one side, its slope looks like a step."""
+    smooth, jumping = (
+        fit_kinks(seen_at_section(landings(n=1500, seed=3, jump=jump)))
+        for jump in (0.0, 1.0)
+    )
+    apart = np.linalg.norm(jumping.linear - smooth.linear)
+    assert apart < 0.07 * np.linalg.norm(smooth.linear)
+    steps = jumping.jumps.coefficients
+    assert np.linalg.norm(steps) > 20.0 * np.linalg.norm(smooth.jumps.coefficients)

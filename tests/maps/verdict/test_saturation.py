@@ -141,18 +141,23 @@ def test_only_kinks_that_are_larger_at_the_contact_saturate(
 ):
     """Smaller ones grow with the delay; `low` would lie above their estimate."""
     over = brief.effect_over_landings
-    size = replace(over, estimate=at_contact * over.estimate / 0.5, high=9.0)
+    slow = replace(over, estimate=at_contact * over.estimate / 0.5, high=9.0)
+    fast = replace(over, estimate=8.0, high=10.0, upper_bound=9.5)
     fit = SimpleNamespace(
         scores=np.eye(50),
         allowed=0.1,
-        at_contact=lambda landings: landings,
+        at_contact=lambda _: (slow, fast),
         with_slopes=lambda slopes: slopes,
     )
-    monkeypatch.setattr(effect, "saturation", lambda *_, **__: (0.001, ["slow"]))
+    monkeypatch.setattr(effect, "saturation", lambda *_, **__: (0.001, slow))
     rng = np.random.default_rng(1)
     found = effect.at_the_contact(
-        fit, None, over, lambda _: size, generator=rng, flips=99
+        fit, None, over, lambda size: size, generator=rng, flips=99
     )
     assert found.saturates == saturates
     assert (found.size == over) == (not saturates)
     assert found.size.low <= found.size.estimate
+    if saturates:
+        # The likely fit has the estimate, and the bound holds for faster ones.
+        assert found.size.estimate == slow.estimate
+        assert (found.size.high, found.size.upper_bound) == (10.0, 9.5)

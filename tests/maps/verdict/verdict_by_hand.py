@@ -1060,9 +1060,7 @@ def fit_in_window(section, share):
     v = visible(beside(mixing(kinks), q), kinks, share_of_pairs)
     h = kinks @ v
     fit = fitted_scores(mixing(h), mixing(outcomes), q)
-    mixed_left = mixing(outcomes - h @ fit.b)
-    of_z = np.linalg.lstsq(mixed_a, mixed_left, rcond=None)[0][1 : 1 + n_linear]
-    by_inputs = slopes(lower[:, 1 : 1 + n_linear], section.inputs[rows]) @ of_z
+    beside_smooth = h @ fit.b
     w3 = monomials(whitened(t)[:, :2], 3)
     c = curvature(np.hstack([without_fourth, h, steps]), w3, outcomes)
     usual = spread_in(section.t, window_rows(section.t, 0.85))
@@ -1078,9 +1076,13 @@ def fit_in_window(section, share):
         v_steps = visible(beside(mixing(steps), with_h), steps, 0.25)
         shown = steps @ v_steps
         of_steps = fitted_scores(mixing(shown), mixing(outcomes), with_h)
+        beside_smooth = beside_smooth + shown @ of_steps.b
         sharp = step_columns(t, 0 * section.unforetold, pairs) @ v_steps
         faded = fading(sharp, shown, mixing, with_h)
         allowed_steps = faded * max(0.05 * g, 0.1 * (least + section.bent))
+    mixed_left = mixing(outcomes - beside_smooth)
+    of_z = np.linalg.lstsq(mixed_a, mixed_left, rcond=None)[0][1 : 1 + n_linear]
+    by_inputs = slopes(lower[:, 1 : 1 + n_linear], section.inputs[rows]) @ of_z
     return Fit(
         rows=rows,
         v=v,
@@ -1188,7 +1190,7 @@ def changes(section, fit):
 def size_of_steps(section, fit):
     """9: the size of steps."""
     pairs, n_visible = fit.v_steps.shape
-    w = halves(section.outcomes.var(axis=0, ddof=1))
+    w = halves(power_of_map(section, fit, compared(section.t)[1]))
     return Size(2 / np.sqrt(pairs) * np.eye(n_visible), w)
 
 
@@ -1583,9 +1585,9 @@ def saturation(section, fit, size, over_landings, study):
     if p_value >= 0.01:
         return p_value, over_landings
     least = min(f.misfit for f in fits)
-    in_doubt = [f for f in fits if f.misfit <= least + 3.84]
-    effects = [at_contact(section, fit, f.contact, size, study) for f in in_doubt]
-    estimate = effects[0]["estimate"]
+    effects = [at_contact(section, fit, f.contact, size, study) for f in fits]
+    in_doubt = [f.misfit <= least + 3.84 for f in fits]
+    estimate = effects[in_doubt.index(True)]["estimate"]
     if estimate <= max(fit.allowed, over_landings["estimate"]):
         return p_value, over_landings
     widest = {"estimate": estimate}
@@ -1645,15 +1647,16 @@ def of_nearest(draws, fit, level, study):
 
 def landings_needed(n, effect, feet):
     """11: landings that show 0.2, or None."""
+    for_terms = (45 + feet * (feet - 1)) / 0.85
     needs = []
     for window in ("", "_nearest"):
         a = effect["allowed" + window]
         if a < 0.2:
             beyond = max(0.0, effect["detectable" + window] - a) / (0.2 - a)
-            needs.append(ceil(n * beyond**2))
+            needs.append(ceil(for_terms + (n - for_terms) * beyond**2))
     if not needs:
         return None
-    fewest = ceil(2.5 * (45 + feet * (feet - 1)) / 0.85)
+    fewest = ceil(2.5 * for_terms)
     return max(fewest, min(needs))
 
 

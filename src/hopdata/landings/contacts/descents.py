@@ -199,9 +199,9 @@ def find_transitions(
         spans = time[np.array(found, dtype=np.int64).reshape(-1, 2)]
     seen = ~np.isnan(height)
     track = _Track(time[seen], height[seen])
-    sections_m = (pre_height_m, post_height_m)
-    rows = [_crossings(track, span, sections_m) for span in spans]
-    t_pre, t_post, gap_pre, gap_post = np.array(rows).reshape(-1, 4).T
+    t_pre, t_post, gap_pre, gap_post = _crossings(
+        track, spans, pre_height_m, post_height_m
+    )
     return Transitions(t_pre, t_post, gap_pre, gap_post)
 
 
@@ -216,46 +216,64 @@ class _Track:
         self.height = height
         self.steps = np.diff(time, prepend=-np.inf, append=np.inf)
 
-    def crossing(self, index: int, level_m: float) -> float:
-        """Return when the chord from a frame to the next meets a level, s."""
+    def crossing(self, index: IntArray, level_m: float) -> FloatArray:
+        """Return when the chords from these frames to the next meet a level, s."""
         fall_m = self.height[index] - self.height[index + 1]
         share = (self.height[index] - level_m) / fall_m
-        return float(
+        return np.asarray(
             self.time[index] + share * (self.time[index + 1] - self.time[index])
         )
 
 
 def _crossings(
-    track: _Track, span: FloatArray, sections_m: tuple[float, float]
-) -> tuple[float, float, float, float]:
-    """Return both crossings within a span, and the gaps about them, s."""
-    first_s, last_s = span.tolist()
-    pre_m, post_m = sections_m
+    track: _Track, spans: FloatArray, pre_m: float, post_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return both crossings within each span (L, 2), and the gaps about them, s."""
     steps = track.steps
-    start = int(np.searchsorted(track.time, first_s))
-    stop = int(np.searchsorted(track.time, last_s, side="right"))
-    above = np.flatnonzero(track.height[start:stop] >= pre_m) + start
-    below = np.flatnonzero(track.height[start:stop] <= post_m) + start
-    if len(above):
-        # The last frame above the pre section before the body is below the other.
-        top = int(above[-1])
-        if len(below):
-            top = int(above[above < below[0]][-1])
-        gap_pre = steps[top + 1]
-        t_pre = np.nan
-        if top + 1 < stop:
-            t_pre = track.crossing(top, pre_m)
-    else:
-        top = start
-        gap_pre = steps[start : start + 2].max()  # a gap may hide a higher top
-        t_pre = first_s
-    if len(below) and below[0] > start:
-        t_post = track.crossing(int(below[0]) - 1, post_m)
-        gap_post = steps[below[0]]
-    else:
-        t_post = np.nan
-        gap_post = steps[top + 1 : min(stop + 1, len(track.time))].max(initial=0.0)
+    last = len(track.time) - 1
+    start = np.searchsorted(track.time, spans[:, 0])
+    stop = np.searchsorted(track.time, spans[:, 1], side="right")
+    below = _first_from(np.flatnonzero(track.height <= post_m), start, stop)
+    is_below = below < stop
+    # The last frame above the pre section before the body is below the other.
+    top = _last_before(np.flatnonzero(track.height >= pre_m), start, below)
+    is_above = top >= start
+
+    t_pre = spans[:, 0].copy()
+    gap_pre = np.empty(len(spans))
+    # A gap may hide a higher top.
+    first_step = np.minimum(start, last + 1)
+    second_step = np.minimum(start + 1, last + 1)
+    gap_pre[:] = np.maximum(steps[first_step], steps[second_step])
+    gap_pre[is_above] = steps[top[is_above] + 1]
+    t_pre[is_above] = np.nan
+    crosses = is_above & (top + 1 < stop)
+    t_pre[crosses] = track.crossing(top[crosses], pre_m)
+
+    t_post = np.full(len(spans), np.nan)
+    gap_post = np.empty(len(spans))
+    ends = is_below & (below > start)
+    t_post[ends] = track.crossing(below[ends] - 1, post_m)
+    gap_post[ends] = steps[below[ends]]
+    top = np.where(is_above, top, start)
+    for row in np.flatnonzero(~ends):
+        within = steps[top[row] + 1 : min(stop[row] + 1, last + 1)]
+        gap_post[row] = within.max(initial=0.0)
     return t_pre, t_post, gap_pre, gap_post
+
+
+def _first_from(frames: IntArray, start: IntArray, stop: IntArray) -> IntArray:
+    """Return the first of these frames from each start on; the stop if none is left."""
+    place = np.searchsorted(frames, start)
+    found = np.append(frames, np.iinfo(frames.dtype).max)[place]
+    return np.minimum(found, stop)
+
+
+def _last_before(frames: IntArray, start: IntArray, stop: IntArray) -> IntArray:
+    """Return the last of these frames before each stop; less than start if none."""
+    place = np.searchsorted(frames, stop)
+    found = np.insert(frames, 0, -1)[place]
+    return np.where(found < start, -1, found)
 
 
 def find_hidden_landings(

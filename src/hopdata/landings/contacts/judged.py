@@ -10,7 +10,6 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.kink import KinkFits
 from hopdata.landings.contacts.law import FRAMES_AFTER, FRAMES_BEFORE
-from hopdata.landings.contacts.learning import pooled_noise
 
 #: Residuals, in units of the measurement noise, above which the law of flight and
 #: stance does not hold: of a whole recording (then each foot is fitted alone) or of
@@ -74,9 +73,12 @@ def frames_missing(
     return np.asarray(lost_by_then > lost_before)
 
 
-def is_odd(fits: KinkFits) -> BoolArray:
-    """Mark contacts (L, n) that break the law of the others, as of a swinging leg."""
-    ratio, limit_of_chance = _misfits(fits, pooled_noise(fits))
+def is_odd(fits: KinkFits, noise_m: FloatArray) -> BoolArray:
+    """Mark contacts (L, n) that break the law of the others, as of a swinging leg.
+
+    `noise_m` (L, 1) is the noise of a height about its fit, m.
+    """
+    ratio, limit_of_chance = _misfits(fits, noise_m)
     return np.asarray(ratio > np.maximum(REFUTED, limit_of_chance))
 
 
@@ -133,7 +135,9 @@ def judge_fits(
     )
 
 
-def _misfits(fits: KinkFits, noise_m: float) -> tuple[FloatArray, FloatArray]:
+def _misfits(
+    fits: KinkFits, noise_m: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
     """Return rms residuals over the noise (L, n), and the largest by chance."""
     dof = np.maximum(fits.dof, 1.0)
     rms_m = np.sqrt(fits.misfit / dof)

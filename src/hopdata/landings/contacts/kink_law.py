@@ -1,7 +1,8 @@
-"""Kink fits of a whole recording, with laws of flight and stance learned from it.
+"""Kink fits of a study's recordings, with laws of flight and stance learned from them.
 
 `joint_fits` fits all feet by one law. `single_fits` fits each foot alone, by the
-simplest law that determines its contacts.
+simplest law that determines its contacts. What a foot is, soft or hard, is the same in
+all recordings unless one of them clearly says otherwise; each has its own noise.
 """
 
 from __future__ import annotations
@@ -17,14 +18,16 @@ from hopdata.landings.contacts.kink import FlightPriors, KinkFits
 from hopdata.landings.contacts.law import (
     TELLING_LOSS,
     UNDETERMINED_S,
-    FootHeights,
     Law,
+    Laws,
+    Trials,
+    changed,
     known_gains,
     log_likelihood,
     merged,
-    some_landings,
+    noises,
 )
-from hopdata.landings.contacts.learning import learn, pooled_noise
+from hopdata.landings.contacts.learning import FEW, learn, pooled_noises
 from hopdata.landings.contacts.softness import STANCE_LANDINGS, with_softness
 
 # --- Priors before anything is learned, wide enough for a few landings to overrule ----
@@ -44,6 +47,14 @@ GRAVITIES = {
     "free": (0.0, FLAT_SD),
     "known": (-GRAVITY_M_S2, SHARP_SD),
 }
+
+#: The choice that takes the place of ``learned`` where landings are few and the body
+#: falls freely: feet fall as it does, but for what their legs do.
+FALLS = "falls"
+
+#: Standard deviation of a foot's own acceleration about that of gravity then.
+#: Unit: m/s^2. Origin: chosen.
+FALLS_SD = 3.0
 
 #: Standard deviation of the change of a foot's acceleration when another touches:
 #: about three times gravity.
@@ -132,9 +143,14 @@ RECENTRED = 3
 def weak_priors(n: int, gravity: str, foot_of: tuple[int, ...] = ()) -> FlightPriors:
     """Return priors of n feet before anything is learned.
 
-    `gravity` is described in `hopdata.landings.contacts.find.find_contacts`.
+    `gravity` is described in `hopdata.landings.contacts.find.find_contacts`, or is
+    `FALLS`.
     """
-    own_mean, own_sd = chosen("touchdowns.gravity", gravity, GRAVITIES)
+    if gravity == FALLS:
+        own_mean = -GRAVITY_M_S2
+        own_sd = FALLS_SD
+    else:
+        own_mean, own_sd = chosen("touchdowns.gravity", gravity, GRAVITIES)
     mean = np.zeros((n, 2 * n))
     mean[:, 0] = own_mean
     pushes = [WEAK_CHANGE_SD, WEAK_JERK_SD] * (n - 1)
@@ -146,95 +162,110 @@ def weak_priors(n: int, gravity: str, foot_of: tuple[int, ...] = ()) -> FlightPr
 
 
 def joint_fits(
-    feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str
+    trials: Trials, near: FloatArray, *, noise_m: FloatArray, gravity: str
 ) -> tuple[KinkFits, FloatArray]:
     """Fit each foot alone, learn the law from some landings, then fit all by it.
 
     Parameters
     ----------
-    feet : FootHeights
-        The recording.
+    trials : Trials
+        The R recordings.
     near : (L, n) array
         Rough instants, s; NaN for none.
-    noise_m : float
-        Standard deviation of a height, m.
+    noise_m : (R,) array
+        Standard deviation of a height in each recording, m.
     gravity : {"learned", "free", "known"}
         See `hopdata.landings.contacts.find.find_contacts`.
 
     Returns
     -------
     fits : KinkFits
-    common : (n,) array
+    common : (R, n) array
         Error that all contacts of a foot may share, s.
     """
-    n = feet.heights.shape[1]
-    learns_own = gravity == "learned"
-    weak = Law(weak_priors(n, gravity, feet.foot_of), noise_m)
-    alone = feet.fits(near, replace(weak, pushes=False), widely=True)
+    n = near.shape[1]
+    learns_own = gravity in ("learned", FALLS)
+    weak = _laws(weak_priors(n, gravity, trials.foot_of), noise_m)
+    alone = trials.fits(near, changed(weak, pushes=False), widely=True)
 
-    law, instant = _law_and_instants(feet, alone, weak, own=learns_own)
-    if law.pushes:
+    laws, instant = _laws_and_instants(trials, alone, weak, own=learns_own)
+    if laws[0].pushes:
         # Legs may also strike: velocities jump, as for markers of one rigid foot.
         one_foot = (0,) * n
-        striking = replace(weak, priors=weak_priors(n, gravity, one_foot))
-        strikes, struck = _law_and_instants(feet, alone, striking, own=learns_own)
-        if _fits_better(feet, (strikes, struck), (law, instant)):
-            law = strikes
+        striking = _laws(weak_priors(n, gravity, one_foot), noise_m)
+        strikes, struck = _laws_and_instants(trials, alone, striking, own=learns_own)
+        if _fits_better(trials, (strikes, struck), (laws, instant)):
+            laws = strikes
             instant = struck
-    fits, common = with_softness(feet, feet.fits(instant, law), law, alike=True)
-    hidden_s = _hidden_by_the_law(feet, fits, law, weak, noise_m)
+    fits = trials.fits(instant, laws)
+    fits, common = with_softness(trials, fits, laws, alike=True)
+    hidden_s = _hidden_by_the_law(trials, fits, laws, weak)
     return fits, np.hypot(common, hidden_s)
 
 
-def _law_and_instants(
-    feet: FootHeights, alone: KinkFits, start: Law, *, own: bool
-) -> tuple[Law, FloatArray]:
-    """Learn a law, and return the instants (L, n), s, of all landings by it.
+def _laws(priors: FlightPriors, noise_m: FloatArray, *, pushes: bool = True) -> Laws:
+    """Return laws that differ in their noise (R,), m, only."""
+    return tuple(Law(priors, one_m, pushes=pushes) for one_m in noise_m.tolist())
+
+
+def _laws_and_instants(
+    trials: Trials, alone: KinkFits, start: Laws, *, own: bool
+) -> tuple[Laws, FloatArray]:
+    """Learn laws, and return the instants (L, n), s, of all landings by them.
 
     Only the instants are returned, so that memory holds one set of fits at a time.
     """
-    law = learned_law(feet, feet.telling(alone), start, own=own)
-    return law, feet.fits(alone.instant, law, widely=True).instant
+    laws = learned_laws(trials, trials.telling(alone), start, own=own)
+    return laws, trials.fits(alone.instant, laws, widely=True).instant
 
 
 def _fits_better(
-    feet: FootHeights,
-    other: tuple[Law, FloatArray],
-    first: tuple[Law, FloatArray],
+    trials: Trials,
+    other: tuple[Laws, FloatArray],
+    first: tuple[Laws, FloatArray],
 ) -> bool:
-    """Tell whether the data clearly speak for the other law with its instants."""
-    law, instant = first
-    other_law, other_instant = other
-    same_noise = replace(other_law, noise_m=law.noise_m)
-    some = some_landings(instant, STANCE_LANDINGS)
-    other_some = some_landings(other_instant, STANCE_LANDINGS)
+    """Tell whether the data clearly speak for the other laws with their instants."""
+    laws, instant = first
+    other_laws, other_instant = other
+    same_noise = tuple(
+        replace(one, noise_m=law.noise_m)
+        for one, law in zip(other_laws, laws, strict=True)
+    )
+    some, instant = trials.some(instant, STANCE_LANDINGS)
+    other_some, other_instant = trials.some(other_instant, STANCE_LANDINGS)
     gain = known_gains(
-        log_likelihood(feet, other_some, same_noise), log_likelihood(feet, some, law)
+        log_likelihood(other_some, other_instant, same_noise),
+        log_likelihood(some, instant, laws),
     )
     return bool(gain.sum() > TELLING_LOSS)
 
 
 def _hidden_by_the_law(
-    feet: FootHeights, fits: KinkFits, law: Law, weak: Law, noise_m: float
+    trials: Trials, fits: KinkFits, laws: Laws, weak: Laws
 ) -> FloatArray:
-    """Return the common error (n,), s, of what the law does not describe.
+    """Return the common error (R, n), s, of what the law does not describe.
 
     Its misfit beyond the noise is common to all landings. A foot that turns about its
     toes creeps unevenly, so part of the creep may be softness.
     """
-    falls_m_s = np.abs(fits.velocity[np.isfinite(fits.instant)])
-    if not len(falls_m_s):
-        return np.zeros(len(law.priors.mean))
-    misfit_m = np.sqrt(max(law.noise_m**2 - noise_m**2, 0.0))
-    turns = law.creeps & weak.priors.hinged.any(axis=1)
-    creep_m_s = np.abs(law.priors.mean[:, -1]) * turns
-    creep_m = TURN_HIDES * creep_m_s * feet.windows_s[1]
-    hidden_m = np.hypot(MISFIT_HIDES * misfit_m, creep_m)
-    return np.asarray(hidden_m / np.median(falls_m_s))
+    falls_m_s = np.abs(fits.velocity)
+    is_fitted = np.isfinite(fits.instant)
+    hidden_s = np.zeros((len(laws), fits.instant.shape[1]))
+    for number, (law, start) in enumerate(zip(laws, weak, strict=True)):
+        own = is_fitted & (trials.of_landing == number)[:, None]
+        if not own.any():
+            continue
+        misfit_m = np.sqrt(max(law.noise_m**2 - start.noise_m**2, 0.0))
+        turns = law.creeps & start.priors.hinged.any(axis=1)
+        creep_m_s = np.abs(law.priors.mean[:, -1]) * turns
+        creep_m = TURN_HIDES * creep_m_s * trials.feet[number].windows_s[1]
+        hidden_m = np.hypot(MISFIT_HIDES * misfit_m, creep_m)
+        hidden_s[number] = hidden_m / np.median(falls_m_s[own])
+    return hidden_s
 
 
 def single_fits(
-    feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str
+    trials: Trials, near: FloatArray, *, noise_m: FloatArray, gravity: str
 ) -> tuple[KinkFits, FloatArray]:
     """Fit each foot alone, by the simplest law that determines its contacts.
 
@@ -242,60 +273,82 @@ def single_fits(
     law is a foot that stops at once and stands. If that leaves too many of its contacts
     undetermined, the foot creeps on. If that does not suffice either, the median over
     ever softer contacts is taken. The spread of these in each landing is part of the
-    standard error.
+    standard error. A recording of few landings takes the law that all of them need.
     """
     n = near.shape[1]
-    stands = Law(weak_priors(n, gravity), noise_m, pushes=False)
-    best = _alone(feet, near, stands)
-    noise = pooled_noise(best)
-    softness_counts = np.ones(n, dtype=bool)
-    rejected = _undetermined(best, near, noise) > UNDETERMINED_SHARE
-    for foot in np.flatnonzero(rejected):
-        its = np.full(near.shape, np.arange(n) == foot)
-        own = np.where(its, near, np.nan)
-        creeps = replace(stands, creeps=True, compliance_s=SOFTER_S[0])
-        found = [_alone(feet, own, creeps)]
-        if _undetermined(found[0], own, noise)[foot] > UNDETERMINED_SHARE:
-            for time_s in SOFTER_S[1:]:
-                found.append(_alone(feet, own, replace(creeps, compliance_s=time_s)))
-            # The error of a median already contains the spread over compliances.
-            softness_counts[foot] = False
-        best = merged(best, _median_law(found, int(foot), noise), its)
-    law = replace(stands, noise_m=noise, creeps=True)
-    softly, common = with_softness(feet, best, law, alike=False)
+    stands = _laws(weak_priors(n, gravity), noise_m, pushes=False)
+    best = _alone(trials, near, stands)
+    noise = pooled_noises(best, trials, noise_m)
+    softness_counts = np.ones(near.shape, dtype=bool)
+    rejected = _undetermined(best, near, trials, noise) > UNDETERMINED_SHARE
+    for foot in np.flatnonzero(rejected.any(axis=0)).tolist():
+        its = np.arange(n) == foot
+        fails = trials.at(rejected[:, foot])[:, None] & its
+        own = np.where(fails, near, np.nan)
+        creeps = changed(stands, creeps=True, compliance_s=SOFTER_S[0])
+        found = [_alone(trials, own, creeps)]
+        still = _undetermined(found[0], own, trials, noise)[:, foot]
+        best = merged(best, found[0], fails)
+        fails = trials.at(still > UNDETERMINED_SHARE)[:, None] & fails
+        if not fails.any():
+            continue
+        own = np.where(fails, near, np.nan)
+        for time_s in SOFTER_S[1:]:
+            softer = changed(creeps, compliance_s=time_s)
+            found.append(_alone(trials, own, softer))
+        # The error of a median already contains the spread over compliances.
+        softness_counts &= ~fails
+        of_landing_m = trials.at(noise)
+        best = merged(best, _median_law(found, foot, of_landing_m), fails)
+    laws = tuple(
+        replace(law, noise_m=one_m, creeps=True)
+        for law, one_m in zip(stands, noise.tolist(), strict=True)
+    )
+    softly, common = with_softness(trials, best, laws, alike=False)
     unit_se = np.where(softness_counts, softly.unit_se, best.unit_se)
     return replace(best, unit_se=unit_se), common
 
 
-def _alone(feet: FootHeights, near: FloatArray, law: Law) -> KinkFits:
+def _alone(trials: Trials, near: FloatArray, laws: Laws) -> KinkFits:
     """Fit about rough instants (L, n), s, then with windows about those found."""
-    fits = feet.fits(near, law, widely=True)
+    fits = trials.fits(near, laws, widely=True)
     for _ in range(RECENTRED):
-        fits = feet.fits(fits.instant, law)
+        fits = trials.fits(fits.instant, laws)
     return fits
 
 
-def _determined(fits: KinkFits, noise_m: float) -> BoolArray:
-    """Mark the contacts (L, n) with a kink that determines their instant."""
-    sure = noise_m * fits.unit_se < UNDETERMINED_S
+def _determined(fits: KinkFits, noise_m: FloatArray) -> BoolArray:
+    """Mark the contacts (L, n) with a kink that determines their instant.
+
+    `noise_m` (L,) is the noise of a height, m.
+    """
+    sure = noise_m[:, None] * fits.unit_se < UNDETERMINED_S
     comes_down = fits.velocity < 0
     return np.asarray(sure & comes_down)
 
 
-def _undetermined(fits: KinkFits, near: FloatArray, noise_m: float) -> FloatArray:
-    """Return each foot's share of undetermined contacts (n,), but one in ten."""
+def _undetermined(
+    fits: KinkFits, near: FloatArray, trials: Trials, noise_m: FloatArray
+) -> FloatArray:
+    """Return each foot's share of undetermined contacts (R, n), but one in ten.
+
+    That of a recording with few landings is the share in all. `noise_m` is (R,).
+    """
     wanted = np.isfinite(near)
-    count = wanted.sum(axis=0)
-    without = (wanted & ~_determined(fits, noise_m)).sum(axis=0)
+    without = wanted & ~_determined(fits, trials.at(noise_m))
+    count = np.stack([own.sum(axis=0) for own in trials.each(wanted)])
+    failed = np.stack([own.sum(axis=0) for own in trials.each(without)])
+    count = np.where(count < FEW, count.sum(axis=0), count)
+    failed = np.where(count < FEW, failed.sum(axis=0), failed)
     forgiven = count >= ODD_ONE_OF
-    return np.asarray((without - forgiven) / np.maximum(count, 1))
+    return np.asarray((failed - forgiven) / np.maximum(count, 1))
 
 
-def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFits:
+def _median_law(found: Sequence[KinkFits], foot: int, noise_m: FloatArray) -> KinkFits:
     """Return the fits whose instants of a foot are nearest to the median over the laws.
 
     They get the median instant. The standard error includes the spread of the instants
-    over the laws.
+    over the laws. `noise_m` (L,) is the noise of a height, m.
     """
     known = np.stack([_determined(fits, noise_m)[:, foot] for fits in found])
     instant = np.ma.array([fits.instant[:, foot] for fits in found], mask=~known)
@@ -316,98 +369,177 @@ def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFit
     return fits
 
 
-def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) -> Law:
-    """Learn the law from landings with these instants (L, n), s, from weak priors on.
+def learned_laws(trials: Trials, instant: FloatArray, laws: Laws, *, own: bool) -> Laws:
+    """Learn laws from landings with these instants (L, n), s, from weak priors on.
 
     Parameters
     ----------
-    feet : FootHeights
-        The recording.
+    trials : Trials
+        The recordings.
     instant : (L, n) array
         Instants of the landings to learn from, s; NaN where they tell nothing.
-    law : Law
-        The law with weak priors.
+    laws : Laws
+        The laws with weak priors.
     own : bool
         Whether to learn the feet's own accelerations.
     """
-    instant = some_landings(instant, LEARNING_LANDINGS)
-    weak = law.priors
+    trials, instant = trials.some(instant, LEARNING_LANDINGS)
+    weak = laws
     for step in range(LEARNING_STEPS):
-        some = some_landings(instant, STANCE_LANDINGS)
+        some, of_some = trials.some(instant, STANCE_LANDINGS)
         if step == STEP_OF_STANCE:
-            stance = _with_stance(feet, some, replace(law, priors=weak))
-            if stance.compliance_s > 0:
-                # Priors learned with a hard contact would keep it hard, so they start
-                # anew.
-                law = replace(stance, priors=weak)
-            else:
-                law = replace(stance, priors=law.priors)
+            start = _with_priors_of(laws, weak)
+            stances = _with_stance(some, of_some, start)
+            # Priors learned with a hard contact would keep it hard, so they start anew.
+            laws = tuple(
+                stance
+                if stance.compliance_s > 0
+                else replace(stance, priors=law.priors)
+                for stance, law in zip(stances, laws, strict=True)
+            )
         elif step > STEP_OF_STANCE:
-            law = _refined(feet, some, law)
-        fits = feet.fits(instant, law)
+            laws = _refined(some, of_some, laws)
+        fits = trials.fits(instant, laws)
         instant = fits.instant
         is_last = step == LEARNING_STEPS - 1
-        law = _one_step(fits, law, own=own, sharpen=is_last)
-    some = some_landings(instant, STANCE_LANDINGS)
-    law = _refined(feet, some, law)
-    free = replace(law, pushes=False)
+        laws = _one_step(trials, fits, laws, weak, own=own, sharpen=is_last)
+    some, of_some = trials.some(instant, STANCE_LANDINGS)
+    laws = _refined(some, of_some, laws)
+    free = changed(laws, pushes=False)
     gain = known_gains(
-        log_likelihood(feet, some, law), log_likelihood(feet, some, free)
+        log_likelihood(some, of_some, laws), log_likelihood(some, of_some, free)
     )
     # Weak pushes hardly pay for their extra freedom, but leaving them out makes errors
     # larger than stated. Keeping them where there are none only widens the stated
     # errors. So they are dropped only if the data speak against them.
     if gain.sum() > -TELLING_LOSS:
-        return law
+        return laws
     return free
 
 
-def _one_step(fits: KinkFits, law: Law, *, own: bool, sharpen: bool = False) -> Law:
-    """Learn noise and priors from fits by the law."""
-    noise_m = pooled_noise(fits)
-    priors = learn(fits, noise_m=noise_m, prior=law.priors, own=own, sharpen=sharpen)
-    return replace(law, priors=priors, noise_m=noise_m)
+def _with_priors_of(laws: Laws, others: Laws) -> Laws:
+    """Return the laws with the priors of others."""
+    pairs = zip(laws, others, strict=True)
+    return tuple(replace(law, priors=other.priors) for law, other in pairs)
 
 
-def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
-    """Give the law a soft contact or creeping feet, if landings (L, n) ask for it."""
-    best = law
-    best_likelihood = log_likelihood(feet, instant, law)
-    totals_of_best = [-np.inf]
+def _one_step(
+    trials: Trials,
+    fits: KinkFits,
+    laws: Laws,
+    weak: Laws,
+    *,
+    own: bool,
+    sharpen: bool = False,
+) -> Laws:
+    """Learn noise and priors from fits by the laws; `weak` has the noise of heights."""
+    noise_m = pooled_noises(fits, trials, noises(weak))
+    priors = learn(
+        fits,
+        noise_m=noise_m,
+        priors=[law.priors for law in laws],
+        of_landing=trials.of_landing,
+        own=own,
+        sharpen=sharpen,
+    )
+    return tuple(
+        replace(law, priors=prior, noise_m=one_m)
+        for law, prior, one_m in zip(laws, priors, noise_m.tolist(), strict=True)
+    )
+
+
+def _with_stance(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
+    """Give laws a soft contact or creeping feet, if landings (L, n) ask for it.
+
+    All recordings have the same, except those in which another stance is clearly
+    likelier, as on another floor.
+    """
+    stances: list[Laws] = []  # all that were tried, and their likelihoods
+    likelihoods: list[FloatArray] = []
+    best = laws
+    best_likelihood = log_likelihood(trials, instant, laws)
+    tried: Sequence[Laws] = ()
+    totals_of_best: list[float] = []
     for creeps in (False, True):
         totals: list[float] = []
+        of_these: list[Laws] = []
         for compliance_s in COMPLIANCES_S:
-            trial = replace(law, compliance_s=compliance_s, creeps=creeps)
+            trial = changed(laws, compliance_s=compliance_s, creeps=creeps)
             if creeps:
-                learned = _one_step(feet.fits(instant, trial), trial, own=False)
-                trial = replace(trial, priors=learned.priors)
-            likelihood = log_likelihood(feet, instant, trial)
+                fits = trials.fits(instant, trial)
+                learned = _one_step(trials, fits, trial, laws, own=False)
+                trial = _with_priors_of(trial, learned)
+            likelihood = log_likelihood(trials, instant, trial)
+            of_these.append(trial)
+            stances.append(trial)
+            likelihoods.append(likelihood)
             totals.append(float(np.nansum(likelihood)))
             gain = known_gains(likelihood, best_likelihood)
             if gain.sum() > STANCE_GAIN + STANCE_GAIN_PER_FIT * len(gain):
                 best = trial
                 best_likelihood = likelihood
                 totals_of_best = totals  # the same list, which grows with the trials
+                tried = of_these
             if totals[-1] < max(totals):  # worse than the one before
                 break
-    if best.compliance_s == 0.0:
-        return best
-    tried = COMPLIANCES_S[: len(totals_of_best)]
-    return replace(best, compliance_s=_likeliest_trial(tried, totals_of_best))
+    if best[0].compliance_s > 0.0:
+        tried_s = [one[0].compliance_s for one in tried]
+        best = changed(best, compliance_s=_likeliest_trial(tried_s, totals_of_best))
+    return _own_stances(trials, best, best_likelihood, stances, likelihoods)
 
 
-def _refined(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
-    """Adjust the compliance of a soft contact to the law learned with it."""
-    if law.compliance_s == 0.0:
-        return law
+def _own_stances(
+    trials: Trials,
+    best: Laws,
+    best_likelihood: FloatArray,
+    stances: Sequence[Laws],
+    likelihoods: Sequence[FloatArray],
+) -> Laws:
+    """Give a recording a stance of its own where that is clearly likelier there.
+
+    `stances` were tried, with their `likelihoods`, each (L, n).
+    """
+    gains = []
+    for likelihood in likelihoods:
+        of_each = trials.each(likelihood - best_likelihood)
+        gains.append([float(np.nansum(own)) for own in of_each])
+    fits = trials.each(np.isfinite(best_likelihood))
+    chance = [STANCE_GAIN + STANCE_GAIN_PER_FIT * own.sum() for own in fits]
+    likeliest = np.argmax(gains, axis=0)
+    is_own = np.max(gains, axis=0) > np.maximum(chance, TELLING_LOSS)
+    if is_own.all():
+        return best  # no recording says that it differs from the others
+    return tuple(
+        stances[which][number] if differs else best[number]
+        for number, (which, differs) in enumerate(zip(likeliest, is_own, strict=True))
+    )
+
+
+def _refined(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
+    """Adjust the compliances of soft contacts to the laws learned with them."""
     for factors in REFINEMENTS:
-        trials_s = [law.compliance_s * factor for factor in factors]
-        totals = []
-        for time_s in trials_s:
-            trial = replace(law, compliance_s=time_s)
-            totals.append(float(np.nansum(log_likelihood(feet, instant, trial))))
-        law = replace(law, compliance_s=_likeliest_trial(trials_s, totals))
-    return law
+        refined_s = {}
+        of_factors = [_softer(laws, factor) for factor in factors]
+        stances_s = sorted({law.compliance_s for law in laws} - {0.0})
+        if not stances_s:
+            return laws
+        likelihoods = [log_likelihood(trials, instant, trial) for trial in of_factors]
+        for own_s in stances_s:
+            # Recordings of one stance are adjusted together.
+            rows = trials.at(np.array([law.compliance_s == own_s for law in laws]))
+            totals = [float(np.nansum(likelihood[rows])) for likelihood in likelihoods]
+            trials_s = [own_s * factor for factor in factors]
+            refined_s[own_s] = _likeliest_trial(trials_s, totals)
+        laws = tuple(
+            replace(law, compliance_s=refined_s.get(law.compliance_s, 0.0))
+            for law in laws
+        )
+    return laws
+
+
+def _softer(laws: Laws, factor: float) -> Laws:
+    """Return the laws with their compliances times a factor."""
+    return tuple(replace(law, compliance_s=law.compliance_s * factor) for law in laws)
 
 
 def _likeliest_trial(trials: Sequence[float], totals: Sequence[float]) -> float:

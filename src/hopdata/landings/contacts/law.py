@@ -1,12 +1,20 @@
-"""A law of flight and stance, and the data to which it is fitted."""
+"""A law of flight and stance, and the recordings to which it is fitted.
+
+`Law` is how the feet of one recording fly and stand. The recordings of a study are
+fitted together (`Trials`), each by its own law; what these share is decided by
+`hopdata.landings.contacts.learning` and `hopdata.landings.contacts.kink_law`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits, kink_fits
 
 #: Fewest frames of flight that determine a kink. With fewer, any law fits, and
@@ -94,8 +102,6 @@ class FootHeights:
         Rise after a contact by which a foot has left the floor again, m.
     foot_of : tuple of int
         Number of the rigid foot that each belongs to, where several are markers of one.
-    odd : (L, 1) bool array or False
-        Landings that teach no law.
     """
 
     time: FloatArray
@@ -104,15 +110,6 @@ class FootHeights:
     earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     leaves_m: float = np.inf
     foot_of: tuple[int, ...] = ()
-    odd: BoolArray | bool = False
-
-    def telling(self, fits: KinkFits) -> FloatArray:
-        """Return instants (L, n) to learn from; NaN where the landing tells nothing.
-
-        It does not if it is odd, or if the contact follows a gap, where any law fits.
-        """
-        tells_nothing = (fits.n_before < FRAMES_BEFORE) | self.odd
-        return np.where(tells_nothing, np.nan, fits.instant)
 
     def fits(self, near: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
         """Fit each foot about its instant (L, n), s; `widely` about a rough one."""
@@ -153,24 +150,128 @@ class FootHeights:
         return earliest
 
 
-def log_likelihood(feet: FootHeights, instant: FloatArray, law: Law) -> FloatArray:
+Laws = tuple[Law, ...]
+
+
+@dataclass(frozen=True)
+class Trials:
+    """The R recordings of a study, whose landings are stacked in their order.
+
+    Parameters
+    ----------
+    feet : tuple of FootHeights
+        The recordings. All have the same n feet.
+    of_landing : (L,) int array
+        Number of the recording of each landing, in ascending order.
+    odd : (L, 1) bool array or False
+        Landings that teach no law.
+    """
+
+    feet: tuple[FootHeights, ...]
+    of_landing: IntArray
+    odd: BoolArray | bool = False
+
+    @classmethod
+    def of(
+        cls, feet: Sequence[FootHeights], landings: Sequence[int] | IntArray
+    ) -> Trials:
+        """Put recordings side by side; `landings` is the number of each."""
+        return cls(tuple(feet), np.repeat(np.arange(len(feet)), landings))
+
+    @property
+    def landings(self) -> IntArray:
+        """Number of landings of each recording, (R,)."""
+        return np.bincount(self.of_landing, minlength=len(self.feet))
+
+    @property
+    def foot_of(self) -> tuple[int, ...]:
+        """Number of the rigid foot that each belongs to: see `FootHeights`."""
+        return self.feet[0].foot_of
+
+    @property
+    def earliest(self) -> FloatArray:
+        """Instants before which a foot is too high to touch, (L, n), s."""
+        return np.concatenate([one.earliest for one in self.feet])
+
+    def each(self, values: NDArray[Any]) -> list[NDArray[Any]]:
+        """Return the part of each recording of values (L, ...)."""
+        return np.split(values, np.cumsum(self.landings)[:-1])
+
+    def at(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values of recordings (R, ...) for each landing, (L, ...)."""
+        return np.asarray(values)[self.of_landing]
+
+    def only(self, recordings: BoolArray) -> Trials:
+        """Return some of the recordings (R,)."""
+        numbers = np.flatnonzero(recordings)
+        landings = self.landings[numbers]
+        feet = [self.feet[number] for number in numbers]
+        some = Trials.of(feet, landings)
+        if isinstance(self.odd, bool):
+            return some
+        return replace(some, odd=self.odd[self.at(recordings)])
+
+    def some(self, instant: FloatArray, most: int) -> tuple[Trials, FloatArray]:
+        """Return at most `most` of the landings (L, n) with an instant, evenly spaced.
+
+        The landings alone become fewer: the heights stay those of all frames.
+        """
+        rows = np.flatnonzero(np.isfinite(instant).any(axis=1))
+        if len(rows) > most:
+            evenly = np.linspace(0, len(rows) - 1, most)
+            rows = rows[evenly.round().astype(np.int64)]
+        some = Trials(self.feet, self.of_landing[rows])
+        return some, instant[rows]
+
+    def telling(self, fits: KinkFits) -> FloatArray:
+        """Return instants (L, n) to learn from; NaN where the landing tells nothing.
+
+        It does not if it is odd, or if the contact follows a gap, where any law fits.
+        """
+        tells_nothing = (fits.n_before < FRAMES_BEFORE) | self.odd
+        return np.where(tells_nothing, np.nan, fits.instant)
+
+    def fits(self, near: FloatArray, laws: Laws, *, widely: bool = False) -> KinkFits:
+        """Fit each foot about its instant (L, n), s; `widely` about a rough one."""
+        parts = zip(self.feet, self.each(near), laws, strict=True)
+        return stacked([one.fits(own, law, widely=widely) for one, own, law in parts])
+
+
+def stacked(parts: Sequence[KinkFits]) -> KinkFits:
+    """Return the fits of recordings as those of all their landings."""
+    if len(parts) == 1:
+        return parts[0]
+    names = [one.name for one in fields(KinkFits)]
+    return KinkFits(
+        **{name: np.concatenate([vars(part)[name] for part in parts]) for name in names}
+    )
+
+
+def taken(fits: KinkFits, rows: BoolArray) -> KinkFits:
+    """Return the fits of some landings (L,)."""
+    return KinkFits(**{name: value[rows] for name, value in vars(fits).items()})
+
+
+def changed(laws: Laws, **values: Any) -> Laws:
+    """Return the laws with the same new values in all."""
+    return tuple(replace(law, **values) for law in laws)
+
+
+def noises(laws: Laws) -> FloatArray:
+    """Return the noise of a height in each recording, (R,), m."""
+    return np.array([law.noise_m for law in laws])
+
+
+def log_likelihood(trials: Trials, instant: FloatArray, laws: Laws) -> FloatArray:
     """Return the log likelihood of each foot in each landing (L, n), but a constant."""
-    return feet.fits(instant, law).evidence / (-2 * law.noise_m**2)
+    noise_m = trials.at(noises(laws))[:, None]
+    return trials.fits(instant, laws).evidence / (-2 * noise_m**2)
 
 
 def known_gains(more: FloatArray, fewer: FloatArray) -> FloatArray:
     """Return the gains of log likelihood (L, n) where both are known, flat."""
     gain = more - fewer
     return np.asarray(gain[np.isfinite(gain)])
-
-
-def some_landings(instant: FloatArray, most: int) -> FloatArray:
-    """Return at most `most` of the landings (L, n) with an instant, evenly spaced."""
-    rows = np.flatnonzero(np.isfinite(instant).any(axis=1))
-    if len(rows) > most:
-        evenly = np.linspace(0, len(rows) - 1, most)
-        rows = rows[evenly.round().astype(np.int64)]
-    return instant[rows]
 
 
 def merged(fits: KinkFits, others: KinkFits, where: BoolArray) -> KinkFits:

@@ -1,12 +1,15 @@
-"""What the kink fits of a recording reveal about its feet: noise, flight and stance.
+"""What the kink fits of a study reveal about its feet: noise, flight and stance.
 
 This is empirical Bayes: the distribution of a coefficient of the law over all landings
-is the prior of its value in each landing.
+is the prior of its value in each landing. Its levels are the study, the recording and
+the landing. The variance between recordings is estimated; where it is zero, one
+distribution serves them all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
@@ -15,12 +18,25 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
+from hopdata.landings.contacts.law import Trials, taken
 from hopdata.landings.contacts.noise import LEAST_NOISE_M
 
 #: Fewest landings from which a coefficient is learned on its own; with fewer, it takes
-#: the distribution of all coefficients of its kind.
+#: the distribution of all coefficients of its kind. A recording with fewer landings
+#: takes what those of the study have in common.
 #: Unit: landings. Origin: chosen.
 FEW = 8
+
+#: Loss of -2 times the log restricted likelihood at which recordings are no longer
+#: taken for alike: then each has its own mean, drawn to that of all.
+#: Unit: 1. Origin: derived: it is exceeded by chance in 5 % of studies, since half of
+#: the chi-squared of a variance is at zero.
+NOT_ALIKE = 2.71
+
+#: Variance of the log of a noise that is estimated by a median, times the degrees of
+#: freedom.
+#: Unit: 1. Origin: derived: half of 2 / dof for a mean, times pi / 2 for a median.
+MEDIAN_VARIANCE = np.pi / 4
 
 #: Where posteriors are mixed, a landing tells of a coefficient if its posterior
 #: variance is below this share of the prior's.
@@ -70,12 +86,12 @@ PUSHES = (Kind.PUSH, Kind.PUSH_JERK, Kind.HINGE, Kind.HINGE_KINK)
 
 
 class Entry(NamedTuple):
-    """Posteriors of one coefficient in L landings, and the prior that they share."""
+    """Posteriors of one coefficient in L landings, and their priors."""
 
     value: FloatArray  # (L,)
     variance: FloatArray  # (L,)
-    prior_mean: float
-    prior_sd: float
+    prior_mean: FloatArray  # (L,), the same in all landings of a recording
+    prior_sd: FloatArray  # (L,)
 
 
 class Normal(NamedTuple):
@@ -85,8 +101,16 @@ class Normal(NamedTuple):
     sd: float
 
 
-# From values and their variances; None if there are too few.
-Estimate = Callable[[FloatArray, FloatArray], Normal | None]
+class Sample(NamedTuple):
+    """Values of one coefficient, with known variances."""
+
+    value: FloatArray  # (S,)
+    variance: FloatArray  # (S,)
+    recording: IntArray  # (S,), in which each was measured
+
+
+# The distribution in each of the recordings, from a sample; None if that is too small.
+Estimate = Callable[[Sample], list[Normal] | None]
 
 
 def pooled_noise(fits: KinkFits) -> float:
@@ -104,14 +128,59 @@ def pooled_noise(fits: KinkFits) -> float:
     return max(float(np.sqrt(variance)), LEAST_NOISE_M)
 
 
+def pooled_noises(fits: KinkFits, trials: Trials, noise_m: FloatArray) -> FloatArray:
+    """Estimate the noise of a height about its fit in each recording, (R,), m.
+
+    Parameters
+    ----------
+    fits : KinkFits
+        Fits of all landings of the recordings `trials`.
+    noise_m : (R,) array
+        Noise of a height by the frames of each recording, m.
+
+    Returns
+    -------
+    (R,) array
+        What its own fits give, drawn to what all recordings have in common, relative to
+        `noise_m`: a recording of a few landings says little. NaN without a fit in any.
+    """
+    own_m = []
+    dof = []
+    for rows in _rows_of(trials):
+        own = taken(fits, rows)
+        own_m.append(pooled_noise(own))
+        dof.append(np.where(own.dof > 1, own.dof, 0.0).sum())
+    found_m = np.array(own_m)
+    if len(found_m) == 1:
+        return found_m
+    known = np.isfinite(found_m)
+    if not known.any():
+        return found_m
+    ratio = np.log(found_m[known] / noise_m[known])
+    variance = MEDIAN_VARIANCE / np.array(dof)[known]
+    alike = _restricted(ratio, variance, least=1, wider=False)
+    if alike is None:
+        return found_m
+    weight = alike.sd**2 / (alike.sd**2 + variance)
+    shrunk = np.full(len(found_m), alike.mean)
+    shrunk[known] = alike.mean + weight * (ratio - alike.mean)
+    return np.asarray(np.maximum(noise_m * np.exp(shrunk), LEAST_NOISE_M))
+
+
+def _rows_of(trials: Trials) -> list[BoolArray]:
+    """Mark the landings (L,) of each recording."""
+    return [trials.of_landing == number for number in range(len(trials.feet))]
+
+
 def learn(
     fits: KinkFits,
     *,
-    noise_m: float,
-    prior: FlightPriors,
+    noise_m: FloatArray,
+    priors: Sequence[FlightPriors],
+    of_landing: IntArray,
     own: bool = True,
     sharpen: bool = False,
-) -> FlightPriors:
+) -> tuple[FlightPriors, ...]:
     """Take one step towards the distributions behind the laws of flight and stance.
 
     Pushes are confounded with one another, so they take a step of expectation
@@ -122,14 +191,20 @@ def learn(
     informative landings take the pooled distribution of all entries of their kind, or
     stay as they were.
 
+    Recordings share the distribution of an entry, unless the variance between them is
+    clearly not zero: then the mean of a recording is drawn to that of all, and one of
+    few landings has the mean and the variance of all.
+
     Parameters
     ----------
     fits : KinkFits
-        Fits made under `prior`.
-    noise_m : float
-        Standard deviation of a foot's height, m.
-    prior : FlightPriors
-        The prior of those fits.
+        Fits of L landings made under `priors`.
+    noise_m : (R,) array
+        Standard deviation of a foot's height in each recording, m.
+    priors : sequence of FlightPriors
+        The prior of those fits in each of the R recordings.
+    of_landing : (L,) int array
+        Number of the recording of each landing.
     own : bool
         Whether to learn the feet's own accelerations as well.
     sharpen : bool
@@ -137,37 +212,46 @@ def learn(
 
     Returns
     -------
-    FlightPriors
+    tuple of FlightPriors
     """
-    variance = (fits.unit_flight_se * noise_m) ** 2
+    variance = (fits.unit_flight_se * noise_m[of_landing][:, None, None]) ** 2
     own_variance = variance[:, :, 0]  # a view: what is written here changes `variance`
     own_variance[~_touched_first(fits.instant)] = np.inf
     if not own:
         own_variance[:] = np.inf
 
-    mean = prior.mean.copy()
-    sd = prior.sd.copy()
-    kinds = _kinds(prior.hinged)
+    mean = np.stack([prior.mean for prior in priors])
+    sd = np.stack([prior.sd for prior in priors])
+    prior_mean = mean[of_landing]
+    prior_sd = sd[of_landing]
+    least_sd = LEAST_SHARE * sd
+    kinds = _kinds(priors[0].hinged)
     for kind in np.unique(kinds):
         places = np.argwhere(kinds == kind).tolist()
         entries = [
             Entry(
                 value=fits.flight[:, i, j],
                 variance=variance[:, i, j],
-                prior_mean=prior.mean[i, j],
-                prior_sd=prior.sd[i, j],
+                prior_mean=prior_mean[:, i, j],
+                prior_sd=prior_sd[:, i, j],
             )
             for i, j in places
         ]
         if kind in PUSHES and not sharpen:
-            found = _mixtures(entries)
+            found = _mixtures(entries, of_landing, len(priors))
         else:
-            found = _likeliest(entries, wider=kind in PUSHES)
+            wider = kind in PUSHES
+            found = _likeliest(entries, of_landing, len(priors), wider=wider)
         for (i, j), behind in zip(places, found, strict=True):
-            if behind is not None:
-                mean[i, j] = behind.mean
-                sd[i, j] = max(behind.sd, LEAST_SHARE * prior.sd[i, j])
-    return FlightPriors(mean, sd, prior.foot_of)
+            if behind is None:
+                continue
+            mean[:, i, j] = [normal.mean for normal in behind]
+            sd[:, i, j] = [normal.sd for normal in behind]
+            sd[:, i, j] = np.maximum(sd[:, i, j], least_sd[:, i, j])
+    return tuple(
+        replace(prior, mean=its_mean, sd=its_sd)
+        for prior, its_mean, its_sd in zip(priors, mean, sd, strict=True)
+    )
 
 
 def _touched_first(instant: FloatArray) -> BoolArray:
@@ -188,72 +272,139 @@ def _kinds(hinged: BoolArray) -> IntArray:
     return kinds
 
 
-def _mixtures(entries: list[Entry]) -> list[Normal | None]:
+def _mixtures(
+    entries: list[Entry], of_landing: IntArray, recordings: int
+) -> list[list[Normal] | None]:
     """Take one step of expectation maximisation: mix the posteriors of each entry."""
     samples = []
     for value, variance, _, prior_sd in entries:
         telling = (variance < TELLING * prior_sd**2) & np.isfinite(value)
-        samples.append((value[telling], variance[telling]))
-    return _own_or_pooled(samples, _mixture)
+        samples.append(Sample(value[telling], variance[telling], of_landing[telling]))
+    return _own_or_pooled(samples, partial(_mixture, recordings=recordings))
 
 
-def _likeliest(entries: list[Entry], *, wider: bool) -> list[Normal | None]:
+def _likeliest(
+    entries: list[Entry], of_landing: IntArray, recordings: int, *, wider: bool
+) -> list[list[Normal] | None]:
     """Return the distribution behind each entry, from the data without the prior."""
     samples = []
     for value, variance, prior_mean, prior_sd in entries:
         telling = (variance < TELLING_ALONE * prior_sd**2) & np.isfinite(value)
+        variance = variance[telling]
+        prior_variance = prior_sd[telling] ** 2
         # Precisions of prior and data add up, so the prior's can be taken off again.
-        precision_of_data = 1 / variance[telling] - 1 / prior_sd**2
+        precision_of_data = 1 / variance - 1 / prior_variance
         variance_of_data = 1 / precision_of_data
-        weighted = value[telling] / variance[telling] - prior_mean / prior_sd**2
-        samples.append((variance_of_data * weighted, variance_of_data))
-    return _own_or_pooled(samples, partial(_restricted, wider=wider))
+        weighted = value[telling] / variance - prior_mean[telling] / prior_variance
+        of_data = variance_of_data * weighted
+        samples.append(Sample(of_data, variance_of_data, of_landing[telling]))
+    return _own_or_pooled(samples, partial(_levels, recordings=recordings, wider=wider))
 
 
 def _own_or_pooled(
-    samples: list[tuple[FloatArray, FloatArray]], estimate: Estimate
-) -> list[Normal | None]:
+    samples: list[Sample], estimate: Estimate
+) -> list[list[Normal] | None]:
     """Estimate each entry from its values and variances, or from all if it has few."""
-    values, variances = zip(*samples, strict=True)
-    pooled = estimate(np.concatenate(values), np.concatenate(variances))
+    pooled = estimate(
+        Sample(*(np.concatenate(part) for part in zip(*samples, strict=True)))
+    )
     found = []
-    for value, variance in samples:
-        own = estimate(value, variance)
+    for sample in samples:
+        own = estimate(sample)
         found.append(pooled if own is None else own)
     return found
 
 
-def _mixture(value: FloatArray, variance: FloatArray) -> Normal | None:
+def _mixture(sample: Sample, *, recordings: int) -> list[Normal] | None:
     """Return the mixture of normals, with outliers clipped; None if there are few."""
+    value = sample.value
+    variance = sample.variance
     if len(value) < FEW:
         return None
     middle = float(np.median(value))
     reach = OUTLYING * float(np.std(value))
     clipped = np.clip(value, middle - reach, middle + reach)
     total_variance = np.mean(variance) + np.var(clipped)  # within and between landings
-    return Normal(float(np.mean(clipped)), float(np.sqrt(total_variance)))
+    mixed = Normal(float(np.mean(clipped)), float(np.sqrt(total_variance)))
+    return [mixed] * recordings
+
+
+def _levels(sample: Sample, *, recordings: int, wider: bool) -> list[Normal] | None:
+    """Return the normal behind the values in each recording; None if there are few.
+
+    See `_restricted` for one that serves all. Recordings with `FEW` values or more may
+    have means of their own.
+    """
+    alike = _restricted(sample.value, sample.variance, wider=wider)
+    if alike is None:
+        return None
+    count = np.bincount(sample.recording, minlength=recordings)
+    if np.count_nonzero(count >= FEW) < 2:
+        return [alike] * recordings
+    apart = _own_means(sample, recordings, wider=wider)
+    return apart or [alike] * recordings
+
+
+def _own_means(sample: Sample, recordings: int, *, wider: bool) -> list[Normal]:
+    """Return a normal for each recording; nothing if they are alike.
+
+    The variances between recordings and between landings maximise the restricted
+    likelihood together.
+    """
+    value, candidates = _clipped_and_candidates(sample.value, sample.variance)
+    number = sample.recording
+    # One row for each variance between landings tried, one column for each value.
+    weight = 1 / (candidates[:, None] ** 2 + sample.variance)
+    shape = (len(candidates), recordings)
+    of_recording = np.zeros(shape)
+    weighted = np.zeros(shape)
+    np.add.at(of_recording.T, number, weight.T)
+    np.add.at(weighted.T, number, (weight * value).T)
+    present = np.flatnonzero(of_recording[0] > 0)
+    total = of_recording[:, present]
+    means = weighted[:, present] / total
+    place = np.searchsorted(present, number)
+    misfit = (weight * (value - means[:, place]) ** 2).sum(axis=1)
+    within = misfit - np.log(weight).sum(axis=1) + np.log(total).sum(axis=1)
+    # One row for each of them, one column for each variance between recordings.
+    between = 1 / (candidates[:, None] ** 2 + 1 / total[:, None])
+    sums = between.sum(axis=2)
+    middle = (between * means[:, None]).sum(axis=2) / sums
+    away = (between * (means[:, None] - middle[:, :, None]) ** 2).sum(axis=2)
+    deviance = within[:, None] + away - np.log(between).sum(axis=2) + np.log(sums)
+    if deviance[:, 0].min() - deviance.min() < NOT_ALIKE:
+        return []
+    row, column = np.unravel_index(np.argmin(deviance), deviance.shape)
+    of_landings = candidates[row] ** 2
+    of_recordings = candidates[column] ** 2
+    if wider:
+        of_landings += np.sqrt(2 / (weight[row] ** 2).sum())
+
+    found = [Normal(middle[row, column], np.sqrt(of_landings + of_recordings))]
+    found = found * recordings
+    count = np.bincount(number, minlength=recordings)
+    for at, recording in enumerate(present.tolist()):
+        if count[recording] < FEW:
+            # Its mean would repeat what its few landings say themselves.
+            continue
+        own = of_recordings * between[row, column, at]
+        mean = middle[row, column] + own * (means[row, at] - middle[row, column])
+        doubt = of_recordings * (1 - own)
+        found[recording] = Normal(float(mean), float(np.sqrt(of_landings + doubt)))
+    return found
 
 
 def _restricted(
-    value: FloatArray, variance: FloatArray, *, wider: bool
+    value: FloatArray, variance: FloatArray, *, wider: bool, least: int = FEW
 ) -> Normal | None:
-    """Return the normal behind values with known variances; None if there are few.
+    """Return the normal behind values with known variances; None if fewer than `least`.
 
     Its sd maximises the restricted likelihood over a grid; where it is to be `wider`,
     its variance is larger by one standard error. Outliers are clipped first.
     """
-    if len(value) < FEW:
+    if len(value) < least:
         return None
-    middle = float(np.median(value))
-    robust_sd = np.median(np.abs(value - middle)) / MAD_OF_NORMAL
-    reach = OUTLYING * np.sqrt(variance + robust_sd**2)
-    value = np.clip(value, middle - reach, middle + reach)
-
-    widest = float(np.std(value))
-    if widest == 0:
-        widest = float(np.sqrt(variance.max()))
-    shares = np.geomspace(*CANDIDATE_SHARES, CANDIDATES)
-    trial_sd = np.concatenate([[0.0], widest * shares])
+    value, trial_sd = _clipped_and_candidates(value, variance)
 
     # One row for each sd tried, one column for each value.
     weight = 1 / (trial_sd[:, None] ** 2 + variance)
@@ -269,3 +420,19 @@ def _restricted(
         doubt_of_variance = np.sqrt(2 / (weight[best] ** 2).sum())
     sd = np.sqrt(trial_sd[best] ** 2 + doubt_of_variance)
     return Normal(float(mean[best]), float(sd))
+
+
+def _clipped_and_candidates(
+    value: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return values (S,) without outliers, and standard deviations to try, 0 first."""
+    middle = float(np.median(value))
+    robust_sd = np.median(np.abs(value - middle)) / MAD_OF_NORMAL
+    reach = OUTLYING * np.sqrt(variance + robust_sd**2)
+    value = np.clip(value, middle - reach, middle + reach)
+
+    widest = float(np.std(value))
+    if widest == 0:
+        widest = float(np.sqrt(variance.max()))
+    shares = np.geomspace(*CANDIDATE_SHARES, CANDIDATES)
+    return value, np.concatenate([[0.0], widest * shares])

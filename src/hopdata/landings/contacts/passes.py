@@ -1,5 +1,8 @@
 """The passes of the kink fit: one law where it holds, each foot alone where not.
 
+All recordings of a study are fitted together. A recording in which the law fails takes
+no part in learning that of the others.
+
 The law is that feet fly freely, push one another through the body, and then stand. It
 may fail in the whole recording (a runner's foot rolls) or in single contacts (a leg
 still swings, toes lift while the heel comes down). The passes are, in this order:
@@ -13,18 +16,20 @@ still swings, toes lift while the heel comes down). The passes are, in this orde
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.contacts import kink_law
 from hopdata.landings.contacts.judged import REFUTED, is_odd
 from hopdata.landings.contacts.kink import WINDOW_FRAMES, KinkFits
-from hopdata.landings.contacts.law import FRAMES_AFTER, FootHeights, merged
-from hopdata.landings.contacts.learning import pooled_noise
+from hopdata.landings.contacts.law import FRAMES_AFTER, Trials, merged, taken
+from hopdata.landings.contacts.learning import FEW, pooled_noise, pooled_noises
 
 #: Windows before and after a contact if the law holds. Longer ones hold more frames,
 #: and so give smaller errors.
@@ -44,7 +49,8 @@ LEAST_STANDING = 0.5
 #: Unit: 1. Origin: chosen.
 MOST_ODD = 0.5
 
-Fit = Callable[[FootHeights, FloatArray], tuple[KinkFits, FloatArray]]
+Windows = tuple[float, float]
+Fit = Callable[..., tuple[KinkFits, FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -53,66 +59,137 @@ class Fitted:
 
     Parameters
     ----------
-    feet : FootHeights
-        The data, and the windows about a contact.
+    trials : Trials
+        The R recordings, with their windows about a contact.
     near : (L, n) array
         Rough instants about which contacts were searched, s.
     fits : KinkFits
         One for each contact.
-    common : (n,) array
+    common : (R, n) array
         Error that all contacts of a foot may share, s.
-    rises : (L, n) array or False
+    rises : (L, n) bool array
         Whether the foot leaves the floor right after its contact.
     """
 
-    feet: FootHeights
+    trials: Trials
     near: FloatArray
     fits: KinkFits
     common: FloatArray
-    rises: BoolArray | bool = False
+    rises: BoolArray
 
 
 def fit_contacts(
-    feet: FootHeights,
+    trials: Trials,
     near: FloatArray,
     landed: BoolArray,
     *,
-    short_windows_s: tuple[float, float],
-    noise_m: float,
+    short_windows_s: Sequence[Windows],
+    noise_m: FloatArray,
     gravity: str,
 ) -> Fitted:
     """Fit contacts by one law where it holds, and alone in short windows where not.
 
     Parameters
     ----------
-    feet : FootHeights
-        The data, with the windows in which the law should hold.
+    trials : Trials
+        The R recordings, with the windows in which the law should hold.
     near : (L, n) array
         Rough instants of the contacts, s; NaN for none.
     landed : (L, n) bool array
         Where a foot came down from above.
-    short_windows_s : tuple of float
-        Windows before and after a contact of a foot that is fitted alone, s.
-    noise_m : float
-        Standard deviation of a height, m.
+    short_windows_s : sequence of tuple of float
+        Windows before and after a contact of a foot that is fitted alone, s, in each
+        recording.
+    noise_m : (R,) array
+        Standard deviation of a height in each recording, m.
     gravity : str
         See `hopdata.landings.contacts.find.find_contacts`.
     """
     fit_together = partial(kink_law.joint_fits, noise_m=noise_m, gravity=gravity)
     fit_alone = partial(kink_law.single_fits, noise_m=noise_m, gravity=gravity)
 
-    first = _fit_by_one_law(feet, near, fit_together)
-    stands = first.fits.n_after[landed] >= FRAMES_AFTER
-    most_stand = stands.sum() > LEAST_STANDING * stands.size
-    refuted = pooled_noise(first.fits) > REFUTED * noise_m
-    if refuted or not most_stand:
-        short = _in_short_windows(first.feet, short_windows_s)
+    first = _fit_by_one_law(trials, near, fit_together)
+    stands = first.fits.n_after >= FRAMES_AFTER
+    holds = _law_holds(first, stands, landed, noise_m)
+    if not holds.any():
+        short = _in_short_windows(first.trials, short_windows_s)
         alone, common = fit_alone(short, first.near)
-        return Fitted(short, first.near, alone, common)
+        return Fitted(short, first.near, alone, common, first.rises)
+    if not holds.all():
+        parts = []
+        for some in (holds, ~holds):
+            numbers = np.flatnonzero(some).tolist()
+            part = fit_contacts(
+                trials.only(some),
+                near[trials.at(some)],
+                landed[trials.at(some)],
+                short_windows_s=[short_windows_s[number] for number in numbers],
+                noise_m=noise_m[some],
+                gravity=gravity,
+            )
+            parts.append(part)
+        return _side_by_side(holds, *parts)
 
-    lawful = _without_odd_landings(first, fit_together)
-    some_rise = stands.mean() < 1 - kink_law.UNDETERMINED_SHARE  # more than by chance
-    return _with_exceptions_alone(lawful, some_rise, short_windows_s, fit_alone)
+    lawful = _without_odd_landings(first, fit_together, noise_m)
+    share = stands[landed].mean()
+    some_rise = share < 1 - kink_law.UNDETERMINED_SHARE  # more than by chance
+    return _with_exceptions_alone(
+        lawful, some_rise, short_windows_s, fit_alone, noise_m
+    )
+
+
+def _law_holds(
+    first: Fitted, stands: BoolArray, landed: BoolArray, noise_m: FloatArray
+) -> BoolArray:
+    """Tell in which recordings (R,) feet follow the law and stand after contacts.
+
+    A recording of few landings goes with the contacts of all.
+    """
+    trials = first.trials
+    relative = replace(
+        first.fits, misfit=first.fits.misfit / trials.at(noise_m)[:, None] ** 2
+    )
+    holds = []
+    for number, landings in enumerate(trials.landings):
+        rows = trials.of_landing == number
+        if landings < FEW:
+            rows = np.ones_like(rows)
+        standing = stands[rows][landed[rows]]
+        most_stand = standing.sum() > LEAST_STANDING * standing.size
+        refuted = pooled_noise(taken(relative, rows)) > REFUTED
+        holds.append(most_stand and not refuted)
+    return np.array(holds)
+
+
+def _side_by_side(which: BoolArray, some: Fitted, others: Fitted) -> Fitted:
+    """Put the fits of some of the recordings (R,) and of the others in their order."""
+    feet = np.empty(len(which), dtype=object)
+    feet[which] = some.trials.feet
+    feet[~which] = others.trials.feet
+    landings = _in_order(which, some.trials.landings, others.trials.landings)
+    trials = Trials.of(feet.tolist(), landings)
+    rows = trials.at(which)
+    fits = {
+        name: _in_order(rows, value, vars(others.fits)[name])
+        for name, value in vars(some.fits).items()
+    }
+    return Fitted(
+        trials,
+        near=_in_order(rows, some.near, others.near),
+        fits=KinkFits(**fits),
+        common=_in_order(which, some.common, others.common),
+        rises=_in_order(rows, some.rises, others.rises),
+    )
+
+
+def _in_order(
+    which: BoolArray, some: NDArray[Any], others: NDArray[Any]
+) -> NDArray[Any]:
+    """Return values of some and of the others, as `which` says."""
+    both = np.empty((len(which), *some.shape[1:]), dtype=some.dtype)
+    both[which] = some
+    both[~which] = others
+    return both
 
 
 def windows_of_at_least(
@@ -132,49 +209,64 @@ def windows_of_at_least(
     return max(before_s, least_before_s), max(after_s, least_after_s)
 
 
-def _fit_by_one_law(feet: FootHeights, near: FloatArray, fit: Fit) -> Fitted:
+def _fit_by_one_law(trials: Trials, near: FloatArray, fit: Fit) -> Fitted:
     """Fit all contacts, and again from the earliest instant where the search missed."""
-    fits, common = fit(feet, near)
+    none_rises = np.zeros(near.shape, dtype=bool)
+    fits, common = fit(trials, near)
     # A kink upwards comes after the contact: the search began too late.
-    missed = (fits.velocity > 0) & np.isfinite(feet.earliest)
+    earliest = trials.earliest
+    missed = (fits.velocity > 0) & np.isfinite(earliest)
     if not missed.any():
-        return Fitted(feet, near, fits, common)
-    earlier = np.where(missed, feet.earliest, near)
-    fits, common = fit(feet, earlier)
-    return Fitted(feet, earlier, fits, common)
+        return Fitted(trials, near, fits, common, none_rises)
+    earlier = np.where(missed, earliest, near)
+    fits, common = fit(trials, earlier)
+    return Fitted(trials, earlier, fits, common, none_rises)
 
 
-def _without_odd_landings(first: Fitted, fit: Fit) -> Fitted:
+def _are_odd(fitted: Fitted, noise_m: FloatArray) -> BoolArray:
+    """Mark the contacts (L, n) that break the law of the others."""
+    trials = fitted.trials
+    about_fit_m = pooled_noises(fitted.fits, trials, noise_m)
+    return is_odd(fitted.fits, trials.at(about_fit_m)[:, None])
+
+
+def _without_odd_landings(first: Fitted, fit: Fit, noise_m: FloatArray) -> Fitted:
     """Fit again where a few odd landings have bent the law of the others."""
-    odd_landings = np.asarray(is_odd(first.fits).any(axis=1, keepdims=True))
+    odd_landings = np.asarray(_are_odd(first, noise_m).any(axis=1, keepdims=True))
     if not 0 < odd_landings.sum() < MOST_ODD * len(odd_landings):
         return first
-    others = replace(first.feet, odd=odd_landings)
+    others = replace(first.trials, odd=odd_landings)
     fits, common = fit(others, first.near)
-    return Fitted(others, first.near, fits, common)
+    return replace(first, trials=others, fits=fits, common=common)
 
 
 def _with_exceptions_alone(
-    lawful: Fitted, some_rise: bool, short_windows_s: tuple[float, float], fit: Fit
+    lawful: Fitted,
+    some_rise: bool,
+    short_windows_s: Sequence[Windows],
+    fit: Fit,
+    noise_m: FloatArray,
 ) -> Fitted:
     """Fit alone the contacts that break the law of the others.
 
     A marker may also rise right after its contact, such as toes while the heel comes
     down, so that too few frames are left for the law.
     """
-    odd = is_odd(lawful.fits)
+    odd = _are_odd(lawful, noise_m)
     rises = (lawful.fits.n_after < FRAMES_AFTER) & some_rise
-    exceptions = np.asarray(rises | odd)
+    exceptions = rises | odd
     if not exceptions.any():
         return lawful
-    short = _in_short_windows(lawful.feet, short_windows_s)
+    short = _in_short_windows(lawful.trials, short_windows_s)
     alone, _ = fit(short, lawful.near)
     fits = merged(lawful.fits, alone, exceptions)
     return replace(lawful, fits=fits, rises=rises)
 
 
-def _in_short_windows(
-    feet: FootHeights, short_windows_s: tuple[float, float]
-) -> FootHeights:
+def _in_short_windows(trials: Trials, short_windows_s: Sequence[Windows]) -> Trials:
     """Return the data with shorter windows, in which no foot leaves the floor again."""
-    return replace(feet, windows_s=short_windows_s, leaves_m=np.inf)
+    feet = tuple(
+        replace(one, windows_s=own, leaves_m=np.inf)
+        for one, own in zip(trials.feet, short_windows_s, strict=True)
+    )
+    return replace(trials, feet=feet)

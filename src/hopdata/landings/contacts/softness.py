@@ -14,10 +14,13 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.contacts.kink import KinkFits
 from hopdata.landings.contacts.law import (
     TELLING_LOSS,
-    FootHeights,
-    Law,
-    some_landings,
+    Laws,
+    Trials,
+    changed,
+    noises,
+    taken,
 )
+from hopdata.landings.contacts.learning import FEW
 
 #: Landings, evenly spaced, whose likelihood decides on stance and softness.
 #: Unit: landings. Origin: chosen.
@@ -71,54 +74,98 @@ JUMP_S = 1e-3
 
 
 def with_softness(
-    feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool
+    trials: Trials, fits: KinkFits, laws: Laws, *, alike: bool
 ) -> tuple[KinkFits, FloatArray]:
     """Add the uncertainty of the compliance to the errors.
 
-    If feet are `alike`, the likelihoods of all of them limit one compliance, else each
-    foot has its own. If feet are alike and surely soft, their instants are those of the
-    mean compliance.
+    If feet are `alike`, the likelihoods of all of them limit one compliance, in all
+    recordings whose laws have the same one. Else each foot has its own, in each
+    recording of enough landings.
+
+    If feet are alike and surely soft, their instants are those of the mean compliance.
 
     Returns
     -------
     fits : KinkFits
         With the part of the error that differs between landings in `unit_se`.
-    common : (n,) array
+    common : (R, n) array
         The error that all landings of a foot share, s.
     """
-    own_s = law.compliance_s
+    own_s = np.array([law.compliance_s for law in laws])
+    instant = fits.instant.copy()
+    unit_se = fits.unit_se.copy()
+    common = np.zeros((len(laws), instant.shape[1]))
+    for one_s in np.unique(own_s):
+        same = own_s == one_s
+        rows = trials.at(same)
+        of_same = tuple(law for law in laws if law.compliance_s == one_s)
+        found = _of_one_stance(
+            trials.only(same), taken(fits, rows), of_same, alike=alike
+        )
+        instant[rows], unit_se[rows], common[same] = found
+    return replace(fits, instant=instant, unit_se=unit_se), common
+
+
+def _of_one_stance(
+    trials: Trials, fits: KinkFits, laws: Laws, *, alike: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return instants, their errors and common errors where the laws are as soft."""
+    own_s = laws[0].compliance_s
     trials_s = _trials(own_s)
-    trials = [replace(law, compliance_s=time_s) for time_s in trials_s.tolist()]
-    gains = _gains(feet, fits, law, trials)
+    softer = [changed(laws, compliance_s=time_s) for time_s in trials_s.tolist()]
+    gains = _gains(trials, fits, softer)
     if alike:
-        gains[:] = gains.sum(axis=1, keepdims=True)
-    mean, sd = _posterior(trials_s, gains)
+        gains[:] = gains.sum(axis=(1, 2), keepdims=True)
+    else:
+        few = trials.landings < FEW
+        gains[:, few] = gains.sum(axis=1, keepdims=True)
+    mean, sd = _posterior(trials_s, gains.reshape(len(trials_s), -1))
+    mean = mean.reshape(gains.shape[1:])
+    sd = sd.reshape(gains.shape[1:])
 
     # How far instants move with the compliance: by the trial whose distance from the
     # law's own is most like the distance that the posterior allows.
     away = np.where(trials_s == own_s, np.inf, np.abs(trials_s - own_s))
     allowed = np.hypot(mean - own_s, sd).max()
-    other = trials[int(np.argmin(np.abs(away - allowed)))]
-    moved = feet.fits(fits.instant, other, widely=True).instant - fits.instant
-    moved /= other.compliance_s - own_s
-    shift = np.array([_median_of_known(of_foot) for of_foot in moved.T])
-    moved = np.where(np.isfinite(moved), moved, shift)
+    nearest = int(np.argmin(np.abs(away - allowed)))
+    moved = trials.fits(fits.instant, softer[nearest], widely=True).instant
+    moved -= fits.instant
+    moved /= float(trials_s[nearest]) - own_s
+    shift = _usual(trials, moved, alike=alike)
+    moved = np.where(np.isfinite(moved), moved, trials.at(shift))
 
     surely_soft = alike & (mean > SURE_OF_SOFT * sd)
     better = np.where(surely_soft, mean, own_s)
-    instant = fits.instant + moved * (better - own_s)
+    instant = fits.instant + moved * trials.at(better - own_s)
     doubt = np.hypot(mean - better, sd)
 
     centre = shift
     if alike:  # feet that shift differently may swap places
-        centre = shift.mean()
-    error = np.hypot(fits.unit_se, (moved - centre) * doubt / law.noise_m)
+        centre = np.broadcast_to(shift.mean(axis=1, keepdims=True), shift.shape)
+    noise_m = trials.at(noises(laws))[:, None]
+    beside = (moved - trials.at(centre)) * trials.at(doubt)
+    error = np.hypot(fits.unit_se, beside / noise_m)
     if alike:
         # The law was learned from a finite number of landings, so it errs itself.
         landings = np.isfinite(instant).any(axis=1).sum()
         error *= np.sqrt(1 + 1 / max(landings, 1))
     common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
-    return replace(fits, instant=instant, unit_se=error), common
+    return instant, error, common
+
+
+def _usual(trials: Trials, values: FloatArray, *, alike: bool) -> FloatArray:
+    """Return the usual value of each foot in each recording, (R, n), from (L, n).
+
+    It is that of all recordings if they are `alike`, or where one has few landings.
+    """
+    of_all = np.array([_median_of_known(of_foot) for of_foot in values.T])
+    usual = np.tile(of_all, (len(trials.feet), 1))
+    if alike:
+        return usual
+    for number, own in enumerate(trials.each(values)):
+        if len(own) >= FEW:
+            usual[number] = [_median_of_known(of_foot) for of_foot in own.T]
+    return usual
 
 
 def _trials(own_s: float) -> FloatArray:
@@ -131,22 +178,29 @@ def _trials(own_s: float) -> FloatArray:
     return np.array(sorted(trials))
 
 
-def _gains(
-    feet: FootHeights, fits: KinkFits, law: Law, trials: list[Law]
-) -> FloatArray:
-    """Return the log likelihood of each trial for each foot, (K, n)."""
-    some = some_landings(feet.telling(fits), STANCE_LANDINGS)
-    found = [feet.fits(some, trial) for trial in trials]
-    each = np.array([one.evidence for one in found]) / (-2 * law.noise_m**2)
+def _gains(trials: Trials, fits: KinkFits, softer: list[Laws]) -> FloatArray:
+    """Return the log likelihood of each trial, recording and foot, (K, R, n)."""
+    noise_m = noises(softer[0])
+    some, instant = trials.some(trials.telling(fits), STANCE_LANDINGS)
+    found = [some.fits(instant, laws) for laws in softer]
+    each = np.array([one.evidence for one in found])
+    each /= -2 * some.at(noise_m)[:, None] ** 2
     instants = np.array([one.instant for one in found])
-    compliances = np.array([trial.compliance_s for trial in trials])
+    compliances = np.array([laws[0].compliance_s for laws in softer])
     # Jumps of instants count only between likely trials: at far too soft ones they jump
     # anyway.
     total = np.nansum(each, axis=(1, 2))
     likely = total > total.max() - TELLING_LOSS
     steady = _steady(compliances[likely], instants[likely])
     speaks = steady & np.isfinite(each).all(axis=0)
-    return np.asarray(np.where(speaks, each, 0.0).sum(axis=1))
+    spoken = np.where(speaks, each, 0.0)
+    return np.stack(
+        [
+            spoken[:, some.of_landing == number].sum(axis=1)
+            for number in range(len(noise_m))
+        ],
+        axis=1,
+    )
 
 
 def _steady(compliances_s: FloatArray, instants: FloatArray) -> BoolArray:

@@ -16,8 +16,9 @@ error (the rule of Breiman et al. 1984 for nested choices).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -81,6 +82,7 @@ def choose_depth(
     pre_m: float,
     shallow_m: float,
     deep_m: float,
+    states: Mapping[str, Any] | None = None,
 ) -> Depth:
     """Choose the depth of the post section between two heights.
 
@@ -94,6 +96,9 @@ def choose_depth(
         Height of the pre section, m.
     shallow_m, deep_m : float
         The shallowest and the deepest height of the post section, m.
+    states : mapping, optional
+        Options of `hopdata.landings.states.fits.section_states` with which the study
+        fits its states: the errors that decide are those of these fits.
     """
     if not pre_m > shallow_m > deep_m:
         return Depth(0.0, (), 0)
@@ -108,7 +113,7 @@ def choose_depth(
         n_own = -(-LOOK_AT * n_landings // max(n_passed, 1))
         few = of_recording.some(evenly(n_landings, n_own))
         if len(few.before_s) > 0:
-            parts.append(_states(recording, few, pre_m, tried_m))
+            parts.append(_states(recording, few, pre_m, tried_m, states or {}))
     if not parts:
         return Depth(0.0, (), 0)
     before = joined([part[0] for part in parts], STATE_ARRAYS)
@@ -245,7 +250,11 @@ def _passages(
 
 
 def _states(
-    recording: Recording, passed: _Passages, pre_m: float, tried_m: FloatArray
+    recording: Recording,
+    passed: _Passages,
+    pre_m: float,
+    tried_m: FloatArray,
+    options: Mapping[str, Any],
 ) -> list[SectionStates]:
     """Fit the states of landings at the pre section, then at each depth."""
     states = [
@@ -257,6 +266,7 @@ def _states(
             side="before",
             contact=passed.first_s,
             pace=recording.pace,
+            **options,
         )
     ]
     for k, height_m in enumerate(tried_m):
@@ -269,6 +279,7 @@ def _states(
                 side="after",
                 contact=passed.last_s,
                 pace=recording.pace,
+                **options,
             )
         )
     return states

@@ -11,7 +11,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, counted, require_choice
 from hopdata.landings.contacts.descents import LANDED
-from hopdata.landings.contacts.find import contacts_of, find_landings
+from hopdata.landings.contacts.find import contacts_of, find_study_landings
 from hopdata.landings.sections.densities import (
     finite,
     kde,
@@ -186,6 +186,7 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
     pre_height_m: float | None = None,
     post_height_m: float | None = None,
     depth_share: float | None = None,
+    states: Mapping[str, Any] | None = None,
     compare: bool = False,
 ) -> Sections:
     """Select the pre- and post-touchdown sections from all recordings of a study.
@@ -196,7 +197,7 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         Above the floor (see `hopdata.landings.floor.level`), each with feet and body.
     landings : mapping, optional
         Landings of each recording by name, from
-        `hopdata.landings.contacts.find.find_landings`; by default found here.
+        `hopdata.landings.contacts.find.find_study_landings`; by default found here.
     rule : {"landings", "printed"}
         ``"landings"``: the heights of the body in landings choose the sections (see
         `hopdata.landings.sections.from_landings`). ``"printed"``: knees of the
@@ -219,6 +220,9 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         Place of the post section between the shallowest and the deepest height that
         hold the landings, 0 to 1, with the rule ``"landings"``; by default the study's
         own errors choose it.
+    states : mapping, optional
+        Options of the states by whose errors it is chosen: see
+        `hopdata.landings.sections.depth.choose_depth`.
     compare : bool
         Whether to add the heights that the other rule chooses.
 
@@ -241,7 +245,7 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         "post_height_m": post_height_m,
     }
     if landings is None:
-        tables = [find_landings(one) for one in recordings]
+        tables = find_study_landings(recordings)
     else:
         tables = [landings[one.name] for one in recordings]
     heights = [heights_of(recording) for recording in recordings]
@@ -275,7 +279,9 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         n_used=0,
         beside={},
     )
-    material = _Material(recordings, tables, heights, of_landings, scale, depth_share)
+    material = _Material(
+        recordings, tables, heights, of_landings, scale, depth_share, states
+    )
     sections = RULES[rule](start, material)
     if not sections.pre_height_m > sections.post_height_m:
         found = (
@@ -313,6 +319,7 @@ class _Material:
     of_landings: FloatArray
     scale: float
     depth_share: float | None
+    states: Mapping[str, Any] | None
 
 
 def _by_landings(sections: Sections, material: _Material) -> Sections:
@@ -355,6 +362,7 @@ def _by_landings(sections: Sections, material: _Material) -> Sections:
             pre_m=sections.pre_height_m,
             shallow_m=held.shallow_m,
             deep_m=held.deep_m,
+            states=material.states,
         )
     else:
         depth = Depth(material.depth_share, (), 0)

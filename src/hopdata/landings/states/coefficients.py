@@ -234,24 +234,59 @@ def learn(sums: Moments) -> Population:
     Only landings in which each marker has more frames than coefficients are used.
     """
     sums = sums.some(teachers(sums.frames, sums.terms))
-    population = _first_guess(sums)
+    curved = _without_free(sums)
+    population = _first_guess(curved, least_squares(sums).noise_m ** 2)
     for _ in range(STEPS):
-        population = _improved(sums, population)
+        population = _improved(curved, population)
     return population
 
 
-def _first_guess(sums: Moments) -> Population:
-    """Guess the population from moments of separate fits, minus those of the noise."""
-    variance = least_squares(sums).noise_m ** 2
-    # Position and velocity are eliminated: what is left is a Schur complement.
+@dataclass(frozen=True)
+class _Curved:
+    """What landings tell of coefficients from the acceleration on.
+
+    Position and velocity are eliminated: whatever those coefficients are, the best
+    position and velocity follow. The sums of all frames are therefore reduced once, and
+    each step works with the few coefficients that are left.
+
+    Parameters
+    ----------
+    gram : (L, B, Q, Q) array
+        Normal matrices of the coefficients that are left: Schur complements.
+    product : (L, B, 3, Q) array
+        Their right-hand sides, m.
+    square : (L, B, 3) array
+        Squared residuals about the best position and velocity alone, m^2.
+    frames : (B,) array
+        Frames of each marker in all landings.
+    """
+
+    gram: FloatArray
+    product: FloatArray
+    square: FloatArray
+    frames: FloatArray
+
+
+def _without_free(sums: Moments) -> _Curved:
+    """Eliminate position and velocity."""
     free = sums.gram[..., :FREE, :FREE]
     mixed = sums.gram[..., :FREE, FREE:]
-    curved = sums.gram[..., FREE:, FREE:]
     hat = np.linalg.solve(free, mixed)
     across = np.swapaxes(mixed, 2, 3) @ hat
-    information = (curved - across)[:, :, None] / variance[..., None, None]
-    explained = np.einsum("lbfq,lbcf->lbcq", hat, sums.product[..., :FREE])
-    score = (sums.product[..., FREE:] - explained) / variance[..., None]
+    of_free = sums.product[..., :FREE]
+    best = np.linalg.solve(free[:, :, None], of_free[..., None])[..., 0]
+    return _Curved(
+        gram=sums.gram[..., FREE:, FREE:] - across,
+        product=sums.product[..., FREE:] - of_free @ hat,
+        square=sums.square - (best * of_free).sum(axis=3),
+        frames=sums.frames.sum(axis=0),
+    )
+
+
+def _first_guess(curved: _Curved, variance: FloatArray) -> Population:
+    """Guess the population from moments of separate fits, minus those of the noise."""
+    information = curved.gram[:, :, None] / variance[..., None, None]
+    score = curved.product / variance[..., None]
     total = information.sum(axis=0)
     mean = np.linalg.solve(total, score.sum(axis=0)[..., None])[..., 0]
     rest = score - np.einsum("lbcjk,bck->lbcj", information, mean)
@@ -289,23 +324,32 @@ def _posterior(sums: Moments, population: Population) -> tuple[FloatArray, Float
     return (covariance @ pull[..., None])[..., 0], covariance
 
 
-def _improved(sums: Moments, population: Population) -> Population:
+def _improved(curved: _Curved, population: Population) -> Population:
     """Take one step of expectation and maximisation."""
-    fitted, covariance = _posterior(sums, population)
-    mean = fitted[..., FREE:].mean(axis=0)
-    away = fitted[..., FREE:] - mean
+    variance = population.variance
+    inverse = np.linalg.inv(population.spread)
+    gram = curved.gram[:, :, None]
+    precision = gram / variance[..., None, None] + inverse
+    pull = curved.product / variance[..., None]
+    pull += np.einsum("cjk,bck->bcj", inverse, population.mean)
+    covariance = np.asarray(np.linalg.inv(precision), float)
+    fitted = (covariance @ pull[..., None])[..., 0]
+
+    mean = fitted.mean(axis=0)
+    away = fitted - mean
     spread = np.empty_like(population.spread)
     for axes in (HORIZONTAL, VERTICAL):
         between = np.einsum("lbcj,lbck->jk", away[:, :, axes], away[:, :, axes])
-        within = covariance[:, :, axes, FREE:, FREE:].sum(axis=(0, 1, 2))
-        between += within
-        spread[axes] = between / away[:, :, axes, 0].size
-    gram = sums.gram[:, :, None]
-    squares = sums.square - 2 * (fitted * sums.product).sum(axis=3)
+        within = covariance[:, :, axes].sum(axis=(0, 1, 2))
+        spread[axes] = (between + within) / away[:, :, axes, 0].size
+
+    # Position and velocity, which are free, add the noise of one frame each.
+    squares = curved.square + FREE * variance
+    squares -= 2 * (fitted * curved.product).sum(axis=3)
     squares += (fitted * (gram @ fitted[..., None])[..., 0]).sum(axis=3)
     squares += (gram * covariance).sum(axis=(3, 4))
-    variance = squares.sum(axis=0) / sums.frames.sum(axis=0)[:, None]
-    return Population(mean, spread, np.maximum(variance, LEAST_NOISE_M**2))
+    new_variance = squares.sum(axis=0) / curved.frames[:, None]
+    return Population(mean, spread, np.maximum(new_variance, LEAST_NOISE_M**2))
 
 
 def _in_powers(

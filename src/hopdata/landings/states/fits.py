@@ -24,6 +24,7 @@ from hopdata.landings.states.tracks import (
     Windows,
     evenly,
     joined,
+    kept,
     moments,
 )
 
@@ -204,6 +205,7 @@ class Tracks:
 
 def _each(sums: Callable[[], Iterator[Moments]]) -> Fit:
     """Fit each landing by itself, by least squares."""
+    sums = kept(sums)
     variance, _ = coefficients.noise(sums())
 
     def parts() -> Parts:
@@ -292,7 +294,7 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
     Return the expected variance of velocities, m^2/s^2, and the fit; None with too few
     landings to learn from.
     """
-    sums = partial(tracks.sums, window_s, degree + FURTHER, falling=tracks.flight)
+    sums = kept(partial(tracks.sums, window_s, degree + FURTHER, falling=tracks.flight))
     # The higher degree tells a landing whose frames follow no smooth motion.
     is_usual = _usual([coefficients.residual_squares(part) for part in sums()])
 
@@ -424,8 +426,8 @@ def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
     if len(whole) < LEAST_LANDINGS:
         return None
     more = more.some(whole)
-    noise = coefficients.least_squares(more).noise_m ** 2
-    residual = coefficients.least_squares(more.lower(degree)).noise_m ** 2
+    noise, _ = coefficients.noise([more])
+    residual, _ = coefficients.noise([more.lower(degree)])
     freedom = float(more.frames.mean()) - more.terms
     found = []
     for axes in (coefficients.HORIZONTAL, coefficients.VERTICAL):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -175,6 +176,18 @@ def moments(
         yield _moments(seen, block, basis)
 
 
+def kept(sums: Callable[[], Iterator[Moments]]) -> Callable[[], Iterator[Moments]]:
+    """Sum frames once if one block holds all windows, and otherwise each time anew.
+
+    `sums` makes the blocks. Several of them together might fill the memory.
+    """
+    blocks = sums()
+    first = next(blocks)
+    if next(blocks, None) is not None:
+        return sums
+    return lambda: iter([first])
+
+
 def joined(parts: Iterable[Part], names: Iterable[str] = _ARRAYS) -> Part:
     """Join blocks of moments, or other dataclasses whose arrays have these names."""
     parts = list(parts)
@@ -304,6 +317,7 @@ def _span(time: FloatArray, windows: Windows) -> tuple[float, float]:
     return float(np.min(first, initial=0.0)), float(np.max(last, initial=0.0))
 
 
+@lru_cache
 def _polynomials(degree: int, first: float, last: float) -> FloatArray:
     """Return the powers in each polynomial of the basis, (K, K).
 
@@ -316,6 +330,7 @@ def _polynomials(degree: int, first: float, last: float) -> FloatArray:
         legendre = Legendre.basis(k - 2, domain=[first, last])
         coefficients = legendre.convert(kind=Polynomial).coef
         powers[2:, k] = np.pad(coefficients, (0, degree - 1 - len(coefficients)))
+    powers.flags.writeable = False  # the same for all who ask
     return powers
 
 

@@ -202,7 +202,8 @@ def weights_of_map(
     by_inputs = landings.inputs @ fit.linear
     slopes = comparison.mean.T @ fit.seen @ fit.coefficients
     outcome = by_inputs + landings.expected @ slopes
-    return _weights(_true_power(landings, outcome, slopes))
+    power = _true_power(landings, outcome, slopes)
+    return np.diag(np.sqrt(halves(power)))
 
 
 def _true_power(
@@ -225,26 +226,28 @@ def _true_power(
     return np.asarray(of_inputs + of_rest)
 
 
-def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
+def squared_jump(
+    fit: KinkFit, landings: SectionLandings, comparison: Comparison
+) -> FloatArray:
     """Return a root of the squared size of the steps, as `squared_size` does for kinks.
 
     The squared size is the mean over the pairs of feet of the squared jump from one
-    order to the other, relative to the variance of the outcome.
+    order to the other, relative to what the mean map makes of the inputs. What is seen
+    of the outcome would not do: the noise of cameras is no variation of it. `fit` is
+    that of the kinks, whose `jumps` the steps are.
+
+    Raises
+    ------
+    AnalysisError
+        If no steps were fitted.
     """
-    n_pairs, n_seen = fit.seen.shape
+    if fit.jumps is None:
+        raise AnalysisError.at("jumps", "steps beside the kinks", "none")
+    n_pairs, n_seen = fit.jumps.seen.shape
     # A step from -1 to 1 changes the outcome by twice its coefficient.
     mean_of_pairs = 2.0 / np.sqrt(n_pairs) * np.eye(n_seen)
-    return np.asarray(np.kron(mean_of_pairs, weights_of_jumps(landings)), float)
-
-
-def weights_of_jumps(landings: SectionLandings) -> FloatArray:
-    """Return the matrix (q, q) that makes jumps shares of what the outcome varies."""
-    return _weights(np.var(landings.outputs, axis=0, ddof=1))
-
-
-def _weights(variance: FloatArray) -> FloatArray:
-    """Return the matrix (q, q) that weighs positions and velocities one half each."""
-    return np.diag(np.sqrt(halves(variance)))
+    weights = weights_of_map(fit, landings, comparison)
+    return np.asarray(np.kron(mean_of_pairs, weights), float)
 
 
 def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> float:

@@ -350,9 +350,10 @@ def at_the_contact(
     """Return the size at the simultaneous contact.
 
     It is that over the landings unless the kinks are found to saturate. Then the
-    estimate is that for the slowest time constant in doubt, and the upper ends are the
-    largest of all of them. `low` remains: kinks that saturate are
-    smaller over the landings than at the contact.
+    estimate is that for the slowest time constant in doubt. The upper ends are the
+    largest for all time constants, since kinks that saturate in a way of their own are
+    fitted best by a wrong one. `low` remains: kinks that saturate are smaller over the
+    landings than at the contact.
 
     Parameters
     ----------
@@ -368,19 +369,19 @@ def at_the_contact(
     in_a_row = 1
     if model.err_alike(fit.scores):
         in_a_row = IN_A_ROW
-    p_value, in_doubt = saturation(
-        fit.at_contact(landings), flips=flips, in_a_row=in_a_row, rng=generator
-    )
+    fits = fit.at_contact(landings)
+    p_value, likely = saturation(fits, flips=flips, in_a_row=in_a_row, rng=generator)
     if not p_value < LEVEL:
         return AtContact(over_landings, saturates=False, p_value=p_value)
-    sizes = [size(fit.with_slopes(of_constant)) for of_constant in in_doubt]
-    if sizes[0].estimate <= max(fit.allowed, over_landings.estimate):
+    estimate = size(fit.with_slopes(likely)).estimate
+    if estimate <= max(fit.allowed, over_landings.estimate):
         # Smooth terms may leave as much, or the kinks grow with the delay instead.
         return AtContact(over_landings, saturates=False, p_value=p_value)
+    sizes = [size(fit.with_slopes(of_constant)) for of_constant in fits]
     every = [over_landings, *sizes]
     found = replace(
         over_landings,
-        estimate=sizes[0].estimate,
+        estimate=estimate,
         high=max(one.high for one in every),
         upper_bound=max(one.upper_bound for one in every),
     )
@@ -399,7 +400,8 @@ def landings_needed(
 ) -> int:
     """Return the number of landings that shows a difference as well as the detectable.
 
-    The detectable size beyond `allowed` falls with the root of the number of landings,
+    The detectable size beyond `allowed` falls with the root of the number of landings
+    beyond those that pay for the smooth terms (`inputs.landings_for_terms`). It does so
     in the window of the study as in that of the nearest landings; a study uses the
     better one. The result is at least the number that second-order terms need.
 
@@ -422,11 +424,13 @@ def landings_needed(
     windows = [(detectable, allowed)]
     if detectable_nearest is not None and allowed_nearest is not None:
         windows.append((detectable_nearest, allowed_nearest))
+    for_terms = inputs.landings_for_terms(feet)
+    free = max(0.0, landings - for_terms)
     needs = []
     for shown, left in windows:
         if difference > left:
             beyond = max(0.0, shown - left) / (difference - left)
-            needs.append(int(np.ceil(landings * beyond**2)))
+            needs.append(int(np.ceil(for_terms + free * beyond**2)))
     if not needs:
         least_allowed = min(left for _, left in windows)
         least = f"numbers above {least_allowed:.2g}, as much as smooth terms may leave"

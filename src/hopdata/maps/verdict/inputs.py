@@ -401,8 +401,16 @@ def feet_as_one(landings: SectionLandings) -> bool:
 
 def least_landings(feet: int) -> int:
     """Return the number of landings of which the window affords second-order terms."""
-    terms = coordinates.number_of_free_terms(8, feet, 2)
-    return int(np.ceil(coordinates.LANDINGS_PER_TERM * terms / WINDOW))
+    return int(np.ceil(coordinates.LANDINGS_PER_TERM * landings_for_terms(feet)))
+
+
+def landings_for_terms(feet: int) -> float:
+    """Return the number of landings whose window has one for each fitted term.
+
+    These are the terms up to the second order, kinks and steps. As many landings of a
+    study say nothing of errors.
+    """
+    return coordinates.number_of_free_terms(STATE, feet, 2) / WINDOW
 
 
 def contact_orders(instants: FloatArray, least: int) -> tuple[IntArray, IntArray]:

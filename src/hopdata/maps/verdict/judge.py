@@ -80,8 +80,8 @@ class Verdict(Shown):
         difference within ``margin`` is excluded.
     jump
         Size of the jumps of the outcome where two feet exchange their order, as a share
-        of its variation; None if it could not be computed, or if no two feet exchange
-        their order often enough.
+        of what the mean map makes of the inputs; None if it could not be computed, or
+        if no two feet exchange their order often enough.
     decided_by
         ``"jump"`` if only the jump shows a difference, otherwise ``"effect"``.
     landings_needed
@@ -220,6 +220,9 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         Number of random sign patterns.
     blurred
         Why the states cannot be trusted, if so; the answer is then ``"cannot tell"``.
+        States from positions that a low-pass filter has smoothed must be declared here
+        if half a period of its cut-off is longer than a landing from section to
+        section. `judge` cannot see it, and its bounds would be too low.
 
     Raises
     ------

@@ -63,7 +63,7 @@ OF_FOURTH = 4.0
 OF_SPREAD = 2.2
 
 #: Apparent jump that residual smooth terms may cause.
-#: Unit: share of the outcome's sd. Origin: measured: in other bodies smooth terms leave
+#: Unit: share of the map. Origin: measured: in other bodies smooth terms leave
 #: about as much (verdict_method.md).
 LEFT_OF_JUMPS = 0.05
 
@@ -125,7 +125,8 @@ class KinkFit:
     coefficients
         (K, q) coefficients of the combinations `seen` of the kinks.
     linear
-        (p, q) derivative of the outputs with respect to the inputs, without the kinks.
+        (p, q) derivative of the outputs with respect to the inputs, without the kinks
+        and steps.
     scores, null_scores
         (N, K q) contributions of the landings to the error of the coefficients, row by
         row: after the kinks found have been subtracted from the outputs, and under the
@@ -246,10 +247,13 @@ def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
     if not seen.size:
         return found
     fit = fit_beside(beside_kinks, steps.shown @ seen)
+    # Where an input places a landing on one side, its slope has a part of the step.
+    both = shown @ found.coefficients + steps.shown @ seen @ fit.coefficients
+    linear = smooth.linear(both)
     of_jumps = max(LEFT_OF_JUMPS * of_window, OF_ALLOWED * allowed)
     of_jumps *= steps.faded(beside_kinks, seen)
     jumps = _kink_fit(landings, fit, linear, seen, rows, of_jumps, of_jumps)
-    return replace(found, jumps=jumps)
+    return replace(found, linear=linear, jumps=jumps)
 
 
 def _kinks(landings: SectionLandings, rows: IntArray) -> Shapes:

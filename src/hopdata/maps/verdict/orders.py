@@ -70,7 +70,7 @@ class PairEffect:
     ----------
     of
         ``"map"``: relative difference of the Jacobians; ``"jump"``: jump of the outcome
-        as a share of its variation.
+        as a share of what the mean map makes of the inputs.
     first, second
         The orders, as ``"1>2>3"``; for pairs of feet ``"1>2"`` and ``"2>1"``.
     estimate, low, high
@@ -267,19 +267,28 @@ def pairs_of_maps(
 
 
 def pairs_of_jumps(
-    fit: KinkFit, errors: SignedErrors, landings: SectionLandings
+    fit: KinkFit,
+    errors: SignedErrors,
+    landings: SectionLandings,
+    comparison: Comparison,
 ) -> list[_Pair]:
-    """Return the pairs of feet at whose exchange the outcome may jump."""
-    instants = landings.expected[fit.rows]
-    weights = comparing.weights_of_jumps(landings)
+    """Return the pairs of feet at whose exchange the outcome may jump.
+
+    `fit` is that of the kinks, and `errors` are those of its jumps.
+    """
+    steps = fit.jumps
+    if steps is None:
+        return []
+    instants = landings.expected[steps.rows]
+    weights = comparing.weights_of_map(fit, landings, comparison)
     feet = pairs_that_exchange(instants, LEAST_CLASS)
     pairs = []
-    for (i, j), seen in zip(feet, fit.seen, strict=True):
+    for (i, j), seen in zip(feet, steps.seen, strict=True):
         if np.sum(seen**2) < LEAST_SEEN:
             continue
         root = np.kron(2.0 * seen[None, :], weights)
         names = comparing.names_of_feet(i, j)
-        pairs.append(_Pair(OF_JUMP, names, fit, errors, root, fit.allowed))
+        pairs.append(_Pair(OF_JUMP, names, steps, errors, root, steps.allowed))
     return pairs
 
 

@@ -232,17 +232,17 @@ def _misfit(residuals: FloatArray) -> float:
 
 def saturation(
     fits: Sequence[AtContact], *, flips: int, in_a_row: int, rng: np.random.Generator
-) -> tuple[float, list[AtContact]]:
-    """Return the p-value of kinks that do not saturate, and the fits in doubt.
+) -> tuple[float, AtContact]:
+    """Return the p-value of kinks that do not saturate, and the likely fit.
 
     The statistic of a time constant is the squared length of its terms in units of
-    their errors; the test takes the largest of all. The fits in doubt are those that
-    are nearly as likely as the best, slow ones first.
+    their errors; the test takes the largest of all. The likely fit is the slowest of
+    those that are nearly as likely as the best.
 
     Parameters
     ----------
     fits
-        From `at_contact`.
+        From `at_contact`, slow ones first.
     flips, rng
         Number of random sign patterns, and their source.
     in_a_row
@@ -262,8 +262,8 @@ def saturation(
     best = max(statistics)
     as_large = int(np.sum(np.max(draws, axis=0) >= best))
     least = min(fit.misfit for fit in fits)
-    in_doubt = [fit for fit in fits if fit.misfit <= least + NEARLY]
-    return (1 + as_large) / (1 + flips), in_doubt
+    likely = next(fit for fit in fits if fit.misfit <= least + NEARLY)
+    return (1 + as_large) / (1 + flips), likely
 
 
 def share_shown(

@@ -36,7 +36,7 @@ def sizes_of(
     roots = [comparing.squared_size(fit, landings, comparison)]
     if fit.jumps is not None:
         fits.append(fit.jumps)
-        roots.append(comparing.squared_jump(fit.jumps, landings))
+        roots.append(comparing.squared_jump(fit, landings, comparison))
     alike = any(
         err_alike(part.scores @ root.T) for part, root in zip(fits, roots, strict=True)
     )
@@ -68,7 +68,7 @@ def sizes_of(
     jump = None
     if fit.jumps is not None:
         jump = effects[1]
-        pairs += which.pairs_of_jumps(fit.jumps, errors[1], landings)
+        pairs += which.pairs_of_jumps(fit, errors[1], landings, comparison)
     of_pairs = which.pair_effects(
         pairs, alike=alike, joint_p_value=joint.p_value, confidence=options.confidence
     )

@@ -12,6 +12,7 @@ from hopdata.recordings.quality import softness
 from hopdata.recordings.quality.inspection import Inspection
 from hopdata.recordings.quality.part_names import part_by_name
 from hopdata.recordings.quality.softness import LEAST_BODY
+from hopdata.recordings.quality.vocabulary import named_parts
 from hopdata.recordings.wording import also, listed
 
 #: Largest share of the frames in which the home marker may be unseen.
@@ -53,11 +54,15 @@ def guess_body(inspection: Inspection, taken: set[int], feet: list[int]) -> Body
     the rigid clusters, the highest first. Each is limited to markers that are nearly
     always seen, if these are enough, and that `hopdata check` takes for one body.
     """
-    named = [
-        m
-        for m, name in enumerate(inspection.markers)
-        if part_by_name(name) == "body" and m not in taken
-    ]
+    names = named_parts(tuple(inspection.markers))
+    named = []
+    for m, name in enumerate(inspection.markers):
+        is_body = part_by_name(name) == "body" and names.role(m) == "body"
+        if (is_body or names.parts[m] == "pelvis") and m not in taken:
+            named.append(m)
+    pelvis = [m for m in named if names.parts[m] == "pelvis"]
+    if names.is_human and len(pelvis) >= LEAST_BODY:  # thighs and backs bend
+        named = pelvis
     clusters = _free_clusters(inspection, taken)
     body = _named_in_a_cluster(inspection, feet, clusters, named)
     if body is None:

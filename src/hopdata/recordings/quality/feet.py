@@ -1,6 +1,7 @@
 """Which of the markers that land together are the feet of a study."""
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,15 +15,15 @@ from hopdata.recordings.quality.landing_markers import (
     rest_together,
 )
 from hopdata.recordings.quality.part_names import (
+    HEEL,
     SIDE_NAMES,
-    is_heel,
     part_by_name,
-    place_by_name,
     side_of_foot,
     without_number,
 )
 from hopdata.recordings.quality.rests import lowest, scale_of_all
 from hopdata.recordings.quality.stretches import runs
+from hopdata.recordings.quality.vocabulary import NamedParts, named_parts
 from hopdata.recordings.wording import chained, listed
 
 #: Markers of feet in a study, at most.
@@ -67,7 +68,10 @@ class Feet:
 
 
 def guess_feet(
-    groups: list[list[int]], inspection: Inspection, rests: BoolArray
+    groups: list[list[int]],
+    inspection: Inspection,
+    rests: BoolArray,
+    others: AbstractSet[int] = frozenset(),
 ) -> Feet:
     """Choose the feet to analyse among groups that land together, and say why.
 
@@ -79,10 +83,17 @@ def guess_feet(
         The recording.
     rests : (N, M) bool array
         When each marker rests.
+    others : set of int
+        Markers of other subjects.
     """
     markers = inspection.markers
+    names = named_parts(tuple(markers))
+    if names.settles_feet:
+        groups = _with_named_feet(groups, names)
     group = _most_telling(groups, inspection) if groups else []
     rivals = [other for other in groups if not set(other) & set(group)]
+    if len(group) < LEAST_FEET and names.settles_feet:
+        return _by_name_alone(names, inspection, others)
     if len(group) < LEAST_FEET:
         return Feet(group, rivals, problem=_too_few(group, inspection))
 
@@ -99,6 +110,38 @@ def guess_feet(
     return Feet(sorted(on_sole), rivals, reason)
 
 
+def _with_named_feet(groups: list[list[int]], names: NamedParts) -> list[list[int]]:
+    """Return the groups with two markers named as feet, those with most of them first.
+
+    Where one marker of each foot lands, and no two together, all groups are kept.
+    """
+    feet = set(names.feet)
+    named = [group for group in groups if feet & set(group)]
+    if all(len(group) == 1 for group in named):
+        return named
+    named = [group for group in named if len(feet & set(group)) >= LEAST_FEET]
+    return sorted(named, key=lambda group: (-len(feet & set(group)), group))
+
+
+def _by_name_alone(
+    names: NamedParts, inspection: Inspection, others: AbstractSet[int]
+) -> Feet:
+    """Return the feet by their names, which leave no doubt, though too few land."""
+    seen = np.isfinite(lowest(inspection.positions[:, :, 2]))
+    named = [m for m in names.feet if seen[m] and m not in others]
+    if not named:
+        return Feet([], [], problem=_too_few([], inspection))
+    group = _most_telling([named], inspection)
+    if len(group) < LEAST_FEET:
+        return Feet(group, [], problem=_too_few(group, inspection))
+    left = [inspection.markers[m] for m in named if m not in group]
+    reason = Message("recordings.feet_by_name")
+    if left:
+        left_out = Message("recordings.feet_left_out", {"markers": ", ".join(left)})
+        reason = chained([reason, left_out]) or reason
+    return Feet(sorted(group), [], reason)
+
+
 def _most_telling(groups: list[list[int]], inspection: Inspection) -> list[int]:
     """Choose at most six markers, the same ones on both sides.
 
@@ -112,10 +155,11 @@ def _most_telling(groups: list[list[int]], inspection: Inspection) -> list[int]:
         largest = [m for group in groups for m in group]
     group = _likeliest_by_name(largest, markers)
     low_m = lowest(inspection.positions[:, :, 2])
-    place = {m: place_by_name(markers[m]) for m in group}
+    names = named_parts(tuple(markers))
+    place = {m: names.place(m) for m in group}
 
     def rank(m: int) -> tuple[bool, int, float]:
-        is_stranger = part_by_name(markers[m]) != "foot"
+        is_stranger = names.role(m) != "foot"
         rank_of_place, _ = place[m]
         return is_stranger, rank_of_place, float(low_m[m])
 
@@ -130,10 +174,11 @@ def _most_telling(groups: list[list[int]], inspection: Inspection) -> list[int]:
 
 def _likeliest_by_name(group: list[int], markers: tuple[str, ...]) -> list[int]:
     """Return the markers named as feet, or all but the ankles, or all: two or more."""
-    named = [m for m in group if part_by_name(markers[m]) == "foot"]
+    names = named_parts(tuple(markers))
+    named = [m for m in group if names.role(m) == "foot"]
     if len(named) >= LEAST_FEET:
         return named
-    without_ankles = [m for m in group if part_by_name(markers[m]) in ("foot", "")]
+    without_ankles = [m for m in group if names.role(m) in ("foot", "")]
     if len(without_ankles) >= LEAST_FEET:
         return without_ankles
     return group
@@ -141,10 +186,11 @@ def _likeliest_by_name(group: list[int], markers: tuple[str, ...]) -> list[int]:
 
 def _heel_again(m: int, chosen: list[int], inspection: Inspection) -> bool:
     """Tell whether a marker is on a heel already chosen, on the same rigid part."""
-    if not is_heel(inspection.markers[m]):
+    names = named_parts(tuple(inspection.markers))
+    if names.place(m)[0] != HEEL:
         return False
     for k in chosen:
-        if not is_heel(inspection.markers[k]):
+        if names.place(k)[0] != HEEL:
             continue
         if any({m, k} <= set(part.markers) for part in inspection.clusters):
             return True
@@ -158,7 +204,8 @@ def _on_the_sole(
     markers = inspection.markers
     scale = scale_of_all(inspection.positions)
     low_m = lowest(inspection.positions[:, group, 2])
-    two_sides = len({place_by_name(markers[m]) for m in group}) < len(group)
+    names = named_parts(tuple(markers))
+    two_sides = len({names.place(m) for m in group}) < len(group)
     is_one_part = any(set(group) <= set(part.markers) for part in inspection.clusters)
     if two_sides or not is_one_part or np.ptp(low_m) < UNEVEN_M * scale:
         return group, None
@@ -209,7 +256,9 @@ def _left_out(
     if len(group) + 1 >= MOST_FEET:
         values = {"most": MOST_FEET, "left_out": message}
         message = Message("recordings.feet_too_many", values)
-    if any(is_heel(name) for name in left):
+    names = named_parts(tuple(markers))
+    heels = {markers[m] for m in range(len(markers)) if names.place(m)[0] == HEEL}
+    if heels & {*left}:
         message = Message("recordings.feet_one_heel", {"left_out": message})
     return message
 
@@ -220,7 +269,8 @@ def _too_few(group: list[int], inspection: Inspection) -> Message:
     low_m = lowest(inspection.positions[:, :, 2])
     rising = np.argsort(low_m, kind="stable")
     by_height = [markers[m] for m in rising if np.isfinite(low_m[m])]
-    named = [name for name in by_height if part_by_name(name) == "foot"]
+    feet = {markers[m] for m in named_parts(tuple(markers)).feet}
+    named = [name for name in by_height if name in feet]
     if named:
         likely = Message("recordings.likely_by_name", {"markers": ", ".join(named)})
     else:
@@ -252,6 +302,9 @@ def doubt_about_feet(
     markers = inspection.markers
     if not feet.markers:
         return None
+    names = named_parts(tuple(markers))
+    if names.settles_feet and set(feet.markers) <= set(names.feet):
+        return None
     if least_rests < LEAST_RESTS:
         doubt = Message("recordings.doubt_few_rests")
     else:
@@ -267,7 +320,7 @@ def doubt_about_feet(
 
 def _others_named_so(feet: list[int], markers: tuple[str, ...]) -> Message | None:
     """Report all markers named as feet if some of the feet are not."""
-    named = [name for name in markers if part_by_name(name) == "foot"]
+    named = [markers[m] for m in named_parts(tuple(markers)).feet]
     strangers = [m for m in feet if markers[m] not in named]
     if not named or not strangers:
         return None
@@ -299,7 +352,13 @@ def joined_feet(group: Sequence[int], inspection: Inspection) -> dict[str, list[
     L2 and L3 are legs.
     """
     names = [inspection.markers[m] for m in group]
-    sides = [side_of_foot(name) if part_by_name(name) else "" for name in names]
+    parts = named_parts(tuple(inspection.markers))
+    sides = []
+    for m, name in zip(group, names, strict=True):
+        if parts.role(m) in ("foot", "ankle"):
+            sides.append(parts.sides[m] or side_of_foot(name))
+        else:
+            sides.append("")
     feet = _by_foot(sides, inspection.pairs.relative_spread(group))
     if not LEAST_FEET <= len(feet) < len(group):
         return {}

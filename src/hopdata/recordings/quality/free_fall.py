@@ -35,6 +35,10 @@ CLEARER = 4.0
 #: Unit: 1. Origin: chosen.
 SOME_CLEARER = 1.5
 
+#: Share of a marker's frames in free fall from which on it counts as falling.
+#: Unit: 1. Origin: derived: as for the mean over all markers.
+FALLS = LEAST_SHARE
+
 #: Evenly spaced frames that are evaluated, about.
 #: Unit: frames. Origin: chosen.
 MOST_FRAMES = 20_000
@@ -58,6 +62,9 @@ class FreeFall:
         The same for the best other direction in this unit.
     other_unit_share : float
         The same for the best other unit, in any direction.
+    spread : float
+        Share of the markers that fall in this direction. Whatever leaves the ground
+        falls with all of them; a swinging limb falls with few, along any axis.
     """
 
     unit: str
@@ -65,6 +72,7 @@ class FreeFall:
     share: float
     next_share: float
     other_unit_share: float = 0.0
+    spread: float = 0.0
 
     @property
     def is_clear(self) -> bool:
@@ -137,23 +145,39 @@ def free_fall(
     FreeFall
         The best guess; see `FreeFall.is_clear`.
     """
-    shares = {}
+    shares: dict[str, dict[str, float]] = {}
+    spreads: dict[str, dict[str, float]] = {}
     for unit, metres in units.items():
         measured = accelerations(positions, rate_hz, metres=metres)
-        shares[unit] = shares_in_free_fall(measured, metres)
+        falling = falling_markers(measured, metres)
+        shares[unit] = {}
+        spreads[unit] = {}
+        for up, of_markers in falling.items():
+            shares[unit][up] = float(of_markers.mean())
+            spreads[unit][up] = float(np.mean(of_markers >= FALLS))
     best_of_unit = {unit: max(shares[unit].values()) for unit in units}
     unit = max(best_of_unit, key=lambda unit: best_of_unit[unit])
     ranked = sorted(shares[unit].items(), key=lambda item: -item[1])
     up, share = ranked[0]
     _, next_share = ranked[1]
     others = [best_of_unit[other] for other in units if other != unit]
-    return FreeFall(unit, up, share, next_share, max(others, default=0.0))
+    other_share = max(others, default=0.0)
+    return FreeFall(unit, up, share, next_share, other_share, spreads[unit][up])
 
 
 def shares_in_free_fall(measured: FloatArray, metres: float) -> dict[str, float]:
     """Return the share of frames in free fall along each direction.
 
-    It is the mean over the markers that are seen. With g in the unit of the
+    It is the mean over the markers that are seen; see `falling_markers`.
+    """
+    falling = falling_markers(measured, metres)
+    return {up: float(of_markers.mean()) for up, of_markers in falling.items()}
+
+
+def falling_markers(measured: FloatArray, metres: float) -> dict[str, FloatArray]:
+    """Return the share of its frames in which each seen marker falls, by direction.
+
+    With g in the unit of the
     accelerations, ``|a - g|² < (c g)²`` is tested as ``|a|² - 2 a·g < (c² - 1) g²``, so
     that squares are formed only once.
 
@@ -168,15 +192,15 @@ def shares_in_free_fall(measured: FloatArray, metres: float) -> dict[str, float]
     known = np.asarray(np.isfinite(squares))
     seen = known.any(axis=0)
     if not seen.any():
-        return dict.fromkeys(DIRECTIONS, 0.0)
+        return {up: np.zeros(1) for up in DIRECTIONS}
     n_known = known.sum(axis=0)[seen]
     gravity = GRAVITY_M_S2 / metres
-    shares = {}
+    shares: dict[str, FloatArray] = {}
     for up in DIRECTIONS:
         pulled = 2 * gravity * along(measured, up)
         falls = np.asarray(squares + pulled < (WITHIN**2 - 1) * gravity**2)
         n_falling = np.count_nonzero(falls[:, seen], axis=0)
-        shares[up] = float(np.mean(n_falling / n_known))
+        shares[up] = np.asarray(n_falling / n_known)
     return shares
 
 

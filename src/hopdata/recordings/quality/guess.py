@@ -19,12 +19,15 @@ class Guess:
         Whether the data support it; otherwise it is only the usual value.
     other : str
         The alternative value, if this one is not sure.
+    evidence : tuple of Message
+        All that was found for and against, one message each.
     """
 
     value: str
     why: Message
     is_sure: bool = True
     other: str = ""
+    evidence: tuple[Message, ...] = ()
 
     @property
     def reason(self) -> str:

@@ -11,14 +11,13 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import RecordingError
 from hopdata.messages import Message
-from hopdata.recording import Recording
+from hopdata.recording import Event, Recording
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import processing, repeats, rests, rigid, swaps
 from hopdata.recordings.quality.frame_rate import guess_rate
 from hopdata.recordings.quality.free_fall import UNITS_IN_M
 from hopdata.recordings.quality.orientation import Guess, guess_unit_and_up
-from hopdata.recordings.quality.part_names import roles_by_name
 from hopdata.recordings.quality.stretches import MarkerGaps, marker_gaps
 from hopdata.recordings.quality.surprises import (
     Excursion,
@@ -161,6 +160,8 @@ class Inspection:
     treated : tuple of Message
         Processing of the positions after they were recorded (`processing.treated`), and
         what it does to contacts and states.
+    events : tuple of Event
+        Events marked in the file.
     """
 
     markers: tuple[str, ...]
@@ -178,6 +179,7 @@ class Inspection:
     faults: Faults
     remarks: tuple[str, ...] = ()
     treated: tuple[Message, ...] = ()
+    events: tuple[Event, ...] = ()
 
     def recording(
         self, feet: Iterable[str], body: Iterable[str], **named: str
@@ -360,8 +362,7 @@ def inspect_recording(
         found = f"{len(raw.time)} frames, {len(raw.markers)} markers"
         raise RecordingError(f"expected frames and markers, found {found}")
     progress("looking for free fall, to find the unit and the vertical axis")
-    named = roles_by_name(raw.markers)
-    unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up, markers=named)
+    unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
     positions = _turned(raw.positions, UNITS_IN_M[unit_guess.value], up_guess.value)
 
     progress("measuring distances between markers")
@@ -406,6 +407,7 @@ def inspect_recording(
         faults=faults,
         remarks=tuple(str(remark) for remark in raw.remarks),
         treated=tuple(treated),
+        events=raw.events,
     )
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.recordings.quality.part_names import part_by_name
 from hopdata.recordings.quality.rests import BAND_M, at_rest, lowest, scale_of_all
 from hopdata.recordings.quality.stretches import quantiles, runs
+from hopdata.recordings.quality.vocabulary import named_parts
 
 #: Feet of a study, at least.
 #: Unit: 1. Origin: derived: with fewer there is no order of contacts.
@@ -111,11 +111,12 @@ def landing_markers(markers: tuple[str, ...], motion: Motion) -> list[int]:
     reaches_floor = low_m - floor_m < NEAR_FLOOR * (top_m - floor_m)
     share_at_rest = motion.rests.mean(axis=0)
 
+    names = named_parts(tuple(markers))
     often = []
     once = []
     named = []
     for m in np.flatnonzero(reaches_floor & (share_at_rest > LEAST_AT_REST)).tolist():
-        part = part_by_name(markers[m])
+        part = names.role(m)
         if part not in ("foot", "ankle", ""):
             continue
         rests = motion.rests[:, m]

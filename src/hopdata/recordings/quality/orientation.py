@@ -1,5 +1,6 @@
 """Guess the unit of a file and the axis that points up, each with its reason."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -9,7 +10,9 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, chosen, require_choice
 from hopdata.messages import Message
 from hopdata.recording import extent, sampled
-from hopdata.recordings.axes import FILE_AXES, along
+from hopdata.recordings.axes import FILE_AXES
+from hopdata.recordings.quality import evidence
+from hopdata.recordings.quality.evidence import Evidence
 from hopdata.recordings.quality.frame_rate import rate_by_stamps
 from hopdata.recordings.quality.free_fall import (
     UNITS_IN_M,
@@ -18,7 +21,7 @@ from hopdata.recordings.quality.free_fall import (
     liveliness,
 )
 from hopdata.recordings.quality.guess import Guess
-from hopdata.recordings.quality.rests import CLEARER, FLAT, flattest_direction
+from hopdata.recordings.quality.vocabulary import named_parts
 from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
 from hopdata.recordings.wording import also
 
@@ -44,11 +47,30 @@ LEAST_LIVELY_M_S2 = 5.0
 #: Unit: m/s². Origin: chosen.
 MOST_LIVELY_M_S2 = 100.0
 
-#: How many times farther the body is from its feet along the vertical than along any
-#: other axis.
-#: Unit: 1. Origin: measured. In 19 public recordings of standing, walking, running and
-#: a serve it is 3.9 times or more. At 1.5 times as much all of them are still sure.
-UPRIGHT = 2.0
+#: Odds of the likeliest direction to the next, from which on it is sure.
+#: Unit: nepers. Origin: derived: one sure guess in a hundred may be wrong.
+SURE = float(np.log(100.0))
+
+#: How much likelier one piece of evidence must find another direction to speak strongly
+#: against the likeliest.
+#: Unit: nepers. Origin: chosen. A probability ratio of 20.
+STRONG = float(np.log(20.0))
+
+#: Largest chance that a fall misleads which overrules all else.
+#: Unit: 1. Origin: chosen. Between those of few and of most markers that fall.
+FALL_DECIDES = 1e-4
+
+#: Least stature of a person by the places of the markers, who may sit.
+#: Unit: m. Origin: chosen. A child of a year is taller where it stands.
+SHORTEST_M = 0.6
+
+#: Largest stature of a person by the places of the markers.
+#: Unit: m. Origin: chosen. Headgear and shoes are counted in.
+TALLEST_M = 2.4
+
+#: Stature of most people, if that must decide between units.
+#: Unit: m. Origin: chosen.
+USUAL_STATURE_M = 1.65
 
 UNITS = ("auto", *METRES_PER_UNIT)
 UPWARD = ("auto", *FILE_AXES)
@@ -224,8 +246,7 @@ def guess_unit_and_up(
     unit_guess = Guess(unit, as_given) if unit else _unit(raw, fall)
     if up is not None and up != "auto":
         return unit_guess, Guess(up, as_given)
-    over = body_over_feet_in_file(raw, markers or {})
-    return unit_guess, _up(raw, fall, over)
+    return unit_guess, _up(up_evidence(raw, fall, markers or {}))
 
 
 def choose_up(
@@ -268,6 +289,15 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
         moves_m_s2[one] = metres * of_median
     lively = _lively_units(extent(raw.positions), moves_m_s2)
     size = _size_in(raw, unit)
+    tall = _units_by_stature(raw)
+    if unit in tall:
+        values = {"size": size, "stature_m": tall[unit]}
+        return Guess(unit, Message("recordings.unit_by_stature", values))
+    if tall:
+        other = min(tall, key=lambda one: abs(np.log(tall[one] / USUAL_STATURE_M)))
+        values = {"size": size, "stature_m": tall[other], "other": other}
+        why = Message("recordings.unit_but_stature", values)
+        return Guess(unit, why, is_sure=False, other=other)
     values = {"size": size, "acceleration": moves_m_s2[unit]}
     if unit in lively:
         return Guess(unit, Message("recordings.markers_move", values))
@@ -279,6 +309,23 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
         "recordings.nothing_falls_markers_move", {"acceleration": moves_m_s2[unit]}
     )
     return Guess(unit, also(size, nothing), is_sure=False, other=other)
+
+
+def _units_by_stature(raw: RawRecording) -> dict[str, float]:
+    """Return the units in which a person is as tall as people are, and how tall, m.
+
+    By the markers' names; empty if these do not tell of a whole person.
+    """
+    named = named_parts(tuple(raw.markers))
+    posture = evidence.posture_of(raw.positions, named)
+    if posture is None or not named.is_human or not posture.is_whole:
+        return {}
+    tall = {}
+    for unit, metres in UNITS_IN_M.items():
+        stature_m = float(np.linalg.norm(posture.stature)) * metres
+        if SHORTEST_M <= stature_m <= TALLEST_M:
+            tall[unit] = stature_m
+    return tall
 
 
 def _lively_units(size: float, moves_m_s2: Mapping[str, float]) -> list[str]:
@@ -303,79 +350,105 @@ def _size_in(raw: RawRecording, unit: str) -> Message:
     return also(why, Message("recordings.markers_span", {"size_m": size_m}))
 
 
-def body_over_feet_in_file(raw: RawRecording, markers: Markers) -> FloatArray:
-    """Return the mean body position minus the mean foot position, (3,), on file axes.
+def up_evidence(
+    raw: RawRecording, fall: FreeFall, markers: Markers
+) -> tuple[Evidence, ...]:
+    """Return all that speaks for or against each direction, one piece each.
 
-    It is the median over frames; NaN if no marker of the body, or none of the feet, is
-    in the recording.
+    Parameters
+    ----------
+    raw : RawRecording
+        As read, at its true rate.
+    fall : FreeFall
+        How much of it looks like free fall.
+    markers : mapping
+        Names of the markers of the ``"body"`` and the ``"feet"``, if given by the user.
     """
-    frames = sampled(raw.positions)
-    places = []
+    named = named_parts(tuple(raw.markers))
+    given = {}
     for role in ("body", "feet"):
         names = markers.get(role) or ()
-        columns = [k for k, name in enumerate(raw.markers) if name in names]
-        if not columns:
-            return np.full(3, np.nan)
-        places.append(frames[:, columns].mean(axis=1))
-    body, feet = places
-    offsets = body - feet
-    offsets = offsets[np.isfinite(offsets).all(axis=1)]
-    if not len(offsets):
+        given[role] = [m for m, name in enumerate(raw.markers) if name in names]
+    are_given = all(given.values())
+    if not are_given:
+        given = {"body": [], "feet": named.feet}
+    over = _over_feet(raw.positions, given["feet"], given["body"])
+    roles = given if are_given else {}
+    posture = evidence.posture_of(raw.positions, named, **roles)
+    pieces = [
+        evidence.by_habit(raw.suffix),
+        evidence.by_fall(fall),
+        evidence.by_statement(raw.stated_up),
+        evidence.by_plates(raw.plate_corners, raw.positions),
+        evidence.by_posture(posture, named, given=are_given),
+        evidence.by_rests(raw.positions, given["feet"], over),
+        evidence.by_stance(raw.positions, raw.rate_hz),
+        evidence.by_sides(raw.positions, named),
+    ]
+    return tuple(piece for piece in pieces if piece is not None)
+
+
+def _over_feet(
+    positions: FloatArray, feet: Sequence[int], body: Sequence[int]
+) -> FloatArray:
+    """Return the mean place of a body, or of all others, over the feet, (3,)."""
+    others = list(body)
+    if not others:
+        others = [m for m in range(positions.shape[1]) if m not in feet]
+    if not len(feet) or not others:
         return np.full(3, np.nan)
-    return np.asarray(np.median(offsets, axis=0))
+    frames = sampled(positions)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # frames without any marker
+        offsets = np.nanmean(frames[:, others], axis=1)
+        offsets -= np.nanmean(frames[:, list(feet)], axis=1)
+        return np.asarray(np.nanmedian(offsets, axis=0))
 
 
-def _upright(over: FloatArray) -> str:
-    """Return the direction in which a body is clearly above its feet, or ""."""
-    sizes = np.abs(over)
-    order = np.argsort(sizes)
-    largest = int(order[-1])
-    if not sizes[largest] > UPRIGHT * sizes[order[-2]]:
-        return ""
-    axis = "xyz"[largest]
-    if over[largest] > 0:
-        return axis
-    return f"-{axis}"
+def _up(pieces: Sequence[Evidence]) -> Guess:
+    """Guess the direction that points up: the likeliest by all evidence together.
 
-
-def _up(raw: RawRecording, fall: FreeFall, over: FloatArray) -> Guess:
-    """Guess the direction that points up.
-
-    Gravity is never wrong, so a clear fall decides. Then it is the body that is above
-    its feet, unless the markers come to rest along another axis, or the file states
-    another. `over` (3,) is the body's place over the feet, NaN if it is not known.
+    It is sure if its odds are high and if nothing strong speaks for another; only
+    gravity, where most markers fall, is never wrong.
     """
-    if fall.is_clear:
-        values = {"percent": 100 * fall.share, "next_percent": 100 * fall.next_share}
-        return Guess(fall.up, Message("recordings.up_by_fall", values))
+    chances = evidence.log_odds(pieces)
+    up, other = sorted(chances, key=lambda one: -chances[one])[:2]
+    told = [piece for piece in pieces if piece.kind != evidence.HABIT]
+    found = tuple(piece.why for piece in told)
+    for_it = [piece for piece in told if piece.best == up]
+    contrary = _strongest_against(up, told)
+    if contrary is not None:
+        other = contrary.best
+    for_it.sort(key=lambda piece: -piece.margin(up, other))
+    reasons = [piece.why for piece in for_it]
+    if contrary is not None:
+        mine = also(*reasons) if reasons else Message("recordings.up_by_habit")
+        values = {"reason": mine, "other": other, "against": contrary.why}
+        why = Message("recordings.up_but", values)
+    elif reasons and chances[up] - chances[other] >= SURE:
+        return Guess(up, also(*reasons), evidence=found)
+    elif reasons:
+        values = {"reason": also(*reasons), "other": other}
+        why = Message("recordings.up_rather", values)
+        for_other = [piece.why for piece in pieces if piece.best == other]
+        if for_other:
+            values["against"] = also(*for_other)
+            why = Message("recordings.up_or", values)
+    else:
+        why = Message("recordings.up_usual", {"other": other})
+    return Guess(up, why, is_sure=False, other=other, evidence=found)
 
-    upright = _upright(over)
-    flattest, flatness, following = flattest_direction(raw.positions)
-    is_flat = flatness < FLAT and CLEARER * flatness < following
-    if along(over, flattest) <= 0:  # someone who squats comes back to one height
-        is_flat = False
-    if is_flat and upright in ("", flattest):
-        return Guess(flattest, Message("recordings.up_by_rest"))
-    if upright and not is_flat and raw.stated_up in ("", upright):
-        return Guess(upright, _body_is_above(over))
-    if raw.stated_up and not upright:
-        return Guess(raw.stated_up, Message("recordings.up_as_stated"))
-    if upright:
-        other = flattest if is_flat else raw.stated_up
-        code = "recordings.up_by_body_but_stated"
-        if is_flat:
-            code = "recordings.up_by_body_but_rest"
-        why = Message(code, {"other": other})
-        return Guess(upright, why, is_sure=False, other=other)
 
-    likely, other = ("y", "z") if flattest == "y" else ("z", "y")  # both are common
-    usual = Message("recordings.up_usual", {"other": other})
-    return Guess(likely, usual, is_sure=False, other=other)
+def _strongest_against(up: str, told: Sequence[Evidence]) -> Evidence | None:
+    """Return the evidence that speaks strongly for another direction, if any does.
 
-
-def _body_is_above(over: FloatArray) -> Message:
-    """Report that the body is above its feet, and how much more than beside them."""
-    beside, above = np.sort(np.abs(over))[1:].tolist()
-    if not beside > 0:
-        return Message("recordings.up_by_body")
-    return Message("recordings.up_by_body_far", {"times": above / beside})
+    It is overruled by a fall of most markers, and by two strong pieces of evidence.
+    """
+    contrary = max(told, key=lambda piece: piece.margin(piece.best, up), default=None)
+    if contrary is None or contrary.margin(contrary.best, up) < STRONG:
+        return None
+    margins = [piece.margin(up, contrary.best) for piece in told]
+    is_overruled = sum(margin >= STRONG for margin in margins) > 1
+    if is_overruled or max(margins) > -np.log(FALL_DECIDES):
+        return None
+    return contrary

@@ -158,7 +158,9 @@ def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
     return resting
 
 
-def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
+def flattest_direction(
+    positions: FloatArray, feet: Sequence[int] = ()
+) -> tuple[str, float, float]:
     """Find the direction at whose lower end two markers or more stay again and again.
 
     Someone who stands still does so only once, along any direction.
@@ -167,6 +169,8 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
     ----------
     positions : (N, M, 3) array
         In any unit.
+    feet : sequence of int
+        The markers on feet, if they are known; otherwise any may stand on the floor.
 
     Returns
     -------
@@ -179,12 +183,16 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
     found: dict[str, float] = {}
     stride = max(1, -(-len(positions) // MOST_FRAMES))
     positions = positions[::stride]
+    may_stand = np.ones(positions.shape[1], dtype=bool)
+    if len(feet):
+        may_stand[:] = False
+        may_stand[list(feet)] = True
     for up in DIRECTIONS:
         heights = along(positions, up)
         low, tenth, high = quantiles(heights, [0.01, 0.1, 0.99])
         floor = np.nanmin(low, initial=np.inf)
         top = np.nanmax(high, initial=-np.inf)
-        comes_down = low - floor < ON_THE_FLOOR * (top - floor)
+        comes_down = may_stand & (low - floor < ON_THE_FLOOR * (top - floor))
         comes_down &= _times_down(heights, low, high) >= LEAST_TIMES_DOWN
         with np.errstate(invalid="ignore", divide="ignore"):
             flatness = np.sort(((tenth - low) / (high - low))[comes_down])

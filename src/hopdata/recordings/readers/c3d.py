@@ -18,10 +18,14 @@ from hopdata.errors import RecordingError, mismatch
 from hopdata.recording import Event
 from hopdata.recordings import raw
 from hopdata.recordings.readers import c3d_parameters as head
+from hopdata.recordings.readers import c3d_rotations
 from hopdata.recordings.readers.c3d_parameters import BLOCK, C3dHeader, Parameters
 from hopdata.recordings.readers.text import listed, only_place, readable
 
 MOST_PARAMETER_BYTES = 255 * BLOCK
+
+# Names of markers, and remarks on them.
+Named = tuple[tuple[str, ...], tuple[raw.Remark, ...]]
 
 # Parameters of POINT that name model outputs, which are points but not markers.
 MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
@@ -52,30 +56,74 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     header, parameters, size = open_c3d(path)
     available = size - header.data_start
     header, miscounted = head.settle_points(header, parameters, available)
-    if not header.n_points:
-        raise RecordingError.at(path, "markers", "none")
-    n_frames, of_frames = head.count_frames(header, parameters, available)
-    markers, kept, of_markers = _markers(parameters, header.n_points)
-    numbers = _numbers(path, header, parameters, n_frames)
-    positions, doubted = _positions(path, header, numbers, kept)
+    rate_of_file_hz = frame_rate(header, parameters)
+    segments = c3d_rotations.read_segments(path, header, parameters, rate_of_file_hz)
+    if header.n_points:
+        named, positions, of_points = _points(path, header, parameters, available)
+    elif segments is not None and segments.names:
+        named, positions, of_points = ((), ()), segments.origins[:, :0], ()
+    else:
+        raise RecordingError.at(path, "markers", _without_points(header, segments))
+    if segments is not None and segments.names:
+        named, positions = _joined(parameters, named, positions, segments)
+        of_points += segments.remarks
     events, unread = _events(parameters)
     first = head.first_frame(header, parameters)
     unit = parameters.texts("POINT", "UNITS")
     return raw.assembled(
         f"{path}: header",
-        (markers, of_markers),
+        named,
         positions,
-        number=first + np.arange(n_frames, dtype=float),
+        number=first + np.arange(len(positions), dtype=float),
         unit=(parameters.place("POINT", "UNITS"), unit[0] if unit else ""),
-        rates_hz=(frame_rate(header, parameters), rate_hz),
-        remarks=parameters.remarks + miscounted + of_frames + doubted + unread,
+        rates_hz=(rate_of_file_hz or None, rate_hz),  # 0 is no rate
+        remarks=parameters.remarks + miscounted + of_points + unread,
         events=events or header.events,
         stated_up=_stated_up(parameters),
+        plate_corners=_plate_corners(parameters),
     )
 
 
+def _points(
+    path: Path, header: C3dHeader, parameters: Parameters, available: int
+) -> tuple[Named, FloatArray, tuple[raw.Remark, ...]]:
+    """Return names of the markers with remarks, positions (N, M, 3), and remarks."""
+    n_frames, of_frames = head.count_frames(header, parameters, available)
+    markers, kept, of_markers = _markers(parameters, header.n_points)
+    numbers = _numbers(path, header, parameters, n_frames)
+    positions, doubted = _positions(path, header, numbers, kept)
+    return (markers, of_markers), positions, of_frames + doubted
+
+
+def _without_points(header: C3dHeader, segments: c3d_rotations.Segments | None) -> str:
+    """Return what a file without points holds."""
+    if segments is not None:
+        return "rotations of segments that never leave the origin"
+    if header.n_analog:
+        return "none, only analog channels; export the trajectories as well"
+    return "none"
+
+
+def _joined(
+    parameters: Parameters,
+    named: Named,
+    positions: FloatArray,
+    segments: c3d_rotations.Segments,
+) -> tuple[Named, FloatArray]:
+    """Return markers and the origins of segments behind them, with their positions."""
+    place = parameters.place("ROTATION", "LABELS")
+    if len(positions) != len(segments.origins):
+        wanted = f"{len(positions)} frames of rotations as of points"
+        raise RecordingError.at(place, wanted, len(segments.origins))
+    markers, remarks = named
+    origins = [f"{name} origin" if name in markers else name for name in segments.names]
+    names, of_names = raw.distinct_names(place, [*markers, *origins])
+    all_positions = np.concatenate([positions, segments.origins], axis=1)
+    return (names, (*remarks, *of_names)), all_positions
+
+
 def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
-    """Return header, parameters and size of a file."""
+    """Return header and parameters of a file, and the byte at which its data end."""
     with readable(path, is_text=False) as file:
         block = file.read(BLOCK)
         start = head.parameter_start(path, block)
@@ -94,6 +142,10 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
         found = f"{header.scale:g}"
         place = f"{path}, byte 12: scale"
         raise RecordingError.at(place, "a number other than 0", found)
+    # Rotations of segments follow the points and analog samples.
+    rotations_at = c3d_rotations.start_of(parameters)
+    if rotations_at is not None and header.data_start < rotations_at <= size:
+        size = rotations_at
     return header, parameters, size
 
 
@@ -165,6 +217,16 @@ def _stated_up(parameters: Parameters) -> str:
     if axes and axes[0].upper() in ("+X", "+Y", "+Z"):
         return axes[0][1].lower()
     return ""
+
+
+def _plate_corners(parameters: Parameters) -> FloatArray:
+    """Return the corners of the force plates as stored, (P, 4, 3)."""
+    try:
+        numbers = parameters.numbers("FORCE_PLATFORM", "CORNERS")
+    except RecordingError:  # text; whoever wants the forces is told
+        numbers = []
+    n_whole = len(numbers) - len(numbers) % 12
+    return np.array(numbers[:n_whole]).reshape(-1, 4, 3)
 
 
 def _numbers(
@@ -343,6 +405,12 @@ def read_analogs(path: Path) -> Analogs:
         time=samples / (frame_rate(header, parameters) * per_frame),
         values=(stored - offset) * scale * general_scale,
     )
+
+
+def has_channels(path: Path) -> bool:
+    """Tell whether a C3D file states analog channels."""
+    header, parameters, _ = open_c3d(path)
+    return bool(header.n_analog and parameters.number("ANALOG", "USED"))
 
 
 def _channels_of(header: C3dHeader, parameters: Parameters) -> int:

@@ -85,12 +85,14 @@ class Parameters:
     """Parameters by group and name, both in upper case, and their places in the file.
 
     A parameter may be continued in others, such as ``LABELS2`` after ``LABELS``.
+    `sizes` are the dimensions of each; the first of them runs fastest in `groups`.
     """
 
     path: Path
     processor: Processor
     groups: dict[str, dict[str, Any]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    sizes: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
 
     def place(self, group: str, name: str) -> str:
         """Return file and parameter, for messages."""
@@ -183,7 +185,7 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
     parameters = Parameters(path, processor)
     source = _Section(path, section, offset, processor)
     groups: dict[int, str] = {}
-    found: list[tuple[int, str, Any]] = []
+    found: list[tuple[_Record, Any]] = []
     for record in source.records():
         if record.number < 0:
             groups[-record.number] = record.name
@@ -191,19 +193,21 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
         kind = source.kind(record.content)
         if kind in _WIDTH:
             value = source.value(record.content)
-            found.append((record.number, record.name, value))
+            found.append((record, value))
         else:
             byte = offset + record.content
             place = f"{path}, byte {byte}: parameter {record.name}"
             told = mismatch(place, "the type -1, 1, 2 or 4", f"{kind}; it is left out")
             parameters.remarks += (told,)
     # A group may follow its parameters.
-    for number, name, value in found:
-        if number in groups:
-            parameters.groups.setdefault(groups[number], {})[name] = value
+    for record, value in found:
+        if record.number in groups:
+            group = groups[record.number]
+            parameters.groups.setdefault(group, {})[record.name] = value
+            parameters.sizes[group, record.name] = source.sizes(record.content)
         else:
-            place = f"{path}: parameter {name}"
-            wanted = f"a group of number {number}"
+            place = f"{path}: parameter {record.name}"
+            wanted = f"a group of number {record.number}"
             told = mismatch(place, wanted, "none; it is left out")
             parameters.remarks += (told,)
     return parameters
@@ -275,13 +279,17 @@ class _Section:
         """Return the type of a parameter."""
         return int(np.frombuffer(self.take(at, 1), np.int8)[0])
 
+    def sizes(self, at: int) -> tuple[int, ...]:
+        """Return the dimensions of a parameter; none of a single number."""
+        n_dimensions = self.take(at + 1, 1)[0]
+        return tuple(self.take(at + 2, n_dimensions))
+
     def value(self, at: int) -> Any:
         """Return a parameter: an array of its numbers or a list of its texts."""
         kind = self.kind(at)
-        n_dimensions = self.take(at + 1, 1)[0]
-        sizes = list(self.take(at + 2, n_dimensions))
+        sizes = self.sizes(at)
         n_bytes = prod(sizes) * _WIDTH[kind]
-        data = self.take(at + 2 + n_dimensions, n_bytes)
+        data = self.take(at + 2 + len(sizes), n_bytes)
         if kind == _TEXT:
             return _texts(data, width=sizes[0] if sizes else 1)
         if kind == _BYTE:

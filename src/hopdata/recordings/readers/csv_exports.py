@@ -2,7 +2,8 @@
 
 The suffix says little, so the first lines decide. Motive begins with its format
 version, Nexus with the name of a section, DeepLabCut with three rows from its scorer
-on, Anipose names columns of coordinates, and Kinetics Toolkit numbers them in brackets.
+on, Anipose names columns of coordinates, Kinetics Toolkit numbers them in brackets,
+D-Flow has columns `<name>.PosX`, and SLEAP a row for each animal in a frame.
 The reader of QTM's exports and plain tables handles the rest. Cells are separated by
 commas, semicolons or tabs; with the last two, a comma is the decimal mark. Lines above
 the table that begin with # are comments.
@@ -19,7 +20,7 @@ import numpy as np
 
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
-from hopdata.recordings.readers import bids, qtm, text
+from hopdata.recordings.readers import bids, dflow, qtm, sleap, text
 from hopdata.recordings.readers.keypoints import AXES, SCORES, Columns, keypoints
 
 # Rows of a sheet's head that are looked at, and rows of names above a row of axes.
@@ -35,8 +36,8 @@ _SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")
 
 _KNOWN = (
     "an export of Motive (Format Version), Vicon Nexus (a section Trajectories), "
-    "DeepLabCut (scorer), Anipose or Kinetics Toolkit (<name>[0] to [3]), or a table "
-    "(columns <name>_x, _y, _z)"
+    "DeepLabCut (scorer), Anipose, Kinetics Toolkit (<name>[0] to [3]), D-Flow "
+    "(<name>.PosX) or SLEAP (frame_idx), or a table (columns <name>_x, _y, _z)"
 )
 _LONG = (
     "one for each marker; in pandas table.pivot(index='frame', columns='marker', "
@@ -118,13 +119,18 @@ def read_export(
         return bids.read_bids(path, rate_hz=rate_hz)
     sheet = _opened(path)
     rows = sheet.rows
-    first = next((row for row in rows if not row[0].startswith("#")), [""])
+    first = next((row for row in rows if not text.is_above_table(row)), [""])
     if first[0] == "Format Version":
         return _motive(sheet, rate_hz)
     if first[0].lower() in (_TRAJECTORIES, *map(str.lower, _SECTIONS)):
         return _nexus(sheet, rate_hz)
     if first[0] != "scorer" and _homogeneous_markers(first):
         return _kinetics_toolkit(sheet, rows.index(first), rate_hz)
+    if dflow.is_dflow(first):
+        return dflow.read_dflow(sheet.below(rows.index(first)), first, rate_hz)
+    if sleap.is_analysis(first):
+        table = sleap.analysis_table(sheet.below(rows.index(first)), first)
+        return keypoints(path, *table, rate_hz, least_score)
     found = _keypoint_columns(sheet, first)
     if found is not None:
         (numbers,) = sheet.below(found.last_header).numbers(found.places)

@@ -38,6 +38,17 @@ READERS: dict[str, tuple[str, tuple[str, ...]]] = {
     ".trc": ("hopdata.recordings.readers.trc:read_trc", ()),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
+    ".bvh": ("hopdata.recordings.readers.bvh:read_bvh", ()),
+    ".trb": ("hopdata.recordings.readers.trb:read_trb", ()),
+    ".mvnx": ("hopdata.recordings.readers.mvnx:read_mvnx", ()),
+    ".xlsx": (
+        "hopdata.recordings.readers.xlsx:read_xlsx",
+        ("most_unpacked_mb", "least_score"),
+    ),
+    ".ktk.zip": (
+        "hopdata.recordings.readers.kinetics_toolkit:read_ktk",
+        ("most_unpacked_mb",),
+    ),
 }
 
 
@@ -51,6 +62,13 @@ def _others() -> dict[str, EntryPoint]:
 def suffixes() -> tuple[str, ...]:
     """Return the file suffixes that can be read."""
     return (*READERS, *_others())
+
+
+def suffix_of(path: Path) -> str:
+    """Return the suffix by which a reader is chosen, which may have two parts."""
+    name = path.name.lower()
+    double = "".join(Path(name).suffixes[-2:])
+    return double if double in suffixes() else Path(name).suffix
 
 
 def read_raw(
@@ -79,7 +97,7 @@ def read_raw(
         If the file or a reader for it does not exist, or if the reader finds a fault.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path)
     if suffix not in suffixes():
         found = f"'{path.suffix}'"
         if path.is_dir():
@@ -96,7 +114,8 @@ def read_raw(
         raw = _read_with_plugin(_others()[suffix], path, rate_hz)
     raw = reading.overrule_rate(str(path), raw, rate_hz)
     _check_numbers(path, raw)
-    return replace(raw, remarks=raw.remarks + reading.events_outside(str(path), raw))
+    remarks = raw.remarks + reading.events_outside(str(path), raw)
+    return replace(raw, remarks=remarks, suffix=suffix)
 
 
 def _read_with_plugin(

@@ -1,9 +1,8 @@
 """3-D keypoints from video: of DeepLabCut, Anipose, JARVIS and SLEAP.
 
-They come as HDF5, and but for SLEAP's as CSV. They state no unit and rarely a clock,
-but the confidence of each point. In HDF5 they are pandas tables: either rows with
-pickled column names beside them, or arrays of blocks with their names. SLEAP's
-triangulated points are an array ``tracks`` of frames, animals, nodes and coordinates.
+They come as CSV and HDF5. They state no unit and rarely a clock, but the confidence of
+each point. In HDF5 they are pandas tables: either rows with pickled column names beside
+them, or arrays of blocks with their names. SLEAP has arrays of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
-from hopdata.recordings.readers import hdf5, qtm
+from hopdata.recordings.readers import hdf5, qtm, sleap
 from hopdata.recordings.readers.hdf5_checks import checked_attribute, whole_array
 
 AXES = ("x", "y", "z")
@@ -168,7 +167,7 @@ def read_hdf5(
     least_score: float,
 ) -> raw.RawRecording:
     """Read a hopdata recording, a table of keypoints or SLEAP's tracks."""
-    tracks = sleap_tracks(path, most_unpacked_mb)
+    tracks = sleap.sleap_tracks(path, most_unpacked_mb)
     if tracks is not None:
         return keypoints(path, *tracks, rate_hz, least_score)
     table = pandas_table(path, most_unpacked_mb)
@@ -191,57 +190,6 @@ def read_hdf5(
         stated_up="z",
         remarks=own.remarks + renamed,
     )
-
-
-def sleap_tracks(
-    path: Path, most_unpacked_mb: float
-) -> tuple[Columns, FloatArray] | None:
-    """Read the points that SLEAP's cameras triangulated; None if there are none.
-
-    Returns
-    -------
-    columns : list of tuple of str
-        Name of each node, with its animal if there are several, and coordinate.
-    values : (N, K) array
-        NaN where a node was not seen.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read, or its tracks are those of one camera.
-    """
-    with hdf5.opened(path, "not a file of SLEAP", most_unpacked_mb) as file:
-        tracks = file.get("tracks")
-        if not hasattr(tracks, "dtype"):
-            return None
-        if len(tracks.shape) != 4 or tracks.shape[3] != len(AXES):
-            how = "triangulate the cameras first (SLEAP's points3d.h5)"
-            found = f"an array of shape {tracks.shape}; {how}"
-            wanted = "frames x animals x nodes x 3"
-            raise ValueError(f"dataset 'tracks': expected {wanted}, found {found}")
-        values = np.asarray(whole_array(tracks, float), np.float64)
-        n_frames, n_animals, n_nodes, _ = values.shape
-        names = _node_names(file, n_nodes)
-        animals: list[tuple[str, ...]] = [()]
-        if n_animals > 1:
-            animals = [(f"animal {k + 1}",) for k in range(n_animals)]
-        columns: Columns = [
-            ("SLEAP", *animal, name, axis)
-            for animal in animals
-            for name in names
-            for axis in AXES
-        ]
-        return columns, values.reshape(n_frames, -1)
-
-
-def _node_names(file: h5py.File, n_nodes: int) -> list[str]:
-    if "node_names" not in file:
-        return [f"node {k + 1}" for k in range(n_nodes)]
-    names = list(hdf5.stored_texts(file, "node_names"))
-    if len(names) != n_nodes:
-        wanted = f"expected {n_nodes} names"
-        raise ValueError(f"dataset 'node_names': {wanted}, found {len(names)}")
-    return names
 
 
 def pandas_table(

@@ -139,7 +139,7 @@ def read_header(path: Path) -> QtmHeader:
 
 def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     """Tell whether this row is the first row of numbers."""
-    if fields == [""] or fields[0].startswith("#"):
+    if fields == [""] or text.is_above_table(fields):
         return False
     present = [one for one in fields if one not in text.TEXT_TABLE_MISSING]
     if not present:

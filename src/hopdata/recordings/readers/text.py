@@ -163,13 +163,25 @@ def require_file(path: Path) -> None:
 
 
 def decoded(data: bytes) -> str:
-    """Decode the text of a file: in UTF-16, UTF-8, or an older encoding."""
+    """Decode the text of a file: in UTF-16, UTF-8, or an older encoding.
+
+    Hard blanks, which some spreadsheets put into names, become blanks.
+    """
+    return _decoded(data).replace("\xa0", " ")
+
+
+def _decoded(data: bytes) -> str:
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+    for encoding in ("utf-8-sig", "cp1252"):
+        with suppress(UnicodeDecodeError):
+            return data.decode(encoding)
+    return data.decode("latin-1")
+
+
+def is_above_table(fields: Sequence[str]) -> bool:
+    """Tell whether a line above a table is a comment, or Excel's ``sep=;``."""
+    return fields[0].startswith("#") or fields[0].lower().startswith("sep=")
 
 
 # Fields of a line.
@@ -295,6 +307,9 @@ class Rows:
     needed : int, optional
         Number of fields that are read, if rows may be shorter or longer than `width`
         beyond them. Fields beyond `width` must be empty.
+    group : int
+        Fields at the end of a row may lack in groups of so many, as where nothing is
+        written for the last markers; 0 if none may.
     """
 
     path: Path
@@ -305,6 +320,7 @@ class Rows:
     may_be_short: bool = False
     is_section: bool = False
     needed: int | None = None
+    group: int = 0
 
     def line(self, row: int) -> str:
         """Return file and line of a row, for messages; rows count from 0."""
@@ -406,7 +422,7 @@ class Rows:
             n_bytes += len(block)
         # A field takes a byte at least, its separator.
         least_bytes = self.width if self.needed is None else self.needed
-        if self.may_be_short:
+        if self.may_be_short or self.group:
             least_bytes = 1
         return min(n_lines, n_bytes // least_bytes) + 1
 
@@ -466,6 +482,9 @@ class Rows:
             if not any(fields[self.width :]):
                 fields = fields[: self.width]
         is_too_short = len(fields) < least and not self.may_be_short
+        is_cut = at_end and not line.endswith(b"\n")
+        if self.group and not is_cut and (least - len(fields)) % self.group == 0:
+            is_too_short = False
         if len(fields) > self.width or is_too_short:
             found = f"{len(fields)}{CUT if at_end else ''}"
             place = f"{self.path}, line {number}"

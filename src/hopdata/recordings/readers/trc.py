@@ -51,6 +51,9 @@ def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     counted, positions = header.rows.markers(COUNTERS, columns)
     number, stamps = counted.T.copy()
     n_frames = _stated(path, values, "NumFrames")
+    rate_stated_hz = _stated(path, values, "DataRate")
+    if rate_stated_hz == 0:  # some programs write 0 where they do not know it
+        rate_stated_hz = None
     return raw.assembled(
         str(path),
         (header.markers, header.remarks),
@@ -58,7 +61,7 @@ def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
         number=number,
         stamps=stamps,
         unit=(f"{place}: Units", values.get("Units", "")),
-        rates_hz=(_stated(path, values, "DataRate"), rate_hz),
+        rates_hz=(rate_stated_hz, rate_hz),
         rate_place=f"{place}: DataRate",
         remarks=raw.frame_count(place, "NumFrames", n_frames, len(number)),
     )
@@ -136,6 +139,7 @@ def _read_header(path: Path) -> _Header:
         width=max(len(lines.first), needed),
         mark=lines.mark,
         needed=needed,
+        group=3,
     )
     return _Header(values, markers, rows, remarks)
 

@@ -1,0 +1,392 @@
+"""``hopdata contacts``: contact instants of any file, as table, page and events."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.commands import listing, terminal
+from hopdata.errors import ConfigError, RecordingError, did_you_mean
+from hopdata.messages import Message
+
+if TYPE_CHECKING:
+    from hopdata.arrays import pd
+    from hopdata.contact_times import ContactTimes
+    from hopdata.recording import Recording
+    from hopdata.recordings.quality.inspection import Inspection
+
+# Suffixes of configurations.
+YAML = (".yaml", ".yml")
+
+# Landings that are listed on a terminal.
+MOST_LISTED = 30
+
+# Formats of events, with the ending of the file.
+FORMATS = {
+    "c3d": "_contacts.c3d",
+    "csv": "_contacts.csv",
+    "bids": "",  # named as BIDS asks: see `writers.bids`
+    "opensim": "_contacts.sto",
+}
+
+# Joins the name of a foot and its markers in --feet.
+IS = "="
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A recording whose contacts are asked for.
+
+    Parameters
+    ----------
+    recording : Recording
+        In m, z up, with the roles of its markers.
+    files : tuple of path
+        The files that it was read from.
+    feet : sequence of mapping
+        Feet with several markers: ``name`` and ``markers``.
+    options : mapping
+        Keys of ``floor`` and ``touchdowns`` of a configuration: ``floor`` and those of
+        `hopdata.contact_times.contacts`.
+    notes : sequence of str
+        What to know about it.
+    """
+
+    recording: Recording
+    files: tuple[Path, ...]
+    feet: Sequence[Mapping[str, Any]] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+
+
+def contacts(options: argparse.Namespace) -> int:
+    """Time the contacts of some files; exit code 1 if none is found."""
+    _require_apart(options)
+    trials: list[Trial] = []
+    for file in [options.file, *options.more]:
+        if file.suffix.lower() in YAML:
+            trials += _of_config(file)
+        else:
+            trials.append(_of_file(file, options))
+    _name_apart(trials)
+    with terminal.progress_line("timing contacts"):
+        found = timed(trials)
+    show(found, [note for trial in trials for note in trial.notes])
+    _write(options, trials, found)
+    return terminal.OK if len(found.found) else terminal.PROBLEM
+
+
+def timed(trials: Sequence[Trial]) -> ContactTimes:
+    """Return the contacts of some trials; those with the same feet are timed as one."""
+    from hopdata.contact_times import contacts as times_of
+    from hopdata.contact_times import joined_times
+
+    alike: dict[str, list[Trial]] = {}
+    for trial in trials:
+        key = repr((trial.recording.names("foot"), trial.feet, trial.options))
+        alike.setdefault(key, []).append(trial)
+    parts = []
+    for group in alike.values():
+        recordings = [trial.recording for trial in group]
+        first = group[0]
+        parts.append(times_of(recordings, feet=first.feet, **first.options))
+    return joined_times(parts, [trial.recording.name for trial in trials])
+
+
+# The trials, from files or a configuration.
+
+
+def _of_file(file: Path, options: argparse.Namespace) -> Trial:
+    """Read a file with the roles that the user gave; the others are guessed."""
+    from hopdata.commands.guesses import guessed_roles, inspected
+    from hopdata.recordings.importing import import_recording
+    from hopdata.recordings.plausibility import check_order
+    from hopdata.recordings.quality.every_foot import every_foot
+
+    of_one = argparse.Namespace(**{**vars(options), "file": file})
+    inspection = inspected(of_one)
+    check_order(str(file), inspection.time)
+    roles = guessed_roles(inspection)
+    questions = [
+        note for note in listing.notes(inspection) if note not in inspection.remarks
+    ]
+    notes = [f"{file}: {note}" for note in questions]
+    feet, joined = _given_feet(options.feet, file, inspection)
+    if not feet:
+        feet, joined = every_foot(inspection, roles)
+        if not feet:
+            why = "; ".join(str(problem) for problem in roles.problems)
+            raise RecordingError(f"{file}: {why}; or name them: --feet NAME ...")
+        notes.append(_told_roles(file, feet, joined))
+    body = list(options.body or roles.body)
+    _require_markers("--body", file, body, inspection)
+    body = [name for name in body if name not in feet]
+    recording, _ = import_recording(
+        file,
+        name=file.stem,
+        markers={"body": body or feet, "feet": feet if body else []},
+        unit=inspection.unit.value,
+        vertical_axis=inspection.up.value,
+        rate_hz=options.rate,
+        most_unpacked_mb=options.most_unpacked_mb,
+    )
+    if not body:
+        recording = _all_feet(recording)
+        notes.append(str(Message("commands.no_body_for_contacts", {"file": file})))
+    notes += _notes_on(recording)
+    joined_feet = [{"name": name, "markers": own} for name, own in joined.items()]
+    return Trial(recording, (file,), joined_feet, notes=tuple(dict.fromkeys(notes)))
+
+
+def _given_feet(
+    given: Sequence[str] | None, file: Path, inspection: Inspection
+) -> tuple[list[str], dict[str, list[str]]]:
+    """Return the markers of ``--feet``, and feet with several of them (NAME=A,B)."""
+    feet: list[str] = []
+    joined = {}
+    for text in given or ():
+        name, is_joined, own = text.partition(IS)
+        markers = own.split(",") if is_joined else [text]
+        if text in inspection.markers:  # a name with the sign in it
+            markers = [text]
+        elif is_joined:
+            joined[name] = markers
+        feet += markers
+    _require_markers("--feet", file, feet, inspection)
+    return feet, {name: own for name, own in joined.items() if len(own) > 1}
+
+
+def _require_markers(
+    option: str, file: Path, names: Sequence[str], inspection: Inspection
+) -> None:
+    """Require markers of the file, each once."""
+    for name in names:
+        if name not in inspection.markers:
+            near = did_you_mean(name, list(inspection.markers))
+            wanted = f"markers of {file} ({', '.join(inspection.markers)})"
+            raise RecordingError.at(option, wanted, f"'{name}'{near}")
+    if len(set(names)) < len(names):
+        raise RecordingError.at(option, "each marker once", " ".join(names))
+
+
+def _all_feet(recording: Recording) -> Recording:
+    """Return a recording that was read without a body as one of feet only."""
+    return replace(recording, roles=("foot",) * len(recording.markers))
+
+
+def _told_roles(file: Path, feet: Sequence[str], joined: Mapping[str, Any]) -> str:
+    """Say which markers are taken for feet."""
+    of_one = {marker: name for name, own in joined.items() for marker in own}
+    told = [name for name in feet if name not in of_one]
+    told += [f"{name}{IS}{','.join(own)}" for name, own in joined.items()]
+    values = {"file": file, "feet": " ".join(told)}
+    return str(Message("commands.feet_guessed", values))
+
+
+def _notes_on(recording: Recording) -> list[str]:
+    """Return what should be known of a recording that was read."""
+    from hopdata.recordings.plausibility import (
+        check_fall,
+        check_positions,
+        check_upright,
+        notes,
+    )
+
+    check_positions(recording)
+    if not recording.indices("body"):
+        return [str(remark) for remark in recording.remarks]
+    check_fall(recording)
+    check_upright(recording)
+    return [str(note) for note in notes(recording)]
+
+
+def _of_config(file: Path) -> list[Trial]:
+    """Read the recordings of a configuration, with its roles and options."""
+    from hopdata.config.consistency import files_of
+    from hopdata.config.loading import load_config
+    from hopdata.recordings.importing import import_recording
+
+    config = load_config(file)
+    trials = []
+    for entry in config["recordings"]:
+        files = files_of(entry)
+        if not files:
+            wanted = "recordings of files"
+            raise ConfigError.at(file, wanted, f"'{entry['name']}', simulated")
+        recording, _ = import_recording(
+            files,
+            name=entry["name"],
+            markers=config["markers"],
+            exclude=entry["exclude"],
+            **config["input"],
+        )
+        trial = trial_of(config, entry, recording)
+        trials.append(replace(trial, notes=tuple(_notes_on(recording))))
+    return trials
+
+
+def trial_of(
+    config: Mapping[str, Any], entry: Mapping[str, Any], recording: Recording
+) -> Trial:
+    """Return a recording of a configuration with the options that it gives."""
+    from hopdata.config.consistency import contact_options, files_of
+
+    options = contact_options(config)
+    # Only the kink has errors by which orders can be sure.
+    options.pop("method", None)
+    options["sure"] = config["touchdowns"]["ambiguous_below"]
+    options["floor"] = config["floor"]
+    files = tuple(Path(one) for one in files_of(entry))
+    return Trial(recording, files, config["feet"], options)
+
+
+def _name_apart(trials: list[Trial]) -> None:
+    """Give files of the same name in different folders names that differ."""
+    known: dict[str, int] = {}
+    for place, trial in enumerate(trials):
+        name = trial.recording.name
+        known[name] = known.get(name, 0) + 1
+        if known[name] > 1:
+            renamed = replace(trial.recording, name=f"{name}_{known[name]}")
+            trials[place] = replace(trial, recording=renamed)
+
+
+# What is shown and written.
+
+
+def show(found: ContactTimes, notes: Sequence[str]) -> None:
+    """Print the contacts of each landing, and what to know about them."""
+    print(found.told())
+    several = found.orders["recording"].nunique() > 1
+    by_landing = dict(list(found.table.groupby(["recording", "landing"], sort=False)))
+    rows = []
+    for order in found.orders.head(MOST_LISTED).to_dict("records"):
+        own = by_landing[order["recording"], order["landing"]]
+        name = f"{order['landing']}"
+        if several:
+            name = f"{order['recording']} {name}"
+        rows.append((name, *_cells(order, own)))
+    if rows:
+        columns: dict[str, terminal.Side] = {
+            "landing": "right",
+            "first contact (s)": "right",
+            "contacts (ms after it, ± standard error)": "left",
+            "order": "left",
+            "probability": "right",
+        }
+        terminal.print_table(columns, rows, plain=_plain([tuple(columns), *rows]))
+    n_more = len(found.orders) - len(rows)
+    if n_more > 0:
+        print(str(Message("commands.more_landings", {"more": n_more})))
+    for note in [*notes, *map(str, found.remarks)]:
+        print(f"note: {note}")
+
+
+def _cells(order: Any, own: pd.DataFrame) -> tuple[str, str, str, str]:
+    """Return first contact, contacts, order and probability of a landing."""
+    timed = own.dropna(subset=["contact_s"])
+    first_s = timed["contact_s"].min()
+    told = []
+    for contact in own.to_dict("records"):
+        if not np.isfinite(contact["contact_s"]):
+            told.append(f"{contact['foot']} ? ({contact['remark']})")
+            continue
+        after_ms = 1e3 * (contact["contact_s"] - first_s)
+        text = f"{contact['foot']} {after_ms:.1f} ± {1e3 * contact['se_s']:.1f}"
+        if contact["remark"]:
+            text += f" ({contact['remark']})"
+        told.append(text)
+    probability = ""
+    if np.isfinite(order["probability"]):
+        probability = f"{order['probability']:.3f}"
+        if not order["sure"]:
+            probability += " unsure"
+    return f"{first_s:.4f}", ", ".join(told), order["order"], probability
+
+
+def _plain(rows: Sequence[Sequence[str]]) -> str:
+    """Return a table as plain text, in columns."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
+        lines.append("  " + "  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def _require_apart(options: argparse.Namespace) -> None:
+    """Refuse to write over a recording before anything is read."""
+    from hopdata.recordings.writers.contact_events import require_new
+
+    sources = [options.file, *options.more]
+    for path in (options.out, options.html):
+        if path is not None:
+            require_new(path, sources, replace=options.force)
+
+
+def _write(
+    options: argparse.Namespace, trials: Sequence[Trial], found: ContactTimes
+) -> None:
+    """Write what was asked for, and say where it is."""
+    if options.out is not None:
+        text = found.table.to_csv(index=False, float_format="%.7g")
+        terminal.write_text(options.out, text)
+        print(f"table: {options.out}")
+        orders = options.out.with_name(f"{options.out.stem}_orders{options.out.suffix}")
+        terminal.write_text(
+            orders, found.orders.to_csv(index=False, float_format="%.7g")
+        )
+        print(f"orders: {orders}")
+    if options.html is not None:
+        from hopdata.commands.contacts_page import contacts_html
+
+        title = ", ".join(dict.fromkeys(trial.recording.name for trial in trials))
+        notes = [note for trial in trials for note in trial.notes]
+        with terminal.progress_line("drawing the page"):
+            page = contacts_html(found, title=title, notes=notes)
+        terminal.write_text(options.html, page)
+        print(f"page: {options.html}")
+    for kind in options.events or ():
+        for trial in trials:
+            for path in write_events(kind, trial, found, options):
+                print(f"events: {path}")
+
+
+def write_events(
+    kind: str, trial: Trial, found: ContactTimes, options: argparse.Namespace
+) -> list[Path]:
+    """Write the contacts of a trial as events of a format; return the files."""
+    from hopdata import __version__
+    from hopdata.recordings.writers import bids, c3d, csv, opensim
+    from hopdata.recordings.writers.contact_events import require_new
+
+    source = trial.files[0]
+    folder = options.to or Path()
+    name = f"{source.stem}{FORMATS[kind]}"
+    if kind == "bids":
+        name = bids.events_name(source.stem)
+    path = folder / name
+    written = [path]
+    if kind == "bids":
+        written.append(path.with_suffix(".json"))
+    for one in written:
+        require_new(one, trial.files, replace=options.force)
+    events = found.events(trial.recording.name)
+    if kind == "c3d":
+        if source.suffix.lower() != ".c3d" or len(trial.files) > 1:
+            told = ", ".join(map(str, trial.files))
+            raise RecordingError.at("--events c3d", "a single C3D file", told)
+        c3d.write_c3d_events(source, path, events)
+    elif kind == "csv":
+        csv.write_csv_events(path, events)
+    elif kind == "bids":
+        begin_s = float(trial.recording.time[0])
+        bids.write_bids_events(path, events, begin_s=begin_s, version=__version__)
+    else:
+        opensim.write_opensim_events(path, events)
+    return written

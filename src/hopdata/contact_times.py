@@ -1,0 +1,445 @@
+"""Contact instants and orders of any recording, from its first landing on.
+
+No study, no sections and no maps: the floor is levelled, the landings are found in the
+descents of the body and in those of each foot, and each contact is timed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, Shown, pd
+from hopdata.errors import AnalysisError, ArgumentError, counted, told_call
+from hopdata.landings import schedules
+from hopdata.landings.contacts import descents
+from hopdata.landings.contacts.find import find_study_landings
+from hopdata.landings.contacts.joined import join_feet
+from hopdata.landings.contacts.law import UNDETERMINED_S
+from hopdata.landings.floor import fit_floor, level
+from hopdata.messages import Message
+from hopdata.recording import Recording, require_distinct
+from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
+from hopdata.recordings.writers.contact_events import ContactEvent
+
+#: Probability below which an order is unsure, as `touchdowns.ambiguous_below`.
+#: Unit: 1. Origin: chosen.
+SURE = 0.9
+
+#: Share of the heights of a foot below which it is taken to stand if it never rests.
+#: Unit: 1. Origin: chosen.
+LOWEST_SHARE = 0.02
+
+# Time about the contacts of a landing of which the page shows curves, of an animal of
+# 1 m, s.
+SHOWN_BEFORE_S = 0.08
+SHOWN_AFTER_S = 0.06
+
+# What became of a foot that may have landed: the words of the column `remark`.
+REMARKS = {
+    descents.MISSING: "landings.contact_hidden",
+    descents.POOR_FIT: "landings.contact_poor_fit",
+    descents.RISES: "landings.contact_rises",
+    descents.THIN: "landings.contact_thin",
+}
+
+COLUMNS = (
+    "recording",
+    "landing",
+    "foot",
+    "side",
+    "contact_s",
+    "se_s",
+    "common_s",
+    "found",
+    "remark",
+)
+ORDER_COLUMNS = (
+    "recording",
+    "landing",
+    "begin_s",
+    "end_s",
+    "feet",
+    "order",
+    "probability",
+    "runner_up",
+    "runner_up_probability",
+    "sure",
+)
+
+
+@dataclass(frozen=True, repr=False)
+class ContactTimes(Shown):
+    """Contacts of the feet of some recordings.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A row for each contact, in order of time: recording, landing (from 1), foot, its
+        side (``left``, ``right`` or empty), contact_s (on the clock of the file), its
+        standard error se_s, the error common_s that all contacts of this foot may
+        share, found (whether the instant can be trusted), and a remark if not,
+        or if the foot slowed without a kink, so that the error is large. A foot
+        that may have landed unseen has a row without an instant.
+    orders : DataFrame
+        A row for each landing: recording, landing, begin_s and end_s between which it
+        was sought, feet (how many were timed), order (their names, as ``left >
+        right``), its probability, the runner_up with its own, and whether the order is
+        sure (`SURE`). Both probabilities are NaN where only one foot landed.
+    remarks : tuple of Message
+        What to know about the recordings and how their contacts were found.
+    recordings : tuple of Recording
+        The recordings, levelled: each foot rests at height 0.
+    """
+
+    table: pd.DataFrame
+    orders: pd.DataFrame
+    remarks: tuple[Message, ...]
+    recordings: tuple[Recording, ...]
+
+    @property
+    def found(self) -> pd.DataFrame:
+        """Return the contacts that can be trusted."""
+        return self.table[self.table["found"]].reset_index(drop=True)
+
+    @property
+    def feet(self) -> list[str]:
+        """Return the names of all feet, in the order of the recordings."""
+        names = [name for one in self.recordings for name in one.names("foot")]
+        return list(dict.fromkeys(names))
+
+    @property
+    def median_se_s(self) -> float:
+        """Return the median standard error of these, s; NaN without any."""
+        return float(self.found["se_s"].median())
+
+    def events(self, recording: str) -> list[ContactEvent]:
+        """Return the contacts of a recording as events, in order of time."""
+        own = self.found[self.found["recording"] == recording]
+        return [
+            ContactEvent(
+                one["contact_s"],
+                one["foot"],
+                one["side"],
+                one["se_s"],
+                one["landing"],
+            )
+            for one in own.sort_values("contact_s", kind="stable").to_dict("records")
+        ]
+
+    def curves(self, orders: pd.DataFrame) -> pd.DataFrame:
+        """Return the heights of the feet about the contacts of some landings.
+
+        Parameters
+        ----------
+        orders : DataFrame
+            Rows of `orders`.
+
+        Returns
+        -------
+        DataFrame
+            ``recording, landing, foot, time_s, height_m``, a row for each foot and
+            frame from `SHOWN_BEFORE_S` before the first contact to `SHOWN_AFTER_S`
+            after the last one; NaN where the foot was not seen.
+        """
+        by_name = {one.name: one for one in self.recordings}
+        parts = []
+        for landing in orders.to_dict("records"):
+            recording = by_name[landing["recording"]]
+            own = self.table[
+                (self.table["recording"] == landing["recording"])
+                & (self.table["landing"] == landing["landing"])
+            ]
+            instants = own.loc[own["contact_s"].notna(), "contact_s"]
+            begin_s = instants.min() - SHOWN_BEFORE_S * recording.pace
+            end_s = instants.max() + SHOWN_AFTER_S * recording.pace
+            start, stop = np.searchsorted(recording.time, [begin_s, end_s])
+            for foot in own["foot"]:
+                marker = recording.markers.index(foot)
+                track = {
+                    "recording": landing["recording"],
+                    "landing": landing["landing"],
+                    "foot": foot,
+                    "time_s": recording.time[start:stop],
+                    "height_m": recording.positions[start:stop, marker, 2],
+                }
+                parts.append(pd.DataFrame(track))
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    def told(self) -> str:
+        """Return how many contacts there are, and how sure their orders are."""
+        n_contacts = counted(len(self.found), "contact")
+        told = f"{n_contacts} in {counted(len(self.orders), 'landing')}"
+        if len(self.found):
+            told += f", standard error {1e3 * self.median_se_s:.2g} ms (median)"
+        ordered = self.orders["probability"].notna()
+        if ordered.any():
+            n_sure = int(self.orders.loc[ordered, "sure"].sum())
+            told += f"; {n_sure} of {counted(int(ordered.sum()), 'order')} sure"
+        return told
+
+    def rows(self) -> dict[str, Any]:
+        """Return the table for a notebook."""
+        return {str(name): self.table[name] for name in self.table}
+
+
+@told_call
+def contacts(
+    recordings: Recording | Sequence[Recording],
+    *,
+    feet: Sequence[Mapping[str, Any]] = (),
+    floor: Mapping[str, Any] | None = None,
+    sure: float = SURE,
+    **options: Any,
+) -> ContactTimes:
+    """Time the contacts of all feet, from the first landing on.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        Of `hopdata.read`, or made from arrays. One foot is enough, and no body is
+        needed.
+    feet : sequence of mapping
+        Feet with several markers, as ``feet`` of the configuration: ``name`` and
+        ``markers`` of each. The first of its markers to land counts.
+    floor : mapping, optional
+        Options of `hopdata.landings.floor.fit_floor`.
+    sure : float
+        Probability from which on an order is sure.
+    **options
+        Options of `hopdata.landings.contacts.find.find_study_landings`, such as
+        ``gravity``.
+
+    Returns
+    -------
+    ContactTimes
+        With ``table``, ``orders`` and ``remarks``.
+
+    Raises
+    ------
+    AnalysisError
+        If a recording has no foot.
+    RecordingError
+        If two recordings hold the same bytes.
+
+    Examples
+    --------
+    >>> import hopdata as hd
+    >>> recording, _ = hd.synthesize("quadruped", simulation={"hops": 5}, seed=1)
+    >>> found = hd.contacts(recording)
+    >>> len(found.orders)
+    5
+    """
+    several = _as_several(recordings)
+    require_distinct(several)
+    remarks: list[Message] = []
+    levelled = []
+    for recording in several:
+        ready, on_floor = _levelled(recording, floor or {})
+        ready = join_feet(ready, feet)
+        remarks += on_floor
+        levelled.append(ready)
+    # The recordings of one call learn from one another.
+    tables = find_study_landings(levelled, of_feet=True, **options)
+    rows: list[tuple[Any, ...]] = []
+    orders: list[tuple[Any, ...]] = []
+    for ready, landings in zip(levelled, tables, strict=True):
+        of_recording = _landed(landings, ready.names("foot"))
+        rows += _contact_rows(ready, of_recording)
+        orders += _order_rows(ready, of_recording, sure)
+        if not len(of_recording):
+            remarks.append(Message("landings.no_landing", {"recording": ready.name}))
+    return ContactTimes(
+        table=pd.DataFrame(rows, columns=list(COLUMNS)),
+        orders=pd.DataFrame(orders, columns=list(ORDER_COLUMNS)),
+        remarks=tuple(remarks),
+        recordings=tuple(levelled),
+    )
+
+
+def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> ContactTimes:
+    """Join the contacts of groups of recordings, in the order of these names."""
+    tables = [part.table for part in parts]
+    orders = [part.orders for part in parts]
+    recordings = {one.name: one for part in parts for one in part.recordings}
+    return ContactTimes(
+        table=_in_order(tables, names),
+        orders=_in_order(orders, names),
+        remarks=tuple(remark for part in parts for remark in part.remarks),
+        recordings=tuple(recordings[name] for name in names),
+    )
+
+
+def _in_order(tables: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFrame:
+    """Join tables; their rows follow the order of the recordings' names."""
+    filled = [table for table in tables if len(table)]
+    if not filled:
+        return tables[0]
+    whole = pd.concat(filled, ignore_index=True)
+    place = whole["recording"].map({name: i for i, name in enumerate(names)})
+    order = place.sort_values(kind="stable").index
+    return whole.loc[order].reset_index(drop=True)
+
+
+def _as_several(recordings: Recording | Sequence[Recording]) -> list[Recording]:
+    """Return a recording or several as a list."""
+    if isinstance(recordings, Recording):
+        return [recordings]
+    several = list(recordings)
+    if not several or not all(isinstance(one, Recording) for one in several):
+        # A path is read by `hopdata.read`, which asks for the names of the feet.
+        wanted = "a recording or several, by hd.read or hd.Recording.from_arrays"
+        raise ArgumentError.at("recordings", wanted, f"{recordings!r}"[:60])
+    return several
+
+
+def side_of(foot: str) -> str:
+    """Return ``"left"`` or ``"right"`` if the name of a foot tells it; else empty."""
+    if foot.lower() in SIDE_NAMES.values():
+        return foot.lower()
+    return SIDE_NAMES.get(side_of_foot(foot), "")
+
+
+def _levelled(
+    recording: Recording, options: Mapping[str, Any]
+) -> tuple[Recording, list[Message]]:
+    """Return a recording whose feet rest at height 0, and remarks.
+
+    A foot that never rests, as in a file that ends with the landing, stands where it is
+    lowest.
+    """
+    if not recording.indices("foot"):
+        raise AnalysisError.at(recording.place, "at least 1 foot marker", "none")
+    try:
+        model = fit_floor(recording, **options)
+        return level(recording, model), []
+    except AnalysisError as error:
+        values = {"recording": recording.name, "why": str(error)}
+        positions = recording.positions.copy()
+        for marker in recording.indices("foot"):
+            heights = positions[:, marker, 2]
+            heights -= np.nanquantile(heights, LOWEST_SHARE)
+        remark = Message("landings.floor_by_lowest", values)
+        return replace(recording, positions=positions), [remark]
+
+
+def _landed(landings: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
+    """Return the descents in which a foot landed, or may have; others are dropped."""
+    status = landings[[f"status_{foot}" for foot in feet]].to_numpy()
+    idle = np.isin(status, (descents.ALREADY_DOWN, descents.NOT_LANDED))
+    timed = landings[[f"contact_{foot}_s" for foot in feet]].notna().to_numpy()
+    # A foot that is hidden for long may have landed at any time: that is no landing.
+    is_landing = (timed & ~idle).any(axis=1)
+    kept = landings.iloc[np.flatnonzero(is_landing)]
+    instants = kept[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
+    first = np.fmin.reduce(instants, axis=1)
+    return kept.iloc[np.argsort(first, kind="stable")].reset_index(drop=True)
+
+
+def _contact_rows(
+    recording: Recording, landings: pd.DataFrame
+) -> list[tuple[Any, ...]]:
+    """Return the rows of `ContactTimes.table` of one recording."""
+    rows = []
+    for number, landing in enumerate(landings.to_dict("records"), start=1):
+        of_landing = []
+        for foot in recording.names("foot"):
+            status = int(landing[f"status_{foot}"])
+            if status in (descents.ALREADY_DOWN, descents.NOT_LANDED):
+                continue
+            instant = landing[f"contact_{foot}_s"]
+            is_found = status == descents.LANDED and np.isfinite(instant)
+            se_s = landing[f"se_{foot}_s"]
+            remark = ""
+            if not is_found:
+                code = REMARKS.get(status, "landings.contact_not_determined")
+                remark = str(Message(code))
+            elif se_s >= UNDETERMINED_S * recording.pace:
+                remark = str(Message("landings.contact_without_kink"))
+            of_landing.append(
+                (
+                    recording.name,
+                    number,
+                    foot,
+                    side_of(foot),
+                    instant,
+                    se_s,
+                    landing[f"common_{foot}_s"],
+                    is_found,
+                    remark,
+                )
+            )
+        place = COLUMNS.index("contact_s")
+        of_landing.sort(key=lambda row: np.nan_to_num(row[place], nan=np.inf))
+        rows += of_landing
+    return rows
+
+
+def _order_rows(
+    recording: Recording, landings: pd.DataFrame, sure: float
+) -> list[tuple[Any, ...]]:
+    """Return the rows of `ContactTimes.orders` of one recording."""
+    feet = recording.names("foot")
+    rows = []
+    for number, landing in enumerate(landings.to_dict("records"), start=1):
+        timed = [
+            foot
+            for foot in feet
+            if landing[f"status_{foot}"] == descents.LANDED
+            and np.isfinite(landing[f"contact_{foot}_s"])
+        ]
+        may_have_landed = [
+            foot
+            for foot in feet
+            if landing[f"status_{foot}"] in REMARKS and foot not in timed
+        ]
+        instants = np.array([[landing[f"contact_{foot}_s"] for foot in timed]])
+        errors = np.array([[landing[f"se_{foot}_s"] for foot in timed]])
+        order = _Order.of(instants, errors, timed)
+        is_sure = order.probability >= sure and not may_have_landed
+        rows.append(
+            (
+                recording.name,
+                number,
+                landing["begin_s"],
+                landing["end_s"],
+                len(timed),
+                order.name,
+                order.probability,
+                order.other_name,
+                order.other_probability,
+                is_sure,
+            )
+        )
+    return rows
+
+
+@dataclass(frozen=True)
+class _Order:
+    """The most probable order of some contacts, and the next."""
+
+    name: str
+    probability: float
+    other_name: str
+    other_probability: float
+
+    @classmethod
+    def of(cls, instants: FloatArray, errors: FloatArray, feet: list[str]) -> _Order:
+        """Return the order of the contacts (1, n) of these n feet, s."""
+        named = schedules.contact_order(instants)[0]
+        name = _chain(named, feet)
+        if len(feet) < 2:
+            return cls(name, float("nan"), "", float("nan"))
+        probability = schedules.order_probability(instants, errors)
+        other, of_other = schedules.runner_up(instants, errors)
+        return cls(
+            name, float(probability[0]), _chain(other[0], feet), float(of_other[0])
+        )
+
+
+def _chain(order: Any, feet: list[str]) -> str:
+    """Return the names of feet in an order, as ``left > right``."""
+    return " > ".join(feet[foot] for foot in order)

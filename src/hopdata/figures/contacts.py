@@ -1,0 +1,196 @@
+"""Contacts without a study: the heights of the feet in each landing, and all orders."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hopdata.figures import style
+
+# Cells of a page, and their size.
+COLUMNS = 4
+CELL_MM = 33.0
+FRAME_MM = 14.0
+# Characters of an order above a cell; in longer ones feet are told by their numbers.
+LONGEST_ORDER = 26
+BETWEEN = " > "
+MM_PER_M = 1e3
+MS_PER_S = 1e3
+NOTHING = "No contact was found."
+# Errors that are drawn, in standard errors.
+DRAWN_ERRORS = 2.0
+
+
+@style.styled
+def landings_figure(
+    curves: pd.DataFrame,
+    contacts: pd.DataFrame,
+    orders: pd.DataFrame,
+    feet: Sequence[str],
+) -> Figure:
+    """Draw the heights of the feet about the contacts of some landings.
+
+    Parameters
+    ----------
+    curves : DataFrame
+        ``recording, landing, foot, time_s, height_m`` of each frame.
+    contacts, orders : DataFrame
+        As in `hopdata.contact_times.ContactTimes`, of the same landings.
+    feet : sequence of str
+        All feet: their places give their colours.
+
+    Returns
+    -------
+    Figure
+        A cell for each landing: heights of the feet over the time from its first
+        contact, and each contact with two standard errors.
+    """
+    if not len(orders):
+        return style.message_figure(NOTHING, width_mm=style.DOUBLE_COLUMN_MM)
+    n_rows = -(-len(orders) // COLUMNS)
+    height_mm = FRAME_MM + CELL_MM * n_rows
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
+    cells = figure.subplots(
+        n_rows, COLUMNS, squeeze=False, sharex=True, sharey=True
+    ).ravel()
+    for cell in cells[len(orders) :]:
+        cell.set_axis_off()
+    of_curves = dict(list(curves.groupby(["recording", "landing"], sort=False)))
+    of_contacts = dict(list(contacts.groupby(["recording", "landing"], sort=False)))
+    several = len(orders["recording"].unique()) > 1
+    number = {foot: f"{place}" for place, foot in enumerate(feet, start=1)}
+    number[""] = ""  # of a landing whose contacts cannot be trusted
+    by_number = orders["order"].str.len().max() > LONGEST_ORDER
+    for cell, order in zip(cells, orders.to_dict("records"), strict=False):
+        key = (order["recording"], order["landing"])
+        _draw_landing(cell, of_curves[key], of_contacts[key], feet)
+        name = f"{order['landing']}"
+        if several:
+            name = f"{order['recording']} {name}"
+        chain = order["order"]
+        if by_number:
+            chain = BETWEEN.join(number[foot] for foot in chain.split(BETWEEN))
+        cell.set_title(_title(name, chain, order), color=_colour(order))
+    last_row = len(orders) - COLUMNS
+    for place, cell in enumerate(cells[: len(orders)]):
+        if place >= last_row:
+            cell.tick_params(labelbottom=True)
+    figure.supxlabel("time from the first contact (ms)", fontsize=style.pt(7))
+    figure.supylabel("height of the foot (mm)", fontsize=style.pt(7))
+    handles = []
+    for place, foot in enumerate(feet):
+        label = style.label_of(foot)
+        if by_number:
+            label = f"{place + 1}: {label}"
+        handles += cells[0].plot([], [], **style.foot_line(place), label=label)
+    figure.legend(handles=handles, loc="outside upper left", ncols=len(feet))
+    return figure
+
+
+def _title(name: str, chain: str, order: Mapping[Any, Any]) -> str:
+    """Return number and order of a landing, and how probable the order is."""
+    title = f"{name}: {chain}"
+    if np.isfinite(order["probability"]):
+        title += f"\n{_percent(order['probability'])}"
+        if not order["sure"]:
+            title += ", unsure"
+    return title
+
+
+def _percent(probability: float) -> str:
+    """Return a probability in per cent; none that is not certain is called so."""
+    percent = 100 * probability
+    if percent > 99.9:
+        return "over 99.9 %"
+    return f"{percent:.3g} %"
+
+
+def _colour(order: Mapping[Any, Any]) -> str:
+    """Return the colour of a title: that of an unsure order stands out."""
+    is_unsure = np.isfinite(order["probability"]) and not order["sure"]
+    return style.VERMILION if is_unsure else style.INK
+
+
+def _draw_landing(
+    axes: Axes, curves: pd.DataFrame, contacts: pd.DataFrame, feet: Sequence[str]
+) -> None:
+    """Draw the heights of the feet in one landing, and its contacts."""
+    found = contacts[contacts["found"]]
+    zero_s = float(found["contact_s"].min())
+    if not np.isfinite(zero_s):
+        zero_s = float(contacts["contact_s"].min())
+    axes.axhline(0.0, color="#cccccc", linewidth=0.6, zorder=0)
+    for foot, curve in curves.groupby("foot", sort=False):
+        number = feet.index(str(foot))
+        x = MS_PER_S * (curve["time_s"] - zero_s)
+        y = MM_PER_M * curve["height_m"]
+        line = {**style.foot_line(number), "linewidth": 0.8}
+        axes.plot(x, y, marker=".", markersize=1.8, **line)
+    for contact in contacts.dropna(subset=["contact_s"]).to_dict("records"):
+        number = feet.index(str(contact["foot"]))
+        colour = style.foot_colour(number)
+        curve = curves[curves["foot"] == contact["foot"]].dropna(subset=["height_m"])
+        if not len(curve):
+            continue
+        height_m = np.interp(contact["contact_s"], curve["time_s"], curve["height_m"])
+        x_ms = MS_PER_S * (contact["contact_s"] - zero_s)
+        reach_ms = DRAWN_ERRORS * MS_PER_S * contact["se_s"]
+        y_mm = MM_PER_M * float(height_m)
+        axes.plot(
+            [x_ms - reach_ms, x_ms, x_ms + reach_ms],
+            [y_mm] * 3,
+            color=colour,
+            linewidth=1.6,
+            marker="o" if contact["found"] else "x",
+            markevery=[1],
+            markersize=3,
+            markerfacecolor="white",
+            zorder=3,
+        )
+
+
+@style.styled
+def spread_figure(
+    contacts: pd.DataFrame, orders: pd.DataFrame, feet: Sequence[str]
+) -> Figure:
+    """Draw how long after the first foot each foot touched, in all landings.
+
+    Parameters
+    ----------
+    contacts, orders : DataFrame
+        As in `hopdata.contact_times.ContactTimes`.
+    feet : sequence of str
+        All feet: their places give their colours.
+    """
+    ordered = orders[orders["probability"].notna()]
+    if not len(ordered):
+        return style.message_figure(
+            "No two feet landed together.", width_mm=style.DOUBLE_COLUMN_MM
+        )
+    keys = ["recording", "landing"]
+    place = ordered.assign(place=np.arange(1, len(ordered) + 1))[[*keys, "place"]]
+    shown = contacts[contacts["found"]].merge(place, on=keys)
+    first_s = shown.groupby("place")["contact_s"].transform("min")
+    shown = shown.assign(after_ms=MS_PER_S * (shown["contact_s"] - first_s))
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 60.0)
+    axes = figure.subplots()
+    for number, foot in enumerate(feet):
+        own = shown[shown["foot"] == foot]
+        axes.errorbar(
+            own["place"],
+            own["after_ms"],
+            yerr=MS_PER_S * own["se_s"],
+            linestyle="",
+            marker="o",
+            markersize=2.5 if len(ordered) < 200 else 1.5,
+            elinewidth=0.6,
+            color=style.foot_colour(number),
+            label=style.label_of(foot),
+        )
+    axes.set_xlabel("landing")
+    axes.set_ylabel("after the first foot (ms)")
+    figure.legend(loc="outside upper left", ncols=len(feet))
+    return figure

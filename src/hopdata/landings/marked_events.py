@@ -1,0 +1,80 @@
+"""Contacts that somebody or something marked in a recording's file, by their labels.
+
+Laboratories mark a foot strike on each side, as ``Right Foot Strike``, ``RHS`` or
+``RIC``. Such an event is of the feet whose names have the same side.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from hopdata.recording import Event, Recording
+from hopdata.recordings.external import Column, ContactTimes
+from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot, words_of
+
+# Words of a contact beside a side, and abbreviations that hold both, in small letters.
+_STRIKES = (
+    ("foot", "strike"),
+    ("heel", "strike"),
+    ("initial", "contact"),
+    ("foot", "contact"),
+    ("touch", "down"),
+    ("touchdown",),
+    ("foot", "on"),
+    ("footstrike",),
+    ("heelstrike",),
+)
+_ABBREVIATED = re.compile(r"([lr])[ _-]?(hs|ic|fs|fc|td|on)")
+
+
+def side_of_contact(event: Event) -> str | None:
+    """Return the side of an event that is a contact: ``"l"``, ``"r"``, or empty.
+
+    None if it is no contact, by its label.
+    """
+    plain = event.label.strip().lower()
+    short = _ABBREVIATED.fullmatch(plain)
+    if short:
+        return short[1]
+    words = words_of(event.label, r"[a-z]+")
+    if not any(set(strike) <= set(words) for strike in _STRIKES):
+        return None
+    for letter, name in SIDE_NAMES.items():
+        if letter in words or name in words:
+            return letter
+    return ""
+
+
+def contacts_marked(recording: Recording) -> list[ContactTimes]:
+    """Return the contacts marked in a recording's file, with the feet of their side.
+
+    An event without a side, or of a side without feet, is of no known foot, and is left
+    out.
+
+    Parameters
+    ----------
+    recording : Recording
+        With the events of its file.
+    """
+    sides: dict[str, list[Event]] = {}
+    for event in recording.events:
+        side = side_of_contact(event)
+        if side:
+            sides.setdefault(side, []).append(event)
+    found = []
+    for side, events in sorted(sides.items()):
+        feet = feet_of_side(recording.names("foot"), side)
+        if not feet:
+            continue
+        instant = np.sort([event.time_s for event in events])
+        span_s = (float(instant[0]), float(instant[-1]))
+        name = max(events, key=lambda event: len(event.label)).label
+        found.append(ContactTimes(Column(name, feet), instant, "events", span_s))
+    return found
+
+
+def feet_of_side(feet: tuple[str, ...], side: str) -> tuple[str, ...]:
+    """Return the feet of a side, ``"l"`` or ``"r"``, by their names."""
+    return tuple(foot for foot in feet if side_of_foot(foot) == side)

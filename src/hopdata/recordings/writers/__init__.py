@@ -1,0 +1,1 @@
+"""Writers of contact events, one module for each format."""

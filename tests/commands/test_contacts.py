@@ -1,0 +1,134 @@
+"""``hopdata contacts``: the table, the page and the events of a file."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up_files import export
+from made_up_hopper import MARKERS, hopping
+from written_files import write_c3d
+
+from hopdata.__main__ import main
+from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.readers.c3d import read_c3d
+
+
+@pytest.fixture
+def recording(tmp_path, monkeypatch):
+    """Return a file of eight hops, with the working folder beside it."""
+    monkeypatch.chdir(tmp_path)
+    return export(tmp_path, hopping(1, n_frames=500)[1])
+
+
+def test_contacts_of_a_file_are_listed_with_guessed_feet(recording, capsys):
+    assert main(["contacts", str(recording)]) == 0
+    out = capsys.readouterr().out
+    assert re.match(r"\d+ contacts in 8 landings, standard error", out)
+    assert "feet guessed: toe1 toe2 toe3" in out
+    assert re.search(r"^  1 .*toe\d \d+\.\d ± \d\.\d.* > toe\d", out, re.MULTILINE)
+
+
+def test_one_named_foot_is_enough(recording, capsys):
+    assert main(["contacts", str(recording), "--feet", "toe2"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("8 contacts in 8 landings")
+    assert "feet guessed" not in out
+
+
+def test_markers_are_joined_to_a_foot_and_the_first_counts(recording, tmp_path, capsys):
+    apart = tmp_path / "apart.csv"
+    joined = tmp_path / "joined.csv"
+    assert main(["contacts", str(recording), "--out", str(apart)]) == 0
+    feet = ["--feet", "left=toe1,toe2", "toe3"]
+    assert main(["contacts", str(recording), *feet, "--out", str(joined)]) == 0
+    capsys.readouterr()
+    of_apart = pd.read_csv(apart)
+    of_joined = pd.read_csv(joined)
+    assert set(of_joined["foot"]) == {"left", "toe3"}
+    first = of_apart[of_apart["foot"] != "toe3"].groupby("landing")["contact_s"].min()
+    of_left = of_joined[of_joined["foot"] == "left"].set_index("landing")["contact_s"]
+    assert np.abs(first - of_left).max() < 0.004
+
+
+def test_tables_and_page_are_written(recording, tmp_path, capsys):
+    out = tmp_path / "new" / "contacts.csv"
+    page = tmp_path / "contacts.html"
+    given = ["contacts", str(recording), "--out", str(out), "--html", str(page)]
+    assert main(given) == 0
+    table = pd.read_csv(out)
+    orders = pd.read_csv(tmp_path / "new" / "contacts_orders.csv")
+    assert len(orders) == 8
+    assert (table["landing"].value_counts() <= 3).all()
+    text = page.read_text("utf-8")
+    assert text.count("data:image/svg+xml") == 2
+    assert "Each landing" in text
+    assert "http" not in re.sub(r"https?://www\.w3\.org", "", text)
+    # What is there is not replaced, and the recording never.
+    capsys.readouterr()
+    assert main(given) == 1
+    assert "--force replaces it" in capsys.readouterr().err
+    assert main([*given, "--force"]) == 0
+    assert main(["contacts", str(recording), "-o", str(recording), "--force"]) == 1
+    assert "that of a recording that was read" in capsys.readouterr().err
+
+
+def test_events_of_each_format_are_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    time, positions = hopping(1, n_frames=300)
+    path = tmp_path / "jump.c3d"
+    write_c3d(path, RawRecording(MARKERS, time, 1000 * positions, 100.0, "mm"))
+    before = path.read_bytes()
+    given = ["contacts", str(path), "--events", "c3d", "csv", "bids", "opensim"]
+    assert main([*given, "--to", "events"]) == 0
+    assert path.read_bytes() == before
+    assert sorted(one.name for one in (tmp_path / "events").iterdir()) == [
+        "jump_contacts.c3d",
+        "jump_contacts.csv",
+        "jump_contacts.sto",
+        "jump_events.json",
+        "jump_events.tsv",
+    ]
+    table = pd.read_csv(tmp_path / "events" / "jump_contacts.csv")
+    events = read_c3d(tmp_path / "events" / "jump_contacts.c3d").events
+    assert [one.time_s for one in events] == pytest.approx(
+        list(table["time_s"]), abs=1e-5
+    )
+    capsys.readouterr()
+    assert main([*given, "--to", "events"]) == 1
+    assert "--force replaces it" in capsys.readouterr().err
+
+
+def test_events_of_c3d_need_a_c3d(recording, capsys):
+    assert main(["contacts", str(recording), "--events", "c3d"]) == 1
+    assert "--events c3d: expected a single C3D file" in capsys.readouterr().err
+
+
+def test_a_marker_that_is_not_there_is_refused(recording, capsys):
+    assert main(["contacts", str(recording), "--feet", "toe9"]) == 1
+    assert "--feet: expected markers of" in capsys.readouterr().err
+    assert main(["contacts", str(recording), "--body", "hips1"]) == 1
+    assert "did you mean" in capsys.readouterr().err
+
+
+def test_a_configuration_gives_roles_and_options(recording, tmp_path, capsys):
+    config = tmp_path / "study.yaml"
+    config.write_text(
+        "study: trial\n"
+        f"recordings:\n  - {{name: one, file: {recording}}}\n"
+        "markers: {body: [hip1, hip2, hip3], feet: [toe1, toe2]}\n"
+        "touchdowns: {ambiguous_below: 0.999999}\n"
+    )
+    assert main(["contacts", str(config)]) == 0
+    out = capsys.readouterr().out
+    assert "toe3" not in out
+    assert "feet guessed" not in out
+
+
+def test_a_file_without_a_landing_says_so_with_exit_code_1(tmp_path, capsys):
+    standing = hopping(1, n_frames=500)[1]
+    rng = np.random.default_rng(1)
+    standing[:] = standing[0] + rng.normal(0, 6e-4, standing.shape)
+    file = export(tmp_path, standing)
+    assert main(["contacts", str(file), "--feet", "toe1", "toe2"]) == 1
+    assert "no landing found" in capsys.readouterr().out

@@ -1,0 +1,83 @@
+"""Frames that no camera saw: filled gaps and exchanged names."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from hopdata.landings.contacts.doubted import doubted, exchanged, filled
+
+RATE_HZ = 200.0
+NOISE_M = 5e-4
+
+
+def walking(frames=600, *, seed=0, markers=2, noise_m=NOISE_M):
+    """Return markers (N, n, 3), m, on two feet that swing by half a metre in turn."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(frames) / RATE_HZ
+    tracks = np.zeros((frames, markers, 3))
+    for m in range(markers):
+        phase = 2 * np.pi * t + np.pi * m
+        tracks[:, m] = np.stack(
+            [0.25 * np.sin(phase), np.full(frames, 0.2 * m), 0.1 * np.cos(phase) ** 2],
+            axis=1,
+        )
+    return tracks + rng.normal(0, noise_m, tracks.shape)
+
+
+def straight(t, z):
+    return lambda at: np.stack([np.interp(at, t, own) for own in z.T], axis=1)
+
+
+@pytest.mark.parametrize("curve", [CubicSpline, PchipInterpolator, straight])
+@pytest.mark.parametrize("gap", [4, 9, 30])
+def test_frames_that_a_curve_put_into_a_gap_are_found(curve, gap):
+    track = walking(seed=gap)[:, 0]
+    hidden = np.zeros(len(track), dtype=bool)
+    hidden[200 : 200 + gap] = True
+    t = np.arange(len(track)) / RATE_HZ
+    track[hidden] = curve(t[~hidden], track[~hidden])(t[hidden])
+    np.testing.assert_array_equal(filled(track), hidden)
+
+
+def test_frames_that_were_seen_are_kept():
+    for seed in range(20):
+        track = walking(seed=seed)[:, 0]
+        track[100:120] = np.nan
+        assert not filled(track).any()
+
+
+def test_a_track_without_noise_or_of_a_body_that_never_moves_tells_nothing():
+    assert not filled(walking(noise_m=0.0)[:, 0]).any()
+    assert not filled(np.zeros((300, 3))).any()
+    smooth = CubicSpline(np.arange(0, 600, 20), walking()[::20, 0])(np.arange(600))
+    assert not filled(smooth).any()
+    assert not filled(walking(4)[:, 0]).any()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_exchanged_names_are_found_until_they_are_restored(seed):
+    tracks = walking(seed=seed)
+    assert not exchanged(tracks).any()
+    expected = np.zeros(tracks.shape[:2], dtype=bool)
+    for begin, end in ((130, 170), (330, 420)):
+        tracks[begin:end] = tracks[begin:end, ::-1]
+        expected[begin:end] = True
+    np.testing.assert_array_equal(exchanged(tracks), expected)
+    np.testing.assert_array_equal(doubted(tracks), expected)
+
+
+@pytest.mark.parametrize(("at", "shorter"), [(130, (0, 130)), (430, (430, 600))])
+def test_of_an_exchange_that_is_never_undone_the_shorter_part_is_marked(at, shorter):
+    tracks = walking(seed=3)
+    tracks[at:] = tracks[at:, ::-1]
+    expected = np.zeros(tracks.shape[:2], dtype=bool)
+    expected[slice(*shorter)] = True
+    np.testing.assert_array_equal(exchanged(tracks), expected)
+
+
+def test_the_size_of_the_animal_does_not_matter():
+    tracks = walking(seed=1)
+    tracks[200:240] = tracks[200:240, ::-1]
+    hidden = doubted(tracks)
+    assert hidden.any()
+    np.testing.assert_array_equal(doubted(0.01 * tracks, scale=0.01), hidden)

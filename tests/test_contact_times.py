@@ -1,0 +1,180 @@
+"""Contacts of any number of feet, from the first landing on, without a study."""
+
+import numpy as np
+import pytest
+
+import hopdata as hd
+from hopdata.contact_times import contacts
+from hopdata.errors import AnalysisError, ArgumentError
+from hopdata.landings.contacts.find import find_landings
+
+RATE_HZ = 200.0
+GRAVITY = 9.81
+NOISE_M = 4e-4
+STEP_S = 0.6
+
+
+def falls(time, landings, *, up_s=0.24, rise_m=0.12):
+    """Return the height of a foot that falls freely, touches at each instant, and stands."""
+    height = np.zeros(len(time))
+    for landing in landings:
+        before = landing - time
+        in_fall = (before > 0) & (before < up_s)
+        speed = 0.6
+        height[in_fall] = speed * before[in_fall] - 0.5 * GRAVITY * (
+            before[in_fall] ** 2
+        ) * (speed - rise_m / up_s) / (0.5 * GRAVITY * up_s)
+        rises = (before >= up_s) & (before < 2 * up_s)
+        height[rises] = rise_m * (2 * up_s - before[rises]) / up_s
+    return height
+
+
+def walking(landings_of, *, seed=1, duration_s=4.0, with_body=True, bob_m=0.0):
+    """Return a recording whose feet land at given instants, over a body that bobs."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
+    names = list(landings_of)
+    positions = np.zeros((len(time), len(names) + 3, 3))
+    for foot, name in enumerate(names):
+        positions[:, foot, 0] = 0.3 * foot
+        positions[:, foot, 2] = 0.05 + falls(time, landings_of[name])
+    bob = bob_m * np.sin(2 * np.pi * time / STEP_S)
+    for number, place in enumerate([(0.1, 0.1), (0.1, -0.1), (-0.1, 0.0)]):
+        positions[:, len(names) + number, :2] = place
+        positions[:, len(names) + number, 2] = 0.9 + bob
+    positions += rng.normal(0, NOISE_M, positions.shape)
+    body = [f"pelvis{k}" for k in range(3)]
+    return hd.Recording.from_arrays(
+        time,
+        positions,
+        [*names, *body],
+        feet=names,
+        body=body if with_body else [],
+        name="walk",
+    )
+
+
+def alternating(n_steps=3, first_s=0.7):
+    """Return landings of a left and of a right foot in turn, s."""
+    left = [first_s + 2 * STEP_S * k for k in range(n_steps)]
+    right = [instant + STEP_S for instant in left[: n_steps - 1]]
+    return {"left": left, "right": right}
+
+
+@pytest.mark.parametrize("with_body", [True, False])
+def test_feet_that_land_in_turn_are_timed_though_the_body_hardly_falls(with_body):
+    truth = alternating()
+    found = contacts(walking(truth, with_body=with_body))
+    assert found.table["found"].all()
+    for foot, instants in truth.items():
+        own = found.table[found.table["foot"] == foot]
+        assert len(own) == len(instants)
+        error = own["contact_s"].to_numpy() - np.array(instants)
+        allowed = 4 * np.hypot(own["se_s"], own["common_s"])
+        assert (np.abs(error) < allowed).all()
+        assert own["se_s"].max() < 0.003
+        assert set(own["side"]) == {foot}
+    # Each landing is that of one foot, and has no order.
+    assert (found.orders["feet"] == 1).all()
+    assert found.orders["probability"].isna().all()
+    assert not found.orders["sure"].any()
+
+
+def test_one_foot_without_a_body_is_enough():
+    found = contacts(walking({"hoof": [0.7, 1.9]}, with_body=False))
+    assert found.table["contact_s"].to_numpy() == pytest.approx([0.7, 1.9], abs=0.002)
+    assert list(found.table["side"]) == ["", ""]
+    assert list(found.orders["order"]) == ["hoof", "hoof"]
+
+
+def test_the_pairs_of_a_trot_land_together_in_an_order():
+    fore_left = [0.7, 1.9, 3.1]
+    fore_right = [1.3, 2.5]
+    truth = {
+        "LF": fore_left,
+        "RH": [instant + 0.02 for instant in fore_left],
+        "RF": fore_right,
+        "LH": [instant - 0.015 for instant in fore_right],
+    }
+    found = contacts(walking(truth, bob_m=0.02))
+    assert list(found.orders["order"]) == ["LF > RH", "LH > RF"] * 2 + ["LF > RH"]
+    assert found.orders["sure"].all()
+    assert (found.orders["probability"] > 0.99).all()
+
+
+def test_a_landing_whose_feet_touch_at_once_is_unsure():
+    found = contacts(walking({"left": [1.0], "right": [1.0003]}, bob_m=0.01))
+    (order,) = found.orders.to_dict("records")
+    assert order["feet"] == 2
+    assert not order["sure"]
+    assert order["probability"] + order["runner_up_probability"] == pytest.approx(1)
+
+
+def test_a_single_landing_of_a_hopper_is_timed():
+    recording, truth = hd.synthesize("quadruped", simulation={"hops": 4}, seed=3)
+    whole = contacts(recording)
+    assert len(whole.orders) == len(truth.contact_times)
+    until = truth.contact_times[0].max() + 0.12
+    first = recording.part(slice(0, int(until * recording.rate_hz)))
+    found = contacts(first)
+    assert [str(one.code) for one in found.remarks] == ["landings.floor_by_lowest"]
+    own = found.table.set_index("foot").loc[list(recording.names("foot"))]
+    error = own["contact_s"].to_numpy() - truth.contact_times[0]
+    assert (np.abs(error) < 4 * np.hypot(own["se_s"], own["common_s"])).all()
+
+
+def test_landings_that_the_body_shows_are_those_of_a_study():
+    recording, _ = hd.synthesize("quadruped", simulation={"hops": 12}, seed=4)
+    study = find_landings(recording)
+    alone = find_landings(recording, of_feet=True)
+    columns = [name for name in study if name.startswith(("contact", "se_"))]
+    assert len(alone) == len(study)
+    np.testing.assert_allclose(alone[columns], study[columns], rtol=1e-9)
+
+
+def test_a_foot_that_stands_all_the_time_lands_nowhere():
+    found = contacts(walking({"left": [], "right": []}))
+    assert not len(found.table)
+    assert not len(found.orders)
+    assert "landings.no_landing" in [one.code for one in found.remarks]
+    assert "0 contacts" in repr(found)
+
+
+def test_several_recordings_are_told_apart():
+    one = walking(alternating(2))
+    other = walking({"left": [1.0], "right": [1.01]}, seed=2)
+    from dataclasses import replace
+
+    found = contacts([one, replace(other, name="jump")])
+    assert list(dict.fromkeys(found.table["recording"])) == ["walk", "jump"]
+    assert list(found.orders["recording"]).count("jump") == 1
+
+
+def test_events_are_the_contacts_that_can_be_trusted():
+    found = contacts(walking(alternating()))
+    events = found.events("walk")
+    assert [event.time_s for event in events] == sorted(found.found["contact_s"])
+    assert [event.context for event in events] == ["Left", "Right"] * 2 + ["Left"]
+    assert found.events("another") == []
+
+
+def test_curves_surround_the_contacts():
+    found = contacts(walking(alternating()))
+    curves = found.curves(found.orders.head(2))
+    assert sorted(set(curves["landing"])) == [1, 2]
+    first = curves[curves["landing"] == 1]
+    contact_s = found.table["contact_s"].iloc[0]
+    assert first["time_s"].min() < contact_s < first["time_s"].max()
+    assert abs(first["height_m"].iloc[-1]) < 0.005
+    assert first["height_m"].max() > 0.02
+
+
+def test_what_has_no_foot_is_refused():
+    recording = walking({"left": [1.0]})
+    without = hd.Recording.from_arrays(
+        recording.time, recording.positions, recording.markers, feet=[], body=[]
+    )
+    with pytest.raises(AnalysisError, match="at least 1 foot marker"):
+        contacts(without)
+    with pytest.raises(ArgumentError, match="recordings: expected a recording"):
+        contacts(["jump.c3d"])

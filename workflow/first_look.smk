@@ -1,0 +1,35 @@
+"""Both bundled studies and the page that compares them, in one run: no core waits for the other study.
+
+snakemake --cores 2 --snakefile workflow/first_look.smk --workflow-profile profiles/default
+"""
+
+from hopdata.config.loading import read_yaml
+
+
+module sample:
+    snakefile:
+        "../Snakefile"
+    config:
+        read_yaml("config/config.yaml")
+
+
+use rule * from sample as sample_*
+
+
+# The page is a rule of either study; here it is the sample's.
+module control:
+    snakefile:
+        "../Snakefile"
+    config:
+        read_yaml("config/sample_control.yaml")
+
+
+use rule * from control exclude first_look, verdicts as control_*
+
+
+rule both:
+    default_target: True
+    input:
+        rules.sample_all.input,
+        rules.control_all.input,
+        rules.sample_first_look.output,
