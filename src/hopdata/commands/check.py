@@ -133,10 +133,12 @@ def _with_line(error: RecordingError, config: str) -> str:
 
 def _remarks(recording: Recording, rate_hz: float | None) -> list[str]:
     """Return what should be known of a recording: faults, and what is unsure."""
+    from hopdata.landings.effects import effects
     from hopdata.landings.floor import moving
     from hopdata.recordings.plausibility import notes
 
     remarks = [str(note) for note in notes(recording)]
+    remarks += [f"{recording.place}: {effect}" for effect in effects(recording)]
     remarks += _suspects(recording, rate_hz)
     floor_moves = moving(recording)
     if floor_moves:
