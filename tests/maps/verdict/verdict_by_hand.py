@@ -490,9 +490,9 @@ def feet_are_worth(states, heights, t):
     alone = expected(states, t)
     both = expected(np.hstack([states, heights]), t)
     left = alone.left
-    if 1 - alone.left / alone.varied < 0.1:
+    if 1 - alone.left / alone.square < 0.1:
         left = np.mean(t**2)
-    return (left - both.left) / both.varied > 0.01
+    return (left - both.left) / both.square > 0.01
 
 
 def in_section(study):
@@ -559,6 +559,7 @@ class Expected:
     good: np.ndarray
     errors: np.ndarray
     left: float
+    square: float
     varied: float
 
 
@@ -589,12 +590,14 @@ def expected(inputs, t):
         left = np.mean(errors**2)
         if best is None or left < best.left:
             centred = fitted - fitted.mean(axis=1, keepdims=True)
-            best = Expected(centred, good, errors, left, np.mean(t[good] ** 2))
+            square = np.mean(t[good] ** 2)
+            varied = np.mean((t[good] - t[good].mean(axis=0)) ** 2)
+            best = Expected(centred, good, errors, left, square, varied)
     return best
 
 
 def foretold(fit, se):
-    """5: share of the instants that the inputs foretell."""
+    """5: share of the variation of the instants that the inputs foretell."""
     q = (1 - 1 / fit.t.shape[1]) * np.mean(se**2)
     return float(np.clip(1 - (fit.left - q) / (fit.varied - q), 0, 1))
 

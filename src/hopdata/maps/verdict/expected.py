@@ -74,18 +74,22 @@ class Expected:
         landing itself is left out.
     good
         (n,) whether a landing's instants lie near those of the others.
-    varied, left
+    square, left
         Mean square of the measured instants, and of what the inputs miss of them.
+    varied
+        Mean square of the measured instants about their mean over the landings: the
+        same order in every landing needs no foretelling.
     """
 
     instants: FloatArray
     missed: FloatArray
     good: BoolArray
-    varied: float
+    square: float
     left: float
+    varied: float
 
     def foretold(self, errors: FloatArray | None = None) -> float:
-        """Return the share of the mean square that the inputs foretell, from 0 to 1.
+        """Return the share of the variation that the inputs foretell, from 0 to 1.
 
         What the standard errors (n, feet) of the measured instants explain belongs to
         neither. Independent errors of F feet have 1 - 1 / F of their mean square about
@@ -141,10 +145,11 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> Expected:
             good_of_best = good
             least = error
 
-    varied = float(np.mean(t[good_of_best] ** 2))
+    of_good = t[good_of_best]
+    square = float(np.mean(of_good**2))
     foretold = 0.0
-    if varied > FLAT:
-        foretold = 1.0 - least / varied
+    if square > FLAT:
+        foretold = 1.0 - least / square
     if not foretold >= LEAST_FORETOLD:
         values = {
             "wanted": f"{100 * LEAST_FORETOLD:g} %",
@@ -155,8 +160,9 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> Expected:
         instants=np.asarray(best - best.mean(axis=1, keepdims=True)),
         missed=errors.T @ errors / len(errors),
         good=good_of_best,
-        varied=varied,
+        square=square,
         left=least,
+        varied=float(np.mean((of_good - of_good.mean(axis=0)) ** 2)),
     )
 
 

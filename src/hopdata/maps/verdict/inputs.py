@@ -311,7 +311,7 @@ def _known_inputs(
     with_heights = np.column_stack([states, feet.about[:, :, 2]])[seen]
     alone = _missed_by_state(states[seen], instants[seen])
     expected = expected_contacts(with_heights, instants[seen])
-    gained = (alone - expected.left) / expected.varied
+    gained = (alone - expected.left) / expected.square
     if not gained > WORTH:
         expected = expected_contacts(states, instants)
         return _KnownInputs(states, noise, expected, STATE, Posture.NOT_NEEDED, every)
