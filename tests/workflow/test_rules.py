@@ -36,7 +36,7 @@ FIRST = {
     "sections.*": ["poincare_sections", "quality"],
     "sections.grid_nodes": ["section_densities"],
     "home.*": ["home_frame"],
-    "states.*": ["home_frame"],
+    "states.*": ["poincare_sections", "home_frame"],
     "units.*": ["normalisation"],
     "prediction.*": ["prediction"],
     "subspaces.*": ["constraint_subspaces"],

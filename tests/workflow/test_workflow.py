@@ -69,6 +69,18 @@ def test_nothing_is_left_to_do(sample):
     assert "Nothing to be done" in completed(sample)
 
 
+def test_one_run_makes_both_bundled_studies_as_each_run_alone_does(sample):
+    """`make figures` runs them together; what one study has made is not made again."""
+    together = ("--snakefile", "workflow/first_look.smk")
+    together += ("--workflow-profile", "profiles/default")
+    planned = planned_rules(sample, *together)
+    made = {name for name in planned if name.startswith("sample_")}
+    assert made == {"sample_verdicts", "sample_first_look"}
+    missing = {name for name in planned if name.startswith("control_")}
+    assert {"control_verdict", "control_report"} <= missing
+    assert not {"control_verdicts", "control_first_look"} & missing
+
+
 @pytest.mark.parametrize(
     ("block", "key", "value", "rules"),
     [
