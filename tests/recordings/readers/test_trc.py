@@ -258,7 +258,7 @@ def test_rows_may_end_where_the_last_markers_are_unseen(tmp_path):
     lines = text.split("\n")
     within = [*lines[:8], lines[8].rsplit("\t", 1)[0], *lines[9:]]
     path.write_text("\n".join(within))
-    with pytest.raises(RecordingError, match="line 9: expected .* columns"):
+    with pytest.raises(RecordingError, match=r"line 9: expected .* columns"):
         read_raw(path)
     path.write_text(text.rstrip("\n").rsplit("\t", 3)[0])
     with pytest.raises(RecordingError, match="was it cut short"):
