@@ -286,9 +286,9 @@ MISTAKES = {
         ["a file", "there is no folder"],
     ),
     "other format": lambda f: (
-        f / "trial.xlsx",
+        f / "trial.ods",
         {},
-        [*READERS, "found '.xlsx'"],
+        [*READERS, "found '.ods'"],
     ),
     "mm taken for m": lambda f: (
         good(f),

@@ -200,9 +200,9 @@ FAULTS = {
         trc_text(POSITIONS, NAMES, unit="ft"),
         ["line 3", "mm, cm, m or inches", "'ft'"],
     ),
-    "rate 0": (
-        trc_text(POSITIONS, NAMES, values={"DataRate": "0"}),
-        ["DataRate", "0 Hz"],
+    "rate below 0": (
+        trc_text(POSITIONS, NAMES, values={"DataRate": "-5"}),
+        ["DataRate", "expected more than 0 Hz, found -5 Hz"],
     ),
     "rate in words": (
         trc_text(POSITIONS, NAMES, values={"DataRate": "fast"}),
@@ -239,3 +239,27 @@ def test_faults_are_told_with_file_place_expectation_and_finding(tmp_path, fault
         read(tmp_path, text)
     for part in (str(tmp_path / "trial.trc"), "expected", "found", *parts):
         assert part in str(caught.value)
+
+
+def test_a_rate_of_0_is_none_and_comes_from_the_stamps(tmp_path):
+    path = tmp_path / "a.trc"
+    path.write_text(trc_text(POSITIONS, NAMES, values={"DataRate": "0"}))
+    assert read_raw(path).rate_hz == 100.0
+
+
+def test_rows_may_end_where_the_last_markers_are_unseen(tmp_path):
+    gone = POSITIONS.copy()
+    gone[2:4, -2:] = np.nan
+    text = trc_text(gone, NAMES)
+    path = tmp_path / "a.trc"
+    path.write_text("\n".join(line.rstrip("\t") for line in text.split("\n")))
+    np.testing.assert_allclose(read_raw(path).positions, gone, atol=1e-6)
+    # A row that ends within a marker, or with the file, may have been cut.
+    lines = text.split("\n")
+    within = [*lines[:8], lines[8].rsplit("\t", 1)[0], *lines[9:]]
+    path.write_text("\n".join(within))
+    with pytest.raises(RecordingError, match=r"line 9: expected .* columns"):
+        read_raw(path)
+    path.write_text(text.rstrip("\n").rsplit("\t", 3)[0])
+    with pytest.raises(RecordingError, match="was it cut short"):
+        read_raw(path)

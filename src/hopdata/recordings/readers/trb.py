@@ -205,14 +205,13 @@ def _positions(
     positions = np.full((len(frames), len(header.numbers), 3), np.nan)
     columns = np.full(WORDS, -1)
     columns[list(place_of)] = list(place_of.values())
-    for frame, (at, n_points) in enumerate(frames):
-        points = np.frombuffer(content, POINT, n_points, at)
-        of_points = columns[points["number"]]
-        if (of_points < 0).any():
-            number = int(points["number"][np.argmax(of_points < 0)])
-            wanted = "the number of one of its markers"
-            raise RecordingError.at(f"{path}, byte {at}", wanted, number)
-        positions[frame, of_points] = points["xyz"]
-    with np.errstate(invalid="ignore"):
-        positions[np.isinf(positions)] = np.nan
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+        for frame, (at, n_points) in enumerate(frames):
+            points = np.frombuffer(content, POINT, n_points, at)
+            of_points = columns[points["number"]]
+            if (of_points < 0).any():
+                number = int(points["number"][np.argmax(of_points < 0)])
+                wanted = "the number of one of its markers"
+                raise RecordingError.at(f"{path}, byte {at}", wanted, number)
+            positions[frame, of_points] = points["xyz"]
     return positions
