@@ -27,6 +27,7 @@ from hopdata.arrays import (
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law, passes, steps
 from hopdata.landings.contacts.approach import approaches
+from hopdata.landings.contacts.bounces import bounce_errors
 from hopdata.landings.contacts.doubted import doubted
 from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
 from hopdata.landings.contacts.law import UNDETERMINED_S, FootHeights, Trials, taken
@@ -759,12 +760,24 @@ def _judged(
     factor = widening(trial.correlation, frames_before, frames_after)
     se = np.hypot(judged.se, unnoticed_s) * factor
 
+    bounce_s = bounce_errors(
+        trial.time,
+        trial.heights,
+        np.where(judged.status == descents.LANDED, judged.instant, np.nan),
+        fits.velocity,
+        rough.noise_m,
+    )
+    # Markers of one foot turn about one another: their law says how they come down.
+    feet = trial.foot_of or range(trial.heights.shape[1])
+    turns = np.bincount(feet)[list(feet)] > 1
+    common = np.hypot(fitted.common[number], np.where(turns, 0.0, bounce_s))
+
     # After the earliest instant the foot only has to come to rest, which takes no
     # longer than this.
     longest_s = np.where(np.isfinite(rough.earliest), 2 * UNDETERMINED_S, np.inf)
     return replace(
         judged,
         se=np.minimum(se, longest_s),
-        common=fitted.common[number],
+        common=common,
         earliest=rough.earliest,
     )

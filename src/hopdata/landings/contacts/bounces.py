@@ -1,0 +1,109 @@
+"""Feet that bounce off at once: they seem to stand higher than they come to rest.
+
+A rigid foot that leaves the floor again by some millimetres, within frames of its
+contact, raises the floor of the fit, so that its contacts are early: by half a
+millisecond to three in feet that rise by 1 to 15 mm. No frame tells a bounce from
+noise; the mean over landings does.
+"""
+
+from __future__ import annotations
+
+from statistics import NormalDist
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, IntArray
+
+#: Time after a contact in which a foot is down: the lowest of these frames say where.
+#: Unit: s. Origin: chosen.
+RESTS_S = 0.2
+
+#: Time after a contact in which a bounce counts: that of the frames that are fitted.
+#: Unit: s. Origin: derived: `passes.LONG_WINDOWS_S`.
+BOUNCES_S = 0.05
+
+#: Share of the frames after a contact in which the foot is lower than at rest.
+#: Unit: 1. Origin: chosen.
+LOWEST = 0.1
+
+#: Fewest frames after a contact that say where the foot rests.
+#: Unit: frames. Origin: chosen.
+LEAST_FRAMES = 8
+
+#: Height by which feet must stand higher, in standard errors of its mean.
+#: Unit: standard errors. Origin: convention: two sigmas.
+CLEARLY = 2.0
+
+#: Common error, in times in which a foot falls by that height.
+#: Unit: 1. Origin: measured: feet that bounce by 1 to 15 mm at 100 and 200 Hz
+#: (`tests/landings/contacts/test_bounces.py`).
+HIDES = 2.0
+
+
+def bounce_errors(
+    time: FloatArray,
+    heights: FloatArray,
+    instant: FloatArray,
+    velocity: FloatArray,
+    noise_m: float,
+) -> FloatArray:
+    """Return the error (n,), s, that contacts share because their feet bounce.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    heights : (N, n) array
+        Heights of the feet, m; NaN where unseen.
+    instant, velocity : (L, n) array
+        Contacts, s, and the velocities just before them, m/s.
+    noise_m : float
+        Standard deviation of a height, m.
+    """
+    errors = np.zeros(heights.shape[1])
+    for foot in range(heights.shape[1]):
+        is_fitted = np.isfinite(instant[:, foot])
+        at = instant[is_fitted, foot]
+        higher_m = _higher_at_first(time, heights[:, foot], at, noise_m)
+        known_m = higher_m[np.isfinite(higher_m)]
+        if not len(known_m):
+            continue
+        usual_m = float(np.median(known_m))
+        if usual_m > CLEARLY * noise_m / np.sqrt(len(known_m)):
+            fall_m_s = np.median(np.abs(velocity[is_fitted, foot]))
+            errors[foot] = HIDES * usual_m / fall_m_s
+    return errors
+
+
+def _higher_at_first(
+    time: FloatArray, height: FloatArray, instant: FloatArray, noise_m: float
+) -> FloatArray:
+    """Return how much higher a foot is after contacts (L,) than at rest, m."""
+    first = np.searchsorted(time, instant)
+    stop = np.searchsorted(time, instant + RESTS_S)
+    frames = first[:, None] + np.arange(int(np.max(stop - first, initial=1)))
+    inside = frames < stop[:, None]
+    frames = np.minimum(frames, len(time) - 1)
+    z = np.where(inside, height[frames], np.nan)
+    seen = np.isfinite(z)
+    is_early = seen & (time[frames] < instant[:, None] + BOUNCES_S)
+    n_early = is_early.sum(axis=1)
+    early = np.where(is_early, z, 0.0).sum(axis=1) / np.maximum(n_early, 1)
+    # Frames that are not seen are put last.
+    n_seen = seen.sum(axis=1)
+    place = (LOWEST * n_seen).astype(np.int64)
+    lowest = np.take_along_axis(np.sort(z, axis=1), place[:, None], axis=1)[:, 0]
+    higher = early - (lowest + noise_m * _below_the_mean(place, n_seen))
+    return np.where((n_seen >= LEAST_FRAMES) & (n_early > 1), higher, np.nan)
+
+
+def _below_the_mean(place: IntArray, count: IntArray) -> FloatArray:
+    """Return how far below their mean the values at places in order lie, in sigmas.
+
+    `place` and `count` (L,) are the place, from 0, and the number of normal values;
+    Blom's approximation.
+    """
+    share = (place + 0.625) / (count + 0.25)
+    which = np.unique(np.minimum(share, 0.5), return_inverse=True)
+    quantiles = [-NormalDist().inv_cdf(one) for one in which[0].tolist()]
+    return np.array(quantiles)[which[1]]
