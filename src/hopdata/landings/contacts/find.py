@@ -249,9 +249,7 @@ def _descents_of(
     time_scale = recording.pace
     time = recording.time / time_scale
     heights = recording.feet[:, :, 2] / recording.scale
-    body = np.full(len(time), np.nan)
-    if recording.indices("body"):
-        body = recording.body_height / recording.scale
+    body = _body_height(recording)
     falls = descents.descents(body, time, longest=descents.HIDDEN_S)
     if of_feet:
         falls = steps.clear_falls(body, falls)
@@ -283,6 +281,13 @@ def _descents_of(
         steps=found,
         stranger=~all_own[order],
     )
+
+
+def _body_height(recording: Recording) -> FloatArray:
+    """Return the height of the body (N,), m, of an animal of 1 m; NaN without one."""
+    if not recording.indices("body"):
+        return np.full(len(recording.time), np.nan)
+    return np.asarray(recording.body_height / recording.scale)
 
 
 def _without_strangers(found: _Descending, contacts: Contacts) -> Contacts:
@@ -400,7 +405,7 @@ def _trial_of(found: _Descending) -> Trial:
         lead_s=0.0,
         correlation=noise_correlation(recording.body),
         foot_of=tuple(foot for foot, own in enumerate(parts) for _ in own),
-        body=recording.body_height / recording.scale,
+        body=_body_height(recording),
     )
 
 
