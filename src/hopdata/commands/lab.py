@@ -277,7 +277,8 @@ def _write(
         recordings=_recordings(trials, subjects),
     )
     if is_group:
-        draft = replace(draft, samples=of_files.relative(table))
+        # Studies of a group are not compared with plates and events.
+        draft = replace(draft, samples=of_files.relative(table), beside=())
         terminal.write_text(table, _table(trials, subjects))
         print(f"{table}: written")
     terminal.write_text(out, of_files.draft_config(draft, path=str(out)))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.recording import Recording
 from hopdata.recordings.quality.processing import (
     LowPass,
@@ -65,10 +65,15 @@ def unfiltered(positions: FloatArray, found: LowPass) -> FloatArray:
     restored = np.full_like(positions, np.nan)
     for m in range(positions.shape[1]):
         track = positions[:, m]
-        for start, stop in runs(np.isfinite(track).all(axis=1)):
+        for start, stop in runs(_all_seen(track)):
             if stop - start >= LEAST_FRAMES:
                 restored[start:stop, m] = _strengthened(track[start:stop], found)
     return restored
+
+
+def _all_seen(track: FloatArray) -> BoolArray:
+    """Tell in which frames of (n, 3) all coordinates are seen."""
+    return np.asarray(np.isfinite(track).all(axis=1))
 
 
 def _strengthened(track: FloatArray, found: LowPass) -> FloatArray:
@@ -103,12 +108,12 @@ def recorded(recording: Recording) -> Recording | None:
         return None
     step, degree, phase = found
     n_frames = len(recording.time)
-    at = np.arange(n_frames) * float(step) + phase
+    at = np.asarray(np.arange(n_frames) * float(step) + phase, dtype=np.float64)
     whole = np.arange(int(np.ceil(at[0])), int(np.floor(at[-1])) + 1)
     positions = np.full((len(whole), *recording.positions.shape[1:]), np.nan)
     for m in range(positions.shape[1]):
         track = recording.positions[:, m]
-        for start, stop in runs(np.isfinite(track).all(axis=1)):
+        for start, stop in runs(_all_seen(track)):
             if stop - start < LEAST_FRAMES:
                 continue
             spline = _spline(at[start:stop], track[start:stop], degree)
@@ -142,8 +147,8 @@ def _making_of(body: FloatArray) -> tuple[Fraction, int, float] | None:
         for degree in DEGREES:
             for k in range(step.denominator):
                 phase = k / step.denominator
-                at = (first + np.arange(len(track))) * float(step) + phase
-                misfit = _misfit(at, track, degree)
+                frames = np.arange(len(track), dtype=np.float64) + first
+                misfit = _misfit(frames * float(step) + phase, track, degree)
                 if misfit < limit:
                     return step, degree, phase
     return None
@@ -163,7 +168,7 @@ def _steps(period: float) -> list[Fraction]:
 def _stretch(body: FloatArray) -> tuple[FloatArray, int] | None:
     """Return the first long stretch (n, 3) of a marker without gaps, and its start."""
     for m in range(body.shape[1]):
-        for start, stop in runs(np.isfinite(body[:, m]).all(axis=1)):
+        for start, stop in runs(_all_seen(body[:, m])):
             if stop - start >= TRIED_FRAMES:
                 return body[start : start + TRIED_FRAMES, m], int(start)
     return None
