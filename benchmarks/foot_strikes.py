@@ -21,6 +21,11 @@ so that the filter puts no peer at a disadvantage.
 - change of the vertical velocity from down to up; Fellin et al. 2010, J. Sci. Med.
   Sport 13:646, doi 10.1016/j.jsams.2010.03.006.
 
+Jumps are those of `jumps.py`: a drop from a box and a rebound, in eleven trials of two
+landings for each seed; the toes of both feet, at rates of 100 to 250 Hz. The published
+detectors are told where to look: within `AROUND_S` of the true contacts, with gaps
+bridged by straight lines. hopdata has the files only (`hopdata.contacts`).
+
 Simulated feet are those of `contact_instants.py`: medians over the seeds, and the worst
 seed. For the runner, the first contact of a foot's three markers is compared with the
 onset of force (the papers use the heel's contact, which is the last in this runner).
@@ -36,6 +41,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import jumps
 import numpy as np
 import pandas as pd
 from contact_instants import (
@@ -53,6 +59,7 @@ from contact_instants import (
 from scipy.signal import butter, sosfiltfilt
 
 from hopdata.arrays import FloatArray
+from hopdata.contact_times import contacts as contacts_of
 from hopdata.landings.forces import force_onsets
 from hopdata.landings.touchdowns import NO_FOOT_LANDED, touchdown_table
 from hopdata.recording import Recording
@@ -69,6 +76,14 @@ SIMULATED = (
     "soft and creep",
     "three frames missing at each contact",
 )
+JUMPS = {
+    "drop jumps": "box",
+    "drop jumps, soft 8 ms": "box, soft 8 ms",
+}
+TRIALS = 11  # of a drop and a rebound, for each seed
+TOES = ("LTOE", "RTOE")
+JUMP_RATES_HZ = (100.0, 120.0, 200.0, 250.0)
+JUMP_NOISES_M = (3e-4, 1e-3)
 #: Detects instants, s, in windows (..., W) of heights and of positions ahead of the
 #: sacrum, m.
 Detector = Callable[[FloatArray, FloatArray, FloatArray | None], FloatArray]
@@ -203,6 +218,107 @@ def simulated_rows(name: str, arguments: argparse.Namespace) -> list[dict[str, A
     return rows
 
 
+def jump_rows(name: str, arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Return one row for each method on drop jumps; a seed is a session of trials."""
+    runs: dict[tuple[str, float], list[dict[str, float]]] = {}
+    seeds = np.random.SeedSequence([arguments.seed, 27, [*JUMPS].index(name)])
+    for number, seed in enumerate(seeds.spawn(arguments.seeds)):
+        rng = np.random.default_rng(seed)
+        rate_hz = JUMP_RATES_HZ[number % len(JUMP_RATES_HZ)]
+        noise_m = rng.uniform(*JUMP_NOISES_M)
+        kind = jumps.KINDS[JUMPS[name]]
+        trials = [jumps.make(kind, 2, rng, rate_hz, noise_m) for _ in range(TRIALS)]
+        truth = [np.column_stack([at[toe] for toe in TOES]) for _, at in trials]
+        every_truth = np.concatenate(truth)
+        recordings = [
+            _jump(f"trial{k + 1}", positions, rate_hz)
+            for k, (positions, _) in enumerate(trials)
+        ]
+        for label, method in OURS.items():
+            found = contacts_of(recordings, method=method).found
+            near = [
+                _nearest(found[found["recording"] == one.name], at)
+                for one, at in zip(recordings, truth, strict=True)
+            ]
+            run = _scored_pairs(np.concatenate(near), every_truth)
+            runs.setdefault((label, np.nan), []).append(run)
+        for cutoff_hz in CUTOFFS_HZ:
+            for label, detect in PUBLISHED.items():
+                if detect is farthest_ahead:  # these feet fall straight down
+                    continue
+                found_at = [
+                    _told_where(one, at, detect, cutoff_hz)
+                    for one, at in zip(recordings, truth, strict=True)
+                ]
+                run = _scored_pairs(np.concatenate(found_at), every_truth)
+                runs.setdefault((label, cutoff_hz), []).append(run)
+    rows = []
+    for (label, cutoff_hz), results in runs.items():
+        table = pd.DataFrame(results)
+        row = {"condition": name, "method": label, "cutoff_hz": cutoff_hz}
+        row |= {"seeds": arguments.seeds, "landings": 2 * TRIALS}
+        row |= table.median().to_dict()
+        row |= {
+            "found_worst": table["found"].min(),
+            "sd_ms_worst": table["sd_ms"].max(),
+            "order_right_worst": table["order_right"].min(),
+        }
+        rows.append(row)
+    return rows
+
+
+def _jump(name: str, positions: FloatArray, rate_hz: float) -> Recording:
+    time = np.arange(len(positions)) / rate_hz
+    return Recording.from_arrays(
+        time, positions, jumps.NAMES, feet=TOES, body=jumps.PELVIS, name=name
+    )
+
+
+def _nearest(found: pd.DataFrame, truth: FloatArray) -> FloatArray:
+    """Return the contacts found nearest to the true ones (L, 2), s; NaN for none."""
+    nearest = np.full(truth.shape, np.nan)
+    for foot, name in enumerate(TOES):
+        own = found.loc[found["foot"] == name, "contact_s"].to_numpy()
+        if len(own):
+            away = np.abs(own[:, None] - truth[:, foot])
+            nearest[:, foot] = own[away.argmin(axis=0)]
+    return nearest
+
+
+def _told_where(
+    recording: Recording, truth: FloatArray, detect: Detector, cutoff_hz: float
+) -> FloatArray:
+    """Return the instants (L, 2), s, of a detector that sees only the landings."""
+    rate_hz = recording.rate_hz
+    if detect is foot_velocity:  # uses the point between heel and toe
+        heels = [jumps.NAMES.index(toe.replace("TOE", "HEE")) for toe in TOES]
+        toes = [jumps.NAMES.index(toe) for toe in TOES]
+        z = recording.positions[:, [toes, heels], 2].mean(axis=1)
+    else:
+        z = recording.feet[:, :, 2].copy()
+    for column in z.T:
+        seen = np.isfinite(column)
+        column[~seen] = np.interp(
+            recording.time[~seen], recording.time[seen], column[seen]
+        )
+    z = smooth(z, rate_hz, min(cutoff_hz, 0.45 * rate_hz), axis=0)
+    reach = np.arange(-round(AROUND_S * rate_hz), round(AROUND_S * rate_hz))
+    frames = np.round(truth * rate_hz).astype(int)[:, :, None] + reach
+    frames = frames.clip(0, len(z) - 1)
+    windows = z[frames, np.arange(len(TOES))[:, None]]
+    return detect(recording.time[frames], windows, None)
+
+
+def _scored_pairs(instant: FloatArray, truth: FloatArray) -> dict[str, float]:
+    """Score instants as `_scored`, and the differences of left and right."""
+    scored = _scored(instant, truth)
+    error_ms = 1e3 * (instant - truth)
+    near = (np.abs(error_ms) < 1e3 * SAME_S).all(axis=1)
+    apart_ms = (error_ms[:, 0] - error_ms[:, 1])[near]
+    scored["sd_apart_ms"] = float(apart_ms.std()) if len(apart_ms) else np.nan
+    return scored
+
+
 def _scored(instant: FloatArray, truth: FloatArray) -> dict[str, float]:
     """Score instants (L, feet) against the true ones; ignore those off by more than `SAME_S`."""
     instant = np.where(np.abs(instant - truth) < SAME_S, instant, np.nan)
@@ -334,6 +450,7 @@ COLUMNS = (
         "sd_ms",
     ),
     *("sd_ms_worst", "sd_force_ms", "sd_own_ms", "order_right", "order_right_worst"),
+    *("found_worst", "sd_apart_ms"),
 )
 
 
@@ -347,8 +464,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     rows = [
-        row for name in SIMULATED for row in simulated_rows(name, arguments)
-    ] + runner_rows()
+        *(row for name in SIMULATED for row in simulated_rows(name, arguments)),
+        *(row for name in JUMPS for row in jump_rows(name, arguments)),
+        *runner_rows(),
+    ]
     table = pd.DataFrame(rows).reindex(columns=COLUMNS)
     found = table["found"].fillna(0.0) >= 0.5 * table.groupby("condition")[
         "found"

@@ -462,9 +462,20 @@ class Inspection:
 @LINE.stage(minutes=20, mb_a_mb=10)
 def inspection(imported: dict[str, Recording]) -> Inspection:
     """Look for faults in the recordings, beside the search for contacts."""
+    import pandas as pd
+
+    from hopdata.landings.effects import effects
     from hopdata.recordings.quality.inspection import recording_tables
 
     tables = recording_tables(imported.values())
+    in_numbers = [
+        {"recording": name, "remark": str(effect)}
+        for name, recording in imported.items()
+        for effect in effects(recording)
+    ]
+    if in_numbers:
+        both = [tables["remarks"], pd.DataFrame(in_numbers)]
+        tables["remarks"] = pd.concat(both, ignore_index=True)
     return Inspection(
         markers=tables["markers"],
         gap_times=tables["gaps"],

@@ -10,6 +10,8 @@ from made_up_hopper import MARKERS, hopping
 from written_files import write_c3d
 
 from hopdata.__main__ import main
+from hopdata.commands.contacts_instead import write_few
+from hopdata.config.loading import load_config
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.c3d import read_c3d
 
@@ -68,7 +70,7 @@ def test_tables_and_page_are_written(recording, tmp_path, capsys):
     capsys.readouterr()
     assert main(given) == 1
     assert "--force replaces it" in capsys.readouterr().err
-    assert main([*given, "--force"]) == 0
+    assert main([*given[:4], "--force"]) == 0
     assert main(["contacts", str(recording), "-o", str(recording), "--force"]) == 1
     assert "that of a recording that was read" in capsys.readouterr().err
 
@@ -123,6 +125,34 @@ def test_a_configuration_gives_roles_and_options(recording, tmp_path, capsys):
     out = capsys.readouterr().out
     assert "toe3" not in out
     assert "feet guessed" not in out
+
+
+def few_landings(tmp_path, n_frames):
+    """Return the configuration of a study of so many frames of hops."""
+    file = export(tmp_path, hopping(1, n_frames=n_frames)[1])
+    return load_config(
+        {
+            "study": "trial",
+            "recordings": [{"name": "one", "file": str(file)}],
+            "markers": {"body": ["hip1", "hip2", "hip3"], "feet": ["toe1", "toe2"]},
+        }
+    )
+
+
+def test_a_study_that_stopped_for_want_of_landings_gets_its_contacts(tmp_path, capsys):
+    folder = tmp_path / "results"
+    assert write_few(few_landings(tmp_path, 130), folder)
+    told = capsys.readouterr().out
+    assert "too few landings for maps and a verdict: 2 found, at least 3" in told
+    assert len(pd.read_csv(folder / "tables" / "contacts_orders.csv")) == 2
+    assert "too few landings" in (folder / "contacts.html").read_text("utf-8")
+
+
+def test_a_study_with_landings_enough_did_not_stop_for_want_of_them(tmp_path, capsys):
+    folder = tmp_path / "results"
+    assert not write_few(few_landings(tmp_path, 400), folder)
+    assert capsys.readouterr().out == ""
+    assert not folder.exists()
 
 
 def test_a_file_without_a_landing_says_so_with_exit_code_1(tmp_path, capsys):

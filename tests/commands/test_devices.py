@@ -1,6 +1,7 @@
 """What `inspect`, `init` and `check` say of force plates, events and analog channels."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from plate_files import PlateFile, Stance, write_plates
 from written_files import write_c3d
 
 from hopdata.__main__ import main
+from hopdata.commands.devices import devices_of, lines_of
 from hopdata.config.loading import load_config
 from hopdata.recording import Event
 from hopdata.recordings.raw import RawRecording
@@ -135,3 +137,37 @@ def test_check_describes_the_plates(folder, capsys):
     assert "plate 1: type 2, 0.40 x 0.60 m" in out
     assert "3 onsets to within" in out
     assert "force plate 1: ORIGIN points down" in out
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 4])
+def test_damaged_plates_are_told_or_read(folder, kind):
+    """Bytes of the header, the parameters and the samples at random."""
+    positions = 1000 * hopping(1)[1][:30]
+    time = np.arange(30) / RATE_HZ
+    short = RawRecording(MARKERS, time, positions, RATE_HZ, "mm")
+    stances = [stance(300, (150.0, 250.0, 0.0), 1.0)] * 2
+    write_plates(folder / "sound.c3d", short, stances, PlateFile(kind))
+    sound = (folder / "sound.c3d").read_bytes()
+    n_read = 0
+    n_told = 0
+    for seed in range(60):
+        rng = np.random.default_rng([kind, seed])
+        damaged = bytearray(sound)
+        for at in rng.integers(0, min(len(sound), 4096), 3).tolist():
+            # An infinity, a signalling NaN, zeros or anything.
+            choices = (
+                b"\x00\x00\x80\x7f",
+                b"\x01\x00\x80\x7f",
+                b"\0\0\0\0",
+                rng.bytes(4),
+            )
+            damaged[at : at + 4] = choices[rng.integers(4)]
+        (folder / "damaged.c3d").write_bytes(bytes(damaged))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = devices_of(folder / "damaged.c3d", up="z", unit="mm")
+            lines_of(found)
+        n_read += len(found.plates) == 2
+        n_told += bool(found.refused)
+    assert n_read > 20
+    assert n_told > 2

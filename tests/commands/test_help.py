@@ -28,7 +28,7 @@ def test_help_has_examples_and_exit_codes(command, capsys):
         (
             ["insepct", "x"],
             [
-                "expected one of inspect, view, init, check, run, plan",
+                "expected one of inspect, view, contacts, init, check, run, plan",
                 "did you mean 'inspect'?",
             ],
         ),

@@ -180,16 +180,16 @@ def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
     assert main(["init", "monday.tsv"]) == 0
     out = capsys.readouterr().out
     assert "These are guesses: correct any that are wrong in the file." in out
-    main(
-        ["check", "config/monday.yaml"]
-    )  # two jumps are too few; otherwise the study is sound
-    # In some layouts the noise leaves one of them without a contact of both feet.
+    # Two jumps are too few for maps; their contacts are given. In some layouts the
+    # noise leaves one of them without a contact of both feet.
+    assert main(["check", "config/monday.yaml"]) == 0
+    told = capsys.readouterr().out
+    assert "too few landings for maps and a verdict: " in told
     too_few = (
         "pairs: expected at least 3 usable",
         "sections: expected landings in which",
     )
-    told = tuple(f"hopdata: error: {one}" for one in too_few)
-    assert capsys.readouterr().err.startswith(told)
+    assert any(one in told for one in too_few)
     config = load_config("config/monday.yaml")
     assert len(config["markers"]["feet"]) >= 4
     assert len(config["markers"]["body"]) >= 4

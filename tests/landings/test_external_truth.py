@@ -9,10 +9,13 @@ from synthetic_landings import FOOT_RADIUS, POST_HEIGHT_M, PRE_HEIGHT_M, simulat
 from written_files import Analog, write_c3d
 
 from hopdata.config.consistency import external_blocks
+from hopdata.figures.overlay import contact_overlay_figure
+from hopdata.jobs import read_table, write_table
 from hopdata.landings.external_truth import overlay_external_truth
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.recording import Event
 from hopdata.recordings.raw import RawRecording
+from hopdata.report.tables import agreement_table
 
 FEET = ("foot1", "foot2", "foot3")
 PER_FRAME = 10
@@ -142,6 +145,17 @@ def test_a_plate_that_nobody_followed_steps_on(scene, touchdowns, tmp_path):
     assert found.contacts.empty
     assert found.summary.empty
     assert found.example.empty
+    # The workflow passes tables on as files.
+    for name in ("contacts", "summary", "example", "notes", "thresholds"):
+        file = tmp_path / f"{name}.csv"
+        write_table(file, getattr(found, name))
+        assert len(read_table(file)) == len(getattr(found, name))
+    tables = {"contact_overlay_summary": found.summary}
+    assert agreement_table(tables) is None
+    columns = set(compared(scene, touchdowns, configured(path)).summary)
+    whole = write_scene(tmp_path / "b.c3d", scene, [corners_about(0, 0, 600)], [[0]])
+    assert columns == set(compared(scene, touchdowns, configured(whole)).summary)
+    contact_overlay_figure(found.contacts, found.summary, found.example)
     assert list(found.notes["code"]) == ["landings.plate_of_other_feet"]
 
 

@@ -7,7 +7,7 @@ import pytest
 from damage import case, corpus, placed, read
 
 from hopdata.recordings.readers import trial
-from hopdata.recordings.readers.formats import READERS
+from hopdata.recordings.readers.formats import READERS, suffix_of
 
 SEED, N_FILES = 5, 1050
 
@@ -18,9 +18,8 @@ def sound():
 
 
 def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
-    lacking = (
-        set(READERS) - {Path(name).suffix for name in sound} - {".hdf5"}
-    )  # read as .h5
+    readers = {suffix_of(Path(name)) for name in sound}
+    lacking = set(READERS) - readers - {".hdf5"}  # read as .h5
     assert not lacking, f"no sound file in tests/recordings/damage.py: {lacking}"
     for name, data in sound.items():
         recording = read(placed(tmp_path, name, data))

@@ -123,9 +123,9 @@ def mvnx(positions, names, *, rate=RATE, poses=2, namespace=True, first=0, ms=Tr
 def zipped(members):
     """Return a zip file of named texts, the same bytes each time."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(stream, "w") as archive:
         for name, text in members.items():
-            archive.writestr(zipfile.ZipInfo(name, DATE), text)
+            archive.writestr(zipfile.ZipInfo(name, DATE), text, zipfile.ZIP_DEFLATED)
     return stream.getvalue()
 
 

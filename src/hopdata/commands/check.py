@@ -133,10 +133,12 @@ def _with_line(error: RecordingError, config: str) -> str:
 
 def _remarks(recording: Recording, rate_hz: float | None) -> list[str]:
     """Return what should be known of a recording: faults, and what is unsure."""
+    from hopdata.landings.effects import effects
     from hopdata.landings.floor import moving
     from hopdata.recordings.plausibility import notes
 
     remarks = [str(note) for note in notes(recording)]
+    remarks += [f"{recording.place}: {effect}" for effect in effects(recording)]
     remarks += _suspects(recording, rate_hz)
     floor_moves = moving(recording)
     if floor_moves:
@@ -192,8 +194,8 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
         return _contacts_instead(config, recordings, error)
     print("\n".join(describe(forecast, config, recordings)))
     if forecast.stops:
-        error = AnalysisError(forecast.reason)
-        return _contacts_instead(config, recordings, error)
+        will_stop = AnalysisError(forecast.reason)
+        return _contacts_instead(config, recordings, will_stop)
     return forecast.vain
 
 

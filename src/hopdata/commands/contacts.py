@@ -324,9 +324,17 @@ def _require_apart(options: argparse.Namespace) -> None:
     from hopdata.recordings.writers.contact_events import require_new
 
     sources = [options.file, *options.more]
-    for path in (options.out, options.html):
+    written = [options.html]
+    if options.out is not None:
+        written += [options.out, _orders_beside(options.out)]
+    for path in written:
         if path is not None:
             require_new(path, sources, replace=options.force)
+
+
+def _orders_beside(out: Path) -> Path:
+    """Return the file of the orders beside that of the contacts."""
+    return out.with_name(f"{out.stem}_orders{out.suffix}")
 
 
 def _write(
@@ -337,7 +345,7 @@ def _write(
         text = found.table.to_csv(index=False, float_format="%.7g")
         terminal.write_text(options.out, text)
         print(f"table: {options.out}")
-        orders = options.out.with_name(f"{options.out.stem}_orders{options.out.suffix}")
+        orders = _orders_beside(options.out)
         terminal.write_text(
             orders, found.orders.to_csv(index=False, float_format="%.7g")
         )

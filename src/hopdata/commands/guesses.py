@@ -145,3 +145,20 @@ def _sloping_floor(standing: Recording) -> FloorModel | None:
     if not floor.slopes:
         return None
     return replace(floor, rim_m=BEYOND_RIM * floor.rim_m)
+
+
+# What a recording's processing does, in ms and mm.
+
+
+def with_effects(inspection: Inspection) -> Inspection:
+    """Add what processing and soft tissue do to contacts and states of guessed roles.
+
+    Nothing is added if there are no such signs, or roles could not be guessed.
+    """
+    from hopdata.landings.effects import effects
+
+    roles = guessed_roles(inspection)
+    if roles.problems:
+        return inspection
+    found = effects(inspection.recording(roles.feet, roles.body))
+    return replace(inspection, treated=(*inspection.treated, *found))

@@ -13,7 +13,7 @@ import numpy as np
 from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.commands import devices, listing, terminal
-from hopdata.commands.guesses import guessed_roles, inspected
+from hopdata.commands.guesses import guessed_roles, inspected, with_effects
 from hopdata.errors import counted
 from hopdata.report.formatting import NOTES, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def inspect(options: argparse.Namespace) -> int:
     """Show what is in a file; exit code 1 if anything looks wrong."""
-    inspection = inspected(options)
+    inspection = with_effects(inspected(options))
     beside = _beside_markers(options, inspection)
     listing.show(inspection, str(options.file), devices.lines_of(beside))
     if options.html is not None:

@@ -61,8 +61,9 @@ def verdict_figure(
     Returns
     -------
     Figure
-        (a) The difference and its uncertainty. (b) What it means for two landings. The
-        verdict in words is below. If a study has no answer, the words are beside (b).
+        (a) The difference and its uncertainty. (b) What it means for two landings. What
+        neither shows is below, in short lines. If a study has no answer, the words are
+        beside (b).
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(
@@ -115,8 +116,10 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
 
 
 def _height_mm(verdict: Mapping[str, Any]) -> float:
-    """Return the height of a row of two plots with the verdict in words below them."""
-    n_lines = _said(verdict, SAID_WIDTH).count("\n") + 1
+    """Return the height of a row of two plots with words below them."""
+    n_lines = 0
+    if verdict.get("effect") is not None:
+        n_lines = _beside_the_size(verdict).count("\n") + 1
     return ROW_MM + LINE_MM * n_lines
 
 
@@ -136,7 +139,7 @@ def _draw_row(
         left.set_axis_off()
         return left
     _draw_size(left, verdict, top)
-    figure.supxlabel(_said(verdict, SAID_WIDTH), fontsize=style.pt(7))
+    figure.supxlabel(_beside_the_size(verdict), fontsize=style.pt(7))
     style.letters((left, right))
     return left
 
@@ -286,11 +289,39 @@ def _percent(share: float) -> str:
     return f"{float(f'{100 * share:.2g}'):g}{PER_CENT}"
 
 
+def _beside_the_size(verdict: Mapping[str, Any]) -> str:
+    """Return what the plot does not show, in short lines of one fact each.
+
+    The whole sentence stands on the page, and in ``verdict.json``.
+    """
+    lines = [f"compared: {verdict['compared']}, {verdict['n_landings']:,} landings"]
+    foretold = verdict.get("foretold")
+    if foretold is not None:
+        lines[0] += f"; {100 * foretold:.1f}{PER_CENT} of their contact order foretold"
+    mainly = verdict.get("mainly")
+    if mainly:
+        lines.append(mainly)
+    holds_from = verdict.get("holds_from")
+    if verdict["conclusion"] == "no difference" and holds_from is not None:
+        spreads = float(f"{holds_from / verdict['contact_spread']:.2g}")
+        lines.append(
+            "not covered: a difference that fades within "
+            f"{spreads:g} contact spreads of simultaneous contact"
+        )
+    told = verdict.get("messages", {}).get("outlook", {}).get("values", {})
+    if "number" in told:
+        asked = str(told["asked"]).replace(" %", PER_CENT)
+        lines.append(f"landings needed to see {asked}: about {told['number']}")
+    return "\n".join(textwrap.fill(line, SAID_WIDTH) for line in lines)
+
+
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
-    """Return what a verdict says, wrapped to as few, evenly long lines as possible."""
-    parts = [verdict.get(name) for name in ("sentence", "outlook", "contacts")]
-    said = " ".join(part for part in parts if part)
-    said = said.replace(" %", PER_CENT)
+    """Return why there is no size, and what is known without one.
+
+    It is wrapped to as few, evenly long lines as possible.
+    """
+    parts = [verdict.get(name) for name in ("sentence", "contacts", "outlook")]
+    said = " ".join(part for part in parts if part).replace(" %", PER_CENT)
     fewest = len(textwrap.wrap(said, longest))
     for width in range(20, longest):
         lines = textwrap.wrap(said, width)

@@ -6,7 +6,7 @@ any configuration, from the force plates and events in a recording's own file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,11 @@ from hopdata.landings.forces import (
     example_landing,
     threshold_rows,
 )
-from hopdata.landings.marked_events import contacts_marked
+from hopdata.landings.marked_events import contacts_marked, written_by_hopdata
 from hopdata.landings.overlay import COLUMNS, compare_contacts, summarise_overlay
 from hopdata.landings.plate_contacts import contacts_on_plates
 from hopdata.messages import Message
-from hopdata.recording import Recording
+from hopdata.recording import Event, Recording
 from hopdata.recordings import external
 from hopdata.recordings.force_plates import plates_of_recording
 
@@ -172,8 +172,10 @@ def _known(
     own_file = (blocks.get("own") or {}).get("file")
     if own_file is None:
         return known
+    ours: Collection[Event] = ()
     try:
         found = plates_of_recording(recording, Path(own_file), unit=unit)
+        ours = written_by_hopdata(Path(own_file))
     except RecordingError as error:
         values = {"why": str(error)}
         known.notes.append(Message("landings.plates_not_read", values))
@@ -183,5 +185,5 @@ def _known(
         known.plate_signals = of_plates.signals
         known.notes += [*found.refused, *of_plates.notes]
     if blocks["contacts"]["file"] is None:
-        known.optional += contacts_marked(recording)
+        known.optional += contacts_marked(recording, besides=ours)
     return known

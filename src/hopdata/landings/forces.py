@@ -172,14 +172,15 @@ def extrapolated(
         # A rise that ends before twice the force is taken as far as it goes.
         second = first + 1 + (int(twice[0]) if len(twice) else int(np.argmax(ahead)))
         risen = float(force[second] - force[first])
-        if not risen > 0:
+        # Not above the threshold clear of the filter, or no rise: no line to draw.
+        if not (risen > 0 and force[first] > 0):
             instants.append(float(at))
             errors.append(LONGEST_RISE_S)
             continue
         share = float(force[first]) / risen
         before_s = min(share * float(time[second] - time[first]), LONGEST_RISE_S)
-        slope = float(force[first]) / max(before_s, 1e-9)
-        by_noise = noise_n / slope * np.sqrt((1 + share) ** 2 + share**2)
+        per_n = before_s / float(force[first])
+        by_noise = noise_n * per_n * np.sqrt((1 + share) ** 2 + share**2)
         instants.append(time[first] - EXTRAPOLATED * before_s)
         errors.append(np.hypot(SHAPE * before_s, min(by_noise, LONGEST_RISE_S)))
     others = blur_s**2 + step_s**2 / 12

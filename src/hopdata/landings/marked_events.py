@@ -7,12 +7,16 @@ Laboratories mark a foot strike on each side, as ``Right Foot Strike``, ``RHS`` 
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
+from pathlib import Path
 
 import numpy as np
 
 from hopdata.recording import Event, Recording
 from hopdata.recordings.external import Column, ContactTimes
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot, words_of
+from hopdata.recordings.readers.c3d import open_c3d, read_events
+from hopdata.recordings.writers.c3d import OURS
 
 # Words of a contact beside a side, and abbreviations that hold both, in small letters.
 _STRIKES = (
@@ -47,7 +51,23 @@ def side_of_contact(event: Event) -> str | None:
     return ""
 
 
-def contacts_marked(recording: Recording) -> list[ContactTimes]:
+def written_by_hopdata(file: Path) -> set[Event]:
+    """Return the events that `hopdata contacts` has written into a C3D file.
+
+    They are no other device's, so that nothing is to be compared with them.
+    """
+    if file.suffix.lower() != ".c3d":
+        return set()
+    _, parameters, _ = open_c3d(file)
+    events, _ = read_events(parameters)
+    descriptions = parameters.texts("EVENT", "DESCRIPTIONS")
+    own = zip(events, descriptions, strict=False)
+    return {event for event, description in own if description.startswith(OURS)}
+
+
+def contacts_marked(
+    recording: Recording, *, besides: Collection[Event] = ()
+) -> list[ContactTimes]:
     """Return the contacts marked in a recording's file, with the feet of their side.
 
     An event without a side, or of a side without feet, is of no known foot, and is left
@@ -57,11 +77,13 @@ def contacts_marked(recording: Recording) -> list[ContactTimes]:
     ----------
     recording : Recording
         With the events of its file.
+    besides : collection of Event
+        Events that are left out.
     """
     sides: dict[str, list[Event]] = {}
     for event in recording.events:
         side = side_of_contact(event)
-        if side:
+        if side and event not in besides:
             sides.setdefault(side, []).append(event)
     found = []
     for side, events in sorted(sides.items()):

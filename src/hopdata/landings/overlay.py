@@ -390,6 +390,9 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
         not known).
     """
     keys = ["source", "column", "feet"]
+    if table.empty:
+        # The columns of a table with rows, so that a file of it can be read.
+        return pd.DataFrame(columns=["recording", *keys, *_measures(table)])
     groups = list(table.groupby(["recording", *keys], sort=False))
     for key, group in table.groupby(keys, sort=False):
         if len(group["recording"].unique()) > 1:

@@ -149,7 +149,10 @@ def read_force_plates(
     for one in stored:
         try:
             metres = METRES_PER_UNIT.get(unit) or c3d_plates.metres_per_unit(one)
-            plates.append(in_laboratory(one, metres, vertical_axis))
+            # Numbers that no plate shows overflow; they stay infinite, and count as
+            # missing.
+            with np.errstate(over="ignore", invalid="ignore"):
+                plates.append(in_laboratory(one, metres, vertical_axis))
         except RecordingError as error:
             values = {"number": one.number, "why": str(error)}
             refused.append(Message("recordings.plate_refused", values))
@@ -191,6 +194,7 @@ def in_laboratory(stored: StoredPlate, metres: float, vertical_axis: str) -> For
     middle = metres * stored.corners.mean(axis=0)
     in_file = own_pressure @ axes[:, :2].T + middle
     force = np.ascontiguousarray(rotate_up(forces @ axes.T, vertical_axis))
+    force[~np.isfinite(force).all(axis=1)] = np.nan
     if _points_down(force[:, 2]):
         force = -force
         values = {"number": stored.number}

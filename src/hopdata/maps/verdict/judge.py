@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import Shown, one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, told_call
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import data, inputs, limits
@@ -22,6 +22,7 @@ from hopdata.maps.verdict.comparison import compared
 from hopdata.maps.verdict.data import Measured, Options
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.sizes import at_contact, sizes_of
+from hopdata.maps.verdict.so_far import so_far
 from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.maps.verdict.words import (
     ASKED,
@@ -50,12 +51,14 @@ class Verdict(Shown):
     sentence
         The same in one sentence, with its numbers.
     outlook
-        What these data could have shown, and how many landings would show `ASKED`;
-        empty if the size could not be computed.
+        What these data could have shown, and how many landings would show `ASKED`; if
+        the size could not be computed, how many landings a verdict needs at least.
     compared
         Whose maps were compared, in words.
     contacts
-        What share of the contact instants is foretold, and by what, in one sentence.
+        What share of the contact instants is foretold, and by what, in one sentence; if
+        the size could not be computed, the orders that occur, and this share if it can
+        be told.
     n_feet, n_landings, n_window
         Number of feet, of landings used, and of landings fitted: those nearest to the
         simultaneous contact.
@@ -109,6 +112,12 @@ class Verdict(Shown):
     gross_errors
         Rows of the landings that were left out as mistakes, by reason: see
         `hopdata.maps.verdict.rows`.
+    so_far
+        Where no size could be computed: ``orders``, each contact order that occurs with
+        its number of ``landings``; ``least_landings``, of which a verdict is made; and
+        ``foretold``, the share of how the contacts vary from landing to landing that
+        state and feet foretell, None if it cannot be told, with the reason in
+        ``untold``. Otherwise empty. See `hopdata.maps.verdict.so_far`.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
@@ -145,6 +154,7 @@ class Verdict(Shown):
     posture: str = ""
     session: Sequence[str] = ()
     gross_errors: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    so_far: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
@@ -329,10 +339,25 @@ def _no_answer(
         "code": error.code or said.code,
         "values": dict(reason.values) if error.code else {"reason": reason},
     }
+    messages = {"sentence": said}
+    known_so_far: dict[str, Any] = {}
+    rows = measured.known()
+    if measured.n_feet > 1 and rows.any():
+        found = so_far(
+            measured.before[rows],
+            measured.after[rows],
+            measured.instants[rows],
+            instants_se=_some(measured.instants_se, rows),
+            feet=_some(measured.feet, rows),
+        )
+        known_so_far = asdict(found)
+        messages["contacts"] = found.said()
+        messages["outlook"] = found.needed()
     return Verdict(
         conclusion=CANNOT_TELL,
         sentence=str(said),
-        outlook="",
+        outlook=str(messages.get("outlook", "")),
+        contacts=str(messages.get("contacts", "")),
         compared="",
         n_feet=measured.n_feet,
         n_landings=measured.n_known,
@@ -341,9 +366,17 @@ def _no_answer(
         margin=options.margin,
         power=options.power,
         flips=options.flips,
+        so_far=known_so_far,
         notes=[*left_out, note],
-        messages={"sentence": said},
+        messages=messages,
     )
+
+
+def _some(values: FloatArray | None, rows: BoolArray) -> FloatArray | None:
+    """Return some rows of an array that may not be known."""
+    if values is None:
+        return None
+    return values[rows]
 
 
 @dataclass(frozen=True)

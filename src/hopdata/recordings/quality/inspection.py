@@ -158,7 +158,8 @@ class Inspection:
     remarks : tuple of str
         Remarks of the reader on the file.
     treated : tuple of Message
-        Processing of the positions after they were recorded (`processing.treated`).
+        Processing of the positions after they were recorded (`processing.treated`), and
+        what it does to contacts and states.
     events : tuple of Event
         Events marked in the file.
     """

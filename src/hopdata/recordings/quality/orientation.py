@@ -425,7 +425,7 @@ def _up(pieces: Sequence[Evidence]) -> Guess:
         mine = also(*reasons) if reasons else Message("recordings.up_by_habit")
         values = {"reason": mine, "other": other, "against": contrary.why}
         why = Message("recordings.up_but", values)
-    elif reasons and chances[up] - chances[other] >= SURE:
+    elif reasons and _is_sure(up, other, chances, told):
         return Guess(up, also(*reasons), evidence=found)
     elif reasons:
         values = {"reason": also(*reasons), "other": other}
@@ -437,6 +437,14 @@ def _up(pieces: Sequence[Evidence]) -> Guess:
     else:
         why = Message("recordings.up_usual", {"other": other})
     return Guess(up, why, is_sure=False, other=other, evidence=found)
+
+
+def _is_sure(
+    up: str, other: str, chances: Mapping[str, float], told: Sequence[Evidence]
+) -> bool:
+    """Tell whether the odds are high, and not by the habit of a format alone."""
+    by_data = sum(piece.margin(up, other) for piece in told)
+    return bool(chances[up] - chances[other] >= SURE and by_data >= STRONG)
 
 
 def _strongest_against(up: str, told: Sequence[Evidence]) -> Evidence | None:

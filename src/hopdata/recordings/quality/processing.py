@@ -1,5 +1,7 @@
 """Processing of positions before they were written: resampling or smoothing."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hopdata.arrays import FloatArray
@@ -85,10 +87,36 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[Mes
     if len(body) < 2 * SEGMENT or not noise_m < NO_CAMERA_M * scale:
         return []
     values = {"noise_um": 1e6 * noise_m}
-    cut = cut_off(body)
-    if not cut:
+    found = low_pass_of(body)
+    if found is None:
         return [Message("recordings.smoothed", values)]
-    return [Message("recordings.low_pass", {**values, "cut_off_hz": cut * rate_hz})]
+    cut_off_hz = found.cut_off * rate_hz
+    return [Message("recordings.low_pass", {**values, "cut_off_hz": cut_off_hz})]
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A Butterworth filter that ran forwards and backwards.
+
+    Parameters
+    ----------
+    cut_off : float
+        Its cut-off, 3 dB in each direction, relative to the frame rate.
+    poles : int
+        Its poles in each direction.
+    known_to : float
+        Frequency up to which its output stands above the rounding floor, relative to
+        the frame rate.
+    """
+
+    cut_off: float
+    poles: int
+    known_to: float
+
+    def gain(self, frequency: FloatArray) -> FloatArray:
+        """Return what is left of an amplitude at frequencies relative to the rate."""
+        ratio = np.tan(np.pi * frequency) / np.tan(np.pi * self.cut_off)
+        return np.asarray(1.0 / (1.0 + ratio ** (2 * self.poles)))
 
 
 def low_pass(body: FloatArray, *, scale: float = 1.0) -> float:
@@ -160,9 +188,17 @@ def _roughness(tracks: FloatArray) -> FloatArray:
 def cut_off(body: FloatArray) -> float:
     """Return the cut-off of a filter applied to markers of a rigid part; 0 if none.
 
-    Relative to the frame rate, for a zero-phase Butterworth filter (3 dB in each of two
-    directions). It is fitted to the spectra of the distances, assuming that the
-    unfiltered noise is a power of the frequency.
+    Relative to the frame rate; see `low_pass_of`.
+    """
+    found = low_pass_of(body)
+    return 0.0 if found is None else found.cut_off
+
+
+def low_pass_of(body: FloatArray) -> LowPass | None:
+    """Return the filter that was applied to markers of a rigid part; None if none was.
+
+    It is fitted to the spectra of the distances, assuming that the unfiltered noise is
+    a power of the frequency.
 
     Parameters
     ----------
@@ -175,7 +211,7 @@ def cut_off(body: FloatArray) -> float:
     apart = np.linalg.norm(body[:, i] - body[:, j], axis=2)
     apart = apart[np.isfinite(apart).all(axis=1)]
     if len(apart) < 2 * SEGMENT or not apart.size:
-        return 0.0
+        return None
     frequency, of_pairs = welch(apart, 1.0, nperseg=SEGMENT, axis=0, detrend="linear")
     frequency = frequency[2:-1]
     power = np.median(of_pairs[2:-1], axis=1)
@@ -183,13 +219,18 @@ def cut_off(body: FloatArray) -> float:
     above = np.flatnonzero(power > ABOVE_FLOOR * floor)
     last = int(above.max(initial=0))
     if not last:
-        return 0.0
+        return None
     fitted = slice(last // SLOWER, last + 1)
-    return _fitted_cut_off(frequency[fitted, None], power[fitted, None])
+    found = _fitted_filter(frequency[fitted, None], power[fitted, None])
+    if found is None:
+        return None
+    return LowPass(*found, known_to=float(frequency[last]))
 
 
-def _fitted_cut_off(frequency: FloatArray, power: FloatArray) -> float:
-    """Return the cut-off of the filter that explains a spectrum (K, 1), or 0."""
+def _fitted_filter(
+    frequency: FloatArray, power: FloatArray
+) -> tuple[float, int] | None:
+    """Return cut-off and poles of the filter that explains a spectrum (K, 1)."""
     grid = np.meshgrid(np.geomspace(0.01, 0.4, 100), POLES)
     cuts, poles = (axis.ravel() for axis in grid)
     # The logarithm of what a filter takes away is added again; noise is left.
@@ -203,5 +244,5 @@ def _fitted_cut_off(frequency: FloatArray, power: FloatArray) -> float:
     misfit[(slope < LEAST_SLOPE) | (slope > LARGEST_SLOPE)] = np.inf
     best = int(misfit.argmin())
     if misfit[best] < LAW_HOLDS:
-        return float(cuts[best])
-    return 0.0
+        return float(cuts[best]), int(poles[best])
+    return None

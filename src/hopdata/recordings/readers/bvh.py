@@ -385,7 +385,7 @@ def _rate(path: Path, printed: str) -> tuple[float | None, tuple[raw.Remark, ...
     only one multiple of 10, has this frame time when it is rounded in the same way.
     """
     frame_s = text.stated_number(str(path), "Frame Time", printed)
-    if frame_s is None:
+    if not frame_s:  # 0 stands in files of one pose
         return None, ()
     if not frame_s > 0:
         place = f"{path}: Frame Time"

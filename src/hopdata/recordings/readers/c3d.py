@@ -67,7 +67,7 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     if segments is not None and segments.names:
         named, positions = _joined(parameters, named, positions, segments)
         of_points += segments.remarks
-    events, unread = _events(parameters)
+    events, unread = read_events(parameters)
     first = head.first_frame(header, parameters)
     unit = parameters.texts("POINT", "UNITS")
     return raw.assembled(
@@ -293,7 +293,7 @@ def _unseen(
     return unseen, (f"{path}: {count} {why}; these points count as seen",)
 
 
-def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
+def read_events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
     """Return the events of the group ``EVENT``, and remarks.
 
     They are labels with times in minutes and seconds. Markers do not depend on them, so
@@ -380,7 +380,8 @@ def read_analogs(path: Path) -> Analogs:
     n_frames, _ = head.count_frames(header, parameters, available)
     per_frame = header.n_analog // n_channels
     numbers = _numbers(path, header, parameters, n_frames)
-    stored = numbers[:, 4 * header.n_points :].astype(float)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+        stored = numbers[:, 4 * header.n_points :].astype(float)
     formats = parameters.texts("ANALOG", "FORMAT")
     is_unsigned = bool(formats) and formats[0].upper() == "UNSIGNED"
     if is_unsigned:
@@ -396,6 +397,8 @@ def read_analogs(path: Path) -> Analogs:
     general_scale = parameters.number("ANALOG", "GEN_SCALE")
     if general_scale is None:
         general_scale = 1.0
+    with np.errstate(over="ignore", invalid="ignore"):  # no number stays none
+        values = (stored - offset) * scale * general_scale
     first = (head.first_frame(header, parameters) - 1) * per_frame
     samples = first + np.arange(n_frames * per_frame)
     return Analogs(
@@ -403,7 +406,7 @@ def read_analogs(path: Path) -> Analogs:
         names=_texts(parameters, "LABELS", n_channels),
         units=_texts(parameters, "UNITS", n_channels),
         time=samples / (frame_rate(header, parameters) * per_frame),
-        values=(stored - offset) * scale * general_scale,
+        values=values,
     )
 
 

@@ -151,6 +151,11 @@ def read_stored_plates(
     return plates, refused
 
 
+def _finite(values: FloatArray) -> FloatArray:
+    """Return values with NaN in place of what no sensor shows."""
+    return np.where(np.isfinite(values), values, np.nan)
+
+
 def _most_plates(parameters: Parameters) -> int:
     return len(parameters.numbers(GROUP, "TYPE"))
 
@@ -184,7 +189,7 @@ def _plate(
         origin=origin,
         names=tuple(analogs.names[k] for k in chosen),
         units=tuple(analogs.units[k] for k in chosen),
-        signals=analogs.values[:, chosen],
+        signals=_finite(analogs.values[:, chosen]),
         time=time,
         matrix=matrix,
         polynomial=_polynomial(parameters, i, kind),

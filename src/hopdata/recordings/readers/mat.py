@@ -23,7 +23,12 @@ from hopdata.arrays import FloatArray, h5py
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings import raw
-from hopdata.recordings.budget import MOST_LINKS, MOST_MATRICES, require_unpacked
+from hopdata.recordings.budget import (
+    DEFLATE_MOST,
+    MOST_LINKS,
+    MOST_MATRICES,
+    require_unpacked,
+)
 from hopdata.recordings.readers.hdf5 import SIGNATURE, require_intact
 from hopdata.recordings.readers.hdf5_checks import (
     checked_attribute,
@@ -231,6 +236,9 @@ def _inflated(file: BinaryIO, n_packed: int, order: str, most_mb: float) -> byte
     lead = stream.decompress(next(pieces), 8)
     size = int(np.frombuffer(lead.ljust(8, b"\0"), f"{order}u4")[1])
     require_unpacked(size, most_mb)
+    if size > DEFLATE_MOST * n_packed:  # before memory is asked for
+        wanted = f"at most {DEFLATE_MOST * n_packed} bytes from {n_packed} packed ones"
+        raise ValueError(f"byte {start}: expected {wanted}, found a claim of {size}")
     data = bytearray(8 + size)
     data[: len(lead)] = lead
     n_filled = len(lead)

@@ -17,7 +17,7 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.messages import Message
 from hopdata.recordings import raw
-from hopdata.recordings.budget import MOST_MARKERS
+from hopdata.recordings.budget import MOST_CELLS, MOST_MARKERS
 from hopdata.recordings.readers.text import decoded, readable
 
 BEGIN = b"\0\0\0\0\xff\xff\xff\xff"
@@ -197,13 +197,10 @@ def _positions(
     place_of = {number: k for k, number in enumerate(header.numbers)}
     if len(place_of) < len(header.numbers):
         raise RecordingError.at(f"{path}: markers", "different numbers", "equal ones")
-    n_entries = sum(n_points for _, n_points in frames)
-    n_wanted = len(frames) * len(header.numbers)
-    if n_wanted > 8 * n_entries + MOST_MARKERS:
-        wanted = "most markers in at least an eighth of the frames"
-        found = (
-            f"{n_entries} entries in {len(frames)} frames of {len(place_of)} markers"
-        )
+    n_numbers = 3 * len(frames) * len(header.numbers)
+    if n_numbers > _MOST_PER_BYTE * len(content) + MOST_CELLS:
+        wanted = "markers that are seen in more than a few frames"
+        found = f"{len(header.numbers)} markers, nearly none in {len(frames)} frames"
         raise RecordingError.at(path, wanted, found)
     positions = np.full((len(frames), len(header.numbers), 3), np.nan)
     columns = np.full(WORDS, -1)

@@ -64,33 +64,37 @@ def read_xlsx(
         found = "none; install it (pip install openpyxl), or save the sheet as CSV"
         raise RecordingError.at(path, wanted, found)
     _require_size(path, most_unpacked_mb)
-    tables = _sheets(path)
+    tables = [one for one in _sheets(path) if not _is_of_others(one[0])]
     if not tables:
         raise RecordingError.at(path, "a sheet with numbers", f"none{_TIDY}")
-    others = [name for name, _ in tables]
-    first_error: RecordingError | None = None
+    errors = []
     for sheet, table in sorted(tables, key=lambda one: not _is_of_places(one[0])):
         try:
-            found = _read_sheet(path, sheet, table, rate_hz, least_score)
+            recording = _read_sheet(path, sheet, table, rate_hz, least_score)
         except RecordingError as error:
-            first_error = first_error or error
+            errors.append(error)
             continue
-        others.remove(sheet)
-        if others:
-            values = {"place": str(path), "sheet": sheet, "others": listed(others)}
-            told = Message("recordings.sheet_read", values)
-            found = replace(found, remarks=(told, *found.remarks))
-        return found
-    assert first_error is not None
-    raise first_error
+        others = [name for name, _ in tables if name != sheet]
+        if not others:
+            return recording
+        values = {"place": str(path), "sheet": sheet, "others": listed(others)}
+        told = Message("recordings.sheet_read", values)
+        return replace(recording, remarks=(told, *recording.remarks))
+    raise errors[0]
+
+
+# Words in the names of sheets that hold positions, and of those that do not: workbooks
+# of Xsens have sheets of angles and velocities whose columns are named like positions.
+_PLACES = ("position", "marker", "trajector")
+_OTHERS = ("orientation", "angle", "euler", "quat", "velocity", "acceler", "magnetic")
 
 
 def _is_of_places(sheet: str) -> bool:
-    """Tell whether a sheet's name says that it holds positions.
+    return any(word in sheet.lower() for word in _PLACES)
 
-    Workbooks of Xsens have sheets of angles whose columns are named like these.
-    """
-    return any(word in sheet.lower() for word in ("position", "marker", "trajector"))
+
+def _is_of_others(sheet: str) -> bool:
+    return any(word in sheet.lower() for word in _OTHERS)
 
 
 def _read_sheet(

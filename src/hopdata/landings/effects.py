@@ -1,0 +1,379 @@
+"""What filters, resampling and soft tissue do to contacts and states, in ms and mm.
+
+Nothing here is a table: the recording is compared with itself, as it was before its
+positions were processed (`recordings.quality.restoring`), or without what its markers
+move against one another. Contacts and states of both are found in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.errors import AnalysisError
+from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.floor import fit_floor, level
+from hopdata.landings.sections.select import Sections, select_sections
+from hopdata.landings.states.assemble import assemble_pairs
+from hopdata.landings.states.pairs import Pairs
+from hopdata.landings.touchdowns import touchdown_table
+from hopdata.messages import Message
+from hopdata.recording import Recording
+from hopdata.recordings.quality.restoring import filter_of, recorded, unfiltered
+from hopdata.recordings.quality.rigid import frame_noise
+from hopdata.recordings.quality.softness import softness_remark
+from hopdata.rigid import body_shape, rigid_fit
+
+#: Time between two descents up to which they are the same landing, of an animal of 1 m.
+#: Unit: s. Origin: chosen. Filters move contacts by some 40 ms.
+SAME_LANDING_S = 0.12
+
+#: Time after the first contact in which markers wobble, of an animal of 1 m.
+#: Unit: s. Origin: chosen.
+WOBBLE_S = 0.08
+
+#: Time before the first contact in which they do not, of an animal of 1 m.
+#: Unit: s. Origin: chosen.
+FLIGHT_S = 0.08
+
+#: Wobble after an impact, relative to what the markers move against one another in
+#: flight, from which on it is told.
+#: Unit: 1. Origin: chosen.
+LEAST_WOBBLE = 1.0
+
+#: Frames of the middle of a recording that are compared.
+#: Unit: frames. Origin: chosen.
+MOST_FRAMES = 30_000
+
+#: Time after the first contact in which markers move as after an impact, and else as in
+#: flight, of an animal of 1 m.
+#: Unit: s. Origin: chosen.
+WOBBLES_FOR_S = 0.25
+
+#: Mean square of what the markers move against one another, relative to the one that
+#: its median gives for noise, from which on contacts are looked for.
+#: Unit: 1. Origin: chosen.
+UNEVEN = 1.15
+
+# Seed of the turns of the wobble.
+WOBBLE_SEED = 56
+
+# Landings from which a wobble is told.
+LEAST_LANDINGS = 3
+
+
+@dataclass(frozen=True)
+class Found:
+    """Contacts and states of a recording.
+
+    Parameters
+    ----------
+    begin_s : (L,) array
+        Apexes of the body before each landing, s.
+    instants : (L, F) array
+        Contact of each foot, s; NaN if none was found.
+    pairs : Pairs, optional
+        States at two sections; None if there are too few.
+    sections : Sections, optional
+        Those two; None without states.
+    """
+
+    begin_s: FloatArray
+    instants: FloatArray
+    pairs: Pairs | None
+    sections: Sections | None
+
+
+@one_blas_thread()
+def effects(recording: Recording) -> list[Message]:
+    """Report by how much processing and soft tissue move contacts and states.
+
+    Parameters
+    ----------
+    recording : Recording
+        As imported, with feet and body.
+
+    Returns
+    -------
+    list of Message
+        None for positions as the cameras saw them on a rigid body. Values are in ms,
+        mm and m/s.
+    """
+    if len(recording.names("foot")) < 2 or len(recording.names("body")) < 3:
+        return []
+    recording = _middle(recording)
+    messages = []
+    found = filter_of(recording.body, scale=recording.scale)
+    if found is not None:
+        original = replace(recording, positions=unfiltered(recording.positions, found))
+        half_period_ms = 500.0 / (found.cut_off * recording.rate_hz)
+        values = {"half_period_ms": half_period_ms}
+        messages += _difference("filter", recording, original, values)
+    else:
+        frames = recorded(recording)
+        if frames is not None:
+            values = {"from_hz": frames.rate_hz, "rate_hz": recording.rate_hz}
+            messages += _difference("resampling", recording, frames, values)
+    messages += _wobble(recording, is_processed=bool(messages))
+    return messages
+
+
+def _middle(recording: Recording) -> Recording:
+    """Return a recording, or its middle if it is very long."""
+    n_frames = len(recording.time)
+    first = max(0, (n_frames - MOST_FRAMES) // 2)
+    return recording.part(slice(first, first + MOST_FRAMES))
+
+
+def find(recording: Recording, sections: Sections | None = None) -> Found:
+    """Find contacts and states of a recording, at given sections or at its own."""
+    standing = level(recording, fit_floor(recording))
+    landings = find_landings(standing)
+    columns = [f"contact_{foot}_s" for foot in standing.names("foot")]
+    pairs = None
+    try:
+        if sections is None:
+            sections = select_sections([standing], landings={standing.name: landings})
+        pairs = _pairs(standing, landings, sections)
+    except AnalysisError:
+        pass  # with few landings contacts alone are compared
+    return Found(
+        begin_s=landings["begin_s"].to_numpy(dtype=float),
+        instants=landings[columns].to_numpy(dtype=float),
+        pairs=pairs,
+        sections=sections,
+    )
+
+
+def _pairs(standing: Recording, landings: pd.DataFrame, sections: Sections) -> Pairs:
+    heights = {
+        "pre_height_m": sections.pre_height_m,
+        "post_height_m": sections.post_height_m,
+    }
+    table = touchdown_table(standing, landings=landings, **heights)
+    return assemble_pairs([standing], table, **heights)
+
+
+def _difference(
+    kind: str, given: Recording, original: Recording, values: dict[str, Any]
+) -> list[Message]:
+    """Report by how much contacts and states of a recording differ from the original's.
+
+    Nothing if there are no contacts to compare.
+    """
+    try:
+        after = find(given)
+        before = find(original, after.sections)
+    except AnalysisError:
+        return []
+    moved, n_before = moved_contacts(after, before, pace=given.pace)
+    if not n_before:
+        return []
+    if not len(moved):
+        return [Message(f"landings.{kind}_hides_contacts", values)]
+    common = float(np.median(moved))
+    values = {
+        **values,
+        "common_ms": 1e3 * common,
+        "spread_ms": 1e3 * float(np.std(moved)),
+        "lost_percent": 100 * max(0.0, 1.0 - len(moved) / n_before),
+    }
+    states = moved_states(after, before, pace=given.pace)
+    if not states:
+        return [Message(f"landings.{kind}_moves_contacts", values)]
+    return [Message(f"landings.{kind}_moves", {**values, **states})]
+
+
+def moved_contacts(
+    after: Found, before: Found, *, pace: float
+) -> tuple[FloatArray, int]:
+    """Return by how much the contacts of landings moved, s, and how many there were."""
+    near = _nearest(after.begin_s, before.begin_s, pace)
+    moved = after.instants[near[:, 0]] - before.instants[near[:, 1]]
+    n_before = int(np.isfinite(before.instants).sum())
+    return moved[np.isfinite(moved)], n_before
+
+
+def _nearest(one: FloatArray, other: FloatArray, pace: float) -> FloatArray:
+    """Return which entries of two lists of instants, s, are of the same landing."""
+    if not len(one) or not len(other):
+        return np.zeros((0, 2), dtype=np.int64)
+    apart = np.abs(one[:, None] - other[None])
+    nearest = apart.argmin(axis=1)
+    rows = np.arange(len(one))
+    is_same = apart[rows, nearest] < SAME_LANDING_S * pace
+    return np.column_stack([rows[is_same], nearest[is_same]])
+
+
+def moved_states(after: Found, before: Found, *, pace: float) -> dict[str, float]:
+    """Return the rms change of the body's states: mm and m/s at both sections.
+
+    Empty if there are no states to compare.
+    """
+    if after.pairs is None or before.pairs is None:
+        return {}
+    near = _nearest(_touches(after.pairs), _touches(before.pairs), pace)
+    if not len(near):
+        return {}
+    found = {}
+    for side, name in (("pre", "x"), ("post", "y")):
+        changed = getattr(after.pairs, name)[near[:, 0]]
+        changed = changed - getattr(before.pairs, name)[near[:, 1]]
+        place, speed = np.split(changed, 2, axis=1)
+        found[f"{side}_mm"] = 1e3 * _rms(place)
+        found[f"{side}_m_s"] = _rms(speed)
+    return found
+
+
+def _touches(pairs: Pairs) -> FloatArray:
+    """Return the mean contact of each pair, s."""
+    if pairs.instants is None:
+        return np.zeros(0)
+    return np.asarray(np.nanmean(pairs.instants, axis=1))
+
+
+def _rms(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+# Soft tissue.
+
+
+def _wobble(recording: Recording, *, is_processed: bool) -> list[Message]:
+    """Report what the markers of a body move against one another after an impact.
+
+    Told of bodies that are soft, and of those whose markers wobble after impacts only.
+    """
+    names = recording.names("body")
+    is_soft = bool(softness_remark(recording.body, names))
+    try:
+        rigid, residual_m = as_rigid(recording)
+        if not is_soft and not _is_uneven(residual_m, n_markers=len(names)):
+            return []
+        given = find(recording)
+    except AnalysisError:
+        return []
+    first_s = _first_contacts(given)
+    if len(first_s) < LEAST_LANDINGS:
+        return []
+    pace = recording.pace
+    in_flight = _within(recording.time, first_s - FLIGHT_S * pace, first_s)
+    after = _within(recording.time, first_s, first_s + WOBBLE_S * pace)
+    flight_m = _rms(residual_m[in_flight])
+    after_m = _rms(residual_m[after])
+    noise_m = flight_m
+    if not is_processed:
+        # Processing leaves less noise from frame to frame than there is.
+        noise_m = min(flight_m, float(np.nanmedian(frame_noise(recording.body))))
+    wobbles = _beyond(after_m, flight_m) > LEAST_WOBBLE * flight_m
+    if not (is_soft or wobbles) or not after_m > noise_m:
+        return []
+    values = {"wobble_mm": 1e3 * _beyond(after_m, noise_m), "flight_mm": 1e3 * flight_m}
+    shares = {
+        "flight": _beyond(flight_m, noise_m) / flight_m,
+        "after": _beyond(after_m, noise_m) / after_m,
+    }
+    moved = _states_of_wobble(recording, rigid, given, shares)
+    if not moved:
+        return [Message("landings.wobble", values)]
+    return [Message("landings.wobble_moves", {**values, **moved})]
+
+
+def _first_contacts(found: Found) -> FloatArray:
+    """Return the first contact of each landing that has one, s."""
+    known = np.isfinite(found.instants)
+    first_s = np.where(known, found.instants, np.inf).min(axis=1, initial=np.inf)
+    return np.asarray(first_s[np.isfinite(first_s)])
+
+
+def _beyond(whole_m: float, part_m: float) -> float:
+    """Return what is left of an rms value without an independent part of it."""
+    return float(np.sqrt(max(0.0, whole_m**2 - part_m**2)))
+
+
+def _is_uneven(residual_m: FloatArray, *, n_markers: int) -> bool:
+    """Tell whether residuals (N,), m, are often larger than noise alone makes them.
+
+    This costs little, unlike looking for contacts.
+    """
+    from scipy.stats import chi2
+
+    squares = residual_m[np.isfinite(residual_m)] ** 2
+    n_free = 3 * n_markers - 6
+    if not len(squares):
+        return False
+    usual = float(np.median(squares)) * n_free / chi2.median(n_free)
+    return bool(np.mean(squares) > UNEVEN * usual)
+
+
+def as_rigid(recording: Recording) -> tuple[Recording, FloatArray]:
+    """Return a recording whose body is rigid, and what its markers moved otherwise.
+
+    The latter is the rms residual of a coordinate per degree of freedom, (N,), m.
+    """
+    body = recording.body
+    whole = body[np.isfinite(body).all(axis=(1, 2))]
+    shape = body_shape(whole[:: max(1, len(whole) // 500)])
+    fit = rigid_fit(body, shape)
+    moved = fit.centre[:, None] + np.einsum("nij,bj->nbi", fit.rotation, shape)
+    positions = recording.positions.copy()
+    columns = [recording.markers.index(name) for name in recording.names("body")]
+    positions[:, columns] = np.where(np.isfinite(body), moved, np.nan)
+    return replace(recording, positions=positions), fit.residual_m
+
+
+def _within(time: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> Any:
+    """Mark the instants (N,) within any span."""
+    inside = np.zeros(len(time), dtype=bool)
+    for first, last in zip(begin_s, end_s, strict=True):
+        inside |= (time >= first) & (time < last)
+    return inside
+
+
+def _states_of_wobble(
+    recording: Recording, rigid: Recording, given: Found, shares: Mapping[str, float]
+) -> dict[str, float]:
+    """Return what wobble adds to the body's states at both sections, mm.
+
+    The motion that is seen is added once more, each marker's turned at random, and
+    enlarged by what is not seen: a rigid motion follows as many as six of the
+    coordinates. Velocities are not told: they depend on the window of the fit, which a
+    wobble also changes.
+
+    Parameters
+    ----------
+    recording, rigid : Recording
+        As given, and with a rigid body.
+    given : Found
+        What was found in the former.
+    shares : mapping
+        Share of the residual's amplitude that is no noise: ``after`` contacts, and in
+        ``flight``.
+    """
+    from scipy.spatial.transform import Rotation
+
+    if given.pairs is None or given.sections is None:
+        return {}
+    columns = [recording.markers.index(name) for name in recording.names("body")]
+    n_coordinates = 3 * len(columns)
+    unseen = np.sqrt(n_coordinates / (n_coordinates - 6))
+    first_s = _first_contacts(given)
+    after = _within(recording.time, first_s, first_s + WOBBLES_FOR_S * recording.pace)
+    share = unseen * np.where(after, shares["after"], shares["flight"])
+    residual = (recording.positions - rigid.positions)[:, columns]
+    generator = np.random.default_rng(np.random.SeedSequence(WOBBLE_SEED))
+    turns = Rotation.random(len(columns), random_state=generator).as_matrix()
+    added = share[:, None, None] * np.einsum("bij,nbj->nbi", turns, residual)
+    positions = recording.positions.copy()
+    positions[:, columns] += added
+    try:
+        again = find(replace(recording, positions=positions), given.sections)
+    except AnalysisError:
+        return {}
+    moved = moved_states(again, given, pace=recording.pace)
+    return {key: value for key, value in moved.items() if key.endswith("_mm")}

@@ -1,0 +1,70 @@
+"""Figures of contacts: a cell for each landing, and how far feet land apart."""
+
+import numpy as np
+import pandas as pd
+
+from hopdata.figures.contacts import landings_figure, spread_figure
+from hopdata.figures.style import VERMILION
+
+FEET = ("left", "right")
+
+
+def made_up(n_landings):
+    """Return curves, contacts and orders of landings; the last order is unsure."""
+    curves = []
+    contacts = []
+    orders = []
+    for landing in range(1, n_landings + 1):
+        for number, foot in enumerate(FEET):
+            contact_s = landing + 0.01 * number
+            time = contact_s + np.arange(-0.05, 0.05, 0.01)
+            height = np.maximum(contact_s - time, 0.0)
+            curve = {"recording": "one", "landing": landing, "foot": foot}
+            curves.append(pd.DataFrame({**curve, "time_s": time, "height_m": height}))
+            instant = {"contact_s": contact_s, "se_s": 0.001, "found": True}
+            contacts.append({**curve, **instant})
+        probability = 0.999 if landing < n_landings else 0.6
+        order = {"order": "left > right", "probability": probability}
+        sure = {"sure": probability > 0.9}
+        orders.append({"recording": "one", "landing": landing, **order, **sure})
+    return pd.concat(curves), pd.DataFrame(contacts), pd.DataFrame(orders)
+
+
+def test_each_landing_has_a_cell_and_an_unsure_order_stands_out():
+    figure = landings_figure(*made_up(5), FEET)
+    cells = [axes for axes in figure.axes if axes.axison]
+    assert len(cells) == 5
+    titles = [axes.get_title(loc="left") for axes in cells]
+    assert titles[0].startswith("1: left > right\n99.9")
+    assert titles[4].endswith("unsure")
+    colours = [axes._left_title.get_color() for axes in cells]
+    assert colours[4] == VERMILION
+    assert VERMILION not in colours[:4]
+
+
+def test_feet_of_long_orders_are_told_by_number():
+    curves, contacts, orders = made_up(2)
+    long = "a foot with a very long name"
+    names = {"left": long, "right": "right"}
+    curves["foot"] = curves["foot"].map(names)
+    contacts["foot"] = contacts["foot"].map(names)
+    orders["order"] = f"{long} > right"
+    figure = landings_figure(curves, contacts, orders, [long, "right"])
+    assert figure.axes[0].get_title(loc="left").startswith("1: 1 > 2")
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels[1] == "2: right"
+
+
+def test_without_a_landing_the_figure_says_so():
+    none = pd.DataFrame(columns=["recording", "landing", "order", "probability"])
+    figure = landings_figure(none, none, none, FEET)
+    assert [text.get_text() for text in figure.texts] == ["No contact was found."]
+
+
+def test_times_after_the_first_foot_are_drawn():
+    _, contacts, orders = made_up(3)
+    figure = spread_figure(contacts, orders, FEET)
+    (axes,) = figure.axes
+    left, right = (container.lines[0].get_ydata() for container in axes.containers)
+    np.testing.assert_allclose(np.asarray(left, float), 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.asarray(right, float), 10.0)
