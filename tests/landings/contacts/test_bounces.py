@@ -8,6 +8,13 @@ from hopdata.landings.contacts.bounces import bounce_errors
 from hopdata.landings.contacts.find import find_contacts
 
 
+def standing(made):
+    """Return the heights without the first frames, in which feet rise from the floor."""
+    heights = made.heights.reshape(len(made.contacts), -1, 3).copy()
+    heights[:, :6] = np.nan
+    return heights.reshape(-1, 3)
+
+
 def bouncing(landings, high_m, *, seed):
     """Let feet bounce after their contacts, each time 0.4 times as fast."""
     made = falls(landings, seed=seed)
@@ -21,7 +28,7 @@ def bouncing(landings, high_m, *, seed):
         above += np.where(s > 0, np.maximum(height, 0.0), 0.0)
         begin += 2 * speed / GRAVITY_M_S2
         speed *= 0.4
-    return made, made.heights + above.reshape(-1, 3)
+    return made, standing(made) + above.reshape(-1, 3)
 
 
 @pytest.mark.parametrize("high_m", [0.0, 0.003, 0.006, 0.015])
@@ -43,12 +50,12 @@ def test_feet_that_bounce_share_an_error_and_those_that_stand_do_not(high_m):
         made, heights = bouncing(40, high_m, seed=seed)
         args = made.contacts, velocity, NOISE_M
         assert (bounce_errors(made.time, heights, *args) > 1e-3).all()
-        standing = bounce_errors(made.time, made.heights, *args)
-        assert (standing < 1e-3).all()
-        taken_for_bouncing.append((standing > 0).mean())
+        still = bounce_errors(made.time, standing(made), *args)
+        assert (still < 1e-3).all()
+        taken_for_bouncing.append((still > 0).mean())
         soft = falls(40, seed=seed, compliance_s=0.003)
         args = soft.contacts, velocity, NOISE_M
-        assert (bounce_errors(soft.time, soft.heights, *args) < 1e-3).all()
+        assert (bounce_errors(soft.time, standing(soft), *args) < 1e-3).all()
     assert np.mean(taken_for_bouncing) < 0.2
 
 

@@ -16,7 +16,7 @@ from hopdata.arrays import FloatArray, IntArray
 
 #: Time after a contact in which a foot is down: the lowest of these frames say where.
 #: Unit: s. Origin: chosen.
-RESTS_S = 0.2
+RESTS_S = 0.15
 
 #: Time after a contact in which a bounce counts: that of the frames that are fitted.
 #: Unit: s. Origin: derived: `passes.LONG_WINDOWS_S`.

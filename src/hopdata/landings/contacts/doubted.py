@@ -59,7 +59,7 @@ def filled(track: FloatArray, *, scale: float = 1.0) -> BoolArray:
     if not (usual > LEAST_ROUGHNESS_M * scale).all():
         return marked
     with np.errstate(invalid="ignore"):
-        on_cubic = (rough < ON_A_CUBIC * usual).all(axis=1)
+        on_cubic = np.all(rough < ON_A_CUBIC * usual, axis=1)
     if on_cubic.sum() > SMOOTH_SHARE * known.sum():
         return marked
     # Each difference is that of five frames. The first and the last frame of a run of

@@ -719,7 +719,8 @@ def _fall_freely(trials: Sequence[Trial], rough: Sequence[_Rough]) -> bool:
     known_falls = [fall for fall in falls if np.isfinite(fall)]
     if landings >= FEW or not known_falls:
         return False
-    return abs(np.median(known_falls) + GRAVITY_M_S2) < NEAR_GRAVITY * GRAVITY_M_S2
+    usual = float(np.median(known_falls))
+    return abs(usual + GRAVITY_M_S2) < NEAR_GRAVITY * GRAVITY_M_S2
 
 
 def _fall(time: FloatArray, height: FloatArray, begin_s: float, end_s: float) -> float:
