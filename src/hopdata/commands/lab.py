@@ -321,6 +321,10 @@ def _recordings(trials: Sequence[Trial], subjects: Subjects) -> list[tuple[str, 
 
 def _table(trials: Sequence[Trial], subjects: Subjects) -> str:
     """Write the table of samples: a row for each trial, subject by subject."""
+    has_sessions = any(subjects.sessions)
+    columns = list(COLUMNS)
+    if not has_sessions:
+        columns.remove("session")
     rows = []
     for name in subjects.distinct:
         own = [k for k, other in enumerate(subjects.names) if other == name]
@@ -330,11 +334,8 @@ def _table(trials: Sequence[Trial], subjects: Subjects) -> str:
             if stems.count(stem) > 1:
                 recording = "_".join(trials[k].place.with_suffix("").parts)
             file = of_files.relative(trials[k].file)
-            rows.append((name, subjects.sessions[k], recording, file))
-    columns = list(COLUMNS)
-    if not any(subjects.sessions):
-        columns.remove("session")
-        rows = [(name, recording, file) for name, _, recording, file in rows]
+            session = [subjects.sessions[k]] if has_sessions else []
+            rows.append([name, *session, recording, file])
     text = io.StringIO()
     writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     writer.writerow(columns)

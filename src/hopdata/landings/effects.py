@@ -150,12 +150,18 @@ def find(recording: Recording, sections: Sections | None = None) -> Found:
 
 
 def _pairs(standing: Recording, landings: pd.DataFrame, sections: Sections) -> Pairs:
-    heights = {
-        "pre_height_m": sections.pre_height_m,
-        "post_height_m": sections.post_height_m,
-    }
-    table = touchdown_table(standing, landings=landings, **heights)
-    return assemble_pairs([standing], table, **heights)
+    table = touchdown_table(
+        standing,
+        landings=landings,
+        pre_height_m=sections.pre_height_m,
+        post_height_m=sections.post_height_m,
+    )
+    return assemble_pairs(
+        [standing],
+        table,
+        pre_height_m=sections.pre_height_m,
+        post_height_m=sections.post_height_m,
+    )
 
 
 def _difference(
