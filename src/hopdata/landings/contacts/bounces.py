@@ -22,6 +22,10 @@ RESTS_S = 0.15
 #: Unit: s. Origin: derived: `passes.LONG_WINDOWS_S`.
 BOUNCES_S = 0.05
 
+#: Time after a contact in which a soft foot still sinks; it does not count.
+#: Unit: s. Origin: derived: three times a compliance of 5 ms.
+SINKS_S = 0.015
+
 #: Share of the frames after a contact in which the foot is lower than at rest.
 #: Unit: 1. Origin: chosen.
 LOWEST = 0.1
@@ -86,7 +90,8 @@ def _higher_at_first(
     frames = np.minimum(frames, len(time) - 1)
     z = np.where(inside, height[frames], np.nan)
     seen = np.isfinite(z)
-    is_early = seen & (time[frames] < instant[:, None] + BOUNCES_S)
+    since = time[frames] - instant[:, None]
+    is_early = seen & (since >= SINKS_S) & (since < BOUNCES_S)
     n_early = is_early.sum(axis=1)
     early = np.where(is_early, z, 0.0).sum(axis=1) / np.maximum(n_early, 1)
     # Frames that are not seen are put last.
