@@ -12,7 +12,7 @@ import pytest
 
 import hopdata as hd
 from hopdata.errors import ArgumentError, absent
-from hopdata.landings.contacts.find import METHODS
+from hopdata.landings.contacts.timing import METHODS
 from hopdata.maps import subspaces
 from hopdata.maps.verdict.model import LEFT
 from hopdata.recordings.readers.hdf5 import read_recording

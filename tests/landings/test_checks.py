@@ -13,7 +13,7 @@ from hopdata.landings.checks import (
     blurred,
     check_study,
 )
-from hopdata.landings.contacts.find import FILTER_DELAYS
+from hopdata.landings.contacts.altered import FILTER_DELAYS
 
 WHAT = {
     "seen": "frames seen, worst marker",

@@ -15,7 +15,7 @@ import numpy as np
 
 from hopdata.arrays import pd
 from hopdata.errors import with_names
-from hopdata.landings.contacts.find import FILTER_DELAYS
+from hopdata.landings.contacts.altered import FILTER_DELAYS
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.messages import Message
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.landings.contacts.descents import LANDED, find_transitions
-from hopdata.landings.contacts.find import contacts_of, floor_instants
+from hopdata.landings.contacts.tables import contacts_of, floor_instants
 from hopdata.landings.states.crossing import SectionStates
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.tracks import LOOK_AT, evenly, joined
