@@ -27,13 +27,24 @@ FILTER_DELAYS = 0.21
 RESAMPLED_FRAMES = 0.35
 
 
+def resampled_error(recording: Recording) -> float:
+    """Return the error, s, that contacts share after a change of the rate; else 0.
+
+    It is that of an animal of 1 m.
+    """
+    if not recording.indices("body"):
+        return 0.0
+    period = frames_of_pattern(middle(recording.body))
+    frame_s = 1 / recording.rate_hz / recording.pace
+    return RESAMPLED_FRAMES * period * frame_s
+
+
 def with_processing(recording: Recording, contacts: Contacts) -> Contacts:
     """Add to the common error what a filter or another rate did to contacts."""
     if not recording.indices("body"):
         return contacts
     frame_s = 1 / recording.rate_hz / recording.pace
-    period = frames_of_pattern(middle(recording.body))
-    early_s = RESAMPLED_FRAMES * period * frame_s
+    early_s = resampled_error(recording)
     late_s = 0.0
     cut_off = low_pass(recording.body, scale=recording.scale)
     if cut_off:

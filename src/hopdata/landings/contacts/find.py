@@ -165,11 +165,7 @@ def _trial_of(found: Descending) -> Trial:
     """Return what is sought in a recording, of an animal of 1 m."""
     recording = found.recording
     parts = joined.parts_of_feet(recording)
-    markers = [marker for own in parts for marker in own]
-    if len(markers) > len(parts):
-        tracks = recording.positions[:, markers]
-    else:
-        tracks = recording.feet
+    tracks = joined.tracks_of_feet(recording)
     heights = tracks[:, :, 2] / recording.scale
     is_doubted = doubted(tracks, scale=recording.scale)
     if is_doubted.any():
