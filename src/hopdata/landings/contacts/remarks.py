@@ -133,7 +133,7 @@ def _doubted(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
         end += len(own)
         spans = _spans(table, foot, recording.pace)
         for code, marked in ((FILLED, is_filled), (EXCHANGED, is_exchanged)):
-            of_foot = marked[:, markers].any(axis=1)
+            of_foot = np.asarray(marked[:, markers].any(axis=1))
             lasting_s = _lasting(recording, of_foot, spans)
             if (lasting_s > 0).any():
                 n_landings = int((lasting_s > 0).sum())
