@@ -380,12 +380,15 @@ def up_evidence(
         evidence.by_fall(fall),
         evidence.by_statement(raw.stated_up),
         evidence.by_plates(raw.plate_corners, raw.positions),
-        evidence.by_posture(posture, named, given=are_given),
         evidence.by_rests(raw.positions, given["feet"], over),
         evidence.by_stance(raw.positions, raw.rate_hz),
         evidence.by_sides(raw.positions, named),
     ]
-    return tuple(piece for piece in pieces if piece is not None)
+    found = [piece for piece in pieces if piece is not None]
+    upright = evidence.by_posture(posture, named, given=are_given, others=found)
+    if upright is not None:
+        found.append(upright)
+    return tuple(found)
 
 
 def _over_feet(
