@@ -175,6 +175,19 @@ def test_a_floor_tells_that_a_body_does_not_lie():
     assert alone.margin("z", "-z") > alone.margin("z", "y") + 1.0
 
 
+def test_who_moves_on_the_feet_does_not_lie():
+    for doing, folds, strides in (
+        ("stand", False, False),
+        ("lie", False, False),
+        ("squat", True, False),
+        ("treadmill", False, True),
+    ):
+        made = person(17, doing, "Plug-in Gait", seconds=2.0)
+        posture = evidence.posture_of(made.positions, named_parts(made.names))
+        assert (posture.folding > evidence.FOLDS) == folds
+        assert (posture.striding > evidence.STRIDES) == strides
+
+
 def test_few_markers_that_fall_are_weak_evidence():
     few = evidence.by_fall(FreeFall("m", "y", 0.02, 0.001, spread=0.2))
     all_of_them = evidence.by_fall(FreeFall("m", "y", 0.2, 0.001, spread=1.0))

@@ -7,7 +7,7 @@ can rule a direction out, and how far one can be trusted is a number with a name
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,11 @@ LIES = 0.05
 #: body squats or jumps.
 #: Unit: 1. Origin: chosen. Made-up walkers change it by 0.08 at most.
 FOLDS = 0.15
+
+#: How much the feet must move past one another, relative to that length, to show that
+#: the body walks or runs.
+#: Unit: 1. Origin: chosen. A step is some 0.4 of it, so feet move by 0.8.
+STRIDES = 0.4
 
 #: Share of the recordings in which markers come to rest again and again
 #: and not on a floor.
@@ -358,12 +363,15 @@ class Posture:
         Range of the usual heights of the parts, relative to the stature.
     folding : float
         How much the stature changes, but for a tenth of the frames, relative to it.
+    striding : float
+        How much left and right feet move past one another, likewise.
     """
 
     stature: FloatArray
     explained: FloatArray
     height_range: float
     folding: float
+    striding: float = 0.0
 
     @property
     def is_whole(self) -> bool:
@@ -407,7 +415,32 @@ def posture_of(
     stride = max(1, len(positions) // MOST_POSTURES)
     places = positions[::stride, known]
     seen = np.asarray(np.isfinite(places).all(axis=2))
-    return _posture(places, seen, heights[known], least)
+    posture = _posture(places, seen, heights[known], least)
+    if posture is None:
+        return None
+    stature = posture.stature
+    striding = _striding(positions[::stride], named, stature)
+    return replace(posture, striding=striding)
+
+
+def _striding(positions: FloatArray, named: NamedParts, stature: FloatArray) -> float:
+    """Return how far left and right feet move past one another across the body.
+
+    Relative to the stature (3,); 0 if there are no feet of both sides.
+    """
+    length = float(np.linalg.norm(stature))
+    left = [m for m in named.feet if named.sides[m] == "l"]
+    right = [m for m in named.feet if named.sides[m] == "r"]
+    if not left or not right or not length > 0:
+        return 0.0
+    apart = positions[:, left].mean(axis=1) - positions[:, right].mean(axis=1)
+    apart = apart[np.isfinite(apart).all(axis=1)]
+    if not len(apart):
+        return 0.0
+    to_head = stature / length
+    across = apart - (apart @ to_head)[:, None] * to_head
+    near, far = np.quantile(across, [0.05, 0.95], axis=0)
+    return float((far - near).max()) / length
 
 
 def _posture(
@@ -463,7 +496,7 @@ def by_posture(
         Whether the user named the body and the feet.
     others : sequence of Evidence
         All other evidence. The body may lie unless some of this tells that it stands,
-        or it squats or jumps.
+        or it squats, jumps, walks or runs.
     """
     if posture is None:
         return None
@@ -489,8 +522,8 @@ def by_posture(
         misleads = NAMES_MISLEAD
     else:
         misleads = TRUNK_MISLEADS
-    stands = posture.folding > FOLDS or _is_seen_to_stand(weights, others)
-    if not given and not stands:
+    moves = posture.folding > FOLDS or posture.striding > STRIDES
+    if not given and not moves and not _is_seen_to_stand(weights, others):
         weights = _may_lie(weights)
     return _evidence(POSTURE, weights, misleads, why)
 
