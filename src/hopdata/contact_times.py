@@ -293,7 +293,7 @@ def _as_several(recordings: Recording | Sequence[Recording]) -> list[Recording]:
         return [recordings]
     several = list(recordings)
     if not several or not all(isinstance(one, Recording) for one in several):
-        # A path is read by `hopdata.read`, which asks for the names of the feet.
+        # A path is read by `hopdata.read`, which finds the feet, or asks for them.
         wanted = "a recording or several, by hd.read or hd.Recording.from_arrays"
         raise ArgumentError.at("recordings", wanted, f"{recordings!r}"[:60])
     return several

@@ -103,7 +103,8 @@ def timed(trials: Sequence[Trial]) -> ContactTimes:
 
 def _of_file(file: Path, options: argparse.Namespace) -> Trial:
     """Read a file with the roles that the user gave; the others are guessed."""
-    from hopdata.commands.guesses import guessed_roles, inspected
+    from hopdata.commands.guesses import inspected
+    from hopdata.landings.role_guesses import guessed_roles
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_order
     from hopdata.recordings.quality.every_foot import every_foot

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 from hopdata.arrays import one_blas_thread
 from hopdata.commands import init as of_files
 from hopdata.commands import terminal
-from hopdata.commands.guesses import guessed_roles
 from hopdata.errors import AnalysisError, HopdataError, RecordingError
 from hopdata.jobs import study_name
+from hopdata.landings.role_guesses import guessed_roles
 from hopdata.messages import Message
 
 if TYPE_CHECKING:
