@@ -200,7 +200,7 @@ def test_events_that_cannot_be_written_are_refused_before_any_work(
 def test_a_name_that_another_file_has_is_not_given_to_a_second():
     recordings = [
         Recording.from_arrays(
-            [0.0, 0.01], np.zeros((2, 1, 3)), ["toe"], feet=["toe"], name=name
+            [0.0, 0.01], np.zeros((2, 1, 3)), ["toe"], feet=["toe"], body=[], name=name
         )
         for name in ("jump", "jump", "jump_2", "jump")
     ]
