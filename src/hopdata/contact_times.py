@@ -104,7 +104,9 @@ class ContactTimes(Shown):
     @property
     def found(self) -> pd.DataFrame:
         """Return the contacts that can be trusted."""
-        return self.table[self.table["found"]].reset_index(drop=True)
+        # Without a row the column has no type, and would choose columns, not rows.
+        is_found = self.table["found"].astype(bool)
+        return self.table[is_found].reset_index(drop=True)
 
     @property
     def feet(self) -> list[str]:
