@@ -23,14 +23,14 @@ Made-up people who walk, run, jump, stand, sit, squat, stoop or lie, in the mark
 have; there are rows for each posture:
 
 - `people, up`: as a C3D file with z up, and as a TRC file with y up, neither of which
-  states it. Who lies is upright by all that a file knows, and may be guessed wrongly.
+  states it. Who lies straight looks like who stands, and should be asked about.
 - `people, feet`: right is a choice of markers on feet only.
 - `people, unit`: stated rightly.
 
 A stated rate is sure only where free fall confirms it: `right_unsure` is the price of
 this. For unsure guesses, `init` asks by the name of the key and offers two candidates;
 `asked` are questions without candidates. `wrong_sure` is the share that matters; it
-should be at most 3 %.
+should be at most 1 %.
 """
 
 from __future__ import annotations

@@ -9,13 +9,16 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from made_up_hopper import MARKERS, hopping
+from written_files import write_c3d
 
 import hopdata as hd
 from hopdata.errors import ArgumentError, absent
 from hopdata.landings.contacts.timing import METHODS
 from hopdata.maps import subspaces
 from hopdata.maps.verdict.model import LEFT
-from hopdata.recordings.readers.hdf5 import read_recording
+from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 from hopdata.stages import LINE
 
 FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
@@ -257,6 +260,45 @@ def test_millimetres_for_metres_and_a_text_for_a_list_are_told(sample_path):
         hd.analyse(whole.positions)
     with pytest.raises(hd.HopdataError, match="feet: expected a list of marker names"):
         hd.analyse(sample_path, feet="foot1", body=BODY)
+
+
+def c3d_of(folder, positions, markers=MARKERS):
+    """Write a file that states no roles."""
+    path = folder / "hops.c3d"
+    time = np.arange(len(positions)) / 100
+    write_c3d(path, RawRecording(tuple(markers), time, 1e3 * positions, 100.0, "mm"))
+    return path
+
+
+def test_roles_are_those_of_the_file_and_otherwise_guessed(tmp_path):
+    whole = hd.Recording.from_arrays(
+        *(*hopping(5, n_frames=800), MARKERS), feet=MARKERS[3:6], body=MARKERS[:3]
+    )
+    stated = tmp_path / "stated.h5"
+    write_recording(stated, whole)
+    read = hd.read(stated)
+    assert (read.names("foot"), read.names("body")) == (MARKERS[3:6], MARKERS[:3])
+
+    guessed = c3d_of(tmp_path, hopping(5, n_frames=800)[1])
+    read = hd.read(guessed)
+    assert {*read.names("foot")} == {*MARKERS[3:6]}
+    assert {*read.names("body")} == {*MARKERS[:3]}
+    assert len(hd.contacts(read).found) > 9
+    told = []
+    prepared = hd.study(guessed, progress=told.append)
+    assert {*prepared.config["markers"]["feet"]} == {*MARKERS[3:6]}
+    assert any("markers.feet: toe1" in line for line in told)
+
+
+def test_roles_that_cannot_be_guessed_are_asked_for_in_one_line(tmp_path):
+    time, positions = hopping(5, n_frames=800)
+    still = c3d_of(tmp_path, np.repeat(positions[:1], len(time), axis=0))
+    with pytest.raises(hd.HopdataError, match=r"feet, body: .*markers\.feet: ") as told:
+        hd.read(still)
+    assert "\n" not in str(told.value)
+    # One of the roles alone is no guess.
+    with pytest.raises(hd.HopdataError, match="feet, body: expected names of markers"):
+        hd.read(still, feet=MARKERS[3:6])
 
 
 STATES = np.zeros((20, 18))

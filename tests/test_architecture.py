@@ -67,7 +67,7 @@ ABOVE = {
         *("config", "figures", "landings", "line", "maps", "recordings", "report"),
         *("stages", "provenance"),
     },
-    "analysis": {"config", "maps", "recordings", "stages", "walk"},
+    "analysis": {"config", "landings", "maps", "recordings", "stages", "walk"},
     "contact_times": {"landings", "recordings"},
     "samples": {"config", "maps"},
     "group": {"config", "maps", "report", "walk"},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from hopdata.walk import SNAKEFILE, Contents, Progress, Study
 
 if TYPE_CHECKING:
     from hopdata.maps.verdict.judge import Verdict
+    from hopdata.recordings.raw import RawRecording
 
 __all__ = ["SNAKEFILE", "Study", "analyse", "plan", "read", "study", "synthesize"]
 #: Differences that `plan` lists, beyond what smooth terms may leave, as shares of the
@@ -48,7 +50,8 @@ def read(
     file : path or sequence of path
         A file, or several in chronological order.
     feet, body : sequence of str
-        Names of the markers to keep, by role.
+        Names of the markers to keep, by role. If neither is given, they are those that
+        the file states; otherwise they are guessed, as ``hopdata init`` does.
     name : str, optional
         Name of the recording; by default the name of the file.
     options
@@ -64,13 +67,19 @@ def read(
     Raises
     ------
     RecordingError
-        If the file cannot be read or lacks a marker.
+        If the file cannot be read or lacks a marker, or if a guessed role is not sure;
+        the message then names the candidates.
 
     Examples
     --------
     >>> feet, body = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
     >>> read("data/sample/hopper.h5", feet=feet, body=body)
     <Recording 'hopper': 6 markers, 106,334 frames at 100 Hz, 100 % seen>
+
+    This file states the roles of its markers:
+
+    >>> read("data/sample/hopper.h5").names("foot")
+    ('foot1', 'foot2', 'foot3')
     """
     from hopdata.recordings.importing import import_recording
 
@@ -82,16 +91,38 @@ def read(
         "feet": [*marker_names("feet", feet)],
         "body": [*marker_names("body", body)],
     }
-    axis, _ = _guessed(first, markers, options)
-    options = {"vertical_axis": axis, **options}
+    found = _guessed(first, markers, options)
+    options = {"vertical_axis": found.axis, **options}
     recording, _ = import_recording(
-        file, name=name or first.stem, markers=markers, **options
+        file, name=name or first.stem, markers=found.markers, **options
     )
     return recording
 
 
-def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, list[str]]:
-    """Guess like ``hopdata init``: the vertical axis of a file, and its other feet."""
+@dataclass(frozen=True)
+class _Guessed:
+    """What is guessed of a file like by ``hopdata init``.
+
+    Parameters
+    ----------
+    markers : mapping
+        Names of the markers of the ``"feet"`` and the ``"body"``, if not given.
+    axis : str
+        The vertical axis.
+    other_feet : list of str
+        Feet that land at other times.
+    joined : mapping
+        Feet with several of the markers, and those markers.
+    """
+
+    markers: Contents
+    axis: str
+    other_feet: list[str]
+    joined: Mapping[str, list[str]]
+
+
+def _guessed(file: Path, markers: Contents, options: Contents) -> _Guessed:
+    """Guess the vertical axis of a file, its other feet, and roles if none is given."""
     from hopdata.recordings.axes import rotate_up
     from hopdata.recordings.quality.landing_markers import feet_between
     from hopdata.recordings.quality.orientation import guess_unit_and_up
@@ -100,21 +131,60 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, lis
 
     limits = {k: v for k, v in options.items() if k in ("rate_hz", "most_unpacked_mb")}
     raw = read_raw(file, **limits)
+    joined: Mapping[str, list[str]] = {}
+    if not any(markers.values()):
+        markers, joined = _roles(file, raw, options)
     if not all(markers.values()):
         given = " and ".join(f"{role}={names}" for role, names in markers.items())
         wanted = f"names of markers of {file} ({', '.join(raw.markers)})"
         raise RecordingError.at("feet, body", wanted, given)
-    unit = options.get("unit", "auto")
-    known_unit = None if unit == "auto" else unit
-    known_axis = options.get("vertical_axis")
     found_unit, found_axis = guess_unit_and_up(
-        raw, unit=known_unit, up=known_axis, markers=markers
+        raw,
+        unit=_known(options, "unit"),
+        up=_known(options, "vertical_axis"),
+        markers=markers,
     )
     metres_per_unit = METRES_PER_UNIT.get(found_unit.value, 1.0)
     upright = rotate_up(raw.positions * metres_per_unit, found_axis.value)
     feet = [name for name in markers["feet"] if name in raw.markers]
     other_feet = feet_between(raw.markers, upright, raw.rate_hz, feet)
-    return found_axis.value, other_feet
+    return _Guessed(markers, found_axis.value, other_feet, joined)
+
+
+def _known(options: Contents, key: str) -> str | None:
+    """Return an option, or None if it is to be guessed."""
+    value = options.get(key, "auto")
+    return None if value == "auto" else value
+
+
+def _roles(
+    file: Path, raw: RawRecording, options: Contents
+) -> tuple[Contents, Mapping[str, list[str]]]:
+    """Return the roles that a file states, or guess them, with the feet to be joined.
+
+    Raises
+    ------
+    RecordingError
+        If a role or the vertical axis is not sure.
+    """
+    from hopdata.landings import role_guesses
+    from hopdata.recordings.quality.inspection import inspect_recording
+
+    stated = role_guesses.roles_in_file(raw)
+    if stated:
+        return stated, {}
+    inspection = inspect_recording(
+        raw,
+        unit=_known(options, "unit"),
+        up=_known(options, "vertical_axis"),
+        rate_hz=options.get("rate_hz"),
+    )
+    roles = role_guesses.guessed_roles(inspection)
+    questions = role_guesses.open_questions(inspection, roles)
+    if questions:
+        wanted = f"names of markers of {file} ({', '.join(raw.markers)})"
+        raise RecordingError.at("feet, body", wanted, "; ".join(map(str, questions)))
+    return {"feet": [*roles.feet], "body": [*roles.body]}, roles.joined
 
 
 @told_call
@@ -151,7 +221,7 @@ def study(
         return Study(load_config(content, files=[source]), (), progress)
     entry = {"name": Path(source).stem, "file": str(source)}
     content = {"study": entry["name"], "recordings": [entry]}
-    guessed = _with_guesses(Path(source), roles, keys, progress)
+    guessed, roles = _with_guesses(Path(source), roles, keys, progress)
     return Study(load_config(_joined(content, guessed, roles)), (), progress)
 
 
@@ -202,19 +272,28 @@ def _file_of(recording: Recording) -> str:
 
 def _with_guesses(
     file: Path, roles: Contents, keys: Contents, progress: Progress
-) -> Contents:
-    """Return the keys of a motion-capture file, with what is guessed from it."""
+) -> tuple[Contents, Contents]:
+    """Return the keys and roles of a motion-capture file, with what is guessed."""
     options = keys.get("input") or {}
     sections = keys.get("sections") or {}
     check_keys("configuration", keys)
-    axis, other_feet = _guessed(file, roles, options)
+    guessed = _guessed(file, roles, options)
+    axis = guessed.axis
+    other_feet = guessed.other_feet
     progress(f"reading {file} with {axis} up")
+    for role, names in guessed.markers.items():
+        if not roles[role]:
+            progress(f"markers.{role}: {', '.join(names)}, of the file or guessed")
     found = {**keys, "input": {**options, "vertical_axis": axis}}
+    if guessed.joined and "feet" not in keys:
+        found["feet"] = [
+            {"name": name, "markers": own} for name, own in guessed.joined.items()
+        ]
     if other_feet and "frames" not in sections:
         found["sections"] = {**sections, "frames": "landings"}
         named = ", ".join(other_feet)
         progress(f"sections.frames: landings, since other feet land too ({named})")
-    return found
+    return found, guessed.markers
 
 
 def _joined(

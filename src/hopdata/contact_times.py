@@ -104,7 +104,9 @@ class ContactTimes(Shown):
     @property
     def found(self) -> pd.DataFrame:
         """Return the contacts that can be trusted."""
-        return self.table[self.table["found"]].reset_index(drop=True)
+        # Without a row the column has no type, and would choose columns, not rows.
+        is_found = self.table["found"].astype(bool)
+        return self.table[is_found].reset_index(drop=True)
 
     @property
     def feet(self) -> list[str]:
@@ -293,7 +295,7 @@ def _as_several(recordings: Recording | Sequence[Recording]) -> list[Recording]:
         return [recordings]
     several = list(recordings)
     if not several or not all(isinstance(one, Recording) for one in several):
-        # A path is read by `hopdata.read`, which asks for the names of the feet.
+        # A path is read by `hopdata.read`, which finds the feet, or asks for them.
         wanted = "a recording or several, by hd.read or hd.Recording.from_arrays"
         raise ArgumentError.at("recordings", wanted, f"{recordings!r}"[:60])
     return several

@@ -11,10 +11,10 @@ from made_up_jumps import STYLES, jumping
 from made_up_runner import NAMES, RATE_HZ, SHORTEST_M, runner
 
 from hopdata.__main__ import main
-from hopdata.commands.guesses import guessed_roles
 from hopdata.commands.init import Draft, draft_config, scalar
 from hopdata.config.loading import load_config
 from hopdata.jobs import study_name
+from hopdata.landings.role_guesses import guessed_roles
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.roles import guess_roles

@@ -950,7 +950,7 @@ def _judged(guess, truth):
 
 def _roles(case, inspection):
     """Return how body and feet were guessed: any of the true ones, and no other."""
-    from hopdata.commands.guesses import guessed_roles
+    from hopdata.landings.role_guesses import guessed_roles
 
     roles = guessed_roles(inspection)
     found = {}

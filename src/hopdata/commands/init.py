@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopdata.commands import devices, listing, terminal
-from hopdata.commands.guesses import guessed_roles, inspected
+from hopdata.commands.guesses import inspected
 from hopdata.errors import HopdataError, printable
 from hopdata.jobs import study_name
+from hopdata.landings.role_guesses import guessed_roles
 from hopdata.messages import Message
 from hopdata.recording import Event
 

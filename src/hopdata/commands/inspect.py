@@ -13,8 +13,9 @@ import numpy as np
 from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.commands import devices, listing, terminal
-from hopdata.commands.guesses import guessed_roles, inspected, with_effects
+from hopdata.commands.guesses import inspected, with_effects
 from hopdata.errors import counted
+from hopdata.landings.role_guesses import guessed_roles
 from hopdata.report.formatting import NOTES, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 

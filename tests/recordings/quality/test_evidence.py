@@ -130,7 +130,7 @@ def test_each_piece_leaves_every_direction_possible():
         evidence.by_habit(".trc"),
         evidence.by_fall(FreeFall("m", "z", 0.2, 0.01, spread=1.0)),
         evidence.by_statement("z"),
-        evidence.by_posture(posture, named, given=False),
+        evidence.by_posture(posture, named, given=False, others=()),
         evidence.by_sides(made.positions, named),
         evidence.by_stance(made.positions, made.rate_hz),
     ]
@@ -144,6 +144,48 @@ def test_each_piece_leaves_every_direction_possible():
     left_to_right = pieces[4]
     assert left_to_right.log_likelihood["z"] == left_to_right.log_likelihood["-z"]
     assert sum(np.exp([*evidence.log_odds(pieces).values()])) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("marker_set", ["OpenSim", "French", "German", "Rizzoli"])
+def test_who_lies_is_asked_about_and_who_stands_is_not(marker_set):
+    for up, suffix in (("z", ".c3d"), ("y", ".trc")):
+        for seed in range(3):
+            lying = person([30, seed], "lie", marker_set, seconds=1.0)
+            guess = guess_unit_and_up(file_of(lying, up, suffix=suffix))[1]
+            assert guess.value == up or not guess.is_sure
+            standing = person([30, seed], "stand", marker_set, seconds=1.0)
+            guess = guess_unit_and_up(file_of(standing, up, suffix=suffix))[1]
+            assert (guess.value, guess.is_sure) == (up, True)
+
+
+def test_a_floor_tells_that_a_body_does_not_lie():
+    made = person(14, "stand", "Plug-in Gait", seconds=1.0)
+    named = named_parts(made.names)
+    posture = evidence.posture_of(made.positions, named)
+    level = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
+    plates = evidence.by_plates(level, made.positions)
+    on_a_wall = evidence.by_plates(in_file(level, "y"), made.positions)
+    alone, stands, leans = (
+        evidence.by_posture(posture, named, given=False, others=others)
+        for others in ((), (plates,), (on_a_wall,))
+    )
+    assert stands.margin("z", "y") > alone.margin("z", "y") + 1.0
+    assert leans.margin("z", "y") == alone.margin("z", "y")
+    # Nobody who lies has the head below the feet.
+    assert alone.margin("z", "-z") > alone.margin("z", "y") + 1.0
+
+
+def test_who_moves_on_the_feet_does_not_lie():
+    for doing, folds, strides in (
+        ("stand", False, False),
+        ("lie", False, False),
+        ("squat", True, False),
+        ("treadmill", False, True),
+    ):
+        made = person(17, doing, "Plug-in Gait", seconds=2.0)
+        posture = evidence.posture_of(made.positions, named_parts(made.names))
+        assert (posture.folding > evidence.FOLDS) == folds
+        assert (posture.striding > evidence.STRIDES) == strides
 
 
 def test_few_markers_that_fall_are_weak_evidence():

@@ -450,6 +450,20 @@ def test_the_file_against_the_markers_is_asked_about():
     assert guess_unit_and_up(agreed, markers=SQUATTING)[1].is_sure
 
 
+def test_what_speaks_weakly_against_a_sure_direction_is_told():
+    walk = raw(walking())
+    roles = {"body": MARKERS[:3], "feet": MARKERS[3:6]}
+    stated = {}
+    for axis in ("", "z", "y"):
+        found = guess_unit_and_up(replace(walk, stated_up=axis), markers=roles)[1]
+        assert found.value == "z"
+        stated[axis] = found
+    assert all(one.is_sure for one in stated.values())
+    assert "for y speaks: the file says so" in stated["y"].reason
+    for axis in ("", "z"):
+        assert "speaks" not in stated[axis].reason
+
+
 def test_a_floor_against_the_markers_is_asked_about():
     """Feet that rest again and again along z, of a body that is said to be ahead of them."""
     walk = raw(walking())

@@ -35,6 +35,21 @@ def test_markers_that_wander_are_no_cluster():
     assert clusters(walk) == ()
 
 
+def test_a_marker_whose_frames_are_mixed_up_is_on_no_rigid_body():
+    positions = hopping(6)[1]
+    mixed = positions.copy()
+    mixed[:, 1] = np.random.default_rng(6).permutation(mixed[:, 1])
+    with_spare = np.concatenate([mixed, positions[:, 1:2]], axis=1)
+    found = [set(c.markers) for c in clusters(with_spare)]
+    assert {0, 2, 7} in found
+    assert not any(1 in markers for markers in found)
+
+
+def test_noise_alone_makes_no_body_less_rigid():
+    positions = hopping(7, noise_m=3e-3)[1]
+    assert {0, 1, 2} in [set(c.markers) for c in clusters(positions)]
+
+
 def test_two_markers_are_no_cluster():
     assert clusters(hopping(4)[1][:, :2]) == ()
 

@@ -7,7 +7,7 @@ can rule a direction out, and how far one can be trusted is a number with a name
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,22 @@ TRUNK_MISLEADS = 0.15
 #: The same by the roles that the user gave.
 #: Unit: 1. Origin: chosen.
 ROLES_MISLEAD = 0.002
+
+#: Share of the recordings in which a body lies along an axis, where nothing moves as on
+#: a floor: who lies straight has all parts in a row as who stands.
+#: Unit: 1. Origin: chosen. Most who are upright along the usual axis of a format stay
+#: sure; who is so along a less usual one is asked about.
+LIES = 0.05
+
+#: How much the length from feet to head must change, relative to it, to show that the
+#: body squats or jumps.
+#: Unit: 1. Origin: chosen. Made-up walkers change it by 0.08 at most.
+FOLDS = 0.15
+
+#: How much the feet must move past one another, relative to that length, to show that
+#: the body walks or runs.
+#: Unit: 1. Origin: chosen. A step is some 0.4 of it, so feet move by 0.8.
+STRIDES = 0.4
 
 #: Share of the recordings in which markers come to rest again and again
 #: and not on a floor.
@@ -177,6 +193,13 @@ _HABITS: Mapping[str, Mapping[str, float]] = {
 # Kinds of evidence, each of which may disagree with the others.
 HABIT = "habit"
 FALL = "fall"
+RESTS = "rests"
+STANCE = "stance"
+PLATES = "plates"
+POSTURE = "posture"
+
+# Those that tell who stands from who lies.
+OF_A_FLOOR = (FALL, RESTS, STANCE, PLATES)
 
 
 @dataclass(frozen=True)
@@ -210,7 +233,10 @@ class Evidence:
 def _evidence(
     kind: str, weights: Mapping[str, float], misleads: float, why: Message
 ) -> Evidence:
-    """Return evidence that misleads altogether in a share of the recordings."""
+    """Return evidence that misleads altogether in a share of the recordings.
+
+    `weights` need not sum to 1.
+    """
     total = sum(weights.values())
     of_chance = misleads / len(DIRECTIONS)
     logs = {}
@@ -276,7 +302,7 @@ def by_plates(corners: FloatArray | None, positions: FloatArray) -> Evidence | N
     above = float(np.mean(heights > 0))
     weights = {axis: above, f"-{axis}": 1 - above}
     why = Message("recordings.up_by_plates")
-    return _evidence("plates", weights, PLATES_MISLEAD, why)
+    return _evidence(PLATES, weights, PLATES_MISLEAD, why)
 
 
 def by_rests(
@@ -304,7 +330,7 @@ def by_rests(
         misleads = SQUATS_MISLEAD
     else:
         misleads = RESTS_MISLEAD
-    return _evidence("rests", {up: 1.0}, misleads, Message("recordings.up_by_rest"))
+    return _evidence(RESTS, {up: 1.0}, misleads, Message("recordings.up_by_rest"))
 
 
 def _stands_at_upper_end(positions: FloatArray, up: str) -> bool:
@@ -335,11 +361,17 @@ class Posture:
         Share of the variation of the usual heights that each axis explains.
     height_range : float
         Range of the usual heights of the parts, relative to the stature.
+    folding : float
+        How much the stature changes, but for a tenth of the frames, relative to it.
+    striding : float
+        How much left and right feet move past one another, likewise.
     """
 
     stature: FloatArray
     explained: FloatArray
     height_range: float
+    folding: float
+    striding: float = 0.0
 
     @property
     def is_whole(self) -> bool:
@@ -383,7 +415,32 @@ def posture_of(
     stride = max(1, len(positions) // MOST_POSTURES)
     places = positions[::stride, known]
     seen = np.asarray(np.isfinite(places).all(axis=2))
-    return _posture(places, seen, heights[known], least)
+    posture = _posture(places, seen, heights[known], least)
+    if posture is None:
+        return None
+    stature = posture.stature
+    striding = _striding(positions[::stride], named, stature)
+    return replace(posture, striding=striding)
+
+
+def _striding(positions: FloatArray, named: NamedParts, stature: FloatArray) -> float:
+    """Return how far left and right feet move past one another across the body.
+
+    Relative to the stature (3,); 0 if there are no feet of both sides.
+    """
+    length = float(np.linalg.norm(stature))
+    left = [m for m in named.feet if named.sides[m] == "l"]
+    right = [m for m in named.feet if named.sides[m] == "r"]
+    if not left or not right or not length > 0:
+        return 0.0
+    apart = positions[:, left].mean(axis=1) - positions[:, right].mean(axis=1)
+    apart = apart[np.isfinite(apart).all(axis=1)]
+    if not len(apart):
+        return 0.0
+    to_head = stature / length
+    across = apart - (apart @ to_head)[:, None] * to_head
+    near, far = np.quantile(across, [0.05, 0.95], axis=0)
+    return float((far - near).max()) / length
 
 
 def _posture(
@@ -414,11 +471,18 @@ def _posture(
     shares = np.nan_to_num(np.median(explained[spread_enough], axis=0))
     # Few markers fit any direction by chance.
     adjusted = 1 - (1 - shares) * (n_markers - 1) / max(n_markers - 2, 1)
-    return Posture(stature, np.maximum(adjusted, 0.0), float(np.ptp(heights)))
+    lengths = np.linalg.norm(statures[spread_enough], axis=1)
+    shortest, usual, longest = np.quantile(lengths, [0.05, 0.5, 0.95]).tolist()
+    folding = (longest - shortest) / usual if usual > 0 else 0.0
+    return Posture(stature, np.maximum(adjusted, 0.0), float(np.ptp(heights)), folding)
 
 
 def by_posture(
-    posture: Posture | None, named: NamedParts, *, given: bool
+    posture: Posture | None,
+    named: NamedParts,
+    *,
+    given: bool,
+    others: Sequence[Evidence],
 ) -> Evidence | None:
     """Return along which direction the parts of a body lie above one another.
 
@@ -430,6 +494,9 @@ def by_posture(
         The parts that the names mean.
     given : bool
         Whether the user named the body and the feet.
+    others : sequence of Evidence
+        All other evidence. The body may lie unless some of this tells that it stands,
+        or it squats, jumps, walks or runs.
     """
     if posture is None:
         return None
@@ -455,7 +522,27 @@ def by_posture(
         misleads = NAMES_MISLEAD
     else:
         misleads = TRUNK_MISLEADS
-    return _evidence("posture", weights, misleads, why)
+    moves = posture.folding > FOLDS or posture.striding > STRIDES
+    if not given and not moves and not _is_seen_to_stand(weights, others):
+        weights = _may_lie(weights)
+    return _evidence(POSTURE, weights, misleads, why)
+
+
+def _is_seen_to_stand(weights: Mapping[str, float], others: Sequence[Evidence]) -> bool:
+    """Tell whether a floor or gravity speaks for the direction from feet to head."""
+    to_head = max(DIRECTIONS, key=lambda up: weights[up])
+    return any(one.kind in OF_A_FLOOR and one.best == to_head for one in others)
+
+
+def _may_lie(weights: Mapping[str, float]) -> dict[str, float]:
+    """Return weights of directions for a body that stands, or lies along an axis."""
+    to_head = max(DIRECTIONS, key=lambda up: weights[up])
+    across = [up for up in DIRECTIONS if up[-1] != to_head[-1]]
+    total = sum(weights.values())
+    either = {up: (1 - LIES) * weight / total for up, weight in weights.items()}
+    for up in across:
+        either[up] += LIES / len(across)
+    return either
 
 
 def _why_upright(beside: float, above: float, *, given: bool) -> Message:
@@ -535,7 +622,7 @@ def by_stance(positions: FloatArray, rate_hz: float) -> Evidence | None:
         up: float(np.exp(STANDS_BELOW * along(over / length, up))) for up in DIRECTIONS
     }
     why = Message("recordings.up_by_stance")
-    return _evidence("stance", weights, STANCE_MISLEADS, why)
+    return _evidence(STANCE, weights, STANCE_MISLEADS, why)
 
 
 def _all_travel(positions: FloatArray) -> bool:

@@ -56,6 +56,10 @@ SURE = float(np.log(100.0))
 #: Unit: nepers. Origin: chosen. A probability ratio of 20.
 STRONG = float(np.log(20.0))
 
+#: The same from which on it is told though the likeliest is sure.
+#: Unit: nepers. Origin: chosen. A probability ratio of 2.
+WEAK = float(np.log(2.0))
+
 #: Largest chance that a fall misleads which overrules all else.
 #: Unit: 1. Origin: chosen. Between those of few and of most markers that fall.
 FALL_DECIDES = 1e-4
@@ -380,12 +384,15 @@ def up_evidence(
         evidence.by_fall(fall),
         evidence.by_statement(raw.stated_up),
         evidence.by_plates(raw.plate_corners, raw.positions),
-        evidence.by_posture(posture, named, given=are_given),
         evidence.by_rests(raw.positions, given["feet"], over),
         evidence.by_stance(raw.positions, raw.rate_hz),
         evidence.by_sides(raw.positions, named),
     ]
-    return tuple(piece for piece in pieces if piece is not None)
+    found = [piece for piece in pieces if piece is not None]
+    upright = evidence.by_posture(posture, named, given=are_given, others=found)
+    if upright is not None:
+        found.append(upright)
+    return tuple(found)
 
 
 def _over_feet(
@@ -426,7 +433,7 @@ def _up(pieces: Sequence[Evidence]) -> Guess:
         values = {"reason": mine, "other": other, "against": contrary.why}
         why = Message("recordings.up_but", values)
     elif reasons and _is_sure(up, other, chances, told):
-        return Guess(up, also(*reasons), evidence=found)
+        return Guess(up, _despite(up, also(*reasons), told), evidence=found)
     elif reasons:
         values = {"reason": also(*reasons), "other": other}
         why = Message("recordings.up_rather", values)
@@ -437,6 +444,15 @@ def _up(pieces: Sequence[Evidence]) -> Guess:
     else:
         why = Message("recordings.up_usual", {"other": other})
     return Guess(up, why, is_sure=False, other=other, evidence=found)
+
+
+def _despite(up: str, reason: Message, told: Sequence[Evidence]) -> Message:
+    """Return the reason for a sure direction, and what speaks weakly against it."""
+    against = max(told, key=lambda piece: piece.margin(piece.best, up))
+    if against.margin(against.best, up) < WEAK:
+        return reason
+    values = {"reason": reason, "other": against.best, "against": against.why}
+    return Message("recordings.up_despite", values)
 
 
 def _is_sure(

@@ -104,14 +104,6 @@ def without_number(name: str) -> str:
     return re.sub(r"\d+", "", name)
 
 
-def roles_by_name(markers: tuple[str, ...]) -> dict[str, list[str]]:
-    """Return the markers named as parts of the ``"body"`` and as ``"feet"``."""
-    return {
-        "body": [name for name in markers if part_by_name(name) == "body"],
-        "feet": [name for name in markers if part_by_name(name) == "foot"],
-    }
-
-
 def subject_prefixes(markers: tuple[str, ...]) -> list[str]:
     """Return the prefixes of the subjects' names: `A:`, or `A_`.
 

@@ -36,6 +36,11 @@ STRAIN = 0.025
 #: Unit: standard deviations. Origin: chosen.
 SIGMAS = 4.0
 
+#: Spread of a distance, relative to its length, beyond which no noise makes it rigid:
+#: then a marker is loose, or exchanged again and again.
+#: Unit: 1. Origin: chosen.
+LOOSE = 0.25
+
 #: Distances that count as long: this many times that to the nearest other marker. Of
 #: longer ones only this length counts, since far pairs all seem rigid.
 #: Unit: 1. Origin: chosen.
@@ -170,8 +175,9 @@ def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ..
     if len(pairs.median) < LEAST_MARKERS:
         return ()
     own = np.sqrt(noise[:, None] ** 2 + noise[None] ** 2)
-    by_noise = SIGMAS * np.nan_to_num(own)
-    allowed = np.fmax(STRAIN * _local(pairs.median), by_noise)
+    local = _local(pairs.median)
+    by_noise = np.fmin(SIGMAS * np.nan_to_num(own), LOOSE * local)
+    allowed = np.fmax(STRAIN * local, by_noise)
     with np.errstate(invalid="ignore", divide="ignore"):
         softness = np.nan_to_num(pairs.spread / allowed, nan=1e6, posinf=1e6)
     np.fill_diagonal(softness, 0.0)
