@@ -45,13 +45,11 @@ from scipy.optimize import curve_fit, least_squares
 
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.landings.contacts.descents import LANDED, Transitions
-from hopdata.landings.contacts.find import (
-    contacts_of,
-    find_contacts,
-    find_landings,
-)
+from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.contacts.kink import FlightPriors, kink_fits
 from hopdata.landings.contacts.passes import LONG_WINDOWS_S
+from hopdata.landings.contacts.tables import contacts_of
+from hopdata.landings.contacts.timing import find_contacts
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.forces import force_onsets
 from hopdata.landings.schedules import order_probability

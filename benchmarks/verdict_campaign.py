@@ -75,7 +75,7 @@ from statsmodels.stats.proportion import proportion_confint
 from verdict_rivals import RIVALS, rivals
 
 from hopdata.landings.checks import blurred
-from hopdata.landings.contacts.find import FILTER_DELAYS
+from hopdata.landings.contacts.altered import FILTER_DELAYS
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.judge import Verdict
 

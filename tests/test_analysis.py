@@ -14,7 +14,7 @@ from written_files import write_c3d
 
 import hopdata as hd
 from hopdata.errors import ArgumentError, absent
-from hopdata.landings.contacts.find import METHODS
+from hopdata.landings.contacts.timing import METHODS
 from hopdata.maps import subspaces
 from hopdata.maps.verdict.model import LEFT
 from hopdata.recordings.raw import RawRecording

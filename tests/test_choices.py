@@ -13,8 +13,8 @@ from hopdata.figures.catalogue import FORMATS
 from hopdata.hybrid.methods import table as integrators
 from hopdata.hybrid.printed import theorem
 from hopdata.landings import schedules, touchdowns
-from hopdata.landings.contacts import find as contacts
 from hopdata.landings.contacts import kink_law as kink_recording
+from hopdata.landings.contacts import timing as contacts
 from hopdata.landings.sections import select as sections
 from hopdata.landings.states import assemble as pair_assembly
 from hopdata.landings.states import fits as states

@@ -19,6 +19,7 @@ from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
+from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
 from hopdata.landings.floor import fit_floor, level
 from hopdata.messages import Message
 from hopdata.recording import Recording, require_distinct
@@ -103,7 +104,9 @@ class ContactTimes(Shown):
     @property
     def found(self) -> pd.DataFrame:
         """Return the contacts that can be trusted."""
-        return self.table[self.table["found"]].reset_index(drop=True)
+        # Without a row the column has no type, and would choose columns, not rows.
+        is_found = self.table["found"].astype(bool)
+        return self.table[is_found].reset_index(drop=True)
 
     @property
     def feet(self) -> list[str]:
@@ -244,6 +247,8 @@ def contacts(
         levelled.append(ready)
     # The recordings of one call learn from one another.
     tables = find_study_landings(levelled, of_feet=True, **options)
+    remarks += contact_remarks(levelled, tables)
+    remarks += resampled_remarks(levelled)
     rows: list[tuple[Any, ...]] = []
     orders: list[tuple[Any, ...]] = []
     for ready, landings in zip(levelled, tables, strict=True):

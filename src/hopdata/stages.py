@@ -509,6 +509,7 @@ def quality(  # noqa: PLR0913 - all that is checked, each by its name
 ) -> Quality:
     """Check whether the recordings and their landings can be trusted."""
     from hopdata.landings.checks import check_study
+    from hopdata.landings.contacts.remarks import contact_remarks
     from hopdata.landings.filling import filled_table
     from hopdata.landings.stability import drift_table, section_stability
 
@@ -524,6 +525,7 @@ def quality(  # noqa: PLR0913 - all that is checked, each by its name
         floors={name: model.to_dict() for name, model in floor_model.items()},
         expected_noise_m=expected_noise_m,
         other_feet=section_options["frames"] == "landings",
+        contact_remarks=contact_remarks(recordings, [contacts[name] for name in level]),
     )
     passed_or_not = [check.to_dict() for check in checks]
     return Quality(passed_or_not, stability, drift, filled_table(recordings))

@@ -1,6 +1,7 @@
 """``hopdata contacts``: the table, the page and the events of a file."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,8 +11,10 @@ from made_up_hopper import MARKERS, hopping
 from written_files import write_c3d
 
 from hopdata.__main__ import main
+from hopdata.commands.contacts import Trial, name_apart
 from hopdata.commands.contacts_instead import write_few
 from hopdata.config.loading import load_config
+from hopdata.recording import Recording
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.c3d import read_c3d
 
@@ -162,3 +165,46 @@ def test_a_file_without_a_landing_says_so_with_exit_code_1(tmp_path, capsys):
     file = export(tmp_path, standing)
     assert main(["contacts", str(file), "--feet", "toe1", "toe2"]) == 1
     assert "no landing found" in capsys.readouterr().out
+    # Tables and events have their columns, and no row.
+    given = ["--out", "none.csv", "--html", "none.html", "--events", "csv", "bids"]
+    given += ["opensim", "--to", str(tmp_path / "events")]
+    given = [str(tmp_path / one) if one.startswith("none") else one for one in given]
+    assert main(["contacts", str(file), "--feet", "toe1", "toe2", *given]) == 1
+    assert pd.read_csv(tmp_path / "none.csv").empty
+    events = pd.read_csv(tmp_path / "events" / f"{file.stem}_contacts.csv")
+    assert len(events.columns) == 6
+    assert events.empty
+
+
+def test_events_that_cannot_be_written_are_refused_before_any_work(
+    recording, tmp_path, capsys
+):
+    again = tmp_path / "other" / recording.name
+    again.parent.mkdir()
+    again.write_bytes(export(tmp_path / "other", hopping(2)[1]).read_bytes())
+    both = ["contacts", str(recording), str(again), "--force", "--out", "both.csv"]
+    # Two files of one name would write the same events.
+    assert main([*both, "--events", "csv"]) == 1
+    err = capsys.readouterr().err
+    assert "expected events of one recording" in err
+    assert str(again) in err
+    assert main([*both, "--events", "c3d"]) == 1
+    assert "expected a single C3D file" in capsys.readouterr().err
+    assert not (tmp_path / "both.csv").exists()
+    # The table holds both, under names of their own.
+    assert main(both) == 0
+    names = [recording.stem, f"{recording.stem}_2"]
+    assert list(pd.read_csv("both.csv")["recording"].unique()) == names
+
+
+def test_a_name_that_another_file_has_is_not_given_to_a_second():
+    recordings = [
+        Recording.from_arrays(
+            [0.0, 0.01], np.zeros((2, 1, 3)), ["toe"], feet=["toe"], body=[], name=name
+        )
+        for name in ("jump", "jump", "jump_2", "jump")
+    ]
+    trials = [Trial(one, (Path("jump.csv"),)) for one in recordings]
+    name_apart(trials)
+    names = [one.recording.name for one in trials]
+    assert names == ["jump", "jump_3", "jump_2", "jump_4"]

@@ -105,6 +105,9 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
         in forecast.describe(mixed, config, [])
     )
     assert not any("two kinds" in line for line in lines)
+    bouncing = forecast.Forecast(touchdowns, 1.0, 0.1, contact_remarks=("a bounces",))
+    assert "  note      a bounces" in forecast.describe(bouncing, config, [])
+    assert not starting([line.strip() for line in lines], "note")
     changes = starting([line.strip() for line in lines], "change")
     assert sum(one.startswith("vary how the body lands") for one in changes) == varies
 

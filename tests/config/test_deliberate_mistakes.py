@@ -10,7 +10,7 @@ import pytest
 from hopdata.config.loading import key_lines, load_config, place_of
 from hopdata.config.schema import hint
 from hopdata.errors import ConfigError
-from hopdata.landings.contacts import find as contacts
+from hopdata.landings.contacts import timing as contacts
 from hopdata.scenes import SCENES
 
 FILE = """\

@@ -5,7 +5,7 @@ from fake_tables import example, feet_names, touchdown
 from overlaps import text_faults
 
 from hopdata.figures.schedule import schedule_figure, touchdown_of
-from hopdata.landings.contacts.find import METHODS
+from hopdata.landings.contacts.timing import METHODS
 
 
 def drawn(samples, row):

@@ -13,7 +13,8 @@ from hopdata.landings.checks import (
     blurred,
     check_study,
 )
-from hopdata.landings.contacts.find import FILTER_DELAYS
+from hopdata.landings.contacts.altered import FILTER_DELAYS
+from hopdata.messages import Message
 
 WHAT = {
     "seen": "frames seen, worst marker",
@@ -99,6 +100,20 @@ def test_flights_that_are_continued_to_the_section_are_counted(tables):
     ]  # row 9 is excluded
     told = "in 2 the flight is continued to the pre section, by 8 ms at most"
     assert told in judged(tables)[WHAT["used"]].remark
+
+
+def test_what_is_known_of_contacts_is_told_beside_their_errors(tables):
+    values = {"foot": "f2", "landings": 7, "ms": 2.5}
+    bounces = Message("landings.foot_bounces", values)
+    plain = judged(tables)
+    told = judged(tables, contact_remarks=[bounces])
+    errors = WHAT["error"]
+    assert told[errors].remark == f"{plain[errors].remark}; {bounces}"
+    assert "f2 bounces off the floor at once (7 landings)" in str(bounces)
+    for what, check in plain.items():
+        assert told[what].status == check.status
+        if what != errors:
+            assert told[what].remark == check.remark
 
 
 def test_good_data_are_good(tables):

@@ -8,7 +8,12 @@ from made_up_hopper import MARKERS, hopping
 from scipy.signal import butter, filtfilt
 
 from hopdata import Recording
-from hopdata.landings.effects import effects, find, moved_contacts, moved_states
+from hopdata.landings.effects import (
+    effects,
+    find_contacts_and_states,
+    moved_contacts,
+    moved_states,
+)
 from hopdata.recordings.quality.restoring import filter_of, recorded, unfiltered
 
 # Seeds that were not looked at when anything was chosen.
@@ -43,7 +48,7 @@ def resampled(recording, rate_hz, kind="linear"):
 def wobbling(recording, amplitude_m, seed, *, hz=15.0, decay_s=0.05):
     """Let body markers swing after each first contact."""
     rng = np.random.default_rng(seed)
-    first_s = np.nanmin(find(recording).instants, axis=1)
+    first_s = np.nanmin(find_contacts_and_states(recording).instants, axis=1)
     positions = recording.positions.copy()
     for begin_s in first_s[np.isfinite(first_s)]:
         since = recording.time - begin_s
@@ -58,8 +63,8 @@ def wobbling(recording, amplitude_m, seed, *, hz=15.0, decay_s=0.05):
 def true_effect(given, original):
     """Return what was done to a recording, by the recording as it was before."""
     # At the sections that a study of the given recording has.
-    after = find(given)
-    before = find(original, after.sections)
+    after = find_contacts_and_states(given)
+    before = find_contacts_and_states(original, after.sections)
     moved, _ = moved_contacts(after, before, pace=given.pace)
     true = {"common_ms": 1e3 * np.median(moved), "spread_ms": 1e3 * np.std(moved)}
     return true | moved_states(after, before, pace=given.pace)
@@ -148,6 +153,6 @@ def test_a_recording_with_few_landings_is_told_of_its_contacts_alone():
     original = clean(25, n_frames=1100)
     given = filtered(original, 12)
     short = given.part(slice(0, 700))
-    found = find(short.part(slice(0, 110)))
+    found = find_contacts_and_states(short.part(slice(0, 110)))
     assert found.pairs is None
     assert len(effects(short)) == 1

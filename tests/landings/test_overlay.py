@@ -18,7 +18,7 @@ from hopdata.landings.overlay import (
     summarise_overlay,
 )
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.recordings.external import Column, ContactTimes
+from hopdata.recordings.external import Column, ExternalContacts
 
 
 def brute_force(first, second, window_s):
@@ -94,7 +94,7 @@ def touchdowns(scene):
 def known(instants, feet=("foot1",), *, span_s=None, other_feet_above_m=None):
     instants = np.sort(np.asarray(instants, float))
     span = span_s or (float(instants[0]), float(instants[-1]))
-    return ContactTimes(
+    return ExternalContacts(
         Column("switch", feet), instants, "contacts", span, other_feet_above_m
     )
 

@@ -18,13 +18,11 @@ from hopdata.landings.contacts.descents import (
     descents,
     find_hidden_landings,
 )
-from hopdata.landings.contacts.find import (
-    METHODS,
-    find_landings,
-    floor_instants,
-)
+from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.judged import Contacts
+from hopdata.landings.contacts.tables import floor_instants
+from hopdata.landings.contacts.timing import METHODS
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.forces import force_onsets

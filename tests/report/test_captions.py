@@ -7,7 +7,7 @@ import pytest
 from fake_study import CAPTIONS, full_study, touchdowns, truth, verdict
 from test_page import Page
 
-from hopdata.landings.contacts.find import METHODS
+from hopdata.landings.contacts.timing import METHODS
 from hopdata.report.language import sentence
 from hopdata.report.page import CONTROLS, PLACES, build_report
 

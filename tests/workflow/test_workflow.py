@@ -29,7 +29,7 @@ import hopdata
 from hopdata.commands.forecast import foretell
 from hopdata.config.loading import load_config
 from hopdata.figures.catalogue import FIGURES as CATALOGUE
-from hopdata.landings.contacts.find import METHODS
+from hopdata.landings.contacts.timing import METHODS
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 from hopdata.stages import LINE

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.commands import listing, terminal
-from hopdata.errors import ConfigError, RecordingError, did_you_mean
+from hopdata.errors import ConfigError, HopdataError, RecordingError, did_you_mean
 from hopdata.messages import Message
 
 if TYPE_CHECKING:
@@ -73,7 +73,8 @@ def contacts(options: argparse.Namespace) -> int:
             trials += _of_config(file)
         else:
             trials.append(_of_file(file, options))
-    _name_apart(trials)
+    name_apart(trials)
+    _require_events(options, trials)
     with terminal.progress_line("timing contacts"):
         found = timed(trials)
     show(found, [note for trial in trials for note in trial.notes])
@@ -122,7 +123,7 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
         feet, joined = every_foot(inspection, roles)
         if not feet:
             why = "; ".join(str(problem) for problem in roles.problems)
-            raise RecordingError(f"{file}: {why}; or name them: --feet NAME ...")
+            raise RecordingError(f"{file}: {why}; here by --feet NAME ...")
         notes.append(_told_roles(file, feet, joined))
     body = list(options.body or roles.body)
     _require_markers("--body", file, body, inspection)
@@ -246,15 +247,21 @@ def trial_of(
     return Trial(recording, files, config["feet"], options)
 
 
-def _name_apart(trials: list[Trial]) -> None:
+def name_apart(trials: list[Trial]) -> None:
     """Give files of the same name in different folders names that differ."""
-    known: dict[str, int] = {}
+    taken = {trial.recording.name for trial in trials}
+    seen: set[str] = set()
     for place, trial in enumerate(trials):
         name = trial.recording.name
-        known[name] = known.get(name, 0) + 1
-        if known[name] > 1:
-            renamed = replace(trial.recording, name=f"{name}_{known[name]}")
+        if name in seen:
+            number = 2
+            while f"{name}_{number}" in taken:
+                number += 1
+            name = f"{name}_{number}"
+            renamed = replace(trial.recording, name=name)
             trials[place] = replace(trial, recording=renamed)
+        seen.add(name)
+        taken.add(name)
 
 
 # What is shown and written.
@@ -333,6 +340,39 @@ def _require_apart(options: argparse.Namespace) -> None:
             require_new(path, sources, replace=options.force)
 
 
+def _require_events(options: argparse.Namespace, trials: Sequence[Trial]) -> None:
+    """Refuse events that cannot be written before contacts are timed."""
+    from hopdata.recordings.writers.contact_events import require_new
+
+    sources = [file for trial in trials for file in trial.files]
+    taken: dict[Path, Trial] = {}
+    for kind in options.events or ():
+        for trial in trials:
+            told = ", ".join(map(str, trial.files))
+            is_c3d = trial.files[0].suffix.lower() == ".c3d" and len(trial.files) == 1
+            if kind == "c3d" and not is_c3d:
+                raise RecordingError.at("--events c3d", "a single C3D file", told)
+            for path in _event_files(kind, trial, options):
+                require_new(path, sources, replace=options.force)
+                if path in taken:
+                    other = ", ".join(map(str, taken[path].files))
+                    wanted = "events of one recording; time them in calls of their own"
+                    raise HopdataError.at(path, wanted, f"those of {other} and {told}")
+                taken[path] = trial
+
+
+def _event_files(kind: str, trial: Trial, options: argparse.Namespace) -> list[Path]:
+    """Return the files of the events of a trial: the table, and what explains it."""
+    from hopdata.recordings.writers import bids
+
+    folder = options.to or Path()
+    stem = trial.files[0].stem
+    if kind == "bids":
+        table = folder / bids.events_name(stem)
+        return [table, table.with_suffix(".json")]
+    return [folder / f"{stem}{FORMATS[kind]}"]
+
+
 def _orders_beside(out: Path) -> Path:
     """Return the file of the orders beside that of the contacts."""
     return out.with_name(f"{out.stem}_orders{out.suffix}")
@@ -372,25 +412,12 @@ def write_events(
     """Write the contacts of a trial as events of a format; return the files."""
     from hopdata import __version__
     from hopdata.recordings.writers import bids, c3d, csv, opensim
-    from hopdata.recordings.writers.contact_events import require_new
 
-    source = trial.files[0]
-    folder = options.to or Path()
-    name = f"{source.stem}{FORMATS[kind]}"
-    if kind == "bids":
-        name = bids.events_name(source.stem)
-    path = folder / name
-    written = [path]
-    if kind == "bids":
-        written.append(path.with_suffix(".json"))
-    for one in written:
-        require_new(one, trial.files, replace=options.force)
+    written = _event_files(kind, trial, options)
+    path = written[0]
     events = found.events(trial.recording.name)
     if kind == "c3d":
-        if source.suffix.lower() != ".c3d" or len(trial.files) > 1:
-            told = ", ".join(map(str, trial.files))
-            raise RecordingError.at("--events c3d", "a single C3D file", told)
-        c3d.write_c3d_events(source, path, events)
+        c3d.write_c3d_events(trial.files[0], path, events)
     elif kind == "csv":
         csv.write_csv_events(path, events)
     elif kind == "bids":

@@ -92,10 +92,12 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
     if len(found.found):
         error = f"{1e3 * found.median_se_s:.2g} ms"
         facts.append(("Standard error", error, "of a contact, median"))
-        common_s = found.found["common_s"].median()
+        # It belongs to a foot, so that a median over feet would be that of one of them.
+        common_s = found.found["common_s"].max()
         if np.isfinite(common_s):
             common = f"{1e3 * common_s:.2g} ms"
-            facts.append(("Common error", common, "that all contacts of a foot share"))
+            remark = "at most, shared by all contacts of a foot"
+            facts.append(("Common error", common, remark))
     if len(ordered):
         n_sure = int(ordered["sure"].sum())
         facts.append(

@@ -19,6 +19,7 @@ from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError, with_names
 from hopdata.landings import exclusion
+from hopdata.landings.contacts.remarks import contact_remarks
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
@@ -109,6 +110,8 @@ class Forecast:
         can.
     kinds
         What divides the landings into two kinds; empty if they are of one.
+    contact_remarks
+        What to know of how the contacts of these feet were timed.
     """
 
     touchdowns: pd.DataFrame
@@ -122,6 +125,7 @@ class Forecast:
     stops: bool = False
     best: Mapping[str, float] = field(default_factory=dict)
     kinds: str = ""
+    contact_remarks: tuple[str, ...] = ()
 
     @property
     def least_allowed(self) -> float:
@@ -231,11 +235,18 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
             stops=True,
             best=best,
         )
+    remarks = contact_remarks(study.recordings, [*study.contacts.values()])
+    told = tuple(str(remark) for remark in remarks)
     verdict = study.verdict
     if verdict.effect is None:
         note = verdict.notes[-1]
         return Forecast(
-            touchdowns, share, reason=note["reason"], code=note["code"], best=best
+            touchdowns,
+            share,
+            reason=note["reason"],
+            code=note["code"],
+            best=best,
+            contact_remarks=told,
         )
     effect = verdict.effect
     shown = _in_all(effect.detectable, effect.allowed, share)
@@ -255,6 +266,7 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
         allowed_nearest=effect.allowed_nearest,
         best=best,
         kinds="".join(kinds),
+        contact_remarks=told,
     )
 
 
@@ -315,6 +327,7 @@ def describe(
     ]
     if left_out:
         lines.append(f"  left out  {'; '.join(left_out)}")
+    lines += [f"  note      {remark}" for remark in forecast.contact_remarks]
     if forecast.kinds:
         lines.append(f"  note      {TWO_KINDS} {forecast.kinds}")
     lines.append(f"  verdict   {reach(forecast, config)}")

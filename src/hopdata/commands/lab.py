@@ -111,6 +111,7 @@ def _init_folder(options: argparse.Namespace) -> int:
 
 
 def _none(left_out: Sequence[LeftOut]) -> Message:
+    """Say why a folder has no trial at all."""
     files = "; ".join(str(one.message()) for one in left_out[:MOST_LISTED])
     return Message("commands.folder_none", {"files": files or "nothing"})
 
@@ -204,6 +205,7 @@ def _as_recording(
 ) -> Recording | Message:
     """Return a trial as the study reads it, or why the study cannot use it."""
     from hopdata.recordings.importing import import_recording
+    from hopdata.recordings.lab import unreadable
     from hopdata.recordings.plausibility import check_plausible
 
     try:
@@ -218,9 +220,7 @@ def _as_recording(
         )
         check_plausible(recording)
     except RecordingError as error:
-        first = str(error).splitlines()[0]
-        text = first.removeprefix(str(trial.file)).lstrip(":, ")
-        return Message("recordings.lab_unreadable", {"error": text})
+        return unreadable(error, trial.file)
     try:
         lands = _lands(recording)
     except AnalysisError as error:

@@ -5,7 +5,7 @@ The limits are conventions: they say where to look first, and change nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
@@ -15,7 +15,7 @@ import numpy as np
 
 from hopdata.arrays import pd
 from hopdata.errors import with_names
-from hopdata.landings.contacts.find import FILTER_DELAYS
+from hopdata.landings.contacts.altered import FILTER_DELAYS
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.messages import Message
 
@@ -119,7 +119,7 @@ class Check:
         }
 
 
-def check_study(
+def check_study(  # noqa: PLR0913 - all that is checked, each by its name
     markers: pd.DataFrame,
     faults: pd.DataFrame,
     touchdowns: pd.DataFrame,
@@ -129,6 +129,7 @@ def check_study(
     *,
     expected_noise_m: float | None = None,
     other_feet: bool = False,
+    contact_remarks: Sequence[Message] = (),
 ) -> list[Check]:
     """Judge a study by its tables.
 
@@ -148,6 +149,8 @@ def check_study(
     other_feet : bool
         Whether the animal also lands on feet that the study does not follow. Descents
         in which none of the study's feet landed then do not count against it.
+    contact_remarks : sequence of Message
+        From `hopdata.landings.contacts.remarks`.
     """
     drifts = _drift(drift)
     moves = []
@@ -160,7 +163,7 @@ def check_study(
         _faults(faults),
         _noise(markers, expected_noise_m),
         _used(markers, touchdowns, other_feet),
-        _contact_errors(touchdowns),
+        _contact_errors(touchdowns, contact_remarks),
         _doubtful_orders(touchdowns),
         _sections(stability),
         replace(drifts, remarks=(*drifts.remarks, *moves)),
@@ -288,12 +291,15 @@ def _used_touchdowns(touchdowns: pd.DataFrame) -> pd.DataFrame:
     return touchdowns[~touchdowns["excluded"].astype(bool)]
 
 
-def _contact_errors(touchdowns: pd.DataFrame) -> Check:
+def _contact_errors(
+    touchdowns: pd.DataFrame, contact_remarks: Sequence[Message]
+) -> Check:
     """Ask how large the usual error of a foot's contact is, over the spread."""
+    told = [Message("landings.and_remark", {"remark": one}) for one in contact_remarks]
     used = _used_touchdowns(touchdowns)
     errors = used.filter(regex="^se_").median()
     if not errors.notna().any():
-        return _check(ERRORS, None, Message("landings.no_contact"))
+        return _check(ERRORS, None, Message("landings.no_contact"), *told)
     worst = int(np.nanargmax(errors.to_numpy(float)))
     error_s = float(errors.iloc[worst])
     spread_s = float(used["spread_s"].median())
@@ -306,7 +312,7 @@ def _contact_errors(touchdowns: pd.DataFrame) -> Check:
     ratio = np.nan
     if spread_s > 0:
         ratio = error_s / spread_s
-    return _check(ERRORS, ratio, *remarks)
+    return _check(ERRORS, ratio, *remarks, *told)
 
 
 def _doubtful_orders(touchdowns: pd.DataFrame) -> Check:

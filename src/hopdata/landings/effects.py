@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.floor import fit_floor, level
@@ -67,7 +67,7 @@ LEAST_LANDINGS = 3
 
 
 @dataclass(frozen=True)
-class Found:
+class ContactsAndStates:
     """Contacts and states of a recording.
 
     Parameters
@@ -129,7 +129,9 @@ def _middle(recording: Recording) -> Recording:
     return recording.part(slice(first, first + MOST_FRAMES))
 
 
-def find(recording: Recording, sections: Sections | None = None) -> Found:
+def find_contacts_and_states(
+    recording: Recording, sections: Sections | None = None
+) -> ContactsAndStates:
     """Find contacts and states of a recording, at given sections or at its own."""
     standing = level(recording, fit_floor(recording))
     landings = find_landings(standing)
@@ -141,7 +143,7 @@ def find(recording: Recording, sections: Sections | None = None) -> Found:
         pairs = _pairs(standing, landings, sections)
     except AnalysisError:
         pass  # with few landings contacts alone are compared
-    return Found(
+    return ContactsAndStates(
         begin_s=landings["begin_s"].to_numpy(dtype=float),
         instants=landings[columns].to_numpy(dtype=float),
         pairs=pairs,
@@ -150,6 +152,7 @@ def find(recording: Recording, sections: Sections | None = None) -> Found:
 
 
 def _pairs(standing: Recording, landings: pd.DataFrame, sections: Sections) -> Pairs:
+    """Return the states of a levelled recording at both sections."""
     table = touchdown_table(
         standing,
         landings=landings,
@@ -172,8 +175,8 @@ def _difference(
     Nothing if there are no contacts to compare.
     """
     try:
-        after = find(given)
-        before = find(original, after.sections)
+        after = find_contacts_and_states(given)
+        before = find_contacts_and_states(original, after.sections)
     except AnalysisError:
         return []
     moved, n_before = moved_contacts(after, before, pace=given.pace)
@@ -195,7 +198,7 @@ def _difference(
 
 
 def moved_contacts(
-    after: Found, before: Found, *, pace: float
+    after: ContactsAndStates, before: ContactsAndStates, *, pace: float
 ) -> tuple[FloatArray, int]:
     """Return by how much the contacts of landings moved, s, and how many there were."""
     near = _nearest(after.begin_s, before.begin_s, pace)
@@ -215,7 +218,9 @@ def _nearest(one: FloatArray, other: FloatArray, pace: float) -> FloatArray:
     return np.column_stack([rows[is_same], nearest[is_same]])
 
 
-def moved_states(after: Found, before: Found, *, pace: float) -> dict[str, float]:
+def moved_states(
+    after: ContactsAndStates, before: ContactsAndStates, *, pace: float
+) -> dict[str, float]:
     """Return the rms change of the body's states: mm and m/s at both sections.
 
     Empty if there are no states to compare.
@@ -243,6 +248,7 @@ def _touches(pairs: Pairs) -> FloatArray:
 
 
 def _rms(values: FloatArray) -> float:
+    """Return the root mean square of the values that are known; NaN without any."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
@@ -261,17 +267,13 @@ def _wobble(recording: Recording, *, is_processed: bool) -> list[Message]:
         rigid, residual_m = as_rigid(recording)
         if not is_soft and not _is_uneven(residual_m, n_markers=len(names)):
             return []
-        given = find(recording)
+        given = find_contacts_and_states(recording)
     except AnalysisError:
         return []
     first_s = _first_contacts(given)
     if len(first_s) < LEAST_LANDINGS:
         return []
-    pace = recording.pace
-    in_flight = _within(recording.time, first_s - FLIGHT_S * pace, first_s)
-    after = _within(recording.time, first_s, first_s + WOBBLE_S * pace)
-    flight_m = _rms(residual_m[in_flight])
-    after_m = _rms(residual_m[after])
+    flight_m, after_m = _about_contacts(recording, residual_m, first_s)
     noise_m = flight_m
     if not is_processed:
         # Processing leaves less noise from frame to frame than there is.
@@ -280,6 +282,7 @@ def _wobble(recording: Recording, *, is_processed: bool) -> list[Message]:
     if not (is_soft or wobbles) or not after_m > noise_m:
         return []
     values = {"wobble_mm": 1e3 * _beyond(after_m, noise_m), "flight_mm": 1e3 * flight_m}
+    # What the markers move but for noise, of what is seen.
     shares = {
         "flight": _beyond(flight_m, noise_m) / flight_m,
         "after": _beyond(after_m, noise_m) / after_m,
@@ -290,7 +293,20 @@ def _wobble(recording: Recording, *, is_processed: bool) -> list[Message]:
     return [Message("landings.wobble_moves", {**values, **moved})]
 
 
-def _first_contacts(found: Found) -> FloatArray:
+def _about_contacts(
+    recording: Recording, residual_m: FloatArray, first_s: FloatArray
+) -> tuple[float, float]:
+    """Return rms residuals in flight, and after the first contacts (L,), s; m.
+
+    The residuals (N,), m, are those of a rigid body, from `as_rigid`.
+    """
+    pace = recording.pace
+    in_flight = _within(recording.time, first_s - FLIGHT_S * pace, first_s)
+    after = _within(recording.time, first_s, first_s + WOBBLE_S * pace)
+    return _rms(residual_m[in_flight]), _rms(residual_m[after])
+
+
+def _first_contacts(found: ContactsAndStates) -> FloatArray:
     """Return the first contact of each landing that has one, s."""
     known = np.isfinite(found.instants)
     first_s = np.where(known, found.instants, np.inf).min(axis=1, initial=np.inf)
@@ -333,8 +349,8 @@ def as_rigid(recording: Recording) -> tuple[Recording, FloatArray]:
     return replace(recording, positions=positions), fit.residual_m
 
 
-def _within(time: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> Any:
-    """Mark the instants (N,) within any span."""
+def _within(time: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> BoolArray:
+    """Mark the instants (N,), s, within any span from a begin (L,) to its end, s."""
     inside = np.zeros(len(time), dtype=bool)
     for first, last in zip(begin_s, end_s, strict=True):
         inside |= (time >= first) & (time < last)
@@ -342,7 +358,10 @@ def _within(time: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> Any:
 
 
 def _states_of_wobble(
-    recording: Recording, rigid: Recording, given: Found, shares: Mapping[str, float]
+    recording: Recording,
+    rigid: Recording,
+    given: ContactsAndStates,
+    shares: Mapping[str, float],
 ) -> dict[str, float]:
     """Return what wobble adds to the body's states at both sections, mm.
 
@@ -355,7 +374,7 @@ def _states_of_wobble(
     ----------
     recording, rigid : Recording
         As given, and with a rigid body.
-    given : Found
+    given : ContactsAndStates
         What was found in the former.
     shares : mapping
         Share of the residual's amplitude that is no noise: ``after`` contacts, and in
@@ -378,7 +397,9 @@ def _states_of_wobble(
     positions = recording.positions.copy()
     positions[:, columns] += added
     try:
-        again = find(replace(recording, positions=positions), given.sections)
+        again = find_contacts_and_states(
+            replace(recording, positions=positions), given.sections
+        )
     except AnalysisError:
         return {}
     moved = moved_states(again, given, pace=recording.pace)

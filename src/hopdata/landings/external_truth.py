@@ -66,8 +66,8 @@ class _Known:
     they cannot be compared, that is a note and no error.
     """
 
-    asked: list[external.ContactTimes]
-    optional: list[external.ContactTimes]
+    asked: list[external.ExternalContacts]
+    optional: list[external.ExternalContacts]
     signals: Signals
     plate_signals: Signals
     notes: list[Message]
@@ -109,29 +109,19 @@ def overlay_external_truth(
         own = touchdowns[is_own].reset_index(drop=True)
         blocks = configured[recording.name]
         known = _known(recording, blocks, rate_hz=rate_hz, unit=unit)
-        compared = [
+        asked = [
             compare_contacts(recording, own, one, window_s=window_s)
             for one in known.asked
         ]
-        by_plates = []
-        for one in known.optional:
-            try:
-                table = compare_contacts(recording, own, one, window_s=window_s)
-            except AnalysisError as error:
-                values = {"name": one.column.name, "why": str(error)}
-                known.notes.append(Message("landings.own_not_compared", values))
-                continue
-            compared.append(table)
-            if one.source == "plates":
-                by_plates.append(table)
+        by_plates, by_events = _compare_own(recording, own, known, window_s=window_s)
+        compared = asked + by_plates + by_events
         contacts += compared
         thresholds += threshold_rows(recording, own, known.signals, window_s=window_s)
         notes += [(recording.name, note.code, str(note)) for note in known.notes]
         if not compared:
             continue
-        # The columns of forces if there are any, else all.
-        n_asked = len(known.asked)
-        of_forces = compared[n_asked - len(known.signals) : n_asked]
+        # The columns of forces if there are any, else all. They are the last asked for.
+        of_forces = asked[len(asked) - len(known.signals) :]
         shown = of_forces + by_plates or compared
         signals = [*known.signals, *known.plate_signals]
         examples.append(example_landing(recording, pd.concat(shown), signals))
@@ -150,6 +140,29 @@ def overlay_external_truth(
     )
 
 
+def _compare_own(
+    recording: Recording, touchdowns: pd.DataFrame, known: _Known, *, window_s: float
+) -> tuple[list[pd.DataFrame], list[pd.DataFrame]]:
+    """Compare the contacts in a recording's own file: by its plates, and by its events.
+
+    For contacts that cannot be compared, a note is added to `known`.
+    """
+    by_plates = []
+    by_events = []
+    for one in known.optional:
+        try:
+            table = compare_contacts(recording, touchdowns, one, window_s=window_s)
+        except AnalysisError as error:
+            values = {"name": one.column.name, "why": str(error)}
+            known.notes.append(Message("landings.own_not_compared", values))
+            continue
+        if one.source == "plates":
+            by_plates.append(table)
+        else:
+            by_events.append(table)
+    return by_plates, by_events
+
+
 def _known(
     recording: Recording,
     blocks: Mapping[str, Any],
@@ -159,7 +172,7 @@ def _known(
 ) -> _Known:
     """Read what the blocks of a recording name, and its own file."""
     feet = recording.names("foot")
-    asked: list[external.ContactTimes] = []
+    asked: list[external.ExternalContacts] = []
     signals: Signals = ()
     if blocks["contacts"]["file"] is not None:
         asked += external.read_contact_times(

@@ -194,7 +194,7 @@ def extrapolated(
 
 def contact_times_of(
     signal: external.ForceSignal, *, threshold: float | None = None
-) -> external.ContactTimes:
+) -> external.ExternalContacts:
     """Find the contact instants of a force signal.
 
     Parameters
@@ -218,7 +218,7 @@ def contact_times_of(
     _, error_s = extrapolated(
         signal.time, signal.force, instants, noise_n=_noise(signal.force, threshold)
     )
-    return external.ContactTimes(
+    return external.ExternalContacts(
         signal.column,
         instants,
         "forces",
@@ -233,7 +233,23 @@ def _noise(force: FloatArray, threshold: float) -> float:
     below = force[force < threshold]
     if not len(below):
         return 0.0
-    return float(1.4826 * np.median(np.abs(below - np.median(below))))
+    return noise_sd(below)
+
+
+def noise_sd(unloaded: FloatArray) -> float:
+    """Return the standard deviation of the noise of an unloaded plate, in its unit.
+
+    It is that of a normal distribution with the same median absolute deviation, which
+    a few samples under load do not change.
+
+    Parameters
+    ----------
+    unloaded : (K,) array
+        Vertical force in samples without load; at least one.
+    """
+    sd_per_mad = 1.4826
+    away = np.abs(unloaded - np.median(unloaded))
+    return float(sd_per_mad * np.median(away))
 
 
 def threshold_of(signal: external.ForceSignal) -> float:
@@ -262,10 +278,7 @@ def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
     AnalysisError
         If the force never reaches twice the threshold.
     """
-    above = signal.force[signal.force >= threshold]
-    large = 0.0
-    if len(above):
-        large = float(np.quantile(above, LARGE_QUANTILE))
+    large = large_force(signal.force[signal.force >= threshold])
     if not large > LOADED_THRESHOLDS * threshold:
         most = np.nanmax(signal.force)
         raise AnalysisError.at(
@@ -273,6 +286,29 @@ def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
             f"loads of more than twice the threshold of {threshold:.4g} {signal.unit}",
             f"at most {most:.4g}; do forces.unit and the threshold fit?",
         )
+    return loaded_from(threshold, large)
+
+
+def large_force(loads: FloatArray) -> float:
+    """Return the force that counts as large among loads (K,), in their unit.
+
+    0 if there are no loads.
+    """
+    if not len(loads):
+        return 0.0
+    return float(np.quantile(loads, LARGE_QUANTILE))
+
+
+def loaded_from(threshold: float, large: float) -> float:
+    """Return the force from which a foot carries load, in the unit of the arguments.
+
+    Parameters
+    ----------
+    threshold : float
+        Threshold of the onsets, above the unloaded force.
+    large : float
+        The large forces, from `large_force`.
+    """
     return max(LOADED_THRESHOLDS * threshold, LOADED_SHARE * large)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from hopdata.recording import Event, Recording
-from hopdata.recordings.external import Column, ContactTimes
+from hopdata.recordings.external import Column, ExternalContacts
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot, words_of
 from hopdata.recordings.readers.c3d import open_c3d, read_events
 from hopdata.recordings.writers.c3d import OURS
@@ -67,7 +67,7 @@ def written_by_hopdata(file: Path) -> set[Event]:
 
 def contacts_marked(
     recording: Recording, *, besides: Collection[Event] = ()
-) -> list[ContactTimes]:
+) -> list[ExternalContacts]:
     """Return the contacts marked in a recording's file, with the feet of their side.
 
     An event without a side, or of a side without feet, is of no known foot, and is left
@@ -93,7 +93,7 @@ def contacts_marked(
         instant = np.sort([event.time_s for event in events])
         span_s = (float(instant[0]), float(instant[-1]))
         name = max(events, key=lambda event: len(event.label)).label
-        found.append(ContactTimes(Column(name, feet), instant, "events", span_s))
+        found.append(ExternalContacts(Column(name, feet), instant, "events", span_s))
     return found
 
 

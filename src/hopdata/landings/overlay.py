@@ -11,7 +11,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.messages import Message
 from hopdata.recording import Recording
-from hopdata.recordings.external import ContactTimes
+from hopdata.recordings.external import ExternalContacts
 
 LARGEST_TABLE = 4_000_000  # most differences in the search for an offset, for memory
 
@@ -177,7 +177,7 @@ def likely_offset(
 def compare_contacts(
     recording: Recording,
     touchdowns: pd.DataFrame,
-    external: ContactTimes,
+    external: ExternalContacts,
     *,
     window_s: float,
 ) -> pd.DataFrame:
@@ -189,7 +189,7 @@ def compare_contacts(
         Levelled: feet rest at height 0.
     touchdowns : pandas.DataFrame
         Its touchdowns, from `touchdown_table`.
-    external : ContactTimes
+    external : ExternalContacts
         Instants of one column.
     window_s : float
         Largest difference between matching contacts, s.
@@ -262,7 +262,7 @@ def compare_contacts(
 
 
 def _compared(
-    rows: list[dict[Any, Any]], recording: Recording, external: ContactTimes
+    rows: list[dict[Any, Any]], recording: Recording, external: ExternalContacts
 ) -> pd.DataFrame:
     """Tabulate the contacts of a column in order of time."""
     table = pd.DataFrame(rows, columns=list(COLUMNS[len(SHARED_COLUMNS) :]))
@@ -299,14 +299,14 @@ def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     )
 
 
-def _errors(external: ContactTimes) -> list[float]:
+def _errors(external: ExternalContacts) -> list[float]:
     """Return the standard errors of a column's instants, s; NaN if not known."""
     if external.error_s is None:
         return [float("nan")] * len(external.instant)
     return [float(error) for error in external.error_s]
 
 
-def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
+def _by_others(recording: Recording, external: ExternalContacts) -> BoolArray:
     """Tell whether all feet of the column are in the air at each instant, (K,)."""
     if external.of_other_foot is not None:
         return external.of_other_foot
@@ -344,7 +344,7 @@ def _within(
     return np.asarray((instants >= first - margin) & (instants <= last + margin))
 
 
-def _check_overlap(recording: Recording, external: ContactTimes) -> None:
+def _check_overlap(recording: Recording, external: ExternalContacts) -> None:
     start = float(recording.time[0])
     end = float(recording.time[-1])
     first, last = external.span_s
@@ -357,7 +357,7 @@ def _check_overlap(recording: Recording, external: ContactTimes) -> None:
         )
 
 
-def _place(recording: Recording, external: ContactTimes) -> str:
+def _place(recording: Recording, external: ExternalContacts) -> str:
     return f"{recording.name}: {external.source}, column '{external.column.name}'"
 
 

@@ -16,7 +16,7 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings import forces
 from hopdata.messages import Message
 from hopdata.recording import Recording
-from hopdata.recordings.external import Column, ContactTimes, ForceSignal
+from hopdata.recordings.external import Column, ExternalContacts, ForceSignal
 from hopdata.recordings.force_plates import ForcePlate
 
 #: Length of the pieces of which the unloaded ones are chosen.
@@ -126,14 +126,14 @@ def find_onsets(time: FloatArray, vertical: FloatArray) -> Onsets:
         nan = float("nan")
         return Onsets(none, none, nan, nan, nan, nan)
     level = float(np.median(vertical[unloaded]))
+    noise = forces.noise_sd(vertical[unloaded])
     force = vertical - level
-    noise = float(1.4826 * np.median(np.abs(force[unloaded])))
     # Pieces beside a contact hold some of it.
     blur_s = _blur_s(force, np.abs(force) <= NOISES * noise, step_s)
     loads = force[force > max(NOISES * noise, LEAST_LOAD_N)]
-    large = float(np.quantile(loads, forces.LARGE_QUANTILE)) if len(loads) else 0.0
+    large = forces.large_force(loads)
     threshold = max(NOISES * noise, LEAST_SHARE * large)
-    sure = max(forces.LOADED_THRESHOLDS * threshold, forces.LOADED_SHARE * large)
+    sure = forces.loaded_from(threshold, large)
     # A plate on which somebody stands all the time has no unloaded force.
     if not large > max(LEAST_LOAD_N, sure) or abs(level) > UNLOADED_SHARE * large:
         return Onsets(none, none, level, noise, float("nan"), blur_s)
@@ -171,19 +171,22 @@ def _blur_s(force: FloatArray, unloaded: BoolArray, step_s: float) -> float:
     White noise behind a Gaussian filter of deviation s is correlated by exp(-(t/2s)^2)
     at a lag of t, so by 1/e at 2 s. Noise without a correlation, or none at all, tells
     of no filter.
+
+    Parameters
+    ----------
+    force : (K,) array
+        Vertical force above that of the unloaded plate, N.
+    unloaded : (K,) bool array
+        Samples that show noise alone.
+    step_s : float
+        Time between two samples, s.
     """
     length = max(10, round(STRETCH_S / step_s))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], unloaded, [False]])))
-    lags = max(2, min(length // 2, round(2 * LONGEST_BLUR_S / step_s) + 1))
-    products = np.zeros(lags + 1)
-    for start, stop in edges.reshape(-1, 2):
-        for first in range(start, stop - length + 1, length):
-            piece = _without_trend(force[first : first + length])
-            for lag in range(lags + 1):
-                products[lag] += piece[: length - lag] @ piece[lag:] / (length - lag)
-    if not products[0] > 0:
+    n_lags = max(2, min(length // 2, round(2 * LONGEST_BLUR_S / step_s) + 1))
+    covariance = _autocovariance(force, unloaded, length=length, n_lags=n_lags)
+    if not covariance[0] > 0:
         return 0.0
-    correlation = products / products[0]
+    correlation = covariance / covariance[0]
     # What chance does to noise that is not correlated is no filter.
     if correlation[1] < max(1 / np.sqrt(length), LEAST_CORRELATION):
         return 0.0
@@ -197,7 +200,27 @@ def _blur_s(force: FloatArray, unloaded: BoolArray, step_s: float) -> float:
     return min(float((before + share) * step_s / 2), LONGEST_BLUR_S)
 
 
+def _autocovariance(
+    force: FloatArray, unloaded: BoolArray, *, length: int, n_lags: int
+) -> FloatArray:
+    """Return the autocovariance of noise at lags of 0 to `n_lags` samples, N^2.
+
+    It is summed over whole stretches of `length` unloaded samples, each without its
+    trend, since drift is correlated for longer than any filter makes noise.
+    """
+    summed = np.zeros(n_lags + 1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], unloaded, [False]])))
+    for start, stop in edges.reshape(-1, 2):
+        for first in range(start, stop - length + 1, length):
+            stretch = _without_trend(force[first : first + length])
+            for lag in range(n_lags + 1):
+                n_products = length - lag
+                summed[lag] += stretch[:n_products] @ stretch[lag:] / n_products
+    return summed
+
+
 def _without_trend(piece: FloatArray) -> FloatArray:
+    """Return samples (n,) without their mean and linear trend."""
     at = np.arange(len(piece)) - (len(piece) - 1) / 2
     return piece - piece.mean() - at * (at @ piece) / (at @ at)
 
@@ -211,7 +234,7 @@ class PlateContacts:
 
     Parameters
     ----------
-    contacts : tuple of ContactTimes
+    contacts : tuple of ExternalContacts
         One for each plate that a followed foot steps on.
     signals : tuple of ForceSignal
         Vertical force of each of them above that of the unloaded plate, N.
@@ -219,7 +242,7 @@ class PlateContacts:
         What is worth knowing: several feet on a plate, plates that nobody steps on.
     """
 
-    contacts: tuple[ContactTimes, ...]
+    contacts: tuple[ExternalContacts, ...]
     signals: tuple[ForceSignal, ...]
     notes: tuple[Message, ...]
 
@@ -263,7 +286,7 @@ def contacts_on_plates(
         column = Column(plate.name, tuple(own))
         span_s = (float(plate.time[0]), float(plate.time[-1]))
         contacts.append(
-            ContactTimes(
+            ExternalContacts(
                 column,
                 onsets.instant,
                 "plates",

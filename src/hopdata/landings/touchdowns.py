@@ -14,8 +14,12 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings import exclusion, schedules
-from hopdata.landings.contacts import descents, find
+from hopdata.landings.contacts import descents
+from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.contacts.judged import Contacts
+from hopdata.landings.contacts.tables import are_by, contacts_of
+from hopdata.landings.contacts.timing import METHODS, find_contacts
+from hopdata.landings.contacts.where import usual_down_height
 from hopdata.landings.filling import mark_filled
 from hopdata.messages import Message
 from hopdata.recording import Recording
@@ -117,7 +121,7 @@ def touchdown_table(
         found here. If their contacts are by another method, only the descents of the
         body are used.
     method : str
-        See `hopdata.landings.contacts.find.find_contacts`. Every method but the kink
+        See `hopdata.landings.contacts.timing.find_contacts`. Every method but the kink
         fit searches between the sections.
     ambiguous_below : float
         Touchdowns whose schedule is less probable than this are of the class
@@ -150,19 +154,19 @@ def touchdown_table(
         If `method`, `gravity` or `ambiguous` is unknown.
     """
     require_choice("touchdowns.ambiguous", ambiguous, schedules.TREATMENTS)
-    printed = chosen("touchdowns.method", method, find.METHODS) is not None
+    printed = chosen("touchdowns.method", method, METHODS) is not None
     # The printed methods search again, between the sections, and need the descents
     # alone.
-    if landings is None or not (printed or find.are_by(landings, method)):
-        landings = find.find_landings(recording, method=method, **options)
+    if landings is None or not (printed or are_by(landings, method)):
+        landings = find_landings(recording, method=method, **options)
     spans = landings[["begin_s", "end_s"]].to_numpy(float)
     hidden = landings["hidden"].to_numpy(bool)
     transitions = _transitions(recording, spans, hidden, pre_height_m, post_height_m)
     if printed:
         down_height_m = options.get("down_height_m")
         if not down_height_m:
-            down_height_m = find.usual_down_height(recording, spans)
-        contacts = find.find_contacts(
+            down_height_m = usual_down_height(recording, spans)
+        contacts = find_contacts(
             recording.time,
             recording.feet[:, :, 2],
             transitions,
@@ -170,7 +174,7 @@ def touchdown_table(
             method=method,
         )
     else:
-        contacts = find.contacts_of(landings)
+        contacts = contacts_of(landings)
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
     table.insert(2, "method", method)
 

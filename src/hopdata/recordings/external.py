@@ -62,7 +62,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class ContactTimes:
+class ExternalContacts:
     """Contact instants of one column of an external file.
 
     Parameters
@@ -147,7 +147,7 @@ def columns_of(
 
 def read_contact_times(
     options: Mapping[str, Any], *, feet: Sequence[str], rate_hz: float | None = None
-) -> list[ContactTimes]:
+) -> list[ExternalContacts]:
     """Read the contact instants named by a recording's block ``contacts``.
 
     Parameters
@@ -162,7 +162,7 @@ def read_contact_times(
 
     Returns
     -------
-    list of ContactTimes
+    list of ExternalContacts
         One per column, on the recording's clock, s.
 
     Raises
@@ -193,13 +193,15 @@ def read_contact_times(
     return found
 
 
-def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactTimes:
+def _contact_times(
+    path: Path, column: Column, instants: FloatArray
+) -> ExternalContacts:
     instants = np.sort(instants[~np.isnan(instants)])
     if not len(instants):
         place = f"{path}: column '{column.name}'"
         raise RecordingError.at(place, "at least one contact instant", "none")
     span_s = (float(instants[0]), float(instants[-1]))
-    return ContactTimes(column, instants, "contacts", span_s)
+    return ExternalContacts(column, instants, "contacts", span_s)
 
 
 def _events(

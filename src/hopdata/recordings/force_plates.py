@@ -49,6 +49,13 @@ _MOMENTS = (
 _POSSIBLE_MOMENTS = (1.0, 1e-2, 1e-3)
 
 
+def _sides(corners: FloatArray) -> tuple[float, float]:
+    """Return the lengths of a plate's sides along its x and y, in the corners' unit."""
+    along_x = np.linalg.norm(corners[0] - corners[1])
+    along_y = np.linalg.norm(corners[0] - corners[3])
+    return float(along_x), float(along_y)
+
+
 @dataclass(frozen=True)
 class ForcePlate:
     """A force plate in the laboratory.
@@ -98,9 +105,7 @@ class ForcePlate:
     @property
     def sides_m(self) -> tuple[float, float]:
         """Return the lengths of the sides along the plate's x and y, m."""
-        along_x = np.linalg.norm(self.corners[0] - self.corners[1])
-        along_y = np.linalg.norm(self.corners[0] - self.corners[3])
-        return float(along_x), float(along_y)
+        return _sides(self.corners)
 
 
 @dataclass(frozen=True)
@@ -159,6 +164,41 @@ def read_force_plates(
     return FilePlates(tuple(plates), tuple(refused))
 
 
+def plates_of_recording(
+    recording: Recording, file: Path, *, unit: str = "auto"
+) -> FilePlates:
+    """Read the plates of a recording's file in the recording's axes and on its clock.
+
+    Parameters
+    ----------
+    recording : Recording
+        Imported from `file` alone.
+    file : path
+        The file.
+    unit : {"auto", "m", "mm"}
+        ``input.unit``, as for the recording. With ``"auto"`` the unit is that which the
+        import took.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read.
+    """
+    if not c3d_plates.count_plates(file):
+        return FilePlates()
+    if unit == "auto":
+        stored = read_raw(file, rate_hz=recording.rate_hz)
+        taken = choose_unit(stored.positions, unit="auto", nominal=stored.unit)
+        if taken != stored.unit:
+            unit = taken
+    return read_force_plates(
+        file,
+        vertical_axis=recording.vertical_axis,
+        unit=unit,
+        rate_hz=recording.rate_hz,
+    )
+
+
 def in_laboratory(stored: StoredPlate, metres: float, vertical_axis: str) -> ForcePlate:
     """Return a plate's forces and centres of pressure in metres and with z up.
 
@@ -178,27 +218,25 @@ def in_laboratory(stored: StoredPlate, metres: float, vertical_axis: str) -> For
     """
     axes = _own_axes(stored)
     forces, moments, unit_nm = _calibrated(stored, metres)
+    number = {"number": stored.number}
     remarks = []
     if stored.type == 1:
         own_pressure = metres * stored.signals[:, 3:5]
     else:
         _, is_turned = _origin(stored)
         if is_turned:
-            values = {"number": stored.number}
-            remarks.append(Message("recordings.plate_origin", values))
+            remarks.append(Message("recordings.plate_origin", number))
         own_pressure, unit_found = _at_surface(stored, forces, moments, metres, unit_nm)
         if unit_found != unit_nm:
             units = {"stated": unit_nm, "found": unit_found}
-            values_of_units = {"number": stored.number, **units}
-            remarks.append(Message("recordings.plate_moments", values_of_units))
+            remarks.append(Message("recordings.plate_moments", {**number, **units}))
     middle = metres * stored.corners.mean(axis=0)
     in_file = own_pressure @ axes[:, :2].T + middle
     force = np.ascontiguousarray(rotate_up(forces @ axes.T, vertical_axis))
     force[~np.isfinite(force).all(axis=1)] = np.nan
     if _points_down(force[:, 2]):
         force = -force
-        values = {"number": stored.number}
-        remarks.append(Message("recordings.plate_inverted", values))
+        remarks.append(Message("recordings.plate_inverted", number))
     return ForcePlate(
         number=stored.number,
         type=stored.type,
@@ -247,16 +285,34 @@ def _calibrated(
         return both[:, :3], both[:, 3:], usual
     newtons = _newtons(stored)
     if stored.type == 3:
-        fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4 = newtons * signals.T
-        a, b = np.abs(stored.origin[:2])
-        forces = np.column_stack([fx12 + fx34, fy14 + fy23, fz1 + fz2 + fz3 + fz4])
-        about_x = b * (fz1 + fz2 - fz3 - fz4)
-        about_y = a * (fz2 + fz3 - fz1 - fz4)
-        about_z = b * (fx34 - fx12) + a * (fy14 - fy23)
-        return forces, np.column_stack([about_x, about_y, about_z]), usual
+        forces, moments = _of_four_sensors(newtons * signals, stored.origin)
+        return forces, moments, usual
     forces = newtons * signals[:, :3]
     moments = signals[:, 3:]
     return forces, moments, _moment_unit(stored.units[3:]) or newtons * usual
+
+
+def _of_four_sensors(
+    signals: FloatArray, origin: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return forces and moments (K, 3) along the axes of a plate of type 3.
+
+    Parameters
+    ----------
+    signals : (K, 8) array
+        Forces of its sensors, N: x of 1 and 2, x of 3 and 4, y of 1 and 4, y of 2 and
+        3, and z of each.
+    origin : (3,) array
+        Its first two values are the distances of the sensors from the plate's axes, in
+        the unit of the positions.
+    """
+    fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4 = signals.T
+    a, b = np.abs(origin[:2])
+    forces = np.column_stack([fx12 + fx34, fy14 + fy23, fz1 + fz2 + fz3 + fz4])
+    about_x = b * (fz1 + fz2 - fz3 - fz4)
+    about_y = a * (fz2 + fz3 - fz1 - fz4)
+    about_z = b * (fx34 - fx12) + a * (fy14 - fy23)
+    return forces, np.column_stack([about_x, about_y, about_z])
 
 
 def _newtons(stored: StoredPlate) -> float:
@@ -318,26 +374,29 @@ def _at_surface(
     but for that about z if the force acts at the centre of pressure.
     """
     origin, _ = _origin(stored)
-    lever = np.cross(forces, metres * origin)
-    along_x = np.linalg.norm(stored.corners[0] - stored.corners[1])
-    along_y = np.linalg.norm(stored.corners[0] - stored.corners[3])
-    half_m = metres * np.array([along_x, along_y]) / 2
+    of_lever = np.cross(forces, metres * origin)
+    half_m = metres * np.array(_sides(stored.corners)) / 2
 
-    def pressure(unit_nm: float) -> FloatArray:
-        about = unit_nm * moments + lever
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.column_stack([-about[:, 1], about[:, 0]]) / forces[:, 2:]
-        ratio[~np.isfinite(ratio).all(axis=1)] = np.nan
-        return ratio
-
-    as_stated = pressure(stated_nm)
+    as_stated = _pressure(forces, stated_nm * moments + of_lever)
     if stored.type == 3 or _is_on_plate(as_stated, forces[:, 2], half_m):
         return _corrected(stored, as_stated, metres), stated_nm
     for unit_nm in _POSSIBLE_MOMENTS:
-        other = pressure(unit_nm)
+        other = _pressure(forces, unit_nm * moments + of_lever)
         if _is_on_plate(other, forces[:, 2], half_m):
             return other, unit_nm
     return as_stated, stated_nm
+
+
+def _pressure(forces: FloatArray, moments: FloatArray) -> FloatArray:
+    """Return where forces (K, 3), N, act on a surface: x and y, (K, 2), m.
+
+    The moments (K, 3), N m, are those about the origin of the axes, which lies in the
+    surface. NaN where there is no vertical force.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = np.column_stack([-moments[:, 1], moments[:, 0]]) / forces[:, 2:]
+    place[~np.isfinite(place).all(axis=1)] = np.nan
+    return place
 
 
 def _is_on_plate(
@@ -382,38 +441,3 @@ def _points_down(vertical: FloatArray) -> bool:
     above = known[known > WELL_LOADED * known.max(initial=0.0)]
     below = known[known < WELL_LOADED * known.min(initial=0.0)]
     return float(-below.sum()) > float(above.sum())
-
-
-def plates_of_recording(
-    recording: Recording, file: Path, *, unit: str = "auto"
-) -> FilePlates:
-    """Read the plates of a recording's file in the recording's axes and on its clock.
-
-    Parameters
-    ----------
-    recording : Recording
-        Imported from `file` alone.
-    file : path
-        The file.
-    unit : {"auto", "m", "mm"}
-        ``input.unit``, as for the recording. With ``"auto"`` the unit is that which the
-        import took.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read.
-    """
-    if not c3d_plates.count_plates(file):
-        return FilePlates()
-    if unit == "auto":
-        stored = read_raw(file, rate_hz=recording.rate_hz)
-        taken = choose_unit(stored.positions, unit="auto", nominal=stored.unit)
-        if taken != stored.unit:
-            unit = taken
-    return read_force_plates(
-        file,
-        vertical_axis=recording.vertical_axis,
-        unit=unit,
-        rate_hz=recording.rate_hz,
-    )

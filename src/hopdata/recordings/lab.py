@@ -49,6 +49,9 @@ RANGE_FRAMES = 500
 #: Unit: 1. Origin: chosen.
 ONE_SET = 0.8
 
+# Names of markers that a reason lists.
+MOST_NAMED = 8
+
 # Which of two files with the same trial is kept: those that hold plates and events
 # first, and text last.
 _PREFERRED = (".c3d", ".h5", ".hdf5", ".mat", ".trc", ".tsv", ".csv", ".txt")
@@ -176,7 +179,7 @@ def survey(
             left_out.append(LeftOut(place, reason))
             continue
         except RecordingError as error:
-            left_out.append(LeftOut(place, _unreadable(error, file)))
+            left_out.append(LeftOut(place, unreadable(error, file)))
             continue
         unfit = _unfit(trial)
         if unfit is not None:
@@ -261,8 +264,11 @@ def _is_still(positions: FloatArray) -> bool:
     return bool(np.quantile(ranges, STILL_MARKERS) < STILL * size)
 
 
-def _unreadable(error: RecordingError, file: Path) -> Message:
-    """Return the first line of an error without the path, which is told already."""
+def unreadable(error: RecordingError, file: Path) -> Message:
+    """Return why a file cannot be read: the first line of an error, without the path.
+
+    The path is told already beside the reason.
+    """
     first = str(error).splitlines()[0].removeprefix(str(file)).lstrip(":, ")
     return Message("recordings.lab_unreadable", {"error": first})
 
@@ -352,7 +358,3 @@ def lacking(trial: Trial, needed: Sequence[str]) -> Message | None:
     if len(trial.markers) > MOST_NAMED:
         values["has"] += f" and {len(trial.markers) - MOST_NAMED} more"
     return Message("recordings.lab_other_markers", values)
-
-
-# Names of markers that a reason lists.
-MOST_NAMED = 8

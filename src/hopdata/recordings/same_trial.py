@@ -44,6 +44,9 @@ SAME_RATE = 1e-3
 # Fewest markers in common: two distances that change independently.
 LEAST_MARKERS = 3
 
+# Fewest frames in which a distance must be known to both files to be compared.
+LEAST_FRAMES = 3
+
 # How two files agree.
 OTHER = ""
 PROCESSED = "processed"
@@ -106,6 +109,7 @@ def _least_misfit(long: FloatArray, short: FloatArray) -> float:
 
 
 def _spread_frames(n_frames: int, most: int) -> IntArray:
+    """Return at most `most` frames, evenly spread from the first to the last."""
     return np.unique(np.linspace(0, n_frames - 1, most).astype(np.int64))
 
 
@@ -114,30 +118,33 @@ def _likeliest_start(long: FloatArray, short: FloatArray) -> int:
     n_starts = len(long) - len(short) + 1
     if n_starts == 1:
         return 0
-    unit = _usual(long) / _usual(short)
+    scale = _median_distance(long) / _median_distance(short)
     at = _spread_frames(len(short), SEARCHED_FRAMES)
     differ = np.zeros(n_starts)
     counts = np.zeros(n_starts)
     for frame in at:
-        apart = np.abs(long[frame : frame + n_starts] - unit * short[frame])
+        apart = np.abs(long[frame : frame + n_starts] - scale * short[frame])
         known = np.isfinite(apart)
         differ += np.where(known, apart, 0.0).sum(axis=1)
         counts += known.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        usual = np.where(counts > 0, differ / counts, np.inf)
-    return int(np.argmin(usual))
+        mean_difference = np.where(counts > 0, differ / counts, np.inf)
+    return int(np.argmin(mean_difference))
 
 
-def _usual(distances: FloatArray) -> float:
-    """Return the median distance; 1 if none is known."""
+def _median_distance(distances: FloatArray) -> float:
+    """Return the median of distances (N, K), in their unit; 1 if none is known."""
     known = distances[np.isfinite(distances)]
-    return float(np.median(known)) if known.size and np.median(known) > 0 else 1.0
+    if not known.size:
+        return 1.0
+    median = float(np.median(known))
+    return median if median > 0 else 1.0
 
 
 def _misfit(one: FloatArray, other: FloatArray) -> float:
     """Return the rms difference of distances (n, K), relative to how much they vary."""
     known = np.isfinite(one) & np.isfinite(other)
-    is_usable = known.sum(axis=0) >= LEAST_MARKERS
+    is_usable = known.sum(axis=0) >= LEAST_FRAMES
     known &= is_usable
     if np.count_nonzero(is_usable) < 2:
         return np.inf

@@ -5,7 +5,7 @@ import pytest
 from falling_feet import GRAVITY_M_S2, NOISE_M, falls
 
 from hopdata.landings.contacts.bounces import bounce_errors
-from hopdata.landings.contacts.find import find_contacts
+from hopdata.landings.contacts.timing import find_contacts
 
 
 def standing(made):

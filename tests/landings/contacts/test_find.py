@@ -15,11 +15,9 @@ from hopdata.landings.contacts.descents import (
     POOR_FIT,
     RISES,
 )
-from hopdata.landings.contacts.find import (
-    contacts_of,
-    find_contacts,
-    find_landings,
-)
+from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.tables import contacts_of
+from hopdata.landings.contacts.timing import find_contacts
 from hopdata.landings.floor import fit_floor, level
 from hopdata.recording import Recording
 
@@ -174,7 +172,7 @@ def test_what_a_low_pass_may_delay_contacts_by_is_common_to_all(scene, monkeypat
     recording = scene.recording.part(slice(0, 2000))
     plain = contacts_of(find_landings(recording)).common
     monkeypatch.setattr(
-        "hopdata.landings.contacts.find.low_pass", lambda _, **_scale: 0.12
+        "hopdata.landings.contacts.altered.low_pass", lambda _, **_scale: 0.12
     )
     delayed = contacts_of(find_landings(recording)).common
     assert (plain < 0.002).all()

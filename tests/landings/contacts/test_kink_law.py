@@ -9,12 +9,12 @@ from falling_feet import NOISE_M, RATE_HZ, SPEED_M_S, falls
 from synthetic_landings import simulate, transitions_of
 
 from hopdata.landings.contacts.descents import LANDED
-from hopdata.landings.contacts.find import find_contacts
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
 from hopdata.landings.contacts.kink_law import learned_laws, single_fits, weak_priors
 from hopdata.landings.contacts.law import FootHeights, Law, Trials
 from hopdata.landings.contacts.learning import learn
 from hopdata.landings.contacts.passes import LONG_WINDOWS_S
+from hopdata.landings.contacts.timing import find_contacts
 from hopdata.landings.schedules import order_probability
 
 FIRST_MEASURED_MS = {"known": 0.49, "learned": 0.49, "free": 0.84}

@@ -9,15 +9,11 @@ from falling_feet import falls
 from jumps import KINDS, NAMES, PELVIS, make
 
 from hopdata.landings.contacts.descents import LANDED
-from hopdata.landings.contacts.find import (
-    Trial,
-    find_all_contacts,
-    find_landings,
-    find_study_landings,
-)
+from hopdata.landings.contacts.find import find_landings, find_study_landings
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
 from hopdata.landings.contacts.law import FootHeights, Trials
 from hopdata.landings.contacts.learning import learn, pooled_noises
+from hopdata.landings.contacts.timing import Trial, find_all_contacts
 from hopdata.landings.floor import fit_floor, level
 from hopdata.recording import Recording
 

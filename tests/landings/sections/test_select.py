@@ -9,7 +9,8 @@ from section_fakes import hopper
 from synthetic_landings import simulate
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.contacts.find import METHODS, find_landings
+from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.timing import METHODS
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.frames import descents, landing_frames
 from hopdata.landings.sections.select import (

@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopdata.landings.states.coefficients import drawn, learn, least_squares
+from hopdata.landings.states.coefficients import (
+    fit_with_population,
+    learn_population,
+    least_squares,
+)
 from hopdata.landings.states.tracks import Windows, joined, moments, turned
 
 NOISE_M, WINDOW_S, LANDINGS = 0.0006, 0.1, 400
@@ -41,7 +45,7 @@ def in_the_world(sums, vectors):
 
 def test_the_population_is_found(study):
     sums, _ = study
-    population = learn(sums)
+    population = learn_population(sums)
     np.testing.assert_allclose(np.sqrt(population.variance), NOISE_M, rtol=0.05)
     np.testing.assert_allclose(np.sqrt(population.spread[:, 0, 0]), SPREAD_M, rtol=0.1)
     np.testing.assert_allclose(population.mean[..., 2, 0], 0.01 * MEAN[:, 2], atol=1e-3)
@@ -52,13 +56,19 @@ def test_landings_that_lack_frames_do_not_teach_wherever_they_stand(study):
     some = sums.some(np.flatnonzero(np.arange(LANDINGS) % 3 == 1))
     frames = sums.frames.copy()
     frames[np.arange(LANDINGS) % 3 != 1] = 0
-    known, found = learn(some), learn(replace(sums, frames=frames))
+    known, found = (
+        learn_population(some),
+        learn_population(replace(sums, frames=frames)),
+    )
     np.testing.assert_allclose(found.spread, known.spread, rtol=1e-9)
 
 
 def test_errors_are_as_large_as_stated_and_no_larger_than_alone(study):
     sums, speed = study
-    alone, together = least_squares(sums), drawn(sums, learn(sums), least_frames=6)
+    alone, together = (
+        least_squares(sums),
+        fit_with_population(sums, learn_population(sums), least_frames=6),
+    )
     misses = [in_the_world(sums, fit.mean[..., 1]) - speed for fit in (alone, together)]
     assert np.mean(misses[1] ** 2) < np.mean(misses[0] ** 2)
     for fit, miss in zip((alone, together), misses, strict=True):
@@ -69,10 +79,10 @@ def test_errors_are_as_large_as_stated_and_no_larger_than_alone(study):
 
 def test_an_order_that_nobody_needs_is_given_no_variance():
     straight, speed = seen(np.zeros((LANDINGS, 3, 3)), seed=4)
-    population = learn(straight)
+    population = learn_population(straight)
     alone, together = (
         least_squares(straight),
-        drawn(straight, population, least_frames=6),
+        fit_with_population(straight, population, least_frames=6),
     )
     assert (np.sqrt(population.spread[:, 0, 0]) < 0.25 * SPREAD_M).all()
     misses = [
@@ -99,10 +109,10 @@ def test_least_squares_is_polyfit():
 
 def test_too_few_frames_give_nothing(study):
     sums, _ = study
-    population = learn(sums)
+    population = learn_population(sums)
     few = sums.some(np.arange(3))
     few.frames[1, 2] = 2
-    found = drawn(few, population, least_frames=6)
+    found = fit_with_population(few, population, least_frames=6)
     assert np.isnan(found.mean[1, 2]).all()
     assert np.isfinite(found.mean[0]).all()
     assert np.isfinite(found.mean[1, :2]).all()

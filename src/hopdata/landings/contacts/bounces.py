@@ -64,7 +64,23 @@ def bounce_errors(
     noise_m : float
         Standard deviation of a height, m.
     """
+    higher_m = bounces(time, heights, instant, noise_m)
     errors = np.zeros(heights.shape[1])
+    for foot in np.flatnonzero(higher_m):
+        is_fitted = np.isfinite(instant[:, foot])
+        fall_m_s = np.median(np.abs(velocity[is_fitted, foot]))
+        errors[foot] = HIDES * higher_m[foot] / fall_m_s
+    return errors
+
+
+def bounces(
+    time: FloatArray, heights: FloatArray, instant: FloatArray, noise_m: float
+) -> FloatArray:
+    """Return by how much feet are higher right after contacts than at rest, (n,), m.
+
+    It is 0 for a foot that is not clearly higher. See `bounce_errors`.
+    """
+    higher = np.zeros(heights.shape[1])
     for foot in range(heights.shape[1]):
         is_fitted = np.isfinite(instant[:, foot])
         at = instant[is_fitted, foot]
@@ -74,9 +90,8 @@ def bounce_errors(
             continue
         usual_m = float(np.median(known_m))
         if usual_m > CLEARLY * noise_m / np.sqrt(len(known_m)):
-            fall_m_s = np.median(np.abs(velocity[is_fitted, foot]))
-            errors[foot] = HIDES * usual_m / fall_m_s
-    return errors
+            higher[foot] = usual_m
+    return higher
 
 
 def _higher_at_first(

@@ -96,6 +96,15 @@ def parts_of_feet(recording: Recording) -> list[list[int]]:
     return parts
 
 
+def tracks_of_feet(recording: Recording) -> FloatArray:
+    """Return the positions of the markers of all feet (N, p, 3), m, foot by foot."""
+    parts = parts_of_feet(recording)
+    markers = [marker for own in parts for marker in own]
+    if len(markers) > len(parts):
+        return np.asarray(recording.positions[:, markers])
+    return recording.feet
+
+
 def first_of(
     instant: FloatArray, se: FloatArray, status: IntArray, earliest: FloatArray
 ) -> tuple[FloatArray, FloatArray, IntArray]:

@@ -143,7 +143,7 @@ RECENTRED = 3
 def weak_priors(n: int, gravity: str, foot_of: tuple[int, ...] = ()) -> FlightPriors:
     """Return priors of n feet before anything is learned.
 
-    `gravity` is described in `hopdata.landings.contacts.find.find_contacts`, or is
+    `gravity` is described in `hopdata.landings.contacts.timing.find_contacts`, or is
     `FALLS`.
     """
     if gravity == FALLS:
@@ -175,7 +175,7 @@ def joint_fits(
     noise_m : (R,) array
         Standard deviation of a height in each recording, m.
     gravity : {"learned", "free", "known"}
-        See `hopdata.landings.contacts.find.find_contacts`.
+        See `hopdata.landings.contacts.timing.find_contacts`.
 
     Returns
     -------

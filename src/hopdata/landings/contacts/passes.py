@@ -103,7 +103,7 @@ def fit_contacts(
     noise_m : (R,) array
         Standard deviation of a height in each recording, m.
     gravity : str
-        See `hopdata.landings.contacts.find.find_contacts`.
+        See `hopdata.landings.contacts.timing.find_contacts`.
     """
     fit_together = partial(kink_law.joint_fits, noise_m=noise_m, gravity=gravity)
     fit_alone = partial(kink_law.single_fits, noise_m=noise_m, gravity=gravity)

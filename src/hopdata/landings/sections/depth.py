@@ -24,7 +24,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.landings.contacts.descents import LANDED, find_transitions
-from hopdata.landings.contacts.find import contacts_of, floor_instants
+from hopdata.landings.contacts.tables import contacts_of, floor_instants
 from hopdata.landings.states.crossing import SectionStates
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.tracks import LOOK_AT, evenly, joined
@@ -297,8 +297,23 @@ def _rows(states: SectionStates, rows: BoolArray) -> SectionStates:
 
 
 @dataclass(frozen=True)
-class _Body:
-    """Rigid motions of L states: see `_body`."""
+class _Motion:
+    """Rigid motions of L states, in the world.
+
+    Parameters
+    ----------
+    centre : (L, 3) array
+        Mean of the markers, m.
+    heading : (L,) array
+        Turn about the vertical, rad.
+    tilt : (L, 2) array
+        Rotation about horizontal axes that tilts the body, along its heading: the sine
+        of the angle.
+    velocity : (L, 3) array
+        Mean velocity of the markers, m/s.
+    spin : (L, 3) array
+        Angular velocity, rad/s.
+    """
 
     centre: FloatArray
     heading: FloatArray
@@ -307,20 +322,24 @@ class _Body:
     spin: FloatArray
 
 
-def _body(states: SectionStates, shape: FloatArray) -> _Body:
-    """Return rigid motions of marker states; vectors are (L, 3), in the world."""
+def _rigid_motion(states: SectionStates, shape: FloatArray) -> _Motion:
+    """Return the rigid motions of markers whose places in the body are `shape`, (B, 3).
+
+    Every marker has the same mass; the spin is that of their angular momentum.
+    """
     centre = states.position.mean(axis=1)
     velocity = states.velocity.mean(axis=1)
     arms = states.position - centre[:, None]
     rotation = kabsch(arms, shape)
     momentum = np.cross(arms, states.velocity - velocity[:, None]).sum(axis=1)
     square = np.einsum("lbi,lbi->l", arms, arms)
-    inertia = square[:, None, None] * np.eye(3) - np.einsum("lbi,lbj->lij", arms, arms)
+    moments = np.einsum("lbi,lbj->lij", arms, arms)
+    inertia = square[:, None, None] * np.eye(3) - moments
     spin = np.linalg.solve(inertia, momentum[..., None])[..., 0]
     heading = twists(rotation)
     up = turned(rotation[:, :, 2], heading)
     tilt = np.column_stack([-up[:, 1], up[:, 0]])
-    return _Body(centre, heading, tilt, velocity, spin)
+    return _Motion(centre, heading, tilt, velocity, spin)
 
 
 def _shape(states: SectionStates) -> FloatArray:
@@ -337,10 +356,10 @@ def _shape(states: SectionStates) -> FloatArray:
 
 def _inputs(before: SectionStates) -> FloatArray:
     """Return tilt, velocity and spin before the landing, (L, 8), of sd one."""
-    body = _body(before, _shape(before))
-    velocity = turned(body.velocity, body.heading)
-    spin = turned(body.spin, body.heading)
-    values = np.column_stack([body.tilt, velocity, spin])
+    first = _rigid_motion(before, _shape(before))
+    velocity = turned(first.velocity, first.heading)
+    spin = turned(first.spin, first.heading)
+    values = np.column_stack([first.tilt, velocity, spin])
     centred = values - values.mean(axis=0)
     return np.asarray(centred / np.maximum(centred.std(axis=0), 1e-300))
 
@@ -352,8 +371,8 @@ def _outputs(before: SectionStates, after: SectionStates) -> FloatArray:
     """
     shape = _shape(before)
     radius_m = float(np.sqrt(np.mean(np.sum(shape**2, axis=1))))
-    first = _body(before, shape)
-    then = _body(after, shape)
+    first = _rigid_motion(before, shape)
+    then = _rigid_motion(after, shape)
     step = turned(then.centre - first.centre, first.heading)[:, :2]
     turn = wrapped(then.heading - first.heading)
     velocity = turned(then.velocity, first.heading)
@@ -387,9 +406,11 @@ def _misfit(design: FloatArray, outputs: FloatArray) -> FloatArray:
         basis, root = np.linalg.qr(design[teaches])
         coefficients = np.linalg.solve(root, basis.T @ outputs[teaches])
         missed = outputs - design @ coefficients
-        slack = np.ones(len(outputs))
-        slack[teaches] = np.maximum(1.0 - np.sum(basis**2, axis=1), 1e-3)
-        misfit = ((missed / slack[:, None]) ** 2) @ weight
+        leverage = np.sum(basis**2, axis=1)
+        # By these, residuals of the fit become those of landings left out of it.
+        left_out = np.ones(len(outputs))
+        left_out[teaches] = np.maximum(1.0 - leverage, 1e-3)
+        misfit = ((missed / left_out[:, None]) ** 2) @ weight
         near = misfit <= OUTLYING * np.median(misfit)
         if near.sum() < LANDINGS_PER_TERM * design.shape[1]:
             break

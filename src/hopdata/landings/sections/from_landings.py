@@ -29,7 +29,7 @@ from hopdata.landings.contacts.descents import (
     LANDED,
     find_transitions,
 )
-from hopdata.landings.contacts.find import contacts_of, floor_instants
+from hopdata.landings.contacts.tables import contacts_of, floor_instants
 from hopdata.landings.sections.densities import grid_of, kde, usual_bandwidth
 from hopdata.recording import Recording
 

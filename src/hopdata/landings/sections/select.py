@@ -11,7 +11,8 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, counted, require_choice
 from hopdata.landings.contacts.descents import LANDED
-from hopdata.landings.contacts.find import contacts_of, find_study_landings
+from hopdata.landings.contacts.find import find_study_landings
+from hopdata.landings.contacts.tables import contacts_of
 from hopdata.landings.sections.densities import (
     finite,
     kde,

@@ -160,7 +160,9 @@ def _solved(sums: Moments) -> _Solved:
     return _Solved(enough, gram, mean, residual_square)
 
 
-def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coefficients:
+def fit_with_population(
+    sums: Moments, population: Population, *, least_frames: int
+) -> Coefficients:
     """Fit landings whose accelerations are drawn from a population.
 
     Parameters
@@ -168,7 +170,7 @@ def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coeffi
     sums : Moments
         Moments of the landings.
     population : Population
-        See `learn`.
+        See `learn_population`.
     least_frames : int
         Fewest frames of a marker that are fitted.
     """
@@ -192,8 +194,8 @@ def misfit(
     Parameters
     ----------
     pairs : iterable of (Coefficients, Coefficients)
-        Fits of each block of landings: from `drawn`, and from `least_squares` with the
-        same frames and more powers.
+        Fits of each block of landings: from `fit_with_population`, and from
+        `least_squares` with the same frames and more powers.
     """
     variances = []
     excesses = []
@@ -218,22 +220,32 @@ def misfit(
     return added, float(np.nanmean(variance[..., 1] + added[:, 1]))
 
 
-def teachers(frames: FloatArray, terms: int) -> IntArray:
-    """Choose landings to learn from.
+def landings_to_learn_from(frames: FloatArray, terms: int) -> IntArray:
+    """Choose the landings from which a population is learned, at most `LOOK_AT`.
 
-    All their markers have more frames (L, B) than `terms`.
+    Parameters
+    ----------
+    frames : (L, B) array
+        Usable frames of each marker.
+    terms : int
+        Number of coefficients; all markers of a landing need more frames than these.
+
+    Returns
+    -------
+    (n,) int array
+        Rows of the landings.
     """
-    teaching = np.flatnonzero((frames > terms).all(axis=1))
-    return teaching[evenly(len(teaching), LOOK_AT)]
+    determined = np.flatnonzero((frames > terms).all(axis=1))
+    return determined[evenly(len(determined), LOOK_AT)]
 
 
-def learn(sums: Moments) -> Population:
+def learn_population(sums: Moments) -> Population:
     """Learn the population by maximum likelihood (expectation-maximisation).
 
     Position and velocity have flat priors, so the likelihood is the restricted one.
     Only landings in which each marker has more frames than coefficients are used.
     """
-    sums = sums.some(teachers(sums.frames, sums.terms))
+    sums = sums.some(landings_to_learn_from(sums.frames, sums.terms))
     curved = _without_free(sums)
     population = _first_guess(curved, least_squares(sums).noise_m ** 2)
     for _ in range(STEPS):

@@ -304,16 +304,18 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
 
     variance, _ = coefficients.noise(usual_sums())
     frames = np.concatenate([part.frames for part in sums()])
-    rows = coefficients.teachers(np.where(is_usual[:, None], frames, 0.0), degree + 1)
+    rows = coefficients.landings_to_learn_from(
+        np.where(is_usual[:, None], frames, 0.0), degree + 1
+    )
     if len(rows) < LEAST_LANDINGS:
         return None
     teaching = joined(
         part.some(np.flatnonzero(np.isin(part.rows, rows))) for part in sums()
     )
-    population = coefficients.learn(teaching.lower(degree))
+    population = coefficients.learn_population(teaching.lower(degree))
 
     def fitted(part: Moments) -> coefficients.Coefficients:
-        return coefficients.drawn(
+        return coefficients.fit_with_population(
             part.lower(degree), population, least_frames=LEAST_FRAMES
         )
 

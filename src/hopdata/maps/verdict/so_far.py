@@ -34,7 +34,7 @@ LANDINGS_PER_COEFFICIENT = 2
 BEYOND_ERRORS = 2.0
 
 
-# Why a share cannot be told.
+# Why a share cannot be told, see `SoFar.untold`.
 FEW = "few"
 ERRORS = "errors"
 STATES = "states"
@@ -94,19 +94,14 @@ def so_far(
     Parameters
     ----------
     before, after
-        (n, 6B) states at the two sections.
+        (n, 6B) states of B markers at the two sections: positions, m, z up, then
+        velocities, m/s.
     instants, instants_se
-        (n, feet) contact instants, and their standard errors if these are known.
+        (n, feet) contact instants, s, and their standard errors, s, if these are known.
     feet
-        (n, feet, 3) positions of the feet at the pre section, if they are known.
+        (n, feet, 3) positions of the feet at the pre section, m, z up, if they are
+        known.
     """
-    names, counts = np.unique(
-        order_names(np.argsort(instants, axis=1, kind="stable")), return_counts=True
-    )
-    orders = []
-    for k in np.argsort(-counts, kind="stable"):
-        order = str(names[k]).replace(">", " → ")
-        orders.append({"order": order, "landings": int(counts[k])})
     share = None
     untold = FEW
     if len(before) >= LANDINGS_PER_COEFFICIENT * (1 + STATE):
@@ -121,7 +116,19 @@ def so_far(
             untold = ""
             if share is None:
                 untold = ERRORS
-    return SoFar(tuple(orders), least_landings(instants.shape[1]), share, untold)
+    least = least_landings(instants.shape[1])
+    return SoFar(_counted_orders(instants), least, share, untold)
+
+
+def _counted_orders(instants: FloatArray) -> tuple[dict[str, Any], ...]:
+    """Return the orders of contact instants (n, feet), s, commonest first."""
+    each = order_names(np.argsort(instants, axis=1, kind="stable"))
+    names, counts = np.unique(each, return_counts=True)
+    orders = []
+    for k in np.argsort(-counts, kind="stable"):
+        order = str(names[k]).replace(">", " → ")
+        orders.append({"order": order, "landings": int(counts[k])})
+    return tuple(orders)
 
 
 def foretold_share(

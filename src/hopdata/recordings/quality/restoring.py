@@ -8,6 +8,7 @@ frames. What is restored serves to say what the processing did, and nothing else
 
 from dataclasses import replace
 from fractions import Fraction
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -77,7 +78,7 @@ def _all_seen(track: FloatArray) -> BoolArray:
 
 
 def _strengthened(track: FloatArray, found: LowPass) -> FloatArray:
-    """Return a stretch (n, 3) with its quick motion restored."""
+    """Return a stretch (n, 3), m, with its quick motion restored."""
     n = len(track)
     # Continued as the filters do: turned about both ends.
     before = 2 * track[0] - track[n - 1 : 0 : -1]
@@ -86,15 +87,23 @@ def _strengthened(track: FloatArray, found: LowPass) -> FloatArray:
     # Both ends of the whole meet without a step.
     ramp = np.linspace(whole[0], whole[-1], len(whole))
     spectrum = np.fft.rfft(whole - ramp, axis=0)
-    frequency = np.fft.rfftfreq(len(whole))
+    gain = _inverse_gain(np.fft.rfftfreq(len(whole)), found)
+    strong = np.fft.irfft(spectrum * gain[:, None], n=len(whole), axis=0) + ramp
+    return np.asarray(strong[n - 1 : 2 * n - 1])
+
+
+def _inverse_gain(frequency: FloatArray, found: LowPass) -> FloatArray:
+    """Return the gains that undo a filter at frequencies (K,), cycles per frame.
+
+    Beyond `known_to` of the filter nothing is restored: they fall to 0 from `FULLY` of
+    it on, since a sharp end would ring at each contact.
+    """
+    # The gain of a filter is 0 at half the frame rate.
     at = np.minimum(frequency, 0.499)
     least = found.gain(np.array([found.known_to]))[0]
-    # Beyond what is known nothing is restored; a sharp end would ring at each contact.
-    beyond = np.clip((at / found.known_to - FULLY) / (1.0 - FULLY), 0.0, 1.0)
-    passed = 0.5 * (1.0 + np.cos(np.pi * beyond))
-    inverse = passed / np.maximum(found.gain(at), least)
-    strong = np.fft.irfft(spectrum * inverse[:, None], n=len(whole), axis=0) + ramp
-    return np.asarray(strong[n - 1 : 2 * n - 1])
+    faded = np.clip((at / found.known_to - FULLY) / (1.0 - FULLY), 0.0, 1.0)
+    taper = 0.5 * (1.0 + np.cos(np.pi * faded))
+    return np.asarray(taper / np.maximum(found.gain(at), least))
 
 
 def recorded(recording: Recording) -> Recording | None:
@@ -143,14 +152,13 @@ def _making_of(body: FloatArray) -> tuple[Fraction, int, float] | None:
         return None
     track, first = stretch
     limit = BELIEVED * float(np.nanmedian(frame_noise(track[:, None])))
-    for step in _steps(period):
-        for degree in DEGREES:
-            for k in range(step.denominator):
-                phase = k / step.denominator
-                frames = np.arange(len(track), dtype=np.float64) + first
-                misfit = _misfit(frames * float(step) + phase, track, degree)
-                if misfit < limit:
-                    return step, degree, phase
+    frames = np.arange(len(track), dtype=np.float64) + first
+    for step, degree in product(_steps(period), DEGREES):
+        for k in range(step.denominator):
+            phase = k / step.denominator
+            misfit = _misfit(frames * float(step) + phase, track, degree)
+            if misfit < limit:
+                return step, degree, phase
     return None
 
 

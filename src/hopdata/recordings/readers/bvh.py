@@ -34,6 +34,10 @@ SMALL_SKELETON = 5.0
 #: Unit: that of the file. Origin: chosen.
 LARGE_SKELETON = 1000.0
 
+# Unit and factor to which numbers in a unit are converted, since recordings have no
+# centimetres.
+_CONVERTED = {"m": ("m", 1.0), "cm": ("mm", 10.0), "mm": ("mm", 1.0)}
+
 #: Frame rates that are looked for behind a rounded frame time.
 #: Unit: Hz. Origin: convention: the rates of cameras are mostly multiples of 10.
 USUAL_STEP_HZ = 10
@@ -131,6 +135,7 @@ def read_bvh(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
 
 
 def _read_head(path: Path) -> _Head:
+    """Read the hierarchy, and the statements before the rows of numbers."""
     with text.readable(path) as file:
         lines = _Lines(path, file)
         first = next(iter(lines), [""])
@@ -176,7 +181,7 @@ class _Lines:
         return f"{self._path}, line {self.number}"
 
     def __iter__(self) -> Iterator[list[str]]:
-        while line := self._file.readline():
+        for line in iter(self._file.readline, b""):
             self.number += 1
             self.n_bytes += len(line)
             self._last_bytes = len(line)
@@ -249,6 +254,7 @@ def _named(
 
 
 def _offset(lines: _Lines, fields: list[str]) -> tuple[float, ...]:
+    """Return the offset of a joint from its parent, in the unit of the file."""
     faults = [text.no_number(text.pointed(one)) for one in fields[:3]]
     if len(fields) != 3 or any(faults):
         found = f"'{' '.join(fields)[:40]}'"
@@ -369,11 +375,12 @@ def _unit(
     """
     with np.errstate(over="ignore", invalid="ignore"):
         size = float(np.ptp(positions[0], axis=0).max())
-    unit, factor, taken = "mm", 10.0, "cm"
+    taken = "cm"
     if size < SMALL_SKELETON:
-        unit, factor, taken = "m", 1.0, "m"
+        taken = "m"
     elif size > LARGE_SKELETON:
-        factor, taken = 1.0, "mm"
+        taken = "mm"
+    unit, factor = _CONVERTED[taken]
     values = {"place": str(path), "unit": taken, "size": size, "n": len(joints)}
     return unit, factor, Message("recordings.bvh_unit", values)
 

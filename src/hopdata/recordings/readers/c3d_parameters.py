@@ -73,11 +73,11 @@ WORDS = 65536
 MOST_16_BIT = 65535
 
 # Types of parameters, and the bytes that an element of each takes.
-_TEXT = -1
-_BYTE = 1
-_WHOLE = 2
-_FLOAT = 4
-_WIDTH = {_TEXT: 1, _BYTE: 1, _WHOLE: 2, _FLOAT: 4}
+TEXT = -1
+BYTE = 1
+WHOLE = 2
+FLOAT = 4
+_WIDTH = {TEXT: 1, BYTE: 1, WHOLE: 2, FLOAT: 4}
 
 
 @dataclass
@@ -290,11 +290,11 @@ class _Section:
         sizes = self.sizes(at)
         n_bytes = prod(sizes) * _WIDTH[kind]
         data = self.take(at + 2 + len(sizes), n_bytes)
-        if kind == _TEXT:
+        if kind == TEXT:
             return _texts(data, width=sizes[0] if sizes else 1)
-        if kind == _BYTE:
+        if kind == BYTE:
             return np.frombuffer(data, dtype=np.int8)
-        if kind == _WHOLE:
+        if kind == WHOLE:
             return self.processor.whole(data)
         return self.processor.floats(data)
 

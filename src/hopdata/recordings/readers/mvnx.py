@@ -118,7 +118,7 @@ def _parsed(path: Path) -> _Content:
     parsing = _Parsing(path)
     try:
         with readable(path, is_text=False) as file:
-            while block := file.read(BLOCK):
+            for block in iter(lambda: file.read(BLOCK), b""):
                 parsing.parser.Parse(block, False)
             parsing.parser.Parse(b"", True)
     except expat.ExpatError as error:

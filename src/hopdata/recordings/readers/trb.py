@@ -82,7 +82,21 @@ def read_trb(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
 
 @dataclass(frozen=True)
 class _Header:
-    """Place of the data, frame rate, time of the first frame, and marker names."""
+    """What the header states.
+
+    Parameters
+    ----------
+    data_start : int
+        Byte at which the data begin.
+    rate_hz : float or None
+        Frame rate, Hz.
+    first_s : float
+        Time of the first frame, s.
+    names : tuple of str
+        Names of the M markers.
+    numbers : tuple of int
+        Numbers by which the data name these markers.
+    """
 
     data_start: int
     rate_hz: float | None
@@ -92,6 +106,7 @@ class _Header:
 
 
 def _read_header(path: Path, content: bytes) -> _Header:
+    """Read the records before the data."""
     if content[: len(BEGIN)] != BEGIN or len(content) < len(BEGIN) + WORD:
         found = content[: len(BEGIN)].hex() or "an empty file"
         wanted = f"a TRB file ({BEGIN.hex()} first)"
@@ -135,11 +150,13 @@ def _name(data: bytes) -> str:
 
 
 def _words(content: bytes, at: int, number: int) -> list[int]:
+    """Return whole numbers of 16 bits without a sign."""
     words: list[int] = np.frombuffer(content, "<u2", number, at).tolist()
     return words
 
 
 def _float(content: bytes, at: int) -> float:
+    """Return a number of 32 bits."""
     return float(np.frombuffer(content, "<f4", 1, at)[0])
 
 
@@ -170,24 +187,32 @@ def _frames(
             values = {"place": str(path), "frame": number}
             remarks = (Message("recordings.last_frame_cut", values),)
             break
-        # The number has 16 bits.
-        turns = last // WORDS * WORDS
-        number += turns
-        if number < last - WORDS // 2:
-            number += WORDS
+        last = _unwrapped(number, last)
         frames.append((at + FRAME_HEAD, n_points))
-        numbers.append(number)
-        last = number
+        numbers.append(last)
         at += n_bytes
     if not frames:
         raise RecordingError.at(f"{path}, byte {start}", "frames", "none")
+    _require_increasing(path, numbers)
+    return frames, np.asarray(numbers, float), remarks
+
+
+def _unwrapped(number: int, last: int) -> int:
+    """Return a frame's number, of which the file states 16 bits, after the last one."""
+    number += last // WORDS * WORDS
+    if number < last - WORDS // 2:
+        number += WORDS
+    return number
+
+
+def _require_increasing(path: Path, numbers: list[int]) -> None:
+    """Require the numbers of the frames to increase."""
     steps = np.diff(numbers)
     if (steps <= 0).any():
         frame = int(np.argmax(steps <= 0)) + 1
         wanted = f"a frame after {numbers[frame - 1]}"
         place = f"{path}: record {frame + 1} of the data"
         raise RecordingError.at(place, wanted, numbers[frame])
-    return frames, np.asarray(numbers, float), remarks
 
 
 def _positions(

@@ -17,8 +17,12 @@ import numpy as np
 from hopdata.errors import HopdataError, RecordingError
 from hopdata.recordings.readers.c3d_parameters import (
     BLOCK,
+    BYTE,
+    FLOAT,
     MOST_16_BIT,
     PROCESSORS,
+    TEXT,
+    WHOLE,
     Processor,
     parameter_start,
     unsigned,
@@ -40,16 +44,14 @@ WIDTHS = {"CONTEXTS": 16, "LABELS": 32, "DESCRIPTIONS": 32, "SUBJECTS": 32}
 # continued in a parameter with the next number, such as LABELS2.
 MOST_IN_ONE = 255
 
+# Bytes before the records of a parameter section.
+SECTION_HEAD = 4
+
 # Blocks of a parameter section, which are counted in a byte.
 MOST_BLOCKS = 255
 
 # What a description of an event of ours begins with, so that they can be found again.
 OURS = "hopdata"
-
-_TEXT = -1
-_BYTE = 1
-_WHOLE = 2
-_FLOAT = 4
 
 
 @dataclass(frozen=True)
@@ -145,29 +147,69 @@ def write_c3d_events(source: Path, path: Path, events: Sequence[ContactEvent]) -
     joined = _joined(old, events, _subject(records), processor)
     kept += _event_group(joined, group or _free_number(records), processor)
 
-    body = b"".join(record.written(processor) for record in kept)
-    n_blocks = -(-(4 + len(body) + 1) // BLOCK)
-    before = len(section) // BLOCK
-    n_blocks = max(n_blocks, before)
+    n_blocks_before = len(section) // BLOCK
+    n_blocks = max(_blocks_of(kept, processor), n_blocks_before)
     if n_blocks > MOST_BLOCKS:
         wanted = f"parameters of at most {MOST_BLOCKS} blocks"
         found = f"{n_blocks} with {len(joined)} events; write them as csv"
         raise HopdataError.at(path, wanted, found)
-    moved = n_blocks - before
+    moved = n_blocks - n_blocks_before
     head = bytearray(content[:start])
     if moved:
         head[16:18] = _words([data_start // BLOCK + 1 + moved], processor)
-        body = _with_data_start(kept, moved, processor)
-    stated = section[2]
-    if moved or stated * BLOCK < 4 + len(body) + 1:
-        stated = n_blocks
-    new = section[:2] + bytes([stated]) + section[3:4] + body
-    new += bytes(n_blocks * BLOCK - len(new))
+        kept = _with_data_start(kept, moved, processor)
+    new = _section(
+        kept, section[:SECTION_HEAD], n_blocks, processor, is_longer=moved > 0
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(bytes(head) + new + content[data_start:])
 
 
+def _size_of(records: list[_Record], processor: Processor) -> int:
+    """Return the bytes of a section: its head, its records, and a zero that ends it."""
+    n_bytes = sum(len(record.written(processor)) for record in records)
+    return SECTION_HEAD + n_bytes + 1
+
+
+def _blocks_of(records: list[_Record], processor: Processor) -> int:
+    """Return the blocks that a section of these records takes."""
+    return -(-_size_of(records, processor) // BLOCK)
+
+
+def _section(
+    records: list[_Record],
+    head: bytes,
+    n_blocks: int,
+    processor: Processor,
+    *,
+    is_longer: bool,
+) -> bytes:
+    """Return a section of these records, filled with zeros up to whole blocks.
+
+    Parameters
+    ----------
+    records : list of _Record
+        Groups and parameters.
+    head : bytes
+        Four bytes that the section had before its records; the third counts blocks.
+    n_blocks : int
+        Blocks of the section.
+    processor : Processor
+        Of the file.
+    is_longer : bool
+        Whether it has more blocks than before. If not, the count stays as the file
+        states it, provided that it covers the records.
+    """
+    stated = head[2]
+    if is_longer or stated * BLOCK < _size_of(records, processor):
+        stated = n_blocks
+    written = [record.written(processor) for record in records]
+    section = head[:2] + bytes([stated]) + head[3:] + b"".join(written)
+    return section.ljust(n_blocks * BLOCK, b"\0")
+
+
 def _processor(source: Path, content: bytes, start: int) -> Processor:
+    """Return the number format that the section's head states."""
     found = content[start + 3] if len(content) > start + 3 else None
     if found not in PROCESSORS:
         place = f"{source}, byte {start + 3}"
@@ -181,7 +223,7 @@ def _processor(source: Path, content: bytes, start: int) -> Processor:
 def _records(source: Path, section: bytes, processor: Processor) -> list[_Record]:
     """Take the section apart."""
     records = []
-    at = 4
+    at = SECTION_HEAD
     while at + 2 <= len(section) and section[at]:
         # A negative length locks the record.
         length, number = np.frombuffer(section, np.int8, 2, at).tolist()
@@ -227,8 +269,7 @@ def _content_size(section: bytes, place: int, *, is_group: bool) -> int | None:
         kind = int(np.frombuffer(section[at : at + 1], np.int8)[0])
         n_dimensions = section[at + 1]
         sizes = section[at + 2 : at + 2 + n_dimensions]
-        n_values = int(np.prod(list(sizes), dtype=np.int64)) if sizes else 1
-        at += 2 + n_dimensions + n_values * abs(kind)
+        at += 2 + n_dimensions + _data_size(kind, list(sizes))
     if at >= len(section):
         return None
     return at + 1 + section[at] - place
@@ -268,21 +309,23 @@ def _subject(records: list[_Record]) -> bytes:
     return b""
 
 
-def _with_data_start(records: list[_Record], moved: int, processor: Processor) -> bytes:
-    """Return the records' bytes, with POINT:DATA_START later by some blocks."""
+def _with_data_start(
+    records: list[_Record], moved: int, processor: Processor
+) -> list[_Record]:
+    """Return the records with POINT:DATA_START later by `moved` blocks."""
     points = [-one.number for one in records if one.number < 0 and one.name == b"POINT"]
-    written = []
+    changed = []
     for record in records:
         content = record.content
         is_start = record.name == b"DATA_START" and record.number in points
-        if is_start and len(content) >= 4 and content[0] == _WHOLE:
+        if is_start and len(content) >= 4 and content[0] == WHOLE:
             at = 2 + content[1]
             stated = unsigned(processor.whole(content[at : at + 2])[0])
             word = _words([stated + moved], processor)
             content = content[:at] + word + content[at + 2 :]
             record = _Record(record.number, record.name, record.head, content)
-        written.append(record.written(processor))
-    return b"".join(written)
+        changed.append(record)
+    return changed
 
 
 # The events.
@@ -337,7 +380,7 @@ def _event_group(events: _Events, number: int, processor: Processor) -> list[_Re
     """Return the group with its parameters."""
     records = [_Record(-number, GROUP, _head(GROUP, -number), b"\0")]
     used = _words([len(events)], processor)
-    records.append(_parameter(number, "USED", _WHOLE, [], used))
+    records.append(_parameter(number, "USED", WHOLE, [], used))
     texts = {
         "CONTEXTS": events.contexts,
         "LABELS": events.labels,
@@ -353,17 +396,17 @@ def _event_group(events: _Events, number: int, processor: Processor) -> list[_Re
             width = min(width, MOST_IN_ONE)
             data = b"".join(text[:width].ljust(width) for text in values[part])
             name = f"{name}{suffix}"
-            records.append(_parameter(number, name, _TEXT, [width, count], data))
+            records.append(_parameter(number, name, TEXT, [width, count], data))
         # Minutes and seconds; all is put into the seconds, which some programs read
         # alone.
         times = [value for second in events.seconds[part] for value in (0.0, second)]
         data = _floats(times, processor)
-        records.append(_parameter(number, f"TIMES{suffix}", _FLOAT, [2, count], data))
+        records.append(_parameter(number, f"TIMES{suffix}", FLOAT, [2, count], data))
         data = _words(events.icons[part], processor)
-        records.append(_parameter(number, f"ICON_IDS{suffix}", _WHOLE, [count], data))
+        records.append(_parameter(number, f"ICON_IDS{suffix}", WHOLE, [count], data))
         data = bytes(flag % 256 for flag in events.flags[part])
         name = f"GENERIC_FLAGS{suffix}"
-        records.append(_parameter(number, name, _BYTE, [count], data))
+        records.append(_parameter(number, name, BYTE, [count], data))
     return records
 
 
@@ -371,6 +414,7 @@ def _event_group(events: _Events, number: int, processor: Processor) -> list[_Re
 
 
 def _head(name: bytes, number: int) -> bytes:
+    """Return the first bytes of a record: length of the name, number and name."""
     return bytes([len(name), number % 256]) + name
 
 
@@ -402,14 +446,20 @@ def _values(content: bytes) -> tuple[int, list[int], bytes]:
     """Return type, sizes and data of a parameter."""
     kind = int(np.frombuffer(content[:1], np.int8)[0])
     sizes = list(content[2 : 2 + content[1]])
-    n_bytes = int(np.prod(sizes, dtype=np.int64)) * abs(kind) if sizes else abs(kind)
     at = 2 + content[1]
-    return kind, sizes, content[at : at + n_bytes]
+    return kind, sizes, content[at : at + _data_size(kind, sizes)]
+
+
+def _data_size(kind: int, sizes: list[int]) -> int:
+    """Return the bytes of a parameter's values; a type is the width of one, signed."""
+    n_values = int(np.prod(sizes, dtype=np.int64))
+    return n_values * abs(kind)
 
 
 def _texts_of(content: bytes) -> list[bytes]:
+    """Return the texts of a parameter's content; none if it holds numbers."""
     kind, sizes, data = _values(content)
-    if kind != _TEXT or not data:
+    if kind != TEXT or not data:
         return []
     width = sizes[0] if sizes else 1
     if not width:
@@ -433,20 +483,22 @@ def _continued(old: dict[bytes, bytes], name: bytes) -> list[bytes]:
 
 
 def _all_texts(old: dict[bytes, bytes], name: bytes) -> list[bytes]:
+    """Return the texts of a parameter and of those that continue it."""
     return [text for one in _continued(old, name) for text in _texts_of(one)]
 
 
 def _numbers_of(
     old: dict[bytes, bytes], name: bytes, processor: Processor
 ) -> list[float]:
+    """Return the numbers of a parameter and of those that continue it."""
     numbers: list[float] = []
     for content in _continued(old, name):
         kind, _, data = _values(content)
-        if kind == _BYTE:
+        if kind == BYTE:
             numbers += np.frombuffer(data, np.int8).astype(float).tolist()
-        elif kind == _WHOLE:
+        elif kind == WHOLE:
             numbers += processor.whole(data).astype(float).tolist()
-        elif kind == _FLOAT:
+        elif kind == FLOAT:
             numbers += processor.floats(data).astype(float).tolist()
     return numbers
 

@@ -1,0 +1,163 @@
+"""What users should know of how contacts were timed: feet that bounce, doubted frames.
+
+A remark tells of one foot in all recordings: in how many of its landings, and by how
+much at most. What it tells of is in the stated errors already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray, pd
+from hopdata.landings.contacts import descents, joined
+from hopdata.landings.contacts.altered import resampled_error
+from hopdata.landings.contacts.bounces import bounces
+from hopdata.landings.contacts.doubted import exchanged, filled
+from hopdata.landings.contacts.noise import height_noise
+from hopdata.landings.contacts.passes import LONG_WINDOWS_S
+from hopdata.landings.contacts.tables import are_by
+from hopdata.messages import Message
+from hopdata.recording import Recording
+
+BOUNCES = "landings.foot_bounces"
+FILLED = "landings.foot_frames_filled"
+EXCHANGED = "landings.foot_exchanged"
+
+CODES = (BOUNCES, FILLED, EXCHANGED)
+
+
+class Counted(NamedTuple):
+    """What a remark tells of a foot in one recording."""
+
+    code: str
+    foot: str
+    landings: int
+    error_s: float
+
+
+def contact_remarks(
+    recordings: Sequence[Recording], tables: Sequence[pd.DataFrame]
+) -> list[Message]:
+    """Tell which feet bounce, and which have frames that no camera saw.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Levelled, as they were given to `find_study_landings`.
+    tables : sequence of DataFrame
+        What it returned. Only the kink fit takes notice of such feet: of contacts by
+        another method nothing is told.
+
+    Returns
+    -------
+    list of Message
+        Values are the foot, the number of its landings and the time in ms.
+    """
+    counts: list[Counted] = []
+    for recording, table in zip(recordings, tables, strict=True):
+        if are_by(table, "kink"):
+            counts += _bouncing(recording, table)
+            counts += _doubted(recording, table)
+    messages = []
+    for code in CODES:
+        feet = dict.fromkeys(one.foot for one in counts if one.code == code)
+        for foot in feet:
+            own = [one for one in counts if one.code == code and one.foot == foot]
+            values = {
+                "foot": foot,
+                "landings": sum(one.landings for one in own),
+                "ms": 1e3 * max(one.error_s for one in own),
+            }
+            messages.append(Message(code, values))
+    return messages
+
+
+def resampled_remarks(recordings: Sequence[Recording]) -> list[Message]:
+    """Tell by how much contacts may be off because frames were brought to another rate.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    """
+    errors_s = [resampled_error(one) * one.pace for one in recordings]
+    n_resampled = int(np.count_nonzero(errors_s))
+    if not n_resampled:
+        return []
+    values = {"recordings": n_resampled, "ms": 1e3 * max(errors_s)}
+    return [Message("landings.contacts_resampled", values)]
+
+
+def _bouncing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
+    """Find feet whose bounces may move contacts by more than these are unsure."""
+    feet = recording.names("foot")
+    parts = joined.parts_of_feet(recording)
+    heights = recording.feet[:, :, 2] / recording.scale
+    instant = np.full((len(table), len(feet)), np.nan)
+    for i, foot in enumerate(feet):
+        landed = (table[f"status_{foot}"] == descents.LANDED).to_numpy()
+        own = table[f"contact_{foot}_s"].to_numpy(float)
+        instant[landed, i] = own[landed]
+    higher_m = bounces(
+        recording.time / recording.pace,
+        heights,
+        instant / recording.pace,
+        height_noise(heights),
+    )
+    for i, foot in enumerate(feet):
+        # Of several markers of one foot, one rises while the next comes down.
+        if len(parts[i]) > 1 or not higher_m[i]:
+            continue
+        common_s = float(table[f"common_{foot}_s"].iloc[0])
+        timed = np.isfinite(instant[:, i])
+        if common_s > float(np.median(table.loc[timed, f"se_{foot}_s"])):
+            yield Counted(BOUNCES, foot, int(timed.sum()), common_s)
+
+
+def _doubted(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
+    """Count the landings about which frames of a foot are filled or exchanged."""
+    tracks = joined.tracks_of_feet(recording)
+    scale = recording.scale
+    is_filled = np.stack(
+        [filled(track, scale=scale) for track in np.moveaxis(tracks, 1, 0)], axis=1
+    )
+    is_exchanged = exchanged(tracks, scale=scale)
+    # The markers of all feet, foot by foot.
+    end = 0
+    for foot, own in zip(
+        recording.names("foot"), joined.parts_of_feet(recording), strict=True
+    ):
+        markers = slice(end, end + len(own))
+        end += len(own)
+        spans = _spans(table, foot, recording.pace)
+        for code, marked in ((FILLED, is_filled), (EXCHANGED, is_exchanged)):
+            of_foot = marked[:, markers].any(axis=1)
+            lasting_s = _lasting(recording, of_foot, spans)
+            if (lasting_s > 0).any():
+                n_landings = int((lasting_s > 0).sum())
+                yield Counted(code, foot, n_landings, float(lasting_s.max()))
+
+
+def _spans(table: pd.DataFrame, foot: str, pace: float) -> FloatArray:
+    """Return the times (L, 2), s, that say when a foot touched, in its landings.
+
+    Without a contact it is the whole descent.
+    """
+    status = table[f"status_{foot}"].to_numpy()
+    is_idle = np.isin(status, (descents.ALREADY_DOWN, descents.NOT_LANDED))
+    own = table[~is_idle]
+    contact_s = own[f"contact_{foot}_s"].to_numpy(float)
+    before_s, after_s = LONG_WINDOWS_S
+    timed = np.isfinite(contact_s)
+    begin_s = np.where(timed, contact_s - before_s * pace, own["begin_s"])
+    end_s = np.where(timed, contact_s + after_s * pace, own["end_s"])
+    return np.stack([begin_s, end_s], axis=1)
+
+
+def _lasting(recording: Recording, marked: BoolArray, spans: FloatArray) -> FloatArray:
+    """Return for how long frames (N,) are marked within each of the spans, (L,), s."""
+    count = np.concatenate([[0], np.cumsum(marked)])
+    first, stop = np.searchsorted(recording.time, spans).T
+    return np.asarray((count[stop] - count[first]) / recording.rate_hz)

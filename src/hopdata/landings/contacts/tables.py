@@ -1,0 +1,82 @@
+"""The table of a recording's landings: made from contacts, and read again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, pd
+from hopdata.landings.contacts import descents, steps
+from hopdata.landings.contacts.judged import Contacts
+from hopdata.landings.contacts.where import Descending
+
+
+def table_of(found: Descending, contacts: Contacts, method: str) -> pd.DataFrame:
+    """Return the table of `find_study_landings` for one recording, at its own size."""
+    recording = found.recording
+    feet = recording.names("foot")
+    time_scale = recording.pace
+    contacts = _without_strangers(found, contacts)
+    down = contacts.down
+    if not down.size:
+        down = contacts.instant
+    columns: dict[str, Any] = {
+        "method": method,
+        "begin_s": found.spans[:, 0] * time_scale,
+        "end_s": found.spans[:, 1] * time_scale,
+        "hidden": found.hidden,
+    }
+    for i, foot in enumerate(feet):
+        columns[f"contact_{foot}_s"] = contacts.instant[:, i] * time_scale
+    for i, foot in enumerate(feet):
+        columns[f"se_{foot}_s"] = contacts.se[:, i] * time_scale
+    for i, foot in enumerate(feet):
+        columns[f"status_{foot}"] = contacts.status[:, i]
+    for i, foot in enumerate(feet):
+        columns[f"common_{foot}_s"] = contacts.common[i] * time_scale
+    for i, foot in enumerate(feet):
+        columns[f"down_{foot}_s"] = down[:, i] * time_scale
+    return pd.DataFrame(columns)
+
+
+def _without_strangers(found: Descending, contacts: Contacts) -> Contacts:
+    """Leave out contacts (L, n) that are another landing's, or that have two rows."""
+    if found.steps is None:
+        return contacts
+    instant = np.where(found.stranger, np.nan, contacts.instant)
+    stranger = found.stranger | steps.found_twice(
+        found.steps, instant, contacts.se, contacts.status
+    )
+    return replace(
+        contacts,
+        instant=np.where(stranger, np.nan, contacts.instant),
+        se=np.where(stranger, np.nan, contacts.se),
+        status=np.where(stranger, descents.NOT_LANDED, contacts.status),
+    )
+
+
+def contacts_of(landings: pd.DataFrame) -> Contacts:
+    """Read the contacts from a table made by `find_landings`."""
+    instant = landings.filter(regex="^contact_").to_numpy(float)
+    se = landings.filter(regex="^se_").to_numpy(float)
+    status = landings.filter(regex="^status_").to_numpy(float)
+    common = landings.filter(regex="^common_").to_numpy(float)
+    return Contacts(
+        instant=instant,
+        se=se,
+        status=status.astype(np.int64),
+        noise_m=np.nan,  # the errors already contain the noise
+        common=common.max(axis=0, initial=0.0),
+    )
+
+
+def floor_instants(landings: pd.DataFrame) -> FloatArray:
+    """Return when each foot reached the floor, (L, n), s, by `find_landings`."""
+    return np.asarray(landings.filter(regex="^down_").to_numpy(float))
+
+
+def are_by(landings: pd.DataFrame, method: str) -> bool:
+    """Return whether a table by `find_landings` holds the contacts of a method."""
+    return bool((landings["method"] == method).all())

@@ -1,0 +1,345 @@
+"""Contact instants of every foot in given descents, by the chosen method.
+
+`find_contacts` times those of one recording, and `find_all_contacts` those of several
+with the same feet, which learn from one another, by the kink fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from hopdata.arrays import GRAVITY_M_S2, FloatArray, IntArray
+from hopdata.errors import chosen, require_choice
+from hopdata.landings.contacts import descents, kink_law, passes
+from hopdata.landings.contacts.approach import approaches
+from hopdata.landings.contacts.bounces import bounce_errors
+from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
+from hopdata.landings.contacts.law import UNDETERMINED_S, FootHeights, Trials, taken
+from hopdata.landings.contacts.learning import FEW, pooled_noises
+from hopdata.landings.contacts.noise import height_noise, widening
+from hopdata.landings.contacts.velocity_minimum import velocity_minima
+
+#: Rise at which a foot has left the floor again, in standard deviations of a height.
+#: Frames from then on are left out: when such feet were taken to stand, contacts came
+#: out 0.5 to 2 ms early.
+#: Unit: standard deviations. Origin: chosen.
+LEAVES = 8.0
+
+#: Fewest frames of a flight from which the body's acceleration is taken.
+#: Unit: frames. Origin: chosen.
+FALL_FRAMES = 6
+
+#: Shortest flight from which it is taken.
+#: Unit: s. Origin: chosen. Noise of 1 mm at 100 Hz then costs 0.8 m/s^2.
+FALL_S = 0.08
+
+#: Largest difference of the body's acceleration from that of gravity, as a share of it,
+#: at which the animal falls freely: legs and arms move against the body.
+#: Unit: 1. Origin: chosen.
+NEAR_GRAVITY = 0.2
+
+#: Methods by name: a function that finds instants between the sections, or None for
+#: the kink fit.
+METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
+    "kink": None,
+    "velocity_minimum": partial(velocity_minima, parabola=False),
+    "velocity_minimum_parabola": partial(velocity_minima, parabola=True),
+}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A recording in which contacts are sought.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    heights : (N, n) array
+        Heights of the feet above the levelled floor, m; NaN where unseen.
+    transitions : Transitions
+        The descents of the body.
+    down_height_m : float
+        Height to which a foot must sink to have landed, m.
+    lead_s : float
+        Time before a transition at which the search for a contact begins, s.
+    correlation : float
+        Correlation of the noise in consecutive frames (`noise_correlation`).
+    foot_of : tuple of int, optional
+        Number of the rigid foot that each of the n belongs to, where several are
+        markers of one.
+    body : (N,) array, optional
+        Height of the body, m; NaN where unseen. It tells whether the animal falls
+        freely.
+    """
+
+    time: FloatArray
+    heights: FloatArray
+    transitions: descents.Transitions
+    down_height_m: float
+    lead_s: float = passes.SHORT_WINDOWS_S[0]
+    correlation: float = 0.0
+    foot_of: tuple[int, ...] = ()
+    body: FloatArray = field(default_factory=lambda: np.empty(0))
+
+
+def find_contacts(  # noqa: PLR0913 (the data, and the options of the method)
+    time: FloatArray,
+    heights: FloatArray,
+    transitions: descents.Transitions,
+    *,
+    down_height_m: float,
+    lead_s: float = passes.SHORT_WINDOWS_S[0],
+    method: str = "kink",
+    gravity: str = "learned",
+    window_before_s: float | None = None,
+    window_after_s: float | None = None,
+    maximum_misfit: float = 5.0,
+    correlation: float = 0.0,
+    foot_of: tuple[int, ...] = (),
+) -> Contacts:
+    """Find the instant at which each foot touched in each transition.
+
+    Parameters
+    ----------
+    time, heights, transitions, down_height_m, lead_s, correlation, foot_of
+        See `Trial`.
+    method : {"kink", "velocity_minimum", "velocity_minimum_parabola"}
+        Maximum-likelihood kink, or the minimum of the vertical velocity in the
+        transition (the printed method, Sec. 2.2.3), to a whole frame or at the vertex
+        of a parabola through it.
+    gravity : {"learned", "free", "known"}
+        Acceleration of a foot in free flight, for the kink fit: drawn from a
+        distribution learned from the landings, unknown in each landing, or that of
+        gravity.
+    window_before_s, window_after_s : float, optional
+        Time before and after the contact whose frames the kink fit uses, s (at least 5
+        and 3 frames that show the foot). The defaults are 0.08 and 0.05 s where feet
+        fly freely and then stand still to within the noise, and 0.04 and 0.027 s where
+        they do not (a runner's foot rolls).
+    maximum_misfit : float
+        Largest accepted ratio of a kink fit's rms residual to that of the whole
+        recording.
+
+    Returns
+    -------
+    Contacts
+
+    Raises
+    ------
+    ConfigError
+        If `method` or `gravity` is unknown.
+    """
+    find_minima = chosen("touchdowns.method", method, METHODS)
+    trial = Trial(
+        time, heights, transitions, down_height_m, lead_s, correlation, foot_of
+    )
+    if find_minima is None:
+        return find_all_contacts(
+            [trial],
+            gravity=gravity,
+            window_before_s=[window_before_s],
+            window_after_s=[window_after_s],
+            maximum_misfit=maximum_misfit,
+        )[0]
+    require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
+    rough = _rough(trial, window_after_s)
+    instant, se = find_minima(time, heights, transitions, noise_m=rough.noise_m)
+    landed = rough.status == descents.LANDED
+    instant = np.where(landed, instant, np.nan)
+    lost = landed & np.isnan(instant)
+    return Contacts(
+        instant=instant,
+        se=np.where(landed, se, np.nan),
+        status=np.where(lost, descents.MISSING, rough.status),
+        noise_m=rough.noise_m,
+        down=rough.near,
+    )
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """What is known of L contacts of n feet before any is fitted.
+
+    Parameters
+    ----------
+    near, earliest, status : (L, n) array
+        See `hopdata.landings.contacts.approach.approaches`.
+    noise_m : float
+        Standard deviation of a height, m.
+    """
+
+    near: FloatArray
+    earliest: FloatArray
+    status: IntArray
+    noise_m: float
+
+
+def _rough(trial: Trial, window_after_s: float | None) -> _Rough:
+    """Find where to look for the contacts."""
+    noise_m = height_noise(trial.heights)
+    found = approaches(
+        trial.time,
+        trial.heights,
+        trial.transitions,
+        noise_m=noise_m,
+        down_height_m=trial.down_height_m,
+        lead_s=trial.lead_s,
+        trail_s=window_after_s or passes.SHORT_WINDOWS_S[1],
+    )
+    return _Rough(*found, noise_m)
+
+
+def find_all_contacts(
+    trials: Sequence[Trial],
+    *,
+    gravity: str,
+    window_before_s: Sequence[float | None],
+    window_after_s: Sequence[float | None],
+    maximum_misfit: float,
+) -> list[Contacts]:
+    """Find the contacts of the same feet in several recordings, by the kink fit.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        The recordings; all have the same feet.
+    gravity, maximum_misfit
+        See `find_contacts`.
+    window_before_s, window_after_s : sequence of float or None
+        The windows of `find_contacts`, s, for each recording.
+
+    Returns
+    -------
+    list of Contacts
+        One for each recording.
+    """
+    require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
+    asked_s = list(zip(window_before_s, window_after_s, strict=True))
+    rough = [
+        _rough(trial, after_s)
+        for trial, (_, after_s) in zip(trials, asked_s, strict=True)
+    ]
+    feet = [
+        FootHeights(
+            trial.time,
+            trial.heights,
+            passes.windows_of_at_least(trial.time, asked, passes.LONG_WINDOWS_S),
+            known.earliest,
+            leaves_m=LEAVES * known.noise_m,
+            foot_of=trial.foot_of,
+        )
+        for trial, known, asked in zip(trials, rough, asked_s, strict=True)
+    ]
+    side_by_side = Trials.of(feet, [len(known.near) for known in rough])
+    if gravity == "learned" and _fall_freely(trials, rough):
+        gravity = kink_law.FALLS
+    noise_m = np.array([known.noise_m for known in rough])
+    status = np.concatenate([known.status for known in rough])
+    fitted = passes.fit_contacts(
+        side_by_side,
+        np.concatenate([known.near for known in rough]),
+        status == descents.LANDED,
+        short_windows_s=[
+            passes.windows_of_at_least(trial.time, asked, passes.SHORT_WINDOWS_S)
+            for trial, asked in zip(trials, asked_s, strict=True)
+        ],
+        noise_m=noise_m,
+        gravity=gravity,
+    )
+    about_fit_m = pooled_noises(fitted.fits, side_by_side, noise_m)
+    return [
+        _judged(
+            trial, known, fitted, number, float(about_fit_m[number]), maximum_misfit
+        )
+        for number, (trial, known) in enumerate(zip(trials, rough, strict=True))
+    ]
+
+
+def _fall_freely(trials: Sequence[Trial], rough: Sequence[_Rough]) -> bool:
+    """Tell whether landings are few, and the body falls as gravity says before them."""
+    landings = 0
+    falls = []
+    for trial, known in zip(trials, rough, strict=True):
+        landed = known.status == descents.LANDED
+        landings += int(landed.any(axis=1).sum())
+        if trial.body.size:
+            first_s = np.where(landed, known.near, np.inf).min(axis=1, initial=np.inf)
+            apex_s = trial.transitions.t_pre
+            flights = zip(apex_s.tolist(), first_s.tolist(), strict=True)
+            falls += [_fall(trial.time, trial.body, *flight) for flight in flights]
+    known_falls = [fall for fall in falls if np.isfinite(fall)]
+    if landings >= FEW or not known_falls:
+        return False
+    usual = float(np.median(known_falls))
+    return abs(usual + GRAVITY_M_S2) < NEAR_GRAVITY * GRAVITY_M_S2
+
+
+def _fall(time: FloatArray, height: FloatArray, begin_s: float, end_s: float) -> float:
+    """Return the acceleration of a body between two instants, m/s^2; NaN if unknown."""
+    in_flight = (time >= begin_s) & (time < end_s) & np.isfinite(height)
+    if not np.isfinite(end_s) or in_flight.sum() < FALL_FRAMES:
+        return np.nan
+    since = time[in_flight] - begin_s
+    if since[-1] - since[0] < FALL_S:
+        return np.nan
+    return 2 * float(np.polyfit(since, height[in_flight], 2)[0])
+
+
+def _judged(
+    trial: Trial,
+    rough: _Rough,
+    fitted: passes.Fitted,
+    number: int,
+    noise_m: float,
+    maximum_misfit: float,
+) -> Contacts:
+    """Return the contacts of one of the recordings that were fitted together.
+
+    `noise_m` is the noise of its heights about the fits.
+    """
+    rows = fitted.trials.of_landing == number
+    fits = taken(fitted.fits, rows)
+    windows_s = fitted.trials.feet[number].windows_s
+    judged = judge_fits(
+        fits,
+        rough.status,
+        frames_missing(trial.time, trial.heights, fitted.near[rows], windows_s),
+        noise_m=noise_m,
+        maximum_misfit=maximum_misfit,
+    )
+
+    # A foot that rises at once may have touched at any time until its rise was noticed.
+    fall_m_s = np.abs(fits.velocity)
+    unnoticed_s = np.where(fitted.rises[rows], LEAVES * rough.noise_m / fall_m_s, 0.0)
+    frame_s = float(np.median(np.diff(trial.time)))
+    frames_before = round(windows_s[0] / frame_s)
+    frames_after = round(windows_s[1] / frame_s)
+    factor = widening(trial.correlation, frames_before, frames_after)
+    se = np.hypot(judged.se, unnoticed_s) * factor
+
+    bounce_s = bounce_errors(
+        trial.time,
+        trial.heights,
+        np.where(judged.status == descents.LANDED, judged.instant, np.nan),
+        fits.velocity,
+        rough.noise_m,
+    )
+    # Markers of one foot turn about one another: their law says how they come down.
+    feet = trial.foot_of or range(trial.heights.shape[1])
+    turns = np.bincount(feet)[list(feet)] > 1
+    common = np.hypot(fitted.common[number], np.where(turns, 0.0, bounce_s))
+
+    # After the earliest instant the foot only has to come to rest, which takes no
+    # longer than this.
+    longest_s = np.where(np.isfinite(rough.earliest), 2 * UNDETERMINED_S, np.inf)
+    return replace(
+        judged,
+        se=np.minimum(se, longest_s),
+        common=common,
+        earliest=rough.earliest,
+    )

@@ -1,0 +1,178 @@
+"""What is told of feet that bounce, of doubted frames and of another rate."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+import hopdata as hd
+from hopdata.arrays import GRAVITY_M_S2
+from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.remarks import (
+    BOUNCES,
+    EXCHANGED,
+    FILLED,
+    contact_remarks,
+)
+from hopdata.landings.floor import fit_floor, level
+
+HOPS = 14
+FEW_LANDINGS = [2, 5, 9]
+GAP = 3  # frames on either side of a contact
+
+
+@cache
+def hopping(seed):
+    """Return a recording whose feet are stiff and stand, and its true contacts."""
+    recording, truth = hd.synthesize("quadruped", simulation={"hops": HOPS}, seed=seed)
+    return recording, truth.contact_times
+
+
+def moved(recording, foot, change):
+    """Return the recording with other positions of a foot."""
+    marker = recording.markers.index(foot)
+    positions = recording.positions.copy()
+    positions[:, marker] = change(positions[:, marker])
+    return replace(recording, positions=positions)
+
+
+def bouncing(recording, foot, instants, high_m):
+    """Let a foot bounce after each contact, each time 0.4 times as fast."""
+    above = np.zeros(len(recording.time))
+    for instant in instants:
+        begin_s = instant
+        speed = np.sqrt(2 * GRAVITY_M_S2 * high_m)
+        for _ in range(5):
+            s = recording.time - begin_s
+            height = speed * s - GRAVITY_M_S2 * s**2 / 2
+            above += np.where(s > 0, np.maximum(height, 0.0), 0.0)
+            begin_s += 2 * speed / GRAVITY_M_S2
+            speed *= 0.4
+    return moved(recording, foot, lambda track: track + np.outer(above, [0, 0, 1]))
+
+
+def about(recording, instant):
+    """Return the frames about an instant."""
+    frame = int(np.searchsorted(recording.time, instant))
+    return slice(frame - GAP, frame + GAP)
+
+
+def with_filled_gaps(recording, foot, instants):
+    """Hide a foot at its contacts, and fill the gaps with a spline."""
+    hidden = np.zeros(len(recording.time), dtype=bool)
+    for instant in instants:
+        hidden[about(recording, instant)] = True
+
+    def fill(track):
+        time = recording.time
+        spline = CubicSpline(time[~hidden], track[~hidden])
+        return np.where(hidden[:, None], spline(time), track)
+
+    return moved(recording, foot, fill)
+
+
+def with_exchanged_names(recording, feet, instants):
+    positions = recording.positions.copy()
+    one, other = (recording.markers.index(foot) for foot in feet)
+    for instant in instants:
+        frames = about(recording, instant)
+        positions[frames, one] = recording.positions[frames, other]
+        positions[frames, other] = recording.positions[frames, one]
+    return replace(recording, positions=positions)
+
+
+def at_another_rate(recording, rate_hz):
+    """Bring positions to another rate by straight lines."""
+    count = int((recording.time[-1] - recording.time[0]) * rate_hz)
+    time = recording.time[0] + np.arange(count) / rate_hz
+    positions = np.empty((count, *recording.positions.shape[1:]))
+    for at in np.ndindex(positions.shape[1:]):
+        track = recording.positions[(slice(None), *at)]
+        positions[(slice(None), *at)] = np.interp(time, recording.time, track)
+    return hd.Recording.from_arrays(
+        time,
+        positions,
+        list(recording.markers),
+        feet=list(recording.names("foot")),
+        body=list(recording.names("body")),
+        name=recording.name,
+    )
+
+
+def told(*recordings):
+    """Return the remarks on recordings that are timed together, with their tables."""
+    found = hd.contacts(list(recordings))
+    return list(found.remarks), found
+
+
+def test_of_feet_that_stand_and_were_seen_nothing_is_told():
+    for seed in range(3):
+        remarks, _ = told(hopping(seed)[0])
+        assert not remarks
+
+
+def test_a_foot_that_bounces_is_told_with_the_error_of_its_contacts():
+    recording, contact_s = hopping(1)
+    foot = recording.names("foot")[1]
+    remarks, found = told(bouncing(recording, foot, contact_s[:, 1], 0.01))
+    (remark,) = remarks
+    own = found.table[found.table["foot"] == foot]
+    assert remark.code == BOUNCES
+    assert remark.values["foot"] == foot
+    assert remark.values["landings"] == own["found"].sum() > HOPS / 2
+    assert remark.values["ms"] == 1e3 * own["common_s"].iloc[0] > 1.0
+    assert f"{foot} bounces" in str(remark)
+
+
+def test_frames_that_were_filled_in_are_told_with_their_landings():
+    recording, contact_s = hopping(1)
+    foot = recording.names("foot")[0]
+    instants = contact_s[FEW_LANDINGS, 0]
+    remarks, _ = told(with_filled_gaps(recording, foot, instants))
+    (remark,) = remarks
+    assert (remark.code, remark.values["foot"]) == (FILLED, foot)
+    assert remark.values["landings"] == len(FEW_LANDINGS)
+    gap_ms = 1e3 * 2 * GAP / recording.rate_hz
+    assert abs(remark.values["ms"] - gap_ms) < 1e-6
+
+
+def test_exchanged_feet_are_told_with_their_landings():
+    recording, contact_s = hopping(1)
+    feet = recording.names("foot")[:2]
+    instants = contact_s[FEW_LANDINGS, :2].mean(axis=1)
+    remarks, _ = told(with_exchanged_names(recording, feet, instants))
+    assert [one.code for one in remarks] == [EXCHANGED, EXCHANGED]
+    assert [one.values["foot"] for one in remarks] == list(feet)
+    assert {one.values["landings"] for one in remarks} == {len(FEW_LANDINGS)}
+
+
+def test_landings_of_several_recordings_are_added():
+    recording, contact_s = hopping(1)
+    foot = recording.names("foot")[0]
+    one = with_filled_gaps(recording, foot, contact_s[[3], 0])
+    other = with_filled_gaps(recording, foot, contact_s[[4, 7], 0])
+    remarks, _ = told(one, hopping(2)[0], replace(other, name="other"))
+    (remark,) = remarks
+    assert (remark.code, remark.values["landings"]) == (FILLED, 3)
+
+
+def test_another_rate_is_told_with_the_error_of_all_contacts():
+    recording, _ = hopping(1)
+    resampled = at_another_rate(recording, 1.3 * recording.rate_hz)
+    remarks, found = told(resampled)
+    (remark,) = [one for one in remarks if one.code == "landings.contacts_resampled"]
+    assert remark.values["recordings"] == 1
+    assert remark.values["ms"] > 0.5
+    assert (1e3 * found.table["common_s"] >= remark.values["ms"] - 1e-9).all()
+
+
+def test_of_contacts_by_another_method_nothing_is_told():
+    recording, contact_s = hopping(1)
+    foot = recording.names("foot")[0]
+    filled = with_filled_gaps(recording, foot, contact_s[FEW_LANDINGS, 0])
+    standing = level(filled, fit_floor(filled))
+    by_kink = find_landings(standing)
+    assert contact_remarks([standing], [by_kink])
+    printed = find_landings(standing, method="velocity_minimum")
+    assert not contact_remarks([standing], [printed])
