@@ -30,6 +30,7 @@ def test_a_clean_file_is_summed_up(clean, capsys):
     out, err = capsys.readouterr()
     for part in (
         "2000 at 100 Hz, 20.0 s",
+        "as stated, and with it the markers fall at 9.81 m/s²",
         "7: hip1, hip2, hip3, toe1, toe2, toe3, post",
         "mm: in 32 % of the frames the markers fall at 9.81 m/s²",
         "z: the markers fall along it",

@@ -160,9 +160,15 @@ def _facts(inspection: Inspection) -> list[str]:
     return [
         f"  {'frames':8} {rate}; {stamps}",
         *_wrapped("markers", f"{len(inspection.markers)}: {names}"),
+        *_wrapped("rate", f"{inspection.rate.value} Hz: {_why(inspection.rate)}"),
         *_wrapped("unit", f"{unit.value}: {unit.reason}"),
         *_wrapped("up", f"{up.value}: {up.reason}"),
     ]
+
+
+def _why(guess: Guess) -> str:
+    """Return all that was found for and against a guess, or else its reason."""
+    return "; ".join(str(one) for one in guess.evidence) or guess.reason
 
 
 def notes(inspection: Inspection) -> list[str]:

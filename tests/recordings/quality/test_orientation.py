@@ -150,6 +150,10 @@ def test_a_stated_rate_that_nothing_speaks_against_is_taken(has_stamps):
     found = guess_rate(replace(raw(walking()), has_stamps=has_stamps), "m")
     assert (found.value, found.is_sure) == ("100", True)
     assert ("as the time stamps run" in found.reason) == has_stamps
+    falling = replace(raw(hopping(1)[1]), has_stamps=has_stamps)
+    codes = {one.code for one in guess_rate(falling, "m").evidence}
+    assert "recordings.rate_confirmed" in codes
+    assert ("recordings.rate_of_own_stamps" in codes) == has_stamps
     assert "nothing falls freely" in found.reason
 
 

@@ -1,6 +1,7 @@
 """Guess the frame rate from free fall, which seems faster at a higher rate."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -77,7 +78,8 @@ def guess_rate(
     by_stamps = rate_by_stamps(raw)
     if by_stamps != raw.rate_hz:
         why = Message("recordings.rate_but_stamps", {"rate_hz": by_stamps})
-        return Guess(stated, why, is_sure=False, other=f"{by_stamps:g}")
+        other = f"{by_stamps:g}"
+        return Guess(stated, why, is_sure=False, other=other, evidence=(why,))
 
     pull = _pull_down(raw, up, units[unit])
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
@@ -87,12 +89,23 @@ def guess_rate(
     clearer = CLEARER_THAN_CONFIRMED if falls_as_stated else CLEARER_THAN_STATED
     another_falls = _another_rate_falls(raw, units, up, clearer * fall.share)
     if falls_as_stated and not another_falls:
-        return Guess(stated, Message("recordings.rate_confirmed"))
+        why = Message("recordings.rate_confirmed")
+        return Guess(stated, why, evidence=_with_stamps(raw, why))
     if not another_falls and not pull > LARGEST_PULL:
+        code = "recordings.rate_stated"
         if raw.has_stamps:
-            return Guess(stated, Message("recordings.rate_stated_and_stamps"))
-        return Guess(stated, Message("recordings.rate_stated"))
-    return _doubted(raw, units, pull, fall)
+            code = "recordings.rate_stated_and_stamps"
+        why = Message(code)
+        return Guess(stated, why, evidence=(why,))
+    doubted = _doubted(raw, units, pull, fall)
+    return replace(doubted, evidence=_with_stamps(raw, doubted.why))
+
+
+def _with_stamps(raw: RawRecording, by_fall: Message) -> tuple[Message, ...]:
+    """Return what free fall says of the rate, and the time stamps if there are any."""
+    if not raw.has_stamps:
+        return (by_fall,)
+    return Message("recordings.rate_of_own_stamps"), by_fall
 
 
 def _by_fall_alone(raw: RawRecording, units: Mapping[str, float]) -> Guess:
