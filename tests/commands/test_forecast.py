@@ -16,6 +16,7 @@ from made_up_hopper import hopping, with_gap
 from hopdata.__main__ import main
 from hopdata.commands import forecast
 from hopdata.landings import exclusion
+from hopdata.maps.verdict.inputs import landings_for_terms
 from hopdata.messages import Message
 
 STUDY = """study: trial
@@ -315,7 +316,10 @@ def lost_for(reason, feet=("a", "b")):
 def test_few_landings_are_not_told_that_a_margin_is_out_of_reach_of_many():
     """More is allowed in the wide window of few landings than in that of many."""
     few, config = lost_for("body stayed below the pre section")
-    few = replace(few, detectable=0.5, allowed=0.25)
+    touchdowns = pd.concat(
+        [few.touchdowns] * 40, ignore_index=True
+    )  # 400 of 800 are used
+    few = replace(few, touchdowns=touchdowns, detectable=0.5, allowed=0.25)
 
     def advice(found):
         changes = forecast.changes(found, config, [])
@@ -324,8 +328,11 @@ def test_few_landings_are_not_told_that_a_margin_is_out_of_reach_of_many():
     assert advice(few)["commands.larger_margin"] == {"allowed": 0.25}
     seen = advice(replace(few, detectable_nearest=0.6, allowed_nearest=0.1))
     assert "commands.larger_margin" not in seen
-    # 10 (0.5 / 0.1)^2
-    assert seen["commands.record_landings"]["landings"] == 250
+    # What is left of 400 landings by the terms, times (0.5 / 0.1)^2, and the terms.
+    for_terms = landings_for_terms(2)
+    needed = for_terms + (400 - for_terms) * 25
+    landings = seen["commands.record_landings"]["landings"]
+    assert landings == float(f"{needed:.2g}")
     far = advice(replace(few, detectable_nearest=0.6, allowed_nearest=0.21))
     assert far["commands.larger_margin"] == {"allowed": 0.21}
 
