@@ -87,7 +87,8 @@ def _strengthened(track: FloatArray, found: LowPass) -> FloatArray:
     # Both ends of the whole meet without a step.
     ramp = np.linspace(whole[0], whole[-1], len(whole))
     spectrum = np.fft.rfft(whole - ramp, axis=0)
-    gain = _inverse_gain(np.fft.rfftfreq(len(whole)), found)
+    frequency = np.asarray(np.fft.rfftfreq(len(whole)), dtype=np.float64)
+    gain = _inverse_gain(frequency, found)
     strong = np.fft.irfft(spectrum * gain[:, None], n=len(whole), axis=0) + ramp
     return np.asarray(strong[n - 1 : 2 * n - 1])
 
