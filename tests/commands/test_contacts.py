@@ -34,6 +34,19 @@ def test_contacts_of_a_file_are_listed_with_guessed_feet(recording, capsys):
     assert re.search(r"^  1 .*toe\d \d+\.\d ± \d\.\d.* > toe\d", out, re.MULTILINE)
 
 
+def test_exchanged_markers_are_told_of(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    positions = hopping(1, n_frames=500)[1]
+    sound = export(tmp_path, positions, name="sound.tsv")
+    feet = [MARKERS.index("toe1"), MARKERS.index("toe2")]
+    positions[200:240, feet] = positions[200:240, feet[::-1]]
+    exchanged = export(tmp_path, positions, name="exchanged.tsv")
+    assert main(["contacts", str(sound)]) == 0
+    assert "See 'hopdata inspect'" not in capsys.readouterr().out
+    main(["contacts", str(exchanged)])
+    assert re.search(r"swap.* See 'hopdata inspect'", capsys.readouterr().out)
+
+
 def test_one_named_foot_is_enough(recording, capsys):
     assert main(["contacts", str(recording), "--feet", "toe2"]) == 0
     out = capsys.readouterr().out

@@ -117,6 +117,10 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
     questions = [
         note for note in listing.notes(inspection) if note not in inspection.remarks
     ]
+    if inspection.suspects():
+        # Frames of exchanged or frozen markers are not timed: landings may be lost.
+        suspects = {"answer": listing.answer(inspection)}
+        questions.append(str(Message("commands.see_inspect", suspects)))
     notes = [f"{file}: {note}" for note in questions]
     feet, joined = _given_feet(options.feet, file, inspection)
     if not feet:
