@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hopdata.landings import schedules
-from hopdata.landings.contacts import approach, descents, kink, noise
+from hopdata.landings.contacts import approach, descents, doubted, kink, noise
 from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.filling import fill_gaps
 from hopdata.landings.floor import fit_floor, level
@@ -45,6 +45,7 @@ def small_blocks(monkeypatch):
         (approach, "LANDINGS", 7),
         (kink, "BLOCK", 11),
         (timing, "BLOCK", 1_000),
+        (doubted, "BLOCK", 997),
         (tracks, "LARGEST", 30_000),
     ):
         monkeypatch.setattr(module, name, size)

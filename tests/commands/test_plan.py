@@ -32,9 +32,10 @@ def test_the_number_falls_with_the_square_of_what_smooth_terms_do_not_leave(
     said = capsys.readouterr().out
     assert "1,000 landings of 3 feet find 20 % in 80 % of studies" in said
     rows = dict(map(str.strip, line.split("%")) for line in said.splitlines()[3:])
-    assert rows["15"] == "4,000"
+    # The terms of 3 feet take 60 landings: 60 + 940 / 0.5^2.
+    assert rows["15"] == "3,800"
     assert rows["20"] == "1,000"
-    assert rows["18"] == "1,600"  # 1,563 to two digits
+    assert rows["18"] == "1,500"  # 1,529 to two digits
     assert rows["50"] == "150", "second-order terms take as many"
 
 
@@ -65,9 +66,10 @@ def test_a_small_pilot_is_planned_by_the_landings_that_a_large_study_uses(
     assert main(["plan", written(tmp_path, small), "--difference", "0.12"]) == 0
     said = capsys.readouterr().out
     rows = dict(map(str.strip, line.split("%")) for line in said.splitlines()[3:])
-    assert rows["12"] == "120,000"
-    assert rows["20"] == "4,800"
-    assert rows["50"] == "150", "second-order terms take as many"
+    # 60 + 240 (0.4 / 0.02)^2, and 60 + 240 (0.4 / 0.1)^2
+    assert rows["12"] == "96,000"
+    assert rows["20"] == "3,900"
+    assert rows["50"] == "180"  # 60 + 240 (0.243 / 0.343)^2, in the wider window
 
     older = PILOT | {"n_landings": 300, "effect": effect}
     assert main(["plan", written(tmp_path, older), "--difference", "0.12"]) == 1

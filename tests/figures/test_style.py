@@ -266,6 +266,7 @@ EFFECT = {
     "detectable": 0.16,
 }
 VERDICT = {"conclusion": "no difference", "sentence": 12 * "words ", "effect": EFFECT}
+VERDICT |= {"compared": "6 orders", "n_landings": 900}
 VERDICT |= {"confidence": 0.95, "margin": 0.2, "power": 0.8}
 ORDERS = pd.DataFrame({"schedule": ["2>1>3", "3>1>2", "1>2>3"], "excluded": False})
 

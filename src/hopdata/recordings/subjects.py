@@ -108,9 +108,12 @@ def tell_subjects(files: Sequence[PurePath], stated: Sequence[str]) -> Subjects:
     sessions = tuple(_found(_BIDS_SESSION, place) for place in places)
     named = tuple(name if _is_a_name(name) else "" for name in stated)
     sources = [
-        Source("subjects_by_bids", tuple(_found(_BIDS, place) for place in places)),
-        Source("subjects_stated", _alike(named)),
-        Source("subjects_by_folder", _folders(files)),
+        Source(
+            "recordings.subjects_by_bids",
+            tuple(_found(_BIDS, place) for place in places),
+        ),
+        Source("recordings.subjects_stated", _alike(named)),
+        Source("recordings.subjects_by_folder", _folders(files)),
         _prefixes(files),
     ]
     telling = [source for source in sources if source.tells]
@@ -120,12 +123,12 @@ def tell_subjects(files: Sequence[PurePath], stated: Sequence[str]) -> Subjects:
         return Subjects(tuple(only for _ in files), sessions, reason)
     chosen = telling[0]
     values = {"number": len(set(chosen.names))}
-    reason = Message(f"recordings.{chosen.code}", values)
+    reason = Message(chosen.code, values)
     doubt = None
     others = [source for source in telling[1:] if not source.divides_as(chosen)]
     if others:
         values = {"number": len(set(others[0].names))}
-        doubt = Message(f"recordings.{others[0].code}", values)
+        doubt = Message(others[0].code, values)
     elif not chosen.is_explicit and len(telling) == 1:
         doubt = Message("recordings.subjects_one")
     return Subjects(chosen.names, sessions, reason, doubt)
@@ -167,8 +170,8 @@ def _prefixes(files: Sequence[PurePath]) -> Source:
     stems = [file.stem for file in files]
     explicit = _beginnings(stems, _EXPLICIT.match)
     if all(explicit):
-        return Source("subjects_by_prefix", _alike(explicit))
-    code = "subjects_by_prefix"
+        return Source("recordings.subjects_by_prefix", _alike(explicit))
+    code = "recordings.subjects_by_prefix"
     for pattern in (_NUMBERED, _FIRST_WORD):
         names = _alike(_beginnings(stems, pattern.match))
         # A number of a trial, unlike one of a subject, occurs once.

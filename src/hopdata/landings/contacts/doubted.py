@@ -39,6 +39,9 @@ FAR_OFF_M = 0.04
 #: Unit: 1. Origin: chosen: as `recordings.quality.swaps.BETTER`.
 BETTER = 0.2
 
+# Frames that are extrapolated at a time, which bounds the memory.
+BLOCK = 10_000
+
 
 def doubted(tracks: FloatArray, *, scale: float = 1.0) -> BoolArray:
     """Mark the frames (N, n) of markers (N, n, 3), m, that are filled or exchanged."""
@@ -51,15 +54,18 @@ def doubted(tracks: FloatArray, *, scale: float = 1.0) -> BoolArray:
 def filled(track: FloatArray, *, scale: float = 1.0) -> BoolArray:
     """Mark the frames of a marker (N, 3), m, that interpolate between others, (N,)."""
     marked = np.zeros(len(track), dtype=bool)
-    rough = np.abs(np.diff(track, 4, axis=0))
-    known = np.isfinite(rough).all(axis=1)
+    # One coordinate at a time, since long recordings fill the memory.
+    rough = [np.abs(np.diff(coordinate, 4)) for coordinate in track.T]
+    known = np.logical_and.reduce([np.isfinite(one) for one in rough])
     if not known.any():
         return marked
-    usual = np.median(rough[known], axis=0)
-    if not (usual > LEAST_ROUGHNESS_M * scale).all():
+    usual = [np.median(one[known]) for one in rough]
+    if not min(usual) > LEAST_ROUGHNESS_M * scale:
         return marked
-    with np.errstate(invalid="ignore"):
-        on_cubic = np.all(rough < ON_A_CUBIC * usual, axis=1)
+    on_cubic = known
+    for one, usual_of_one in zip(rough, usual, strict=True):
+        with np.errstate(invalid="ignore"):
+            on_cubic = on_cubic & (one < ON_A_CUBIC * usual_of_one)
     if on_cubic.sum() > SMOOTH_SHARE * known.sum():
         return marked
     # Each difference is that of five frames. The first and the last frame of a run of
@@ -78,20 +84,36 @@ def exchanged(tracks: FloatArray, *, scale: float = 1.0) -> BoolArray:
     marked = np.zeros(tracks.shape[:2], dtype=bool)
     if len(tracks) < 3:
         return marked
-    expected = 2 * tracks[1:-1] - tracks[:-2]
-    miss = np.linalg.norm(tracks[2:] - expected, axis=2)
-    with np.errstate(invalid="ignore"):
-        is_far = miss > FAR_OFF_M * scale
-    frames = np.flatnonzero(is_far.sum(axis=1) > 1)
+    frames = _several_far_off(tracks, FAR_OFF_M * scale)
+    place = tracks[frames]
+    expected = _extrapolated(tracks, frames)
+    miss = np.linalg.norm(place - expected, axis=2)
+    is_far = miss > FAR_OFF_M * scale
     for one, other in combinations(range(tracks.shape[1]), 2):
-        both = frames[is_far[frames, one] & is_far[frames, other]]
-        place = tracks[2:][both]
-        crossed = np.linalg.norm(place[:, one] - expected[both, other], axis=1)
-        crossed += np.linalg.norm(place[:, other] - expected[both, one], axis=1)
+        both = is_far[:, one] & is_far[:, other]
+        crossed = np.linalg.norm(place[both, one] - expected[both, other], axis=1)
+        crossed += np.linalg.norm(place[both, other] - expected[both, one], axis=1)
         better = crossed < BETTER * (miss[both, one] + miss[both, other])
-        for begin, end in _stretches(both[better] + 2, len(tracks)):
+        for begin, end in _stretches(frames[both][better], len(tracks)):
             marked[begin:end, [one, other]] = True
     return marked
+
+
+def _several_far_off(tracks: FloatArray, far_m: float) -> IntArray:
+    """Return the frames in which several markers are far from where they should be."""
+    found = []
+    for begin in range(2, len(tracks), BLOCK):
+        frames = np.arange(begin, min(begin + BLOCK, len(tracks)))
+        miss = np.linalg.norm(tracks[frames] - _extrapolated(tracks, frames), axis=2)
+        with np.errstate(invalid="ignore"):
+            is_far = miss > far_m
+        found.append(frames[is_far.sum(axis=1) > 1])
+    return np.concatenate(found)
+
+
+def _extrapolated(tracks: FloatArray, frames: IntArray) -> FloatArray:
+    """Return where the markers (N, n, 3) should be by their last two frames, m."""
+    return np.asarray(2 * tracks[frames - 1] - tracks[frames - 2])
 
 
 def _stretches(exchanges: IntArray, frames: int) -> list[tuple[int, int]]:

@@ -39,6 +39,13 @@ FEW = "few"
 ERRORS = "errors"
 STATES = "states"
 
+# What is said then.
+_SAID = {
+    FEW: "maps.so_far_few",
+    ERRORS: "maps.so_far_errors",
+    STATES: "maps.so_far_states",
+}
+
 
 @dataclass(frozen=True)
 class SoFar:
@@ -71,7 +78,7 @@ class SoFar:
             told.append(f"{one['order']} ({one['landings']})")
         values = {"orders": ", ".join(told)}
         if self.foretold is None:
-            return Message(f"maps.so_far_{self.untold}", values)
+            return Message(_SAID[self.untold], values)
         values["share"] = f"{100 * self.foretold:.0f} %"
         return Message("maps.so_far_foretold", values)
 
