@@ -45,6 +45,13 @@ def test_soles_that_yield_at_once_do_not_glide(yields_m):
     assert not told(foot_at(height_m))
 
 
+def test_a_foot_that_bounces_has_landed():
+    def height_m(after):
+        return np.maximum(0.0, 0.5 * after - 0.5 * 9.81 * after**2)
+
+    assert not told(foot_at(height_m))
+
+
 def test_a_foot_that_is_hidden_afterwards_tells_nothing():
     def height_m(after):
         return np.where(after > 0.0, np.nan, 0.0)
