@@ -129,8 +129,7 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> _Guessed:
     from hopdata.recordings.raw import METRES_PER_UNIT
     from hopdata.recordings.readers.formats import read_raw
 
-    limits = {k: v for k, v in options.items() if k in ("rate_hz", "most_unpacked_mb")}
-    raw = read_raw(file, **limits)
+    raw = read_raw(file, rate_hz=options.get("rate_hz"))
     joined: Mapping[str, list[str]] = {}
     if not any(markers.values()):
         markers, joined = _roles(file, raw, options)

@@ -131,6 +131,8 @@ def head(tree=None, arrays=()):
         frame(head({"table": [[{"list": []}, 1]]})),
         frame(head({"datetime": "yesterday"})),
         frame(head({"pickle": "x"})),
+        frame(head({"record": ["Event", [["label", "x"], ["time_s", 1.0]]]})),
+        frame(head({"record": "Event"})),
         frame(head(None, [["O", [1]]])),
         frame(head(None, [["V8", [1]]])),
         frame(head(None, [["<f8", [-1]]])),
