@@ -3,6 +3,7 @@
 import io
 import json
 from datetime import UTC, date, datetime, time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ def back(value):
         datetime(2024, 2, 29),
         date(2024, 2, 29),
         time(1, 2, 3),
+        Path("a", "b c.trc"),
     ],
 )
 def test_values_arrive_as_they_were(value):

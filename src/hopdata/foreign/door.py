@@ -9,11 +9,11 @@ limits`). What it may spend follows from the size of what it reads and the free 
 pickle, or one error.
 
 How to use it. Write a function at the top level of a module that takes plain values and
-returns plain values: None, bool, int, float, str, bytes, dates, arrays of numbers, and
-lists, tuples and mappings of them; also dataclasses of these, if ``kinds`` names them.
-No other objects, no tables of pandas (a mapping of columns does), no functions. It may
-raise `HopdataError`, whose class, lines, code and key arrive unchanged. Then call it by
-its name::
+returns plain values: None, bool, int, float, str, bytes, dates, paths, arrays of
+numbers, and lists, tuples and mappings of them; also dataclasses of these, if ``kinds``
+names them. No other objects, no tables of pandas (a mapping of columns does), no
+functions. It may raise `HopdataError`, whose class, lines, code and key arrive
+unchanged. Then call it by its name::
 
     from hopdata.foreign import door
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from datetime import date, datetime, time
 from math import prod
+from pathlib import Path, PurePath
 from typing import Any, Protocol
 
 import numpy as np
@@ -68,8 +69,8 @@ def send(stream: Sink, value: Any) -> None:
     ----------
     stream : Sink
     value
-        None, bool, int, float, str, bytes, dates and times, arrays of numbers, and
-        lists, tuples, mappings and dataclasses of them.
+        None, bool, int, float, str, bytes, dates and times, paths, arrays of numbers,
+        and lists, tuples, mappings and dataclasses of them.
 
     Raises
     ------
@@ -121,6 +122,8 @@ def _tree(value: Any, arrays: list[NDArray[Any]], depth: int) -> Any:
     for name, kind in _TIMES.items():
         if type(value) is kind:
             return {name: value.isoformat()}
+    if isinstance(value, PurePath):
+        return {"path": str(value)}
     return _container_tree(value, arrays, depth)
 
 
@@ -284,10 +287,16 @@ class _Values:
                 return array
             return array.transpose(np.argsort(tree["order"]))
         ((name, content),) = tree.items()
-        if name == "bytes":
-            return self._arrays[content].tobytes()
         if name in _TIMES:
             return _TIMES[name].fromisoformat(content)
+        if name == "bytes":
+            return self._arrays[content].tobytes()
+        if name == "path":
+            return Path(content)
+        return self._container(name, content, depth)
+
+    def _container(self, name: str, content: Any, depth: int) -> Any:
+        """Return a value that holds others."""
         if name == "table":
             return self._table(content, depth)
         if name == "record":
