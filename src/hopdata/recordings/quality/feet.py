@@ -45,6 +45,10 @@ SOLE_M = 0.025
 BEND = 0.04
 
 
+# The side of markers that are on one foot, of whichever side.
+ONLY = "only"
+
+
 @dataclass(frozen=True)
 class Feet:
     """The feet that were chosen.
@@ -344,36 +348,55 @@ def _higher_ones_named_alike(
     return chained(higher, "recordings.and")
 
 
-def joined_feet(group: Sequence[int], inspection: Inspection) -> dict[str, list[str]]:
+def joined_feet(
+    group: Sequence[int], inspection: Inspection, *, least_feet: int = LEAST_FEET
+) -> dict[str, list[str]]:
     """Return feet with several markers: of one side by name, at constant distances.
 
-    Empty if all markers form one foot, or each is a foot by itself. Distances alone do
-    not decide, since feet that jump together keep theirs; nor do sides alone, since L1,
-    L2 and L3 are legs.
+    Empty if each is a foot by itself, or if there are fewer than `least_feet`: the
+    markers of a single foot are the feet of a study. Distances alone do not decide,
+    since feet that jump together keep theirs; nor do sides alone, since L1, L2 and L3
+    are legs.
     """
     names = [inspection.markers[m] for m in group]
-    parts = named_parts(tuple(inspection.markers))
-    sides = []
-    for m, name in zip(group, names, strict=True):
-        if parts.role(m) in ("foot", "ankle"):
-            sides.append(parts.sides[m] or side_of_foot(name))
-        else:
-            sides.append("")
+    sides = _sides(group, inspection.markers)
     feet = _by_foot(sides, inspection.pairs.relative_spread(group))
-    if not LEAST_FEET <= len(feet) < len(group):
+    if not least_feet <= len(feet) < len(group):
         return {}
 
     sides_differ = len({sides[foot[0]] for foot in feet}) == len(feet)
     of_foot = {}
     for foot in feet:
         first = foot[0]
-        label = sides[first] if sides_differ else f"of {names[first]}"
+        is_named = sides_differ and sides[first] in SIDE_NAMES
+        label = sides[first] if is_named else f"of {names[first]}"
         of_foot[label] = [names[i] for i in foot]
     joined = {}
     for label, markers in sorted(of_foot.items()):
         if len(markers) > 1:
             joined[SIDE_NAMES.get(label, f"foot {label}")] = markers
     return joined
+
+
+def _sides(group: Sequence[int], markers: tuple[str, ...]) -> list[str]:
+    """Return the side of each marker; empty if it is not known, nor that all are one.
+
+    A heel and other places of a foot, each of them once and on no side, are one foot.
+    """
+    parts = named_parts(tuple(markers))
+    sides = []
+    for m in group:
+        if parts.role(m) in ("foot", "ankle"):
+            sides.append(parts.sides[m] or side_of_foot(markers[m]))
+        else:
+            sides.append("")
+    places = [parts.place(m) for m in group]
+    of_heels = [place for place in places if place[0] == HEEL]
+    is_each_once = len(of_heels) == 1 and len(set(places)) == len(places)
+    are_on_a_foot = all(parts.role(m) == "foot" for m in group)
+    if is_each_once and are_on_a_foot and not any(sides):
+        return [ONLY] * len(group)
+    return sides
 
 
 def _by_foot(sides: list[str], bend: FloatArray) -> list[list[int]]:
