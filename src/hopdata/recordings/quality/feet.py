@@ -22,6 +22,7 @@ from hopdata.recordings.quality.part_names import (
     without_number,
 )
 from hopdata.recordings.quality.rests import lowest, scale_of_all
+from hopdata.recordings.quality.shared_names import corrected_sides
 from hopdata.recordings.quality.stretches import runs
 from hopdata.recordings.quality.vocabulary import NamedParts, named_parts
 from hopdata.recordings.wording import chained, listed
@@ -88,7 +89,7 @@ def guess_feet(
     rests : (N, M) bool array
         When each marker rests.
     others : set of int
-        Markers of other subjects.
+        Markers of other subjects, and those that are another one once more.
     """
     markers = inspection.markers
     names = named_parts(tuple(markers))
@@ -359,7 +360,7 @@ def joined_feet(
     are legs.
     """
     names = [inspection.markers[m] for m in group]
-    sides = _sides(group, inspection.markers)
+    sides = _sides(group, inspection)
     feet = _by_foot(sides, inspection.pairs.relative_spread(group))
     if not least_feet <= len(feet) < len(group):
         return {}
@@ -378,16 +379,18 @@ def joined_feet(
     return joined
 
 
-def _sides(group: Sequence[int], markers: tuple[str, ...]) -> list[str]:
+def _sides(group: Sequence[int], inspection: Inspection) -> list[str]:
     """Return the side of each marker; empty if it is not known, nor that all are one.
 
     A heel and other places of a foot, each of them once and on no side, are one foot.
     """
+    markers = inspection.markers
     parts = named_parts(tuple(markers))
+    of_all = corrected_sides(parts.sides, parts, inspection)
     sides = []
     for m in group:
         if parts.role(m) in ("foot", "ankle"):
-            sides.append(parts.sides[m] or side_of_foot(markers[m]))
+            sides.append(of_all[m] or side_of_foot(markers[m]))
         else:
             sides.append("")
     places = [parts.place(m) for m in group]
