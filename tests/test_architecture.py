@@ -16,7 +16,9 @@ from hopdata.products import installed
 PACKAGE = Path(hopdata.__file__).parent
 SHARED = {
     "arrays",
+    "causes",
     "code_cache",
+    "digests",
     "errors",
     "jobs",
     "messages",

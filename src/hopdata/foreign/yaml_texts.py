@@ -40,7 +40,7 @@ _KINDS = ("map", "seq", "str", "merge", *_NUMBERS)
 
 
 class StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Safe loader of plain values; it refuses duplicate keys, of which one would win."""
+    """Safe loader of plain values; it refuses a key that is there twice."""
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         """Make a value; PyYAML raises almost anything if tag and text do not fit."""
@@ -124,9 +124,7 @@ def _require_few_events(text: str, place: object) -> None:
     if len(_DIRECTIVE.findall(text)) > _MOST_DIRECTIVES:
         raise ConfigError(Message("foreign.too_many_directives", {"place": f"{place}"}))
     n_levels = 0
-    n_entries = 0
-    for event in yaml.parse(text, Loader=StrictLoader):
-        n_entries += 1
+    for n_events, event in enumerate(yaml.parse(text, Loader=StrictLoader)):
         if isinstance(event, yaml.CollectionStartEvent):
             n_levels += 1
             if n_levels > MOST_LEVELS:
@@ -134,7 +132,7 @@ def _require_few_events(text: str, place: object) -> None:
         elif isinstance(event, yaml.CollectionEndEvent):
             n_levels -= 1
         # Each collection has an end, which is no entry.
-        if n_entries > 2 * MOST_ENTRIES:
+        if n_events > 2 * MOST_ENTRIES:
             raise _too_many(place)
 
 

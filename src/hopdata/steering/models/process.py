@@ -274,9 +274,10 @@ def _require_usable(process: FrameChangeProcess) -> None:
     if not 0 < len(process.inputs) <= MOST_INPUTS:
         raise ValueError(f"{len(process.inputs)} inputs, where 1 to {MOST_INPUTS} fit")
     for field in fields(process):
-        if not np.isfinite(getattr(process, field.name)).all():
-            if field.name != "smoothness":  # infinite for the Gaussian kernel
-                raise ValueError(f"{field.name} is not finite")
+        # The smoothness of the Gaussian kernel is infinite.
+        is_finite = bool(np.isfinite(getattr(process, field.name)).all())
+        if not is_finite and field.name != "smoothness":
+            raise ValueError(f"{field.name} is not finite")
     for name in ("unit", "variance", "noise", "length_scales"):
         if not (getattr(process, name) > 0).all():
             raise ValueError(f"{name} is not above zero")
