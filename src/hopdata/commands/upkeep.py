@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from hopdata.bundled import SNAKEFILE
 from hopdata.commands.owner import (
     LOCKS,
     is_locked,
@@ -24,7 +25,6 @@ from hopdata.commands.terminal import OK, PROBLEM, print_table
 from hopdata.errors import ConfigError
 from hopdata.jobs import read_json
 from hopdata.provenance import MISSING, REPORTED, version_of
-from hopdata.walk import SNAKEFILE
 
 #: Packages that one function needs alone, and this function.
 OPTIONAL = {"xarray": "Recording.to_xarray", "qtm-rt": "hopdata drive --host"}

@@ -13,10 +13,10 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from hopdata.bundled import SNAKEFILE
 from hopdata.commands.owner import LOCKS, recorded, release_dead, who_is_at_work
 from hopdata.commands.terminal import progress_bar
 from hopdata.errors import counted, require
-from hopdata.walk import SNAKEFILE
 
 #: Snakemake's messages on jobs: start, end and count.
 _SAID = re.compile(
