@@ -16,8 +16,20 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "hopdata"
 GONE = tomllib.loads(Path(__file__).with_name("posix_only.toml").read_text("utf-8"))
 MODULES = set(GONE.pop("modules"))
-# Called only where another function of the same file has found the module.
-ASKED_BEFORE = {"_set_limit"}
+# It exists on Windows, where it ends the process, whatever the signal.
+GONE["os"].append("kill")
+# Called only where another function of the same file has asked: by `limit` of a trial, which
+# has found the module, and by a fork of `foreign.apart`, which is made on Linux alone.
+ASKED_BEFORE = {
+    *(
+        "_set_limit",
+        "_call_fork",
+        "_be_fork",
+        "_close_all_but",
+        "_default_signals",
+        "_kill",
+    ),
+}
 # What a guard of a name that may be missing can catch.
 CAUGHT = {"AttributeError", "ImportError", "ModuleNotFoundError"}
 
@@ -103,7 +115,7 @@ def asks(function):
             caught = set(re.findall(r"\w+", ast.unparse(node.type)))
             if caught & CAUGHT:
                 return True
-        if isinstance(node, ast.Compare) and "sys.platform" in ast.unparse(node):
+        if ast.unparse(node) in {"os.name", "sys.platform"}:
             return True
     return False
 

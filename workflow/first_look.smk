@@ -3,6 +3,7 @@
 snakemake --cores 2 --snakefile workflow/first_look.smk --workflow-profile profiles/default
 """
 
+from hopdata.commands import owner
 from hopdata.config.loading import read_yaml
 
 
@@ -33,3 +34,8 @@ rule both:
         rules.sample_all.input,
         rules.control_all.input,
         rules.sample_first_look.output,
+
+
+# Snakemake leaves out what the Snakefile of a module does here.
+onstart:
+    owner.begun()

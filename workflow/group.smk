@@ -35,7 +35,7 @@ def memory(wildcards, input, attempt):
 include: "rules/folder.smk"
 
 
-check_times((file for member in MEMBERS for file in files(member)), RESULTS)
+begin(GROUP["study"], (file for member in MEMBERS for file in files(member)), RESULTS)
 
 
 wildcard_constraints:

@@ -87,6 +87,10 @@ class AnalysisError(HopdataError):
     """The data are valid but do not suffice for the requested analysis."""
 
 
+class DamagedError(HopdataError):
+    """A file of an earlier job is not as that job has written it."""
+
+
 class StorageError(HopdataError, OSError):
     """A file cannot be written, for example because the disk is full."""
 

@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import pd
+from hopdata.causes import cause_of, error_number
+from hopdata.digests import keep, require_unchanged
 from hopdata.errors import HopdataError, StorageError
 
 TEXT_COLUMNS = (
@@ -61,19 +63,27 @@ def study_name(text: str) -> str:
 
 
 @contextmanager
-def reported(log: str | Path) -> Iterator[None]:
-    """Write the package's log to `log`; turn a user's mistake into one line.
+def reported(
+    log: str | Path,
+    inputs: Iterable[str | Path] = (),
+    outputs: Iterable[str | Path] = (),
+) -> Iterator[None]:
+    """Do the work of a job: with a log, on inputs that are whole, errors in one line.
 
     Parameters
     ----------
     log : path
-        Log file, overwritten. Any other exception is logged with its traceback and
+        Log file, overwritten. Any unexpected exception is logged with its traceback and
         raised again.
+    inputs, outputs : iterable of path
+        Files of the job. Inputs that an earlier job has written are compared with their
+        digests (`hopdata.digests`), and the digests of the outputs are kept.
 
     Raises
     ------
     SystemExit
-        With code 1 after a `HopdataError`; its message goes to stderr and to the log.
+        With code 1 after a `HopdataError`, and if memory, disk or a file is missing;
+        the message goes to stderr and to the log, in the latter case with the job.
     """
     Path(log).parent.mkdir(parents=True, exist_ok=True)
     handler = logging.FileHandler(
@@ -85,17 +95,35 @@ def reported(log: str | Path) -> Iterator[None]:
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
+        require_unchanged(inputs)
         yield
+        keep(outputs)
     except HopdataError as error:
-        logger.error("%s", error)
-        print(f"hopdata: error: {error}", file=sys.stderr)
-        raise SystemExit(1) from None
-    except Exception:
+        cause = cause_of(error.__cause__) if error.__cause__ else ""
+        if isinstance(error, StorageError) and cause:
+            _end_with(f"{Path(log).stem}: {error}; {_what_to_do(cause)}")
+        _end_with(str(error))
+    except Exception as error:
         logger.error("unexpected error\n%s", traceback.format_exc())
+        cause = cause_of(error)
+        if cause:
+            _end_with(f"{Path(log).stem}: {cause}")
         raise
     finally:
         logger.removeHandler(handler)
         handler.close()
+
+
+def _end_with(message: str) -> None:
+    """End the job with a message on stderr and in the log."""
+    logger.error("%s", message)
+    print(f"hopdata: error: {message}", file=sys.stderr)
+    raise SystemExit(1) from None
+
+
+def _what_to_do(cause: str) -> str:
+    """Return the end of a cause, which says what to do."""
+    return cause.rpartition("; ")[2]
 
 
 @contextmanager
@@ -114,11 +142,12 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
-            left.unlink(missing_ok=True)
+            if not _is_at_work(left):
+                left.unlink(missing_ok=True)
         yield temporary
         os.replace(temporary, target)
     except (OSError, RuntimeError) as error:
-        code = _error_number(error)
+        code = error_number(error)
         if code is None:
             raise
         wrong = f"{path}: expected a writable file, found: {os.strerror(code)}"
@@ -128,13 +157,18 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             temporary.unlink()
 
 
-def _error_number(error: Exception) -> int | None:
-    """Return the system's number of an error; h5py gives it only in its message."""
-    in_message = re.search(r"errno = (\d+)", str(error))
-    if in_message:
-        return int(in_message[1])
-    number: int | None = getattr(error, "errno", None)
-    return number
+def _is_at_work(draft: Path) -> bool:
+    """Tell whether a process with the number in the name of a draft is alive here."""
+    number = draft.name.split(".")[-2]
+    if not number.isdigit() or int(number) == os.getpid() or os.name == "nt":
+        return False  # on Windows, looking for a process may end it
+    try:
+        os.kill(int(number), 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # it is alive, and another user's
+        return True
+    return True
 
 
 def write_json(path: str | Path, content: Mapping[str, Any] | list[Any]) -> None:

@@ -175,7 +175,10 @@ def test_a_snakemake_whose_folder_may_not_be_seen(
     assert release_dead() == ""
     told = owning.who_is_at_work()
     assert str(plain.pid) in told
-    assert "may be a Snakemake that is at work here; if none is at work: rm -r" in told
+    assert (
+        "may be a Snakemake that is at work here; if none is at work: hopdata run"
+        in told
+    )
     other = SimpleNamespace(effective=os.getuid() + 1)
     monkeypatch.setattr(psutil.Process, "uids", lambda _: other)
     assert "was killed; its lock is removed" in release_dead()

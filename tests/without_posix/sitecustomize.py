@@ -11,6 +11,7 @@ Snakemake know the system on which they run. What Windows refuses is refused:
 
 import builtins
 import os
+import subprocess
 import sys
 import tomllib
 import warnings
@@ -127,6 +128,17 @@ def opening(real):
     return opened
 
 
+def starting(real):
+    """Let a Python that hopdata isolates from its user find this folder all the same."""
+
+    def start(self, words, *more, **options):
+        if caller_is_ours() and isinstance(words, list) and words[1:2] == ["-I"]:
+            words = [words[0], "-P", "-s", *words[2:]]
+        real(self, words, *more, **options)
+
+    return start
+
+
 stated_os = STATED["os"] | {
     "rename": renaming(os.rename, over=False),
     "replace": renaming(os.replace, over=True),
@@ -151,6 +163,7 @@ Path.read_bytes = opening(Path.read_bytes)
 Path.write_text = opening(Path.write_text)
 builtins.open = opening(builtins.open)
 builtins.__import__ = import_without
+subprocess.Popen.__init__ = starting(subprocess.Popen.__init__)
 warnings.filterwarnings(
     "error", category=EncodingWarning, module=r"hopdata(\.|$)|__main__$"
 )

@@ -1,5 +1,4 @@
 import os
-import shlex
 import sys
 import time
 from contextlib import suppress
@@ -10,20 +9,10 @@ from pathlib import Path
 os.environ.update(PYTHONSAFEPATH="1")
 sys.path[:] = [place for place in sys.path if Path(place).resolve() != Path.cwd()]
 
-# Snakemake refuses a locked folder without saying which command unlocks it.
-if (
-    workflow.is_main_process
-    and "--unlock" not in sys.argv
-    and any(Path(".snakemake/locks").glob("*.output.lock"))
-):
-    is_module = sys.argv[0].endswith("__main__.py")
-    program = [sys.executable, "-m", "snakemake"] if is_module else sys.argv[:1]
-    print(
-        "hopdata: .snakemake/locks: another run is active in this folder, or one was killed; if "
-        "Snakemake refuses to start and no other run is active, unlock the folder: "
-        f"{shlex.join([*program, *sys.argv[1:]])} --unlock",
-        file=sys.stderr,
-    )
+from hopdata.causes import oom_kills
+from hopdata.commands import deaths, healing, owner
+
+OOM_BEFORE = oom_kills()
 SKEW_S = 60  # allowed difference between the clocks of two machines, s
 
 
@@ -39,6 +28,15 @@ def stamps(files):
             status = os.stat(file)
             found.append((str(file), status.st_size, status.st_mtime_ns))
     return found
+
+
+def begin(study, files, folder):
+    """Begin a run: take over the folder of one that was killed, and look at what is there."""
+    check_times(files, folder)
+    if workflow.is_main_process and owner.begin(study, sys.argv):
+        told = healing.heal(folder)
+        if told:
+            print(f"hopdata: {told}", file=sys.stderr)
 
 
 def check_times(files, folder):
@@ -60,6 +58,7 @@ def check_times(files, folder):
 
 
 onstart:
+    owner.begun()
     # Remove scripts that Snakemake wrote for the jobs of a killed run, unless another run is active
     # and may be using its own.
     if len(list(Path(".snakemake/locks").glob("*.output.lock"))) == 1:
@@ -69,3 +68,12 @@ onstart:
     # no option disables it.
     if getattr(workflow, "local_exec", False) and hasattr(workflow, "scheduler"):
         workflow.scheduler.job_rate_limiter = None
+
+
+onerror:
+    # Snakemake's page of text ends in one line that says why; `hopdata run` says it itself.
+    if owner.STARTED_BY_HOPDATA not in os.environ:
+        with open(log, errors="replace") as said:
+            reason = deaths.why(said.readlines(), oom_before=OOM_BEFORE)
+        if reason:
+            print(f"hopdata: error: {reason}", file=sys.stderr)

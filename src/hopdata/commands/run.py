@@ -65,6 +65,7 @@ def run(options: argparse.Namespace) -> int:
         *("--cores", options.cores),
         *passed,
         snakefile=asked.snakefile,
+        if_locked=options.if_locked,
     )
     if code:
         return _contacts_instead(asked, is_part=options.until is not None)
@@ -185,7 +186,8 @@ def _run_again(options: argparse.Namespace) -> int:
     copy = Path("results", again, "config.yaml")
     copy.parent.mkdir(parents=True, exist_ok=True)
     copy.write_text(yaml.safe_dump({**config, "study": again}), encoding="utf-8")
-    if run_workflow(copy, again, "--cores", options.cores, *options.passed_on):
+    passed = ("--cores", options.cores, *options.passed_on)
+    if run_workflow(copy, again, *passed, if_locked=options.if_locked):
         return PROBLEM
     old = place.parent
     new = copy.parent
