@@ -29,14 +29,9 @@ def pins(text: str) -> list[tuple[str, str, str]]:
 
 def commit_of(action: str, tag: str, host: str = HOST) -> str:
     """Return the commit of a tag, also of an annotated one, which has two lines."""
+    names = [f"refs/tags/{tag}", f"refs/tags/{tag}^{{}}"]
     said = subprocess.run(
-        [
-            "git",
-            "ls-remote",
-            host + action,
-            f"refs/tags/{tag}",
-            f"refs/tags/{tag}^{{}}",
-        ],
+        ["git", "ls-remote", host + action, *names],
         capture_output=True,
         check=True,
         encoding="utf-8",
