@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import pd
+from hopdata.bundled import SNAKEFILE
 from hopdata.config.loading import check_keys, load_config, read_yaml
 from hopdata.errors import (
     AnalysisError,
@@ -18,7 +19,7 @@ from hopdata.errors import (
 )
 from hopdata.recording import Recording, Truth, marker_names, numbers
 from hopdata.stages import LINE
-from hopdata.walk import SNAKEFILE, Contents, Progress, Study
+from hopdata.walk import Contents, Progress, Study
 
 if TYPE_CHECKING:
     from hopdata.maps.verdict.judge import Verdict
