@@ -147,9 +147,11 @@ def floor_compensation(
     from hopdata.landings.contacts.joined import join_feet
     from hopdata.landings.filling import fill_gaps
     from hopdata.landings.floor import fit_floor, level
+    from hopdata.landings.held_frames import without_held_frames
 
-    model = fit_floor(imported, **floor)
-    ready = level(imported, model)
+    measured = without_held_frames(imported)
+    model = fit_floor(measured, **floor)
+    ready = level(measured, model)
     ready = join_feet(ready, feet)
     if fills:
         # `ready` is this function's own copy, unlike `imported`.
