@@ -18,7 +18,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from hopdata import __version__, products
-from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM
+from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM, screened
 from hopdata.errors import HopdataError, did_you_mean
 
 # This module parses the command line and reports errors as one message without a
@@ -52,7 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         or for a problem in the data; 130 for an interrupt. After a wrong command line
         argparse raises SystemExit with code 2.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    with screened():
+        return _command(list(sys.argv[1:] if arguments is None else arguments))
+
+
+def _command(given: list[str]) -> int:
     own, passed_on = _apart(given)
     options = _parser().parse_args(own, argparse.Namespace(passed_on=passed_on))
     try:
@@ -83,7 +87,15 @@ def _apart(given: list[str]) -> tuple[list[str], list[str]]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that suggests the nearest command for a misspelt one."""
+    """A parser that suggests the nearest command for a misspelt one.
+
+    Its help is plain text: what it would tell a terminal, from Python 3.14 on, does not
+    pass `screened`.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.color = False
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         choices = list(action.choices or ())
