@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from hopdata import products
+from hopdata.bundled import SNAKEFILE
 from hopdata.commands.terminal import OK, PROBLEM, write_text
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
@@ -20,7 +21,6 @@ from hopdata.jobs import read_json
 from hopdata.provenance import package_digest
 from hopdata.report.tables import quality_summary
 from hopdata.stages import LINE
-from hopdata.walk import SNAKEFILE
 
 GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
 SAMPLE = Path("data/sample/hopper.h5")

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from hopdata.bundled import SNAKEFILE
 from hopdata.commands.owner import (
     LOCKS,
     is_locked,
@@ -23,7 +24,6 @@ from hopdata.commands.terminal import OK, PROBLEM, print_table
 from hopdata.commands.values import values_of
 from hopdata.errors import ConfigError
 from hopdata.provenance import MISSING, REPORTED, version_of
-from hopdata.walk import SNAKEFILE
 
 #: Packages that one function needs alone, and this function.
 OPTIONAL = {"xarray": "Recording.to_xarray", "qtm-rt": "hopdata drive --host"}
