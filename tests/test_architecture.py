@@ -16,6 +16,7 @@ from hopdata.products import installed
 PACKAGE = Path(hopdata.__file__).parent
 SHARED = {
     "arrays",
+    "bundled",
     "causes",
     "code_cache",
     "digests",

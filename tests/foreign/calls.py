@@ -11,10 +11,15 @@ import numpy as np
 
 from hopdata.errors import ConfigError
 from hopdata.messages import Message
+from hopdata.recording import Event
 
 
 def echo(*arguments):
     return arguments
+
+
+def event():
+    return [Event("touch", 1.5)], Message("recordings.frames", {"number": 3})
 
 
 def many_bytes(n_bytes):
@@ -37,7 +42,7 @@ def ask_for_50_gb():
 def ask_for_more_and_more():
     kept = []
     while True:
-        kept.append(bytes(10_000_000))
+        kept.append(b"x" * 10_000_000)
 
 
 def ask_in_words():

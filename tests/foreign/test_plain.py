@@ -3,6 +3,7 @@
 import io
 import json
 from datetime import UTC, date, datetime, time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ def back(value):
         datetime(2024, 2, 29),
         date(2024, 2, 29),
         time(1, 2, 3),
+        Path("a", "b c.trc"),
     ],
 )
 def test_values_arrive_as_they_were(value):
@@ -131,6 +133,8 @@ def head(tree=None, arrays=()):
         frame(head({"table": [[{"list": []}, 1]]})),
         frame(head({"datetime": "yesterday"})),
         frame(head({"pickle": "x"})),
+        frame(head({"record": ["Event", [["label", "x"], ["time_s", 1.0]]]})),
+        frame(head({"record": "Event"})),
         frame(head(None, [["O", [1]]])),
         frame(head(None, [["V8", [1]]])),
         frame(head(None, [["<f8", [-1]]])),

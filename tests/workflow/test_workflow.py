@@ -494,7 +494,9 @@ def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sampl
     os.utime(sample / made, (seconds, time.time() + 86_400))
     run = snakemake(sample, made, "--dry-run")
     assert "rule import_recording:" in run.stdout + run.stderr
-    assert f"hopdata: {made}: {told}, and Snakemake decides" in run.stderr
-    completed(sample, made, "--forceall")
+    assert f"hopdata: {made}: {told}, and a run will date it anew" in run.stderr
+    assert (sample / made).stat().st_mtime > time.time()
+    assert f"hopdata: {made}: {told}; such results are" in completed(sample, made)
+    assert (sample / made).stat().st_mtime <= time.time()
     assert (sample / made).read_bytes() == before
     assert "hopdata: " not in snakemake(sample, made, "--dry-run").stderr

@@ -32,17 +32,22 @@ def stamps(files):
 
 def begin(study, files, folder):
     """Begin a run: take over the folder of one that was killed, and look at what is there."""
-    check_times(files, folder)
-    if workflow.is_main_process and owner.begin(study, sys.argv):
+    if not workflow.is_main_process:
+        return
+    is_alone = owner.begin(study, sys.argv)
+    check_times(files, folder, mend=is_alone)
+    if is_alone:
         told = healing.heal(folder)
         if told:
             print(f"hopdata: {told}", file=sys.stderr)
 
 
-def check_times(files, folder):
-    """Refuse inputs dated in the future, which Snakemake rejects, and warn of such results."""
-    if not workflow.is_main_process:
-        return
+def check_times(files, folder, *, mend):
+    """Refuse inputs dated in the future, which Snakemake rejects; date such results anew.
+
+    Whether a result is up to date does not hang on its date alone: names, sizes and dates of the
+    user's files are parameters, and a result must have the bytes that were written.
+    """
     made = (os.path.join(place, name) for place, _, names in os.walk(folder) for name in names)
     latest = (time.time() + SKEW_S) * 1e9
     read, kept = ([one[0] for one in stamps(x) if one[2] > latest] for x in (files, made))
@@ -50,11 +55,12 @@ def check_times(files, folder):
     if read:
         sys.exit(f"hopdata: error: {read[0]}: {told}; touch it and run again")
     if kept:
-        print(
-            f"hopdata: {kept[0]}: {told}, and Snakemake decides by file times what to run; run "
-            "once with --force, or --forceall",
-            file=sys.stderr,
-        )
+        anew = "; such results are dated anew" if mend else ", and a run will date it anew"
+        print(f"hopdata: {kept[0]}: {told}{anew}", file=sys.stderr)
+    if mend:
+        for file in kept:
+            with suppress(OSError):
+                os.utime(file)
 
 
 onstart:
@@ -73,7 +79,7 @@ onstart:
 onerror:
     # Snakemake's page of text ends in one line that says why; `hopdata run` says it itself.
     if owner.STARTED_BY_HOPDATA not in os.environ:
-        with open(log, errors="replace") as said:
-            reason = deaths.why(said.readlines(), oom_before=OOM_BEFORE)
+        said = [line for file in log for line in open(file, errors="replace")]
+        reason = deaths.why(said, oom_before=OOM_BEFORE)
         if reason:
             print(f"hopdata: error: {reason}", file=sys.stderr)

@@ -72,11 +72,14 @@ class Request:
         Its arguments: plain values (`hopdata.foreign.plain.send`).
     budget
         What it may spend.
+    kinds
+        Dataclasses that may be in what it returns.
     """
 
     function: str
     arguments: tuple[Any, ...]
     budget: Budget
+    kinds: tuple[type, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,7 @@ def _call_fork(request: Request) -> Answer:
     ended = partial(_ended, pid)
     with io.FileIO(from_child, "rb") as stream:
         try:
-            answer = _received(stream, pid, kill, ended, request.budget)
+            answer = _received(stream, pid, kill, ended, request)
         finally:
             kill()  # if it has not ended
             ended()
@@ -306,9 +309,7 @@ class Server:
         with suppress(OSError):  # it has ended, which shows when it is to answer
             send(process.stdin, asked)
         ended = partial(self._exit_code, process)
-        return _received(
-            process.stdout, process.pid, process.kill, ended, request.budget
-        )
+        return _received(process.stdout, process.pid, process.kill, ended, request)
 
     def _exit_code(self, process: subprocess.Popen[bytes]) -> int | None:
         with suppress(subprocess.TimeoutExpired):
@@ -449,12 +450,7 @@ def _told(error: HopdataError) -> dict[str, Any]:
     """Return an error of hopdata as plain values."""
     if _lacks_memory(error):
         return {"kind": "", "lines": [], "key": "", "memory": True}
-    lines: list[Any] = []
-    for line in error.args:
-        if isinstance(line, Message):
-            lines.append({"message": line.to_dict()})
-        else:
-            lines.append(str(line))
+    lines = [line if isinstance(line, Message) else str(line) for line in error.args]
     return {
         "kind": type(error).__name__,
         "lines": lines,
@@ -466,13 +462,7 @@ def _told(error: HopdataError) -> dict[str, Any]:
 def _rebuilt(told: dict[str, Any]) -> HopdataError:
     """Return the error of which `_told` made plain values."""
     kind = _kinds().get(told["kind"], HopdataError)
-    lines: list[Any] = []
-    for line in told["lines"]:
-        if isinstance(line, dict):
-            lines.append(Message.from_dict(line["message"]))
-        else:
-            lines.append(str(line))
-    error = kind(*lines)
+    error = kind(*told["lines"])
     error.key = str(told["key"])
     return error
 
@@ -506,15 +496,17 @@ def _received(
     pid: int,
     kill: Callable[[], None],
     exit_code: Callable[[], int | None],
-    budget: Budget,
+    request: Request,
 ) -> Answer:
     """Return the answer of a process, or why there is none."""
     wrong = ""
     answer = None
     code = None
-    with Watch(pid, kill, budget) as watch:
+    kinds = (*request.kinds, Message)
+    most = request.budget.unpacked
+    with Watch(pid, kill, request.budget) as watch:
         try:
-            answer = receive(_Watched(stream, watch), budget.unpacked)
+            answer = receive(_Watched(stream, watch), most, kinds)
         except (EndedError, OSError):
             code = exit_code()
         except WrongFrameError as error:

@@ -9,10 +9,11 @@ limits`). What it may spend follows from the size of what it reads and the free 
 pickle, or one error.
 
 How to use it. Write a function at the top level of a module that takes plain values and
-returns plain values: None, bool, int, float, str, bytes, dates, arrays of numbers, and
-lists, tuples and mappings of them. No objects, no tables of pandas (a mapping of
-columns does), no functions. It may raise `HopdataError`, whose class, lines, code and
-key arrive unchanged. Then call it by its name::
+returns plain values: None, bool, int, float, str, bytes, dates, paths, arrays of
+numbers, and lists, tuples and mappings of them; also dataclasses of these, if ``kinds``
+names them. No other objects, no tables of pandas (a mapping of columns does), no
+functions. It may raise `HopdataError`, whose class, lines, code and key arrive
+unchanged. Then call it by its name::
 
     from hopdata.foreign import door
 
@@ -23,6 +24,7 @@ key arrive unchanged. Then call it by its name::
         n_bytes=door.size_of(path),  # from which memory and time follow
         raises=ConfigError,
         reader="the YAML library",  # who is to blame, in a message
+        libraries=("yaml",),  # imported before, so that a fork has them
     )
 
 The message of a failure has the code ``foreign.memory``, ``foreign.free_memory``,
@@ -30,17 +32,18 @@ The message of a failure has the code ``foreign.memory``, ``foreign.free_memory`
 in one line), ``foreign.reply`` or ``foreign.start``.
 
 A call costs some hundredths of a second where the process can fork (`apart.may_fork`),
-since libraries that this process has imported are there at once: import what the
-function needs before the call (``import yaml`` in the module that calls, say). So one
-call for many small things is better than many calls. Inside, the working folder is the
-same, so that relative paths mean the same, but it is not on Python's search path.
-Nothing can be written, and a call within a call is made at once, in the same process.
+since libraries that this process has imported are there at once: name what the
+function needs as ``libraries``. One call for many small things is better than many.
+Inside, the working folder is the same, so that relative paths mean the same, but it is
+not on Python's search path. Nothing can be written, and a call within a call is made at
+once, in the same process.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -61,6 +64,8 @@ def read(
     n_bytes: int,
     raises: type[HopdataError] = RecordingError,
     reader: str = "the reader",
+    kinds: tuple[type, ...] = (),
+    libraries: Sequence[str] = (),
 ) -> Any:
     """Call a function that reads something foreign, apart and within limits.
 
@@ -78,6 +83,10 @@ def read(
         The error to raise if reading fails.
     reader : str
         Who reads, in a message: a library, or a plugin with its name.
+    kinds : tuple of type
+        Dataclasses that may be in what it returns.
+    libraries : sequence of str
+        Modules that it will import. A fork of this process has them from the start.
 
     Returns
     -------
@@ -92,15 +101,29 @@ def read(
         If it needs too much memory or time, ends its process, raises anything else, or
         does not return plain values.
     """
-    if _is_open or apart.is_inside():
+    if is_inside():
         return resolve_name(function)(*arguments)
+    if apart.may_fork():
+        _import(function, libraries)
     budget = budget_for(n_bytes)
-    answer = apart.call(apart.Request(function, arguments, budget))
+    answer = apart.call(apart.Request(function, arguments, budget, kinds))
     if answer.error is not None:
         raise answer.error
     if answer.failure is not None:
         raise raises(_message(answer.failure, place, reader, budget))
     return answer.value
+
+
+def _import(function: str, libraries: Sequence[str]) -> None:
+    """Import what a function needs; what is not installed is told when it is missed."""
+    for module in (function.partition(":")[0], *libraries):
+        with suppress(ImportError):
+            import_module(module)
+
+
+def is_inside() -> bool:
+    """Tell whether a call would be made at once: inside of another, or `open_here`."""
+    return _is_open or apart.is_inside()
 
 
 def size_of(*paths: str | Path) -> int:

@@ -3,15 +3,18 @@
 A frame is a mark, the length of its head, the head, and the bytes of its arrays. The
 head is JSON: numbers, texts, lists and tables, with an array as its place in the list
 of arrays, of which type and shape are stated. Whoever receives it compares all claims
-with a budget before it allocates anything.
+with a budget before it allocates anything. A dataclass travels as its name and its
+fields, and only those that the receiver names are made again.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from datetime import date, datetime, time
 from math import prod
+from pathlib import Path, PurePath
 from typing import Any, Protocol
 
 import numpy as np
@@ -66,8 +69,8 @@ def send(stream: Sink, value: Any) -> None:
     ----------
     stream : Sink
     value
-        None, bool, int, float, str, bytes, dates and times, arrays of numbers, and
-        lists, tuples and mappings of them.
+        None, bool, int, float, str, bytes, dates and times, paths, arrays of numbers,
+        and lists, tuples, mappings and dataclasses of them.
 
     Raises
     ------
@@ -113,20 +116,33 @@ def _tree(value: Any, arrays: list[NDArray[Any]], depth: int) -> Any:
         return str(value)
     if isinstance(value, bytes | bytearray | memoryview):
         content = np.frombuffer(value, np.uint8)
-        return {"bytes": _tree(content, arrays, depth + 1)["array"]}
+        return {"bytes": _array_tree(content, arrays)["array"]}
     if isinstance(value, np.ndarray):
         return _array_tree(value, arrays)
     for name, kind in _TIMES.items():
         if type(value) is kind:
             return {name: value.isoformat()}
-    if isinstance(value, Mapping):
-        pairs = []
-        for key, one in value.items():
-            pairs.append([_tree(key, arrays, depth + 1), _tree(one, arrays, depth + 1)])
-        return {"table": pairs}
+    if isinstance(value, PurePath):
+        return {"path": str(value)}
+    return _container_tree(value, arrays, depth)
+
+
+def _container_tree(value: Any, arrays: list[NDArray[Any]], depth: int) -> Any:
+    """Return the tree of a value that holds others."""
     if isinstance(value, list | tuple):
         name = "tuple" if isinstance(value, tuple) else "list"
         return {name: [_tree(one, arrays, depth + 1) for one in value]}
+    pairs = []
+    if isinstance(value, Mapping):
+        for key, one in value.items():
+            pairs.append([_tree(key, arrays, depth + 1), _tree(one, arrays, depth + 1)])
+        return {"table": pairs}
+    if is_dataclass(value) and not isinstance(value, type):
+        for field in fields(value):
+            if field.init:
+                of_field = _tree(getattr(value, field.name), arrays, depth + 1)
+                pairs.append([field.name, of_field])
+        return {"record": [type(value).__name__, pairs]}
     raise TypeError(f"expected numbers, texts and arrays, found {type(value).__name__}")
 
 
@@ -164,7 +180,7 @@ def _write(stream: Sink, content: Any) -> None:
         left = left[n_written or 0 :]
 
 
-def receive(stream: Source, most_bytes: int) -> Any:
+def receive(stream: Source, most_bytes: int, kinds: Sequence[type] = ()) -> Any:
     """Read a frame and return its value.
 
     Parameters
@@ -172,6 +188,8 @@ def receive(stream: Source, most_bytes: int) -> Any:
     stream : Source
     most_bytes : int
         Bytes that all arrays together may have.
+    kinds : sequence of type
+        Dataclasses that may be made.
 
     Raises
     ------
@@ -199,8 +217,8 @@ def receive(stream: Source, most_bytes: int) -> Any:
         raise WrongFrameError(f"arrays of {claimed} bytes")
     arrays = [_received(stream, dtype, shape) for dtype, shape in claims]
     try:
-        return _value(tree, arrays, 0)
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+        return _Values(arrays, {kind.__name__: kind for kind in kinds}).of(tree, 0)
+    except Exception as error:  # also what a dataclass says about its fields
         raise WrongFrameError("a head that does not fit its arrays") from error
 
 
@@ -246,33 +264,55 @@ def _read(stream: Source, n_bytes: int) -> bytes:
     return b"".join(parts)
 
 
-def _value(tree: Any, arrays: Sequence[NDArray[Any]], depth: int) -> Any:
-    """Return the value of which `_tree` made a tree."""
-    if depth > DEEPEST:
-        raise ValueError("too deep")
-    if not isinstance(tree, dict):
+class _Values:
+    """Makes values of trees, arrays and dataclasses."""
+
+    def __init__(
+        self, arrays: Sequence[NDArray[Any]], kinds: Mapping[str, type]
+    ) -> None:
+        self._arrays = arrays
+        self._kinds = kinds
+
+    def of(self, tree: Any, depth: int) -> Any:
+        """Return the value of which `_tree` made a tree."""
+        if depth > DEEPEST:
+            raise ValueError("too deep")
         if isinstance(tree, list):
             raise ValueError("a list without a name")
-        return tree
-    if "array" in tree:
-        array = arrays[tree["array"]]
-        if "order" not in tree:
-            return array
-        return array.transpose(np.argsort(tree["order"]))
-    ((name, content),) = tree.items()
-    if name == "bytes":
-        return arrays[content].tobytes()
-    if name in _TIMES:
-        return _TIMES[name].fromisoformat(content)
-    if name == "table":
+        if not isinstance(tree, dict):
+            return tree
+        if "array" in tree:
+            array = self._arrays[tree["array"]]
+            if "order" not in tree:
+                return array
+            return array.transpose(np.argsort(tree["order"]))
+        ((name, content),) = tree.items()
+        if name in _TIMES:
+            return _TIMES[name].fromisoformat(content)
+        if name == "bytes":
+            return self._arrays[content].tobytes()
+        if name == "path":
+            return Path(content)
+        return self._container(name, content, depth)
+
+    def _container(self, name: str, content: Any, depth: int) -> Any:
+        """Return a value that holds others."""
+        if name == "table":
+            return self._table(content, depth)
+        if name == "record":
+            kind, pairs = content
+            own = [[field, value] for field, value in pairs if isinstance(field, str)]
+            return self._kinds[kind](**self._table(own, depth))
+        values = [self.of(one, depth + 1) for one in content]
+        if name == "tuple":
+            return tuple(values)
+        if name == "list":
+            return values
+        raise ValueError(f"a {name}")
+
+    def _table(self, pairs: Any, depth: int) -> dict[Any, Any]:
         table = {}
-        for key, one in content:
-            of_key = _value(key, arrays, depth + 1)
-            table[of_key] = _value(one, arrays, depth + 1)
+        for key, one in pairs:
+            of_key = self.of(key, depth + 1)
+            table[of_key] = self.of(one, depth + 1)
         return table
-    values = [_value(one, arrays, depth + 1) for one in content]
-    if name == "tuple":
-        return tuple(values)
-    if name == "list":
-        return values
-    raise ValueError(f"a {name}")
