@@ -60,7 +60,7 @@ class Door:
     put: Callable[[Path, str, bytes], Path] | None = None
     names_file: bool = True
     loads_pickles: bool = False
-    in_ci: int = 14
+    in_ci: int = 20
 
     @property
     def sound(self):

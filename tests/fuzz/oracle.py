@@ -270,8 +270,8 @@ def _of_message(error, names):
     except FaultError as fault:
         return Verdict(fault.args[0], str(fault.args[1]), type(error).__name__)
     text = str(error)
-    if error.code == "foreign.failed" and "the reader doors:" not in text:
-        # A traceback of hopdata's own reader, which the door has made one line.
+    if error.code == "foreign.failed" and "odd_reader" not in text:
+        # A traceback of hopdata's own reader, which its door has made one line.
         return Verdict("traceback", text[:300], _without_numbers(text))
     if len(text.splitlines()) > max(1, len(lines)):
         return Verdict("message", f"more lines than mistakes: {text!r}"[:300])

@@ -307,10 +307,8 @@ def contents_of(path: str) -> dict[str, Any]:
     RecordingError
         If it is not a log.
     """
-    import h5py
-
     try:
-        with h5py.File(path, "r", libver="latest", swmr=True, locking=False) as file:
+        with _opened(path) as file:
             if file.attrs["format"] != FORMAT:
                 raise ValueError
             setup = json.loads(file.attrs["setup"])
@@ -322,6 +320,22 @@ def contents_of(path: str) -> dict[str, Any]:
     except (AttributeError, RuntimeError) as error:
         raise _no_log(path) from error
     return {"setup": setup, "tables": tables, "files": kept}
+
+
+def _opened(path: str) -> Any:
+    """Open a log, also one that is still written or was cut off.
+
+    Only these are opened as files that somebody writes: of those, the HDF5 library
+    waits for seconds for each part that it cannot read.
+    """
+    import h5py
+
+    try:
+        return h5py.File(path, "r", libver="latest", locking=False)
+    except OSError as error:
+        if "already open" not in str(error):
+            raise
+    return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
 
 
 def _no_log(path: str) -> RecordingError:
