@@ -22,6 +22,7 @@ from hopdata.causes import cause_of, error_number
 from hopdata.digests import keep, require_unchanged
 from hopdata.errors import (
     NO_BREAK_SPACES,
+    DamagedError,
     HopdataError,
     StorageError,
     printable,
@@ -197,8 +198,28 @@ def write_fields(path: str | Path, result: Any) -> None:
 
 
 def read_json(path: str | Path) -> Any:
-    """Read a JSON file."""
-    return json.loads(Path(path).read_text(encoding="utf-8"))
+    """Read a JSON file.
+
+    Raises
+    ------
+    DamagedTextError
+        If it is none.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, "JSON", error) from error
+
+
+class DamagedTextError(DamagedError, ValueError):
+    """A file of results is no JSON or no table; a ValueError, as of their parsers."""
+
+
+def _damaged(path: object, kind: str, error: Exception) -> DamagedTextError:
+    """Return the error for a file of results that is not as it was written."""
+    words = " ".join(str(error).split())[:100]
+    found = f"{words}; if hopdata wrote it, remove it and run again"
+    return DamagedTextError.at(path, f"whole {kind}", found)
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
@@ -271,10 +292,19 @@ def _printed(column: pd.Series) -> list[str]:
 
 
 def read_table(path: str | Path | StringIO) -> pd.DataFrame:
-    """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty."""
+    """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty.
+
+    Raises
+    ------
+    DamagedTextError
+        If it is no table.
+    """
     # A recording may be called NA, so only an empty cell is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
-    table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
+    try:
+        table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
+    except (ValueError, OverflowError) as error:  # errors of its parser are of these
+        raise _damaged(path, "CSV", error) from error
     texts = table.columns.intersection(TEXT_COLUMNS)
     return _changed(table.fillna(dict.fromkeys(texts, "")), _unguarded)
 

@@ -60,7 +60,7 @@ class Door:
     put: Callable[[Path, str, bytes], Path] | None = None
     names_file: bool = True
     loads_pickles: bool = False
-    in_ci: int = 14
+    in_ci: int = 20
 
     @property
     def sound(self):
@@ -375,7 +375,7 @@ def _run_again(path):
     """Repeat the study of a provenance, up to where the workflow would start."""
     from hopdata.commands import run
 
-    with mock.patch.object(run, "run_workflow", lambda *_: 1):
+    with mock.patch.object(run, "run_workflow", lambda *_, **__: 1):
         return _command("run", "--from", path.name)
 
 
@@ -724,7 +724,7 @@ DOORS = {
     "pairs": Door(_saved, _read_pairs, _are_pairs, in_ci=10),
     "saved": Door(_tables, _read_saved, in_ci=10),
     "model": Door(_models, _load_model, _is_model),
-    "log": Door(_logs, _read_log, in_ci=8),
+    "log": Door(_logs, _read_log, in_ci=4),
     "packets": Door(_packets, _take_packets, names_file=False, in_ci=24),
     "settings": Door(_settings, _take_settings, _are_settings, names_file=False),
     "code": Door(
