@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures dissertation dissertation-docs both-sides test test-cluster mutants benchmarks lint format rules docs site sample lock release clean help
+.PHONY: figures dissertation dissertation-docs both-sides test test-cluster chaos mutants benchmarks lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -23,6 +23,7 @@ help:
 	@echo "make dissertation-docs  the same, and write its table to docs/dissertation.md"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
 	@echo "make test-cluster  run the sample and a group on a one-node SLURM and kill jobs (as root, with slurm-wlm)"
+	@echo "make chaos      kill, starve and damage a small study EVENTS times (1000), SEED (1); goes on where it was interrupted"
 	@echo "make mutants    make small wrong changes and see which of them the tests miss (takes hours; can be interrupted)"
 	@echo "make both-sides run the study of the dissertation's size: C1, not C1, half the spread, then compare them"
 	@echo "make benchmarks measure error and run time against other libraries, into results/benchmarks"
@@ -58,6 +59,11 @@ test: $(VENV)/.dev
 
 test-cluster: $(VENV)/.dev
 	VENV=$(VENV) tests/cluster.sh
+
+# As root it has a disk of its own to fill; otherwise the size of files is limited.
+EVENTS ?= 1000
+chaos: $(VENV)/.dev
+	$(BIN)/python tests/chaos/chaos.py --events $(EVENTS) --seed $(SEED)
 
 # ROOMS="verdict states" selects, EACH and SEED draw other changes; what was tried is not tried again.
 ROOMS ?=
