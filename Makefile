@@ -15,14 +15,15 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures dissertation dissertation-docs both-sides test test-cluster chaos mutants benchmarks lint format rules docs site sample lock release clean help
+.PHONY: figures dissertation dissertation-docs both-sides test test-lowest test-cluster chaos mutants benchmarks lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make dissertation  set each result of the dissertation beside hopdata's: results/dissertation/index.html"
 	@echo "make dissertation-docs  the same, and write its table to docs/dissertation.md"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
-	@echo "make test-cluster  run the sample and a group on a one-node SLURM and kill jobs (as root, with slurm-wlm)"
+	@echo "make test-lowest  the same, with the oldest versions that pyproject.toml allows (Python 3.11, in $(VENV)-lowest)"
+	@echo "make test-cluster  run studies on a SLURM of three nodes on this machine, kill jobs and nodes (as root, with slurm-wlm)"
 	@echo "make chaos      kill, starve and damage a small study EVENTS times (1000), SEED (1); goes on where it was interrupted"
 	@echo "make mutants    make small wrong changes and see which of them the tests miss (takes hours; can be interrupted)"
 	@echo "make both-sides run the study of the dissertation's size: C1, not C1, half the spread, then compare them"
@@ -56,6 +57,9 @@ dissertation-docs: dissertation
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
+
+test-lowest:
+	$(MAKE) test VENV=$(VENV)-lowest DEV_LOCK=requirements-lowest.lock
 
 test-cluster: $(VENV)/.dev
 	VENV=$(VENV) tests/cluster.sh
@@ -145,9 +149,10 @@ $(VENV)/.run: requirements.lock requirements-build.lock pyproject.toml | $(VENV)
 	@echo "Preparing $(VENV) from requirements.lock"
 	$(call install,requirements.lock)
 
-$(VENV)/.dev: requirements-dev.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
-	@echo "Preparing $(VENV) from requirements-dev.lock"
-	$(call install,requirements-dev.lock)
+DEV_LOCK ?= requirements-dev.lock
+$(VENV)/.dev: $(DEV_LOCK) requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
+	@echo "Preparing $(VENV) from $(DEV_LOCK)"
+	$(call install,$(DEV_LOCK))
 
 # The simulator that the dissertation compares with, in addition to hopdata's own requirements.
 $(VENV)/.dissertation: requirements-dissertation.lock | $(VENV)/.run
@@ -170,6 +175,7 @@ LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-
 lock:
 	$(LOCK) pyproject.toml -o requirements.lock
 	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
+	$(LOCK) pyproject.toml --extra test --resolution lowest-direct -o requirements-lowest.lock
 	$(LOCK) pyproject.toml --extra mutants -c requirements-dev.lock -o requirements-mutants.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 	$(LOCK) pyproject.toml --extra dissertation -c requirements-bench.lock -o requirements-dissertation.lock
@@ -189,7 +195,8 @@ release: $(VENV)/.dev
 	  $(BIN)/python packaging/machine_code.py src/hopdata/_machine_code && \
 	  for to in dist dist/again; do $(BIN)/python -m hatchling build -d $$to || exit 1; done
 	for file in dist/hopdata-*; do cmp $$file dist/again/$${file##*/} || exit 1; done
-	rm -r dist/again && cd dist && sha256sum hopdata-* > SHA256SUMS && cat SHA256SUMS
+	rm -r dist/again && $(BIN)/python packaging/sbom.py dist/hopdata.cdx.json
+	cd dist && sha256sum hopdata* > SHA256SUMS && cat SHA256SUMS
 # The package index refuses invalid metadata. The changelog's entry becomes the text of the release.
 	$(BIN)/python -c "import sys, tarfile; from packaging.metadata import Metadata; \
 	  Metadata.from_email(tarfile.open(sys.argv[1]).extractfile('hopdata-$(VERSION)/PKG-INFO').read())" dist/*.tar.gz
@@ -197,7 +204,7 @@ release: $(VENV)/.dev
 	  > dist/CHANGES.md && test -s dist/CHANGES.md && head -n 1 dist/CHANGES.md
 	for file in $(CURDIR)/dist/hopdata-*; do \
 	  work=$$(mktemp -d) && (cd $$work && "$(PYTHON)" -m venv venv && \
-	  venv/bin/pip install --quiet -r $(CURDIR)/requirements-build.lock && \
+	  venv/bin/pip install --quiet --require-hashes -r $(CURDIR)/requirements-build.lock && \
 	  venv/bin/pip install --quiet --no-build-isolation --require-hashes -r $(CURDIR)/requirements.lock && \
 	  venv/bin/pip install --quiet --no-build-isolation --no-deps $$file && venv/bin/pip check && \
 	  venv/bin/hopdata run --cores $(CORES)) && rm -r $$work || exit 1; done

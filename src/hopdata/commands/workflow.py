@@ -14,6 +14,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from hopdata.bundled import SNAKEFILE
 from hopdata.causes import oom_kills, signal_told
 from hopdata.commands import deaths
 from hopdata.commands.owner import (
@@ -29,7 +30,6 @@ from hopdata.commands.owner import (
 )
 from hopdata.commands.terminal import progress_bar
 from hopdata.errors import counted, require
-from hopdata.walk import SNAKEFILE
 
 #: Snakemake's messages on jobs: start, end and count.
 _SAID = re.compile(

@@ -454,6 +454,10 @@ REMOVED = {
         "this key was removed: sections are now chosen from landings, "
         "not from tails of frames (see sections.rule); delete the line"
     ),
+    "input.most_unpacked_mb": (
+        "this key was removed: what a file may unpack to now follows from its size and "
+        "the free memory; delete the line"
+    ),
 }
 
 

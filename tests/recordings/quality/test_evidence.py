@@ -217,3 +217,17 @@ def test_level_plates_below_the_markers_show_up():
 def test_who_stays_in_place_shows_no_stance(posture):
     made = person(15, posture, "Plug-in Gait", seconds=4.0)
     assert evidence.by_stance(made.positions, made.rate_hz) is None
+
+
+@pytest.mark.parametrize("marker_set", ["Plug-in Gait, legs", "Rizzoli", "clusters"])
+def test_a_stated_unit_in_which_a_person_is_as_tall_as_people_is_kept(marker_set):
+    made = person(5, "jump", marker_set)
+    raw = file_of(made, unit="m", suffix=".trc")
+    faster = 0.0254**0.5
+    quick = replace(raw, time=raw.time * faster, rate_hz=raw.rate_hz / faster)
+    assert guess_unit_and_up(quick)[0].value == "m"
+    unnamed = replace(quick, markers=tuple(f"m{k}" for k in range(len(made.names))))
+    assert guess_unit_and_up(unnamed)[0].value == "inch"
+    wrong = replace(raw, positions=raw.positions / 0.0254)
+    found = guess_unit_and_up(wrong)[0]
+    assert (found.value, found.is_sure) == ("inch", True)

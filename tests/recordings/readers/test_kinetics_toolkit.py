@@ -9,6 +9,7 @@ from qtm_files import NAMES, standing
 from vendor_files import ktk, ktk_series, zipped
 
 from hopdata.errors import RecordingError
+from hopdata.foreign import budget
 from hopdata.recordings.readers.formats import read_raw
 
 
@@ -101,7 +102,10 @@ def test_two_units_and_odd_times_are_told(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["[" + "[]," * 4_000_000 + "1]", " " * 90_000_000])
-def test_a_small_file_that_unpacks_to_too_much_is_refused_first(tmp_path, text):
+def test_a_small_file_that_unpacks_to_too_much_is_refused_first(
+    tmp_path, text, monkeypatch, read_here
+):
+    monkeypatch.setattr(budget, "LEAST_UNPACKED", 30_000_000)
     path = written(tmp_path, zipped({"data.json": text}))
     assert path.stat().st_size < 200_000
     tracemalloc.start()
@@ -109,7 +113,7 @@ def test_a_small_file_that_unpacks_to_too_much_is_refused_first(tmp_path, text):
         with pytest.raises(
             RecordingError, match="expected at most 30 MB once it is unpacked"
         ):
-            read_raw(path, most_unpacked_mb=30)
+            read_raw(path)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
