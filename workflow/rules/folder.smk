@@ -10,6 +10,11 @@ from pathlib import Path
 os.environ.update(PYTHONSAFEPATH="1")
 sys.path[:] = [place for place in sys.path if Path(place).resolve() != Path.cwd()]
 
+from hopdata import forks
+
+# Scripts run as forks of one process that has imported the libraries.
+forks.install()
+
 # Snakemake refuses a locked folder without saying which command unlocks it.
 if (
     workflow.is_main_process
