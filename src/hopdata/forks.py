@@ -61,7 +61,7 @@ def install() -> bool:
     """
     from snakemake.script import PythonScript
 
-    run = getattr(PythonScript, "execute_script", None)
+    run: Any = getattr(PythonScript, "execute_script", None)
     is_known = getattr(run, "__module__", "") == PythonScript.__module__
     if not is_known or not sys.platform.startswith("linux"):
         return getattr(run, "__module__", "") == __name__
