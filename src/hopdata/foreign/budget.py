@@ -17,9 +17,10 @@ from pathlib import Path
 LEAST_UNPACKED = 250_000_000
 
 #: Memory of the numbers for each byte of a larger file.
-#: Unit: 1. Origin: chosen. Deflated positions take two to four times their bytes, and
-#: more where most markers are unseen.
-MOST_PER_BYTE = 20
+#: Unit: 1. Origin: chosen. Deflated positions take two to four times their bytes; an
+#: export in which trajectories are seen in a few per cent of the frames takes some
+#: forty times.
+MOST_PER_BYTE = 50
 
 #: Copies of the numbers that a library and a reader may hold at a time.
 #: Unit: 1. Origin: chosen.
