@@ -50,7 +50,12 @@ def run_slice(door, seconds, seed):
     command = [sys.executable, str(HERE / "target.py"), door]
     command += [str(folder / "corpus"), str(finds)]
     command += [f"-max_total_time={seconds:.0f}", f"-seed={seed}", "-rss_limit_mb=0"]
-    command += ["-print_final_stats=1", "-verbosity=1", "-timeout=300", "-close_fd_mask=0"]
+    command += [
+        "-print_final_stats=1",
+        "-verbosity=1",
+        "-timeout=300",
+        "-close_fd_mask=0",
+    ]
     command += [f"-artifact_prefix={finds}/"]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     with (folder / "log.txt").open("wb") as log:
@@ -103,7 +108,10 @@ def keep(door, name, data, watched):
     file = f"{door}-{digest}-{name}"
     FOUND.mkdir(exist_ok=True)
     (FOUND / file).write_bytes(small)
-    rows = [*known(), dict(zip(COLUMNS, (file, door, verdict.signature, verdict.told), strict=True))]
+    rows = [
+        *known(),
+        dict(zip(COLUMNS, (file, door, verdict.signature, verdict.told), strict=True)),
+    ]
     with LIST.open("w", newline="", encoding="utf-8") as out:
         writer = csv.DictWriter(out, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -173,11 +181,15 @@ def main():
     counts, finds = search(doors, given.minutes, given.seed, cores)
     for door in doors:
         kept = len([*(WORK / door / "corpus").glob("*")])
-        print(f"{door:12} {counts[door]:9,} inputs, {kept:6,} kept, {finds[door]} found")
+        print(
+            f"{door:12} {counts[door]:9,} inputs, {kept:6,} kept, {finds[door]} found"
+        )
     total, n_found = sum(counts.values()), sum(finds.values())
     minutes = (time.monotonic() - begin) / 60
     print(f"{total:,} inputs in {minutes:.0f} min: {n_found} new finds")
-    (WORK / "last.json").write_text(json.dumps({"inputs": counts, "found": finds}) + "\n")
+    (WORK / "last.json").write_text(
+        json.dumps({"inputs": counts, "found": finds}) + "\n"
+    )
     return int(n_found > 0)
 
 
