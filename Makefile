@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz mutants benchmarks lint format rules docs site sample lock release clean help
+.PHONY: figures dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -25,6 +25,7 @@ help:
 	@echo "make test-lowest  the same, with the oldest versions that pyproject.toml allows (Python 3.11, in $(VENV)-lowest)"
 	@echo "make test-cluster  run studies on a SLURM of three nodes on this machine, kill jobs and nodes (as root, with slurm-wlm)"
 	@echo "make fuzz       look for inputs that break a promise, for MINUTES ($(MINUTES)) on CORES cores (SEED, DOORS='c3d mat' selects)"
+	@echo "make chaos      kill, starve and damage a small study EVENTS times (1000), SEED (1); goes on where it was interrupted"
 	@echo "make mutants    make small wrong changes and see which of them the tests miss (takes hours; can be interrupted)"
 	@echo "make both-sides run the study of the dissertation's size: C1, not C1, half the spread, then compare them"
 	@echo "make benchmarks measure error and run time against other libraries, into results/benchmarks"
@@ -69,6 +70,11 @@ MINUTES ?= 60
 DOORS   ?=
 fuzz: $(VENV)/.fuzz
 	nice $(BIN)/python tests/fuzz/long_run.py --minutes $(MINUTES) --seed $(SEED) --cores $(CORES) --doors $(DOORS)
+
+# As root it has a disk of its own to fill; otherwise the size of files is limited.
+EVENTS ?= 1000
+chaos: $(VENV)/.dev
+	$(BIN)/python tests/chaos/chaos.py --events $(EVENTS) --seed $(SEED)
 
 # ROOMS="verdict states" selects, EACH and SEED draw other changes; what was tried is not tried again.
 ROOMS ?=

@@ -20,7 +20,13 @@ from typing import Any
 from hopdata.arrays import pd
 from hopdata.causes import cause_of, error_number
 from hopdata.digests import keep, require_unchanged
-from hopdata.errors import DamagedError, HopdataError, StorageError
+from hopdata.errors import (
+    NO_BREAK_SPACES,
+    DamagedError,
+    HopdataError,
+    StorageError,
+    printable,
+)
 
 TEXT_COLUMNS = (
     *("recording", "method", "schedule", "schedule_a", "schedule_b", "reason"),
@@ -89,7 +95,7 @@ def reported(
     handler = logging.FileHandler(
         log, mode="w", encoding="utf-8", errors="backslashreplace"
     )
-    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    handler.setFormatter(_Plain("%(levelname)s %(name)s: %(message)s"))
     # On a full disk the log fails too; the original error is the one to report.
     logging.raiseExceptions = False
     logger.addHandler(handler)
@@ -114,10 +120,18 @@ def reported(
         handler.close()
 
 
+class _Plain(logging.Formatter):
+    """Lines of a log, without what a terminal that shows it would obey."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record), keep=f"\n\t{NO_BREAK_SPACES}")
+
+
 def _end_with(message: str) -> None:
     """End the job with a message on stderr and in the log."""
     logger.error("%s", message)
-    print(f"hopdata: error: {message}", file=sys.stderr)
+    shown = printable(message, keep="\n")
+    print(f"hopdata: error: {shown}", file=sys.stderr)
     raise SystemExit(1) from None
 
 
@@ -235,10 +249,14 @@ def _csv(table: pd.DataFrame) -> str:
 
 
 def guarded(cell: object) -> object:
-    """Put an apostrophe before a text that a spreadsheet would run."""
-    if isinstance(cell, str) and _RUN.match(cell):
-        return f"'{cell}"
-    return cell
+    """Put an apostrophe before a text that a spreadsheet would run.
+
+    What a reader of the table could not see is replaced (`printable`).
+    """
+    if not isinstance(cell, str):
+        return cell
+    shown = printable(cell, keep=NO_BREAK_SPACES)
+    return f"'{shown}" if _RUN.match(shown) else shown
 
 
 def _unguarded(cell: object) -> object:

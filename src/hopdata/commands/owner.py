@@ -482,7 +482,7 @@ def take_over() -> str:
         if not may_be_taken():
             return ""
         known = owners()
-        done = f"as asked, the lock of {_names(known.values())} is taken; {_take()}"
+        done = f"as asked, {_names(known.values())} counts as dead; {_take()}"
         for record in known:
             with suppress(OSError):
                 os.unlink(record)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopdata.commands import terminal
-from hopdata.errors import ConfigError, counted, require
+from hopdata.errors import ConfigError, counted, printable, require
 
 if TYPE_CHECKING:
     from hopdata.steering.control.objectives import Controller
@@ -428,8 +428,9 @@ class Screen:
         lines = self._picture(loop, stream, now - self._begun)
         up = f"\033[{self._n_lines_drawn}A" if self._n_lines_drawn else ""
         width = os.get_terminal_size().columns - 1  # wrapped lines would leave remains
-        drawn = [f"\033[K{line[:width]}" for line in lines]
-        print(up + "\n".join(drawn), flush=True)
+        drawn = [f"\033[K{printable(line[:width])}" for line in lines]
+        stream = terminal.raw_stream(sys.stdout)
+        print(up + "\n".join(drawn), file=stream, flush=True)
         self._n_lines_drawn = len(lines)
 
     def _picture(self, loop: ControlLoop, stream: Stream, passed_s: float) -> list[str]:
