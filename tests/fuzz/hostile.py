@@ -207,7 +207,8 @@ def in_column(data, rng):
     """Put a number in place of a whole column."""
     lines = data.split(b"\n")
     mark = max((b"\t", b",", b" "), key=data.count)
-    column = int(rng.integers(max(1, max(line.count(mark) for line in lines))))
+    most = max(line.count(mark) for line in lines)
+    column = int(rng.integers(max(1, most)))
     evil = drawn(NUMBERS, rng).encode()
     first = int(rng.integers(min(len(lines), 14)))
     for k in range(first, len(lines)):
