@@ -17,7 +17,6 @@ from hopdata.errors import AnalysisError, ArgumentError, counted, told_call
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_study_landings
-from hopdata.landings.contacts.glides import glides
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
@@ -40,16 +39,13 @@ LOWEST_SHARE = 0.02
 SHOWN_BEFORE_S = 0.08
 SHOWN_AFTER_S = 0.06
 
-# Status of a foot that was timed while it still glides above the floor.
-GLIDES = -1
-
 # What became of a foot that may have landed: the words of the column `remark`.
 REMARKS = {
     descents.MISSING: "landings.contact_hidden",
     descents.POOR_FIT: "landings.contact_poor_fit",
     descents.RISES: "landings.contact_rises",
     descents.THIN: "landings.contact_thin",
-    GLIDES: "landings.contact_glides",
+    descents.GLIDES: "landings.contact_glides",
 }
 
 COLUMNS = (
@@ -258,7 +254,6 @@ def contacts(
     orders: list[tuple[Any, ...]] = []
     for ready, landings in zip(levelled, tables, strict=True):
         of_recording = _landed(landings, ready.names("foot"))
-        of_recording = _without_glides(ready, of_recording)
         rows += _contact_rows(ready, of_recording)
         orders += _order_rows(ready, of_recording, sure)
         if not len(of_recording):
@@ -348,17 +343,6 @@ def _landed(landings: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     instants = kept[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
     first = np.fmin.reduce(instants, axis=1)
     return kept.iloc[np.argsort(first, kind="stable")].reset_index(drop=True)
-
-
-def _without_glides(recording: Recording, landings: pd.DataFrame) -> pd.DataFrame:
-    """Return the landings with the status `GLIDES` where a foot still glides."""
-    landings = landings.copy()
-    gliding = glides(recording, landings)
-    for number, foot in enumerate(recording.names("foot")):
-        status = landings[f"status_{foot}"]
-        is_gliding = gliding[:, number] & (status == descents.LANDED)
-        landings[f"status_{foot}"] = status.mask(is_gliding, GLIDES)
-    return landings
 
 
 def _contact_rows(
