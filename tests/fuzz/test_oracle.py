@@ -5,7 +5,6 @@ import sys
 import pytest
 from oracle import Watched
 
-
 # Only Linux limits addresses, and tells the memory of another process.
 ONLY_LINUX_TELLS = []
 if sys.platform == "linux":
