@@ -519,7 +519,8 @@ def enter_door(door, name, data, folder, most_cpu_s=MOST_CPU_S):
     path = door.place(home, name, data)
     names = ()
     if door.names_file:
-        names = tuple(one.name for one in home.rglob("*") if one.is_file())
+        files = [one.name for one in home.rglob("*") if one.is_file()]
+        names = (*files, *door.names)
     attempt = Attempt(
         enter=lambda: door.enter(path),
         check=door.check,
