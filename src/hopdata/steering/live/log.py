@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from hopdata.arrays import pd
 from hopdata.errors import ConfigError, RecordingError
 from hopdata.foreign import door
+from hopdata.recordings.readers.hdf5_checks import require_sound
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, Status
 from hopdata.steering.live.loop import ControlLoop, Decision, Observers
@@ -309,6 +310,7 @@ def contents_of(path: str) -> dict[str, Any]:
     """
     try:
         with _opened(path) as file:
+            require_sound(file, math.inf)  # no link to another file
             if file.attrs["format"] != FORMAT:
                 raise ValueError
             setup = json.loads(file.attrs["setup"])
