@@ -416,13 +416,12 @@ def oom_killed(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     if made is None:
         return no_memory(place, draw)
     group, limit = made
-    n_bytes = int(draw.uniform(1, 60) * 1e6)
+    n_bytes = int(draw.uniform(1, 20) * 1e6)
     (group / limit).write_text(str(n_bytes))
     before = oom_kills() or 0
     place.server.start(*command())
-    wait(place, draw)
-    caught = draw.choice([place.server.driver, place.server.jobs])()
-    for process in caught:
+    time.sleep(draw.random() * place.seconds / 4)
+    for process in place.server.session():
         with suppress(OSError):
             (group / "cgroup.procs").write_text(str(process.pid))
     ended = place.server.end()
