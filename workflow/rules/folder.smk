@@ -9,10 +9,14 @@ from pathlib import Path
 os.environ.update(PYTHONSAFEPATH="1")
 sys.path[:] = [place for place in sys.path if Path(place).resolve() != Path.cwd()]
 
+from hopdata import forks
 from hopdata.causes import oom_kills
 from hopdata.commands import deaths, healing, owner
 
 OOM_BEFORE = oom_kills()
+
+# Scripts run as forks of one process that has imported the libraries.
+forks.install()
 SKEW_S = 60  # allowed difference between the clocks of two machines, s
 
 
