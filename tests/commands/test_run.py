@@ -163,7 +163,7 @@ def test_a_sound_provenance_is_repeated_within_the_results(folder, monkeypatch):
 def test_a_provenance_nested_without_end_is_refused_in_one_line(folder, capsys):
     Path("p.json").write_text("[" * 100_000)
     assert main(["run", "--from", "p.json"]) == 1
-    assert "p.json: expected the provenance.json of a study" in capsys.readouterr().err
+    assert "p.json: expected at most 50 levels" in capsys.readouterr().err
 
 
 # Modules of Python that a study's folder could shadow: all of the standard library.
