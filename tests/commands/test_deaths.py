@@ -9,15 +9,15 @@ from hopdata.commands.deaths import why
 PAGE = """\
 rule floor_compensation:
     input: results/a/recordings/one.h5
+RuleException:
+CalledProcessError in file "line.smk", line 70:
+{how}
 [Sat Nov 28 19:50:42 2026]
 Error in rule floor_compensation:
     message: None
     jobid: 3
     output: results/a/level/one.h5
     log: results/a/logs/floor_compensation_one.log (check log file(s) for error details)
-RuleException:
-CalledProcessError in file "line.smk", line 70:
-{how}
 Shutting down, this might take some time.
 """
 DIED = "Command 'python x' died with <Signals.SIGKILL: 9>."
@@ -38,6 +38,14 @@ def told(how):
 @pytest.mark.parametrize("how", [DIED, STATUS.format(137)])
 def test_a_job_that_was_killed_is_named_with_its_signal(folder, how):
     assert told(how).startswith("floor_compensation_one: it was killed (SIGKILL)")
+
+
+def test_of_two_jobs_that_failed_each_keeps_its_own_reason(folder):
+    other = PAGE.format(how=DIED).replace("floor_compensation", "verdict")
+    said = PAGE.format(how=STATUS.format(1)) + other
+    assert why([said], oom_before=None).startswith("verdict_one: it was killed")
+    said = PAGE.format(how=DIED) + other
+    assert why([said], oom_before=None).startswith("floor_compensation_one: it was kil")
 
 
 def test_what_the_job_itself_said_comes_first(folder):

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from hopdata.causes import cause_in, signal_told
 
+_FAILED = re.compile(r"Error in rule (\w+):")
+_EXCEPTION = "RuleException"
 _LOG = re.compile(r"^ +log: ([^\n]*?)(?: \(check log file)", re.MULTILINE)
 _SIGNAL = re.compile(r"died with <Signals\.\w+: (\d+)>")
 _STATUS = re.compile(r"returned non-zero exit status (\d+)")
@@ -26,19 +28,25 @@ class _Failure:
     @property
     def name(self) -> str:
         """The job's name: that of its log, which tells its recording too."""
+        if self._log is None:
+            return self.rule
+        return self._log.stem
+
+    @property
+    def _log(self) -> Path | None:
+        """Its log, which comes before that of a cluster."""
         found = _LOG.search(self.text)
         if not found:
-            return self.rule
-        return Path(found[1]).stem
+            return None
+        return Path(found[1].split(", ")[0])
 
     @property
     def said(self) -> str:
         """The error that the job itself has kept in its log."""
-        found = _LOG.search(self.text)
-        if not found:
+        if self._log is None:
             return ""
         with suppress(OSError):
-            text = Path(found[1]).read_text(encoding="utf-8", errors="replace")
+            text = self._log.read_text(encoding="utf-8", errors="replace")
             for line in text.splitlines():
                 if line.startswith(_ERROR) and "unexpected error" not in line:
                     return line.removeprefix(_ERROR)
@@ -57,12 +65,24 @@ class _Failure:
 
 
 def _failures(text: str) -> Iterator[_Failure]:
-    """Yield the jobs that failed, in the order in which they did."""
-    places = [*re.finditer(r"Error in rule (\w+):", text)]
-    ends = [place.start() for place in places[1:]]
-    ends.append(len(text))
-    for place, end in zip(places, ends, strict=False):
-        yield _Failure(place[1], text[place.start() : end])
+    """Yield the jobs that failed, in the order in which they did.
+
+    Snakemake tells the exception first, and then the job.
+    """
+    last = 0
+    for place in _FAILED.finditer(text):
+        before = text[last : place.start()]
+        start = before.rfind(_EXCEPTION)
+        exception = before[start:] if start >= 0 else ""
+        rest = text[place.start() :]
+        job = _FAILED.sub("", rest, count=1)
+        following = _FAILED.search(job)
+        if following:
+            job = job[: following.start()]
+        if exception:
+            job = job.partition(_EXCEPTION)[0]
+        yield _Failure(place[1], job + exception)
+        last = place.end()
 
 
 def why(said: Sequence[str], *, oom_before: int | None) -> str:
