@@ -75,6 +75,13 @@ def test_snakemake_itself_may_lack_something():
     assert why([missing], oom_before=None).startswith("data/monday.tsv: it is missing")
 
 
+def test_a_place_that_cannot_be_written_is_named_before_any_job_runs():
+    said = "ProtectedOutputException in rule a:\nWrite-protected output files for rule"
+    said += " a:\n    output: results/a/b\n    affected files:\n        results/a/b\n"
+    told = why([said], oom_before=None)
+    assert told.startswith("results/a/b: this place cannot be written; run where")
+
+
 def test_what_is_not_known_is_not_invented():
     assert (
         why(["Building DAG of jobs...\n", "WorkflowError: odd\n"], oom_before=None)

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from hopdata.causes import cause_in, signal_told
+from hopdata.causes import MISSING, READ_ONLY, cause_in, signal_told
 
 _FAILED = re.compile(r"Error in rule (\w+):")
 _EXCEPTION = "RuleException"
@@ -109,7 +109,9 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
         if cause:
             return f"{failure.name}: {cause}"
     if "MissingInputException" in text:
-        return _missing(text)
+        return f"{_affected(text)}: {MISSING}"
+    if "ProtectedOutputException" in text:
+        return f"{_affected(text)}: {READ_ONLY}"
     cause = cause_in(text)
     if cause:
         return f"Snakemake: {cause}"
@@ -119,7 +121,7 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
     return ""
 
 
-def _missing(text: str) -> str:
+def _affected(text: str) -> str:
+    """Return the first file that an exception of Snakemake names."""
     after = text.partition("affected files:")[2].split()
-    file = after[0] if after else "a file"
-    return f"{file}: it is missing; bring it back, then run the same command again"
+    return after[0] if after else "a file"
