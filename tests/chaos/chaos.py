@@ -87,12 +87,13 @@ class Run:
         """The sentence that a user of ``hopdata run`` reads; empty if there is none."""
         lines = self.said.splitlines(keepends=True)
         told = [line for line in lines if line.startswith("hopdata: error:")]
-        if told:
+        if told and "please report" not in told[-1]:
             return told[-1].strip()
         if "cannot be locked" in self.said:
             return "locked"
         reason = deaths.why(lines, oom_before=None)
-        return "" if "tells no more" in reason else reason
+        is_mistake = "tells no more" in reason or "please report" in reason
+        return "" if is_mistake else reason
 
 
 class Server:

@@ -67,6 +67,17 @@ def test_a_crash_without_a_word_names_the_job(folder):
     )
 
 
+def test_a_mistake_of_hopdata_is_told_with_the_log_to_send(folder):
+    log = Path("results/a/logs/floor_compensation_one.log")
+    log.write_text(
+        "ERROR hopdata: unexpected error\nTraceback (most recent call last):\n"
+        '  File "a.py", line 3, in b\n    c\nKeyError: 4\n\n'
+    )
+    assert told(STATUS.format(1)) == (
+        f"floor_compensation_one: unexpected KeyError: 4; please report it with {log}"
+    )
+
+
 def test_snakemake_itself_may_lack_something():
     said = ["OSError: [Errno 28] No space left on device\n"]
     assert why(said, oom_before=None).startswith("Snakemake: the disk is full")

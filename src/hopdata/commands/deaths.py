@@ -53,6 +53,19 @@ class _Failure:
         return ""
 
     @property
+    def unexpected(self) -> str:
+        """The last line of a traceback in its log, which is a mistake of hopdata."""
+        if self._log is None:
+            return ""
+        with suppress(OSError):
+            text = self._log.read_text(encoding="utf-8", errors="replace")
+            lines = text.partition(f"{_ERROR}unexpected error")[2].split("\n")
+            errors = [line for line in lines[1:] if line[:1].isalpha()]
+            if errors[1:]:
+                return f"unexpected {errors[1]}; please report it with {self._log}"
+        return ""
+
+    @property
     def signal(self) -> int:
         """The signal that ended it; 0 if none did."""
         found = _SIGNAL.search(self.text)
@@ -115,6 +128,9 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
     cause = cause_in(text)
     if cause:
         return f"Snakemake: {cause}"
+    for failure in failures:
+        if failure.unexpected:
+            return f"{failure.name}: {failure.unexpected}"
     if failures:
         one = failures[0]
         return f"{one.name}: it failed, and its log tells no more"
