@@ -110,17 +110,9 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
     """
     text = "".join(said)
     failures = [*_failures(text)]
-    for failure in failures:
-        if failure.said:
-            return failure.said
-    for failure in failures:
-        if failure.signal:
-            told = signal_told(failure.signal, oom_before=oom_before)
-            return f"{failure.name}: {told}"
-    for failure in failures:
-        cause = cause_in(failure.text)
-        if cause:
-            return f"{failure.name}: {cause}"
+    told = _of_jobs(failures, oom_before)
+    if told:
+        return told
     if "MissingInputException" in text:
         return f"{_affected(text)}: {MISSING}"
     if "ProtectedOutputException" in text:
@@ -132,8 +124,23 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
         if failure.unexpected:
             return f"{failure.name}: {failure.unexpected}"
     if failures:
-        one = failures[0]
-        return f"{one.name}: it failed, and its log tells no more"
+        return f"{failures[0].name}: it failed, and its log tells no more"
+    return ""
+
+
+def _of_jobs(failures: Sequence[_Failure], oom_before: int | None) -> str:
+    """Say why jobs failed: by their own words, by a signal, or by what was printed."""
+    for failure in failures:
+        if failure.said:
+            return failure.said
+    for failure in failures:
+        if failure.signal:
+            told = signal_told(failure.signal, oom_before=oom_before)
+            return f"{failure.name}: {told}"
+    for failure in failures:
+        cause = cause_in(failure.text)
+        if cause:
+            return f"{failure.name}: {cause}"
     return ""
 
 
