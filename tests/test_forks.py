@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from hopdata import forks
 from hopdata.forks import Server, ServerEndedError
 
 pytestmark = pytest.mark.skipif(
@@ -111,6 +110,17 @@ def test_a_module_that_cannot_be_imported_again_is_left_to_its_jobs(server, scri
     text = "import sys, types; sys.modules['made_up'] = types.ModuleType('made_up')"
     for _ in range(3):
         assert server.start("rule", script(text), {}).wait() == 0
+
+
+def test_begins_when_it_is_waited_for(server, script, tmp_path):
+    """So a job that ends at once can be measured."""
+    file = tmp_path / "begun"
+    job = server.start("rule", script(f"open({str(file)!r}, 'w')"), {})
+    time.sleep(0.3)
+    assert lives(job.pid)
+    assert not file.exists()
+    assert job.wait() == 0
+    assert file.exists()
 
 
 def test_killed_job_takes_no_other_with_it(server, script):
@@ -223,12 +233,16 @@ def test_snakemake_tells_which_signal_ended_a_fork(workflow):
     assert "died with <Signals.SIGKILL: 9>" in done.stderr
 
 
-def test_install_leaves_what_somebody_else_has_installed(monkeypatch):
-    from snakemake.script import PythonScript
+def test_another_way_to_run_scripts_is_left_alone(workflow):
+    file = workflow / "Snakefile"
+    other = """
+from snakemake.script import PythonScript
 
-    def other(script, file, edit=False):
-        raise NotImplementedError
+def other(script, file, edit=False):
+    open(script.output[0], "w").write("by the other")
 
-    monkeypatch.setattr(PythonScript, "execute_script", other)
-    assert not forks.install()
-    assert PythonScript.execute_script is other
+PythonScript.execute_script = other
+"""
+    file.write_text(other + file.read_text())
+    assert snakemake(workflow, "never").returncode == 0
+    assert (workflow / "never").read_text() == "by the other"
