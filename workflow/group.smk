@@ -51,7 +51,7 @@ def code(script):
 include: "rules/folder.smk"
 
 
-check_times((file for member in MEMBERS for file in files(member)), RESULTS)
+begin(GROUP["study"], (file for member in MEMBERS for file in files(member)), RESULTS)
 
 
 wildcard_constraints:

@@ -9,8 +9,8 @@ before it forks for the second, so a rule that runs once imports nothing twice.
 `workflow/rules/folder.smk` has Snakemake call it. Everything else is as Snakemake does
 it: the same file is executed, with the same folder, arguments, threads and exit code,
 and its process is measured for the rule's `benchmark`. A job that dies takes no other
-with it. If Snakemake dies, the server ends its jobs; if the server dies, its jobs die
-and are reported. Only Linux has all of this: elsewhere, and for scripts with several
+with it. If Snakemake dies, the server ends its jobs; if the server dies, its jobs are
+killed and reported as such. Only Linux has all of this: elsewhere, and for scripts with several
 threads or an environment of their own, Snakemake starts Python as ever.
 """
 
@@ -72,12 +72,13 @@ class Job:
         with self._answers:
             line = self._answers.readline()
         if not line:
-            raise ServerEndedError
+            # The server was ended, and the system has killed its forks.
+            return -signal.SIGKILL
         return int(line)
 
 
 class ServerEndedError(RuntimeError):
-    """The process whose forks the jobs are has ended, and they with it."""
+    """The process whose forks the jobs are has ended, before it made one."""
 
     def __init__(self) -> None:
         super().__init__(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping
+from made_up_people import person
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording
@@ -116,3 +117,33 @@ def test_a_body_that_should_bend_can_be_allowed():
 
 def test_noise_is_no_bending():
     check_rigid(recording(noise_m=0.01))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wrong_rate_is_not_taken_for_a_wrong_unit(seed):
+    sound = recording(seed, source="trial.trc")
+    at_ten_times = replace(sound, rate_hz=10 * sound.rate_hz)
+    check_fall(at_ten_times)
+    with pytest.raises(RecordingError, match=r"time stamps: expected 0\.001 s"):
+        check_plausible(at_ten_times)
+    in_inches = replace(at_ten_times, positions=at_ten_times.positions / 25.4)
+    with pytest.raises(RecordingError, match="inches taken for millimetres"):
+        check_fall(in_inches)
+
+
+@pytest.mark.parametrize("marker_set", ["Plug-in Gait, legs", "Rizzoli", "clusters"])
+def test_a_person_as_tall_as_people_is_in_no_other_unit(marker_set):
+    made = person(3, "jump", marker_set)
+    time = np.arange(len(made.positions)) / made.rate_hz
+    roles = tuple("foot" if name in made.feet else "body" for name in made.names)
+    sound = Recording("trial", time, made.positions, made.names, roles, made.rate_hz)
+    check_fall(sound)
+    # Things fall as if the numbers were inches, but not the person.
+    faster = 0.0254**0.5
+    quick = replace(sound, time=time * faster, rate_hz=made.rate_hz / faster)
+    check_fall(quick)
+    unnamed = tuple(f"m{k}" for k in range(len(made.names)))
+    with pytest.raises(RecordingError, match="inches taken for metres"):
+        check_fall(replace(quick, markers=unnamed))
+    with pytest.raises(RecordingError, match="inches taken for millimetres"):
+        check_fall(replace(sound, positions=made.positions / 25.4))

@@ -36,7 +36,7 @@ for folder in ("results", RESULTS):
             "away, or give the study another name"
         )
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
-check_times((file for files in SOURCES.values() for file in files), RESULTS)
+begin(STUDY["study"], (file for files in SOURCES.values() for file in files), RESULTS)
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
 METHODS = load_schema()["properties"]["touchdowns"]["properties"]["method"]["enum"]

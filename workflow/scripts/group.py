@@ -11,7 +11,7 @@ from hopdata.jobs import read_json, reported, whole_file, write_json, write_tabl
 from hopdata.report.inputs import read_figures
 from hopdata.report.verdict import build_group_page
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     output = snakemake.output
     rows = [read_json(path) for path in snakemake.input.members]
     group = put_together(rows, snakemake.params.group)

@@ -139,7 +139,6 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
         unit=inspection.unit.value,
         vertical_axis=inspection.up.value,
         rate_hz=options.rate,
-        most_unpacked_mb=options.most_unpacked_mb,
     )
     if not body:
         recording = _all_feet(recording)

@@ -100,7 +100,6 @@ def _init_folder(options: argparse.Namespace) -> int:
         lab = survey(
             folder,
             rate_hz=options.rate,
-            most_unpacked_mb=options.most_unpacked_mb,
             progress=progress,
         )
         if not lab.trials:
@@ -144,9 +143,7 @@ def _inspected(
     from hopdata.recordings.quality.inspection import inspect_recording
     from hopdata.recordings.readers.formats import read_raw
 
-    raw = read_raw(
-        trial.file, rate_hz=options.rate, most_unpacked_mb=options.most_unpacked_mb
-    )
+    raw = read_raw(trial.file, rate_hz=options.rate)
     order = [trial.markers.index(name) for name in common]
     raw = replace(raw, markers=tuple(common), positions=raw.positions[:, order])
     if raw.roles:
@@ -216,7 +213,6 @@ def _as_recording(
             unit=options.unit or "auto",
             vertical_axis=options.vertical_axis or "auto",
             rate_hz=options.rate,
-            most_unpacked_mb=options.most_unpacked_mb,
         )
         check_plausible(recording)
     except RecordingError as error:
@@ -272,7 +268,7 @@ def _write(
     notes = _notes(subjects, table, choice, ignored)
     draft = replace(
         draft,
-        file=of_files.relative(options.file),
+        file=_title(options.file),
         notes=[*draft.notes, *map(str, notes)],
         recordings=_recordings(trials, subjects),
     )
@@ -288,6 +284,12 @@ def _write(
     for remark in remarks:
         print(f"note: {remark}")
     return of_files.print_next(out, is_complete=not problems)
+
+
+def _title(folder: Path) -> str:
+    """Return the path of a folder, or the name of the working folder."""
+    path = of_files.relative(folder)
+    return folder.resolve().name if path == "." else path
 
 
 def _are_alike(choice: Choice, reference: Reference) -> bool:

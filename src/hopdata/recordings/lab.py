@@ -49,11 +49,16 @@ RANGE_FRAMES = 500
 #: Unit: 1. Origin: chosen.
 ONE_SET = 0.8
 
+#: Ratio of the lengths of two files of one trial up to which, about, the format says
+#: which is kept; else it is the longer one.
+#: Unit: 1. Origin: chosen.
+AS_LONG = 1.15
+
 # Names of markers that a reason lists.
 MOST_NAMED = 8
 
-# Which of two files with the same trial is kept: those that hold plates and events
-# first, and text last.
+# Which of two files with the same trial is kept, if both are about as long: those that
+# hold plates and events first, and text last.
 _PREFERRED = (".c3d", ".h5", ".hdf5", ".mat", ".trc", ".tsv", ".csv", ".txt")
 
 # Folders that hold results, and not recordings.
@@ -149,7 +154,6 @@ def survey(
     folder: Path,
     *,
     rate_hz: float | None = None,
-    most_unpacked_mb: float,
     progress: Progress = lambda _step: None,
 ) -> Lab:
     """Read all files in a folder and its subfolders, and sort out those of no use.
@@ -160,8 +164,6 @@ def survey(
         A folder.
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one.
-    most_unpacked_mb : float
-        Most memory that a packed file may use, MB.
     progress : callable
         Called with a description of each step before it begins.
     """
@@ -172,7 +174,7 @@ def survey(
         place = file.relative_to(folder)
         progress(f"reading {place.as_posix()}")
         try:
-            raw = read_raw(file, rate_hz=rate_hz, most_unpacked_mb=most_unpacked_mb)
+            raw = read_raw(file, rate_hz=rate_hz)
             trial = _trial(file, place, raw)
         except RateUnknownError:
             reason = Message("recordings.lab_no_rate")
@@ -297,12 +299,15 @@ def _duplicates(trials: Sequence[Trial]) -> list[LeftOut]:
     return left_out
 
 
-def _rank(trial: Trial) -> tuple[int, int, int, str]:
+def _rank(trial: Trial) -> tuple[int, int, int, int, str]:
+    """Return the order in which trials are kept: the whole before its pieces."""
+    length = round(float(np.log(trial.n_frames) / np.log(AS_LONG)))
     suffix = trial.file.suffix.lower()
     place = len(_PREFERRED)
     if suffix in _PREFERRED:
         place = _PREFERRED.index(suffix)
-    return place, -len(trial.markers), -trial.n_frames, trial.place.as_posix()
+    at = trial.place.as_posix()
+    return -length, place, -len(trial.markers), -trial.n_frames, at
 
 
 def _twins(trial: Trial, kept: Sequence[Trial]) -> Iterator[Message]:

@@ -12,7 +12,7 @@ from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, 
 from hopdata.recordings.axes import FILE_AXES, along_file, opposite
 from hopdata.recordings.quality import softness
 from hopdata.recordings.quality.free_fall import FreeFall, free_fall
-from hopdata.recordings.quality.orientation import LARGEST_M
+from hopdata.recordings.quality.orientation import LARGEST_M, is_of_a_persons_size
 from hopdata.recordings.quality.processing import treated
 from hopdata.recordings.quality.rests import feet_as_one, high_feet
 from hopdata.recordings.quality.timing import check_stamps
@@ -265,7 +265,23 @@ def _advice_on_up(recording: Recording, offset: FloatArray, farthest: int) -> st
 
 
 def _falls(recording: Recording) -> FreeFall:
-    return free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
+    return free_fall(
+        recording.positions, _rate_of_stamps(recording), units={AS_READ: 1.0}
+    )
+
+
+def _rate_of_stamps(recording: Recording) -> float:
+    """Return the rate of the time stamps, Hz, at which things fall as they do.
+
+    A wrong rate is none of the unit; `check_time` tells of it.
+    """
+    steps_s = np.diff(recording.time)
+    if not len(steps_s) or not np.median(steps_s) > 0:
+        return recording.rate_hz
+    step_s = float(np.median(steps_s))
+    if abs(step_s * recording.rate_hz - 1) <= STEP_TOLERANCE:
+        return recording.rate_hz
+    return 1 / step_s
 
 
 def _up_by_fall(recording: Recording) -> str:
@@ -280,13 +296,16 @@ def _up_by_fall(recording: Recording) -> str:
 def check_fall(recording: Recording) -> None:
     """Require freely falling markers, if any, to fall at 9.81 m/s².
 
-    This catches centimetres.
+    This catches centimetres. A person who is as tall as people are, by the markers'
+    names, is in the right unit however the markers move.
     """
     units = {AS_READ: 1.0}
     for slip, (factor, _) in WRONG_UNITS.items():
         units[slip] = factor
-    fall = free_fall(recording.positions, recording.rate_hz, units=units)
+    fall = free_fall(recording.positions, _rate_of_stamps(recording), units=units)
     if fall.unit == AS_READ or fall.up != "z" or not fall.is_clear:
+        return
+    if is_of_a_persons_size(recording.positions, recording.markers):
         return
     if fall.share <= CLEARLY * _falls(recording).share:
         return

@@ -4,10 +4,19 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from hopdata.landings.contacts.doubted import doubted, exchanged, filled
+from hopdata.landings.contacts import doubted as module
+from hopdata.landings.contacts.doubted import filled
 
 RATE_HZ = 200.0
 NOISE_M = 5e-4
+
+
+def doubted(tracks, **options):
+    return module.doubted(tracks, rate_hz=RATE_HZ, **options)
+
+
+def exchanged(tracks, **options):
+    return module.exchanged(tracks, rate_hz=RATE_HZ, **options)
 
 
 def walking(frames=600, *, seed=0, markers=2, noise_m=NOISE_M):
@@ -81,3 +90,27 @@ def test_the_size_of_the_animal_does_not_matter():
     hidden = doubted(tracks)
     assert hidden.any()
     np.testing.assert_array_equal(doubted(0.01 * tracks, scale=0.01), hidden)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("gap", [1, 5, 20])
+@pytest.mark.parametrize("ends", [(0,), (1,), (0, 1)])
+def test_names_that_are_exchanged_in_a_gap_are_found_from_there_on(seed, gap, ends):
+    tracks = walking(seed=seed)
+    tracks[300:360] = tracks[300:360, ::-1]
+    expected = np.zeros(tracks.shape[:2], dtype=bool)
+    expected[300:360] = True
+    for end in ends:
+        first = (300, 360)[end] - gap // 2
+        tracks[first : first + gap, end] = np.nan
+        expected[first : first + gap] = True
+    np.testing.assert_array_equal(exchanged(tracks), expected)
+
+
+@pytest.mark.parametrize("gap", [1, 5, 20, 40])
+def test_feet_that_keep_their_names_through_gaps_are_not_exchanged(gap):
+    for seed in range(20):
+        tracks = walking(seed=seed)
+        for first in range(5, 500, 60):
+            tracks[first : first + gap] = np.nan
+        assert not exchanged(tracks).any()

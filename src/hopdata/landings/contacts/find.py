@@ -167,7 +167,7 @@ def _trial_of(found: Descending) -> Trial:
     parts = joined.parts_of_feet(recording)
     tracks = joined.tracks_of_feet(recording)
     heights = tracks[:, :, 2] / recording.scale
-    is_doubted = doubted(tracks, scale=recording.scale)
+    is_doubted = doubted(tracks, rate_hz=recording.rate_hz, scale=recording.scale)
     if is_doubted.any():
         heights = np.where(is_doubted, np.nan, heights)
     return Trial(

@@ -123,7 +123,7 @@ def _doubted(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
     is_filled = np.stack(
         [filled(track, scale=scale) for track in np.moveaxis(tracks, 1, 0)], axis=1
     )
-    is_exchanged = exchanged(tracks, scale=scale)
+    is_exchanged = exchanged(tracks, rate_hz=recording.rate_hz, scale=scale)
     # The markers of all feet, foot by foot.
     end = 0
     for foot, own in zip(

@@ -15,9 +15,11 @@ from hopdata.recordings.quality.part_names import (
     place_by_name,
     side_of_foot,
     subject_prefixes,
+    without_number,
 )
 from hopdata.recordings.quality.rests import lowest
 from hopdata.recordings.quality.roles import Roles
+from hopdata.recordings.quality.vocabulary import NamedParts, named_parts
 
 Joined = dict[str, list[str]]
 
@@ -39,33 +41,50 @@ def every_foot(inspection: Inspection, roles: Roles) -> tuple[list[str], Joined]
         of the study are added, by the same markers. If no marker is seen to land again
         and again, those that are named as heels and toes are taken; none without any.
     joined : dict
-        Feet with several of these markers, and their names.
+        Feet with several of these markers, and their names; a single foot as well.
     """
     markers = inspection.markers
     chosen = set(roles.feet)
     if chosen:
         for group in roles.other_feet:
-            chosen |= _alike(group, roles.feet)
+            chosen |= _alike(group, roles.feet, named_parts(tuple(markers)), markers)
     else:
         chosen = _by_name(inspection)
     feet = [m for m, name in enumerate(markers) if name in chosen]
-    return [markers[m] for m in feet], joined_feet(feet, inspection)
+    return [markers[m] for m in feet], joined_feet(feet, inspection, least_feet=1)
 
 
-def _alike(group: tuple[str, ...], feet: tuple[str, ...]) -> set[str]:
+def _alike(
+    group: tuple[str, ...],
+    feet: tuple[str, ...],
+    names: NamedParts,
+    markers: tuple[str, ...],
+) -> set[str]:
     """Return the markers of a group that are on the same places as those of the feet.
 
-    Markers without a part in their name have no place: all of these are taken if the
-    feet have none either.
+    Numbers do not count where too few have the same: of FT1, FT2 and FT3 on either foot
+    others may land. Markers without a part in their name have no place: all of these
+    are taken if the feet have none either.
     """
-    if not any(part_by_name(name) for name in feet):
-        return {name for name in group if not part_by_name(name)}
-    places = {place_by_name(name) for name in feet}
-    return {
-        name
-        for name in group
-        if place_by_name(name) in places and part_by_name(name) in ("foot", "ankle")
-    }
+    numbers = {name: m for m, name in enumerate(markers)}
+    if not any(names.role(numbers[name]) for name in feet):
+        return {name for name in group if not names.role(numbers[name])}
+    of_foot = [name for name in group if names.role(numbers[name]) in ("foot", "ankle")]
+
+    def place(name: str) -> tuple[int, str]:
+        return names.place(numbers[name])
+
+    def place_but_for_number(name: str) -> tuple[int, str]:
+        rank, stem = place(name)
+        return rank, without_number(stem)
+
+    alike: set[str] = set()
+    for same in (place, place_but_for_number):
+        places = {same(name) for name in feet}
+        alike = {name for name in of_foot if same(name) in places}
+        if len(alike) >= len(feet):
+            break
+    return alike
 
 
 def _by_name(inspection: Inspection) -> set[str]:

@@ -22,6 +22,7 @@ from hopdata.recordings.quality.part_names import (
     without_number,
 )
 from hopdata.recordings.quality.rests import lowest, scale_of_all
+from hopdata.recordings.quality.shared_names import corrected_sides
 from hopdata.recordings.quality.stretches import runs
 from hopdata.recordings.quality.vocabulary import NamedParts, named_parts
 from hopdata.recordings.wording import chained, listed
@@ -43,6 +44,10 @@ SOLE_M = 0.025
 #: Largest spread of a distance, relative to its length, between markers of one shoe.
 #: Unit: 1. Origin: chosen.
 BEND = 0.04
+
+
+# The side of markers that are on one foot, of whichever side.
+ONLY = "only"
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ def guess_feet(
     rests : (N, M) bool array
         When each marker rests.
     others : set of int
-        Markers of other subjects.
+        Markers of other subjects, and those that are another one once more.
     """
     markers = inspection.markers
     names = named_parts(tuple(markers))
@@ -344,36 +349,57 @@ def _higher_ones_named_alike(
     return chained(higher, "recordings.and")
 
 
-def joined_feet(group: Sequence[int], inspection: Inspection) -> dict[str, list[str]]:
+def joined_feet(
+    group: Sequence[int], inspection: Inspection, *, least_feet: int = LEAST_FEET
+) -> dict[str, list[str]]:
     """Return feet with several markers: of one side by name, at constant distances.
 
-    Empty if all markers form one foot, or each is a foot by itself. Distances alone do
-    not decide, since feet that jump together keep theirs; nor do sides alone, since L1,
-    L2 and L3 are legs.
+    Empty if each is a foot by itself, or if there are fewer than `least_feet`: the
+    markers of a single foot are the feet of a study. Distances alone do not decide,
+    since feet that jump together keep theirs; nor do sides alone, since L1, L2 and L3
+    are legs.
     """
     names = [inspection.markers[m] for m in group]
-    parts = named_parts(tuple(inspection.markers))
-    sides = []
-    for m, name in zip(group, names, strict=True):
-        if parts.role(m) in ("foot", "ankle"):
-            sides.append(parts.sides[m] or side_of_foot(name))
-        else:
-            sides.append("")
+    sides = _sides(group, inspection)
     feet = _by_foot(sides, inspection.pairs.relative_spread(group))
-    if not LEAST_FEET <= len(feet) < len(group):
+    if not least_feet <= len(feet) < len(group):
         return {}
 
     sides_differ = len({sides[foot[0]] for foot in feet}) == len(feet)
     of_foot = {}
     for foot in feet:
         first = foot[0]
-        label = sides[first] if sides_differ else f"of {names[first]}"
+        is_named = sides_differ and sides[first] in SIDE_NAMES
+        label = sides[first] if is_named else f"of {names[first]}"
         of_foot[label] = [names[i] for i in foot]
     joined = {}
     for label, markers in sorted(of_foot.items()):
         if len(markers) > 1:
             joined[SIDE_NAMES.get(label, f"foot {label}")] = markers
     return joined
+
+
+def _sides(group: Sequence[int], inspection: Inspection) -> list[str]:
+    """Return the side of each marker; empty if it is not known, nor that all are one.
+
+    A heel and other places of a foot, each of them once and on no side, are one foot.
+    """
+    markers = inspection.markers
+    parts = named_parts(tuple(markers))
+    of_all = corrected_sides(parts.sides, parts, inspection)
+    sides = []
+    for m in group:
+        if parts.role(m) in ("foot", "ankle"):
+            sides.append(of_all[m] or side_of_foot(markers[m]))
+        else:
+            sides.append("")
+    places = [parts.place(m) for m in group]
+    of_heels = [place for place in places if place[0] == HEEL]
+    is_each_once = len(of_heels) == 1 and len(set(places)) == len(places)
+    are_on_a_foot = all(parts.role(m) == "foot" for m in group)
+    if is_each_once and are_on_a_foot and not any(sides):
+        return [ONLY] * len(group)
+    return sides
 
 
 def _by_foot(sides: list[str], bend: FloatArray) -> list[list[int]]:

@@ -279,7 +279,12 @@ def choose_up(
 
 def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
     """Guess the unit by a clear fall, or by the size and the motion of the markers."""
-    if fall.is_clear and fall.share > UNIT_CLEARER * fall.other_unit_share:
+    tall = _units_by_stature(raw)
+    falls = fall.is_clear and fall.share > UNIT_CLEARER * fall.other_unit_share
+    # Jerks and wrong rates pass for falls in another unit than the one that the file
+    # states and in which the person is as tall as people are.
+    is_belied = raw.unit in tall and raw.unit_is_stated and fall.unit not in tall
+    if falls and not is_belied:
         code = "recordings.unit_by_fall"
         if raw.unit_is_stated and fall.unit != raw.unit:
             code = "recordings.unit_by_fall_not_stated"
@@ -293,7 +298,6 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
         moves_m_s2[one] = metres * of_median
     lively = _lively_units(extent(raw.positions), moves_m_s2)
     size = _size_in(raw, unit)
-    tall = _units_by_stature(raw)
     if unit in tall:
         values = {"size": size, "stature_m": tall[unit]}
         return Guess(unit, Message("recordings.unit_by_stature", values))
@@ -320,16 +324,29 @@ def _units_by_stature(raw: RawRecording) -> dict[str, float]:
 
     By the markers' names; empty if these do not tell of a whole person.
     """
-    named = named_parts(tuple(raw.markers))
-    posture = evidence.posture_of(raw.positions, named)
-    if posture is None or not named.is_human or not posture.is_whole:
-        return {}
+    stature = _stature(raw.positions, raw.markers)
     tall = {}
     for unit, metres in UNITS_IN_M.items():
-        stature_m = float(np.linalg.norm(posture.stature)) * metres
-        if SHORTEST_M <= stature_m <= TALLEST_M:
-            tall[unit] = stature_m
+        if SHORTEST_M <= stature * metres <= TALLEST_M:
+            tall[unit] = stature * metres
     return tall
+
+
+def is_of_a_persons_size(positions: FloatArray, markers: Sequence[str]) -> bool:
+    """Tell whether positions (N, M, 3), m, are of a person as tall as people are.
+
+    By the markers' names; not if these do not tell of a whole person.
+    """
+    return SHORTEST_M <= _stature(positions, markers) <= TALLEST_M
+
+
+def _stature(positions: FloatArray, markers: Sequence[str]) -> float:
+    """Return a person's stature by the markers' names, in their unit, or NaN."""
+    named = named_parts(tuple(markers))
+    posture = evidence.posture_of(positions, named)
+    if posture is None or not named.is_human or not posture.is_whole:
+        return float("nan")
+    return float(np.linalg.norm(posture.stature))
 
 
 def _lively_units(size: float, moves_m_s2: Mapping[str, float]) -> list[str]:
