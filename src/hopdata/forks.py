@@ -10,8 +10,8 @@ before it forks for the second, so a rule that runs once imports nothing twice.
 it: the same file is executed, with the same folder, arguments, threads and exit code,
 and its process is measured for the rule's `benchmark`. A job that dies takes no other
 with it. If Snakemake dies, the server ends its jobs; if the server dies, its jobs are
-killed and reported as such. Only Linux has all of this: elsewhere, and for scripts with several
-threads or an environment of their own, Snakemake starts Python as ever.
+killed and reported as such. Only Linux has all of this: elsewhere, and for scripts with
+several threads or an environment of their own, Snakemake starts Python as ever.
 """
 
 from __future__ import annotations
