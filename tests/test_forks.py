@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from hopdata import forks
 from hopdata.forks import Server
 
 pytestmark = pytest.mark.skipif(
@@ -123,6 +125,33 @@ def test_begins_when_it_is_waited_for(server, script, tmp_path):
     assert file.exists()
 
 
+def test_changed_code_is_read_by_another_server(script, tmp_path, monkeypatch):
+    """No job mixes modules that were imported before an edit with others."""
+    package = tmp_path / "hopdata"
+    other = shutil.ignore_patterns("__pycache__", "_workflow")
+    shutil.copytree(Path(forks.__file__).parent, package, ignore=other)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    server = Server()
+    found = tmp_path / "found"
+    uses = (
+        "import hopdata.seal as one; "
+        f"print(one.__dict__.get('EDITED'), file=open({str(found)!r}, 'a'))"
+    )
+    sleeper = server.start("sleeps", script("import time; time.sleep(60)"), {})
+    for _ in range(2):
+        assert server.start("rule", script(uses, "uses.py"), {}).wait() == 0
+    first = server._process
+    with open(package / "seal.py", "a") as file:
+        file.write("\nEDITED = 'yes'\n")
+    assert server.start("rule", script(uses, "uses.py"), {}).wait() == 0
+    assert found.read_text().split() == ["None", "None", "yes"]
+    assert server._process is not first
+    assert lives(sleeper.pid)
+    server.end()
+    assert ends(sleeper.pid)
+    first.wait()
+
+
 def test_killed_job_takes_no_other_with_it(server, script):
     sleeper = script("import time; time.sleep(60)")
     first = server.start("rule", sleeper, {})
@@ -143,6 +172,7 @@ def test_jobs_of_a_killed_server_die_and_the_next_job_gets_another(server, scrip
 def test_jobs_of_a_killed_run_die(script):
     sleeper = script("import time; time.sleep(60)", "sleeper.py")
     program = f"""
+from hopdata import forks
 from hopdata.forks import Server
 server = Server()
 jobs = [server.start("rule", {sleeper!r}, {{}}) for _ in range(2)]

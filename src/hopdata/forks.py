@@ -43,6 +43,8 @@ ONE_THREAD = {
     f"{library}_NUM_THREADS": "1"
     for library in ("OMP", "GOTO", "OPENBLAS", "MKL", "NUMEXPR")
 } | {"VECLIB_MAXIMUM_THREADS": "1"}
+#: In place of the number of a process: the server has outdated code.
+OUTDATED = 0
 #: Number of `prctl` by which a process asks to be killed when its parent dies.
 _DIE_WITH_PARENT = 1
 #: How long the end of a run waits for the server to end, s.
@@ -94,15 +96,30 @@ class Server:
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _process: subprocess.Popen[bytes] | None = None
     _requests: socket.socket | None = None
+    #: Ways to servers with outdated code, whose last jobs may still be at work.
+    _retired: list[socket.socket] = field(default_factory=list)
 
     def start(self, rule: str, file: str, environment: dict[str, str]) -> Job:
-        """Make a fork for a script of a rule, with these variables besides ours."""
+        """Make a fork for a script of a rule, with these variables besides ours.
+
+        If the code of hopdata has changed since the server read it, another one is
+        started, so that no job mixes two states of it.
+        """
         request = {
             "rule": rule,
             "file": file,
             "folder": os.getcwd(),
             "environment": environment,
         }
+        job = self._asked(request)
+        if job is None:
+            job = self._asked(request)
+        if job is None:
+            raise ServerEndedError
+        return job
+
+    def _asked(self, request: dict[str, Any]) -> Job | None:
+        """Return a new job, or None if the server had outdated code and is retired."""
         answered, to_answer = os.pipe()
         closed, gate = os.pipe()
         answers = os.fdopen(answered, "r", encoding="ascii")
@@ -122,8 +139,18 @@ class Server:
             pid = answers.readline()
             if not pid:
                 raise ServerEndedError
+            if int(pid) == OUTDATED:
+                self._retire(requests)
+                return None
             unless_begun.pop_all()
         return Job(int(pid), answers, opened)
+
+    def _retire(self, requests: socket.socket) -> None:
+        """Ask this server for no more jobs; those that it has go on."""
+        with self._lock:
+            if self._requests is requests:
+                self._retired.append(requests)
+                self._process = self._requests = None
 
     def _at_work(self) -> socket.socket:
         """Return the way to the server, which is started unless it lives."""
@@ -146,6 +173,8 @@ class Server:
     def end(self) -> None:
         """End the server; it has no job any more if Snakemake has ended its own."""
         with self._lock:
+            for retired in self._retired:
+                retired.close()
             if self._process is None or self._requests is None:
                 return
             self._requests.close()
@@ -195,6 +224,7 @@ def serve(number: int) -> dict[str, Any] | None:
     signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
     forks: dict[int, _Begun] = {}
     imported: dict[str, list[str]] = {}
+    sources = _sources()
     with selectors.DefaultSelector() as selector:
         selector.register(requests, selectors.EVENT_READ)
         selector.register(woken, selectors.EVENT_READ)
@@ -211,7 +241,13 @@ def serve(number: int) -> dict[str, Any] | None:
                 return None
             request: dict[str, Any] = json.loads(message)
             answers, gate = ends
+            if any(_changed(file) != known for file, known in sources.items()):
+                os.write(answers, f"{OUTDATED}\n".encode())
+                for end in ends:
+                    os.close(end)
+                continue
             begun = _begin(request["rule"], answers, imported)
+            sources = _sources()
             parent = os.getpid()
             pid = os.fork()
             if not pid:
@@ -226,6 +262,24 @@ def serve(number: int) -> dict[str, Any] | None:
             os.close(gate)
             forks[pid] = begun
             _answer(begun, pid)
+
+
+def _changed(file: str) -> int:
+    """Return when a file was last changed, ns; 0 if it is gone."""
+    try:
+        return os.stat(file).st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _sources() -> dict[str, int]:
+    """Return the files of hopdata that this process has imported, and their times."""
+    files = [
+        getattr(module, "__file__", None)
+        for name, module in [*sys.modules.items()]
+        if name.partition(".")[0] == "hopdata"
+    ]
+    return {file: _changed(file) for file in [__file__, *files] if file}
 
 
 def _begin(rule: str, answers: int, imported: dict[str, list[str]]) -> _Begun:
