@@ -37,7 +37,7 @@ up() {
 }
 end() {
   for node in $nodes; do die "$node"; done
-  [ -z "${study:-}" ] || kill "$study" 2>/dev/null || true
+  [ -z "${study:-}" ] || pkill -P "$study" || kill "$study" 2>/dev/null || true
   [ ${#started[@]} = 0 ] || kill "${started[@]}" 2>/dev/null || true
   fusermount3 -uz "$work/shared" 2>/dev/null || true
   for node in $nodes; do ip netns del "hop$node" 2>/dev/null || true; done
