@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures dissertation dissertation-docs both-sides test test-lowest test-cluster mutants benchmarks lint format rules docs site sample lock release clean help
+.PHONY: figures dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -24,6 +24,8 @@ help:
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
 	@echo "make test-lowest  the same, with the oldest versions that pyproject.toml allows (Python 3.11, in $(VENV)-lowest)"
 	@echo "make test-cluster  run studies on a SLURM of three nodes on this machine, kill jobs and nodes (as root, with slurm-wlm)"
+	@echo "make fuzz       look for inputs that break a promise, for MINUTES ($(MINUTES)) on CORES cores (SEED, DOORS='c3d mat' selects)"
+	@echo "make chaos      kill, starve and damage a small study EVENTS times (1000), SEED (1); goes on where it was interrupted"
 	@echo "make mutants    make small wrong changes and see which of them the tests miss (takes hours; can be interrupted)"
 	@echo "make both-sides run the study of the dissertation's size: C1, not C1, half the spread, then compare them"
 	@echo "make benchmarks measure error and run time against other libraries, into results/benchmarks"
@@ -62,6 +64,17 @@ test-lowest:
 
 test-cluster: $(VENV)/.dev
 	VENV=$(VENV) tests/cluster.sh
+
+# Guided by coverage; goes on with the inputs in build/fuzz, and puts what it finds into tests/fuzz/found.
+MINUTES ?= 60
+DOORS   ?=
+fuzz: $(VENV)/.fuzz
+	nice $(BIN)/python tests/fuzz/long_run.py --minutes $(MINUTES) --seed $(SEED) --cores $(CORES) --doors $(DOORS)
+
+# As root it has a disk of its own to fill; otherwise the size of files is limited.
+EVENTS ?= 1000
+chaos: $(VENV)/.dev
+	$(BIN)/python tests/chaos/chaos.py --events $(EVENTS) --seed $(SEED)
 
 # ROOMS="verdict states" selects, EACH and SEED draw other changes; what was tried is not tried again.
 ROOMS ?=
@@ -160,6 +173,10 @@ $(VENV)/.docs: requirements-docs.lock | $(VENV)/.run
 $(VENV)/.mutants: requirements-mutants.lock | $(VENV)/.dev
 	$(call install,requirements-mutants.lock)
 
+# The fuzzer has wheels for Linux only.
+$(VENV)/.fuzz: requirements-fuzz.lock | $(VENV)/.dev
+	$(call install,requirements-fuzz.lock)
+
 # The libraries that the benchmarks compare with are many and large, and nothing else needs them.
 $(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements-bench.lock"
@@ -171,6 +188,7 @@ lock:
 	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
 	$(LOCK) pyproject.toml --extra test --resolution lowest-direct -o requirements-lowest.lock
 	$(LOCK) pyproject.toml --extra mutants -c requirements-dev.lock -o requirements-mutants.lock
+	$(LOCK) pyproject.toml --extra fuzz -c requirements-dev.lock -o requirements-fuzz.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 	$(LOCK) pyproject.toml --extra dissertation -c requirements-bench.lock -o requirements-dissertation.lock
 	printf 'furo>=2024.8\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \

@@ -23,7 +23,7 @@ PAGES = {
     "Understand": [
         "dissertation", "printed_method", "c1", "gradient", "filter", "verdict",
         "verdict_method", "verdict_campaign",
-        "unseen_order", "impacts", "contacts", "limits", "integrator_choices",
+        "unseen_order", "impacts", "contacts", "limits", "reliability", "integrator_choices",
         "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/last_run/README",
     ],

@@ -65,6 +65,7 @@ ABOVE = {
     "__init__": set(),
     "__main__": {"commands"},
     "provenance": set(),
+    "forks": set(),
     "line": {"config"},
     "stages": {
         *("config", "landings", "line", "maps", "recordings", "synthesis"),

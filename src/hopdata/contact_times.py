@@ -22,6 +22,7 @@ from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
 from hopdata.landings.floor import fit_floor, level
+from hopdata.landings.held_frames import without_held_frames
 from hopdata.messages import Message
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
@@ -324,6 +325,7 @@ def _levelled(
     """
     if not recording.indices("foot"):
         raise AnalysisError.at(recording.place, "at least 1 foot marker", "none")
+    recording = without_held_frames(recording)
     try:
         model = fit_floor(recording, **options)
         return level(recording, model), []

@@ -20,7 +20,13 @@ from typing import Any
 from hopdata.arrays import pd
 from hopdata.causes import cause_of, error_number
 from hopdata.digests import keep, require_unchanged
-from hopdata.errors import HopdataError, StorageError
+from hopdata.errors import (
+    NO_BREAK_SPACES,
+    DamagedError,
+    HopdataError,
+    StorageError,
+    printable,
+)
 
 TEXT_COLUMNS = (
     *("recording", "method", "schedule", "schedule_a", "schedule_b", "reason"),
@@ -89,7 +95,7 @@ def reported(
     handler = logging.FileHandler(
         log, mode="w", encoding="utf-8", errors="backslashreplace"
     )
-    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    handler.setFormatter(_Plain("%(levelname)s %(name)s: %(message)s"))
     # On a full disk the log fails too; the original error is the one to report.
     logging.raiseExceptions = False
     logger.addHandler(handler)
@@ -114,10 +120,18 @@ def reported(
         handler.close()
 
 
+class _Plain(logging.Formatter):
+    """Lines of a log, without what a terminal that shows it would obey."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record), keep=f"\n\t{NO_BREAK_SPACES}")
+
+
 def _end_with(message: str) -> None:
     """End the job with a message on stderr and in the log."""
     logger.error("%s", message)
-    print(f"hopdata: error: {message}", file=sys.stderr)
+    shown = printable(message, keep="\n")
+    print(f"hopdata: error: {shown}", file=sys.stderr)
     raise SystemExit(1) from None
 
 
@@ -184,8 +198,28 @@ def write_fields(path: str | Path, result: Any) -> None:
 
 
 def read_json(path: str | Path) -> Any:
-    """Read a JSON file."""
-    return json.loads(Path(path).read_text(encoding="utf-8"))
+    """Read a JSON file.
+
+    Raises
+    ------
+    DamagedTextError
+        If it is none.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, "JSON", error) from error
+
+
+class DamagedTextError(DamagedError, ValueError):
+    """A file of results is no JSON or no table; a ValueError, as of their parsers."""
+
+
+def _damaged(path: object, kind: str, error: Exception) -> DamagedTextError:
+    """Return the error for a file of results that is not as it was written."""
+    words = " ".join(str(error).split())[:100]
+    found = f"{words}; if hopdata wrote it, remove it and run again"
+    return DamagedTextError.at(path, f"whole {kind}", found)
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
@@ -215,10 +249,14 @@ def _csv(table: pd.DataFrame) -> str:
 
 
 def guarded(cell: object) -> object:
-    """Put an apostrophe before a text that a spreadsheet would run."""
-    if isinstance(cell, str) and _RUN.match(cell):
-        return f"'{cell}"
-    return cell
+    """Put an apostrophe before a text that a spreadsheet would run.
+
+    What a reader of the table could not see is replaced (`printable`).
+    """
+    if not isinstance(cell, str):
+        return cell
+    shown = printable(cell, keep=NO_BREAK_SPACES)
+    return f"'{shown}" if _RUN.match(shown) else shown
 
 
 def _unguarded(cell: object) -> object:
@@ -253,11 +291,41 @@ def _printed(column: pd.Series) -> list[str]:
     return texts
 
 
+#: Length of a row of a table of results. pandas takes some 20 us for each column.
+#: Unit: bytes. Origin: chosen. A row has a few columns for each foot or marker.
+LONGEST_ROW = 500_000
+
+
+def _require_short_rows(path: str | Path) -> None:
+    """Require rows that hopdata could have written.
+
+    Raises
+    ------
+    ValueError
+        If one is longer than any row of a table.
+    """
+    with Path(path).open("rb") as file:
+        longest = max(map(len, file), default=0)
+    if longest > LONGEST_ROW:
+        raise ValueError(f"a row of {longest} bytes")
+
+
 def read_table(path: str | Path | StringIO) -> pd.DataFrame:
-    """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty."""
+    """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty.
+
+    Raises
+    ------
+    DamagedTextError
+        If it is no table.
+    """
     # A recording may be called NA, so only an empty cell is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
-    table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
+    try:
+        if not isinstance(path, StringIO):
+            _require_short_rows(path)
+        table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
+    except (ValueError, OverflowError) as error:  # errors of its parser are of these
+        raise _damaged(path, "CSV", error) from error
     texts = table.columns.intersection(TEXT_COLUMNS)
     return _changed(table.fillna(dict.fromkeys(texts, "")), _unguarded)
 

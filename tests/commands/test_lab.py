@@ -4,6 +4,7 @@ import contextlib
 import csv
 import io
 import shutil
+from dataclasses import replace
 
 import pytest
 from made_up_hopper import hopping
@@ -184,3 +185,24 @@ def test_a_folder_goes_from_init_over_check_to_run(folder, capfd):
     for k in range(2):
         table = _lines(f"results/day/contacts/jump{k + 1}.csv")
         assert len(table) > 3  # landings below the heads of the columns
+
+
+def test_a_piece_of_a_trial_is_left_out_for_the_whole_of_it(folder, capsys):
+    whole = trial(1, n_frames=600)
+    cut = slice(150, 290)
+    piece = replace(whole, time=whole.time[cut], positions=whole.positions[cut])
+    write_trc(folder / "whole.trc", whole)
+    write_c3d(folder / "piece.c3d", piece)
+    write_c3d(folder / "other.c3d", trial(2, n_frames=300))
+    assert main(["init", "day"]) == 0
+    told = "left out: piece.c3d: the same positions as in whole.trc"
+    assert told in capsys.readouterr().out
+    files = [entry["file"] for entry in load_config("config/day.yaml")["recordings"]]
+    assert files == ["day/other.c3d", "day/whole.trc"]
+
+
+def test_the_working_folder_is_called_by_its_name(folder, monkeypatch):
+    write_c3d(folder / "a.c3d", trial(1, n_frames=300))
+    monkeypatch.chdir(folder)
+    assert main(["init", "."]) == 0
+    assert _lines("config/day.yaml")[0].startswith("# Study of day, drafted by")

@@ -60,7 +60,7 @@ class Door:
     put: Callable[[Path, str, bytes], Path] | None = None
     names_file: bool = True
     loads_pickles: bool = False
-    in_ci: int = 14
+    in_ci: int = 20
 
     @property
     def sound(self):
@@ -144,9 +144,7 @@ def _own_recordings():
 
     roles = ("body",) * 3 + ("foot",) * 2
     time = np.arange(N_FRAMES) / 100
-    own = Recording(
-        "trial", time, standing(N_FRAMES) / 1000, NAMES, roles, 100.0
-    )
+    own = Recording("trial", time, standing(N_FRAMES) / 1000, NAMES, roles, 100.0)
     with TemporaryDirectory() as folder:
         path = Path(folder, "own.h5")
         write_recording(path, own)
@@ -303,7 +301,9 @@ simulation:
 def _configs():
     printed = CONFIG.replace("seed: 7", "seed: 7\nprinted: true")
     aliases = CONFIG.replace("  unit: auto\n", "  <<: {unit: auto}\n")
-    aliases = aliases.replace("seed: 7", "seed: &seed 7").replace("hops: 20", "hops: *seed")
+    aliases = aliases.replace("seed: 7", "seed: &seed 7").replace(
+        "hops: 20", "hops: *seed"
+    )
     return {
         "plain.yaml": CONFIG.encode(),
         "printed.yaml": printed.encode(),
@@ -375,7 +375,7 @@ def _run_again(path):
     """Repeat the study of a provenance, up to where the workflow would start."""
     from hopdata.commands import run
 
-    with mock.patch.object(run, "run_workflow", lambda *_: 1):
+    with mock.patch.object(run, "run_workflow", return_value=1):
         return _command("run", "--from", path.name)
 
 
@@ -664,7 +664,7 @@ def _read_with_plugin(path):
     from hopdata.recordings.readers import formats
 
     plugin = EntryPoint(".odd", "doors:odd_reader", "hopdata.readers")
-    with mock.patch.object(formats, "_others", lambda: {".odd": plugin}):
+    with mock.patch.object(formats, "_others", return_value={".odd": plugin}):
         return _import(path)
 
 
@@ -724,7 +724,7 @@ DOORS = {
     "pairs": Door(_saved, _read_pairs, _are_pairs, in_ci=10),
     "saved": Door(_tables, _read_saved, in_ci=10),
     "model": Door(_models, _load_model, _is_model),
-    "log": Door(_logs, _read_log, in_ci=8),
+    "log": Door(_logs, _read_log, in_ci=4),
     "packets": Door(_packets, _take_packets, names_file=False, in_ci=24),
     "settings": Door(_settings, _take_settings, _are_settings, names_file=False),
     "code": Door(

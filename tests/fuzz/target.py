@@ -38,20 +38,13 @@ def entered(door, names):
     folder = Path(tempfile.mkdtemp(prefix="hopdata-fuzz-"))
     seen = set()
     current = finds / "current"
-    n_cases = 0
 
     def enter(data):
-        nonlocal n_cases
         if not data:
             return
         current.write_bytes(data)
-        n_cases += 1
-        place = folder / f"case-{n_cases}"
-        place.mkdir()
         name = names[data[0] % len(names)]
-        verdict = oracle.enter_door(door, name, data[1:], place)
-        os.chdir(folder)
-        oracle.shutil.rmtree(place, ignore_errors=True)
+        verdict = oracle.enter_door(door, name, data[1:], folder)
         if verdict.fault and verdict.signature not in seen:
             seen.add(verdict.signature)
             digest = hashlib.sha256(data).hexdigest()[:12]
@@ -81,9 +74,12 @@ def main():
     with atheris.instrument_imports(include=GUIDING, enable_loader_override=False):
         from doors import DOORS
 
+        from hopdata.foreign.door import open_here
+
         door = DOORS[door_name]
         names = [*door.sound]
-        oracle._warm(door, Path(tempfile.mkdtemp(prefix="hopdata-fuzz-")))
+        with open_here():
+            oracle.warm_up(door, Path(tempfile.mkdtemp(prefix="hopdata-fuzz-")))
     for number, data in enumerate(door.sound.values()):
         seed = bytes([number]) + data
         digest = hashlib.sha256(seed).hexdigest()[:12]
@@ -94,8 +90,10 @@ def main():
     sys.addaudithook(oracle.guard)
     warnings.simplefilter("error")
     options = [sys.argv[0], sys.argv[2], f"-max_len={LONGEST}", *sys.argv[4:]]
-    atheris.Setup(options, enter, custom_mutator=mutate)
-    atheris.Fuzz()
+    # What is read in a process of its own would not guide the search.
+    with open_here():
+        atheris.Setup(options, enter, custom_mutator=mutate)
+        atheris.Fuzz()
 
 
 if __name__ == "__main__":

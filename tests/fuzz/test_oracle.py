@@ -10,6 +10,22 @@ def watched():
         yield one
 
 
+@pytest.fixture(scope="module")
+def hurried():
+    with Watched(most_cpu_s=0.5, doors="bad_doors") as one:
+        yield one
+
+
+@pytest.mark.parametrize(
+    ("door", "words"), [("loops", "ended"), ("takes_long", "s of CPU")]
+)
+def test_what_takes_too_long_is_seen(hurried, door, words):
+    verdict = hurried.enter(door, "a.txt", b"bytes")
+    assert verdict.fault == "time", verdict
+    assert words in verdict.told
+    assert not hurried.enter("sound", "a.txt", b"bytes").fault
+
+
 @pytest.mark.parametrize(
     ("door", "fault", "words"),
     [
@@ -19,8 +35,6 @@ def watched():
         ("warns", "traceback", "RuntimeWarning"),
         ("exits", "end", "SystemExit"),
         ("dies", "end", "code 7"),
-        ("loops", "time", "ended"),
-        ("takes_long", "time", "s of CPU"),
         ("touches_memory", "memory", "MB for 5 bytes"),
         ("reserves_memory", "memory", "MemoryError"),
         ("lets_a_child_touch_memory", "memory", "MB for 5 bytes"),
@@ -42,7 +56,7 @@ def test_each_kind_of_fault_is_seen(watched, door, fault, words):
 
 
 def test_a_fault_leaves_no_mark_on_the_next_input(watched):
-    for bad in ("touches_memory", "raises", "loops"):
+    for bad in ("touches_memory", "raises", "dies"):
         watched.enter(bad, "a.txt", b"bytes")
         verdict = watched.enter("sound", "a.txt", b"bytes")
         assert not verdict.fault

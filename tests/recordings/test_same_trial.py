@@ -50,3 +50,22 @@ def test_two_static_trials_are_two():
     one, other = standing + rng.normal(0, 5e-4, (2, 300, 7, 3))
     assert compared(one, other) == OTHER
     assert compared(one, np.round(1e3 * one, 4)) == THE_SAME
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("start", "frames"), [(10, 60), (200, 100), (420, 80)])
+def test_a_short_piece_of_a_trial_is_no_trial_of_its_own(seed, start, frames):
+    positions = hopping(seed, n_frames=500)[1]
+    piece = positions[start : start + frames]
+    assert compared(positions, piece) == THE_SAME
+    assert compared(piece, np.round(1e3 * positions[..., [1, 2, 0]], 1)) == THE_SAME
+    other = hopping(seed + 10, n_frames=500)[1]
+    assert compared(other, piece) == OTHER
+
+
+def test_a_short_filtered_piece_is_not_told_from_other_strides():
+    from scipy.signal import butter, sosfiltfilt
+
+    positions = hopping(1, n_frames=500)[1]
+    filtered = sosfiltfilt(butter(2, 12, fs=100, output="sos"), positions, axis=0)
+    assert compared(positions, filtered[100:200]) == OTHER

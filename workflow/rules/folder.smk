@@ -9,10 +9,14 @@ from pathlib import Path
 os.environ.update(PYTHONSAFEPATH="1")
 sys.path[:] = [place for place in sys.path if Path(place).resolve() != Path.cwd()]
 
+from hopdata import forks
 from hopdata.causes import oom_kills
 from hopdata.commands import deaths, healing, owner
 
 OOM_BEFORE = oom_kills()
+
+# Scripts run as forks of one process that has imported the libraries.
+forks.install()
 SKEW_S = 60  # allowed difference between the clocks of two machines, s
 
 
@@ -79,7 +83,7 @@ onstart:
 onerror:
     # Snakemake's page of text ends in one line that says why; `hopdata run` says it itself.
     if owner.STARTED_BY_HOPDATA not in os.environ:
-        said = [line for file in log for line in open(file, errors="replace")]
+        said = [line for file in log for line in open(file, encoding="utf-8", errors="replace")]
         reason = deaths.why(said, oom_before=OOM_BEFORE)
         if reason:
             print(f"hopdata: error: {reason}", file=sys.stderr)

@@ -31,7 +31,7 @@ def heal(*folders: str | Path) -> str:
     str
         What was found, in one line; empty if nothing.
     """
-    damaged = [file for folder in folders for file in changed_in(folder)]
+    damaged = [str(file) for folder in folders for file in changed_in(folder)]
     of_records = [*_with_damaged_record()]
     with suppress(OSError):  # Snakemake itself complains if a folder is not writable
         for file in [*damaged, *of_records]:
@@ -47,22 +47,22 @@ def heal(*folders: str | Path) -> str:
     return "; ".join(told)
 
 
-def _told(files: Sequence[object], what: str) -> str:
-    first = printable(str(files[0]))
+def _told(files: Sequence[str], what: str) -> str:
+    first = printable(files[0])
     if len(files) == 1:
         return f"{first} is {what}; it is made again"
     more = len(files) - 1
     return f"{first} and {more} more are {what}; they are made again"
 
 
-def _mark(file: str | Path) -> None:
+def _mark(file: str) -> None:
     """Mark a file as that of a job that has not ended, as Snakemake does."""
     mark = _record(MARKS, file)
     mark.parent.mkdir(parents=True, exist_ok=True)
     mark.write_text(json.dumps({"external_jobid": None}), encoding="utf-8")
 
 
-def _record(folder: Path, file: str | Path) -> Path:
+def _record(folder: Path, file: str) -> Path:
     """Return where Snakemake keeps what it knows of a file."""
     coded = base64.urlsafe_b64encode(Path(file).as_posix().encode()).decode()
     parts = [

@@ -268,7 +268,7 @@ def _write(
     notes = _notes(subjects, table, choice, ignored)
     draft = replace(
         draft,
-        file=of_files.relative(options.file),
+        file=_title(options.file),
         notes=[*draft.notes, *map(str, notes)],
         recordings=_recordings(trials, subjects),
     )
@@ -284,6 +284,12 @@ def _write(
     for remark in remarks:
         print(f"note: {remark}")
     return of_files.print_next(out, is_complete=not problems)
+
+
+def _title(folder: Path) -> str:
+    """Return the path of a folder, or the name of the working folder."""
+    path = of_files.relative(folder)
+    return folder.resolve().name if path == "." else path
 
 
 def _are_alike(choice: Choice, reference: Reference) -> bool:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -89,6 +90,7 @@ def run_workflow(
     with (
         process as snakemake,
         recorded(study, snakemake.pid),
+        _passed_on(snakemake),
         progress_bar(study) as show,
     ):
         progress = Progress(show, cores)
@@ -115,6 +117,24 @@ def run_workflow(
     elif listed:
         print(_planned(study, table))
     return code
+
+
+@contextmanager
+def _passed_on(snakemake: subprocess.Popen[str]) -> Iterator[None]:
+    """Pass a request to end on to Snakemake, which ends its jobs and its lock."""
+
+    def pass_on(number: int, _: object) -> None:
+        snakemake.send_signal(number)
+
+    try:
+        before = signal.signal(signal.SIGTERM, pass_on)
+    except ValueError:  # only the main thread gets signals
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _settle_lock(if_locked: str) -> None:

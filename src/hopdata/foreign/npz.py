@@ -58,7 +58,7 @@ def arrays_of(
     except Exception as fault:  # a damaged archive makes the library raise anything
         found = str(fault) or type(fault).__name__
         values = {"place": f"{path}", "wanted": wanted, "found": found}
-        raise error(Message("foreign.no_file", values)) from None
+        raise error(Message("foreign.other_file", values)) from None
 
 
 def _array(archive: zipfile.ZipFile, name: str, most: int) -> NDArray[Any]:

@@ -49,11 +49,16 @@ RANGE_FRAMES = 500
 #: Unit: 1. Origin: chosen.
 ONE_SET = 0.8
 
+#: Ratio of the lengths of two files of one trial up to which, about, the format says
+#: which is kept; else it is the longer one.
+#: Unit: 1. Origin: chosen.
+AS_LONG = 1.15
+
 # Names of markers that a reason lists.
 MOST_NAMED = 8
 
-# Which of two files with the same trial is kept: those that hold plates and events
-# first, and text last.
+# Which of two files with the same trial is kept, if both are about as long: those that
+# hold plates and events first, and text last.
 _PREFERRED = (".c3d", ".h5", ".hdf5", ".mat", ".trc", ".tsv", ".csv", ".txt")
 
 # Folders that hold results, and not recordings.
@@ -294,12 +299,15 @@ def _duplicates(trials: Sequence[Trial]) -> list[LeftOut]:
     return left_out
 
 
-def _rank(trial: Trial) -> tuple[int, int, int, str]:
+def _rank(trial: Trial) -> tuple[int, int, int, int, str]:
+    """Return the order in which trials are kept: the whole before its pieces."""
+    length = round(float(np.log(trial.n_frames) / np.log(AS_LONG)))
     suffix = trial.file.suffix.lower()
     place = len(_PREFERRED)
     if suffix in _PREFERRED:
         place = _PREFERRED.index(suffix)
-    return place, -len(trial.markers), -trial.n_frames, trial.place.as_posix()
+    at = trial.place.as_posix()
+    return -length, place, -len(trial.markers), -trial.n_frames, at
 
 
 def _twins(trial: Trial, kept: Sequence[Trial]) -> Iterator[Message]:

@@ -33,9 +33,18 @@ SAME_MOTION = 0.2
 #: Unit: 1. Origin: chosen.
 SAME_POSITIONS = 0.01
 
-#: Shortest part of a trial that counts as the trial.
-#: Unit: 1. Origin: chosen.
+#: Shortest part of a trial that is looked for in it after a filter.
+#: Unit: 1. Origin: chosen. Strides are alike, so that a few of one trial, filtered, are
+#: as near to those of another; positions that are the same are found in any part.
 LEAST_PART = 0.5
+
+#: Largest relative difference of the ratio of two files' distances from that of two
+#: units, at which it is taken for that. A part of a trial has distances of its own.
+#: Unit: 1. Origin: chosen.
+SAME_UNIT = 0.2
+
+# Ratios of the units that files are in.
+UNIT_RATIOS = (1.0, 10.0, 100.0, 1000.0, 2.54, 25.4, 39.37)
 
 #: Largest relative difference of the frame rates of one trial.
 #: Unit: 1. Origin: chosen.
@@ -86,12 +95,12 @@ def agreement(
         for track, place in zip(positions, places, strict=True)
     ]
     long, short = sorted(distances, key=len, reverse=True)
-    if len(short) < max(2, LEAST_PART * len(long)):
+    if len(short) < 2:
         return OTHER
     misfit = _least_misfit(long, short)
     if misfit < SAME_POSITIONS:
         return THE_SAME
-    if misfit < SAME_MOTION:
+    if misfit < SAME_MOTION and len(short) >= LEAST_PART * len(long):
         return PROCESSED
     return OTHER
 
@@ -118,7 +127,7 @@ def _likeliest_start(long: FloatArray, short: FloatArray) -> int:
     n_starts = len(long) - len(short) + 1
     if n_starts == 1:
         return 0
-    scale = _median_distance(long) / _median_distance(short)
+    scale = _as_ratio_of_units(_median_distance(long) / _median_distance(short))
     at = _spread_frames(len(short), SEARCHED_FRAMES)
     differ = np.zeros(n_starts)
     counts = np.zeros(n_starts)
@@ -130,6 +139,15 @@ def _likeliest_start(long: FloatArray, short: FloatArray) -> int:
     with np.errstate(invalid="ignore", divide="ignore"):
         mean_difference = np.where(counts > 0, differ / counts, np.inf)
     return int(np.argmin(mean_difference))
+
+
+def _as_ratio_of_units(scale: float) -> float:
+    """Return the ratio of two units that is near a ratio of distances, or that."""
+    ratios = np.array([*UNIT_RATIOS, *(1 / ratio for ratio in UNIT_RATIOS)])
+    nearest = float(ratios[np.argmin(np.abs(np.log(ratios / scale)))])
+    if abs(scale / nearest - 1) <= SAME_UNIT:
+        return nearest
+    return scale
 
 
 def _median_distance(distances: FloatArray) -> float:
