@@ -22,7 +22,7 @@ for part in ${@:-sample group nodes storage}; do
 done
 type slurmctld slurmd munged sbatch ip fusermount3 >/dev/null || stop "install slurm-wlm, munge, iproute2 and fuse3"
 "$bin/python" -c "import snakemake_executor_plugin_slurm, mfusepy" ||
-  stop "pip install snakemake-executor-plugin-slurm mfusepy"
+  stop "run it by make test-cluster"
 [ "$(id -u)" = 0 ] || stop "only root can start SLURM"
 [ ! -e $conf ] || stop "$conf: this machine has a SLURM already"
 work=$(mktemp -d) started=() nodes="1 2 3"
@@ -152,7 +152,7 @@ nodes() {
 }
 storage() {
   [ -x "$moto" ] && "$bin/python" -c "import snakemake_storage_plugin_s3" ||
-    stop "pip install snakemake-storage-plugin-s3 'moto[server]'"
+    stop "run it by make test-cluster"
   VENV="$bin/.." "$bin/python" tests/object_storage.py "$moto" "$work/storage"
 }
 # Not in lists of &&, in which bash goes on after a fault.
