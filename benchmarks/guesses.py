@@ -24,6 +24,8 @@ have; there are rows for each posture:
 
 - `people, up`: as a C3D file with z up, and as a TRC file with y up, neither of which
   states it. Who lies straight looks like who stands, and should be asked about.
+- `people, other up`: as a C3D file with y up, and as a TRC file with z up. Who lies in
+  them along the usual axis looks all the more like who stands.
 - `people, feet`: right is a choice of markers on feet only.
 - `people, unit`: stated rightly.
 
@@ -203,14 +205,20 @@ def people(seed: int) -> Iterator[tuple[str, str, str, str]]:
             made = person([seed, s, p], posture, marker_set)
             time = np.arange(len(made.positions)) / made.rate_hz
             raw = RawRecording(made.names, time, made.positions, made.rate_hz, "m")
-            for up, suffix in (("z", ".c3d"), ("y", ".trc")):
+            for up, suffix, kind in (
+                ("z", ".c3d", "people, up"),
+                ("y", ".trc", "people, up"),
+                ("y", ".c3d", "people, other up"),
+                ("z", ".trc", "people, other up"),
+            ):
                 positions = in_file(made.positions, up)
                 file = replace(raw, positions=positions, suffix=suffix)
                 unit, guess = guess_unit_and_up(file)
                 found = outcome(guess.value == up, guess.is_sure)
-                yield marker_set, "people, up", posture, found
-                found = outcome(unit.value == "m", unit.is_sure)
-                yield marker_set, "people, unit", posture, found
+                yield marker_set, kind, posture, found
+                if kind == "people, up":
+                    found = outcome(unit.value == "m", unit.is_sure)
+                    yield marker_set, "people, unit", posture, found
             roles = guess_roles(inspect_recording(raw, unit="m", up="z"))
             found = "asked"
             if roles.feet:

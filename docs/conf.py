@@ -19,7 +19,7 @@ PAGES = {
         "first_study", "notebook", "own_recording", "plan", "steering", "integrator", "new_scene",
     ],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
-    "Look up": ["gallery", "api", "glossary", "constants", "licences", "../CHANGELOG", "../SECURITY"],
+    "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "Understand": [
         "dissertation", "printed_method", "c1", "gradient", "filter", "verdict",
         "verdict_method", "verdict_campaign",

@@ -100,8 +100,11 @@ run() { # folder, options
   (cd "$work/$1" && exec "$bin/snakemake" "${what[@]}" "${@:2}") >"$work/${1##*/}.log" 2>&1 ||
     stop "$work/${1##*/}.log: expected a study that ends, found: $(tail -n 3 "$work/${1##*/}.log")"
 }
+holders() { # file: the processes that hold it open; those that end meanwhile are no fault
+  find /proc/[0-9]*/fd -lname "$1" 2>/dev/null || true
+}
 at_work() { # job: the processes that hold its log open
-  until find /proc/[0-9]*/fd -lname "$work/shared/cluster/results/*/logs/$1.log" 2>/dev/null | cut -d/ -f3 | grep .; do
+  until holders "$work/shared/cluster/results/*/logs/$1.log" | cut -d/ -f3 | grep .; do
     kill -0 $study || exit 1
     sleep 0.2
   done
@@ -139,7 +142,8 @@ nodes() {
   first=$(node_at_work) && die "${first#hop}" && say "$first died with its jobs"
   second=$(node_at_work "$first")
   scontrol update "NodeName=$second" State=DOWN Reason=taken && say "$second was taken away"
-  until [ "$(sinfo -h -N -n "$first" -o %T)" = "down" ]; do sleep 1; done
+  # With a star, since it does not answer.
+  until [ "$(sinfo -h -N -n "$first" -o %T)" = "down*" ]; do sleep 1; done
   say "SLURM has noticed the death of $first"
   up "${first#hop}"
   scontrol update "NodeName=$second" State=RESUME

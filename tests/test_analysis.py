@@ -468,23 +468,50 @@ def test_contacts_of_a_study_are_those_of_its_method(sample_path, method):
     assert same[~table["excluded"].to_numpy()[1:]].all()
 
 
-def test_the_vertical_axis_of_a_file_is_guessed(sample_path, tmp_path):
-    whole = hd.read(sample_path, feet=FEET, body=BODY).part(slice(3000))
-    turned = (1e3 * whole.positions[:, :, [1, 2, 0]]).reshape(3000, -1)
-    rows = np.c_[np.arange(3000), whole.time, turned]
-    axes = [f"{axis}{i + 1}" for i in range(len(whole.markers)) for axis in "XYZ"]
+def write_trc(path, recording):
+    """Write a recording as TRC with y up."""
+    n_frames = len(recording.time)
+    turned = (1e3 * recording.positions[:, :, [1, 2, 0]]).reshape(n_frames, -1)
+    rows = np.c_[np.arange(n_frames), recording.time, turned]
+    axes = [f"{axis}{i + 1}" for i in range(len(recording.markers)) for axis in "XYZ"]
     head = [
         "PathFileType\t4\t(X/Y/Z)\tlying.trc",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
-        f"100\t100\t3000\t{len(whole.markers)}\tmm",
-        "Frame#\tTime\t" + "\t\t\t".join(whole.markers),
+        f"100\t100\t{n_frames}\t{len(recording.markers)}\tmm",
+        "Frame#\tTime\t" + "\t\t\t".join(recording.markers),
         "\t\t" + "\t".join(axes),
     ]
     lines = ["\t".join(f"{value:.6g}" for value in row) for row in rows]
-    (tmp_path / "lying.trc").write_text("\n".join([*head, *lines]) + "\n")
+    path.write_text("\n".join([*head, *lines]) + "\n")
+
+
+def test_the_vertical_axis_of_a_file_is_guessed(sample_path, tmp_path):
+    whole = hd.read(sample_path, feet=FEET, body=BODY).part(slice(3000))
+    write_trc(tmp_path / "lying.trc", whole)
     read = hd.read(tmp_path / "lying.trc", feet=FEET, body=BODY)
     assert read.vertical_axis == "y"
+    assert not [remark for remark in read.remarks if "vertical_axis" in remark]
     np.testing.assert_allclose(read.feet[:, :, 2], whole.feet[:, :, 2], atol=1e-5)
+
+
+def test_an_axis_that_is_not_sure_is_told_where_roles_are_given(sample_path, tmp_path):
+    whole = hd.read(sample_path, feet=FEET, body=BODY).part(slice(200))
+    file = tmp_path / "still.trc"
+    # Nothing moves, and the body is as far beside its feet as above them.
+    still = np.repeat(whole.positions[:1], 200, axis=0)
+    body = [whole.markers.index(name) for name in BODY]
+    above = still[0, body, 2].mean()
+    still[:, body, 0] += above
+    noise = np.random.default_rng(1).normal(0, 3e-4, still.shape)
+    write_trc(file, replace(whole, positions=still + noise))
+    read = hd.read(file, feet=FEET, body=BODY)
+    (told,) = [remark for remark in read.remarks if "vertical_axis" in remark]
+    assert told.startswith(f"{file}: vertical_axis: {read.vertical_axis} or ")
+    assert f"{read.vertical_axis} is not sure (" in told
+    given = hd.read(file, feet=FEET, body=BODY, vertical_axis="y")
+    assert not [remark for remark in given.remarks if "vertical_axis" in remark]
+    with pytest.raises(hd.HopdataError, match=r"input\.vertical_axis: auto"):
+        hd.read(file, feet=FEET, body=BODY, vertical_axis="auto")
 
 
 def test_a_simulated_recording_with_its_truth():

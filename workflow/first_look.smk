@@ -3,7 +3,10 @@
 snakemake --cores 2 --snakefile workflow/first_look.smk --workflow-profile profiles/default
 """
 
-from hopdata.commands import owner
+import sys
+
+from hopdata.causes import oom_kills
+from hopdata.commands import deaths, owner
 from hopdata.config.loading import read_yaml
 
 
@@ -36,6 +39,16 @@ rule both:
         rules.sample_first_look.output,
 
 
+OOM_BEFORE = oom_kills()
+
+
 # Snakemake leaves out what the Snakefile of a module does here.
 onstart:
     owner.begun()
+
+
+onerror:
+    said = [line for file in log for line in open(file, encoding="utf-8", errors="replace")]
+    reason = deaths.why(said, oom_before=OOM_BEFORE)
+    if reason:
+        print(f"hopdata: error: {reason}", file=sys.stderr)

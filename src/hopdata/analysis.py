@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from hopdata.walk import Contents, Progress, Study
 
 if TYPE_CHECKING:
     from hopdata.maps.verdict.judge import Verdict
+    from hopdata.messages import Message
     from hopdata.recordings.raw import RawRecording
 
 __all__ = ["SNAKEFILE", "Study", "analyse", "plan", "read", "study", "synthesize"]
@@ -58,7 +59,7 @@ def read(
     options
         ``unit``, ``vertical_axis``, ``rate_hz``: see
         `hopdata.recordings.importing.import_recording`. The axis is guessed if it is
-        not given.
+        not given; if it is not sure, a remark of the recording says so.
 
     Returns
     -------
@@ -97,7 +98,10 @@ def read(
     recording, _ = import_recording(
         file, name=name or first.stem, markers=found.markers, **options
     )
-    return recording
+    if found.question is None:
+        return recording
+    remark = f"{first}: {found.question}"
+    return replace(recording, remarks=(*recording.remarks, remark))
 
 
 @dataclass(frozen=True)
@@ -114,16 +118,20 @@ class _Guessed:
         Feet that land at other times.
     joined : mapping
         Feet with several of the markers, and those markers.
+    question : Message, optional
+        What the vertical axis might be else, if it is not sure.
     """
 
     markers: Contents
     axis: str
     other_feet: list[str]
     joined: Mapping[str, list[str]]
+    question: Message | None = None
 
 
 def _guessed(file: Path, markers: Contents, options: Contents) -> _Guessed:
     """Guess the vertical axis of a file, its other feet, and roles if none is given."""
+    from hopdata.landings.role_guesses import which_axis
     from hopdata.recordings.axes import rotate_up
     from hopdata.recordings.quality.landing_markers import feet_between
     from hopdata.recordings.quality.orientation import guess_unit_and_up
@@ -148,7 +156,8 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> _Guessed:
     upright = rotate_up(raw.positions * metres_per_unit, found_axis.value)
     feet = [name for name in markers["feet"] if name in raw.markers]
     other_feet = feet_between(raw.markers, upright, raw.rate_hz, feet)
-    return _Guessed(markers, found_axis.value, other_feet, joined)
+    question = None if found_axis.is_sure else which_axis(found_axis)
+    return _Guessed(markers, found_axis.value, other_feet, joined, question)
 
 
 def _known(options: Contents, key: str) -> str | None:
@@ -281,6 +290,8 @@ def _with_guesses(
     axis = guessed.axis
     other_feet = guessed.other_feet
     progress(f"reading {file} with {axis} up")
+    if guessed.question is not None:
+        progress(f"input.{guessed.question}")
     for role, names in guessed.markers.items():
         if not roles[role]:
             progress(f"markers.{role}: {', '.join(names)}, of the file or guessed")

@@ -31,6 +31,7 @@ else:
 
 __all__ = [
     "GRAVITY_M_S2",
+    "SD_PER_MAD",
     "BoolArray",
     "FloatArray",
     "IntArray",
@@ -75,6 +76,10 @@ class Shown(Told):
 #: Acceleration of free fall, with which bodies in flight and weights are computed.
 #: Unit: m/s^2. Origin: convention: the standard acceleration (3rd CGPM, 1901).
 GRAVITY_M_S2 = 9.80665
+
+#: Standard deviations of a normal distribution in one median absolute deviation.
+#: Unit: 1. Origin: derived: the inverse of its quartile, 0.6745.
+SD_PER_MAD = 1.4826
 
 
 # BLAS is limited to one thread while hopdata works: its matrices are too small to be

@@ -291,6 +291,25 @@ def _printed(column: pd.Series) -> list[str]:
     return texts
 
 
+#: Length of a row of a table of results. pandas takes some 20 us for each column.
+#: Unit: bytes. Origin: chosen. A row has a few columns for each foot or marker.
+LONGEST_ROW = 500_000
+
+
+def _require_short_rows(path: str | Path) -> None:
+    """Require rows that hopdata could have written.
+
+    Raises
+    ------
+    ValueError
+        If one is longer than any row of a table.
+    """
+    with Path(path).open("rb") as file:
+        longest = max(map(len, file), default=0)
+    if longest > LONGEST_ROW:
+        raise ValueError(f"a row of {longest} bytes")
+
+
 def read_table(path: str | Path | StringIO) -> pd.DataFrame:
     """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty.
 
@@ -302,6 +321,8 @@ def read_table(path: str | Path | StringIO) -> pd.DataFrame:
     # A recording may be called NA, so only an empty cell is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
     try:
+        if not isinstance(path, StringIO):
+            _require_short_rows(path)
         table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
     except (ValueError, OverflowError) as error:  # errors of its parser are of these
         raise _damaged(path, "CSV", error) from error

@@ -37,6 +37,7 @@ sys.path.insert(0, str(ROOT / "tests" / "workflow"))
 
 from checkouts import copy_checkout, part_of_sample  # noqa: E402
 
+from hopdata.causes import oom_kills  # noqa: E402
 from hopdata.commands import deaths  # noqa: E402
 
 STUDY = """\
@@ -394,6 +395,49 @@ def no_memory(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     return limited(place, draw, psutil.RLIMIT_AS, None)
 
 
+def memory_group() -> tuple[Path, str] | None:
+    """Make a control group, and name its file of the limit; None where that may not be."""
+    for folder, limit in (
+        (Path("/sys/fs/cgroup/memory"), "memory.limit_in_bytes"),
+        (Path("/sys/fs/cgroup"), "memory.max"),
+    ):
+        group = folder / f"hopdata-chaos-{os.getpid()}"
+        with suppress(OSError):
+            group.mkdir(exist_ok=True)
+            if (group / limit).exists():
+                return group, limit
+            group.rmdir()
+    return None
+
+
+def oom_killed(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
+    """Have the system kill what uses too much memory: Snakemake, its jobs, or a job."""
+    made = memory_group()
+    if made is None:
+        return no_memory(place, draw)
+    group, limit = made
+    n_bytes = int(draw.uniform(1, 60) * 1e6)
+    (group / limit).write_text(str(n_bytes))
+    before = oom_kills() or 0
+    place.server.start(*command())
+    wait(place, draw)
+    caught = draw.choice([place.server.driver, place.server.jobs])()
+    for process in caught:
+        with suppress(OSError):
+            (group / "cgroup.procs").write_text(str(process.pid))
+    ended = place.server.end()
+    n_killed = (oom_kills() or 0) - before
+    kill(place.server.session())
+    with suppress(OSError):
+        group.rmdir()
+    if ended.code > 0:
+        require_sentence(ended)
+        reason = deaths.why(ended.said.splitlines(keepends=True), oom_before=before)
+        if n_killed and "killed" in reason and "memory ran out" not in reason:
+            raise FindingError(f"the system killed a job, and was not named: {reason}")
+    return f"{n_bytes / 1e6:.0f} MB, {n_killed} killed: {ended.code}", None
+
+
 def limited(
     place: Place, draw: random.Random, kind: int, limit: int | None
 ) -> tuple[str, Undo | None]:
@@ -527,7 +571,8 @@ EVENTS: dict[Event, int] = {
     damaged: 20,
     damaged_meanwhile: 10,
     full_disk: 8,
-    no_memory: 6,
+    no_memory: 3,
+    oom_killed: 5,
     clock: 5,
     two_at_once: 6,
     read_only: 4,

@@ -305,6 +305,25 @@ def test_a_run_waits_for_others_as_told_and_takes_over_if_they_die(
     assert not LOCKS.exists()
 
 
+def test_a_plain_snakemake_beside_a_run_is_told_to_wait_and_not_to_unlock(
+    locked, capsys, monkeypatch
+):
+    me = os.getpid()
+    parent = os.getppid()
+    monkeypatch.setattr(owning, "_begun", [])
+    locked(Owner("other", HERE, parent, began(parent)))
+    try:
+        assert not owning.begin("trial", ["snakemake", "--cores", "1"])
+        told = capsys.readouterr().err
+        assert f"the run of 'other' (process {parent} on {HERE}" in told
+        assert "wait for its end" in told
+        assert "--unlock" not in told
+        assert f"process {me}" not in told
+    finally:
+        owning.begun()
+    assert owning.begin("trial", ["snakemake", "--dry-run"]) is False
+
+
 BEGINS = """
 import sys, time
 from pathlib import Path

@@ -62,7 +62,8 @@ _CHILD = "b = bytearray(1_200_000_000); print(1, flush=True); input()"
 def _child_touches(_):
     command = [sys.executable, "-c", _CHILD]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    KEPT.append(subprocess.Popen(command, **pipes, preexec_fn=_without_limits))
+    limits = {"preexec_fn": _without_limits}
+    KEPT.append(subprocess.Popen(command, **pipes, **limits))
     KEPT[-1].stdout.readline()
 
 
@@ -78,10 +79,10 @@ KEPT: list = []
 
 
 def _colours(path):
-    raise _Colourful(f"{path}: \x1b[31mred")
+    raise _ColourfulError(f"{path}: \x1b[31mred")
 
 
-class _Colourful(RecordingError):
+class _ColourfulError(RecordingError):
     def __str__(self):
         return str(self.args[0])
 
@@ -91,7 +92,7 @@ def _prints(_):
 
 
 def _breaks(path):
-    raise _Colourful(f"{path}: one\ntwo")
+    raise _ColourfulError(f"{path}: one\ntwo")
 
 
 def _names_none(_):

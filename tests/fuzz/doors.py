@@ -144,9 +144,7 @@ def _own_recordings():
 
     roles = ("body",) * 3 + ("foot",) * 2
     time = np.arange(N_FRAMES) / 100
-    own = Recording(
-        "trial", time, standing(N_FRAMES) / 1000, NAMES, roles, 100.0
-    )
+    own = Recording("trial", time, standing(N_FRAMES) / 1000, NAMES, roles, 100.0)
     with TemporaryDirectory() as folder:
         path = Path(folder, "own.h5")
         write_recording(path, own)
@@ -303,7 +301,9 @@ simulation:
 def _configs():
     printed = CONFIG.replace("seed: 7", "seed: 7\nprinted: true")
     aliases = CONFIG.replace("  unit: auto\n", "  <<: {unit: auto}\n")
-    aliases = aliases.replace("seed: 7", "seed: &seed 7").replace("hops: 20", "hops: *seed")
+    aliases = aliases.replace("seed: 7", "seed: &seed 7").replace(
+        "hops: 20", "hops: *seed"
+    )
     return {
         "plain.yaml": CONFIG.encode(),
         "printed.yaml": printed.encode(),
@@ -375,7 +375,7 @@ def _run_again(path):
     """Repeat the study of a provenance, up to where the workflow would start."""
     from hopdata.commands import run
 
-    with mock.patch.object(run, "run_workflow", lambda *_, **__: 1):
+    with mock.patch.object(run, "run_workflow", return_value=1):
         return _command("run", "--from", path.name)
 
 
@@ -664,7 +664,7 @@ def _read_with_plugin(path):
     from hopdata.recordings.readers import formats
 
     plugin = EntryPoint(".odd", "doors:odd_reader", "hopdata.readers")
-    with mock.patch.object(formats, "_others", lambda: {".odd": plugin}):
+    with mock.patch.object(formats, "_others", return_value={".odd": plugin}):
         return _import(path)
 
 

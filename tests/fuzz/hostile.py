@@ -117,7 +117,9 @@ def scaled_word(data, rng):
     number = int.from_bytes(data[at : at + width], "little")
     power = int(rng.integers(1, 8 * width))
     number = number << power if rng.random() < 0.5 else number >> power
-    return data[:at] + (number % 256**width).to_bytes(width, "little") + data[at + width :]
+    return (
+        data[:at] + (number % 256**width).to_bytes(width, "little") + data[at + width :]
+    )
 
 
 def swapped(data, rng):
@@ -155,14 +157,16 @@ def _words(data):
         if piece.strip():
             lead = len(piece) - len(piece.lstrip())
             word = piece.strip()
-            is_number = all(c in NUMBER for c in word) and any(48 <= c < 58 for c in word)
+            is_number = all(c in NUMBER for c in word) and any(
+                48 <= c < 58 for c in word
+            )
             found.append((at + lead, at + lead + len(word), is_number))
         at += len(piece) + 1
     return found
 
 
 def _split(data):
-    for mark in b",;=<>[]{}()\":\n":
+    for mark in b',;=<>[]{}()":\n':
         data = data.replace(bytes([mark]), b"\t")
     return data.split(b"\t")
 
@@ -203,7 +207,8 @@ def in_column(data, rng):
     """Put a number in place of a whole column."""
     lines = data.split(b"\n")
     mark = max((b"\t", b",", b" "), key=data.count)
-    column = int(rng.integers(max(1, max(line.count(mark) for line in lines))))
+    most = max(line.count(mark) for line in lines)
+    column = int(rng.integers(max(1, most)))
     evil = drawn(NUMBERS, rng).encode()
     first = int(rng.integers(min(len(lines), 14)))
     for k in range(first, len(lines)):
@@ -252,7 +257,14 @@ def nested(data, rng):
 IN_TEXT = (
     *(damage.flip, damage.truncate, damage.delete, damage.repeat, damage.move_line),
     *(damage.lie_in_words, in_words, in_words, in_words, same_words, at_border),
-    *(in_column, less_or_more_columns, other_encoding, other_line_ends, nested, swapped),
+    *(
+        in_column,
+        less_or_more_columns,
+        other_encoding,
+        other_line_ends,
+        nested,
+        swapped,
+    ),
 )
 
 
@@ -384,7 +396,9 @@ def in_element(data, rng):
             content = _inflated(content)
         if k == chosen:
             for _ in range(int(rng.integers(1, 3))):
-                content = drawn((in_word, in_word, scaled_word, damage.flip), rng)(content, rng)
+                content = drawn((in_word, in_word, scaled_word, damage.flip), rng)(
+                    content, rng
+                )
         if kind == 15:
             content = zlib.compress(content)
         out += struct.pack("<II", kind, len(content)) + content
@@ -419,7 +433,9 @@ def same_columns(rng):
 
 
 def one_line(rng):
-    begin = drawn((b"NO_OF_FRAMES\t1\n", b"", b"Time\taX\taY\taZ\n", b"PathFileType\t4\n"), rng)
+    begin = drawn(
+        (b"NO_OF_FRAMES\t1\n", b"", b"Time\taX\taY\taZ\n", b"PathFileType\t4\n"), rng
+    )
     name = drawn(("a.tsv", "a.csv", "a.trc", "a.txt"), rng)
     return name, begin + drawn((b"a\t", b"1,", b'"', b"\0", b" "), rng) * HUGE * 5
 
@@ -436,7 +452,9 @@ def evil_names(rng):
     names = [drawn(NAMES_OF_EVIL, rng) for _ in NAMES]
     positions = standing(24)
     if rng.random() < 0.5:
-        return "a.tsv", qtm_text(positions, names=names).encode("utf-8", "surrogatepass")
+        return "a.tsv", qtm_text(positions, names=names).encode(
+            "utf-8", "surrogatepass"
+        )
     return "a.trc", trc_text(positions, names).encode("utf-8", "surrogatepass")
 
 
@@ -446,7 +464,10 @@ def evil_times(rng):
     with np.errstate(over="ignore", invalid="ignore"):
         time = np.arange(24) * steps
     heads = ["Time", *(f"{name}_{a}" for name in NAMES for a in "xyz")]
-    rows = [",".join(map(str, [t, *row.ravel()])) for t, row in zip(time, standing(24), strict=True)]
+    rows = [
+        ",".join(map(str, [t, *row.ravel()]))
+        for t, row in zip(time, standing(24), strict=True)
+    ]
     return "a.csv", (",".join(heads) + "\n" + "\n".join(rows) + "\n").encode()
 
 
@@ -508,21 +529,41 @@ def yaml_tags(rng):
     """Return a value with a tag that its text does not fit, or that makes objects."""
     tag = drawn(
         (
-            *("!!timestamp", "!!binary", "!!set", "!!omap", "!!pairs", "!!int", "!!float"),
+            *(
+                "!!timestamp",
+                "!!binary",
+                "!!set",
+                "!!omap",
+                "!!pairs",
+                "!!int",
+                "!!float",
+            ),
             *("!!python/object/apply:os.system", "!!python/name:os.system", "!!null"),
             *("!!bool", "!!merge", "!x", "!!map", "!!seq", "!!str", "!<tag:x>"),
         ),
         rng,
     )
-    value = drawn(("x", "[x]", "{a: x}", "''", "2020-99-99", "0x", "!!int 1", "[[a]]"), rng)
+    value = drawn(
+        ("x", "[x]", "{a: x}", "''", "2020-99-99", "0x", "!!int 1", "[[a]]"), rng
+    )
     key = drawn(("study", "seed", "markers", "recordings", "input", "x"), rng)
-    return f"study: x\nmarkers: {{body: [a], feet: [b]}}\n{key}: {tag} {value}\n".encode()
+    return (
+        f"study: x\nmarkers: {{body: [a], feet: [b]}}\n{key}: {tag} {value}\n".encode()
+    )
 
 
 def yaml_values(rng):
     """Return a configuration whose keys have values of any kind."""
     keys = ("study", "seed", "recordings", "markers", "input", "verdict", "figures")
-    keys += ("simulation", "home", "report", "sections", "printed", "steering", "dissertation")
+    keys += (
+        "simulation",
+        "home",
+        "report",
+        "sections",
+        "printed",
+        "steering",
+        "dissertation",
+    )
     lines = []
     for key in keys:
         if rng.random() < 0.6:
@@ -535,11 +576,24 @@ def _value(rng, depth=0):
     if kind == 0 and depth < 3:
         return "[" + ", ".join(_value(rng, depth + 1) for _ in range(3)) + "]"
     if kind == 1 and depth < 3:
-        keys = ("name", "file", "body", "feet", "unit", "rate_hz", "scene", "1", "~", "[a]")
+        keys = (
+            "name",
+            "file",
+            "body",
+            "feet",
+            "unit",
+            "rate_hz",
+            "scene",
+            "1",
+            "~",
+            "[a]",
+        )
         pairs = [f"{drawn(keys, rng)}: {_value(rng, depth + 1)}" for _ in range(3)]
         return "{" + ", ".join(pairs) + "}"
     if kind < 4:
-        return drawn(("0", "-1", ".nan", ".inf", "1e400", "9" * 30, "0o7", "1:30", "~"), rng)
+        return drawn(
+            ("0", "-1", ".nan", ".inf", "1e400", "9" * 30, "0o7", "1:30", "~"), rng
+        )
     if kind < 6:
         return json.dumps(drawn(NAMES_OF_EVIL, rng))
     return drawn(("yes", "2020-01-01", "!!binary aGk=", "<<", "a", "''", "?", "|"), rng)
@@ -578,13 +632,17 @@ def table_of_evil(rng):
     used = [one for one in columns if one in ("subject", "file") or rng.random() < 0.5]
     lines = ["\t".join(used)]
     for k in range(int(drawn((1, 3, 2000), rng))):
-        cells = [drawn(NAMES_OF_EVIL, rng) if rng.random() < 0.2 else f"c{k}" for _ in used]
+        cells = [
+            drawn(NAMES_OF_EVIL, rng) if rng.random() < 0.2 else f"c{k}" for _ in used
+        ]
         lines.append("\t".join(cells))
     return "\n".join(lines).encode("utf-8", "surrogatepass")
 
 
 def long_cell(rng):
-    cell = drawn((b"x", b'"', b"\t", b"\\"), rng) * int(drawn((5000, 140_000, 3_000_000), rng))
+    cell = drawn((b"x", b'"', b"\t", b"\\"), rng) * int(
+        drawn((5000, 140_000, 3_000_000), rng)
+    )
     return b"subject\tfile\ns1\t" + cell + b"\n"
 
 
@@ -654,13 +712,17 @@ def links_that_lead_nowhere(rng):
 
 def huge_datasets(rng):
     """Return datasets that state far more numbers than the file has bytes."""
-    shape = drawn(((1 << 33,), (1 << 16, 1 << 16), (24, 5, 1 << 40), (1 << 62,), (0,), ()), rng)
+    shape = drawn(
+        ((1 << 33,), (1 << 16, 1 << 16), (24, 5, 1 << 40), (1 << 62,), (0,), ()), rng
+    )
     kind = drawn((np.float64, np.float32, np.int8, np.uint64), rng)
     names = ("tracks", "time", "positions", "x", "y", "track_occupancy")
 
     def fill(file):
         for name in names:
-            chunks = tuple(min(one, 1024) for one in shape) if shape and all(shape) else None
+            chunks = (
+                tuple(min(one, 1024) for one in shape) if shape and all(shape) else None
+            )
             if chunks is not None and np.prod(chunks, dtype=float) > 1 << 20:
                 chunks = (1,) * len(shape)
             file.create_dataset(name, shape, kind, chunks=chunks)
@@ -699,7 +761,15 @@ def odd_types(rng):
         bool,
     )
     names = ("tracks", "time", "positions", "markers", "roles", "node_names", "x", "y")
-    attributes = ("rate_hz", "unit", "format", "name", "body_markers", "length_unit_m", "setup")
+    attributes = (
+        "rate_hz",
+        "unit",
+        "format",
+        "name",
+        "body_markers",
+        "length_unit_m",
+        "setup",
+    )
     kinds_of = [drawn(kinds, rng) for _ in names + attributes]
     sizes = [drawn(((), (0,), (3,), (24,), (24, 5, 3), (6, 18)), rng) for _ in names]
 
@@ -761,7 +831,9 @@ def pickle_that_acts(rng):
 
 def bomb_in_archive(rng):
     n = int(drawn((1 << 22, 1 << 28), rng))
-    name = drawn(("data.json", "metadata.json", "xl/worksheets/sheet1.xml", "inputs.npy"), rng)
+    name = drawn(
+        ("data.json", "metadata.json", "xl/worksheets/sheet1.xml", "inputs.npy"), rng
+    )
     return zipped({"metadata.json": b"{}", name: bytes(n)})
 
 
@@ -780,7 +852,9 @@ def models_of_odd_arrays(rng):
         kind = drawn(("f8", "f8", "f8", "c16", "S4", "U3", "M8[s]", "i1", "?"), rng)
         with np.errstate(invalid="ignore"):
             value = np.full(shape, drawn((*FLOATS, 1.5), rng))
-            arrays[name] = value.astype(kind) if kind != "M8[s]" else np.zeros(shape, kind)
+            arrays[name] = (
+                value.astype(kind) if kind != "M8[s]" else np.zeros(shape, kind)
+            )
     file = io.BytesIO()
     np.savez(file, **arrays)
     return file.getvalue()
@@ -813,7 +887,9 @@ def many_matrices(rng):
 def mat_bomb(rng):
     n = int(drawn((1 << 20, 1 << 27), rng))
     body = struct.pack("<IIII", 6, 8, 6, 0) + struct.pack("<IIii", 5, 8, n // 8, 1)
-    body += struct.pack("<II", 0x00010001, ord("q")) + struct.pack("<II", 9, n) + bytes(n)
+    body += (
+        struct.pack("<II", 0x00010001, ord("q")) + struct.pack("<II", 9, n) + bytes(n)
+    )
     content = zlib.compress(struct.pack("<II", 14, len(body)) + body)
     head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM"
     return head + struct.pack("<II", 15, len(content)) + content
@@ -837,7 +913,10 @@ def c3d_of_lies(rng):
     groups = {"POINT": kept}
     if rng.random() < 0.4:
         groups["ANALOG"] = analog
-    names = [drawn(NAMES_OF_EVIL, rng).encode("latin-1", "replace").decode("latin-1")[:100] for _ in NAMES]
+    names = [
+        drawn(NAMES_OF_EVIL, rng).encode("latin-1", "replace").decode("latin-1")[:100]
+        for _ in NAMES
+    ]
     if rng.random() < 0.6:
         names = list(NAMES)
     processor = drawn(("Intel", "DEC", "MIPS"), rng)
@@ -848,14 +927,21 @@ def packets_of_lies(rng):
     """Return packets whose parts state other lengths than they have."""
     stream = b""
     for _ in range(int(rng.integers(1, 5))):
-        markers = struct.pack("<Ihh", drawn((0, 1, 2, 2**32 - 1), rng), 0, 0) + rng.bytes(24)
+        markers = struct.pack(
+            "<Ihh", drawn((0, 1, 2, 2**32 - 1), rng), 0, 0
+        ) + rng.bytes(24)
         size = drawn((0, 1, 8, 8 + len(markers), 2**32 - 1), rng)
         component = struct.pack("<II", size, drawn((1, 2, 3, 9, 10, 99), rng)) + markers
-        frame = struct.pack("<qII", drawn((0, -1, 2**62), rng), 1, drawn((0, 1, 2, 2**32 - 1), rng))
+        frame = struct.pack(
+            "<qII", drawn((0, -1, 2**62), rng), 1, drawn((0, 1, 2, 2**32 - 1), rng)
+        )
         payload = frame + component
         true_size = 8 + len(payload)
         size = drawn((true_size, true_size, true_size, 0, 8, 2**31, true_size - 1), rng)
-        stream += struct.pack("<II", size, drawn((0, 1, 2, 3, 3, 3, 4, 6, 9, 77), rng)) + payload
+        stream += (
+            struct.pack("<II", size, drawn((0, 1, 2, 3, 3, 3, 4, 6, 9, 77), rng))
+            + payload
+        )
     return stream
 
 
@@ -882,7 +968,16 @@ _HDF5 = (
     *(deep_groups, many_links, links_that_lead_nowhere, huge_datasets),
     *(inflated_datasets, odd_types, odd_types, odd_types, names_in_hdf5),
 )
-_TABLES = (many_columns, same_columns, one_line, many_names, evil_names, evil_times, evil_rate, evil_counts)
+_TABLES = (
+    many_columns,
+    same_columns,
+    one_line,
+    many_names,
+    evil_names,
+    evil_times,
+    evil_rate,
+    evil_counts,
+)
 
 
 def _of_suffix(suffix, makers=_TABLES):
@@ -892,7 +987,15 @@ def _of_suffix(suffix, makers=_TABLES):
 
 _JSON = (deep_json, wide_json, odd_json)
 _ARCHIVES = (bomb_in_archive, many_members)
-_YAML = (yaml_bomb, yaml_tags, yaml_tags, yaml_values, yaml_values, yaml_values, deep_json)
+_YAML = (
+    yaml_bomb,
+    yaml_tags,
+    yaml_tags,
+    yaml_values,
+    yaml_values,
+    yaml_values,
+    deep_json,
+)
 
 #: Makers of whole hostile inputs (the name and the bytes) by the name of a door.
 HOSTILE = {
@@ -919,7 +1022,9 @@ HOSTILE = {
     "provenance": _all_as("a.json", *_JSON),
     "pairs": _all_as("a.h5", *_HDF5),
     "saved": [*_all_as("a.json", *_JSON), *_of_suffix(".csv")],
-    "model": _all_as("a.npz", *_ARCHIVES, models_of_odd_arrays, models_of_odd_arrays, deep_json),
+    "model": _all_as(
+        "a.npz", *_ARCHIVES, models_of_odd_arrays, models_of_odd_arrays, deep_json
+    ),
     "log": _all_as("a.h5", *_HDF5),
     "packets": _all_as("a.packets", packets_of_lies, packets_of_lies, packets_of_lies),
     "settings": _all_as("a.xml", xml_bomb, deep_xml, wide_xml),

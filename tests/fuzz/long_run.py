@@ -30,6 +30,8 @@ LIST = FOUND / "found.csv"
 COLUMNS = ("file", "door", "fault", "told")
 WORK = ROOT / "build" / "fuzz"
 SLICE_S = 60
+SHORTEST_S = 8  # a search takes some seconds to begin
+HANGS_S = 20  # wall-clock time of one input
 MOST_TRIALS = 300
 MOST_KEPT = 200_000  # bytes of an input that is committed
 
@@ -43,22 +45,39 @@ def known():
 
 
 def run_slice(door, seconds, seed):
-    """Search at one door for some seconds; return how many inputs entered."""
+    """Search at one door for some seconds; return how many inputs entered.
+
+    A search ends with an input on which its process ends or hangs, as the HDF5 library
+    does on some; then another one begins.
+    """
+    end = time.monotonic() + seconds
+    n_inputs = 0
+    left = seconds
+    while left > SHORTEST_S:
+        code, n_more = _searched(door, left, seed)
+        n_inputs += n_more
+        seed += 100_000
+        if code == 0:
+            break
+        left = end - time.monotonic()
+    return n_inputs
+
+
+def _searched(door, seconds, seed):
+    """Start a search; return its exit code and the number of inputs."""
     folder = WORK / door
     finds = folder / "finds"
     finds.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, str(HERE / "target.py"), door]
     command += [str(folder / "corpus"), str(finds)]
     command += [f"-max_total_time={seconds:.0f}", f"-seed={seed}", "-rss_limit_mb=0"]
-    command += ["-print_final_stats=1", "-verbosity=1", "-timeout=300", "-close_fd_mask=0"]
+    command += ["-print_final_stats=1", f"-timeout={HANGS_S}"]
     command += [f"-artifact_prefix={finds}/"]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     with (folder / "log.txt").open("wb") as log:
-        process = subprocess.Popen(
-            command, stdout=log, stderr=log, env=environment, start_new_session=True
-        )
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
         try:
-            code = process.wait(seconds + 600)
+            code = process.wait(seconds + 10 * HANGS_S)
         except subprocess.TimeoutExpired:
             process.kill()
             code = process.wait()
@@ -68,7 +87,7 @@ def run_slice(door, seconds, seed):
     if code and (finds / "current").exists():  # the process ended within an input
         data = (finds / "current").read_bytes()
         (finds / hashlib.sha256(data).hexdigest()[:12]).write_bytes(data)
-    return max(counts, default=0)
+    return code, max(counts, default=0)
 
 
 def judge_finds(door, watched):
@@ -103,7 +122,10 @@ def keep(door, name, data, watched):
     file = f"{door}-{digest}-{name}"
     FOUND.mkdir(exist_ok=True)
     (FOUND / file).write_bytes(small)
-    rows = [*known(), dict(zip(COLUMNS, (file, door, verdict.signature, verdict.told), strict=True))]
+    rows = [
+        *known(),
+        dict(zip(COLUMNS, (file, door, verdict.signature, verdict.told), strict=True)),
+    ]
     with LIST.open("w", newline="", encoding="utf-8") as out:
         writer = csv.DictWriter(out, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -135,7 +157,7 @@ def search(door_names, minutes, seed, cores):
     end = time.monotonic() + 60 * minutes
     counts = dict.fromkeys(door_names, 0)
     finds = dict.fromkeys(door_names, 0)
-    slice_s = min(SLICE_S, max(5.0, 60 * minutes * cores / len(door_names)))
+    slice_s = min(SLICE_S, max(2 * SHORTEST_S, 60 * minutes * cores / len(door_names)))
     waiting, turn = [], 0
 
     def work():
@@ -146,7 +168,7 @@ def search(door_names, minutes, seed, cores):
                     waiting.extend(door_names)
                     turn += 1
                 door = waiting.pop(0)
-                seconds = min(slice_s, max(5.0, end - time.monotonic()))
+                seconds = min(slice_s, end - time.monotonic())
                 counts[door] += run_slice(door, seconds, 1000 * seed + turn)
                 finds[door] += judge_finds(door, watched)
 
@@ -173,11 +195,15 @@ def main():
     counts, finds = search(doors, given.minutes, given.seed, cores)
     for door in doors:
         kept = len([*(WORK / door / "corpus").glob("*")])
-        print(f"{door:12} {counts[door]:9,} inputs, {kept:6,} kept, {finds[door]} found")
+        print(
+            f"{door:12} {counts[door]:9,} inputs, {kept:6,} kept, {finds[door]} found"
+        )
     total, n_found = sum(counts.values()), sum(finds.values())
     minutes = (time.monotonic() - begin) / 60
     print(f"{total:,} inputs in {minutes:.0f} min: {n_found} new finds")
-    (WORK / "last.json").write_text(json.dumps({"inputs": counts, "found": finds}) + "\n")
+    (WORK / "last.json").write_text(
+        json.dumps({"inputs": counts, "found": finds}) + "\n"
+    )
     return int(n_found > 0)
 
 

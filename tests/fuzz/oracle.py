@@ -102,7 +102,9 @@ class Watched:
         if self._process is None or self._process.poll() is not None:
             self._start()
         process = self._process
-        watch = threading.Timer(max(LEAST_WALL_S, WALL_PER_CPU * self.most_cpu_s), self._kill)
+        watch = threading.Timer(
+            max(LEAST_WALL_S, WALL_PER_CPU * self.most_cpu_s), self._kill
+        )
         watch.start()
         try:
             _send(process.stdin, (door, name, data))
@@ -250,7 +252,9 @@ def _outcome(attempt):
         if isinstance(error, MemoryError):
             fault = "memory"
         last = traceback.extract_tb(error.__traceback__)
-        return Verdict(fault, f"{type(error).__name__}: {error}"[:300], _place(last, error))
+        return Verdict(
+            fault, f"{type(error).__name__}: {error}"[:300], _place(last, error)
+        )
     except SystemExit as error:
         return Verdict("end", f"SystemExit: {error}", "SystemExit")
     return Verdict()
@@ -258,7 +262,11 @@ def _outcome(attempt):
 
 def _place(frames, error):
     """Return the innermost line of hopdata, or of these tests, on the way to an error."""
-    ours = [one for one in frames if "hopdata" in one.filename.replace(os.sep, "/").split("/src/")[-1]]
+    ours = [
+        one
+        for one in frames
+        if "hopdata" in one.filename.replace(os.sep, "/").split("/src/")[-1]
+    ]
     at = (ours or list(frames))[-1]
     return f"{type(error).__name__} at {Path(at.filename).name}:{at.name}"
 
@@ -420,8 +428,12 @@ class _Guard:
             return
         if event == "open":
             path, mode, flags = arguments
-            writes = isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
-            writes = writes or (isinstance(mode, str) and any(c in mode for c in "wax+"))
+            writes = isinstance(flags, int) and flags & (
+                os.O_WRONLY | os.O_RDWR | os.O_CREAT
+            )
+            writes = writes or (
+                isinstance(mode, str) and any(c in mode for c in "wax+")
+            )
             if writes:
                 self._require_inside("writes", path)
         elif event in ("os.mkdir", "os.remove", "os.rmdir", "os.rename", "os.link"):

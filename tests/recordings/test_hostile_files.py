@@ -80,7 +80,9 @@ def test_what_is_read_apart_is_what_is_read_here(tmp_path, served):
             one, other = getattr(apart, field.name), getattr(here, field.name)
             if isinstance(other, np.ndarray):
                 assert one.tobytes() == other.tobytes()
-                assert (one.dtype, one.strides) == (other.dtype, other.strides)
+                assert (one.dtype, one.shape) == (other.dtype, other.shape)
+                if other.size:
+                    assert one.strides == other.strides
             else:
                 assert one == other
                 assert type(one) is type(other)
@@ -104,11 +106,15 @@ def workbook(rows):
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("bomb.xlsx", workbook(" " * 60_000_000), "at most 250 MB once it is unpacked"),
+        (
+            "bomb.xlsx",
+            workbook(" " * 200_000_000),
+            "at most 750 MB once it is unpacked",
+        ),
         ("line.tsv", b"NO_OF_FRAMES\t1\n" + b"a\t" * 2_000_000, "lines of at most"),
         ("deep.mvnx", b"<mvnx>" + b"<a>" * 100_000, "at most 32 elements within"),
         ("entities.mvnx", b'<!DOCTYPE x [<!ENTITY a "aa">]><mvnx>&a;', "an entity"),
-        ("deep.ktk.zip", zipped({"data.json": "[" * 9_000_000}), "at most 250 MB once"),
+        ("deep.ktk.zip", zipped({"data.json": "[" * 9_000_000}), "at most 750 MB once"),
     ],
 )
 def test_small_files_that_ask_for_much_are_refused(

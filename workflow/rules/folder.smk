@@ -83,7 +83,7 @@ onstart:
 onerror:
     # Snakemake's page of text ends in one line that says why; `hopdata run` says it itself.
     if owner.STARTED_BY_HOPDATA not in os.environ:
-        said = [line for file in log for line in open(file, errors="replace")]
+        said = [line for file in log for line in open(file, encoding="utf-8", errors="replace")]
         reason = deaths.why(said, oom_before=OOM_BEFORE)
         if reason:
             print(f"hopdata: error: {reason}", file=sys.stderr)

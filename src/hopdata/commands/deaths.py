@@ -38,7 +38,8 @@ class _Failure:
         if not found:
             return ""
         with suppress(OSError):
-            for line in Path(found[1]).read_text(errors="replace").splitlines():
+            text = Path(found[1]).read_text(encoding="utf-8", errors="replace")
+            for line in text.splitlines():
                 if line.startswith(_ERROR) and "unexpected error" not in line:
                     return line.removeprefix(_ERROR)
         return ""

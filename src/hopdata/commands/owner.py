@@ -263,7 +263,7 @@ def begin(study: str, argv: Iterable[str]) -> bool:
     atexit.register(_remove_own, record, pid)
     told = release_dead(apart_from=record)
     if not told and is_locked():
-        told = _locked(words)
+        told = _locked(words, record)
     if told:
         print(f"hopdata: {told}", file=sys.stderr, flush=True)
     return not is_locked()
@@ -317,7 +317,7 @@ def _none_begins() -> Iterator[None]:
         begun()
 
 
-def _locked(words: list[str]) -> str:
+def _locked(words: list[str], own: Path) -> str:
     """Tell the user of a plain Snakemake who holds the lock, and how to remove it.
 
     `hopdata run` tells this itself. Snakemake refuses a locked folder without a word on
@@ -325,6 +325,10 @@ def _locked(words: list[str]) -> str:
     """
     if os.environ.get(STARTED_BY_HOPDATA):
         return ""
+    others = [run for record, run in owners().items() if record != own]
+    living = [run for run in others if run.is_here and not run.is_dead]
+    if living:
+        return f"{LOCKS}: {_names(living)} is at work here; wait for its end"
     program = words[:1]
     if words[0].endswith("__main__.py"):
         program = [sys.executable, "-m", "snakemake"]

@@ -22,6 +22,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -74,12 +75,21 @@ class Request:
         What it may spend.
     kinds
         Dataclasses that may be in what it returns.
+    libraries
+        Modules that it imports, which are no part of what it may spend.
     """
 
     function: str
     arguments: tuple[Any, ...]
     budget: Budget
     kinds: tuple[type, ...] = ()
+    libraries: tuple[str, ...] = ()
+
+    def import_libraries(self) -> None:
+        """Import the function's module, and the libraries that are installed."""
+        for module in (self.function.partition(":")[0], *self.libraries):
+            with suppress(ImportError):
+                import_module(module)
 
 
 @dataclass(frozen=True)
@@ -120,6 +130,7 @@ def may_fork() -> bool:
 def call(request: Request) -> Answer:
     """Call a function in another process, within its budget."""
     if may_fork():
+        request.import_libraries()  # so that the fork has them
         return _call_fork(request)
     return server.call(request)
 
@@ -304,6 +315,7 @@ class Server:
             "function": request.function,
             "arguments": request.arguments,
             "budget": asdict(request.budget),
+            "libraries": request.libraries,
             "folder": os.getcwd(),
         }
         with suppress(OSError):  # it has ended, which shows when it is to answer
@@ -372,9 +384,12 @@ def serve() -> None:
                 return
             os.chdir(asked["folder"])
             budget = Budget(**asked["budget"])
-            limits.spend_at_most(budget, for_good=False)
             arguments = tuple(asked["arguments"])
-            _answer(to_parent, Request(asked["function"], arguments, budget))
+            libraries = tuple(asked["libraries"])
+            request = Request(asked["function"], arguments, budget, (), libraries)
+            request.import_libraries()
+            limits.spend_at_most(budget, for_good=False)
+            _answer(to_parent, request)
 
 
 #: The server of this process.

@@ -17,9 +17,10 @@ from pathlib import Path
 LEAST_UNPACKED = 250_000_000
 
 #: Memory of the numbers for each byte of a larger file.
-#: Unit: 1. Origin: chosen. Deflated positions take two to four times their bytes, and
-#: more where most markers are unseen.
-MOST_PER_BYTE = 20
+#: Unit: 1. Origin: chosen. Deflated positions take two to four times their bytes; an
+#: export in which trajectories are seen in a few per cent of the frames takes some
+#: forty times.
+MOST_PER_BYTE = 50
 
 #: Copies of the numbers that a library and a reader may hold at a time.
 #: Unit: 1. Origin: chosen.
@@ -34,9 +35,9 @@ OWN_MEMORY = 250_000_000
 SHARE_OF_FREE = 0.6
 
 #: CPU time for anything, however small.
-#: Unit: s. Origin: chosen. 1.5 times larger: 1.5 times the wait for the answer about a
-#: file on which a library hangs.
-LEAST_S = 4.0
+#: Unit: s. Origin: chosen. A plugin has to import what it needs, too. 1.5 times larger:
+#: 1.5 times the wait for the answer about a file on which a library hangs.
+LEAST_S = 3.0
 
 #: Bytes that are read in a second at least.
 #: Unit: 1/s. Origin: measured: a workbook of Excel with rounded numbers, the slowest of

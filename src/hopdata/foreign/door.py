@@ -24,7 +24,7 @@ unchanged. Then call it by its name::
         n_bytes=door.size_of(path),  # from which memory and time follow
         raises=ConfigError,
         reader="the YAML library",  # who is to blame, in a message
-        libraries=("yaml",),  # imported before, so that a fork has them
+        libraries=("yaml",),  # what it imports
     )
 
 The message of a failure has the code ``foreign.memory``, ``foreign.free_memory``,
@@ -42,8 +42,7 @@ once, in the same process.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from importlib import import_module
+from contextlib import contextmanager
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -86,7 +85,7 @@ def read(
     kinds : tuple of type
         Dataclasses that may be in what it returns.
     libraries : sequence of str
-        Modules that it will import. A fork of this process has them from the start.
+        Modules that it will import, so that this is no part of what it may spend.
 
     Returns
     -------
@@ -103,22 +102,14 @@ def read(
     """
     if is_inside():
         return resolve_name(function)(*arguments)
-    if apart.may_fork():
-        _import(function, libraries)
     budget = budget_for(n_bytes)
-    answer = apart.call(apart.Request(function, arguments, budget, kinds))
+    request = apart.Request(function, arguments, budget, kinds, tuple(libraries))
+    answer = apart.call(request)
     if answer.error is not None:
         raise answer.error
     if answer.failure is not None:
         raise raises(_message(answer.failure, place, reader, budget))
     return answer.value
-
-
-def _import(function: str, libraries: Sequence[str]) -> None:
-    """Import what a function needs; what is not installed is told when it is missed."""
-    for module in (function.partition(":")[0], *libraries):
-        with suppress(ImportError):
-            import_module(module)
 
 
 def is_inside() -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
+from hopdata.arrays import SD_PER_MAD, BoolArray, FloatArray, IntArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.landings.overlay import MATCHED, compare_contacts, summarise_overlay
 from hopdata.recording import Recording
@@ -247,9 +247,8 @@ def noise_sd(unloaded: FloatArray) -> float:
     unloaded : (K,) array
         Vertical force in samples without load; at least one.
     """
-    sd_per_mad = 1.4826
     away = np.abs(unloaded - np.median(unloaded))
-    return float(sd_per_mad * np.median(away))
+    return float(SD_PER_MAD * np.median(away))
 
 
 def threshold_of(signal: external.ForceSignal) -> float:

@@ -102,10 +102,11 @@ def open_questions(inspection: Inspection, roles: Roles) -> list[Message]:
         values = {"role": role, "guessed": guessed, "other": other}
         questions.append(Message("landings.which_markers", values))
     if not inspection.up.is_sure:
-        questions.append(_which_axis(inspection.up))
+        questions.append(which_axis(inspection.up))
     return questions
 
 
-def _which_axis(up: Guess) -> Message:
+def which_axis(up: Guess) -> Message:
+    """Ask which of two directions points up."""
     values = {"value": up.value, "other": up.other, "reason": up.why}
     return Message("landings.which_axis", values)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import SD_PER_MAD, FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.sections.frames import heights_of
@@ -33,10 +33,6 @@ PARTS_OF_ONE = 4
 #: Fewest touchdowns of a part.
 #: Unit: touchdowns. Origin: chosen.
 LEAST = 5
-
-#: Standard deviation of normal values over their median absolute deviation.
-#: Unit: 1. Origin: derived: the inverse of the normal quartile.
-MAD_TO_SD = 1.4826
 
 #: Standard error of the median of normal values, times the root of their number.
 #: Unit: standard deviations. Origin: derived: the root of pi / 2.
@@ -146,7 +142,7 @@ def quantity_rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
     # Each part's median is taken from its own values, so that one of its deviations is
     # lost: of five values, the middle one always deviates by zero.
     free_share = 1 - len(parts) / len(within)
-    spread = MAD_TO_SD * float(np.median(within)) / free_share
+    spread = SD_PER_MAD * float(np.median(within)) / free_share
     typical = float(np.median(np.concatenate(list(parts.values()))))
     rows: list[tuple[object, ...]] = []
     for part, v in parts.items():

@@ -9,7 +9,7 @@ longer lines.
 
 from pathlib import Path
 
-from hopdata.foreign.budget import unpacked_most
+from hopdata.foreign.budget import COPIES, unpacked_most
 
 #: Markers of a recording.
 #: Unit: 1. Origin: chosen. The largest systems track some hundred; the unnamed
@@ -67,6 +67,24 @@ def require_unpacked(n_bytes: int, most_mb: float) -> None:
         raise ValueError(
             f"expected at most {most_mb:g} MB once it is unpacked, {found}"
         )
+
+
+def require_memory(n_bytes: int, most_mb: float) -> None:
+    """Refuse content whose texts and objects would use more than a process may.
+
+    Parameters
+    ----------
+    n_bytes : int
+        Memory of all that is made before there are arrays.
+    most_mb : float
+        Memory that the arrays may take, MB.
+
+    Raises
+    ------
+    ValueError
+        If it would; the message does not name the file.
+    """
+    require_unpacked(n_bytes, COPIES * most_mb)
 
 
 def unpacked_mb(path: Path) -> float:

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_people import ANIMAL_SETS, MARKER_SETS, animal, in_file, person
+from scipy.spatial.transform import Rotation
 
 from hopdata.recordings.axes import DIRECTIONS
 from hopdata.recordings.quality import evidence
@@ -156,6 +157,48 @@ def test_who_lies_is_asked_about_and_who_stands_is_not(marker_set):
             standing = person([30, seed], "stand", marker_set, seconds=1.0)
             guess = guess_unit_and_up(file_of(standing, up, suffix=suffix))[1]
             assert (guess.value, guess.is_sure) == (up, True)
+
+
+@pytest.mark.parametrize("marker_set", ["OpenSim", "French", "Rizzoli", "clusters"])
+@pytest.mark.parametrize("aside_degrees", [10.0, 20.0])
+def test_who_lies_along_the_usual_axis_of_a_format_is_asked_about(
+    marker_set, aside_degrees
+):
+    lying = person([33, 2], "lie", marker_set, seconds=1.0)
+    named = named_parts(lying.names)
+    to_x, to_y, _ = evidence.posture_of(lying.positions, named).stature
+    heading = np.degrees(np.arctan2(to_y, to_x))
+    for quarter in range(4):
+        turn = 90.0 * quarter + aside_degrees - heading
+        about = Rotation.from_euler("z", turn, degrees=True).as_matrix()
+        places = np.einsum("ij,nmj->nmi", about, lying.positions)
+        raw = file_of(replace(lying, positions=places), "y", suffix=".c3d")
+        guess = guess_unit_and_up(raw)[1]
+        assert guess.value == "y" or not guess.is_sure
+
+
+def margin_of_posture(made, tilt_degrees):
+    """Return how much likelier up is for one who stands, or leans so much."""
+    named = named_parts(made.names)
+    stature = evidence.posture_of(made.positions, named).stature
+    upright, _ = Rotation.align_vectors([[0.0, 0.0, 1.0]], [stature])
+    tilted = Rotation.from_euler("x", tilt_degrees, degrees=True) * upright
+    places = np.einsum("ij,nmj->nmi", tilted.as_matrix(), made.positions)
+    posture = evidence.posture_of(places, named)
+    found = evidence.by_posture(posture, named, given=False, others=())
+    return found.margin("z", "x")
+
+
+@pytest.mark.parametrize("marker_set", ["Plug-in Gait", "Qualisys", "OpenSim"])
+def test_who_stands_still_is_nearly_upright_and_who_sits_is_not(marker_set):
+    """Who lies leans by any angle, as seen from a file's axis."""
+    standing = person([31, 5], "stand", marker_set, seconds=1.0)
+    upright, leaning = (margin_of_posture(standing, tilt) for tilt in (1.0, 12.0))
+    assert leaning < upright - 1.0
+    # Who sits is bent, as nobody is who lies straight.
+    sitting = person([31, 5], "sit", marker_set, seconds=1.0)
+    upright, leaning = (margin_of_posture(sitting, tilt) for tilt in (1.0, 12.0))
+    assert leaning > upright - 0.1
 
 
 def test_a_floor_tells_that_a_body_does_not_lie():

@@ -99,7 +99,7 @@ def test_a_workbook_that_unpacks_to_too_much_is_refused_first(
     monkeypatch.setattr(budget, "LEAST_UNPACKED", 30_000_000)
     path = written(tmp_path, zipped({"xl/sheet.xml": " " * 60_000_000}))
     with pytest.raises(
-        RecordingError, match="expected at most 30 MB once it is unpacked"
+        RecordingError, match="expected at most 90 MB once it is unpacked"
     ):
         read_raw(path)
 

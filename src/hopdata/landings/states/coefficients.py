@@ -327,11 +327,31 @@ def _excess(seen: FloatArray, information: FloatArray, floor: float) -> FloatArr
 
 def _posterior(sums: Moments, population: Population) -> tuple[FloatArray, FloatArray]:
     """Return posterior means (L, B, 3, K) and covariances (L, B, 3, K, K)."""
+    return _expected(sums.gram, sums.product, population, n_free=FREE)
+
+
+def _expected(
+    gram: FloatArray, product: FloatArray, population: Population, *, n_free: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return means and covariances of coefficients given the frames and a population.
+
+    Parameters
+    ----------
+    gram : (L, B, K, K) array
+        Normal matrices.
+    product : (L, B, 3, K) array
+        Right-hand sides, m.
+    population : Population
+        Of the coefficients but for the first.
+    n_free : int
+        Number of these, which have no prior.
+    """
+    variance = population.variance
     inverse = np.linalg.inv(population.spread)
-    precision = sums.gram[:, :, None] / population.variance[..., None, None]
-    precision[..., FREE:, FREE:] += inverse
-    pull = sums.product / population.variance[..., None]
-    pull[..., FREE:] += np.einsum("cjk,bck->bcj", inverse, population.mean)
+    precision = gram[:, :, None] / variance[..., None, None]
+    precision[..., n_free:, n_free:] += inverse
+    pull = product / variance[..., None]
+    pull[..., n_free:] += np.einsum("cjk,bck->bcj", inverse, population.mean)
     covariance = np.asarray(np.linalg.inv(precision), float)
     return (covariance @ pull[..., None])[..., 0], covariance
 
@@ -339,13 +359,8 @@ def _posterior(sums: Moments, population: Population) -> tuple[FloatArray, Float
 def _improved(curved: _Curved, population: Population) -> Population:
     """Take one step of expectation and maximisation."""
     variance = population.variance
-    inverse = np.linalg.inv(population.spread)
     gram = curved.gram[:, :, None]
-    precision = gram / variance[..., None, None] + inverse
-    pull = curved.product / variance[..., None]
-    pull += np.einsum("cjk,bck->bcj", inverse, population.mean)
-    covariance = np.asarray(np.linalg.inv(precision), float)
-    fitted = (covariance @ pull[..., None])[..., 0]
+    fitted, covariance = _expected(curved.gram, curved.product, population, n_free=0)
 
     mean = fitted.mean(axis=0)
     away = fitted - mean

@@ -15,7 +15,7 @@ from math import erf
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import SD_PER_MAD, FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import checked
 from hopdata.maps.coordinates import affordable_degree, monomials, time_differences
@@ -40,10 +40,6 @@ LANDINGS_PER_TERM = 4.0
 #: Contact instants farther from the fit than this are left out of it.
 #: Unit: robust standard deviations. Origin: chosen.
 OUTLYING = 5.0
-
-#: Standard deviations of a normal distribution in one median absolute deviation.
-#: Unit: 1. Origin: derived: the inverse of its quartile, 0.6745.
-ROBUST_SD = 1.4826
 
 #: Columns whose rest is at or below this share of the largest do not vary apart from
 #: the curved terms.
@@ -126,7 +122,7 @@ def contact_slopes(
     for _ in range(2):  # with all landings, then without the outlying ones
         fitted = np.linalg.lstsq(design[good], times[good], rcond=None)[0]
         miss = np.abs(times - design @ fitted).max(axis=1)
-        good = miss <= OUTLYING * ROBUST_SD * np.median(miss[good])
+        good = miss <= OUTLYING * SD_PER_MAD * np.median(miss[good])
     return fitted[0], fitted[1:]
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import SD_PER_MAD, BoolArray, FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.maps import coordinates
 from hopdata.maps.coordinates import monomials
@@ -34,10 +34,6 @@ LEAST_FORETOLD = 0.1
 #: Contact instants farther from the fit than this are left out.
 #: Unit: robust standard deviations. Origin: chosen.
 OUTLYING = 5.0
-
-#: Standard deviations of a normal distribution in one median absolute deviation.
-#: Unit: 1. Origin: derived: the inverse of its quartile, 0.6745.
-ROBUST_SD = 1.4826
 
 
 @dataclass(frozen=True)
@@ -131,7 +127,7 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> Expected:
         degrees = tuple(range(1, degree + 1))
         design = np.column_stack([np.ones(len(x)), monomials(scaled, degrees)])
         miss = np.abs(t - fitted).max(axis=1)
-        good = miss <= OUTLYING * ROBUST_SD * np.median(miss)
+        good = miss <= OUTLYING * SD_PER_MAD * np.median(miss)
         if good.sum() <= design.shape[1]:
             # Too few landings to identify outliers.
             good = np.ones(len(x), dtype=bool)

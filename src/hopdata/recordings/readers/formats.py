@@ -124,8 +124,10 @@ def read_raw(
     reader = f"the reader of {suffix} files"
     if suffix in _others():
         reader = _name_of(_others()[suffix])
-    if suffix in READERS and not door.is_inside():
-        _load_reader(suffix)
+    libraries = _LIBRARIES.get(suffix, ())
+    if suffix in READERS:
+        function, _ = READERS[suffix]
+        libraries = (function.partition(":")[0], *libraries)
     raw: reading.RawRecording = door.read(
         f"{__name__}:read_here",
         str(path),
@@ -135,16 +137,10 @@ def read_raw(
         n_bytes=door.size_of(path),
         reader=reader,
         kinds=(reading.RawRecording, Event),
-        libraries=_LIBRARIES.get(suffix, ()),
+        libraries=libraries,
     )
     _check_parts(f"{path}: {reader}", raw)
     return raw
-
-
-def _load_reader(suffix: str) -> None:
-    """Import the reader for a suffix, so that a fork of this process has it."""
-    place, _ = READERS[suffix]
-    resolve_name(place)
 
 
 def read_here(

@@ -18,7 +18,7 @@ from hopdata.arrays import pd
 from hopdata.errors import RecordingError
 from hopdata.messages import Message
 from hopdata.recordings import raw
-from hopdata.recordings.budget import MOST_COLUMNS, require_unpacked
+from hopdata.recordings.budget import MOST_COLUMNS, require_memory
 from hopdata.recordings.readers.csv_exports import read_export
 from hopdata.recordings.readers.text import held, listed, one_line
 
@@ -139,7 +139,7 @@ def _require_size(path: Path, most_unpacked_mb: float) -> None:
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             n_bytes = sum(member.file_size for member in archive.infolist())
-        require_unpacked(_MEMORY_PER_BYTE * n_bytes, most_unpacked_mb)
+        require_memory(_MEMORY_PER_BYTE * n_bytes, most_unpacked_mb)
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         words = one_line(str(error))
         if "expected" not in words:
