@@ -85,13 +85,11 @@ def simulate(
     number: int = key(number_of),
 ) -> Simulated:
     """Simulate a scene as motion capture would see it, and keep its truth."""
-    from hopdata.scenes import STANDARD, blamed_scene
     from hopdata.synthesis import simulate_recording
 
-    with blamed_scene(simulation.get("scene", STANDARD)):
-        found = simulate_recording(
-            simulation, motion_capture, seed=(seed, number), name=recording
-        )
+    found = simulate_recording(
+        simulation, motion_capture, seed=(seed, number), name=recording
+    )
     return Simulated(found)
 
 

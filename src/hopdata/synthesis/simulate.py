@@ -13,7 +13,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import require, require_choice
 from hopdata.recording import Recording, Truth
-from hopdata.scenes import STANDARD, scene_class
+from hopdata.scenes import STANDARD, blamed_scene, scene_class
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis import camera as cameras
 from hopdata.synthesis import trial as trials
@@ -136,8 +136,20 @@ def simulate_recording(
     Raises
     ------
     HopdataError
-        If a key is unknown or a value is out of range.
+        If a key is unknown or a value is out of range, or if the scene is that of
+        another package, which fails.
     """
+    scene = str((simulation or {}).get("scene", STANDARD))
+    with blamed_scene(scene):
+        return _simulated(simulation, motion_capture, seed, name)
+
+
+def _simulated(
+    simulation: Mapping[str, Any] | None,
+    motion_capture: Mapping[str, Any] | None,
+    seed: int | Sequence[int],
+    name: str,
+) -> tuple[Recording, Truth]:
     simulated = Simulation.of(simulation)
     camera = trials.from_mapping(cameras.MotionCapture, motion_capture)
     scene = simulated.scene

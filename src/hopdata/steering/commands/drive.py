@@ -372,14 +372,14 @@ def _require_settings(log: Path, setup: Mapping[str, Any]) -> None:
     heading = setup.get("heading_deg")
     is_goal = heading is None or _is_number(heading)
     if heading is None:
-        to = setup.get("to")
+        to: Any = setup.get("to")
         is_pair = isinstance(to, list) and len(to) == 2
         is_goal = is_pair and all(map(_is_number, to))
     require(is_goal, place, "a goal: heading_deg, or to", f"{setup.get('to')!r}"[:40])
     for key in ("adaptive", "simulated"):
         value = setup.get(key)
         require(isinstance(value, bool), f"{place}.{key}", "true or false", value)
-    rate_hz = setup.get("rate_hz")
+    rate_hz: Any = setup.get("rate_hz")
     is_rate = _is_number(rate_hz) and 0 < rate_hz < MOST_HZ
     require(is_rate, f"{place}.rate_hz", "a frame rate", f"{rate_hz!r}"[:40])
     limits = setup.get("limits")
@@ -398,8 +398,9 @@ MOST_HZ = 1e6
 
 
 def _is_number(value: object) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return math.isfinite(value)
 
 
 # The operator's screen.
@@ -475,8 +476,8 @@ class Screen:
         up = f"\033[{self._n_lines_drawn}A" if self._n_lines_drawn else ""
         width = os.get_terminal_size().columns - 1  # wrapped lines would leave remains
         drawn = [f"\033[K{printable(line[:width])}" for line in lines]
-        stream = terminal.raw_stream(sys.stdout)
-        print(up + "\n".join(drawn), file=stream, flush=True)
+        screen = terminal.raw_stream(sys.stdout)
+        print(up + "\n".join(drawn), file=screen, flush=True)
         self._n_lines_drawn = len(lines)
 
     def _picture(self, loop: ControlLoop, stream: Stream, passed_s: float) -> list[str]:
