@@ -1,6 +1,7 @@
 # docker build -t hopdata . && docker run --rm -v "$PWD:/study" hopdata run config/monday.yaml
 # Installs the versions in requirements.lock. A running container fetches nothing.
-FROM python:3.13-slim
+# The base is named by its digest (all platforms); the tag is for the reader.
+FROM python:3.13.15-slim-trixie@sha256:7c61056e61ac89e852de05f3dc6fa51a6dd2181797bceed46aa725dd7cb2cd3b
 WORKDIR /build
 COPY requirements.lock requirements-build.lock ./
 RUN pip install --no-cache-dir --require-hashes --only-binary :all: -r requirements-build.lock \

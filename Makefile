@@ -15,14 +15,17 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures dissertation dissertation-docs both-sides test test-cluster mutants benchmarks lint format rules docs site sample lock release clean help
+.PHONY: figures dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make dissertation  set each result of the dissertation beside hopdata's: results/dissertation/index.html"
 	@echo "make dissertation-docs  the same, and write its table to docs/dissertation.md"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
-	@echo "make test-cluster  run the sample and a group on a one-node SLURM and kill jobs (as root, with slurm-wlm)"
+	@echo "make test-lowest  the same, with the oldest versions that pyproject.toml allows (Python 3.11, in $(VENV)-lowest)"
+	@echo "make test-cluster  run studies on a SLURM of three nodes on this machine, kill jobs and nodes (as root, with slurm-wlm)"
+	@echo "make fuzz       look for inputs that break a promise, for MINUTES ($(MINUTES)) on CORES cores (SEED, DOORS='c3d mat' selects)"
+	@echo "make chaos      kill, starve and damage a small study EVENTS times (1000), SEED (1); goes on where it was interrupted"
 	@echo "make mutants    make small wrong changes and see which of them the tests miss (takes hours; can be interrupted)"
 	@echo "make both-sides run the study of the dissertation's size: C1, not C1, half the spread, then compare them"
 	@echo "make benchmarks measure error and run time against other libraries, into results/benchmarks"
@@ -56,8 +59,22 @@ dissertation-docs: dissertation
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
+test-lowest:
+	$(MAKE) test VENV=$(VENV)-lowest DEV_LOCK=requirements-lowest.lock
+
 test-cluster: $(VENV)/.dev
 	VENV=$(VENV) tests/cluster.sh
+
+# Guided by coverage; goes on with the inputs in build/fuzz, and puts what it finds into tests/fuzz/found.
+MINUTES ?= 60
+DOORS   ?=
+fuzz: $(VENV)/.fuzz
+	nice $(BIN)/python tests/fuzz/long_run.py --minutes $(MINUTES) --seed $(SEED) --cores $(CORES) --doors $(DOORS)
+
+# As root it has a disk of its own to fill; otherwise the size of files is limited.
+EVENTS ?= 1000
+chaos: $(VENV)/.dev
+	$(BIN)/python tests/chaos/chaos.py --events $(EVENTS) --seed $(SEED)
 
 # ROOMS="verdict states" selects, EACH and SEED draw other changes; what was tried is not tried again.
 ROOMS ?=
@@ -139,9 +156,10 @@ $(VENV)/.run: requirements.lock requirements-build.lock pyproject.toml | $(VENV)
 	@echo "Preparing $(VENV) from requirements.lock"
 	$(call install,requirements.lock)
 
-$(VENV)/.dev: requirements-dev.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
-	@echo "Preparing $(VENV) from requirements-dev.lock"
-	$(call install,requirements-dev.lock)
+DEV_LOCK ?= requirements-dev.lock
+$(VENV)/.dev: $(DEV_LOCK) requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
+	@echo "Preparing $(VENV) from $(DEV_LOCK)"
+	$(call install,$(DEV_LOCK))
 
 # The simulator that the dissertation compares with, in addition to hopdata's own requirements.
 $(VENV)/.dissertation: requirements-dissertation.lock | $(VENV)/.run
@@ -155,6 +173,10 @@ $(VENV)/.docs: requirements-docs.lock | $(VENV)/.run
 $(VENV)/.mutants: requirements-mutants.lock | $(VENV)/.dev
 	$(call install,requirements-mutants.lock)
 
+# The fuzzer has wheels for Linux only.
+$(VENV)/.fuzz: requirements-fuzz.lock | $(VENV)/.dev
+	$(call install,requirements-fuzz.lock)
+
 # The libraries that the benchmarks compare with are many and large, and nothing else needs them.
 $(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements-bench.lock"
@@ -164,7 +186,9 @@ LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-
 lock:
 	$(LOCK) pyproject.toml -o requirements.lock
 	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
+	$(LOCK) pyproject.toml --extra test --resolution lowest-direct -o requirements-lowest.lock
 	$(LOCK) pyproject.toml --extra mutants -c requirements-dev.lock -o requirements-mutants.lock
+	$(LOCK) pyproject.toml --extra fuzz -c requirements-dev.lock -o requirements-fuzz.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 	$(LOCK) pyproject.toml --extra dissertation -c requirements-bench.lock -o requirements-dissertation.lock
 	printf 'furo>=2024.8\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
@@ -183,7 +207,8 @@ release: $(VENV)/.dev
 	  $(BIN)/python packaging/machine_code.py src/hopdata/_machine_code && \
 	  for to in dist dist/again; do $(BIN)/python -m hatchling build -d $$to || exit 1; done
 	for file in dist/hopdata-*; do cmp $$file dist/again/$${file##*/} || exit 1; done
-	rm -r dist/again && cd dist && sha256sum hopdata-* > SHA256SUMS && cat SHA256SUMS
+	rm -r dist/again && $(BIN)/python packaging/sbom.py dist/hopdata.cdx.json
+	cd dist && sha256sum hopdata* > SHA256SUMS && cat SHA256SUMS
 # The package index refuses invalid metadata. The changelog's entry becomes the text of the release.
 	$(BIN)/python -c "import sys, tarfile; from packaging.metadata import Metadata; \
 	  Metadata.from_email(tarfile.open(sys.argv[1]).extractfile('hopdata-$(VERSION)/PKG-INFO').read())" dist/*.tar.gz
@@ -191,7 +216,7 @@ release: $(VENV)/.dev
 	  > dist/CHANGES.md && test -s dist/CHANGES.md && head -n 1 dist/CHANGES.md
 	for file in $(CURDIR)/dist/hopdata-*; do \
 	  work=$$(mktemp -d) && (cd $$work && "$(PYTHON)" -m venv venv && \
-	  venv/bin/pip install --quiet -r $(CURDIR)/requirements-build.lock && \
+	  venv/bin/pip install --quiet --require-hashes -r $(CURDIR)/requirements-build.lock && \
 	  venv/bin/pip install --quiet --no-build-isolation --require-hashes -r $(CURDIR)/requirements.lock && \
 	  venv/bin/pip install --quiet --no-build-isolation --no-deps $$file && venv/bin/pip check && \
 	  venv/bin/hopdata run --cores $(CORES)) && rm -r $$work || exit 1; done

@@ -19,7 +19,8 @@ if not workflow.overwrite_configfiles:
 # Base image for `--software-deployment-method apptainer`; hopdata must be installed in it by the
 # three steps of the Makefile. Without that option (the default), this line does nothing and the
 # active environment is used.
-container: "docker://python:3.13-slim"
+# It is that of the Dockerfile, 3.13.15-slim-trixie; a tag beside the digest is refused here.
+container: "docker://python@sha256:7c61056e61ac89e852de05f3dc6fa51a6dd2181797bceed46aa725dd7cb2cd3b"
 
 
 include: "workflow/rules/folder.smk"

@@ -19,11 +19,11 @@ PAGES = {
         "first_study", "notebook", "own_recording", "plan", "steering", "integrator", "new_scene",
     ],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
-    "Look up": ["gallery", "api", "glossary", "constants", "../CHANGELOG", "../SECURITY"],
+    "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "Understand": [
         "dissertation", "printed_method", "c1", "gradient", "filter", "verdict",
         "verdict_method", "verdict_campaign",
-        "unseen_order", "impacts", "contacts", "limits", "integrator_choices",
+        "unseen_order", "impacts", "contacts", "limits", "reliability", "integrator_choices",
         "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/last_run/README",
     ],

@@ -43,6 +43,40 @@ EXTERNAL_FOLDERS = (
 )
 
 
+@pytest.fixture
+def read_here():
+    """Let files be read in the process of the test, where it can look and change things."""
+    from hopdata.foreign import door
+
+    with door.open_here():
+        yield
+
+
+@pytest.fixture
+def forked(monkeypatch):
+    """Let files be read in forks of the process of the test, with what it has changed.
+
+    Its other threads, if there are any, only wait for messages of pytest.
+    """
+    from hopdata.foreign import apart
+
+    if not hasattr(os, "fork"):
+        pytest.skip("this system has no forks")
+    monkeypatch.setattr(apart, "may_fork", lambda: True)
+
+
+@pytest.fixture
+def served(monkeypatch):
+    """Let files be read by one server, which is quick for many of them.
+
+    On some damaged files the HDF5 library hangs, so time is short.
+    """
+    from hopdata.foreign import apart, budget
+
+    monkeypatch.setattr(apart, "may_fork", lambda: False)
+    monkeypatch.setattr(budget, "LEAST_S", 0.2)
+
+
 def external(name):
     """Return the path of a treadmill recording; skip the test if it has not been fetched."""
     for folder in EXTERNAL_FOLDERS:

@@ -291,10 +291,7 @@ def copy_checkout() -> None:
         if not source.is_file():
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
-        if source.is_symlink():  # the package's link to the Snakefile stays a link
-            target.unlink(missing_ok=True)
-            target.symlink_to(source.readlink())
-        elif not target.exists() or target.read_bytes() != source.read_bytes():
+        if not target.exists() or target.read_bytes() != source.read_bytes():
             shutil.copyfile(source, target)
 
 

@@ -378,7 +378,8 @@ def brought(monkeypatch, tmp_path):
         line = json.dumps(
             [versions or made_with(), compiled.native_name, features, needed]
         )
-        (tmp_path / "tiny_driver-0123").write_bytes(line.encode() + b"\n" + code)
+        with sealed(tmp_path / "tiny_driver-0123"):
+            (tmp_path / "tiny_driver-0123").write_bytes(line.encode() + b"\n" + code)
         return compiled_in_cache(tiny_driver, "0123", lambda _: None)
 
     return write
@@ -520,6 +521,70 @@ def test_numbas_settings_in_a_study_folder_do_not_say_where_code_is_kept(
     assert numba.config.CACHE_DIR == ""
 
 
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="Windows has other permissions")
+def test_a_folder_into_which_others_could_write_is_emptied_and_closed(
+    source_function, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
+    folder = tmp_path / "mine" / "hopdata-abc"
+    folder.mkdir(parents=True)
+    (folder / "theirs.nbi").write_bytes(b"x")
+    folder.chmod(0o777)
+    with cache_directory(source_function, "abc") as found:
+        assert found == folder
+    assert [*folder.iterdir()] == []
+    assert folder.stat().st_mode & 0o777 == 0o700
+    (folder / "own.nbi").write_bytes(b"x")
+    with cache_directory(source_function, "abc") as found:
+        assert [one.name for one in found.iterdir()] == ["own.nbi"]
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="Windows has other permissions")
+@pytest.mark.parametrize("what", ["a link", "another user's", "open to all"])
+def test_a_place_of_others_is_not_used(source_function, monkeypatch, tmp_path, what):
+    place = tmp_path / "mine"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(place))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    place.mkdir()
+    if what == "a link":
+        (tmp_path / "theirs").mkdir()
+        (place / "hopdata-abc").symlink_to(tmp_path / "theirs")
+    elif what == "open to all":
+        place.chmod(0o777)
+    else:
+        (place / "hopdata-abc").mkdir()
+        theirs = os.stat(place / "hopdata-abc")
+        real = Path.lstat
+
+        def lstat(path):
+            found = real(path)
+            if found.st_ino != theirs.st_ino:
+                return found
+            fields = [*found[:10]]
+            fields[4] = found.st_uid + 1
+            return os.stat_result(fields)
+
+        monkeypatch.setattr(Path, "lstat", lstat)
+    with cache_directory(source_function, "abc") as found:
+        assert found is not None
+        assert place not in found.parents
+
+
+def test_a_file_of_another_user_is_removed_and_not_run(cached):
+    """Its checksum is sound, so only its owner tells."""
+    run, place = cached
+    if not hasattr(os, "getuid") or os.getuid() != 0:
+        pytest.skip("only root can give a file away")
+    files = sorted(place.rglob("*.nb?"))
+    for file in files:
+        os.chown(file, 65534, 65534)
+    ended = run()
+    assert ended.stdout.split() == ["4.0", "2.0", "0"]
+    assert "of another user; it is removed and not run" in ended.stderr
+    assert all(file.stat().st_uid == 0 for file in place.rglob("*.nb?"))
+
+
 def test_other_users_of_numba_keep_its_own_files(source_function):
     own = caching.IndexDataCacheFile
     with cache_directory(source_function, "abc"):
@@ -530,8 +595,9 @@ def test_other_users_of_numba_keep_its_own_files(source_function):
 def test_damaged_code_of_a_wheel_is_not_used(brought, tmp_path):
     assert brought() is not None
     file = tmp_path / "tiny_driver-0123"
-    with sealed(file):
-        pass
+    whole = file.read_bytes()
+    for damage in (flipped, lambda content: content[:-200], lambda _: b""):
+        file.write_bytes(damage(whole))
+        assert brought_code(tiny_driver, "0123") is None
+    file.write_bytes(whole)
     assert brought_code(tiny_driver, "0123") is not None
-    file.write_bytes(flipped(file.read_bytes()))
-    assert brought_code(tiny_driver, "0123") is None

@@ -18,8 +18,9 @@ import yaml
 from checkouts import part_of_sample
 
 from hopdata.__main__ import main
+from hopdata.figures.sizes import sizes_figure
 from hopdata.figures.verdict import group_figure
-from hopdata.group import put_together
+from hopdata.group import one_by_one, put_together
 from hopdata.report.verdict import build_group_page
 
 ROOT = Path(__file__).parents[1]
@@ -114,6 +115,57 @@ def test_the_page_shows_the_jump_of_a_study_that_it_decided():
     assert [text.get_text() for text in axes.texts] == [
         "the outcome jumps, by 12\u00a0% (5.4\u00a0% to 17\u00a0%) of what it varies"
     ] * 3
+
+
+def made_up(number):
+    """Return rows of studies with sizes up to 40 %, every tenth without an answer."""
+    rng = np.random.default_rng(number)
+    rows = []
+    for k in range(number):
+        size = float(rng.uniform(0.0, 0.4))
+        conclusion = "different" if size > 0.3 else "no difference"
+        sizes = {"estimate": size, "low": 0.0, "high": size + 0.1, "landings": 400}
+        more = {"name": f"s{k}", "upper_bound": size, "quality": [["floor", "poor"]]}
+        reason = "no feet" if k % 10 == 0 else ""
+        rows.append(row(f"s{k}", size**2, reason, conclusion) | sizes | more)
+    return rows
+
+
+def test_a_large_group_is_summed_up():
+    rows = made_up(300)
+    assert not one_by_one(rows)
+    assert one_by_one(rows[:100])
+    group = put_together(rows, GROUP)
+    page = build_group_page(group, [], one_by_one=False)
+    different = sum(not one["reason"] and one["estimate"] > 0.3 for one in rows)
+    assert f"<summary>different: {different}</summary>" in page
+    assert f"<summary>no difference: {270 - different}</summary>" in page
+    assert '<th scope="row">no feet</th><td class="number">30</td>' in page
+    assert '<th scope="row">floor</th><td class="number">300</td>' in page
+    # Each study is there once, folded; none is in a small group's one table.
+    assert all(page.count(f'href="members/s{k}/report.html"') == 1 for k in range(300))
+    assert "<summary>" not in build_group_page(group, [])
+    histogram, whole = sizes_figure(group).axes
+    assert sum(bar.get_height() for bar in histogram.patches) == 270
+    assert whole.get_xlim() == histogram.get_xlim()
+
+
+def test_conditions_of_a_large_group_have_a_histogram_each_unless_they_are_many():
+    rows = made_up(300)
+    for conditions in ("ab", "abcdefg"):
+        for k, one in enumerate(rows):
+            one["condition"] = conditions[k % len(conditions)]
+            one["subject"] = f"s{k // len(conditions)}"
+        *histograms, _ = sizes_figure(put_together(rows, GROUP)).axes
+        assert len(histograms) == {2: 2, 7: 1}[len(conditions)]
+        bars = [bar.get_height() for axes in histograms for bar in axes.patches]
+        assert sum(bars) == 270
+
+
+def test_few_of_many_copies_are_named():
+    rows = [row(f"s{k}", 0.1) for k in range(20)]
+    sentence = put_together(rows, GROUP)["sentence"]
+    assert "found the same in: s0, s1, s2, s3, s4 and 15 others." in sentence
 
 
 @pytest.mark.parametrize("rows", [[], [row("a", 0.1), row("b", 0.1)]])

@@ -48,6 +48,7 @@ def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
     """Pip follows the Makefile's steps, with the one dependency that has to be built."""
     for name in (
         "Makefile",
+        "Snakefile",
         "pyproject.toml",
         "README.md",
         "LICENSE",

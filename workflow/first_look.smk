@@ -3,6 +3,10 @@
 snakemake --cores 2 --snakefile workflow/first_look.smk --workflow-profile profiles/default
 """
 
+import sys
+
+from hopdata.causes import oom_kills
+from hopdata.commands import deaths, owner
 from hopdata.config.loading import read_yaml
 
 
@@ -33,3 +37,18 @@ rule both:
         rules.sample_all.input,
         rules.control_all.input,
         rules.sample_first_look.output,
+
+
+OOM_BEFORE = oom_kills()
+
+
+# Snakemake leaves out what the Snakefile of a module does here.
+onstart:
+    owner.begun()
+
+
+onerror:
+    said = [line for file in log for line in open(file, encoding="utf-8", errors="replace")]
+    reason = deaths.why(said, oom_before=OOM_BEFORE)
+    if reason:
+        print(f"hopdata: error: {reason}", file=sys.stderr)

@@ -5,6 +5,7 @@ snakemake --cores 2 --snakefile workflow/group.smk --workflow-profile profiles/d
 
 import os
 import sys
+from functools import cache
 from pathlib import Path
 
 from hopdata.config.consistency import files_of
@@ -28,14 +29,21 @@ def files(member):
     return [file for one in recordings for file in files_of(one) if os.path.exists(file)]
 
 
-def memory(wildcards, input, attempt):
-    return (1000 + int(60 * input.size_mb)) * 2 ** (attempt - 1)
+def memory(wildcards, attempt):
+    size_mb = sum(map(os.path.getsize, files(wildcards.member))) / 1e6
+    return (1000 + int(60 * size_mb)) * 2 ** (attempt - 1)
+
+
+@cache
+def code(script):
+    """Digest a script and all code that it uses, once for all members."""
+    return code_digest(HERE / "scripts" / f"{script}.py")
 
 
 include: "rules/folder.smk"
 
 
-check_times((file for member in MEMBERS for file in files(member)), RESULTS)
+begin(GROUP["study"], (file for member in MEMBERS for file in files(member)), RESULTS)
 
 
 wildcard_constraints:
@@ -57,7 +65,7 @@ rule group:
         f"{RESULTS}/logs/group.log",
     params:
         group={key: value for key, value in GROUP.items() if key != "members"},
-        code=lambda wildcards: code_digest(HERE / "scripts" / "group.py"),
+        code=lambda wildcards: code("group"),
     script:
         "scripts/group.py"
 
@@ -78,6 +86,6 @@ rule member:
     params:
         member=lambda wildcards: MEMBERS[wildcards.member],
         stamps=lambda wildcards: stamps(files(wildcards.member)),
-        code=lambda wildcards: code_digest(HERE / "scripts" / "member.py"),
+        code=lambda wildcards: code("member"),
     script:
         "scripts/member.py"

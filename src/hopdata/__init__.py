@@ -13,7 +13,14 @@ The package follows the path of the data, with one sub-package per stage: ``hybr
 ``report`` writes the page.
 """
 
+import sys
 from importlib import import_module
+
+if sys.flags.safe_path:
+    # As in the jobs of a study: what lies in the working folder is not to be trusted.
+    from hopdata.foreign.settings import leave_unread
+
+    leave_unread()
 
 __version__ = "0.1.0"
 _PLACES = {

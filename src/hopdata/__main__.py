@@ -12,14 +12,15 @@ import argparse
 import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
 from hopdata import __version__, products
-from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM
+from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM, screened
 from hopdata.errors import HopdataError, did_you_mean
+from hopdata.foreign.settings import leave_unread
 
 # This module parses the command line and reports errors as one message without a
 # traceback.
@@ -52,11 +53,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         or for a problem in the data; 130 for an interrupt. After a wrong command line
         argparse raises SystemExit with code 2.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    leave_unread()
+    with screened():
+        return _command(list(sys.argv[1:] if arguments is None else arguments))
+
+
+def _command(given: list[str]) -> int:
     own, passed_on = _apart(given)
     options = _parser().parse_args(own, argparse.Namespace(passed_on=passed_on))
+    for fault in products.faults().values():
+        print(f"hopdata: note: {fault}", file=sys.stderr)
     try:
-        code: int = resolve_name(options.run)(options)
+        with _blamed(options.run):
+            code: int = resolve_name(options.run)(options)
         sys.stdout.flush()
         return code
     except HopdataError as error:
@@ -71,6 +80,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
+def _blamed(run: str) -> AbstractContextManager[None]:
+    """Return a context in which errors of a product's command are told as such."""
+    for product in products.installed():
+        if run.partition(":")[0].startswith(f"{product.package}."):
+            return product.blamed()
+    return nullcontext()
+
+
 def _apart(given: list[str]) -> tuple[list[str], list[str]]:
     """Return our own arguments, and those for Snakemake, which follow a "--".
 
@@ -83,7 +100,15 @@ def _apart(given: list[str]) -> tuple[list[str], list[str]]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that suggests the nearest command for a misspelt one."""
+    """A parser that suggests the nearest command for a misspelt one.
+
+    Its help is plain text: what it would tell a terminal, from Python 3.14 on, does not
+    pass `screened`.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.color = False
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         choices = list(action.choices or ())

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import pd
+from hopdata.bundled import SNAKEFILE
 from hopdata.config.loading import check_keys, load_config, read_yaml
 from hopdata.errors import (
     AnalysisError,
@@ -18,7 +19,7 @@ from hopdata.errors import (
 )
 from hopdata.recording import Recording, Truth, marker_names, numbers
 from hopdata.stages import LINE
-from hopdata.walk import SNAKEFILE, Contents, Progress, Study
+from hopdata.walk import Contents, Progress, Study
 
 if TYPE_CHECKING:
     from hopdata.maps.verdict.judge import Verdict
@@ -137,8 +138,7 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> _Guessed:
     from hopdata.recordings.raw import METRES_PER_UNIT
     from hopdata.recordings.readers.formats import read_raw
 
-    limits = {k: v for k, v in options.items() if k in ("rate_hz", "most_unpacked_mb")}
-    raw = read_raw(file, **limits)
+    raw = read_raw(file, rate_hz=options.get("rate_hz"))
     joined: Mapping[str, list[str]] = {}
     if not any(markers.values()):
         markers, joined = _roles(file, raw, options)

@@ -12,6 +12,12 @@ functions are compiled in every process. Removing the folders is always safe. Ea
 ends in its checksum (`hopdata.seal`); a damaged one is removed and its function
 compiled anew. Numba's `caching`, which is private, has the class whose files these are.
 
+What lies in a cache is run, and Numba's index is a pickle, so that reading it can run
+code too. The checksum is no key: it tells damage, and not who wrote a file. Therefore
+only folders and files of this user are read, in folders that no other user can write.
+Who can write as this user can run code without a cache. Numba compares its own version
+before it reads the rest of an index, and takes machine code of this processor alone.
+
 A wheel may include machine code (made by ``packaging/machine_code.py``) for C functions
 that are called by their address. It is used if the digest, the versions of Numba and
 llvmlite, the system and the processor match.
@@ -22,6 +28,8 @@ import hashlib
 import json
 import logging
 import os
+import shutil
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -42,6 +50,7 @@ from hopdata.seal import Seal, seal_for, seal_of
 
 logger = logging.getLogger("hopdata")
 DIGITS = 16
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 BROUGHT = Path(__file__).parent / "_machine_code"  # included in a wheel
 _LOCK = RLock()  # guards Numba's setting of the cache folder, which all threads share
 Function = Callable[..., Any]
@@ -88,7 +97,7 @@ def cache_directory(function: Function, digest: str) -> Iterator[Path | None]:
         chosen_by_user = os.environ.get("NUMBA_CACHE_DIR", "")
         folder = None
         for base in _candidates(function, chosen_by_user):
-            if _can_be_written(base):
+            if _can_be_written(base) and _is_own(base / f"hopdata-{digest}"):
                 folder = base / f"hopdata-{digest}"
                 config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
                 break
@@ -131,8 +140,12 @@ class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
 
 
 def _is_sound(path: Path) -> bool:
-    """Tell whether a file of the cache is as it was written; remove a damaged one."""
+    """Tell whether a file of the cache is as this user wrote it; else remove it."""
     try:
+        if not _is_of_user(path):
+            logger.warning("%s: of another user; it is removed and not run", path)
+            path.unlink()
+            return False
         if seal_of(path) is Seal.WHOLE:
             return True
         with path.open("rb") as file:
@@ -201,7 +214,7 @@ def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
     )
     if for_certain_processor or not file.is_file():
         return None
-    if seal_of(file) is Seal.BROKEN:
+    if seal_of(file) is not Seal.WHOLE:
         return None
     line, code = file.read_bytes().split(b"\n", 1)
     versions, symbol, features, needed = json.loads(line)
@@ -284,14 +297,50 @@ def _temporary() -> Iterator[Path]:
         folder = temporary / f"hopdata-{user}"
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
-        others_may_write = found.st_mode & 0o022 != 0
+        others_may_write = found.st_mode & _OTHERS_WRITE != 0
         if found.st_uid == user and not others_may_write:
             yield folder
 
 
+def _is_own(folder: Path) -> bool:
+    """Make a folder that only this user can write, or tell that there is another's.
+
+    A folder of this user into which others could write is emptied first.
+    """
+    if not hasattr(os, "getuid"):  # Windows keeps others out of a user's folders
+        return True
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if found.st_uid != os.getuid() or not stat.S_ISDIR(found.st_mode):
+            return False
+        if found.st_mode & _OTHERS_WRITE:
+            shutil.rmtree(folder)
+            folder.mkdir(mode=0o700)
+    except OSError:
+        return False
+    return True
+
+
+def _is_of_user(path: Path) -> bool:
+    """Tell whether a file is a plain one of this user."""
+    found = path.lstat()
+    if not hasattr(os, "getuid"):
+        return True
+    return found.st_uid == os.getuid() and stat.S_ISREG(found.st_mode)
+
+
 def _can_be_written(folder: Path) -> bool:
+    """Tell whether a folder takes files, and not those of all users.
+
+    Where all users may write, one could put a folder in the place of another's, unless
+    only owners may rename theirs (as in ``/tmp``).
+    """
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
+        mode = folder.stat().st_mode
+        if os.name != "nt" and mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            return False
         tempfile.TemporaryFile(dir=folder).close()
         return True
     return False

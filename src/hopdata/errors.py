@@ -87,6 +87,10 @@ class AnalysisError(HopdataError):
     """The data are valid but do not suffice for the requested analysis."""
 
 
+class DamagedError(HopdataError):
+    """A file of an earlier job is not as that job has written it."""
+
+
 class StorageError(HopdataError, OSError):
     """A file cannot be written, for example because the disk is full."""
 
@@ -96,15 +100,44 @@ def mismatch(place: object, expected: str, found: object) -> str:
     return f"{place}: expected {expected}, found {found}"
 
 
-def printable(text: str) -> str:
-    """Return a user's text for a message: one line without control characters."""
+#: Spaces of hopdata's own sentences, which `printable` may keep.
+NO_BREAK_SPACES = "\u00a0\u202f\u2009"
+# Characters that are seen as nothing, but part or join the letters of some scripts: the
+# zero-width non-joiner and joiner, between letters from Arabic to Sinhala.
+_JOINERS = "\u200c\u200d"
+_JOINED = range(0x0600, 0x0E00)
+
+
+def printable(text: str, keep: str = "") -> str:
+    """Return a text from elsewhere as one line without what a reader cannot see.
+
+    This is the one rule for what is shown on a terminal and in a log, a table or a
+    page. Control characters, by which a terminal is told to do things, become ``?``, as
+    do marks that turn the direction of writing or take no room, and halves of
+    characters. Any space or line end becomes a space. Letters of all scripts stay.
+
+    Parameters
+    ----------
+    text : str
+    keep : str
+        Characters that stay as they are, such as line ends.
+    """
+    if text.isprintable():
+        return text
     shown = []
-    for character in text:
-        if character.isprintable():
+    for i, character in enumerate(text):
+        is_joiner = character in _JOINERS and _is_within_word(text, i)
+        if character.isprintable() or character in keep or is_joiner:
             shown.append(character)
         else:
             shown.append(" " if character.isspace() else "?")
     return "".join(shown)
+
+
+def _is_within_word(text: str, i: int) -> bool:
+    """Tell whether letters of a script that uses joiners stand on both sides."""
+    around = (text[i - 1 : i], text[i + 1 : i + 2])
+    return all(one and ord(one) in _JOINED for one in around)
 
 
 LEAST_LIKENESS = 0.5  # of a name that is suggested, as in `difflib`

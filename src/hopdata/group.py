@@ -13,6 +13,10 @@ from hopdata.arrays import pd
 from hopdata.errors import AnalysisError, HopdataError
 
 logger = logging.getLogger("hopdata")
+# Most studies that a page shows one by one; it sums up more of them.
+MOST_ONE_BY_ONE = 100
+# Most subjects that a sentence names.
+MOST_NAMED = 5
 
 
 def run_member(member: Mapping[str, Any], folder: Path) -> None:
@@ -131,6 +135,11 @@ def put_together(
     return {**answer, **found}
 
 
+def one_by_one(rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Tell whether there are so few members that each can be read on the page."""
+    return len(rows) <= MOST_ONE_BY_ONE
+
+
 def _require_answers(rows: Sequence[Mapping[str, Any]], answered: pd.DataFrame) -> None:
     """Refuse a group without answers, or with the same landings as two members."""
     if answered.empty:
@@ -139,5 +148,7 @@ def _require_answers(rows: Sequence[Mapping[str, Any]], answered: pd.DataFrame) 
     # Different landings never have the same effect to the bit.
     same = answered.loc[answered.duplicated("squared", keep=False), "subject"].tolist()
     if same:
-        named = ", ".join(same)
+        named = ", ".join(same[:MOST_NAMED])
+        if len(same) > MOST_NAMED:
+            named += f" and {len(same) - MOST_NAMED} others"
         raise AnalysisError(f"expected different landings, found the same in: {named}")

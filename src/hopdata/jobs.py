@@ -18,7 +18,15 @@ from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import pd
-from hopdata.errors import HopdataError, StorageError
+from hopdata.causes import cause_of, error_number
+from hopdata.digests import keep, require_unchanged
+from hopdata.errors import (
+    NO_BREAK_SPACES,
+    DamagedError,
+    HopdataError,
+    StorageError,
+    printable,
+)
 
 TEXT_COLUMNS = (
     *("recording", "method", "schedule", "schedule_a", "schedule_b", "reason"),
@@ -61,41 +69,75 @@ def study_name(text: str) -> str:
 
 
 @contextmanager
-def reported(log: str | Path) -> Iterator[None]:
-    """Write the package's log to `log`; turn a user's mistake into one line.
+def reported(
+    log: str | Path,
+    inputs: Iterable[str | Path] = (),
+    outputs: Iterable[str | Path] = (),
+) -> Iterator[None]:
+    """Do the work of a job: with a log, on inputs that are whole, errors in one line.
 
     Parameters
     ----------
     log : path
-        Log file, overwritten. Any other exception is logged with its traceback and
+        Log file, overwritten. Any unexpected exception is logged with its traceback and
         raised again.
+    inputs, outputs : iterable of path
+        Files of the job. Inputs that an earlier job has written are compared with their
+        digests (`hopdata.digests`), and the digests of the outputs are kept.
 
     Raises
     ------
     SystemExit
-        With code 1 after a `HopdataError`; its message goes to stderr and to the log.
+        With code 1 after a `HopdataError`, and if memory, disk or a file is missing;
+        the message goes to stderr and to the log, in the latter case with the job.
     """
     Path(log).parent.mkdir(parents=True, exist_ok=True)
     handler = logging.FileHandler(
         log, mode="w", encoding="utf-8", errors="backslashreplace"
     )
-    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    handler.setFormatter(_Plain("%(levelname)s %(name)s: %(message)s"))
     # On a full disk the log fails too; the original error is the one to report.
     logging.raiseExceptions = False
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
+        require_unchanged(inputs)
         yield
+        keep(outputs)
     except HopdataError as error:
-        logger.error("%s", error)
-        print(f"hopdata: error: {error}", file=sys.stderr)
-        raise SystemExit(1) from None
-    except Exception:
+        cause = cause_of(error.__cause__) if error.__cause__ else ""
+        if isinstance(error, StorageError) and cause:
+            _end_with(f"{Path(log).stem}: {error}; {_what_to_do(cause)}")
+        _end_with(str(error))
+    except Exception as error:
         logger.error("unexpected error\n%s", traceback.format_exc())
+        cause = cause_of(error)
+        if cause:
+            _end_with(f"{Path(log).stem}: {cause}")
         raise
     finally:
         logger.removeHandler(handler)
         handler.close()
+
+
+class _Plain(logging.Formatter):
+    """Lines of a log, without what a terminal that shows it would obey."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record), keep=f"\n\t{NO_BREAK_SPACES}")
+
+
+def _end_with(message: str) -> None:
+    """End the job with a message on stderr and in the log."""
+    logger.error("%s", message)
+    shown = printable(message, keep="\n")
+    print(f"hopdata: error: {shown}", file=sys.stderr)
+    raise SystemExit(1) from None
+
+
+def _what_to_do(cause: str) -> str:
+    """Return the end of a cause, which says what to do."""
+    return cause.rpartition("; ")[2]
 
 
 @contextmanager
@@ -114,11 +156,12 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
-            left.unlink(missing_ok=True)
+            if not _is_at_work(left):
+                left.unlink(missing_ok=True)
         yield temporary
         os.replace(temporary, target)
     except (OSError, RuntimeError) as error:
-        code = _error_number(error)
+        code = error_number(error)
         if code is None:
             raise
         wrong = f"{path}: expected a writable file, found: {os.strerror(code)}"
@@ -128,13 +171,18 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             temporary.unlink()
 
 
-def _error_number(error: Exception) -> int | None:
-    """Return the system's number of an error; h5py gives it only in its message."""
-    in_message = re.search(r"errno = (\d+)", str(error))
-    if in_message:
-        return int(in_message[1])
-    number: int | None = getattr(error, "errno", None)
-    return number
+def _is_at_work(draft: Path) -> bool:
+    """Tell whether a process with the number in the name of a draft is alive here."""
+    number = draft.name.split(".")[-2]
+    if not number.isdigit() or int(number) == os.getpid() or os.name == "nt":
+        return False  # on Windows, looking for a process may end it
+    try:
+        os.kill(int(number), 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # it is alive, and another user's
+        return True
+    return True
 
 
 def write_json(path: str | Path, content: Mapping[str, Any] | list[Any]) -> None:
@@ -150,8 +198,28 @@ def write_fields(path: str | Path, result: Any) -> None:
 
 
 def read_json(path: str | Path) -> Any:
-    """Read a JSON file."""
-    return json.loads(Path(path).read_text(encoding="utf-8"))
+    """Read a JSON file.
+
+    Raises
+    ------
+    DamagedTextError
+        If it is none.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, "JSON", error) from error
+
+
+class DamagedTextError(DamagedError, ValueError):
+    """A file of results is no JSON or no table; a ValueError, as of their parsers."""
+
+
+def _damaged(path: object, kind: str, error: Exception) -> DamagedTextError:
+    """Return the error for a file of results that is not as it was written."""
+    words = " ".join(str(error).split())[:100]
+    found = f"{words}; if hopdata wrote it, remove it and run again"
+    return DamagedTextError.at(path, f"whole {kind}", found)
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
@@ -181,10 +249,14 @@ def _csv(table: pd.DataFrame) -> str:
 
 
 def guarded(cell: object) -> object:
-    """Put an apostrophe before a text that a spreadsheet would run."""
-    if isinstance(cell, str) and _RUN.match(cell):
-        return f"'{cell}"
-    return cell
+    """Put an apostrophe before a text that a spreadsheet would run.
+
+    What a reader of the table could not see is replaced (`printable`).
+    """
+    if not isinstance(cell, str):
+        return cell
+    shown = printable(cell, keep=NO_BREAK_SPACES)
+    return f"'{shown}" if _RUN.match(shown) else shown
 
 
 def _unguarded(cell: object) -> object:
@@ -219,11 +291,41 @@ def _printed(column: pd.Series) -> list[str]:
     return texts
 
 
+#: Length of a row of a table of results. pandas takes some 20 us for each column.
+#: Unit: bytes. Origin: chosen. A row has a few columns for each foot or marker.
+LONGEST_ROW = 500_000
+
+
+def _require_short_rows(path: str | Path) -> None:
+    """Require rows that hopdata could have written.
+
+    Raises
+    ------
+    ValueError
+        If one is longer than any row of a table.
+    """
+    with Path(path).open("rb") as file:
+        longest = max(map(len, file), default=0)
+    if longest > LONGEST_ROW:
+        raise ValueError(f"a row of {longest} bytes")
+
+
 def read_table(path: str | Path | StringIO) -> pd.DataFrame:
-    """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty."""
+    """Read a CSV table; `TEXT_COLUMNS` stay text, also if they are empty.
+
+    Raises
+    ------
+    DamagedTextError
+        If it is no table.
+    """
     # A recording may be called NA, so only an empty cell is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
-    table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
+    try:
+        if not isinstance(path, StringIO):
+            _require_short_rows(path)
+        table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
+    except (ValueError, OverflowError) as error:  # errors of its parser are of these
+        raise _damaged(path, "CSV", error) from error
     texts = table.columns.intersection(TEXT_COLUMNS)
     return _changed(table.fillna(dict.fromkeys(texts, "")), _unguarded)
 

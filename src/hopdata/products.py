@@ -19,13 +19,17 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
+
+from hopdata.errors import ConfigError, HopdataError
+from hopdata.foreign.plugins import blamed, name_of
 
 #: Group of the entry points.
 GROUP = "hopdata.products"
@@ -93,9 +97,19 @@ class Product:
         """Return what does not fit in the product's block; this imports the product."""
         if not (self.folder / "config" / "consistency.py").is_file():
             return ()
-        check = resolve_name(f"{self.package}.config.consistency:mistakes")
-        found: Iterable[str] = check(config)
-        return found
+        with self.blamed():
+            check = resolve_name(f"{self.package}.config.consistency:mistakes")
+            found: Iterable[str] = check(config)
+            return [*found]
+
+    def blamed(self) -> AbstractContextManager[None]:
+        """Return a context in which errors are told as those of the product.
+
+        hopdata's own products are no foreign code: their errors keep their traceback.
+        """
+        if self.package.partition(".")[0] == __name__.partition(".")[0]:
+            return nullcontext()
+        return blamed(f"the product '{self.name}' ({self.package})", self.name)
 
 
 @cache
@@ -103,12 +117,43 @@ def _declared() -> Mapping[str, Product | None]:
     """Return the products of the entry points; None where the package is missing."""
     products: dict[str, Product | None] = {}
     for entry in entry_points(group=GROUP):
-        folder = _folder_of(entry.value)
-        if folder is None:
+        try:
+            with blamed(name_of("product", entry), entry.name):
+                products[entry.name] = _sound_product(entry)
+        except HopdataError as error:
+            # A package that does not work must not end commands that do not need it.
             products[entry.name] = None
-        else:
-            products[entry.name] = Product(entry.name, entry.value, folder)
+            _FAULTS[entry.name] = str(error)
     return products
+
+
+#: Why products that are installed cannot be used, by name.
+_FAULTS: dict[str, str] = {}
+
+
+def faults() -> Mapping[str, str]:
+    """Return why products that are installed cannot be used, by name."""
+    _declared()
+    return _FAULTS
+
+
+def _sound_product(entry: EntryPoint) -> Product | None:
+    """Return a product whose files can be read; None if its package is missing."""
+    folder = _folder_of(entry.value)
+    if folder is None:
+        return None
+    product = Product(entry.name, entry.value, folder)
+    for name, command in product.commands().items():
+        missing = {"run", "summary", "description", "examples"} - {*command}
+        if missing:
+            raise ConfigError.at(
+                f"{name} in {folder / 'commands' / 'commands.toml'}",
+                "a command with run, summary, description and examples",
+                f"none with {', '.join(sorted(missing))}",
+            )
+    for target in product.targets().values():
+        target["summary"]
+    return product
 
 
 def _folder_of(package: str) -> Path | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hopdata.errors import ConfigError, require
+from hopdata.foreign.texts import text_of
 
 #: Columns that the table must have.
 NEEDED = ("subject", "file")
@@ -13,6 +14,18 @@ NEEDED = ("subject", "file")
 KNOWN = ("subject", "file", "recording", "session", "condition")
 #: Columns whose cells are all filled or all empty.
 ALL_OR_NONE = ("file", "condition")
+
+# Columns that a message names; a table of one endless line would fill the terminal.
+MOST_SHOWN = 20
+
+#: Rows of a table of samples.
+#: Unit: 1. Origin: chosen. 10,000 subjects with ten files each; they take 4 s.
+MOST_ROWS = 100_000
+
+#: Cells of a table of samples. A row may lack its last columns, so few bytes can ask
+#: for many.
+#: Unit: 1. Origin: chosen. 10,000 subjects with ten files each and 40 columns.
+MOST_CELLS = 4_000_000
 
 
 def read_group(config: str | Path) -> dict[str, Any]:
@@ -42,9 +55,12 @@ def read_group(config: str | Path) -> dict[str, Any]:
     from hopdata.config.loading import load_config, read_yaml
     from hopdata.maps.draws import named_generator
 
+    given = read_yaml(config)
+    is_group = isinstance(given, dict) and "samples" in given
+    require(is_group, str(config), "a configuration with 'samples'", "another one")
+    require("recordings" not in given, str(config), "samples or recordings", "both")
     # Pages show only SVG.
-    content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}
-    require("recordings" not in content, str(config), "samples or recordings", "both")
+    content = {"figures": {"formats": ["svg"]}, **given}
     file = Path(str(content.pop("samples")))
     members = _members(file, content)
     # Report a mistake in the common part once, before any job starts.
@@ -145,10 +161,18 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
         f"a row for each file, no column twice, and the columns {', '.join(NEEDED)}, "
     )
     wanted += "separated by tabs"
-    found = f"{len(cells)} rows of {', '.join(names) or 'nothing'}"
+    shown = names[:MOST_SHOWN]
+    if len(names) > MOST_SHOWN:
+        shown.append(f"{len(names) - MOST_SHOWN} more")
+    found = f"{len(cells)} rows of {', '.join(shown) or 'nothing'}"
     require(complete, f"samples: {file}", wanted, found)
+    wanted = f"at most {MOST_ROWS:,} rows"
+    require(len(cells) <= MOST_ROWS, f"samples: {file}", wanted, f"{len(cells):,}")
+    n_cells = len(cells) * len(names)
+    wanted = f"at most {MOST_CELLS:,} cells"
+    require(n_cells <= MOST_CELLS, f"samples: {file}", wanted, f"{n_cells:,}")
     rows = {}
-    wanted = f"the {len(names)} columns {', '.join(names)}, separated by tabs"
+    wanted = f"the {len(names)} columns {', '.join(shown)}, separated by tabs"
     for line, row in cells.items():
         fits = len(row) > names.index("file") and not any(row[len(names) :])
         require(fits, f"{file}, line {line}", wanted, f"{len(row)}")
@@ -164,13 +188,11 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
 
 def _lines(file: Path) -> dict[int, str]:
     """Return the lines of a file by number, from 1."""
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        found = str(getattr(error, "strerror", error))
-        raise ConfigError.at(
-            f"samples: {file}", "a readable table, in UTF-8", found
-        ) from None
+    text = text_of(
+        file,
+        wanted="a readable table, in UTF-8",
+        place=f"samples: {file}",
+    )
     return dict(enumerate(text.splitlines(), start=1))
 
 

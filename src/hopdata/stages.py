@@ -85,11 +85,13 @@ def simulate(
     number: int = key(number_of),
 ) -> Simulated:
     """Simulate a scene as motion capture would see it, and keep its truth."""
+    from hopdata.scenes import STANDARD, blamed_scene
     from hopdata.synthesis import simulate_recording
 
-    found = simulate_recording(
-        simulation, motion_capture, seed=(seed, number), name=recording
-    )
+    with blamed_scene(simulation.get("scene", STANDARD)):
+        found = simulate_recording(
+            simulation, motion_capture, seed=(seed, number), name=recording
+        )
     return Simulated(found)
 
 
@@ -147,9 +149,11 @@ def floor_compensation(
     from hopdata.landings.contacts.joined import join_feet
     from hopdata.landings.filling import fill_gaps
     from hopdata.landings.floor import fit_floor, level
+    from hopdata.landings.held_frames import without_held_frames
 
-    model = fit_floor(imported, **floor)
-    ready = level(imported, model)
+    measured = without_held_frames(imported)
+    model = fit_floor(measured, **floor)
+    ready = level(measured, model)
     ready = join_feet(ready, feet)
     if fills:
         # `ready` is this function's own copy, unlike `imported`.

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from hopdata import stages
 from hopdata.arrays import Shown, pd
+from hopdata.bundled import SNAKEFILE
 from hopdata.config import consistency
 from hopdata.errors import ArgumentError, absent, told_call
 from hopdata.figures.catalogue import FIGURES, OF_DISTANCES, function_of, tables_of
@@ -34,9 +35,6 @@ if TYPE_CHECKING:
 
 Contents = dict[str, Any]
 Progress = Callable[[str], object]
-#: The workflow: in a checkout this path is a link to the Snakefile, in a wheel it is
-#: the file.
-SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve()
 
 
 @dataclass(frozen=True, repr=False)

@@ -93,7 +93,6 @@ def test_a_file_in_mm_with_y_up_becomes_a_sound_study(folder, capsys):
         "unit": "mm",
         "vertical_axis": "y",
         "rate_hz": None,
-        "most_unpacked_mb": 2000,
         "least_score": 0.6,
     }
     assert config["markers"] == {

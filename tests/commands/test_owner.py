@@ -175,7 +175,10 @@ def test_a_snakemake_whose_folder_may_not_be_seen(
     assert release_dead() == ""
     told = owning.who_is_at_work()
     assert str(plain.pid) in told
-    assert "may be a Snakemake that is at work here; if none is at work: rm -r" in told
+    assert (
+        "may be a Snakemake that is at work here; if none is at work: hopdata run"
+        in told
+    )
     other = SimpleNamespace(effective=os.getuid() + 1)
     monkeypatch.setattr(psutil.Process, "uids", lambda _: other)
     assert "was killed; its lock is removed" in release_dead()
@@ -187,7 +190,7 @@ def test_a_lock_without_a_record_stays(locked):
     assert "that hopdata did not start, or one was killed" in owning.who_is_at_work()
 
 
-def test_a_damaged_record_is_no_record(locked, ended):
+def test_a_damaged_record_without_a_name_is_no_record(locked, ended):
     locked(Owner("trial", HERE, *ended))
     (RECORDS / "9.json").write_text('{"study": ')
     (RECORDS / "8.json").write_text("[1]")
@@ -220,6 +223,176 @@ def test_clean_and_doctor_name_the_owner(locked, ended, capsys):
     assert LOCKS.exists()
     assert main(["clean", "config.yaml"]) == 0
     assert not LOCKS.exists()
+
+
+@pytest.mark.parametrize("content", ["", "{", '{"study": 3}', "\0\0"])
+def test_the_name_of_a_damaged_record_tells_whose_it_is(locked, ended, content):
+    """A full disk leaves a file without content, and the lock must not stand for ever."""
+    RECORDS.mkdir(parents=True)
+    (RECORDS / f"{HERE}-{ended[0]}.json").write_text(content)
+    (known,) = owners().values()
+    assert (known.host, known.pid) == (HERE, ended[0])
+    assert "was killed; its lock is removed" in release_dead()
+    (RECORDS / f"{HERE}-{os.getpid()}.json").write_text(content)
+    (known,) = owners().values()
+    assert not known.is_dead
+
+
+def test_jobs_that_outlive_their_run_are_ended_and_drafts_removed(locked, ended):
+    """They write the same files as those of the next run."""
+    locked(Owner("trial", HERE, *ended))
+    scripts = Path(".snakemake/scripts")
+    scripts.mkdir()
+    draft = Path("results/trial/.report.html.123.part")
+    other = Path("results/other/.report.html.123.part")
+    for file in (draft, other):
+        file.parent.mkdir(parents=True)
+        file.touch()
+    text = "print(flush=True)\nimport time\ntime.sleep(60)\n"
+    jobs = []
+    for folder in (scripts, Path("elsewhere")):
+        folder.mkdir(exist_ok=True)
+        script = folder.resolve() / "tmp1.stage.py"
+        script.write_text(text)
+        job = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE)
+        job.stdout.readline()
+        jobs.append(job)
+    try:
+        assert "its lock is removed, a job that it left is ended, and" in release_dead()
+        assert jobs[0].wait(timeout=10) is not None
+        assert jobs[1].poll() is None
+        assert not draft.exists()
+        assert other.exists()
+    finally:
+        for job in jobs:
+            job.kill()
+            job.wait()
+            job.stdout.close()
+
+
+def test_the_lock_of_another_machine_is_taken_only_at_the_users_word(locked):
+    elsewhere = Owner("trial", "another", 1, 0.0)
+    locked(elsewhere)
+    assert release_dead() == ""
+    assert "hopdata run --if-locked take" in owning.who_is_at_work()
+    told = owning.take_over()
+    assert "as asked, the run of 'trial' (process 1 on another, since" in told
+    assert "counts as dead; its lock is removed" in told
+    assert not LOCKS.exists()
+    assert owners() == {}
+    assert owning.take_over() == ""
+
+
+def test_nobody_takes_the_lock_of_a_run_that_lives_here(locked):
+    me = os.getpid()
+    locked(Owner("trial", HERE, me, began(me)))
+    assert owning.take_over() == ""
+    assert LOCKS.exists()
+
+
+def test_a_run_waits_for_others_as_told_and_takes_over_if_they_die(
+    locked, ended, capsys
+):
+    me = os.getpid()
+    locked(Owner("trial", HERE, me, began(me)))
+    start = time.monotonic()
+    owning.wait_for_others(0.2)
+    assert time.monotonic() - start >= 0.2
+    assert LOCKS.exists()
+    locked(Owner("trial", HERE, *ended))
+    owning.wait_for_others(30)
+    assert "was killed; its lock is removed" in capsys.readouterr().err
+    assert not LOCKS.exists()
+
+
+def test_a_plain_snakemake_beside_a_run_is_told_to_wait_and_not_to_unlock(
+    locked, capsys, monkeypatch
+):
+    me = os.getpid()
+    parent = os.getppid()
+    monkeypatch.setattr(owning, "_begun", [])
+    locked(Owner("other", HERE, parent, began(parent)))
+    try:
+        assert not owning.begin("trial", ["snakemake", "--cores", "1"])
+        told = capsys.readouterr().err
+        assert f"the run of 'other' (process {parent} on {HERE}" in told
+        assert "wait for its end" in told
+        assert "--unlock" not in told
+        assert f"process {me}" not in told
+    finally:
+        owning.begun()
+    assert owning.begin("trial", ["snakemake", "--dry-run"]) is False
+
+
+BEGINS = """
+import sys, time
+from pathlib import Path
+from hopdata.commands import owner
+owner.begin("trial", ["snakemake"])
+begun = time.monotonic()
+Path(".snakemake/locks").mkdir(parents=True, exist_ok=True)
+time.sleep(0.3)
+owner.begun()
+print(begun, time.monotonic(), flush=True)
+sys.stdin.read()
+"""
+
+
+def test_of_two_runs_that_begin_at_once_one_waits_for_the_other(tmp_path, monkeypatch):
+    """Otherwise both would find no lock, or take over the same one."""
+    monkeypatch.chdir(tmp_path)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    command = [sys.executable, "-c", BEGINS]
+    both = [subprocess.Popen(command, **pipes) for _ in range(2)]
+    times = sorted([float(x) for x in one.stdout.readline().split()] for one in both)
+    assert len(owners()) == 2
+    for one in both:
+        one.communicate("")
+    assert times[1][0] >= times[0][1] - 0.1
+    assert owners() == {}
+
+
+BEGINNING = """
+import sys
+from hopdata.commands import owner
+owner.begin("plain", sys.argv)
+owner.begin("plain", sys.argv)  # as a workflow that includes another twice
+
+onstart:
+    owner.begun()
+"""
+
+
+def test_a_plain_snakemake_takes_over_too_however_often_it_is_killed(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path("Snakefile").write_text(BEGINNING + RULES)
+    command = [sys.executable, "-m", "snakemake", "--cores", "1", "--rerun-incomplete"]
+    for _ in range(2):
+        killed = subprocess.Popen(
+            command, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        # A take-over removes the lock of the run before.
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            locks = [*LOCKS.glob("*.output.lock")]
+            alive = [one for one in owners().values() if not one.is_dead]
+            begun = [*Path(".snakemake/incomplete").glob("*")]
+            if locks and alive and begun:
+                break
+            time.sleep(0.05)
+        os.killpg(killed.pid, signal.SIGKILL)
+        killed.wait()
+    assert any(LOCKS.glob("*.output.lock"))
+    Path("go").touch()
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    told = [line for line in run.stderr.splitlines() if line.startswith("hopdata:")]
+    assert len(told) == 1
+    assert "the run of 'plain'" in told[0]
+    assert Path("a").read_text() == "whole\n"
+    assert owners() == {}
 
 
 RULES = """

@@ -1,12 +1,13 @@
 """Damaged files of all formats: a sample of what benchmarks/reading.py reads."""
 
 import warnings
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 from damage import case, corpus, placed, read
 
-from hopdata.recordings.readers import trial
+from hopdata.foreign import door
 from hopdata.recordings.readers.formats import READERS, suffix_of
 
 SEED, N_FILES = 5, 1050
@@ -28,20 +29,19 @@ def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
 
 
 @pytest.mark.parametrize("part", range(5))
-def test_a_damaged_file_gives_a_recording_or_a_message(
-    sound, tmp_path, part, monkeypatch
-):
-    monkeypatch.setattr(
-        trial, "seconds_to_read", lambda _: 0.2
-    )  # on some the HDF5 library hangs
+def test_a_damaged_file_gives_a_recording_or_a_message(sound, tmp_path, part, served):
     names, refused = list(sound), 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # includes warnings of other libraries
         for number in range(part, N_FILES, 5):
             name, data = case(sound, names, SEED, number)
-            refused += isinstance(
-                read(placed(tmp_path, name, data)), str
-            )  # any other error fails the test
+            path = placed(tmp_path, name, data)
+            # Any other error fails the test. The HDF5 library hangs on some files.
+            way = door.open_here()
+            if path.suffix in (".h5", ".mat"):
+                way = nullcontext()
+            with way:
+                refused += isinstance(read(path), str)
     assert 0 < refused < N_FILES / 5
 
 

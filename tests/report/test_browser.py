@@ -36,6 +36,8 @@ LISTEN = """<script>
 const told = [];
 for (const kind of ["error", "warn"]) console[kind] = (...words) => told.push(words.join(" "));
 addEventListener("error", (event) => told.push(event.message));
+document.addEventListener("securitypolicyviolation", (event) =>
+  told.push(`${event.violatedDirective}: ${event.sample || event.blockedURI}`));
 </script>"""
 ASK = """<script>
 addEventListener("load", async () => {
@@ -78,8 +80,12 @@ def two_panels():
 
 def seen(page, folder, *options, width=1280, ask=ASK):
     """Return what a browser finds on a page, in a frame of this width."""
+    nonce = re.search(r"script-src 'nonce-(\w+)'", page)[1]
+    parts = [axe(), ask]
+    ours = f'<script nonce="{nonce}">'
+    asking = "".join(part.replace("<script>", ours, 1) for part in parts)
     asked = page.replace("<head>", "<head>" + LISTEN, 1).replace(
-        "</body>", axe() + ask + "</body>"
+        "</body>", asking + "</body>"
     )
     frame = folder / "framed.html"
     frame.write_text(

@@ -478,6 +478,50 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
     assert "hopdata: " not in printed
 
 
+def test_a_flipped_bit_is_noticed_told_and_made_again(sample):
+    """Also of a table that nothing reads again; the date of the file does not tell."""
+    results = sample / "results/sample"
+    files = [results / "tables/section_densities.csv", results / "units.json"]
+    whole = {path.name: path.read_bytes() for path in results.rglob("*.csv")}
+    for file in files:
+        status = file.stat()
+        content = bytearray(file.read_bytes())
+        content[len(content) // 2] ^= 1
+        file.write_bytes(content)
+        os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns))
+    printed = snakemake(sample, "--dry-run").stderr
+    assert "not as written" not in printed
+    printed = completed(sample)
+    assert (
+        "hopdata: results/sample/tables/section_densities.csv and 1 more are not as "
+        "written (damaged, or changed by hand); they are made again"
+    ) in printed
+    assert json.loads(files[1].read_text())
+    assert whole == {path.name: path.read_bytes() for path in results.rglob("*.csv")}
+    assert "Nothing to be done" in completed(sample)
+
+
+def test_a_job_refuses_a_damaged_input_that_changed_after_the_start(tmp_path):
+    """The start of a run looked at nothing here, since it did not make the file."""
+    folder = copy_checkout(tmp_path)
+    part_of_sample(folder / "data/sample/hopper.h5", 30)
+    level = "results/sample/level/hopper.h5"
+    completed(folder, level)
+    script = folder / "workflow/scripts/stage.py"
+    text = script.read_text()
+    damage = "open('results/sample/level/hopper.h5', 'r+b').write(b'x')\n"
+    script.write_text(text.replace("with reported", damage + "with reported"))
+    run = snakemake(
+        folder, "results/sample/contacts/hopper.csv", "--rerun-triggers", "mtime"
+    )
+    assert run.returncode == 1
+    said = [x for x in run.stderr.splitlines() if x.startswith("hopdata: error: ")]
+    assert f"{level}: expected the bytes that were written, found others" in said[-1]
+    script.write_text(text)
+    again = completed(folder, "results/sample/contacts/hopper.csv")
+    assert f"hopdata: {level} is not as written" in again
+
+
 def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sample):
     """A source dated ahead is refused, such results are named, and an older source is read anew."""
     source, made = (
@@ -494,7 +538,9 @@ def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sampl
     os.utime(sample / made, (seconds, time.time() + 86_400))
     run = snakemake(sample, made, "--dry-run")
     assert "rule import_recording:" in run.stdout + run.stderr
-    assert f"hopdata: {made}: {told}, and Snakemake decides" in run.stderr
-    completed(sample, made, "--forceall")
+    assert f"hopdata: {made}: {told}, and a run will date it anew" in run.stderr
+    assert (sample / made).stat().st_mtime > time.time()
+    assert f"hopdata: {made}: {told}; such results are" in completed(sample, made)
+    assert (sample / made).stat().st_mtime <= time.time()
     assert (sample / made).read_bytes() == before
     assert "hopdata: " not in snakemake(sample, made, "--dry-run").stderr

@@ -1,6 +1,7 @@
 import os
 import re
 import sys
+from functools import cache
 from pathlib import Path
 
 from snakemake.io import strip_wildcard_constraints
@@ -35,7 +36,7 @@ for folder in ("results", RESULTS):
             "away, or give the study another name"
         )
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
-check_times((file for files in SOURCES.values() for file in files), RESULTS)
+begin(STUDY["study"], (file for files in SOURCES.values() for file in files), RESULTS)
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
 METHODS = load_schema()["properties"]["touchdowns"]["properties"]["method"]["enum"]
@@ -95,16 +96,18 @@ def stage_code(name):
 
     See `code`. Other stages in the same file do not count.
     """
-    return lambda wildcards: stage_digest(*stages.LINE.sources(name), script=SCRIPTS / "stage.py")
+    digest = cache(lambda: stage_digest(*stages.LINE.sources(name), script=SCRIPTS / "stage.py"))
+    return lambda wildcards: digest()
 
 
 def code(script, *modules, folder=SCRIPTS):
     """Return a function that digests a script, the given modules and the library code they use.
 
-    A rule runs again when the digest changes. It is computed only for planned jobs, because reading
-    all the code takes a second.
+    A rule runs again when the digest changes. It is computed only if the rule has planned jobs, and
+    once for all of them, because reading all the code takes a second.
     """
-    return lambda wildcards: [code_digest(path) for path in (folder / f"{script}.py", *modules)]
+    digests = cache(lambda: [code_digest(path) for path in (folder / f"{script}.py", *modules)])
+    return lambda wildcards: digests()
 
 
 def needs(*, minutes, mb_a_mb=0):

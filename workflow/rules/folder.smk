@@ -1,5 +1,4 @@
 import os
-import shlex
 import sys
 import time
 from contextlib import suppress
@@ -10,20 +9,14 @@ from pathlib import Path
 os.environ.update(PYTHONSAFEPATH="1")
 sys.path[:] = [place for place in sys.path if Path(place).resolve() != Path.cwd()]
 
-# Snakemake refuses a locked folder without saying which command unlocks it.
-if (
-    workflow.is_main_process
-    and "--unlock" not in sys.argv
-    and any(Path(".snakemake/locks").glob("*.output.lock"))
-):
-    is_module = sys.argv[0].endswith("__main__.py")
-    program = [sys.executable, "-m", "snakemake"] if is_module else sys.argv[:1]
-    print(
-        "hopdata: .snakemake/locks: another run is active in this folder, or one was killed; if "
-        "Snakemake refuses to start and no other run is active, unlock the folder: "
-        f"{shlex.join([*program, *sys.argv[1:]])} --unlock",
-        file=sys.stderr,
-    )
+from hopdata import forks
+from hopdata.causes import oom_kills
+from hopdata.commands import deaths, healing, owner
+
+OOM_BEFORE = oom_kills()
+
+# Scripts run as forks of one process that has imported the libraries.
+forks.install()
 SKEW_S = 60  # allowed difference between the clocks of two machines, s
 
 
@@ -41,10 +34,24 @@ def stamps(files):
     return found
 
 
-def check_times(files, folder):
-    """Refuse inputs dated in the future, which Snakemake rejects, and warn of such results."""
+def begin(study, files, folder):
+    """Begin a run: take over the folder of one that was killed, and look at what is there."""
     if not workflow.is_main_process:
         return
+    is_alone = owner.begin(study, sys.argv)
+    check_times(files, folder, mend=is_alone)
+    if is_alone:
+        told = healing.heal(folder)
+        if told:
+            print(f"hopdata: {told}", file=sys.stderr)
+
+
+def check_times(files, folder, *, mend):
+    """Refuse inputs dated in the future, which Snakemake rejects; date such results anew.
+
+    Whether a result is up to date does not hang on its date alone: names, sizes and dates of the
+    user's files are parameters, and a result must have the bytes that were written.
+    """
     made = (os.path.join(place, name) for place, _, names in os.walk(folder) for name in names)
     latest = (time.time() + SKEW_S) * 1e9
     read, kept = ([one[0] for one in stamps(x) if one[2] > latest] for x in (files, made))
@@ -52,14 +59,16 @@ def check_times(files, folder):
     if read:
         sys.exit(f"hopdata: error: {read[0]}: {told}; touch it and run again")
     if kept:
-        print(
-            f"hopdata: {kept[0]}: {told}, and Snakemake decides by file times what to run; run "
-            "once with --force, or --forceall",
-            file=sys.stderr,
-        )
+        anew = "; such results are dated anew" if mend else ", and a run will date it anew"
+        print(f"hopdata: {kept[0]}: {told}{anew}", file=sys.stderr)
+    if mend:
+        for file in kept:
+            with suppress(OSError):
+                os.utime(file)
 
 
 onstart:
+    owner.begun()
     # Remove scripts that Snakemake wrote for the jobs of a killed run, unless another run is active
     # and may be using its own.
     if len(list(Path(".snakemake/locks").glob("*.output.lock"))) == 1:
@@ -69,3 +78,12 @@ onstart:
     # no option disables it.
     if getattr(workflow, "local_exec", False) and hasattr(workflow, "scheduler"):
         workflow.scheduler.job_rate_limiter = None
+
+
+onerror:
+    # Snakemake's page of text ends in one line that says why; `hopdata run` says it itself.
+    if owner.STARTED_BY_HOPDATA not in os.environ:
+        said = [line for file in log for line in open(file, encoding="utf-8", errors="replace")]
+        reason = deaths.why(said, oom_before=OOM_BEFORE)
+        if reason:
+            print(f"hopdata: error: {reason}", file=sys.stderr)

@@ -56,7 +56,7 @@ def pictures(page, programs):
     return drawn
 
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     page = Path(snakemake.output[0])
     programs = snakemake.params.programs
     drawn = pictures(page, programs)

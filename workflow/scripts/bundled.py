@@ -7,7 +7,7 @@ from hopdata.landings.states.pairs import read_pairs
 from hopdata.maps.truth.maps import true_effect
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
     recording = read_recording(source.recording)
     truth = read_truth(source.recording)

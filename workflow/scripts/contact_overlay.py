@@ -4,7 +4,7 @@ from hopdata.jobs import read_table, reported, write_table
 from hopdata.landings.external_truth import overlay_external_truth
 from hopdata.recordings.readers.hdf5 import read_recording
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     overlay = overlay_external_truth(
         [read_recording(path) for path in snakemake.input.recordings],
         read_table(snakemake.input.touchdowns),

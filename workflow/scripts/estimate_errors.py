@@ -13,7 +13,7 @@ from hopdata.maps.truth.maps import (
 from hopdata.maps.truth.scoring import state_errors, true_rows
 from hopdata.recordings.readers.hdf5 import read_truth
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
     output = snakemake.output
     pairs = read_pairs(source.pairs)

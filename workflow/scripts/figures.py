@@ -5,7 +5,7 @@ from pathlib import Path
 from hopdata.figures.style import draw
 from hopdata.jobs import reported
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     for name in snakemake.params.names:
         output = next(path for path in snakemake.output if Path(path).stem == name)
         files = list(snakemake.input.get(name))

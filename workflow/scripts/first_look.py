@@ -5,7 +5,7 @@ from hopdata.maps.prediction import error_ratios
 from hopdata.recordings.readers.hdf5 import read_truth
 from hopdata.report.inputs import picture_of, read_figures, rendered
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
     facts = {}
     for number, name in enumerate(snakemake.params.names):

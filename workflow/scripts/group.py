@@ -3,14 +3,15 @@
 from pathlib import Path
 
 from hopdata.arrays import pd
+from hopdata.figures.sizes import sizes_figure
 from hopdata.figures.style import save_figure
 from hopdata.figures.verdict import group_figure
-from hopdata.group import put_together
+from hopdata.group import one_by_one, put_together
 from hopdata.jobs import read_json, reported, whole_file, write_json, write_table
 from hopdata.report.inputs import read_figures
 from hopdata.report.verdict import build_group_page
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     output = snakemake.output
     rows = [read_json(path) for path in snakemake.input.members]
     group = put_together(rows, snakemake.params.group)
@@ -19,10 +20,13 @@ with reported(snakemake.log[0]):
     write_table(output.table, table)
     write_json(output.answer, group)
     picture = Path(output.figure).with_suffix("")
-    save_figure(group_figure(group), picture, formats=["svg"])
+    few = one_by_one(rows)
+    drawing = group_figure if few else sizes_figure
+    save_figure(drawing(group), picture, formats=["svg"])
     # Without an answer there is nothing to see in the figure.
     has_answer = any(not row["reason"] for row in rows)
     drawn = [output.figure] if has_answer else []
     figures = read_figures(drawn, [snakemake.input.captions])
     with whole_file(output.page) as draft:
-        draft.write_text(build_group_page(group, figures), encoding="utf-8")
+        page = build_group_page(group, figures, one_by_one=few)
+        draft.write_text(page, encoding="utf-8")

@@ -5,7 +5,7 @@ import pandas as pd
 from hopdata.jobs import read_table, reported, write_table
 from hopdata.maps.prediction import error_ratios
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     rows = []
     for number, name in enumerate(snakemake.params.names):
         summary = read_table(snakemake.input.summaries[number])

@@ -5,7 +5,7 @@ from hopdata.maps.truth.scaling import scaling_table
 from hopdata.recordings.readers.hdf5 import read_truth
 from hopdata.synthesis.scaling import study_landings
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     sections = read_json(snakemake.input.sections)
     landings = study_landings(
         [read_truth(path) for path in snakemake.input.recordings],

@@ -7,7 +7,7 @@ from hopdata.landings.floor_surface import FloorModel
 from hopdata.maps.truth.scoring import score
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
     files = dict(zip(snakemake.params.recordings, source.recordings, strict=True))
     truths = {name: read_truth(path) for name, path in files.items()}

@@ -10,7 +10,7 @@ from hopdata.synthesis.scaling import common_scene, exact_maps, true_states
 
 COLUMNS = ("x", "y", "schedule", "spread_s", "index")
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     found = read_json(snakemake.input.sections)
     body = snakemake.params.markers["body"]
     truths = [read_truth(path) for path in snakemake.input.recordings]

@@ -25,22 +25,17 @@ def inspected(options: argparse.Namespace) -> Inspection:
     Parameters
     ----------
     options : Namespace
-        With ``file``, ``unit``, ``vertical_axis``, ``rate`` and ``most_unpacked_mb``.
+        With ``file``, ``unit``, ``vertical_axis`` and ``rate``.
     """
     from hopdata.recordings.quality.inspection import inspect_recording
     from hopdata.recordings.raw import RateUnknownError
     from hopdata.recordings.readers.formats import read_raw
 
-    limit_mb = options.most_unpacked_mb
     with terminal.progress_line(f"reading {options.file}") as progress:
         try:
-            raw = read_raw(
-                options.file, rate_hz=options.rate, most_unpacked_mb=limit_mb
-            )
+            raw = read_raw(options.file, rate_hz=options.rate)
         except RateUnknownError as error:
-            raw = read_raw(
-                options.file, rate_hz=_ANY_RATE_HZ, most_unpacked_mb=limit_mb
-            )
+            raw = read_raw(options.file, rate_hz=_ANY_RATE_HZ)
             raise _with_likely_rate(error, raw) from None
         _require_likely_unit(options, raw)
         return inspect_recording(

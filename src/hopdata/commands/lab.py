@@ -101,7 +101,6 @@ def _init_folder(options: argparse.Namespace) -> int:
         lab = survey(
             folder,
             rate_hz=options.rate,
-            most_unpacked_mb=options.most_unpacked_mb,
             progress=progress,
         )
         if not lab.trials:
@@ -145,9 +144,7 @@ def _inspected(
     from hopdata.recordings.quality.inspection import inspect_recording
     from hopdata.recordings.readers.formats import read_raw
 
-    raw = read_raw(
-        trial.file, rate_hz=options.rate, most_unpacked_mb=options.most_unpacked_mb
-    )
+    raw = read_raw(trial.file, rate_hz=options.rate)
     order = [trial.markers.index(name) for name in common]
     raw = replace(raw, markers=tuple(common), positions=raw.positions[:, order])
     if raw.roles:
@@ -217,7 +214,6 @@ def _as_recording(
             unit=options.unit or "auto",
             vertical_axis=options.vertical_axis or "auto",
             rate_hz=options.rate,
-            most_unpacked_mb=options.most_unpacked_mb,
         )
         check_plausible(recording)
     except RecordingError as error:

@@ -5,14 +5,22 @@ killed run stands for ever. Each run therefore leaves a record: host, process, a
 that process began, since the system gives the number of a dead process to another. A
 Snakemake that hopdata did not start leaves none, so a lock is removed only if no
 Snakemake is at work in the folder.
+
+The Snakefile calls `begin` before Snakemake looks at its lock, and `begun` once the run
+has locked its files. Between the two no other run can begin here, nor take a lock over.
+A take-over may itself be killed: the record of the dead run goes last, so that the next
+run finds it and does the rest.
 """
 
+import atexit
 import json
 import os
 import platform
+import shlex
 import shutil
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -29,7 +37,38 @@ RECORDS = Path(".snakemake/hopdata")
 #: apart, and until then the lock has to be removed by hand.
 _CLOCK_S = 86_400.0
 
+#: Longest wait for another run that is about to begin here.
+#: Unit: s. Origin: chosen. The other plans its jobs meanwhile: 10,000 subjects take
+#: less. A run inside a job of the other would wait for it for ever. 1.5 times larger:
+#: such a run begins half a minute later.
+_BEGINNING_S = 60.0
+
+#: Time in which jobs of a killed run must end once they are asked to.
+#: Unit: s. Origin: chosen. They do nothing at their end, so the system needs some ms.
+#: 1.5 times larger: a job that does not end is killed 1.5 times later.
+_ENDING_S = 5.0
+
 PROC = Path("/proc")
+BEGINNING = RECORDS / "beginning"  # locked by a run that begins
+SCRIPTS = Path(".snakemake/scripts")  # Snakemake's copies of scripts, one a job
+#: Set by `hopdata run` for its Snakemake: it tells itself who holds a lock.
+STARTED_BY_HOPDATA = "HOPDATA_RUN"
+#: Options with which Snakemake runs no jobs.
+_NO_JOBS = {
+    *("-n", "--dry-run", "--dryrun", "--unlock", "--lint", "--summary", "-S"),
+    *("--detailed-summary", "-D", "--dag", "--rulegraph", "--filegraph", "--d3dag"),
+    *(
+        "--list",
+        "--list-rules",
+        "-l",
+        "--list-target-rules",
+        "--lt",
+        "--cleanup-metadata",
+    ),
+    *("--list-input-changes", "--li", "--list-code-changes", "--lc", "--touch", "-t"),
+    *("--list-params-changes", "--lp", "--archive", "--report", "--containerize"),
+    *("--generate-unit-tests", "--delete-all-output", "--print-compilation"),
+}
 
 
 @dataclass(frozen=True)
@@ -119,19 +158,13 @@ def ticks_of(pid: int) -> str:
     return f"{boot} {after_name[19]}"
 
 
+# The record of a run.
+
+
 @contextmanager
 def recorded(study: str, pid: int) -> Iterator[None]:
     """Keep the record of a run while it is at work."""
-    record = RECORDS / f"{platform.node()}-{pid}.json"
-    alive = _is_alive(pid)
-    began = _began(pid)
-    if began is None:
-        began = time.time()
-    with suppress(OSError):  # Snakemake itself complains if a folder is not writable
-        if alive:
-            RECORDS.mkdir(parents=True, exist_ok=True)
-            owner = Owner(study, platform.node(), pid, began, ticks_of(pid))
-            record.write_text(json.dumps(asdict(owner)), encoding="utf-8")
+    record = _write_record(study, pid)
     try:
         yield
     finally:
@@ -139,21 +172,175 @@ def recorded(study: str, pid: int) -> Iterator[None]:
             record.unlink()
 
 
+def _write_record(study: str, pid: int) -> Path:
+    """Write the record of a process that is alive, and return its file.
+
+    On a full disk the file is there but empty; its name still tells host and process.
+    """
+    record = RECORDS / f"{platform.node()}-{pid}.json"
+    began = _began(pid)
+    if began is None:
+        began = time.time()
+    with suppress(OSError):  # Snakemake itself complains if a folder is not writable
+        if _is_alive(pid):
+            RECORDS.mkdir(parents=True, exist_ok=True)
+            owner = Owner(study, platform.node(), pid, began, ticks_of(pid))
+            record.write_text(json.dumps(asdict(owner)), encoding="utf-8")
+    return record
+
+
 def owners() -> dict[Path, Owner]:
     """Return the runs that left a record in the current folder, by its file."""
     found = {}
     for record in sorted(RECORDS.glob("*.json")):
-        with suppress(OSError, ValueError, TypeError, KeyError):
-            content = json.loads(record.read_text(encoding="utf-8"))
-            found[record] = Owner(
-                study=str(content["study"]),
-                host=str(content["host"]),
-                pid=int(content["pid"]),
-                began_s=float(content["began_s"]),
-                # Records of earlier versions have none.
-                ticks=str(content.get("ticks", "")),
-            )
+        try:
+            found[record] = _read_record(record)
+        except (OSError, ValueError, TypeError, KeyError):
+            named = _named_by(record)
+            if named is not None:
+                found[record] = named
     return found
+
+
+def _read_record(record: Path) -> Owner:
+    content = json.loads(record.read_text(encoding="utf-8"))
+    return Owner(
+        study=str(content["study"]),
+        host=str(content["host"]),
+        pid=int(content["pid"]),
+        began_s=float(content["began_s"]),
+        # Records of earlier versions have none.
+        ticks=str(content.get("ticks", "")),
+    )
+
+
+def _named_by(record: Path) -> Owner | None:
+    """Return the run that the name of a damaged record tells; None if it tells none."""
+    host, _, number = record.stem.rpartition("-")
+    if not host or not number.isdigit():
+        return None
+    try:
+        written_s = record.stat().st_mtime
+    except OSError:
+        return None
+    return Owner("a study", host, int(number), written_s)
+
+
+# The beginning of a run.
+
+#: What this process holds while it begins: the open file that it has locked.
+_held: list[Any] = []
+#: Whether this process has begun a run; a Snakefile may be read more than once.
+_begun: list[str] = []
+
+
+def begin(study: str, argv: Iterable[str]) -> bool:
+    """Record this process as a run of `study`, and take over the lock of a dead one.
+
+    Say in one line what was found. Nothing is done if Snakemake runs no jobs, and at
+    every call but the first. Other runs that begin here wait until `begun`.
+
+    Parameters
+    ----------
+    study : str
+    argv : iterable of str
+        Snakemake's command line.
+
+    Returns
+    -------
+    bool
+        Whether this run is the only one here, and will run jobs.
+    """
+    words = [*argv]
+    if _NO_JOBS & {*words}:
+        return False
+    if _begun:
+        return not is_locked()
+    _begun.append(study)
+    _hold_beginning()
+    pid = os.getpid()
+    record = _write_record(study, pid)
+    atexit.register(_remove_own, record, pid)
+    told = release_dead(apart_from=record)
+    if not told and is_locked():
+        told = _locked(words, record)
+    if told:
+        print(f"hopdata: {told}", file=sys.stderr, flush=True)
+    return not is_locked()
+
+
+def begun() -> None:
+    """Let other runs begin: this one has locked its files."""
+    while _held:
+        _held.pop().close()
+
+
+def _remove_own(record: Path, pid: int) -> None:
+    """Remove a record at the end of its process, not at that of a fork of it."""
+    if os.getpid() == pid:
+        with suppress(OSError):
+            record.unlink()
+
+
+def _hold_beginning() -> None:
+    """Wait until no other run is about to begin here, and keep others from it.
+
+    The system ends this when the process ends, however it does. Without locks (Windows,
+    some file servers) runs do not wait for one another.
+    """
+    with suppress(ImportError, OSError):
+        import fcntl
+
+        RECORDS.mkdir(parents=True, exist_ok=True)
+        file = BEGINNING.open("a")
+        _held.append(file)
+        until = time.monotonic() + _BEGINNING_S
+        while time.monotonic() < until:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                time.sleep(0.05)
+            else:
+                return
+
+
+@contextmanager
+def _none_begins() -> Iterator[None]:
+    """Keep runs from beginning while it is decided whether one of them is dead."""
+    if _held or not RECORDS.exists():
+        yield
+        return
+    _hold_beginning()
+    try:
+        yield
+    finally:
+        begun()
+
+
+def _locked(words: list[str], own: Path) -> str:
+    """Tell the user of a plain Snakemake who holds the lock, and how to remove it.
+
+    `hopdata run` tells this itself. Snakemake refuses a locked folder without a word on
+    the command that unlocks it, but only if the locked files are its own.
+    """
+    if os.environ.get(STARTED_BY_HOPDATA):
+        return ""
+    others = [run for record, run in owners().items() if record != own]
+    living = [run for run in others if run.is_here and not run.is_dead]
+    if living:
+        return f"{LOCKS}: {_names(living)} is at work here; wait for its end"
+    program = words[:1]
+    if words[0].endswith("__main__.py"):
+        program = [sys.executable, "-m", "snakemake"]
+    unlock = shlex.join([*program, *words[1:], "--unlock"])
+    return (
+        f"{LOCKS}: another run is active in this folder, or one was killed; if "
+        "Snakemake refuses to start and no other run is active, unlock the folder: "
+        f"{unlock}"
+    )
+
+
+# The lock.
 
 
 def is_locked() -> bool:
@@ -167,8 +354,13 @@ def lock_is_dead() -> bool:
     It is if hopdata knows of a run, each run that it knows of is dead, and no Snakemake
     that somebody else started is at work here, or may be.
     """
-    known = owners().values()
-    if not known or not all(owner.is_dead for owner in known):
+    return _none_at_work(owners().values())
+
+
+def _none_at_work(known: Iterable[Owner]) -> bool:
+    """Tell whether all runs that left a record are dead, and no other is here."""
+    runs = [*known]
+    if not runs or not all(owner.is_dead for owner in runs):
         return False
     here, perhaps = snakemakes()
     return not here and not perhaps
@@ -214,7 +406,11 @@ def _runs_snakemake(process: Any) -> bool:
     except psutil.AccessDenied:  # only its name may be seen
         name = process.name().lower()
         return "snakemake" in name or "python" in name
-    if process.status() == psutil.STATUS_ZOMBIE:
+    if not words or process.status() == psutil.STATUS_ZOMBIE:
+        return False
+    program = Path(words[0])
+    # Others, such as `timeout 60 snakemake`, only start one.
+    if program.stem != "snakemake" and "python" not in program.name.lower():
         return False
     return any(Path(word).stem == "snakemake" for word in words)
 
@@ -232,39 +428,147 @@ def _may_own_lock(process: Any) -> bool:
         return True  # not known; Windows has no such numbers
 
 
-def release_dead() -> str:
-    """Remove the lock of a killed run, and its record.
+def release_dead(apart_from: Path | None = None) -> str:
+    """Remove the lock of a killed run, its record, and what it was about to write.
 
     The lock stays while any run here is alive or may be, since it may be that run's. If
     that is a Snakemake without a record, the records stay too: it may be a job that has
-    outlived its killed run, and the lock can be removed after its end.
+    outlived its killed run, and the lock can be removed after its end. Jobs of the
+    killed run that are still at work are ended, since they write the same files.
+
+    Parameters
+    ----------
+    apart_from : Path, optional
+        Record of a run that does not count: the caller's own.
 
     Returns
     -------
     str
         What was done; empty if nothing.
     """
-    known = owners()
-    dead = {record: owner for record, owner in known.items() if owner.is_dead}
-    done = ""
-    if dead and len(dead) == len(known) and is_locked():
-        if not lock_is_dead():
-            return ""
-        shutil.rmtree(LOCKS, ignore_errors=True)
-        killed = " and ".join(map(str, dead.values()))
-        anew = "what it left unfinished is made anew"
-        done = f"{killed} was killed; its lock is removed, and {anew}"
-    for record in dead:
-        with suppress(OSError):
-            os.unlink(record)
+    with _none_begins():
+        known = owners()
+        known.pop(apart_from, None)  # type: ignore[arg-type]
+        dead = {record: owner for record, owner in known.items() if owner.is_dead}
+        done = ""
+        if dead and len(dead) == len(known) and is_locked():
+            if not _none_at_work(known.values()):
+                return ""
+            killed = " and ".join(map(str, dead.values()))
+            done = f"{killed} was killed; {_take()}"
+        for record in dead:
+            with suppress(OSError):
+                os.unlink(record)
     return done
+
+
+def may_be_taken() -> bool:
+    """Tell whether there is a lock, of no run that is known to live on this machine."""
+    if not is_locked():
+        return False
+    if any(one.is_here and not one.is_dead for one in owners().values()):
+        return False
+    here, _ = snakemakes()
+    return not here
+
+
+def take_over() -> str:
+    """Remove a lock at the user's word: of a run elsewhere, or of nobody knows whom.
+
+    A run that is known to be at work on this machine keeps it.
+
+    Returns
+    -------
+    str
+        What was done; empty if nothing.
+    """
+    with _none_begins():
+        if not may_be_taken():
+            return ""
+        known = owners()
+        done = f"as asked, {_names(known.values())} counts as dead; {_take()}"
+        for record in known:
+            with suppress(OSError):
+                os.unlink(record)
+    return done
+
+
+def _names(runs: Iterable[Owner]) -> str:
+    return " and ".join(map(str, runs)) or "a run that is not known"
+
+
+def _take() -> str:
+    """End what is left of a dead run, remove its drafts, then its lock; say so."""
+    n_ended = _end_jobs()
+    _remove_drafts()
+    shutil.rmtree(LOCKS, ignore_errors=True)
+    jobs = ""
+    if n_ended == 1:
+        jobs = "a job that it left is ended, "
+    elif n_ended:
+        jobs = f"{n_ended} jobs that it left are ended, "
+    anew = "what it left unfinished is made anew"
+    return f"its lock is removed, {jobs}and {anew}"
+
+
+def _end_jobs() -> int:
+    """End jobs here whose Snakemake is dead; return how many there were."""
+    import psutil
+
+    scripts = SCRIPTS.resolve()
+    jobs = []
+    for process in psutil.process_iter():
+        with suppress(psutil.Error, OSError, IndexError):
+            script = Path(process.cmdline()[-1])
+            if (
+                script.parent.name == scripts.name
+                and script.parent.resolve() == scripts
+            ):
+                process.terminate()
+                jobs.append(process)
+    _, living = psutil.wait_procs(jobs, timeout=_ENDING_S)
+    for process in living:
+        with suppress(psutil.Error):
+            process.kill()
+    psutil.wait_procs(living, timeout=_ENDING_S)
+    return len(jobs)
+
+
+def _remove_drafts() -> None:
+    """Remove temporary files beside the files that a dead run had locked."""
+    folders = set()
+    for lock in LOCKS.glob("*.output.lock"):
+        with suppress(OSError):
+            lines = lock.read_text(encoding="utf-8", errors="replace").splitlines()
+            folders |= {Path(line).parent for line in lines}
+    for folder in folders:
+        for draft in folder.glob(".*.part"):
+            with suppress(OSError):
+                draft.unlink()
+
+
+def wait_for_others(seconds: float = float("inf")) -> None:
+    """Wait until no files are locked here; take over the lock of a run that dies.
+
+    Parameters
+    ----------
+    seconds
+        Longest wait.
+    """
+    until = time.monotonic() + seconds
+    while is_locked() and time.monotonic() < until:
+        told = release_dead()
+        if told:
+            print(f"hopdata: {told}", file=sys.stderr, flush=True)
+            return
+        time.sleep(min(1.0, seconds))
 
 
 def who_is_at_work() -> str:
     """Name the runs that may hold the lock of the current folder."""
     alive = [owner for owner in owners().values() if not owner.is_dead]
     elsewhere = [owner for owner in alive if not owner.is_here]
-    how = f"if none is at work: rm -r {LOCKS}"
+    how = f"if none is at work: hopdata run --if-locked take, or rm -r {LOCKS}"
     if alive:
         runs = " and ".join(map(str, alive))
         if elsewhere:

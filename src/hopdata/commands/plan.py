@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from hopdata.analysis import planned
 from hopdata.commands.terminal import OK, print_table
-from hopdata.commands.values import values_of
+from hopdata.commands.values import require_number, values_of
 from hopdata.commands.workflow import run_workflow
 from hopdata.errors import ConfigError
 
@@ -26,17 +27,16 @@ def plan(options: argparse.Namespace) -> int:
     if effect is None:
         sentence = values_of(file, "verdict.json", "sentence")[0]
         raise ConfigError(f"{file}: the pilot has no answer: {sentence}")
-    if "allowed" not in effect:
+    if not isinstance(effect, dict) or not {"allowed", "detectable"} <= {*effect}:
         raise ConfigError.at(
             file, "a verdict of this version", "an older one; run the pilot again"
         )
-    detectable = effect["detectable"]
-    allowed = effect["allowed"]
+    landings = int(require_number(file, "n_landings", landings))
+    require_number(file, "n_feet", feet)
+    require_number(file, "power", power)
+    detectable, allowed, detectable_nearest, allowed_nearest = _sizes(file, effect)
     found = f"{100 * detectable:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
-    # Verdicts of older versions tell of one window only.
-    detectable_nearest = effect.get("detectable_nearest", detectable)
-    allowed_nearest = effect.get("allowed_nearest", allowed)
     asked = {*planned(min(allowed, allowed_nearest))}
     if options.difference is not None:
         asked.add(options.difference)
@@ -56,6 +56,18 @@ def plan(options: argparse.Namespace) -> int:
     if options.figure is not None:
         _draw(options.figure, needed, (landings, detectable), power)
     return OK
+
+
+def _sizes(file: Path, effect: Mapping[str, Any]) -> list[float]:
+    """Return what is detectable and what smooth terms may account for, in two windows.
+
+    Verdicts of older versions tell of one window only.
+    """
+    sizes = []
+    for key in ("detectable", "allowed", "detectable_nearest", "allowed_nearest"):
+        value = effect.get(key, effect[key.removesuffix("_nearest")])
+        sizes.append(float(require_number(file, f"effect.{key}", value)))
+    return sizes
 
 
 def _print_needed(needed: Mapping[float, int]) -> None:

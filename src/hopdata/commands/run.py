@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from hopdata import products
-from hopdata.commands.terminal import OK, PROBLEM
+from hopdata.bundled import SNAKEFILE
+from hopdata.commands.terminal import OK, PROBLEM, write_text
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
 from hopdata.errors import ConfigError, HopdataError, did_you_mean, require
@@ -20,7 +21,6 @@ from hopdata.jobs import read_json
 from hopdata.provenance import package_digest
 from hopdata.report.tables import quality_summary
 from hopdata.stages import LINE
-from hopdata.walk import SNAKEFILE
 
 GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
 SAMPLE = Path("data/sample/hopper.h5")
@@ -65,6 +65,7 @@ def run(options: argparse.Namespace) -> int:
         *("--cores", options.cores),
         *passed,
         snakefile=asked.snakefile,
+        if_locked=options.if_locked,
     )
     if code:
         return _contacts_instead(asked, is_part=options.until is not None)
@@ -183,9 +184,10 @@ def _run_again(options: argparse.Namespace) -> int:
     # Names of studies have at most 100 characters.
     again = f"{config['study'][:94]}_again"
     copy = Path("results", again, "config.yaml")
-    copy.parent.mkdir(parents=True, exist_ok=True)
-    copy.write_text(yaml.safe_dump({**config, "study": again}), encoding="utf-8")
-    if run_workflow(copy, again, "--cores", options.cores, *options.passed_on):
+    _require_inside(copy)
+    write_text(copy, yaml.safe_dump({**config, "study": again}))
+    passed = ("--cores", options.cores, *options.passed_on)
+    if run_workflow(copy, again, *passed, if_locked=options.if_locked):
         return PROBLEM
     old = place.parent
     new = copy.parent
@@ -201,6 +203,18 @@ def _run_again(options: argparse.Namespace) -> int:
         else:
             print(f"  {name} is missing")
     return PROBLEM if different or unreadable else OK
+
+
+def _require_inside(file: Path) -> None:
+    """Refuse a file of results that links lead out of this folder's ``results``.
+
+    The folder may come with the record from somebody else. That ``results`` itself is a
+    link, say to a larger disk, is for the user to choose.
+    """
+    results = Path("results").resolve()
+    if file.is_symlink() or not file.resolve().is_relative_to(results):
+        found = f"a link to {file.resolve()}; remove it"
+        raise ConfigError.at(file, "a file of this folder", found)
 
 
 def _require_sound(place: Path, config: dict[str, Any]) -> None:

@@ -10,9 +10,9 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, TextIO, cast
 
-from hopdata.errors import HopdataError
+from hopdata.errors import NO_BREAK_SPACES, HopdataError, printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,6 +23,56 @@ if TYPE_CHECKING:
 OK = 0
 PROBLEM = 1
 INTERRUPTED = 130
+
+
+# What is written to a terminal. Names and messages come from files, and a terminal
+# obeys what it is told between letters: it moves, hides and links text, and fills the
+# clipboard. So all that a command prints passes `printable`.
+
+
+class Screened:
+    """A stream that passes on text without what a terminal would obey.
+
+    Line ends and tabs stay. What hopdata itself tells the terminal goes to `raw`.
+
+    Parameters
+    ----------
+    raw : text stream
+        Where the text goes.
+    """
+
+    def __init__(self, raw: TextIO) -> None:
+        self.raw = raw
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        self.raw.write(printable(text, keep=f"\n\t{NO_BREAK_SPACES}"))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write texts, one after the other."""
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.raw, name)
+
+
+@contextmanager
+def screened() -> Iterator[None]:
+    """Pass all that is printed meanwhile, in this process, through `printable`."""
+    before = (sys.stdout, sys.stderr)
+    sys.stdout = cast("TextIO", Screened(before[0]))
+    sys.stderr = cast("TextIO", Screened(before[1]))
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
+
+
+def raw_stream(stream: TextIO) -> TextIO:
+    """Return the stream to which hopdata may write what a terminal obeys."""
+    return stream.raw if isinstance(stream, Screened) else stream
 
 
 # Tables on stdout.
@@ -51,7 +101,7 @@ def draw_table(
     for heading, side in columns.items():
         table.add_column(heading, justify=side)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(printable, row))
     _console().print(table)
 
 
@@ -69,7 +119,8 @@ def _console(*, stderr: bool = False) -> Console:
     """Return a console that shows text as it is: names may look like markup."""
     from rich.console import Console
 
-    return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
+    stream = raw_stream(sys.stderr if stderr else sys.stdout)
+    return Console(file=stream, markup=False, emoji=False, highlight=False)
 
 
 # Progress on stderr, gone when the work is done.
@@ -97,7 +148,7 @@ def progress_line(first: str = "") -> Iterator[Callable[[str], None]]:
 
 
 def _waiting(step: str) -> str:
-    return f"{step} ..." if step else ""
+    return f"{printable(step)} ..." if step else ""
 
 
 @contextmanager
@@ -120,9 +171,9 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int, str], None]]:
         )
         return
     with _drawn_progress() as progress:
-        task = progress.add_task(title, total=None, remark="")
+        task = progress.add_task(printable(title), total=None, remark="")
         yield lambda done, of, remark: progress.update(
-            task, completed=done, total=of, remark=remark
+            task, completed=done, total=of, remark=printable(remark)
         )
 
 

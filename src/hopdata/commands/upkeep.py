@@ -10,8 +10,8 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
+from hopdata.bundled import SNAKEFILE
 from hopdata.commands.owner import (
     LOCKS,
     is_locked,
@@ -21,10 +21,9 @@ from hopdata.commands.owner import (
     who_is_at_work,
 )
 from hopdata.commands.terminal import OK, PROBLEM, print_table
+from hopdata.commands.values import values_of
 from hopdata.errors import ConfigError
-from hopdata.jobs import read_json
 from hopdata.provenance import MISSING, REPORTED, version_of
-from hopdata.walk import SNAKEFILE
 
 #: Packages that one function needs alone, and this function.
 OPTIONAL = {"xarray": "Recording.to_xarray", "qtm-rt": "hopdata drive --host"}
@@ -123,6 +122,9 @@ def clean(options: argparse.Namespace) -> int:
     else:
         found = [_results_of(options.config)]
     for folder in found:
+        if folder.is_symlink():
+            found = "a link, which may lead anywhere; remove it by hand"
+            raise ConfigError.at(folder, "a folder of results", found)
         if not folder.is_dir():
             continue
         if options.dry_run:
@@ -137,7 +139,9 @@ def _results_of(file: Path) -> Path:
     """Return the folder of a study's results, unless they are of other recordings."""
     from hopdata.config.loading import read_yaml
 
-    config = read_yaml(file) or {}
+    config = read_yaml(file)
+    if not isinstance(config, Mapping):
+        raise ConfigError.at(file, "a configuration", "another file")
     study = str(config.get("study") or "")
     if not study or Path(study).name != study or study.startswith("."):
         raise ConfigError.at(f"{file}: study", "a name", f"'{study}'")
@@ -146,7 +150,8 @@ def _results_of(file: Path) -> Path:
     if not record.exists():
         return folder
     # Another study may have the same name by mistake.
-    known = _files_in(read_json(record)["config"])
+    (recorded,) = values_of(record, "provenance.json", "config")
+    known = _files_in(recorded)
     own = _files_in(config)
     if known and own != known:
         found = f"{own}; to remove it all the same: rm -r {folder}"
@@ -154,10 +159,14 @@ def _results_of(file: Path) -> Path:
     return folder
 
 
-def _files_in(config: Mapping[str, Any]) -> str:
+def _files_in(config: object) -> str:
     """List the files of a configuration's recordings."""
-    recordings = config.get("recordings") or ()
-    return ", ".join(str(recording.get("file")) for recording in recordings)
+    recordings = config.get("recordings") if isinstance(config, Mapping) else ()
+    named = []
+    for recording in recordings if isinstance(recordings, list) else ():
+        if isinstance(recording, Mapping):
+            named.append(str(recording.get("file")))
+    return ", ".join(named)
 
 
 def _remove(folder: Path) -> None:

@@ -4,19 +4,32 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from hopdata.commands.owner import LOCKS, recorded, release_dead, who_is_at_work
+from hopdata.bundled import SNAKEFILE
+from hopdata.causes import oom_kills, signal_told
+from hopdata.commands import deaths
+from hopdata.commands.owner import (
+    LOCKS,
+    STARTED_BY_HOPDATA,
+    is_locked,
+    may_be_taken,
+    recorded,
+    release_dead,
+    take_over,
+    wait_for_others,
+    who_is_at_work,
+)
 from hopdata.commands.terminal import progress_bar
 from hopdata.errors import counted, require
-from hopdata.walk import SNAKEFILE
 
 #: Snakemake's messages on jobs: start, end and count.
 _SAID = re.compile(
@@ -35,20 +48,31 @@ def is_dry(options: Iterable[str]) -> bool:
 
 
 def run_workflow(
-    config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE
+    config: Path,
+    study: str,
+    *options: str,
+    snakefile: Path = SNAKEFILE,
+    if_locked: str = "ask",
 ) -> int:
     """Run Snakemake on a configuration, show progress, and return its exit code.
 
     Its stderr goes to ``results/<study>/logs/run.log``, which is named if it fails.
+
+    Parameters
+    ----------
+    if_locked
+        What to do if another run may be at work here: ``ask`` on a terminal, and else
+        leave it to Snakemake, which refuses files that are locked; ``wait`` for its
+        end; or ``take`` its files over.
     """
     wanted = "the workflow"
     require(snakefile.exists(), str(snakefile), wanted, "no file; install hopdata anew")
-    unlocked = release_dead()
-    if unlocked:
-        print(f"hopdata: {unlocked}", file=sys.stderr, flush=True)
+    if not is_dry(options):
+        _settle_lock(if_locked)
     if not os.access(os.path.expanduser("~"), os.W_OK):
         # Snakemake caches downloads there.
         os.environ.setdefault("XDG_CACHE_HOME", os.path.abspath(".snakemake"))
+    oom_before = oom_kills()
     # The table of a dry run is read below; that of a run goes to the user's terminal.
     listed = "--dry-run" in options
     given_cores = options[options.index("--cores") + 1]
@@ -59,13 +83,14 @@ def run_workflow(
         stderr=subprocess.PIPE,
         # Python would look for modules in the working folder first, for Snakemake and
         # for its jobs. That is a study's folder, into which anyone may have put files.
-        env=os.environ | {"PYTHONSAFEPATH": "1"},
+        env=os.environ | {"PYTHONSAFEPATH": "1", STARTED_BY_HOPDATA: "1"},
         encoding="utf-8",
         errors="replace",
     )
     with (
         process as snakemake,
         recorded(study, snakemake.pid),
+        _passed_on(snakemake),
         progress_bar(study) as show,
     ):
         progress = Progress(show, cores)
@@ -84,11 +109,54 @@ def run_workflow(
         with suppress(OSError):
             log.parent.mkdir(parents=True, exist_ok=True)
             log.write_text("".join(progress.said), encoding="utf-8")
-    if code:
-        _report_failure(progress.said, log)
+    if code < 0:
+        told = signal_told(-code, oom_before=oom_before)
+        print(f"hopdata: error: Snakemake: {told}", file=sys.stderr)
+    elif code:
+        _report_failure(progress.said, log, oom_before)
     elif listed:
         print(_planned(study, table))
     return code
+
+
+@contextmanager
+def _passed_on(snakemake: subprocess.Popen[str]) -> Iterator[None]:
+    """Pass a request to end on to Snakemake, which ends its jobs and its lock."""
+
+    def pass_on(number: int, _: object) -> None:
+        snakemake.send_signal(number)
+
+    try:
+        before = signal.signal(signal.SIGTERM, pass_on)
+    except ValueError:  # only the main thread gets signals
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _settle_lock(if_locked: str) -> None:
+    """Take over the lock of a dead run; of another, do as told."""
+    told = release_dead()
+    if not told and is_locked():
+        if if_locked == "wait":
+            print(f"hopdata: {who_is_at_work()}", file=sys.stderr, flush=True)
+            wait_for_others()
+        elif if_locked == "take" or _is_to_be_taken():
+            told = take_over()
+    if told:
+        print(f"hopdata: {told}", file=sys.stderr, flush=True)
+
+
+def _is_to_be_taken() -> bool:
+    """Ask whether a lock is taken over, if it may be that of a dead run."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()) or not may_be_taken():
+        return False
+    print(f"hopdata: {who_is_at_work()}", file=sys.stderr)
+    print("hopdata: take its files over? [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
 
 def _command(
@@ -174,13 +242,17 @@ def _in_words(seconds: float) -> str:
     return f"{seconds / 60:.0f} min"
 
 
-def _report_failure(said: Sequence[str], log: Path) -> None:
+def _report_failure(said: Sequence[str], log: Path, oom_before: int | None) -> None:
     """Say why Snakemake failed, and where all that it said is kept."""
     if any("cannot be locked" in line for line in said):
         found = f"expected files that are not locked, found: {who_is_at_work()}"
         print(f"hopdata: error: {LOCKS}: {found}", file=sys.stderr)
-    elif not any(line.startswith("hopdata:") for line in said):
-        print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
+    elif not any(line.startswith("hopdata: error:") for line in said):
+        reason = deaths.why(said, oom_before=oom_before)
+        if reason:
+            print(f"hopdata: error: {reason}", file=sys.stderr)
+        else:
+            print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
     if log.exists():
         print(f"hopdata: {log}: all that Snakemake said", file=sys.stderr)
 

@@ -1,5 +1,6 @@
 """Checks beyond the schema: whether the parts of a configuration fit together."""
 
+import errno
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
@@ -12,6 +13,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from hopdata.errors import ConfigError, did_you_mean, mismatch
+from hopdata.foreign.texts import kind_of
 from hopdata.scenes import STANDARD, scene_class
 
 
@@ -236,14 +238,27 @@ def recording_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
             yield f"{key}[{k}]" if is_list else key, name
 
 
+def unnameable_files(config: dict[str, Any]) -> Iterator[str]:
+    """Yield a message for each name that no file can have: the system refuses it."""
+    for key, name in [*recording_files(config), *external_files(config)]:
+        try:
+            os.stat(name)
+        except OSError as error:
+            if error.errno == errno.ENAMETOOLONG:
+                found = f"a name of {len(name)} characters"
+                yield mismatch(key, "the name of a file", found)
+        except ValueError:  # a zero byte, or half a character
+            yield mismatch(key, "the name of a file", repr(name))
+
+
 def missing_files(config: dict[str, Any]) -> Iterator[str]:
-    """Yield a message for each file that does not exist."""
+    """Yield a message for each file that does not exist, or is no plain file."""
     for key, name in [*recording_files(config), *external_files(config)]:
         file = Path(name)
         if file.is_file():
             continue
-        if file.is_dir():
-            found = f"the folder '{file}'"
+        if file.exists():
+            found = f"'{file}', which is {kind_of(file.stat().st_mode)}"
         else:
             found = f"no '{file}'{nearest_file(file)}"
         yield mismatch(key, "a file", found)

@@ -10,9 +10,16 @@ from typing import Any
 import yaml
 
 from hopdata import products
-from hopdata.config.consistency import CHECKS, missing_files, nearest_file
+from hopdata.config.consistency import (
+    CHECKS,
+    missing_files,
+    nearest_file,
+    unnameable_files,
+)
 from hopdata.config.schema import default_of, describe, dotted, load_schema
 from hopdata.errors import ConfigError
+from hopdata.foreign.texts import is_absent, text_of
+from hopdata.foreign.yaml_texts import loaded, root_node
 from hopdata.scenes import SCENES, STANDARD
 
 # Keys and indices that lead to a value.
@@ -50,8 +57,8 @@ def place_of(mistake: str, files: Iterable[str | Path], otherwise: str) -> str:
 def key_lines(file: str | Path) -> dict[str, int]:
     """Return the line, from 1, of each key and entry of a YAML file, by dotted path."""
     try:
-        root = yaml.compose(Path(file).read_text(encoding="utf-8"), yaml.SafeLoader)
-    except (OSError, ValueError, RecursionError, yaml.YAMLError):
+        root = root_node(text_of(file), file)
+    except (ConfigError, ValueError, RecursionError, yaml.YAMLError):
         return {}
     if root is None:
         return {}
@@ -72,11 +79,7 @@ def _lines(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, int]]:
             yield from _lines(value, (*path, i))
 
 
-# YAML as written by users: a duplicate key is a mistake, not a choice.
-
-#: Entries beyond which a file is refused, so that nested aliases fill no memory.
-#: Unit: entries. Origin: chosen.
-MOST_ENTRIES = 100_000
+# YAML as written by users.
 
 
 def read_yaml(path: str | Path) -> Any:
@@ -85,61 +88,30 @@ def read_yaml(path: str | Path) -> Any:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, has a duplicate key, or has aliases
-        that would expand to more than `MOST_ENTRIES`.
+        If the file cannot be read, is not YAML, has a duplicate key, or is larger than
+        any configuration (`hopdata.foreign.yaml_texts`).
     """
     path = Path(path)
     text = _text_of(path)
     try:
-        loader = _StrictLoader(text)
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        _require_moderate(path, node)
-        return loader.construct_document(node)
+        return loaded(text, path)
     except yaml.MarkedYAMLError as error:
         raise _not_yaml(path, text, error) from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError) as error:
         raise ConfigError(f"{path}: expected YAML, found: {error}") from None
 
 
 def _text_of(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        found = f"{error.strerror or error}"
-        if isinstance(error, FileNotFoundError):
-            found += nearest_file(path)
-        message = f"{path}: expected a readable configuration, found: {found}"
-        raise ConfigError(message) from None
-    except UnicodeDecodeError:
-        found = "other bytes (a recording? use init)"
-        raise ConfigError.at(path, "YAML in UTF-8", found) from None
-
-
-def _require_moderate(path: Path, node: Any) -> None:
-    """Refuse a file whose aliases expand to more than memory can hold."""
-    size = _expanded(node, {})
-    if size > MOST_ENTRIES:
-        once = "once the aliases (*name) stand for what they repeat"
-        found = f"{size} {once}; write out what is needed"
-        raise ConfigError.at(path, f"at most {MOST_ENTRIES} entries", found)
-
-
-def _expanded(node: Any, known: dict[int, int]) -> int:
-    """Count the entries of a node with aliases expanded, visiting each node once."""
-    if id(node) in known:
-        return known[id(node)]
-    known[id(node)] = 0  # recursive nodes are refused elsewhere
-    size = 1
-    entries = node.value if isinstance(node.value, list) else []
-    for entry in entries:
-        # An entry of a mapping is a pair of key and value.
-        parts = entry if isinstance(entry, tuple) else (entry,)
-        for part in parts:
-            size += _expanded(part, known)
-    known[id(node)] = size
-    return size
+        return text_of(
+            path,
+            wanted="a readable configuration, YAML in UTF-8",
+            hint=" (a recording? use init)",
+        )
+    except ConfigError as error:
+        if is_absent(error):
+            raise ConfigError(f"{error}{nearest_file(path)}") from None
+        raise
 
 
 def _not_yaml(path: Path, text: str, error: yaml.MarkedYAMLError) -> ConfigError:
@@ -161,34 +133,6 @@ def _hint(problem: str | None, character: str) -> str:
     if "\\t" in problem or "\t" in problem or character == "\t":
         return "; indent with spaces, not with tabs"
     return ""
-
-
-class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Safe loader that refuses duplicate keys; by default the last one would win."""
-
-    def construct_object(self, node: Any, deep: bool = False) -> Any:
-        """Make a value; PyYAML raises almost anything if tag and text do not fit."""
-        try:
-            return super().construct_object(node, deep)
-        except (yaml.YAMLError, RecursionError):
-            raise
-        except Exception:
-            kind = node.tag.removeprefix("tag:yaml.org,2002:")
-            raise _at_node(f"a value that is no {kind}", node) from None
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        seen = set()
-        for key_node, _ in node.value:
-            key = str(key_node.value)
-            # "<<" merges another mapping, and may do so several times.
-            if key in seen and key != "<<":
-                raise _at_node(f"the key '{key}' twice in one place", key_node)
-            seen.add(key)
-        return super().construct_mapping(node, deep)
-
-
-def _at_node(problem: str, node: Any) -> yaml.MarkedYAMLError:
-    return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
 # Lines of a message: more would hide the first, which often causes the others.
@@ -243,6 +187,7 @@ def load_config(
     except RecursionError:
         raise ConfigError.at(place, "a tree of keys", "one within itself") from None
     _raise_all(place, origins, _schema_mistakes(config, schema))
+    _raise_all(place, origins, [*unnameable_files(config)])
     checks = [*CHECKS]
     if check_files:
         checks.append(missing_files)

@@ -17,7 +17,7 @@ import yaml
 
 from hopdata import products
 from hopdata.errors import did_you_mean, require
-from hopdata.scenes import SCENES, STANDARD, scene_class
+from hopdata.scenes import SCENES, STANDARD, blamed_scene, scene_class
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
@@ -52,11 +52,13 @@ def load_schema(scene: str = STANDARD) -> dict[str, Any]:
     schema: dict[str, Any] = yaml.load(text, Loader=loader)
     _take_choices(schema)
     for product in products.installed():
-        schema["properties"] |= product.block()
+        with product.blamed():
+            schema["properties"] |= product.block()
     simulation = schema["properties"]["simulation"]["properties"]
     if scene != STANDARD:
         del simulation[STANDARD]
-        simulation[scene] = _scene_block(scene)
+        with blamed_scene(scene):
+            simulation[scene] = _scene_block(scene)
     return schema
 
 
@@ -453,6 +455,10 @@ REMOVED = {
     "sections.tail_fraction": (
         "this key was removed: sections are now chosen from landings, "
         "not from tails of frames (see sections.rule); delete the line"
+    ),
+    "input.most_unpacked_mb": (
+        "this key was removed: what a file may unpack to now follows from its size and "
+        "the free memory; delete the line"
     ),
 }
 

@@ -28,6 +28,7 @@ from hopdata.jobs import read_json, read_table, write_json, write_table
 
 if TYPE_CHECKING:
     from hopdata.arrays import pd
+from hopdata.bundled import SNAKEFILE
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +38,7 @@ FIGURES = "figures"
 
 # The folder of the bundled configurations and recordings, in which parts run: the
 # checkout, or the folder of the workflow in an installed wheel.
-BUNDLED = Path(__file__).parents[1].joinpath("_workflow", "Snakefile").resolve().parent
+BUNDLED = SNAKEFILE.parent
 
 # Libraries that an installation may lack, and how to get them.
 EXTRAS = {"mujoco": "make dissertation, or pip install 'hopdata[dissertation]'"}

@@ -1,18 +1,15 @@
-"""What a file may cost, known from its size before it is read.
+"""How many names, lines and levels a recording's file may have, and what it unpacks to.
 
 A file is a claim: a few bytes can name millions of markers, nest a thousand groups or
 unpack to gigabytes. Readers compare each claim with these limits before they act on it.
+Memory and time in all follow from the file's size (`hopdata.foreign.budget`).
 All limits leave room for ten million frames, which are rows and not names, links or
 longer lines.
 """
 
 from pathlib import Path
 
-#: Memory that all numbers of a packed file may take, as the default of
-#: input.most_unpacked_mb in the schema.
-#: Unit: MB. Origin: chosen. 1.5 times larger: 1.5 times the memory that a damaged file
-#: can ask for.
-MOST_UNPACKED_MB = 2000.0
+from hopdata.foreign.budget import COPIES, unpacked_most
 
 #: Markers of a recording.
 #: Unit: 1. Origin: chosen. The largest systems track some hundred; the unnamed
@@ -56,24 +53,6 @@ MOST_MATRICES = 100_000
 #: difference.
 DEEPEST = 32
 
-#: CPU time that the trial of an HDF5 file may take at least.
-#: Unit: s. Origin: chosen. 1.5 times larger: 1.5 times the wait for the answer about a
-#: file on which the library hangs.
-_LEAST_S = 2.0
-
-#: The same for each object of the file.
-#: Unit: s. Origin: measured: 0.5 ms an object on one core of 2020; this is four times
-#: as much.
-_S_PER_OBJECT = 2e-3
-
-#: Length of an object of such a file.
-#: Unit: bytes. Origin: measured: about that.
-_BYTES_PER_OBJECT = 400
-
-#: Bytes of the file for each second.
-#: Unit: 1/s. Origin: measured: 200 MB a second on one core of 2020; this is a tenth.
-_BYTES_PER_S = 20e6
-
 
 def require_unpacked(n_bytes: int, most_mb: float) -> None:
     """Refuse content that would use more memory than a file may.
@@ -84,11 +63,33 @@ def require_unpacked(n_bytes: int, most_mb: float) -> None:
         If it would; the message does not name the file.
     """
     if n_bytes > 1e6 * most_mb:
+        found = f"found {n_bytes / 1e6:.0f} MB; export it in parts if it is right"
         raise ValueError(
-            f"expected at most {most_mb:g} MB once it is unpacked "
-            "(input.most_unpacked_mb, --most-unpacked-mb), "
-            f"found {n_bytes / 1e6:.0f} MB; raise the limit if the file is right"
+            f"expected at most {most_mb:g} MB once it is unpacked, {found}"
         )
+
+
+def require_memory(n_bytes: int, most_mb: float) -> None:
+    """Refuse content whose texts and objects would use more than a process may.
+
+    Parameters
+    ----------
+    n_bytes : int
+        Memory of all that is made before there are arrays.
+    most_mb : float
+        Memory that the arrays may take, MB.
+
+    Raises
+    ------
+    ValueError
+        If it would; the message does not name the file.
+    """
+    require_unpacked(n_bytes, COPIES * most_mb)
+
+
+def unpacked_mb(path: Path) -> float:
+    """Return the memory that the numbers of a file may take, MB, from its size."""
+    return unpacked_most(path.stat().st_size) / 1e6
 
 
 def require_few(what: str, number: int, most: int) -> None:
@@ -101,10 +102,3 @@ def require_few(what: str, number: int, most: int) -> None:
     """
     if number > most:
         raise ValueError(f"expected at most {most:,} {what}, found {number:,}")
-
-
-def seconds_to_read(path: str | Path) -> float:
-    """Return the CPU time that reading a file may take at most, s, from its size."""
-    n_bytes = Path(path).stat().st_size
-    n_objects = min(n_bytes / _BYTES_PER_OBJECT, MOST_LINKS)
-    return _LEAST_S + _S_PER_OBJECT * n_objects + n_bytes / _BYTES_PER_S

@@ -10,6 +10,8 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import RecordingError, chosen, did_you_mean
+from hopdata.foreign import door
+from hopdata.recordings.budget import LONGEST_LINE
 from hopdata.recordings.readers.qtm import KEYS
 from hopdata.recordings.readers.text import ColumnTable, listed, open_table
 
@@ -171,6 +173,24 @@ def read_contact_times(
         If the file cannot be used; names the file, the column, what was expected and
         found.
     """
+    found: list[ExternalContacts] = door.read(
+        f"{__name__}:contact_times_here",
+        dict(options),
+        list(feet),
+        rate_hz,
+        place=options["file"],
+        n_bytes=door.size_of(options["file"]),
+        reader="the reader of tables",
+        kinds=(ExternalContacts, Column),
+        libraries=("pandas",),
+    )
+    return found
+
+
+def contact_times_here(
+    options: Mapping[str, Any], feet: Sequence[str], rate_hz: float | None
+) -> list[ExternalContacts]:
+    """Read them in this process; `read_contact_times` has another do so."""
     path = Path(options["file"])
     seconds = chosen("contacts.unit", options["unit"], SECONDS_PER_UNIT)
     columns = columns_of(options["columns"], feet)
@@ -238,7 +258,7 @@ def _is_recording(path: Path) -> bool:
     if suffix not in (".tsv", ".txt") or not path.is_file():
         return suffix in WITH_EVENTS
     with path.open("rb") as file:
-        first_line = file.readline().removeprefix(codecs.BOM_UTF8)
+        first_line = file.readline(LONGEST_LINE).removeprefix(codecs.BOM_UTF8)
     first_cell = first_line.split(b"\t")[0].strip()
     return first_cell in [key.encode() for key in KEYS]
 
@@ -271,6 +291,23 @@ def read_force_signals(
         If the file cannot be used; names the file, the column, what was expected and
         found.
     """
+    found: list[ForceSignal] = door.read(
+        f"{__name__}:force_signals_here",
+        dict(options),
+        list(feet),
+        place=options["file"],
+        n_bytes=door.size_of(options["file"]),
+        reader="the reader of tables",
+        kinds=(ForceSignal, Column),
+        libraries=("pandas",),
+    )
+    return found
+
+
+def force_signals_here(
+    options: Mapping[str, Any], feet: Sequence[str]
+) -> list[ForceSignal]:
+    """Read them in this process; `read_force_signals` has another do so."""
     path = Path(options["file"])
     columns = columns_of(options["columns"], feet)
     if path.suffix.lower() == ".c3d":

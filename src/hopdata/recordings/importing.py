@@ -11,9 +11,9 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
+from hopdata.foreign import door
 from hopdata.recording import Event, Recording, Truth
 from hopdata.recordings.axes import rotate_up
-from hopdata.recordings.budget import MOST_UNPACKED_MB
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.processing import recorded_frames
 from hopdata.recordings.raw import (
@@ -179,7 +179,7 @@ def _starts_by_clock(
 
 
 @one_blas_thread()
-def import_recording(  # noqa: PLR0913  each option is a key of the configuration
+def import_recording(
     path: str | Path | Sequence[str | Path],
     *,
     name: str,
@@ -187,7 +187,6 @@ def import_recording(  # noqa: PLR0913  each option is a key of the configuratio
     unit: str = "auto",
     vertical_axis: str = "z",
     rate_hz: float | None = None,
-    most_unpacked_mb: float = MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
     exclude: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[Recording, Truth | None]:
@@ -213,8 +212,6 @@ def import_recording(  # noqa: PLR0913  each option is a key of the configuratio
         file knows (`quality.orientation`); a remark says why.
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one (`raw.overrule_rate`).
-    most_unpacked_mb : float
-        Most memory that a packed file (MAT, HDF5) may use, MB.
     least_score : float
         Keypoints from video with a lower score count as unseen.
     exclude : sequence of mappings
@@ -243,12 +240,7 @@ def import_recording(  # noqa: PLR0913  each option is a key of the configuratio
     stated_roles = []
     pieces = []
     for one in paths:
-        file = read_raw(
-            one,
-            rate_hz=rate_hz,
-            most_unpacked_mb=most_unpacked_mb,
-            least_score=least_score,
-        )
+        file = read_raw(one, rate_hz=rate_hz, least_score=least_score)
         stated_roles.append(dict(zip(file.markers, file.roles, strict=False)))
         pieces.append(_chosen(one, file, markers))
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
@@ -411,13 +403,21 @@ def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth 
 
     None if it does not apply to this recording.
     """
-    from hopdata.recordings.readers.hdf5 import is_truth_of, read_truth
+    from hopdata.recordings.readers.hdf5 import is_truth_of
 
     body = recording.names("body")
     feet = recording.names("foot")
     if not is_truth_of(roles, body=body, feet=feet):
         return None
-    truth = read_truth(path)
+    truth: Truth | None = door.read(
+        "hopdata.recordings.readers.hdf5:read_truth",
+        str(path),
+        place=path,
+        n_bytes=door.size_of(path),
+        reader="the HDF5 library",
+        kinds=(Truth,),
+        libraries=("h5py",),
+    )
     if truth is None:
         return None
     feet_in_file = [marker for marker, role in roles.items() if role == "foot"]

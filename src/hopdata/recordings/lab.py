@@ -154,7 +154,6 @@ def survey(
     folder: Path,
     *,
     rate_hz: float | None = None,
-    most_unpacked_mb: float,
     progress: Progress = lambda _step: None,
 ) -> Lab:
     """Read all files in a folder and its subfolders, and sort out those of no use.
@@ -165,8 +164,6 @@ def survey(
         A folder.
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one.
-    most_unpacked_mb : float
-        Most memory that a packed file may use, MB.
     progress : callable
         Called with a description of each step before it begins.
     """
@@ -177,7 +174,7 @@ def survey(
         place = file.relative_to(folder)
         progress(f"reading {place.as_posix()}")
         try:
-            raw = read_raw(file, rate_hz=rate_hz, most_unpacked_mb=most_unpacked_mb)
+            raw = read_raw(file, rate_hz=rate_hz)
             trial = _trial(file, place, raw)
         except RateUnknownError:
             reason = Message("recordings.lab_no_rate")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import RecordingError, mismatch
+from hopdata.errors import RecordingError, mismatch, printable
 from hopdata.messages import Message
 from hopdata.recording import Event
 from hopdata.recordings.budget import MOST_MARKERS
@@ -299,7 +299,7 @@ def _check_names(place: str, names: Sequence[str], may_lack: bool) -> None:
     for i, name in enumerate(names, start=1):
         if not name and not may_lack:
             raise RecordingError.at(place, f"a name for marker {i}", "none")
-        if not name.isprintable():
+        if printable(name) != name:
             wanted = f"a name of letters and digits for marker {i}"
             raise RecordingError.at(place, wanted, repr(name))
     if len(names) > MOST_MARKERS:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import re
+import secrets
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import pd
-from hopdata.errors import ConfigError
-from hopdata.messages import ENGLISH
+from hopdata.errors import NO_BREAK_SPACES, ConfigError, printable
+from hopdata.messages import ENGLISH, Message
 from hopdata.recording import Recording
 from hopdata.report.formatting import NO_BREAK_SPACE
 from hopdata.report.language import said, sentence
@@ -343,6 +345,7 @@ def rendered(
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_shown,
     )
     environment.globals["say"] = partial(sentence, language=language)
     environment.filters["said"] = partial(said, language=language)
@@ -350,8 +353,57 @@ def rendered(
     scripts = (TEMPLATES / "fold.js").read_text(encoding="utf-8")
     if content.get("scene"):
         scripts += (TEMPLATES / "scene.js").read_text(encoding="utf-8")
-    page = environment.get_template(template)
-    return page.render(**content, language=language, fold=scripts, style=style)
+    # Nobody who wrote a name that is on the page can know this word.
+    placeholder = secrets.token_hex()
+    page = environment.get_template(template).render(
+        **content, language=language, fold=scripts, style=style, nonce=placeholder
+    )
+    return _with_policy(page, placeholder)
+
+
+CHARSET = '<meta charset="utf-8">'
+_WIDTH = re.compile(r'style="(--paper: [0-9.]+pt)"')
+
+
+def _with_policy(page: str, placeholder: str) -> str:
+    """Return a page with a policy: only its own scripts and styles, and nothing loaded.
+
+    Should a name from a file ever reach the page as HTML, a browser would not run it.
+    The scripts and styles of the templates bear a nonce, a digest of the page, so the
+    same content makes the same page. The widths of pictures, which are attributes, are
+    allowed by their own digests.
+    """
+    digest = hashlib.sha256(page.replace(placeholder, "").encode()).hexdigest()[:32]
+    widths = []
+    for rule in sorted(set(_WIDTH.findall(page))):
+        of_rule = base64.b64encode(hashlib.sha256(rule.encode()).digest()).decode()
+        widths.append(f"'sha256-{of_rule}'")
+    styles = [f"'nonce-{digest}'"]
+    if widths:
+        styles += ["'unsafe-hashes'", *widths]  # only those of attributes
+    policy = "; ".join(
+        [
+            "default-src 'none'",
+            f"script-src 'nonce-{digest}'",
+            f"style-src {' '.join(styles)}",
+            "img-src data:",
+            "base-uri 'none'",
+            "form-action 'none'",
+        ]
+    )
+    meta = f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+    if page.count(CHARSET) != 1:
+        raise ValueError(f"expected one {CHARSET} in the template, for the policy")
+    return page.replace(placeholder, digest).replace(CHARSET, f"{CHARSET}\n{meta}")
+
+
+def _shown(value: Any) -> Any:
+    """Return what a template shows without characters that nobody sees."""
+    if isinstance(value, Message):
+        value = str(value)
+    if isinstance(value, str) and not hasattr(value, "__html__"):
+        return printable(value, keep=f"\n\t{NO_BREAK_SPACES}")
+    return value
 
 
 def as_yaml(config: Any) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 from hopdata import __version__
 from hopdata.messages import Message
 from hopdata.report import formatting as show
+from hopdata.report.group import by_answer, summaries
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
@@ -229,7 +230,12 @@ CONDITIONS: show.Columns = {
 }
 
 
-def build_group_page(group: Mapping[str, Any], figures: Sequence[ReportFigure]) -> str:
+def build_group_page(
+    group: Mapping[str, Any],
+    figures: Sequence[ReportFigure],
+    *,
+    one_by_one: bool = True,
+) -> str:
     """Build the page of a group.
 
     Parameters
@@ -237,18 +243,29 @@ def build_group_page(group: Mapping[str, Any], figures: Sequence[ReportFigure]) 
     group : mapping
         Contents of ``group.json``.
     figures : sequence of ReportFigure
-        The forest plot.
+        The sizes of its studies.
+    one_by_one : bool
+        Whether the studies can be read one by one. If there are too many, the page
+        sums them up, and lists those of each answer folded.
     """
     rows = group["members"]
     title = "Conditions compared within subjects"
+    members: Any = [_member(row) for row in rows]
+    summed: list[show.Table] = []
+    if not one_by_one:
+        summed = summaries(rows)
+        answers = by_answer(rows).items()
+        members = {one: [_member(row) for row in some] for one, some in answers}
     return rendered(
         "group.html.j2",
         group=group,
         highlights=_highlights(group),
-        pictures=[picture_of(figure, {}) for figure in figures],
+        pictures=[picture_of(one, {"one_by_one": one_by_one}) for one in figures],
+        one_by_one=one_by_one,
+        summaries=summed,
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
-        members=[_member(row) for row in rows],
+        members=members,
         conditions=show.table_of(title, group["conditions"], CONDITIONS),
         version=__version__,
     )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from importlib.metadata import entry_points
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 from hopdata.errors import require_choice
+from hopdata.foreign.plugins import blamed, name_of
 
 if TYPE_CHECKING:
     from hopdata.scenes.scene import Scene
@@ -14,12 +16,24 @@ if TYPE_CHECKING:
 # Maps each name in the configuration to its parameter class. Classes are imported on
 # demand, because they load a compiler. Installed packages add theirs by entry points
 # (``hopdata.scenes``), but none that has the name of one of these.
-SCENES = {entry.name: entry.value for entry in entry_points(group="hopdata.scenes")}
-SCENES |= {
+_OWN = {
     "hopper": "hopdata.scenes.hopper_parameters:HopperParameters",
     "quadruped": "hopdata.scenes.quadruped:Quadruped",
 }
+_PLUGINS = {
+    entry.name: entry
+    for entry in entry_points(group="hopdata.scenes")
+    if entry.name not in _OWN
+}
+SCENES = {name: entry.value for name, entry in _PLUGINS.items()} | _OWN
 STANDARD = "hopper"
+
+
+def blamed_scene(name: str) -> AbstractContextManager[None]:
+    """Return a context in which errors of another package's scene are told as such."""
+    if name not in _PLUGINS:
+        return nullcontext()
+    return blamed(name_of("scene", _PLUGINS[name]), "simulation.scene")
 
 
 def scene_class(name: str) -> type[Scene]:
@@ -28,8 +42,9 @@ def scene_class(name: str) -> type[Scene]:
     Raises
     ------
     ConfigError
-        If no scene has this name.
+        If no scene has this name, or the package that brings it fails.
     """
     require_choice("simulation.scene", name, SCENES)
-    found: type[Scene] = resolve_name(SCENES[name])
+    with blamed_scene(name):
+        found: type[Scene] = resolve_name(SCENES[name])
     return found

@@ -10,6 +10,7 @@ from mat_files import qtm_struct, write_mat5, write_mat73
 from qtm_files import NAMES, standing
 
 from hopdata.errors import RecordingError
+from hopdata.foreign import budget
 from hopdata.recording import Recording
 from hopdata.recordings.readers.formats import read_raw
 from hopdata.recordings.readers.hdf5 import write_recording
@@ -52,14 +53,15 @@ def hdf5(path, dtype):
 )  # the latter needs an eighth of the memory at first
 @pytest.mark.parametrize("make", [mat5, mat73, hdf5])
 def test_a_small_file_that_unpacks_to_too_much_is_refused_before_memory_is_asked_for(
-    tmp_path, make, dtype
+    tmp_path, make, dtype, monkeypatch, read_here
 ):
+    monkeypatch.setattr(budget, "LEAST_UNPACKED", 30_000_000)
     path = make(tmp_path / "bomb", dtype)
     assert path.stat().st_size < N_BYTES / 50
     tracemalloc.start()
     try:
         with pytest.raises(RecordingError) as caught:
-            read_raw(path, most_unpacked_mb=30)
+            read_raw(path)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
@@ -67,10 +69,9 @@ def test_a_small_file_that_unpacks_to_too_much_is_refused_before_memory_is_asked
         str(path),
         "expected at most 30 MB once it is unpacked",
         "found 6",
-        "raise",
+        "export it in parts",
     ):
         assert part in str(caught.value)
-    assert "input.most_unpacked_mb" in str(caught.value)
     assert peak < (N_BYTES if make is mat5 and dtype == "i1" else 5e6)
 
 
@@ -83,7 +84,7 @@ def test_a_mat_file_that_claims_gigabytes_is_refused_by_the_default(tmp_path):
     packed = zlib.compress(bytes(whole))
     content[132:] = np.array([len(packed)], "<u4").tobytes() + packed
     path.write_bytes(content)
-    with pytest.raises(RecordingError, match=r"at most 2000 MB .* found 4200 MB"):
+    with pytest.raises(RecordingError, match=r"at most 250 MB .* found 4200 MB"):
         read_raw(path)
 
 

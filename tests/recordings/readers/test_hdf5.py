@@ -10,7 +10,7 @@ import pytest
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, Truth
-from hopdata.recordings.readers import hdf5_checks, trial
+from hopdata.recordings.readers import hdf5_checks
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 from hopdata.seal import seal_for
 
@@ -255,10 +255,7 @@ def test_wrong_content_is_told_with_what_was_expected(
         (read_truth if key.startswith("truth") else read_recording)(path)
 
 
-def test_damaged_bytes_are_never_another_error(tmp_path, recording, truth, monkeypatch):
-    monkeypatch.setattr(
-        trial, "seconds_to_read", lambda _: 0.2
-    )  # on some the library hangs
+def test_damaged_bytes_are_never_another_error(tmp_path, recording, truth, served):
     path = tmp_path / "a.h5"
     write_recording(path, recording, truth)
     unsealed(path)  # or none of the damaged bytes would reach the library
@@ -358,7 +355,7 @@ def soft_links(file, number):
     ],
 )
 def test_links_and_levels_are_counted_before_they_are_followed(
-    tmp_path, monkeypatch, recording, make, few, many, said
+    tmp_path, monkeypatch, recording, make, few, many, said, read_here
 ):
     monkeypatch.setattr(hdf5_checks, "MOST_LINKS", 50)
     path = tmp_path / "a.h5"

@@ -9,6 +9,7 @@ from qtm_files import NAMES, standing
 from vendor_files import ktk, ktk_series, zipped
 
 from hopdata.errors import RecordingError
+from hopdata.foreign import budget
 from hopdata.recordings.readers.formats import read_raw
 
 
@@ -100,16 +101,21 @@ def test_two_units_and_odd_times_are_told(tmp_path):
         read_raw(written(tmp_path, series))
 
 
-@pytest.mark.parametrize("text", ["[" + "[]," * 4_000_000 + "1]", " " * 90_000_000])
-def test_a_small_file_that_unpacks_to_too_much_is_refused_first(tmp_path, text):
+@pytest.mark.parametrize(
+    ("text", "most_mb"), [("[" + "[]," * 4_000_000 + "1]", 90), (" " * 90_000_000, 30)]
+)
+def test_a_small_file_that_unpacks_to_too_much_is_refused_first(
+    tmp_path, text, most_mb, monkeypatch, read_here
+):
+    monkeypatch.setattr(budget, "LEAST_UNPACKED", 30_000_000)
     path = written(tmp_path, zipped({"data.json": text}))
     assert path.stat().st_size < 200_000
     tracemalloc.start()
     try:
         with pytest.raises(
-            RecordingError, match="expected at most 30 MB once it is unpacked"
+            RecordingError, match=f"expected at most {most_mb} MB once it is unpacked"
         ):
-            read_raw(path, most_unpacked_mb=30)
+            read_raw(path)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

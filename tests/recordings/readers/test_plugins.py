@@ -15,7 +15,7 @@ MODULE = "theirs_for_a_test"
 
 
 @pytest.fixture
-def read(tmp_path, monkeypatch):
+def read(tmp_path, monkeypatch, forked):
     """Return a function that reads a file with another package's reader, given as Python code."""
     monkeypatch.syspath_prepend(tmp_path)
 

@@ -6,6 +6,7 @@ from qtm_files import NAMES, standing
 from vendor_files import table_of, xlsx, zipped
 
 from hopdata.errors import RecordingError
+from hopdata.foreign import budget
 from hopdata.recordings.raw import RateUnknownError
 from hopdata.recordings.readers import xlsx as reader
 from hopdata.recordings.readers.formats import read_raw
@@ -92,15 +93,18 @@ def test_mistakes_are_told(tmp_path, content, words):
     assert words in str(caught.value)
 
 
-def test_a_workbook_that_unpacks_to_too_much_is_refused_first(tmp_path):
+def test_a_workbook_that_unpacks_to_too_much_is_refused_first(
+    tmp_path, monkeypatch, read_here
+):
+    monkeypatch.setattr(budget, "LEAST_UNPACKED", 30_000_000)
     path = written(tmp_path, zipped({"xl/sheet.xml": " " * 60_000_000}))
     with pytest.raises(
-        RecordingError, match="expected at most 30 MB once it is unpacked"
+        RecordingError, match="expected at most 90 MB once it is unpacked"
     ):
-        read_raw(path, most_unpacked_mb=30)
+        read_raw(path)
 
 
-def test_a_missing_package_is_named(tmp_path, monkeypatch):
+def test_a_missing_package_is_named(tmp_path, monkeypatch, read_here):
     monkeypatch.setattr(reader, "find_spec", lambda _: None)
     path = written(tmp_path, {"data": table_of(places(), NAMES)})
     with pytest.raises(RecordingError, match="pip install openpyxl"):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray, Shown, h5py
 from hopdata.errors import AnalysisError
+from hopdata.foreign import door
 from hopdata.jobs import whole_file
 from hopdata.seal import Seal, seal_of, sealed
 
@@ -180,20 +181,85 @@ def read_pairs(path: str | Path) -> Pairs:
         If the file does not exist, is damaged or does not contain pairs.
     """
     try:
-        if seal_of(path) is Seal.BROKEN:
-            raise ValueError("it is damaged: its bytes are not those that were written")
-        with h5py.File(path, "r", locking=False) as file:
-            return Pairs(
-                x=file["x"][:],
-                y=file["y"][:],
-                schedule=file["schedule"].asstr()[:].astype(str),
-                spread_s=file["spread_s"][:],
-                recording=file["recording"].asstr()[:].astype(str),
-                index=file["index"][:],
-                body_markers=tuple(str(name) for name in file.attrs["body_markers"]),
-                length_unit_m=float(file.attrs["length_unit_m"]),
-                time_unit_s=float(file.attrs["time_unit_s"]),
-                **{name: file[name][:] for name in OPTIONAL if name in file},
-            )
-    except (KeyError, OSError, ValueError) as error:
+        seal = seal_of(path)
+    except OSError as error:
         raise AnalysisError(f"{path}: not a file of pairs: {error}") from error
+    if seal is Seal.BROKEN:
+        found = "it is damaged: its bytes are not those that were written"
+        raise AnalysisError(f"{path}: not a file of pairs: {found}")
+    if seal is Seal.WHOLE:
+        stored = stored_pairs(str(path))
+    else:  # the HDF5 library may never come to an end with it
+        stored = door.read(
+            f"{__name__}:stored_pairs",
+            str(path),
+            place=path,
+            n_bytes=door.size_of(path),
+            raises=AnalysisError,
+            reader="the HDF5 library",
+        )
+    for name in TEXTS:
+        stored[name] = np.array(stored[name], dtype=str)
+    stored["body_markers"] = tuple(stored["body_markers"])
+    return Pairs(**stored)
+
+
+def stored_pairs(path: str) -> dict[str, Any]:
+    """Read the fields of `Pairs` from an HDF5 file; texts are lists.
+
+    Raises
+    ------
+    AnalysisError
+        If the file is damaged or does not contain pairs.
+    """
+    found: dict[str, Any] = {}
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            found["body_markers"] = [str(one) for one in file.attrs["body_markers"]]
+            for name in ("length_unit_m", "time_unit_s"):
+                found[name] = float(file.attrs[name])
+            for name in DESCRIPTIONS:
+                if name in file or name not in OPTIONAL:
+                    found[name] = _column(file, name)
+        _require_alike(found)
+    except (KeyError, OSError, ValueError, TypeError, RuntimeError) as error:
+        raise AnalysisError(f"{path}: not a file of pairs: {error}") from error
+    return found
+
+
+def _column(file: Any, name: str) -> Any:
+    """Return a dataset, or a list of texts.
+
+    Raises
+    ------
+    ValueError
+        If it is another thing, or states more numbers than the file has bytes.
+    """
+    dataset = file[name]
+    if not isinstance(dataset, h5py.Dataset):
+        raise ValueError(f"{name} is no dataset")
+    if dataset.nbytes > file.id.get_filesize():
+        raise ValueError(f"{name} states more numbers than the file has bytes")
+    if name in TEXTS:
+        return [str(text) for text in np.ravel(dataset.asstr()[:])]
+    if dataset.dtype.kind not in "iuf":
+        raise ValueError(f"{name} has no numbers but {dataset.dtype}")
+    return dataset[:]
+
+
+def _require_alike(found: Mapping[str, Any]) -> None:
+    """Require columns of as many rows, and states of all body markers.
+
+    Raises
+    ------
+    ValueError
+        If they are not.
+    """
+    n_pairs = len(found["schedule"])
+    for name in DESCRIPTIONS:
+        if name in found and len(found[name]) != n_pairs:
+            raise ValueError(f"{len(found[name])} rows of {name}, not {n_pairs}")
+    shape = (n_pairs, 6 * len(found["body_markers"]))
+    for name in ("x", "y"):
+        if found[name].shape != shape:
+            raise ValueError(f"{name} has shape {found[name].shape}, not {shape}")

@@ -179,12 +179,7 @@ def copied_frames(positions: FloatArray) -> IntArray:
         is_one_block = not np.ptp(lag[start:stop])
         if stop - start >= LEAST_COPIED and is_one_block:
             copied.append((start, stop, start - lag[start]))
-    held = []
-    for start, stop in runs(lag == 1):
-        if start > 1 and stop < len(lag) and _is_held(positions, start, stop):
-            held.append((start, stop, start - 1))
-    if len(held) < MOST_HELD * len(lag):
-        copied += held
+    copied += [(start, stop, start - 1) for start, stop in held_frames(positions)]
     return np.array(copied, dtype=np.int64).reshape(-1, 3)
 
 
@@ -207,6 +202,32 @@ def _lags_to_equal_frames(digest: FloatArray) -> IntArray:
     lag = np.zeros(len(digest), dtype=np.int64)
     lag[order[same + 1]] = order[same + 1] - order[same]
     return lag
+
+
+def held_frames(positions: FloatArray) -> list[tuple[int, int]]:
+    """Find frames of (N, M, 3) that repeat the one before while all moves around them.
+
+    They were not measured: a system that has lost its cameras may repeat its last
+    frame. None are found where so many are held that the file was made so.
+
+    Returns
+    -------
+    list of (start, stop)
+        First frame that repeats, and the frame after the last.
+    """
+    same = np.ones(max(len(positions) - 1, 0), dtype=bool)
+    for track in np.moveaxis(positions, 1, 0):
+        for x in track.T:
+            both_unseen = np.isnan(x[1:]) & np.isnan(x[:-1])
+            same &= (x[1:] == x[:-1]) | both_unseen
+    found = []
+    for before, last in runs(same).tolist():
+        start, stop = before + 1, last + 1
+        if start > 1 and stop < len(positions) and _is_held(positions, start, stop):
+            found.append((start, stop))
+    if len(found) < MOST_HELD * len(positions):
+        return found
+    return []
 
 
 def _is_held(positions: FloatArray, start: int, stop: int) -> bool:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, mismatch
+from hopdata.foreign import door
 from hopdata.recording import Event
 from hopdata.recordings import raw
 from hopdata.recordings.readers import c3d_parameters as head
@@ -373,6 +374,19 @@ def read_analogs(path: Path) -> Analogs:
         If the file cannot be read; names the file, the place, what was expected and
         found.
     """
+    found: Analogs = door.read(
+        f"{__name__}:analogs_here",
+        Path(path),
+        place=path,
+        n_bytes=door.size_of(path),
+        reader="the reader of .c3d files",
+        kinds=(Analogs,),
+    )
+    return found
+
+
+def analogs_here(path: Path) -> Analogs:
+    """Read the analog channels in this process; `read_analogs` has another do so."""
     header, parameters, size = open_c3d(path)
     n_channels = _channels_of(header, parameters)
     available = size - header.data_start

@@ -13,6 +13,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
+from hopdata.foreign import door
 from hopdata.messages import Message
 from hopdata.recordings import raw
 from hopdata.recordings.readers import c3d
@@ -130,6 +131,22 @@ def read_stored_plates(
     RecordingError
         If the file's header, parameters or analog channels cannot be read.
     """
+    plates, refused = door.read(
+        f"{__name__}:stored_plates_here",
+        Path(path),
+        rate_hz,
+        place=path,
+        n_bytes=door.size_of(path),
+        reader="the reader of .c3d files",
+        kinds=(StoredPlate,),
+    )
+    return plates, refused
+
+
+def stored_plates_here(
+    path: Path, rate_hz: float | None
+) -> tuple[list[StoredPlate], list[Message]]:
+    """Read the plates in this process; `read_stored_plates` has another do so."""
     header, parameters, _ = c3d.open_c3d(path)
     n_plates = _stated(parameters)
     if not n_plates:

@@ -1,4 +1,8 @@
-"""Choice of the reader by file suffix; readers are imported only when needed."""
+"""Choice of the reader by file suffix; readers are imported only when needed.
+
+Whatever the format, a file is read in a process of its own (`hopdata.foreign.door`), of
+which plain arrays come back.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -10,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from hopdata.errors import HopdataError, RecordingError
-from hopdata.recording import SLOWEST_S
+from hopdata.foreign import door
+from hopdata.recording import SLOWEST_S, Event
 from hopdata.recordings import raw as reading
-from hopdata.recordings.budget import MOST_UNPACKED_MB
+from hopdata.recordings.budget import unpacked_mb
 from hopdata.recordings.readers.text import one_line, require_file
 
 #: Coordinate beyond which a file is refused.
@@ -51,6 +56,19 @@ READERS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
 }
 
+# Libraries that these import once they read.
+_LIBRARIES: dict[str, tuple[str, ...]] = {
+    ".tsv": ("pandas",),
+    ".txt": ("pandas",),
+    ".csv": ("pandas",),
+    ".trc": ("pandas",),
+    ".mat": ("scipy.io", "h5py"),
+    ".h5": ("h5py",),
+    ".hdf5": ("h5py",),
+    ".bvh": ("pandas",),
+    ".xlsx": ("pandas", "openpyxl"),
+}
+
 
 @cache
 def _others() -> dict[str, EntryPoint]:
@@ -75,7 +93,6 @@ def read_raw(
     path: str | Path,
     *,
     rate_hz: float | None = None,
-    most_unpacked_mb: float = MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
 ) -> reading.RawRecording:
     """Read all markers of a file with the reader for its suffix.
@@ -86,15 +103,14 @@ def read_raw(
         A file whose suffix is one of `suffixes`.
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one.
-    most_unpacked_mb : float
-        Most memory that a packed file (MAT, HDF5) may use, MB.
     least_score : float
         Keypoints from video with a lower score count as unseen.
 
     Raises
     ------
     RecordingError
-        If the file or a reader for it does not exist, or if the reader finds a fault.
+        If the file or a reader for it does not exist, if the reader finds a fault, or
+        if it fails in any other way (`hopdata.foreign.door`).
     """
     path = Path(path)
     suffix = suffix_of(path)
@@ -105,11 +121,54 @@ def read_raw(
         wanted = f"a file ending in {', '.join(suffixes())}"
         raise RecordingError.at(f"{path}: format", wanted, found)
     require_file(path)
+    reader = f"the reader of {suffix} files"
+    if suffix in _others():
+        reader = _name_of(_others()[suffix])
+    libraries = _LIBRARIES.get(suffix, ())
     if suffix in READERS:
-        place, taken = READERS[suffix]
-        limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
+        function, _ = READERS[suffix]
+        libraries = (function.partition(":")[0], *libraries)
+    raw: reading.RawRecording = door.read(
+        f"{__name__}:read_here",
+        str(path),
+        rate_hz,
+        least_score,
+        place=path,
+        n_bytes=door.size_of(path),
+        reader=reader,
+        kinds=(reading.RawRecording, Event),
+        libraries=libraries,
+    )
+    _check_parts(f"{path}: {reader}", raw)
+    return raw
+
+
+def read_here(
+    place: str, rate_hz: float | None, least_score: float
+) -> reading.RawRecording:
+    """Read all markers of a file in this process; `read_raw` has another do so.
+
+    Parameters
+    ----------
+    place : str
+        A file with a known suffix.
+    rate_hz, least_score
+        As in `read_raw`.
+
+    Raises
+    ------
+    RecordingError
+        If the reader finds a fault.
+    """
+    path = Path(place)
+    suffix = suffix_of(path)
+    if suffix in READERS:
+        function, taken = READERS[suffix]
+        limits = {"most_unpacked_mb": unpacked_mb(path), "least_score": least_score}
         given = {limit: limits[limit] for limit in taken}
-        raw: reading.RawRecording = resolve_name(place)(path, rate_hz=rate_hz, **given)
+        raw: reading.RawRecording = resolve_name(function)(
+            path, rate_hz=rate_hz, **given
+        )
     else:
         raw = _read_with_plugin(_others()[suffix], path, rate_hz)
     raw = reading.overrule_rate(str(path), raw, rate_hz)
@@ -118,25 +177,32 @@ def read_raw(
     return replace(raw, remarks=remarks, suffix=suffix)
 
 
+def _name_of(plugin: EntryPoint) -> str:
+    """Return how a message names the reader of another package."""
+    package = f"{plugin.dist.name} " if plugin.dist is not None else ""
+    return f"the reader {package}({plugin.value})"
+
+
 def _read_with_plugin(
     plugin: EntryPoint, path: Path, rate_hz: float | None
 ) -> reading.RawRecording:
     """Read a file with the reader of another package; its errors may be of any kind."""
-    package = f"{plugin.dist.name} " if plugin.dist is not None else ""
-    reader = f"the reader {package}({plugin.value})"
+    reader = _name_of(plugin)
     try:
         found = plugin.load()(path, rate_hz)
     except HopdataError:
         raise
+    except MemoryError:
+        raise
     except Exception as error:
         found = f"{type(error).__name__}: {one_line(str(error))}"
         raise RecordingError.at(path, f"{reader} to read it", found) from error
-    _check_plugin(f"{path}: {reader}", found)
+    _check_parts(f"{path}: {reader}", found)
     return found
 
 
-def _check_plugin(place: str, found: Any) -> None:
-    """Require what a plugin returns to be a recording whose parts fit one another."""
+def _check_parts(place: str, found: Any) -> None:
+    """Require what was read to be a recording whose parts fit one another."""
     if not isinstance(found, reading.RawRecording):
         raise RecordingError.at(place, "a RawRecording", type(found).__name__)
     n_frames = len(found.time)

@@ -1,4 +1,9 @@
-"""Recordings, and the truth of synthetic ones, as HDF5 files."""
+"""Recordings, and the truth of synthetic ones, as HDF5 files.
+
+The HDF5 library trusts a file: on a damaged one it may run for ever or end the process.
+So only a file whose seal is whole (`hopdata.seal`) is read in this process. Any other
+comes in through `hopdata.foreign.door`.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +20,7 @@ from numpy.typing import NDArray
 from hopdata import __version__
 from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
+from hopdata.foreign import door
 from hopdata.jobs import whole_file
 from hopdata.recording import ROLES, SLOWEST_S, Event, Recording, Truth, check_sizes
 from hopdata.recordings.axes import FILE_AXES
@@ -24,7 +30,6 @@ from hopdata.recordings.readers.hdf5_checks import (
     require_sound,
     whole_array,
 )
-from hopdata.recordings.readers.trial import require_answer
 from hopdata.seal import Seal, seal_of, sealed
 
 # Datasets and attributes of an HDF5 group are refused unless they are of the expected
@@ -211,6 +216,26 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
         If the file cannot be read, lacks a dataset or attribute, or their kinds or
         sizes do not form a recording.
     """
+    try:
+        return _recording(path, most_unpacked_mb)
+    except UnsealedError:
+        return _through_door("read_recording", path, Recording, Event)
+
+
+def _through_door(function: str, path: str | Path, *kinds: type) -> Any:
+    """Call a function of this module on a file that hopdata did not seal."""
+    return door.read(
+        f"{__name__}:{function}",
+        str(path),
+        place=path,
+        n_bytes=door.size_of(path),
+        reader="the HDF5 library",
+        kinds=kinds,
+        libraries=("h5py",),
+    )
+
+
+def _recording(path: str | Path, most_unpacked_mb: float) -> Recording:
     with opened(path, "not a recording", most_unpacked_mb) as file:
         recording = Recording(
             time=numbers(file, "time"),
@@ -246,6 +271,14 @@ def read_truth(path: str | Path) -> Truth | None:
     RecordingError
         If the file cannot be read or its truth is incomplete.
     """
+    try:
+        return _truth(path)
+    except UnsealedError:
+        found: Truth | None = _through_door("read_truth", path, Truth)
+        return found
+
+
+def _truth(path: str | Path) -> Truth | None:
     with opened(path, "truth is not whole") as file:
         if "truth" not in file:
             return None
@@ -293,24 +326,52 @@ def holds_truth(path: str | Path, *, body: Iterable[str], feet: Iterable[str]) -
     it.
     """
     try:
-        with opened(path, "truth is not whole") as file:
-            if "truth" not in file:
-                return False
-            names = attribute(file, "markers", "a list of texts")
-            roles = attribute(file, "roles", "a list of texts")
+        try:
+            roles = roles_of_truth(path)
+        except UnsealedError:
+            roles = _through_door("roles_of_truth", path)
     except RecordingError:
         return False
-    return is_truth_of(dict(zip(names, roles, strict=False)), body=body, feet=feet)
+    if roles is None:
+        return False
+    return is_truth_of(roles, body=body, feet=feet)
+
+
+def roles_of_truth(path: str | Path) -> dict[str, str] | None:
+    """Return the role of each marker of a file with a truth; None if it has none.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read.
+    """
+    with opened(path, "truth is not whole") as file:
+        if "truth" not in file:
+            return None
+        names = attribute(file, "markers", "a list of texts")
+        roles = attribute(file, "roles", "a list of texts")
+    return dict(zip(names, roles, strict=False))
+
+
+class UnsealedError(Exception):
+    """Raised instead of opening a file that hopdata did not seal in this process."""
 
 
 @contextmanager
 def opened(
     path: str | Path, fault: str, most_unpacked_mb: float = np.inf
 ) -> Iterator[h5py.File]:
-    """Open a file; turn any error in or with it to a RecordingError that names it."""
+    """Open a file; turn any error in or with it to a RecordingError that names it.
+
+    Raises
+    ------
+    UnsealedError
+        If the file has no seal, and this is not the process to read it in.
+    """
     if not Path(path).is_file():
         raise RecordingError.at(f"{path}: no such file", "a recording", "none")
-    require_intact(path, most_unpacked_mb)
+    if require_intact(path) is Seal.NONE and not door.is_inside():
+        raise UnsealedError
     try:
         file = h5py.File(path, "r", locking=False)
     except OSError as error:
@@ -332,32 +393,25 @@ def opened(
         raise RecordingError(f"{path}: {fault}: {words}") from error
 
 
-def require_intact(path: str | Path, most_unpacked_mb: float) -> None:
-    """Require that the HDF5 library can be trusted with a file.
+def require_intact(path: str | Path) -> Seal:
+    """Require that a file which hopdata sealed has the bytes that hopdata wrote.
 
-    A sealed file must have the bytes that hopdata wrote. Any other is tried in another
-    process.
+    Returns
+    -------
+    Seal
+        Whether it is whole, or there is none.
 
     Raises
     ------
     RecordingError
-        If bytes have changed since they were written, or the library does not come to
-        an end.
+        If bytes have changed since they were written.
     """
     seal = seal_of(path)
     if seal is Seal.BROKEN:
         where = "their checksum stands at the end of the file"
         wanted = f"the bytes that hopdata wrote ({where})"
         raise RecordingError.at(path, wanted, "others; it is damaged, copy it anew")
-    if seal is Seal.NONE and _begins_as_hdf5(path):
-        require_answer(path, most_unpacked_mb)
-
-
-def _begins_as_hdf5(path: str | Path) -> bool:
-    """Tell whether a file has HDF5's signature, also behind MATLAB's 512 bytes."""
-    with open(path, "rb") as file:
-        lead = file.read(512 + len(SIGNATURE))
-    return SIGNATURE in (lead[: len(SIGNATURE)], lead[512:])
+    return seal
 
 
 def _texts(group: h5py.Group, name: str, entries: Sequence[str]) -> None:

@@ -7,7 +7,6 @@ them, or arrays of blocks with their names. SLEAP has arrays of its own.
 
 from __future__ import annotations
 
-import pickle
 import pickletools
 from collections.abc import Sequence
 from pathlib import Path
@@ -290,33 +289,106 @@ def _text(name: Any) -> str:
 # Operations of pickles that make texts, numbers, lists and tuples: all that names of
 # columns need. Others look up or call something, or ask for memory by a number that
 # stands in the file.
-_PLAIN_OPERATIONS = frozenset[str]().union(
-    ("PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP"),
+_VALUES = frozenset[str]().union(
     ("INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4"),
-    ("FLOAT", "BINFLOAT", "NONE", "NEWTRUE", "NEWFALSE"),
-    ("STRING", "BINSTRING", "SHORT_BINSTRING"),
+    ("FLOAT", "BINFLOAT", "STRING", "BINSTRING", "SHORT_BINSTRING"),
     ("BINBYTES", "SHORT_BINBYTES", "BINBYTES8"),
     ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8"),
-    ("LIST", "EMPTY_LIST", "APPEND", "APPENDS"),
-    ("TUPLE", "EMPTY_TUPLE", "TUPLE1", "TUPLE2", "TUPLE3"),
-    ("PUT", "BINPUT", "LONG_BINPUT", "MEMOIZE", "GET", "BINGET", "LONG_BINGET"),
 )
+_CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()}
+_TUPLES = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
+_KEEP = ("PUT", "BINPUT", "LONG_BINPUT")
+_TAKE = ("GET", "BINGET", "LONG_BINGET")
 
 
 def _plain_pickle(data: Any) -> Any:
-    """Unpickle texts, numbers, lists and tuples; refuse any other before it runs.
+    """Return the texts, numbers, lists and tuples of a pickle, which is never loaded.
 
-    The memo of a pickle is a list as long as its largest entry, so an entry that is
-    larger than the pickle has bytes is refused too.
+    Its operations are listed, and those that make these values are followed here.
     """
     if not isinstance(data, bytes):
         raise ValueError(f"expected names of columns, found {type(data).__name__}")
+    follower = _Follower(len(data))
     for operation, argument, _ in pickletools.genops(data):
-        if operation.name not in _PLAIN_OPERATIONS:
-            found = f"a pickle of more ({operation.name})"
+        try:
+            follower.follow(operation.name, argument)
+        except (IndexError, KeyError, AttributeError):
+            found = f"a damaged pickle ({operation.name})"
+            raise ValueError(f"expected names of columns, found {found}") from None
+    return follower.stack.pop()
+
+
+class _Follower:
+    """Follows the operations of a pickle of `n_bytes` bytes."""
+
+    def __init__(self, n_bytes: int) -> None:
+        self.stack: list[Any] = []
+        self._below: list[list[Any]] = []  # the stacks below each mark
+        self._memo: dict[int, Any] = {}
+        self._n_bytes = n_bytes
+
+    def follow(self, name: str, argument: Any) -> None:
+        """Do what an operation says.
+
+        Raises
+        ------
+        ValueError
+            If it makes anything but plain values.
+        IndexError, KeyError, AttributeError
+            If it needs what is not there.
+        """
+        if name in _VALUES:
+            if name.endswith("STRING"):  # of Python 2, where it is ASCII
+                argument = argument.encode("latin-1").decode("ascii")
+            self.stack.append(argument)
+        elif name in _CONSTANTS:
+            self.stack.append(_CONSTANTS[name])
+        elif name in _TUPLES:
+            n_values = _TUPLES[name]
+            values = [self.stack.pop() for _ in range(n_values)]
+            self.stack.append(tuple(reversed(values)))
+        elif name in _KEEP:
+            self._keep(int(argument))
+        elif name == "MEMOIZE":
+            self._keep(len(self._memo))
+        elif name in _TAKE:
+            self.stack.append(self._memo[int(argument)])
+        else:
+            self._arrange(name)
+
+    def _keep(self, entry: int) -> None:
+        """Remember the value at the top.
+
+        An entry beyond the bytes of the pickle shows that it is not one of names.
+        """
+        if entry > self._n_bytes:
+            found = f"a pickle of {self._n_bytes} bytes with an entry {entry}"
             raise ValueError(f"expected names of columns, found {found}")
-        is_entry = operation.name in ("PUT", "BINPUT", "LONG_BINPUT")
-        if is_entry and int(argument or 0) > len(data):
-            found = f"a pickle of {len(data)} bytes with an entry {argument}"
+        self._memo[entry] = self.stack[-1]
+
+    def _arrange(self, name: str) -> None:
+        """Do what an operation says about values that are there."""
+        if name == "MARK":
+            self._below.append(self.stack)
+            self.stack = []
+        elif name in ("LIST", "TUPLE", "APPENDS", "POP_MARK"):
+            values = self.stack
+            self.stack = self._below.pop()
+            if name == "LIST":
+                self.stack.append(values)
+            elif name == "TUPLE":
+                self.stack.append(tuple(values))
+            elif name == "APPENDS":
+                self.stack[-1].extend(values)
+        elif name == "EMPTY_LIST":
+            self.stack.append([])
+        elif name == "APPEND":
+            value = self.stack.pop()
+            self.stack[-1].append(value)
+        elif name == "DUP":
+            self.stack.append(self.stack[-1])
+        elif name == "POP":
+            self.stack.pop()
+        elif name not in ("PROTO", "FRAME", "STOP"):
+            found = f"a pickle of more ({name})"
             raise ValueError(f"expected names of columns, found {found}")
-    return pickle.loads(data)

@@ -18,7 +18,12 @@ from hopdata.errors import RecordingError
 from hopdata.messages import Message
 from hopdata.recording import Event
 from hopdata.recordings import raw
-from hopdata.recordings.budget import MOST_LINKS, require_few, require_unpacked
+from hopdata.recordings.budget import (
+    MOST_LINKS,
+    require_few,
+    require_memory,
+    require_unpacked,
+)
 from hopdata.recordings.readers.text import listed, one_line
 
 DATA = "data.json"
@@ -99,7 +104,7 @@ def _content(path: Path, most_unpacked_mb: float) -> Any:
         + _PER_LIST * text.count(b"[")
         + _PER_DICTIONARY * text.count(b"{")
     )
-    require_unpacked(in_memory, most_unpacked_mb)
+    require_memory(in_memory, most_unpacked_mb)
     return json.loads(text)
 
 

@@ -341,7 +341,7 @@ def _elements(data: bytearray, at: int, end: int, order: str) -> list[Element]:
 
 def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
     """Decode a version 7.3 file; restore the order of axes."""
-    require_intact(path, most_mb)
+    require_intact(path)
     with h5py.File(path, "r", locking=False) as file:
         require_sound(file, most_mb)
         decode = _Decoder(file)

@@ -69,7 +69,7 @@ def readable(path: Path, *, is_text: bool = True) -> Iterator[BinaryIO]:
         If it cannot be read, or has a line longer than any of a sound file.
     """
     try:
-        with path.open("rb") as file:
+        with _opened(path) as file:
             if not is_text:
                 yield file
                 return
@@ -86,6 +86,26 @@ def readable(path: Path, *, is_text: bool = True) -> Iterator[BinaryIO]:
         found = error.strerror or error
         message = f"{path}: expected a readable file, found: {found}"
         raise RecordingError(message) from None
+
+
+# Texts that stand in no file, by the path under which they are read.
+_held: dict[Path, bytes] = {}
+
+
+@contextmanager
+def held(path: Path, content: bytes) -> Iterator[None]:
+    """Let a text be read as if it were the file of a path, inside the block."""
+    _held[path] = content
+    try:
+        yield
+    finally:
+        del _held[path]
+
+
+def _opened(path: Path) -> BinaryIO:
+    if path in _held:
+        return io.BytesIO(_held[path])
+    return path.open("rb")
 
 
 def _ends_lines_in_cr(begin: bytes) -> bool:

@@ -63,7 +63,8 @@ def read_trb(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
         found.
     """
     with readable(path, is_text=False) as file:
-        content = file.read(_MOST_BYTES)
+        # Python asks for as much memory as it is told to read.
+        content = file.read(min(_MOST_BYTES, path.stat().st_size))
     header = _read_header(path, content)
     frames, number, cut = _frames(path, content, header.data_start)
     positions = _positions(path, content, frames, header)

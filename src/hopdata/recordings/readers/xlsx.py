@@ -1,30 +1,33 @@
 """Reader of Excel's workbooks: the first sheet of markers, read as the same text.
 
 A workbook is a packed collection of XML, so the size to which it claims to unpack is
-compared with the limit first. The sheet is then written as a CSV and read by the reader
-of text exports, so it may have any layout that a CSV may have.
+compared with the limit first. The sheet then becomes a CSV in memory, which the reader
+of text exports reads, so it may have any layout that a CSV may have.
 """
 
+import os
 import warnings
 import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.errors import RecordingError
 from hopdata.messages import Message
 from hopdata.recordings import raw
-from hopdata.recordings.budget import MOST_COLUMNS, require_unpacked
+from hopdata.recordings.budget import MOST_COLUMNS, require_memory
 from hopdata.recordings.readers.csv_exports import read_export
-from hopdata.recordings.readers.text import listed, one_line
+from hopdata.recordings.readers.text import held, listed, one_line
 
 #: Memory for a cell of a workbook over the length of its XML.
 #: Unit: 1. Origin: chosen. XML of 30 bytes becomes a number of Python and its text.
 _MEMORY_PER_BYTE = 5
+
+# Where the text of a sheet stands: at a path that no file can have.
+_COPY = Path(os.devnull) / "sheet.csv"
 
 _TIDY = (
     "; leave one table on the first sheet, a row of names (<name>_x, <name>_y, "
@@ -101,18 +104,17 @@ def _read_sheet(
     path: Path, sheet: str, table: Any, rate_hz: float | None, least_score: float
 ) -> raw.RawRecording:
     """Read a sheet as the CSV that it would be saved to."""
-    with TemporaryDirectory() as folder:
-        copy = Path(folder) / "sheet.csv"
-        table.to_csv(copy, header=False, index=False)
-        here = f"{path}, sheet '{sheet}'"
+    content = table.to_csv(None, header=False, index=False).encode()
+    here = f"{path}, sheet '{sheet}'"
+    with held(_COPY, content):
         try:
-            found = read_export(copy, rate_hz=rate_hz, least_score=least_score)
+            found = read_export(_COPY, rate_hz=rate_hz, least_score=least_score)
         except RecordingError as error:
-            message = str(error).replace(str(copy), here)
+            message = str(error).replace(str(_COPY), here)
             if not isinstance(error, raw.RateUnknownError):
                 message += _TIDY
             raise type(error)(message) from None
-        return replace(found, remarks=_renamed(found.remarks, str(copy), here))
+    return replace(found, remarks=_renamed(found.remarks, str(_COPY), here))
 
 
 def _renamed(
@@ -137,7 +139,7 @@ def _require_size(path: Path, most_unpacked_mb: float) -> None:
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             n_bytes = sum(member.file_size for member in archive.infolist())
-        require_unpacked(_MEMORY_PER_BYTE * n_bytes, most_unpacked_mb)
+        require_memory(_MEMORY_PER_BYTE * n_bytes, most_unpacked_mb)
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         words = one_line(str(error))
         if "expected" not in words:

@@ -20,11 +20,19 @@
   addEventListener("beforeprint", () => folds.forEach((fold) => (fold.open = true)));
   unfold();
 }
+const as_picture = (drawn) => new XMLSerializer().serializeToString(drawn)
+  .replaceAll('<desc type="text/css"', '<style type="text/css"').replaceAll(/(<style type="text\/css"[^]*?)<\/desc>/g, "$1</style>");
 // In a narrow window, stack the panels of a figure without shrinking their text.
 if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".picture img[src*='svg']").forEach((wide) => {
   const room = 0.75 * document.querySelector("main").clientWidth / 0.8; // in points; panels shrink to 80 % at most
   const bytes = Uint8Array.from(atob(wide.src.split(",")[1]), (sign) => sign.charCodeAt(0));
-  const drawn = new DOMParser().parseFromString(new TextDecoder().decode(bytes), "image/svg+xml").documentElement;
+  // The page's policy allows styles that a script sets, but none in a text: they wait under another name.
+  const text = new TextDecoder().decode(bytes).replaceAll(' style="', ' data-style="').replaceAll("<style", "<desc").replaceAll("</style", "</desc");
+  const drawn = new DOMParser().parseFromString(text, "image/svg+xml").documentElement;
+  for (const one of drawn.querySelectorAll("[data-style]")) {
+    one.style.cssText = one.dataset.style;
+    one.removeAttribute("data-style");
+  }
   const inside = (group, names) => names.flatMap((name) => [...group.querySelectorAll(`:scope > [id^=${name}_]`)]);
   const within = (one, other) => one.left >= other.left - 2 && one.right <= other.right + 2;
   // Axes above each other form one part, with the texts within their width; a half that fits stays whole.
@@ -75,7 +83,7 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
     const view = { viewBox: [left, top, width, height].join(" "), width: `${width}pt`, height: `${height}pt` };
     for (const [key, value] of Object.entries(view)) drawn.setAttribute(key, value);
     all.forEach((one) => one.setAttribute("visibility", of.includes(one) ? "visible" : "hidden"));
-    image.src = "data:image/svg+xml," + encodeURIComponent(new XMLSerializer().serializeToString(drawn));
+    image.src = "data:image/svg+xml," + encodeURIComponent(as_picture(drawn));
     image.style.setProperty("--paper", `${width}pt`);
     image.classList.add("part");
     if (number) image.alt = "";

@@ -11,11 +11,12 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopdata.commands import terminal
-from hopdata.errors import ConfigError, counted, require
+from hopdata.errors import ConfigError, counted, printable, require
 
 if TYPE_CHECKING:
     from hopdata.steering.control.objectives import Controller
@@ -232,8 +233,8 @@ def _parts(
     from hopdata.steering.observation.geometry import load_geometry
 
     with tempfile.TemporaryDirectory() as folder:
-        for name, content in files.items():
-            Path(folder, name).write_bytes(content)
+        for name in (GEOMETRY, MODEL):  # a log may hold other names
+            Path(folder, name).write_bytes(files.get(name, b""))
         geometry = load_geometry(f"{folder}/{GEOMETRY}")
         process = load_process(f"{folder}/{MODEL}")
     goal: ToPoint | ToHeading
@@ -334,6 +335,7 @@ def replay(options: argparse.Namespace) -> int:
     from hopdata.steering.live.safety import Limits
 
     log = read_log(options.log)
+    _require_settings(options.log, log.setup)
     geometry, controller = _parts(log.setup, log.files)
     observers = observers_of(geometry, log.setup["rate_hz"])
     limits = Limits(**log.setup["limits"])
@@ -354,6 +356,50 @@ def replay(options: argparse.Namespace) -> int:
     n_same = len(plans) - len(other)
     print(f"{n_same} of {counted(len(plans), 'plan')} the same to the bit")
     return terminal.PROBLEM if len(other) else terminal.OK
+
+
+def _require_settings(log: Path, setup: Mapping[str, Any]) -> None:
+    """Require the settings that a drive stores in its log, each of its kind.
+
+    Raises
+    ------
+    ConfigError
+        If one is missing or of another kind.
+    """
+    from hopdata.steering.live.safety import Limits
+
+    place = f"{log}: setup"
+    heading = setup.get("heading_deg")
+    is_goal = heading is None or _is_number(heading)
+    if heading is None:
+        to = setup.get("to")
+        is_pair = isinstance(to, list) and len(to) == 2
+        is_goal = is_pair and all(map(_is_number, to))
+    require(is_goal, place, "a goal: heading_deg, or to", f"{setup.get('to')!r}"[:40])
+    for key in ("adaptive", "simulated"):
+        value = setup.get(key)
+        require(isinstance(value, bool), f"{place}.{key}", "true or false", value)
+    rate_hz = setup.get("rate_hz")
+    is_rate = _is_number(rate_hz) and 0 < rate_hz < MOST_HZ
+    require(is_rate, f"{place}.rate_hz", "a frame rate", f"{rate_hz!r}"[:40])
+    limits = setup.get("limits")
+    known = {one.name for one in fields(Limits)}
+    is_sound = (
+        isinstance(limits, dict)
+        and {"swing_rad"} <= {*limits} <= known
+        and all(map(_is_number, limits.values()))
+    )
+    wanted = f"numbers for {', '.join(sorted(known))}"
+    require(is_sound, f"{place}.limits", wanted, f"{limits!r}"[:40])
+
+
+# A frame rate that no camera reaches; JSON may hold any number.
+MOST_HZ = 1e6
+
+
+def _is_number(value: object) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and math.isfinite(value)
 
 
 # The operator's screen.
@@ -428,8 +474,9 @@ class Screen:
         lines = self._picture(loop, stream, now - self._begun)
         up = f"\033[{self._n_lines_drawn}A" if self._n_lines_drawn else ""
         width = os.get_terminal_size().columns - 1  # wrapped lines would leave remains
-        drawn = [f"\033[K{line[:width]}" for line in lines]
-        print(up + "\n".join(drawn), flush=True)
+        drawn = [f"\033[K{printable(line[:width])}" for line in lines]
+        stream = terminal.raw_stream(sys.stdout)
+        print(up + "\n".join(drawn), file=stream, flush=True)
         self._n_lines_drawn = len(lines)
 
     def _picture(self, loop: ControlLoop, stream: Stream, passed_s: float) -> list[str]:

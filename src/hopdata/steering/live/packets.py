@@ -8,6 +8,7 @@ Real-time Server Protocol Documentation.)
 """
 
 import asyncio
+import math
 import struct
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
@@ -189,7 +190,7 @@ def read_parameters(document: str | bytes) -> StreamParameters:
         raise GarbageError(f"settings of the stream: expected XML ({error})") from error
     names = [label.findtext("Name", "") for label in root.findall("./The_3D/Label")]
     upwards = root.findtext("./The_3D/AxisUpwards", "").strip().upper()
-    known_rate = rate if rate > 0 else None
+    known_rate = rate if 0 < rate < math.inf else None
     return StreamParameters(tuple(names), known_rate, upwards)
 
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError, RecordingError, did_you_mean
-from hopdata.jobs import read_json, write_json
+from hopdata.foreign.texts import json_of
+from hopdata.jobs import write_json
 
 FORMAT = "hopper geometry 1"
 
@@ -120,11 +121,11 @@ def load_geometry(path: str | Path) -> HopperGeometry:
         If the file is missing or holds something else.
     """
     try:
-        content = read_json(path)
+        content = json_of(path, wanted=f"a {FORMAT} as JSON", error=RecordingError)
         if content["format"] != FORMAT:
             raise ValueError(f"its format is {content['format']!r}")
         return _from_json(content)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise RecordingError(
             f"{path}: expected a {FORMAT} as JSON, found: {error}"
         ) from None

@@ -28,6 +28,18 @@ def steering_code(script):
     return code(script, folder=STEERING_FILES / "scripts")
 
 
-def of_first(rule_output):
+def pattern(output):
+    """Return the pattern of a rule's output as the rule states it, for `expand`.
+
+    Where files are kept in an object storage (`--default-storage-prefix`), Snakemake has put the
+    place of the local copy there.
+    """
+    if not getattr(output, "is_storage", False):
+        return str(output)
+    prefix = workflow.storage_settings.default_storage_prefix
+    return output.storage_object.query.removeprefix(f"{prefix}/")
+
+
+def of_first(output):
     """Return the file of the first seed, whose runs and model a steering study shows."""
-    return expand(rule_output, seed=1, allow_missing=True)[0]
+    return expand(pattern(output), seed=1, allow_missing=True)[0]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hopdata.jobs import read_json, reported
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     found = read_json(snakemake.input.found)
     print(f"hopdata: {snakemake.input.page}: {found['answer']}", file=sys.stderr)
     for fault in found["faults"]:

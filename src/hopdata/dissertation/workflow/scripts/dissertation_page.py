@@ -9,7 +9,7 @@ from hopdata.dissertation.report.entries import found_of
 from hopdata.dissertation.report.page import build_page
 from hopdata.jobs import reported, whole_file, write_json
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     parts = [Path(file).parent for file in snakemake.input.records]
     folders = {part.name: part for part in parts}
     records = [read_record(part) for part in parts]

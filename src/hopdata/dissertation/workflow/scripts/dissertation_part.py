@@ -5,7 +5,7 @@ from pathlib import Path
 from hopdata.dissertation.making import make_part_apart
 from hopdata.jobs import reported
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     make_part_apart(
         snakemake.params.part,
         Path(snakemake.output.record).parent,

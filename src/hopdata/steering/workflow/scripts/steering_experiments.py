@@ -9,7 +9,7 @@ from hopdata.steering.models.process import load_process
 from hopdata.steering.observation.geometry import load_geometry
 from hopdata.steering.trial import true_map_of
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     # A number, such as `1`, and a name behind it, such as `1_printed`, if the robot was
     # observed in another way than by the first of the study's observations.
     seed, _, observation = snakemake.wildcards.seed.partition("_")

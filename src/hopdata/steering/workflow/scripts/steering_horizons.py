@@ -8,7 +8,7 @@ from hopdata.steering.models.process import load_process
 from hopdata.steering.observation.geometry import load_geometry
 from hopdata.steering.trial import true_map_of
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     table = horizons_of(
         snakemake.params.steering,
         snakemake.params.motion_capture,

@@ -10,7 +10,7 @@ from hopdata.steering.models.process import save_process
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.trial import simulate_excitation
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     steering = snakemake.params.steering
     output = snakemake.output
     observation = snakemake.params.observation

@@ -10,7 +10,7 @@ from hopdata.steering.models.learning import (
 )
 from hopdata.steering.models.process import load_process
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     process = load_process(snakemake.input.model)
     output = snakemake.output
     largest = snakemake.params.model["map_swing_rad"]

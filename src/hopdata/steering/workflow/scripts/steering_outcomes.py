@@ -3,7 +3,7 @@
 from hopdata.jobs import read_tables, reported, write_table
 from hopdata.steering.experiments.outcomes import outcome_table
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
     output = snakemake.output
     runs = read_tables(source.runs)

@@ -8,7 +8,7 @@ from hopdata.recordings.readers.hdf5 import read_recording
 from hopdata.report.inputs import read_figures
 from hopdata.steering.report.page import SteeringInputs, build_steering_report
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
     recordings = [read_recording(path) for path in source.recordings]
     stage_times = [

@@ -5,7 +5,7 @@ from hopdata.steering.experiments.outcomes import truth_entries
 from hopdata.steering.models.process import load_process
 from hopdata.steering.trial import true_map_of
 
-with reported(snakemake.log[0]):
+with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
     write_json(
         snakemake.output.truth,

@@ -1,0 +1,146 @@
+"""What ended a job that no mistake of the user ended: memory, disk, a missing file.
+
+The same causes are told by an exception, if the job could still say so, and by the text
+or the signal that is left if it could not.
+"""
+
+import errno
+import re
+import signal
+
+#: What to do, by cause.
+MEMORY = (
+    "memory ran out; run it with fewer jobs at once (--cores 1), where more memory is "
+    "free, or on a shorter recording"
+)
+SPACE = "the disk is full; free some space, then run the same command again"
+QUOTA = "the quota of disk space is used up; free some, then run the same command again"
+FILE_SIZE = "a file may not grow that large here; raise the limit (ulimit -f)"
+READ_ONLY = "this place cannot be written; run where it can, or make it writable"
+MISSING = "it is missing; bring it back if it is yours, then run the same command again"
+FORBIDDEN = "access is denied; change its permissions, then run the same command again"
+FAILING = "the disk or the shared folder failed; run the same command again"
+OPEN_FILES = "too many files are open; raise the limit (ulimit -n)"
+
+#: Names of the system's error numbers; Windows lacks some.
+_BY_NAME = {
+    "ENOMEM": MEMORY,
+    "ENOSPC": SPACE,
+    "EDQUOT": QUOTA,
+    "EFBIG": FILE_SIZE,
+    "EROFS": READ_ONLY,
+    "ENOENT": MISSING,
+    "EACCES": FORBIDDEN,
+    "EPERM": FORBIDDEN,
+    "EIO": FAILING,
+    "ESTALE": FAILING,
+    "EMFILE": OPEN_FILES,
+    "ENFILE": OPEN_FILES,
+}
+#: Texts of the system and of libraries that give a cause away.
+_BY_TEXT = (
+    (
+        re.compile(
+            r"MemoryError|[Oo]ut of memory|Cannot allocate memory|std::bad_alloc|"
+            r"Memory allocation still failed|failed to map segment|"
+            r"Resource temporarily unavailable|can't start new thread|"
+            r"unable to mmap|Unable to allocate"
+        ),
+        MEMORY,
+    ),
+    (re.compile("No space left on device|database or disk is full"), SPACE),
+    (re.compile("[Qq]uota exceeded"), QUOTA),
+    (re.compile("File too large|File size limit"), FILE_SIZE),
+    (re.compile("Read-only file system"), READ_ONLY),
+    (re.compile("Permission denied"), FORBIDDEN),
+    (re.compile("Input/output error|Stale file handle"), FAILING),
+    (re.compile("Too many open files"), OPEN_FILES),
+)
+
+
+def error_number(error: BaseException) -> int | None:
+    """Return the system's number of an error; h5py gives it only in its message."""
+    in_message = re.search(r"errno = (\d+)", str(error))
+    if in_message:
+        return int(in_message[1])
+    number: int | None = getattr(error, "errno", None)
+    return number
+
+
+def cause_of(error: BaseException) -> str:
+    """Say what ended a job and what to do, by its exception; empty if not known."""
+    if isinstance(error, MemoryError):
+        return MEMORY
+    if not isinstance(error, (OSError, RuntimeError, ImportError)):
+        return ""
+    number = error_number(error)
+    if number is None:
+        return cause_in(str(error))
+    cause = _BY_NAME.get(errno.errorcode.get(number, ""), "")
+    place = getattr(error, "filename", None)
+    if cause and place:
+        return f"{place}: {cause}"
+    if cause and number in (errno.ENOENT, errno.EACCES, errno.EPERM):
+        return f"{error}: {cause}"
+    return cause
+
+
+def cause_in(text: str) -> str:
+    """Say what ended a job and what to do, by what was said; empty if not known."""
+    for pattern, cause in _BY_TEXT:
+        if pattern.search(text):
+            return cause
+    return ""
+
+
+def oom_kills() -> int | None:
+    """Return how many processes this system has killed since memory ran out.
+
+    None if it does not tell, as only Linux does.
+    """
+    try:
+        with open("/proc/vmstat", encoding="ascii") as counts:
+            for line in counts:
+                name, _, number = line.partition(" ")
+                if name == "oom_kill":
+                    return int(number)
+    except (OSError, ValueError):
+        return None
+    return None
+
+
+def signal_told(number: int, *, oom_before: int | None) -> str:
+    """Say what a signal that ended a process means, and what to do.
+
+    Parameters
+    ----------
+    number
+        Of the signal.
+    oom_before
+        `oom_kills` before the process began.
+    """
+    try:
+        name = signal.Signals(number).name
+    except ValueError:
+        name = f"signal {number}"
+    again = "run the same command again"
+    if name == "SIGKILL":
+        now = oom_kills()
+        if oom_before is not None and now is not None and now > oom_before:
+            return f"the system killed it: {MEMORY}"
+        return (
+            "it was killed (SIGKILL) by a person, by a limit of time, or since memory "
+            f"ran out; {again}, with --cores 1 if memory is short"
+        )
+    if name in {"SIGTERM", "SIGINT", "SIGHUP"}:
+        return f"it was ended from outside ({name}); {again}"
+    if name in {"SIGXCPU"}:
+        return f"its limit of CPU time is used up ({name}; ulimit -t); raise it"
+    if name in {"SIGXFSZ"}:
+        return FILE_SIZE
+    if name in {"SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGFPE"}:
+        return (
+            f"it crashed ({name}), which a lack of memory, a full disk or a damaged "
+            f"installation may cause; {again}, with --cores 1 if memory is short"
+        )
+    return f"it was ended by {name}; {again}"

@@ -1,0 +1,1 @@
+"""One door for what hopdata did not write itself: read apart, within limits."""

@@ -1,0 +1,62 @@
+"""Code that other packages bring: its errors are told in one line, with its name.
+
+A package that is installed beside hopdata may bring readers, scenes and products by
+entry points. It is code and is trusted as such, but its errors may be of any kind, and
+a traceback through hopdata would say nothing to a user about whom to ask.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import EntryPoint
+
+from hopdata.errors import ConfigError, HopdataError
+from hopdata.messages import Message
+
+# Characters of a plugin's error that are told.
+MOST_WORDS = 500
+
+
+def name_of(kind: str, entry: EntryPoint) -> str:
+    """Return how a message names a plugin, by its name, its package and its object.
+
+    Parameters
+    ----------
+    kind : str
+        What it brings: a reader, a scene, a product.
+    entry : EntryPoint
+        Where it is declared.
+    """
+    package = f"{entry.dist.name} " if entry.dist is not None else ""
+    return f"the {kind} '{entry.name}' of the package {package}({entry.value})"
+
+
+@contextmanager
+def blamed(
+    plugin: str, place: object, *, error: type[HopdataError] = ConfigError
+) -> Iterator[None]:
+    """Turn what a plugin raises meanwhile into one line with its name.
+
+    Parameters
+    ----------
+    plugin : str
+        Its name, as `name_of` returns it.
+    place : object
+        What the message begins with.
+    error : type of HopdataError
+        Class of the error.
+
+    Raises
+    ------
+    HopdataError
+        What it raises of this kind, unchanged; of class `error` for all else.
+    """
+    try:
+        yield
+    except (HopdataError, MemoryError):
+        raise
+    except (Exception, SystemExit) as fault:  # a plugin may also end the program
+        told = " ".join(f"{type(fault).__name__}: {fault}".split())[:MOST_WORDS]
+        values = {"place": f"{place}", "plugin": plugin, "found": told}
+        raise error(Message("foreign.plugin", values)) from fault

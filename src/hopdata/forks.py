@@ -1,0 +1,369 @@
+"""How a job starts: its script runs in a fork of one process that knows the libraries.
+
+Snakemake starts Python anew for each script. A stage of a recording of 10 s works for
+less time than Python takes to import what it needs, so a study of many recordings, or a
+group of many subjects, was mostly imports. Here the scripts of a run are forks of one
+process, the server. What the first job of a rule has imported, the server imports
+before it forks for the second, so a rule that runs once imports nothing twice.
+
+Everything else is as Snakemake does it: the same file is executed, with the same
+folder, arguments, threads and exit code, and its process is measured for the rule's
+`benchmark`. A job that dies takes no other with it. If Snakemake dies, the server ends
+its jobs; if the server dies, its jobs die and are reported. Only Linux has all of this:
+elsewhere, and for scripts with several threads or an environment of their own,
+Snakemake starts Python as ever.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import gc
+import json
+import os
+import runpy
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+#: Most bytes of a request: what a job is told before it begins.
+LONGEST_REQUEST = 2**16
+#: What Snakemake tells the numerical libraries of a job with one thread, which they
+#: read when they are loaded.
+ONE_THREAD = {
+    f"{library}_NUM_THREADS": "1"
+    for library in ("OMP", "GOTO", "OPENBLAS", "MKL", "NUMEXPR")
+} | {"VECLIB_MAXIMUM_THREADS": "1"}
+#: Number of `prctl` by which a process asks to be killed when its parent dies.
+_DIE_WITH_PARENT = 1
+#: How long the end of a run waits for the server to end, s.
+_END_S = 10.0
+
+
+# In Snakemake's process.
+
+
+def install() -> bool:
+    """Let Snakemake run its Python scripts as forks; return whether it will.
+
+    It does not if the system is not Linux, if Snakemake is not as known, or if somebody
+    else has already changed how it runs scripts.
+    """
+    from snakemake.script import PythonScript
+
+    run: Any = getattr(PythonScript, "execute_script", None)
+    is_known = getattr(run, "__module__", "") == PythonScript.__module__
+    if not is_known or not sys.platform.startswith("linux"):
+        return getattr(run, "__module__", "") == __name__
+    server = Server()
+    atexit.register(server.end)
+    PythonScript.execute_script = _replaced(run, server)
+    return True
+
+
+def _replaced(run: Callable[..., None], server: Server) -> Callable[..., None]:
+    """Return what executes a script in place of Snakemake's `run`."""
+
+    def execute_script(script: Any, file: str, edit: bool = False) -> None:
+        if edit or not _is_plain(script):
+            run(script, file, edit)
+            return
+        from snakemake.benchmark import benchmarked
+
+        folder = script.resources.get("tmpdir")
+        environment = dict.fromkeys(("TMPDIR", "TMP", "TEMPDIR", "TEMP"), folder)
+        job = server.start(script.rulename, file, environment if folder else {})
+        with ExitStack() as measured:
+            if script.bench_record is not None:
+                measured.enter_context(benchmarked(job.pid, script.bench_record))
+            code = job.wait()
+        if code:
+            # As for a process of its own: the message names a signal that ended it.
+            raise subprocess.CalledProcessError(code, f"{sys.executable} {file}")
+
+    execute_script.__module__ = __name__
+    return execute_script
+
+
+def _is_plain(script: Any) -> bool:
+    """Tell whether a script wants one thread, and this process's environment."""
+    others = (script.container_img, script.conda_env, script.env_modules)
+    return (
+        not any(others)
+        and script.threads == 1
+        and script.resources.get("shell_exec") is None
+    )
+
+
+@dataclass
+class Job:
+    """A fork at work.
+
+    Attributes
+    ----------
+    pid
+        Its process.
+    """
+
+    pid: int
+    _answers: Any
+
+    def wait(self) -> int:
+        """Wait for its end; return its exit code, or minus the signal that ended it."""
+        with self._answers:
+            line = self._answers.readline()
+        if not line:
+            raise ServerEndedError
+        return int(line)
+
+
+class ServerEndedError(RuntimeError):
+    """The process whose forks the jobs are has ended, and they with it."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "expected the process that runs the jobs to live, found that it was ended; "
+            "perhaps by the system, for lack of memory"
+        )
+
+
+@dataclass
+class Server:
+    """The process whose forks the jobs are; it is started with the first job."""
+
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _process: subprocess.Popen[bytes] | None = None
+    _requests: socket.socket | None = None
+
+    def start(self, rule: str, file: str, environment: dict[str, str]) -> Job:
+        """Start a script as a job of a rule, with these variables besides ours."""
+        request = {
+            "rule": rule,
+            "file": file,
+            "folder": os.getcwd(),
+            "environment": environment,
+        }
+        read, write = os.pipe()
+        answers = os.fdopen(read, "r", encoding="ascii")
+        try:
+            with self._lock:
+                requests = self._at_work()
+                socket.send_fds(requests, [json.dumps(request).encode()], [write])
+        except OSError:
+            answers.close()
+            raise ServerEndedError from None
+        finally:
+            os.close(write)
+        pid = answers.readline()
+        if not pid:
+            answers.close()
+            raise ServerEndedError
+        return Job(int(pid), answers)
+
+    def _at_work(self) -> socket.socket:
+        """Return the way to the server, which is started unless it lives."""
+        process, requests = self._process, self._requests
+        if process is None or requests is None or process.poll() is not None:
+            if requests is not None:
+                requests.close()
+            requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            with theirs:
+                number = theirs.fileno()
+                self._process = subprocess.Popen(
+                    [sys.executable, "-P", "-m", "hopdata.forks", str(number)],
+                    pass_fds=[number],
+                    stdin=subprocess.DEVNULL,
+                    env=os.environ | ONE_THREAD,
+                )
+            self._requests = requests
+        return requests
+
+    def end(self) -> None:
+        """End the server; it has no job any more if Snakemake has ended its own."""
+        with self._lock:
+            if self._process is None or self._requests is None:
+                return
+            self._requests.close()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=_END_S)
+            self._process = None
+
+
+# In the server.
+
+
+@dataclass
+class _Begun:
+    """A fork at work, as the server knows it.
+
+    Attributes
+    ----------
+    rule
+        Whose job it is.
+    answers
+        Where to write its process and its exit code.
+    imported
+        A file in memory into which it writes the names of what it imports; None if the
+        server has imported that already.
+    """
+
+    rule: str
+    answers: int
+    imported: int | None
+
+
+def serve(number: int) -> dict[str, Any] | None:
+    """Fork for each request; return the request in the fork, and None at the end.
+
+    Parameters
+    ----------
+    number : int
+        The socket of the requests.
+    """
+    requests = socket.socket(fileno=number)
+    woken, wake = os.pipe()
+    for end in (woken, wake):
+        os.set_blocking(end, False)
+    # Ctrl-C is meant for Snakemake and its jobs.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+    signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+    forks: dict[int, _Begun] = {}
+    imported: dict[str, list[str]] = {}
+    with selectors.DefaultSelector() as selector:
+        selector.register(requests, selectors.EVENT_READ)
+        selector.register(woken, selectors.EVENT_READ)
+        while True:
+            ready = {key.fileobj for key, _ in selector.select()}
+            if woken in ready:
+                os.read(woken, LONGEST_REQUEST)
+                _reap(forks, imported)
+            if requests not in ready:
+                continue
+            message, answers, _, _ = socket.recv_fds(requests, LONGEST_REQUEST, 1)
+            if not message:  # Snakemake has ended
+                _kill(forks)
+                return None
+            request: dict[str, Any] = json.loads(message)
+            begun = _begin(request["rule"], answers[0], imported)
+            parent = os.getpid()
+            pid = os.fork()
+            if not pid:
+                _die_with(parent)
+                signal.set_wakeup_fd(-1)
+                signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+                signal.signal(signal.SIGINT, signal.default_int_handler)
+                others = [one.answers for one in forks.values()]
+                for end in (*others, begun.answers, woken, wake, requests.detach()):
+                    os.close(end)
+                return request | {"imported": begun.imported}
+            forks[pid] = begun
+            _answer(begun, pid)
+
+
+def _begin(rule: str, answers: int, imported: dict[str, list[str]]) -> _Begun:
+    """Import what an earlier job of this rule has imported, once."""
+    if rule not in imported:
+        return _Begun(rule, answers, os.memfd_create(rule))
+    names, imported[rule] = imported[rule], []
+    for name in names:
+        # Not all that is listed as a module can be imported by its name.
+        with suppress(Exception):
+            import_module(name)
+    if names:
+        gc.freeze()  # no fork searches, and thereby copies, all these for garbage
+    return _Begun(rule, answers, None)
+
+
+def _reap(forks: dict[int, _Begun], imported: dict[str, list[str]]) -> None:
+    """Tell the exit codes of forks that have ended, and learn what they imported."""
+    while forks:
+        pid, status = os.waitpid(-1, os.WNOHANG)
+        if not pid:
+            return
+        ended = forks.pop(pid)
+        if ended.imported is not None:
+            text = Path(f"/proc/self/fd/{ended.imported}").read_text(encoding="utf-8")
+            os.close(ended.imported)
+            if text:
+                imported.setdefault(ended.rule, text.split())
+        _answer(ended, os.waitstatus_to_exitcode(status))
+        os.close(ended.answers)
+
+
+def _answer(begun: _Begun, number: int) -> None:
+    with suppress(BrokenPipeError):  # Snakemake has just died
+        os.write(begun.answers, f"{number}\n".encode())
+
+
+def _kill(forks: dict[int, _Begun]) -> None:
+    for pid in forks:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+# In a fork.
+
+
+def _die_with(parent: int) -> None:
+    """Have this process killed when its parent dies."""
+    ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+    if os.getppid() != parent:  # it has died meanwhile
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def run(request: dict[str, Any]) -> int:
+    """Run a job's script as Python would; return its exit code."""
+    before = {*sys.modules}
+    os.chdir(request["folder"])
+    os.environ.update(request["environment"])
+    sys.argv = [request["file"]]
+    code = _code_of(request["file"])
+    if request["imported"] is not None:
+        names = [name for name in [*sys.modules] if name not in before]
+        with os.fdopen(request["imported"], "w", encoding="utf-8") as told:
+            told.write("\n".join(name for name in names if not name.startswith("__")))
+    return code
+
+
+def _code_of(file: str) -> int:
+    """Execute a file; return the exit code of a process that did no more than that."""
+    try:
+        runpy.run_path(file, run_name="__main__")
+    except SystemExit as end:
+        if end.code is None or isinstance(end.code, int):
+            return end.code or 0
+        print(end.code, file=sys.stderr)
+        return 1
+    except BaseException:
+        traceback.print_exc()
+        return 1
+    return 0
+
+
+def _end(code: int) -> None:
+    """End this process, without taking all modules apart, which takes 0.1 s."""
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread() and not thread.daemon:
+            thread.join()
+    atexit._run_exitfuncs()  # there is no public name
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
+
+
+if __name__ == "__main__":
+    found = serve(int(sys.argv[1]))
+    if found is not None:
+        _end(run(found))

@@ -1,0 +1,91 @@
+"""What the page of a large group says in place of a row for each study at its top."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Any
+
+from hopdata.report import formatting as show
+
+Row = Mapping[str, Any]
+#: In this order the page of a large group shows its studies.
+ANSWERS = ("different", "no difference", "cannot tell", "no answer")
+# Most reasons, or failed checks, that are listed; rarer ones are counted together.
+MOST_LISTED = 12
+
+_ANSWERS: show.Columns = {
+    "answer": lambda row: str(row["answer"]),
+    "studies": show.counted("n"),
+    "share (%)": show.decimals("share", 1, 100.0),
+    "median difference (%)": show.decimals("median", 1, 100.0),
+    "smallest (%)": show.decimals("smallest", 1, 100.0),
+    "largest (%)": show.decimals("largest", 1, 100.0),
+}
+_COUNTS: show.Columns = {
+    "what": lambda row: str(row["what"]),
+    "studies": show.counted("n"),
+}
+
+
+def answer_of(row: Row) -> str:
+    """Return the answer of a study, one of `ANSWERS`."""
+    if row["reason"]:
+        return "no answer"
+    return str(row["conclusion"])
+
+
+def by_answer(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return the studies of each answer that there is, in the order of `ANSWERS`."""
+    found: dict[str, list[Row]] = {answer: [] for answer in ANSWERS}
+    for row in rows:
+        found[answer_of(row)].append(row)
+    return {answer: studies for answer, studies in found.items() if studies}
+
+
+def summaries(rows: Sequence[Row]) -> list[show.Table]:
+    """Return tables of the answers, why there is none, and which checks are poor."""
+    tables = [show.table_of("Answers", _answers(rows), _ANSWERS)]
+    reasons = Counter(str(row["reason"]) for row in rows if row["reason"])
+    poor = Counter(
+        what
+        for row in rows
+        for what, status in row.get("quality", [])
+        if status == "poor"
+    )
+    for title, counts in (("Why there is no answer", reasons), ("Poor checks", poor)):
+        tables.append(show.table_of(title, _most(counts), _COUNTS))
+    return [table for table in tables if table is not None]
+
+
+def _answers(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return the number of studies of each answer, and their sizes."""
+    found = []
+    for answer, studies in by_answer(rows).items():
+        # A jump is not a share of the map.
+        sizes = [
+            row["estimate"]
+            for row in studies
+            if not row["reason"] and "jump_low" not in row
+        ]
+        entry: dict[str, Any] = {"answer": answer, "n": len(studies)}
+        entry["share"] = len(studies) / len(rows)
+        entry |= dict.fromkeys(("median", "smallest", "largest"))
+        if sizes:
+            entry["median"] = median(sizes)
+            entry["smallest"] = min(sizes)
+            entry["largest"] = max(sizes)
+        found.append(entry)
+    return found
+
+
+def _most(counts: Counter[str]) -> list[dict[str, Any]]:
+    """Return the most frequent of these texts, and how many studies have others."""
+    ordered = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    found = [{"what": what, "n": n} for what, n in ordered[:MOST_LISTED]]
+    rest = ordered[MOST_LISTED:]
+    if rest:
+        others = f"{len(rest)} others"
+        found.append({"what": others, "n": sum(n for _, n in rest)})
+    return found

@@ -1,0 +1,74 @@
+"""Snakemake's page of text ends in one line with the job and the cause."""
+
+from pathlib import Path
+
+import pytest
+
+from hopdata.commands.deaths import why
+
+PAGE = """\
+rule floor_compensation:
+    input: results/a/recordings/one.h5
+[Sat Nov 28 19:50:42 2026]
+Error in rule floor_compensation:
+    message: None
+    jobid: 3
+    output: results/a/level/one.h5
+    log: results/a/logs/floor_compensation_one.log (check log file(s) for error details)
+RuleException:
+CalledProcessError in file "line.smk", line 70:
+{how}
+Shutting down, this might take some time.
+"""
+DIED = "Command 'python x' died with <Signals.SIGKILL: 9>."
+STATUS = "Command 'python x' returned non-zero exit status {}."
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("results/a/logs").mkdir(parents=True)
+    return tmp_path
+
+
+def told(how):
+    return why(PAGE.format(how=how).splitlines(keepends=True), oom_before=None)
+
+
+@pytest.mark.parametrize("how", [DIED, STATUS.format(137)])
+def test_a_job_that_was_killed_is_named_with_its_signal(folder, how):
+    assert told(how).startswith("floor_compensation_one: it was killed (SIGKILL)")
+
+
+def test_what_the_job_itself_said_comes_first(folder):
+    log = Path("results/a/logs/floor_compensation_one.log")
+    log.write_text(
+        "INFO hopdata: begins\nERROR hopdata: a.h5: expected feet, found none\n"
+    )
+    assert told(STATUS.format(1)) == "a.h5: expected feet, found none"
+
+
+def test_a_cause_in_the_text_is_told_with_the_job(folder):
+    text = "MemoryError\n" + STATUS.format(1)
+    assert told(text).startswith("floor_compensation_one: memory ran out")
+
+
+def test_a_crash_without_a_word_names_the_job(folder):
+    assert told(STATUS.format(1)) == (
+        "floor_compensation_one: it failed, and its log tells no more"
+    )
+
+
+def test_snakemake_itself_may_lack_something():
+    said = ["OSError: [Errno 28] No space left on device\n"]
+    assert why(said, oom_before=None).startswith("Snakemake: the disk is full")
+    missing = "MissingInputException in rule a:\nMissing input files for rule a:\n"
+    missing += "    output: b\n    affected files:\n        data/monday.tsv\n"
+    assert why([missing], oom_before=None).startswith("data/monday.tsv: it is missing")
+
+
+def test_what_is_not_known_is_not_invented():
+    assert (
+        why(["Building DAG of jobs...\n", "WorkflowError: odd\n"], oom_before=None)
+        == ""
+    )

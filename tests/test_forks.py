@@ -1,0 +1,234 @@
+"""Jobs as forks: each ends as a process of its own would, and none outlives its run."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hopdata import forks
+from hopdata.forks import Server, ServerEndedError
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="scripts are forks on Linux only"
+)
+CHECKOUT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def server():
+    one = Server()
+    yield one
+    one.end()
+
+
+@pytest.fixture
+def script(tmp_path):
+    """Return a function that writes a script, and returns its path."""
+
+    def write(text, name="script.py"):
+        file = tmp_path / name
+        file.write_text(text)
+        return str(file)
+
+    return write
+
+
+def lives(pid):
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
+
+
+def ends(pid, within_s=20):
+    until = time.monotonic() + within_s
+    while lives(pid):
+        if time.monotonic() > until:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("pass", 0),
+        ("raise SystemExit", 0),
+        ("raise SystemExit(3)", 3),
+        ("raise SystemExit('a sentence')", 1),
+        ("1 / 0", 1),
+        ("import os; os.kill(os.getpid(), 9)", -9),
+    ],
+)
+def test_ends_as_a_process_of_its_own(server, script, text, code):
+    assert server.start("rule", script(text), {}).wait() == code
+
+
+def test_script_has_folder_arguments_variables_and_ends_whole(server, script, tmp_path):
+    text = """
+        import atexit, json, os, sys, threading, time
+        def late():
+            time.sleep(0.2)
+            open("late", "w").write("written")
+        threading.Thread(target=late).start()
+        atexit.register(lambda: open("last", "w").write("written"))
+        found = [__name__, sys.argv, os.environ["TMPDIR"], os.environ["OMP_NUM_THREADS"]]
+        json.dump(found, open("found.json", "w"))
+    """
+    file = script("\n".join(line[8:] for line in text.splitlines()))
+    before = os.getcwd()
+    os.chdir(tmp_path)
+    try:
+        assert server.start("rule", "script.py", {"TMPDIR": "/a place"}).wait() == 0
+    finally:
+        os.chdir(before)
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found == ["__main__", ["script.py"], "/a place", "1"]
+    assert (tmp_path / "late").read_text() == "written"
+    assert (tmp_path / "last").read_text() == "written"
+    assert Path(file).exists()
+
+
+def test_second_job_of_a_rule_finds_what_the_first_imported(server, script, tmp_path):
+    found = tmp_path / "found"
+    text = (
+        f"import sys; open({str(found)!r}, 'a').write(str('wave' in sys.modules) + ' '); "
+        "import wave"
+    )
+    for rule in ("one", "one", "other", "other"):
+        assert server.start(rule, script(text), {}).wait() == 0
+    # The server's imports serve all rules.
+    assert found.read_text().split() == ["False", "True", "True", "True"]
+
+
+def test_a_module_that_cannot_be_imported_again_is_left_to_its_jobs(server, script):
+    text = "import sys, types; sys.modules['made_up'] = types.ModuleType('made_up')"
+    for _ in range(3):
+        assert server.start("rule", script(text), {}).wait() == 0
+
+
+def test_killed_job_takes_no_other_with_it(server, script):
+    sleeper = script("import time; time.sleep(60)")
+    first = server.start("rule", sleeper, {})
+    other = server.start("rule", script("import time; time.sleep(0.5)", "other.py"), {})
+    os.kill(first.pid, signal.SIGTERM)
+    assert first.wait() == -signal.SIGTERM
+    assert other.wait() == 0
+
+
+def test_jobs_of_a_killed_server_die_and_the_next_job_gets_another(server, script):
+    job = server.start("rule", script("import time; time.sleep(60)"), {})
+    server._process.kill()
+    with pytest.raises(ServerEndedError, match="was ended"):
+        job.wait()
+    assert ends(job.pid)
+    assert server.start("rule", script("pass"), {}).wait() == 0
+
+
+def test_jobs_of_a_killed_run_die(script):
+    sleeper = script("import time; time.sleep(60)", "sleeper.py")
+    program = f"""
+from hopdata.forks import Server
+server = Server()
+jobs = [server.start("rule", {sleeper!r}, {{}}) for _ in range(2)]
+print(*(job.pid for job in jobs), server._process.pid, flush=True)
+jobs[0].wait()
+"""
+    command = [sys.executable, "-c", program]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as run:
+        pids = [int(pid) for pid in run.stdout.readline().split()]
+        assert all(lives(pid) for pid in pids)
+        run.kill()
+    assert all(ends(pid) for pid in pids)
+
+
+def test_end_of_a_run_leaves_no_server(server, script):
+    assert server.start("rule", script("pass"), {}).wait() == 0
+    pid = server._process.pid
+    server.end()
+    assert not lives(pid)
+
+
+@pytest.fixture
+def workflow(tmp_path):
+    """Return a folder with a workflow of jobs that say whose children they are."""
+    told = (
+        "import os, numpy; parent = open(f'/proc/{os.getppid()}/cmdline').read(); "
+        "open(snakemake.output[0], 'w').write(f'{parent} {snakemake.params.given}')"
+    )
+    (tmp_path / "told.py").write_text(told)
+    (tmp_path / "fails.py").write_text("import os; os.kill(os.getpid(), 9)")
+    rules = f"""
+include: "{CHECKOUT}/workflow/rules/folder.smk"
+
+rule all:
+    input: expand("{{name}}.txt", name=[*"abc"]), "threads.txt"
+
+rule told:
+    output: "{{name}}.txt"
+    benchmark: "{{name}}.tsv"
+    params: given=lambda wildcards: wildcards.name * 2
+    script: "told.py"
+
+rule threads:
+    output: "threads.txt"
+    threads: 2
+    params: given="two"
+    script: "told.py"
+
+rule fails:
+    output: "never"
+    script: "fails.py"
+"""
+    (tmp_path / "Snakefile").write_text(rules)
+    return tmp_path
+
+
+def snakemake(folder, *options):
+    command = [sys.executable, "-m", "snakemake", "--cores", "2", *options]
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env=os.environ | {"PYTHONSAFEPATH": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_snakemake_runs_its_scripts_as_forks(workflow):
+    """What this package knows of Snakemake holds for the version that is installed."""
+    done = snakemake(workflow)
+    assert done.returncode == 0, done.stderr
+    for name in "abc":
+        text = (workflow / f"{name}.txt").read_text()
+        assert "hopdata.forks" in text
+        assert text.endswith(f" {name * 2}")
+        header, row = (workflow / f"{name}.tsv").read_text().splitlines()
+        times = dict(zip(header.split("\t"), row.split("\t"), strict=True))
+        assert float(times["s"]) > 0.0
+    # A script with several threads has a process of its own.
+    assert "hopdata.forks" not in (workflow / "threads.txt").read_text()
+
+
+def test_snakemake_tells_which_signal_ended_a_fork(workflow):
+    done = snakemake(workflow, "never")
+    assert done.returncode == 1
+    assert "died with <Signals.SIGKILL: 9>" in done.stderr
+
+
+def test_install_leaves_what_somebody_else_has_installed(monkeypatch):
+    from snakemake.script import PythonScript
+
+    def other(script, file, edit=False):
+        raise NotImplementedError
+
+    monkeypatch.setattr(PythonScript, "execute_script", other)
+    assert not forks.install()
+    assert PythonScript.execute_script is other
