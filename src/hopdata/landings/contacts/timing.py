@@ -332,7 +332,7 @@ def _after_glides(
     # A foot that only sinks may stand: it has glided if it then comes down, or, without
     # a first kink, if it has a later one.
     is_clear = fits.unit_se * rough.noise_m < CLEAR_S
-    is_clear &= again.se < UNDETERMINED_S
+    is_clear &= again.se < CLEAR_S
     comes_down = is_clear & (fits.velocity < -COMES_DOWN_M_S)
     comes_down |= without_kink & (se < UNDETERMINED_S)
     is_down = may_glide & (has_glided | comes_down)
