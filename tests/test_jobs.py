@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from hopdata import digests
-from hopdata.errors import AnalysisError, StorageError
+from hopdata.errors import AnalysisError, DamagedError, StorageError
 from hopdata.jobs import (
     read_json,
     read_table,
@@ -156,6 +156,31 @@ def test_json_refuses_nan_and_comes_back(tmp_path):
         write_json(tmp_path / "b.json", {"x": float("nan")})
     assert not (tmp_path / "b.json").exists()
     assert json.loads((tmp_path / "a.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.json", b"{"),
+        ("a.json", b"\xff"),
+        ("a.json", b"[" * 100_000),
+        ("a.json", b"1" * 5000),
+        ("a.csv", b'a,b\n"1,2\n'),
+        ("a.csv", b"a,b\n\xff,1\n"),
+        ("a.csv", b"a\n1,2\n1,2,3\n"),
+        ("a.csv", b"a\n" + b"1," * 300_000),
+    ],
+)
+def test_results_that_cannot_be_read_are_one_line(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    read = read_json if name.endswith("json") else read_table
+    with pytest.raises(
+        DamagedError, match=f"{name}: expected whole .*run again$"
+    ) as told:
+        read(path)
+    assert "\n" not in str(told.value)
+    assert len(str(told.value)) < 300 + len(str(path))
 
 
 def test_tables_keep_empty_text_and_nine_digits(tmp_path):

@@ -182,7 +182,48 @@ def test_a_sound_provenance_is_repeated_within_the_results(folder, monkeypatch):
 def test_a_provenance_nested_without_end_is_refused_in_one_line(folder, capsys):
     Path("p.json").write_text("[" * 100_000)
     assert main(["run", "--from", "p.json"]) == 1
-    assert "p.json: expected at most 50 levels" in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        "hopdata: error: p.json: expected at most 50 levels, one within another, "
+        "found more\n"
+    )
+
+
+@pytest.mark.parametrize("linked", ["results/trial_again", "the file in it"])
+def test_links_do_not_lead_a_repeated_study_out_of_the_folder(
+    folder, tmp_path_factory, monkeypatch, capsys, linked
+):
+    ran = []
+    monkeypatch.setattr(
+        "hopdata.commands.run.run_workflow", lambda *a, **__: ran.append(a) or 1
+    )
+    outside = tmp_path_factory.mktemp("outside")
+    Path("results").mkdir(exist_ok=True)
+    if linked == "the file in it":
+        Path("results/trial_again").mkdir()
+        Path("results/trial_again/config.yaml").symlink_to(outside / "config.yaml")
+    else:
+        Path(linked).symlink_to(outside)
+    config = {"study": "trial", "recordings": [{"name": "a", "file": "a.tsv"}]}
+    config |= {"markers": {"body": ["a", "b", "c"], "feet": ["d", "e"]}}
+    Path("p.json").write_text(json.dumps(RECORD | {"config": config}))
+    assert main(["run", "--from", "p.json"]) == 1
+    assert "expected a file of this folder, found a link to" in capsys.readouterr().err
+    assert [*outside.iterdir()] == []
+    assert not ran
+
+
+def test_results_on_another_disk_are_the_users_choice(
+    folder, tmp_path_factory, monkeypatch
+):
+    monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *_, **__: 1)
+    disk = tmp_path_factory.mktemp("disk")
+    Path("results").rename("before")
+    Path("results").symlink_to(disk)
+    config = {"study": "trial", "recordings": [{"name": "a", "file": "a.tsv"}]}
+    config |= {"markers": {"body": ["a", "b", "c"], "feet": ["d", "e"]}}
+    Path("p.json").write_text(json.dumps(RECORD | {"config": config}))
+    assert main(["run", "--from", "p.json"]) == 1
+    assert (disk / "trial_again" / "config.yaml").is_file()
 
 
 # Modules of Python that a study's folder could shadow: all of the standard library.
