@@ -2,12 +2,13 @@
 
 python tests/object_storage.py MOTO_SERVER FOLDER
 
-The folder of the run holds the configuration alone; Snakemake fetches the recording from the
-server, and brings the results there. They must have the bytes of a run without it. Part of `make
-test-cluster`; needs `pip install snakemake-storage-plugin-s3 'moto[server]'`.
+Snakemake fetches the recording from the server, and brings the results there, which must have the
+bytes of a run without it. The check of the configuration wants the recording in the run's folder,
+too. Part of `make test-cluster`.
 """
 
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -92,6 +93,7 @@ def main(moto, place):
         client = with_bucket(address)
         client.upload_file(str(local / "data" / "short.h5"), "lab", "data/short.h5")
         far = prepared(Path(place) / "far")
+        shutil.copytree(local / "data", far / "data")
         snakemake(
             far, "--default-storage-provider", "s3", "--default-storage-prefix", "s3://lab",
             "--storage-s3-endpoint-url", address, "--storage-s3-region", "us-east-1",
@@ -101,8 +103,8 @@ def main(moto, place):
             kept = client.get_object(Bucket="lab", Key=name)["Body"].read()
             if kept != (local / name).read_bytes():
                 raise SystemExit(f"s3://lab/{name}: expected the bytes of a local run")
-        if (far / "data").exists():
-            raise SystemExit(f"{far}: expected no recording beside the configuration")
+        if (far / WANTED).exists():
+            raise SystemExit(f"{far}: expected the results on the server alone")
     finally:
         server.kill()
         server.wait()
