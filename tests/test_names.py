@@ -16,7 +16,7 @@ from matplotlib.text import Text
 
 from hopdata.commands.init import Draft, draft_config
 from hopdata.config.loading import load_config
-from hopdata.errors import ConfigError, RecordingError
+from hopdata.errors import ConfigError, RecordingError, printable
 from hopdata.figures.overlay import contact_overlay_figure
 from hopdata.figures.quality import recording_gaps_figure
 from hopdata.figures.schedule import schedule_figure
@@ -27,7 +27,7 @@ from hopdata.figures.style import (
     style_context,
     styled,
 )
-from hopdata.jobs import read_table, write_table
+from hopdata.jobs import guarded, read_table, write_table
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
 from hopdata.landings.external_truth import overlay_external_truth
 from hopdata.landings.floor import fit_floor, level
@@ -338,3 +338,32 @@ def test_labels_are_short_and_no_legend_hides_them():
     assert label_of("_a") == " _a"
     assert label_of("a\n\tb\x00") == "a b"
     assert len(label_of("x" * 80)) == 24
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["müde", "左足", "нога", "رِجْل", "पैर", "می\u200cخواهم", "क्\u200dष", "🦶", "a - b'c"],
+)
+def test_letters_of_all_scripts_stay(name):
+    assert printable(name) == name
+    assert guarded(name) == name
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("\x1b[31mred\x1b[0m", "?[31mred?[0m"),
+        ("\x1b]8;;http://a\x07b", "?]8;;http://a?b"),  # a link
+        ("\x1b]52;c;aGk=\x07", "?]52;c;aGk=?"),  # the clipboard
+        ("\x9b2J\x90q\x9c", "?2J?q?"),
+        ("a\u202eb\u2066c\u200fd\u061c", "a?b?c?d?"),
+        ("a\u200bb\ufeffc\u00add\u2060", "a?b?c?d?"),
+        ("a\u200cb\u200d", "a?b?"),  # joiners between letters that none joins
+        ("a\nb\rc\td\u2028e\x85f\x0bg", "a b c d e f g"),
+        ("a\0b\ud800c\U000e0041d", "a?b?c?d"),
+    ],
+)
+def test_what_nobody_sees_and_a_terminal_obeys_is_replaced(text, shown):
+    assert printable(text) == shown
+    assert guarded(text) == shown
+    assert str(RecordingError(text)) == shown

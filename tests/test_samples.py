@@ -1,6 +1,8 @@
 """The table of samples of a group: its rows, and the studies that they make."""
 
+import os
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -128,3 +130,34 @@ def test_a_cell_that_is_too_long_is_refused_with_its_line(group, n_characters):
             group(table)
     else:
         assert list(group(table)["members"]) == ["anna", "ben"]
+
+
+def test_a_table_that_asks_for_far_more_cells_than_it_has_is_refused(group):
+    columns = "\t".join(f"c{i}" for i in range(10_000))
+    rows = "".join(f"s{i}\tf{i}.h5\n" for i in range(1000))
+    begin = time.process_time()
+    with pytest.raises(ConfigError, match="at most 4,000,000 cells, found 10,002,000"):
+        group(f"subject\tfile\t{columns}\n{rows}")
+    assert time.process_time() - begin < 5
+
+
+def test_a_table_with_more_rows_than_any_group_is_refused(group, monkeypatch):
+    monkeypatch.setattr("hopdata.samples.MOST_ROWS", 2)
+    group("subject\tfile\na\ta.h5\nb\tb.h5\n")
+    with pytest.raises(ConfigError, match="at most 2 rows, found 3"):
+        group("subject\tfile\na\ta.h5\nb\tb.h5\nc\tc.h5\n")
+
+
+def test_an_endless_line_is_told_in_a_short_one(group):
+    columns = "\t".join(f"c{i}" for i in range(100_000))
+    with pytest.raises(ConfigError, match="99980 more") as caught:
+        group(f"{columns}\n1\t2\n")
+    assert len(str(caught.value)) < 500
+
+
+def test_a_pipe_is_no_table(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("samples.tsv")
+    Path("group.yaml").write_text(yaml.safe_dump(CONFIG))
+    with pytest.raises(ConfigError, match=r"samples: samples\.tsv: .*found a pipe"):
+        read_group("group.yaml")

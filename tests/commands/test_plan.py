@@ -122,3 +122,35 @@ def test_a_file_that_tells_nothing_is_told(content, words, tmp_path, capsys):
 def test_a_file_that_is_not_there_is_told(tmp_path, capsys):
     assert main(["plan", str(tmp_path / "none.json")]) == 1
     assert "none.json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        (
+            "n_landings",
+            "many",
+            "verdict.json: n_landings: expected a number, 0 or more",
+        ),
+        ("n_landings", 10**300, "verdict.json: n_landings: expected a number"),
+        (
+            "n_feet",
+            None,
+            "verdict.json: n_feet: expected a number, 0 or more, found None",
+        ),
+        ("power", -1, "verdict.json: power: expected a number, 0 or more, found -1"),
+        ("effect", [1], "expected a verdict of this version"),
+        (
+            "effect",
+            {"detectable": True, "allowed": 0.1},
+            "verdict.json: effect.detectable: expected a number, 0 or more, found True",
+        ),
+    ],
+)
+def test_values_of_another_kind_are_told_in_one_line(
+    tmp_path, capsys, key, value, said
+):
+    assert main(["plan", written(tmp_path, PILOT | {key: value})]) == 1
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1

@@ -78,6 +78,25 @@ def test_a_failure_names_its_line_and_the_log(folder, capfd):
     assert not Path("a").exists()
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
+@pytest.mark.parametrize(
+    ("victim", "told"),
+    [
+        ("$$", "hopdata: error: a: it was killed (SIGKILL)"),
+        ("$PPID", "hopdata: error: Snakemake: it was killed (SIGKILL)"),
+    ],
+)
+def test_a_job_or_a_snakemake_that_was_killed_is_told_in_one_line(
+    folder, capfd, victim, told
+):
+    rules = f'rule a:\n    output: "a"\n    shell: "kill -9 {victim}; sleep 1"\n'
+    options = (Path("config.yaml"), "trial", "--cores", "1")
+    assert run_workflow(*options, snakefile=workflow(folder, rules)) != 0
+    lines = capfd.readouterr().err.splitlines()
+    assert [line for line in lines if line.startswith(told)] == lines[:1]
+    assert len(lines) <= 2
+
+
 def test_what_a_killed_job_left_is_made_again(folder, capfd):
     """Snakemake's mark shows it; the profile that asks for this is not beside the rules."""
     mark = Path(".snakemake/incomplete", base64.b64encode(b"a").decode())
@@ -163,7 +182,48 @@ def test_a_sound_provenance_is_repeated_within_the_results(folder, monkeypatch):
 def test_a_provenance_nested_without_end_is_refused_in_one_line(folder, capsys):
     Path("p.json").write_text("[" * 100_000)
     assert main(["run", "--from", "p.json"]) == 1
-    assert "p.json: expected the provenance.json of a study" in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        "hopdata: error: p.json: expected at most 50 levels, one within another, "
+        "found more\n"
+    )
+
+
+@pytest.mark.parametrize("linked", ["results/trial_again", "the file in it"])
+def test_links_do_not_lead_a_repeated_study_out_of_the_folder(
+    folder, tmp_path_factory, monkeypatch, capsys, linked
+):
+    ran = []
+    monkeypatch.setattr(
+        "hopdata.commands.run.run_workflow", lambda *a, **__: ran.append(a) or 1
+    )
+    outside = tmp_path_factory.mktemp("outside")
+    Path("results").mkdir(exist_ok=True)
+    if linked == "the file in it":
+        Path("results/trial_again").mkdir()
+        Path("results/trial_again/config.yaml").symlink_to(outside / "config.yaml")
+    else:
+        Path(linked).symlink_to(outside)
+    config = {"study": "trial", "recordings": [{"name": "a", "file": "a.tsv"}]}
+    config |= {"markers": {"body": ["a", "b", "c"], "feet": ["d", "e"]}}
+    Path("p.json").write_text(json.dumps(RECORD | {"config": config}))
+    assert main(["run", "--from", "p.json"]) == 1
+    assert "expected a file of this folder, found a link to" in capsys.readouterr().err
+    assert [*outside.iterdir()] == []
+    assert not ran
+
+
+def test_results_on_another_disk_are_the_users_choice(
+    folder, tmp_path_factory, monkeypatch
+):
+    monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *_, **__: 1)
+    disk = tmp_path_factory.mktemp("disk")
+    Path("results").rename("before")
+    Path("results").symlink_to(disk)
+    config = {"study": "trial", "recordings": [{"name": "a", "file": "a.tsv"}]}
+    config |= {"markers": {"body": ["a", "b", "c"], "feet": ["d", "e"]}}
+    Path("p.json").write_text(json.dumps(RECORD | {"config": config}))
+    assert main(["run", "--from", "p.json"]) == 1
+    assert (disk / "trial_again" / "config.yaml").is_file()
 
 
 # Modules of Python that a study's folder could shadow: all of the standard library.

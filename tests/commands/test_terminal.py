@@ -132,3 +132,33 @@ def test_plan_and_doctor_draw_their_tables(tmp_path):
     assert re.search(r"20 % +\d[\d,]+", text)
     _, written = on_a_terminal(f"{begin}raise SystemExit(main(['doctor']))")
     assert re.search(r"python +\d+\.\d+", SIGNS.sub("", written))
+
+
+def test_what_a_command_prints_tells_the_terminal_nothing(capsys):
+    raw = sys.stdout
+    with terminal.screened():
+        print("a\x1b[31mb\n\tc\u202e 5\u00a0%")
+        sys.stderr.writelines(["d\x07", "e\rf\n"])
+        assert sys.stdout.isatty() == raw.isatty()
+        print("\x1b[K", file=terminal.raw_stream(sys.stdout), end="")  # hopdata's own
+    assert sys.stdout is raw
+    out, err = capsys.readouterr()
+    assert out == "a?[31mb\n\tc? 5\u00a0%\n\x1b[K"
+    assert err == "d?e f\n"
+
+
+def test_names_of_files_tell_the_terminal_nothing(tmp_path):
+    """Each command prints through `screened`; that of a file it cannot find, say."""
+    code, written = inspect(tmp_path / "a\x1b]0;title\x07\u202eb.tsv")
+    assert code == 1
+    assert "a?]0;title??b.tsv" in SIGNS.sub("", written)
+    assert "\x1b]" not in written
+
+
+def test_a_cell_tells_the_terminal_nothing():
+    code = "from hopdata.commands.terminal import draw_table\n"
+    code += "draw_table({'name': 'left'}, [['a\\x1b[2Jb'], ['左足']])"
+    _, written = on_a_terminal(code)
+    assert "a?[2Jb" in written
+    assert "左足" in written
+    assert "\x1b[2J" not in written

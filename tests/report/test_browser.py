@@ -121,3 +121,22 @@ def test_the_page_in_a_browser(width, dark, tmp_path):
     # In the narrow window, two panels and their legend are stacked.
     assert set(found["panels"]) == {3 if width < 700 else 1}
     assert not found["scrolled"]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+def test_what_a_template_did_not_write_is_not_run(tmp_path):
+    """As if a name had reached the page as HTML."""
+    foreign = '<script>console.error("ran")</script>'
+    foreign += (
+        '<img alt="" src="x" onerror="console.error(this)"><p style="color: red">'
+    )
+    study = full_study(levelled=[falling()], touchdowns=landings(), figures=figures())
+    page = build_report(study).replace("<main>", f"<main>{foreign}")
+    told = seen(page, tmp_path)["told"]
+    blocked = {one.split(":")[0] for one in told}
+    assert blocked == {
+        "script-src-elem",
+        "script-src-attr",
+        "style-src-attr",
+        "img-src",
+    }

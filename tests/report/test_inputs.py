@@ -1,10 +1,21 @@
+import base64
+import hashlib
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from fake_study import NAMES, NUMBERED, captions, full_study, sections
 
 from hopdata.errors import ConfigError
 from hopdata.recording import Recording
-from hopdata.report.inputs import ReportInputs, describe_recording, render_caption
+from hopdata.report import inputs as inputs_module
+from hopdata.report.inputs import (
+    ReportInputs,
+    describe_recording,
+    render_caption,
+    rendered,
+)
 from hopdata.report.page import build_report, study_facts
 
 
@@ -158,3 +169,70 @@ def test_the_caption_of_the_scaling_study_gives_its_slopes():
     facts = study_facts(ReportInputs("study", truth=truth))
     caption = render_caption(captions()["scaling_study"], facts, name="scaling_study")
     assert "itself (slopes hopper 1.95, delay 1.20). (b)" in caption.paragraphs[0]
+
+
+# The policy of pages.
+
+PACKAGE = Path(inputs_module.__file__).parents[1]
+
+
+def policy_of(page):
+    (found,) = re.findall(r'Content-Security-Policy" content="([^"]*)"', page)
+    return dict(part.split(" ", 1) for part in found.split("; "))
+
+
+def test_a_page_allows_its_own_scripts_and_styles_and_nothing_else():
+    page = build_report(full_study())
+    policy = policy_of(page)
+    assert policy["default-src"] == "'none'"
+    assert policy["img-src"] == "data:"
+    nonce = re.fullmatch(r"'nonce-(\w{32})'", policy["script-src"])[1]
+    assert "unsafe-inline" not in str(policy)
+    # Every script that runs and every style bears the nonce.
+    texts = re.sub(rf'(<script nonce="{nonce}">).*?</script>', r"\1", page, flags=re.S)
+    tags = re.findall(r"<(?:script|style)[^>]*>", texts)
+    assert len(tags) >= 2
+    bare = [one for one in tags if nonce not in one]
+    assert bare == ['<script type="application/json">'] * len(bare)
+    # Every style that is an attribute is allowed by its digest.
+    for style in re.findall(r'\sstyle="([^"]*)"', texts):
+        digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+        assert f"'sha256-{digest}'" in policy["style-src"]
+    assert not re.search(r"<[^>]*\son\w+=", page)  # a handler of an event
+    # It comes before all that it is to hold back.
+    assert page.index("Content-Security-Policy") < page.index("<style")
+
+
+def test_the_same_content_has_the_same_page_and_another_another_nonce():
+    one = build_report(full_study())
+    assert one == build_report(full_study())
+    other = build_report(full_study(study="other"))
+    assert policy_of(one)["script-src"] != policy_of(other)["script-src"]
+
+
+def test_names_reach_no_page_as_html_or_as_what_turns_it():
+    page = build_report(full_study(study="a<script>b</script>\u202ec\x1bd 左"))
+    assert "a&lt;script&gt;b&lt;/script&gt;?c?d 左" in page
+    assert "\u202e" not in page
+
+
+@pytest.mark.parametrize(
+    "template", sorted(PACKAGE.rglob("templates/*.html.j2")), ids=lambda path: path.name
+)
+def test_every_template_that_is_a_page_can_bear_a_policy(template):
+    text = template.read_text(encoding="utf-8")
+    if "<html" not in text:
+        assert "<script>" not in text
+        return
+    assert text.count(inputs_module.CHARSET) == 1
+    assert "<script>" not in text
+    assert "<style>" not in text
+    assert not re.search(r"<[^>]*\son\w+=", text)
+    styles = re.findall(r'\sstyle="([^"]*)"', text)
+    assert all(re.fullmatch(r"--paper: \{\{ .* \}\}pt", style) for style in styles)
+
+
+def test_a_page_that_cannot_bear_a_policy_is_no_page(tmp_path):
+    (tmp_path / "bare.html.j2").write_text("<html><head></head></html>")
+    with pytest.raises(ValueError, match="for the policy"):
+        rendered("bare.html.j2", own=tmp_path)

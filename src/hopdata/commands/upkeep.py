@@ -123,8 +123,8 @@ def clean(options: argparse.Namespace) -> int:
         found = [_results_of(options.config)]
     for folder in found:
         if folder.is_symlink():
-            found = "a link, which may lead anywhere; remove it by hand"
-            raise ConfigError.at(folder, "a folder of results", found)
+            link = "a link, which may lead anywhere; remove it by hand"
+            raise ConfigError.at(folder, "a folder of results", link)
         if not folder.is_dir():
             continue
         if options.dry_run:

@@ -94,7 +94,7 @@ def bytes_of(
                 content = file.read(most + 1) or b""
             found = max(found, len(content))
     except (OSError, ValueError) as fault:
-        raise _unreadable(fault, told, error) from None
+        raise _unreadable(fault, told, error) from fault
     if found > most:
         values = {
             "most_mb": most / 1e6,
@@ -127,9 +127,7 @@ def _unreadable(
         found = "a name that is no text"
     if isinstance(fault, OSError):
         found = fault.strerror or f"{fault}"
-    raised = error(Message("foreign.no_file", told | {"found": found}))
-    raised.__cause__ = fault
-    return raised
+    return error(Message("foreign.no_file", told | {"found": found}))
 
 
 def is_absent(error: HopdataError) -> bool:

@@ -9,6 +9,7 @@ from steered_hops import LIMIT, chained_hops, smooth_change
 
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.steering.models.process import (
+    MOST_INPUTS,
     PRINTED,
     RECOMMENDED,
     SMOOTHNESSES,
@@ -196,14 +197,44 @@ def test_another_file_is_no_process(tmp_path):
     np.savez(tmp_path / "shapeless.npz", **shapeless)
     for file in tmp_path.iterdir():
         with pytest.raises(
-            RecordingError, match=f"{file.name}: expected a trained process .*(another|folder)"
+            RecordingError,
+            match=f"{file.name}: expected a trained process .*(another|folder)",
         ):
             load_process(file)
     with pytest.raises(
-        RecordingError, match=r"none\.npz: expected .*, found no such file"
+        RecordingError, match=r"none\.npz: expected .*, found: No such file"
     ):
         load_process(tmp_path / "none.npz")
 
 
 def test_the_limit_of_the_test_hops_is_the_robot_s():
     assert pytest.approx(3 * np.pi / 8) == LIMIT
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("smoothness", 0.7, "smoothness 0.7"),
+        ("noise", np.array([1.0, np.nan, 1.0]), "noise is not finite"),
+        ("unit", np.array([1.0, 0.0, 1.0]), "unit is not above zero"),
+        ("inputs", np.zeros((MOST_INPUTS + 1, 2)), "inputs, where 1 to"),
+        ("outputs", np.zeros((3, 2)), "outputs: expected"),
+        ("offset", np.array(["a", "b", "c"]), "no numbers"),
+    ],
+)
+def test_numbers_that_no_process_has_are_refused(tmp_path, name, value, said):
+    sound = {
+        "smoothness": 1.5,
+        "periodic": True,
+        "inputs": np.zeros((MOST_INPUTS + 1 if name == "inputs" else 4, 2)),
+        "outputs": np.zeros((MOST_INPUTS + 1 if name == "inputs" else 4, 3)),
+        "length_scales": np.ones((3, 2)),
+        **dict.fromkeys(("offset", "unit", "variance", "noise"), np.ones(3)),
+    }
+    path = tmp_path / "model.npz"
+    if name != "inputs":
+        np.savez(path, **sound)
+        assert load_process(path).smoothness == 1.5
+    np.savez(path, **sound | {name: value})
+    with pytest.raises(RecordingError, match=said):
+        load_process(path)
