@@ -275,9 +275,13 @@ def test_an_interrupted_call_ends_its_process(way):
     call("echo", 1)
     children = len(psutil.Process().children())
     interrupt = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
-    with pytest.raises(KeyboardInterrupt):
+
+    def interrupted():
         interrupt.start()
         call("asleep")
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     interrupt.join()
     assert len(psutil.Process().children()) <= children
     assert call("echo", 2) == (2,)
