@@ -266,16 +266,22 @@ def test_no_process_and_no_pipe_is_left(way):
     for name in ("ended", "wrong", "crash"):
         failure(name)
         call("echo", 1)
-    assert pipes_and_children() == before
+    n_pipes, n_children = pipes_and_children()
+    assert n_pipes <= before[0]
+    assert n_children <= before[1]
 
 
 def test_an_interrupted_call_ends_its_process(way):
     call("echo", 1)
     children = len(psutil.Process().children())
     interrupt = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
-    interrupt.start()
-    with pytest.raises(KeyboardInterrupt):
+
+    def interrupted():
+        interrupt.start()
         call("asleep")
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     interrupt.join()
     assert len(psutil.Process().children()) <= children
     assert call("echo", 2) == (2,)
