@@ -22,7 +22,7 @@ for part in ${@:-sample group nodes storage}; do
 done
 type slurmctld slurmd munged sbatch ip fusermount3 >/dev/null || stop "install slurm-wlm, munge, iproute2 and fuse3"
 "$bin/python" -c "import snakemake_executor_plugin_slurm, mfusepy" ||
-  stop "pip install snakemake-executor-plugin-slurm mfusepy"
+  stop "run it by make test-cluster"
 [ "$(id -u)" = 0 ] || stop "only root can start SLURM"
 [ ! -e $conf ] || stop "$conf: this machine has a SLURM already"
 work=$(mktemp -d) started=() nodes="1 2 3"
@@ -37,7 +37,7 @@ up() {
 }
 end() {
   for node in $nodes; do die "$node"; done
-  [ -z "${study:-}" ] || kill "$study" 2>/dev/null || true
+  [ -z "${study:-}" ] || pkill -P "$study" || kill "$study" 2>/dev/null || true
   [ ${#started[@]} = 0 ] || kill "${started[@]}" 2>/dev/null || true
   fusermount3 -uz "$work/shared" 2>/dev/null || true
   for node in $nodes; do ip netns del "hop$node" 2>/dev/null || true; done
@@ -118,7 +118,8 @@ both() { # retries, at least; function that kills jobs
   retries=$(grep -c "Trying to restart" "$work/cluster.log" || true)
   [ "$retries" -ge "$1" ] || stop "$work/cluster.log: expected $1 retries or more, found $retries"
   # Compare everything but times and the record of the machine.
-  diff -rq -x logs -x benchmarks -x report.html -x provenance.json "$work/local/results" "$work/folder/cluster/results"
+  diff -rq -x logs -x benchmarks -x report.html -x provenance.json "$work/local/results" "$work/folder/cluster/results" >&2 ||
+    stop "$work: expected the bytes of a local run, found other ones"
   say "$(grep -c "submitted with SLURM" "$work/cluster.log") submissions, $retries retries, the bytes of a local run"
   rm -r "$work"/{local,folder/cluster}
 }
@@ -146,18 +147,21 @@ nodes() {
   until [ "$(sinfo -h -N -n "$first" -o %T)" = "down*" ]; do sleep 1; done
   say "SLURM has noticed the death of $first"
   up "${first#hop}"
-  scontrol update "NodeName=$second" State=RESUME
+  # Its slurmd may have reported, so that it is back already.
+  scontrol update "NodeName=$second" State=RESUME 2>/dev/null || true
 }
 storage() {
   [ -x "$moto" ] && "$bin/python" -c "import snakemake_storage_plugin_s3" ||
-    stop "pip install snakemake-storage-plugin-s3 'moto[server]'"
+    stop "run it by make test-cluster"
   VENV="$bin/.." "$bin/python" tests/object_storage.py "$moto" "$work/storage"
 }
+# Not in lists of &&, in which bash goes on after a fault.
+group_of_four=(--snakefile "$PWD/workflow/group.smk" --configfile config/group.yaml)
 for part in ${@:-sample group nodes storage}; do
   case $part in
-  sample) what=(--snakefile "$PWD/Snakefile" --configfile config/config.yaml) && both 2 sample ;;
-  group) what=(--snakefile "$PWD/workflow/group.smk" --configfile config/group.yaml) && both 1 group ;;
-  nodes) what=(--snakefile "$PWD/workflow/group.smk" --configfile config/group.yaml) && both 2 nodes && all_idle ;;
+  sample) what=(--snakefile "$PWD/Snakefile" --configfile config/config.yaml); both 2 sample ;;
+  group) what=("${group_of_four[@]}"); both 1 group ;;
+  nodes) what=("${group_of_four[@]}"); both 2 nodes; all_idle ;;
   storage) storage ;;
   esac
 done

@@ -32,7 +32,11 @@ verdict: {flips: 99}
 figures: {formats: [svg]}
 """
 WANTED = "results/short/verdict.json"
-COMPARED = [WANTED, "results/short/level/hopper.h5"]
+COMPARED = [
+    WANTED,
+    "results/short/tables/touchdowns.csv",
+    "results/short/contacts/hopper.csv",
+]
 
 
 def snakemake(folder, *options):

@@ -54,6 +54,17 @@ def test_a_file_without_a_digest_or_without_itself_is_nobodys_fault(files, tmp_p
     digests.require_unchanged([tmp_path / "other.csv", files[1], tmp_path / "tables"])
 
 
+def test_a_copy_of_what_lies_in_object_storage_has_no_digest(tmp_path):
+    """Another machine may replace the original, of which a digest here would not know."""
+    copy = tmp_path / ".snakemake" / "storage" / "s3" / "a.csv"
+    copy.parent.mkdir(parents=True)
+    copy.write_text("1")
+    digests.keep([copy])
+    assert not digests.place_of(copy).exists()
+    copy.write_text("2")
+    digests.require_unchanged([copy])
+
+
 def test_another_program_checks_the_same_digests(files):
     if shutil.which("sha256sum") is None:
         pytest.skip("no sha256sum here")

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from hopdata import forks
-from hopdata.forks import Server, ServerEndedError
+from hopdata.forks import Server
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="scripts are forks on Linux only"
@@ -113,6 +114,44 @@ def test_a_module_that_cannot_be_imported_again_is_left_to_its_jobs(server, scri
         assert server.start("rule", script(text), {}).wait() == 0
 
 
+def test_begins_when_it_is_waited_for(server, script, tmp_path):
+    """So a job that ends at once can be measured."""
+    file = tmp_path / "begun"
+    job = server.start("rule", script(f"open({str(file)!r}, 'w')"), {})
+    time.sleep(0.3)
+    assert lives(job.pid)
+    assert not file.exists()
+    assert job.wait() == 0
+    assert file.exists()
+
+
+def test_changed_code_is_read_by_another_server(script, tmp_path, monkeypatch):
+    """No job mixes modules that were imported before an edit with others."""
+    package = tmp_path / "hopdata"
+    other = shutil.ignore_patterns("__pycache__", "_workflow")
+    shutil.copytree(Path(forks.__file__).parent, package, ignore=other)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    server = Server()
+    found = tmp_path / "found"
+    uses = (
+        "import hopdata.seal as one; "
+        f"print(one.__dict__.get('EDITED'), file=open({str(found)!r}, 'a'))"
+    )
+    sleeper = server.start("sleeps", script("import time; time.sleep(60)"), {})
+    for _ in range(2):
+        assert server.start("rule", script(uses, "uses.py"), {}).wait() == 0
+    first = server._process
+    with open(package / "seal.py", "a") as file:
+        file.write("\nEDITED = 'yes'\n")
+    assert server.start("rule", script(uses, "uses.py"), {}).wait() == 0
+    assert found.read_text().split() == ["None", "None", "yes"]
+    assert server._process is not first
+    assert lives(sleeper.pid)
+    server.end()
+    assert ends(sleeper.pid)
+    first.wait()
+
+
 def test_killed_job_takes_no_other_with_it(server, script):
     sleeper = script("import time; time.sleep(60)")
     first = server.start("rule", sleeper, {})
@@ -125,8 +164,7 @@ def test_killed_job_takes_no_other_with_it(server, script):
 def test_jobs_of_a_killed_server_die_and_the_next_job_gets_another(server, script):
     job = server.start("rule", script("import time; time.sleep(60)"), {})
     server._process.kill()
-    with pytest.raises(ServerEndedError, match="was ended"):
-        job.wait()
+    assert job.wait() == -signal.SIGKILL
     assert ends(job.pid)
     assert server.start("rule", script("pass"), {}).wait() == 0
 
@@ -134,6 +172,7 @@ def test_jobs_of_a_killed_server_die_and_the_next_job_gets_another(server, scrip
 def test_jobs_of_a_killed_run_die(script):
     sleeper = script("import time; time.sleep(60)", "sleeper.py")
     program = f"""
+from hopdata import forks
 from hopdata.forks import Server
 server = Server()
 jobs = [server.start("rule", {sleeper!r}, {{}}) for _ in range(2)]
@@ -223,12 +262,16 @@ def test_snakemake_tells_which_signal_ended_a_fork(workflow):
     assert "died with <Signals.SIGKILL: 9>" in done.stderr
 
 
-def test_install_leaves_what_somebody_else_has_installed(monkeypatch):
-    from snakemake.script import PythonScript
+def test_another_way_to_run_scripts_is_left_alone(workflow):
+    file = workflow / "Snakefile"
+    other = """
+from snakemake.script import PythonScript
 
-    def other(script, file, edit=False):
-        raise NotImplementedError
+def other(script, file, edit=False):
+    open(script.output[0], "w").write("by the other")
 
-    monkeypatch.setattr(PythonScript, "execute_script", other)
-    assert not forks.install()
-    assert PythonScript.execute_script is other
+PythonScript.execute_script = other
+"""
+    file.write_text(other + file.read_text())
+    assert snakemake(workflow, "never").returncode == 0
+    assert (workflow / "never").read_text() == "by the other"

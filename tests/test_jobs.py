@@ -1,4 +1,5 @@
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -8,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.errors import AnalysisError, StorageError
+from hopdata import digests
+from hopdata.errors import AnalysisError, DamagedError, StorageError
 from hopdata.jobs import (
     read_json,
     read_table,
@@ -156,6 +158,31 @@ def test_json_refuses_nan_and_comes_back(tmp_path):
     assert json.loads((tmp_path / "a.json").read_text())
 
 
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.json", b"{"),
+        ("a.json", b"\xff"),
+        ("a.json", b"[" * 100_000),
+        ("a.json", b"1" * 5000),
+        ("a.csv", b'a,b\n"1,2\n'),
+        ("a.csv", b"a,b\n\xff,1\n"),
+        ("a.csv", b"a\n1,2\n1,2,3\n"),
+        ("a.csv", b"a\n" + b"1," * 300_000),
+    ],
+)
+def test_results_that_cannot_be_read_are_one_line(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    read = read_json if name.endswith("json") else read_table
+    with pytest.raises(
+        DamagedError, match=f"{name}: expected whole .*run again$"
+    ) as told:
+        read(path)
+    assert "\n" not in str(told.value)
+    assert len(str(told.value)) < 300 + len(str(path))
+
+
 def test_tables_keep_empty_text_and_nine_digits(tmp_path):
     table = pd.DataFrame(
         {
@@ -182,3 +209,81 @@ def test_tables_without_rows_leave_the_types_of_the_others_alone(tmp_path):
     paths = [tmp_path / name for name in ("empty.csv", "full.csv", "empty.csv")]
     pd.testing.assert_frame_equal(read_tables(paths), read_table(paths[1]))
     assert read_tables(paths[:1]).columns.tolist() == full.columns.tolist()
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (MemoryError(), "import_one: memory ran out; run it with fewer jobs at once"),
+        (
+            OSError(28, "No space left on device", "a.csv"),
+            "import_one: a.csv: the disk is",
+        ),
+        (
+            FileNotFoundError(2, "No such file", "in.csv"),
+            "import_one: in.csv: it is missi",
+        ),
+    ],
+)
+def test_what_the_machine_lacks_is_one_line_with_the_job(tmp_path, capsys, error, said):
+    log = tmp_path / "logs" / "import_one.log"
+    with pytest.raises(SystemExit), reported(log):
+        raise error
+    told = capsys.readouterr().err
+    assert told.startswith(f"hopdata: error: {said}")
+    assert told.count("\n") == 1
+    assert "Traceback" in log.read_text()
+    assert f"ERROR hopdata: {said}" in log.read_text()
+
+
+def test_a_full_disk_while_writing_names_file_job_and_what_to_do(tmp_path, capsys):
+    with (
+        pytest.raises(SystemExit),
+        reported(tmp_path / "units.log"),
+        whole_file(tmp_path / "units.json"),
+    ):
+        raise OSError(28, "No space left on device")
+    told = capsys.readouterr().err
+    assert "units: " in told
+    assert (
+        "units.json: expected a writable file, found: No space left on device" in told
+    )
+    assert "then run the same command again" in told
+    assert not (tmp_path / "units.json").exists()
+
+
+def test_a_job_keeps_digests_and_refuses_a_damaged_input(tmp_path, capsys):
+    first, second = tmp_path / "a.csv", tmp_path / "b.csv"
+    with reported(tmp_path / "a.log", [], [first]):
+        first.write_text("whole")
+    with reported(tmp_path / "b.log", [first], [second]):
+        second.write_text(first.read_text())
+    assert not digests.is_changed(second)
+    first.write_text("whale")
+    done = []
+    with pytest.raises(SystemExit), reported(tmp_path / "b.log", [first], [second]):
+        done.append(1)
+    assert not done
+    assert "a.csv: expected the bytes that were written" in capsys.readouterr().err
+
+
+def test_a_job_that_failed_keeps_no_digest_of_what_it_left(tmp_path):
+    made = tmp_path / "a.csv"
+    made.write_text("half")
+    with pytest.raises(ZeroDivisionError), reported(tmp_path / "a.log", [], [made]):
+        raise ZeroDivisionError
+    assert not digests.place_of(made).exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows cannot ask for a process")
+def test_the_draft_of_a_living_process_is_left_and_of_a_dead_one_removed(tmp_path):
+    with subprocess.Popen([sys.executable, "-c", "pass"]) as ended:
+        pass
+    living = tmp_path / f".a.csv.{os.getppid()}.part"
+    dead = tmp_path / f".a.csv.{ended.pid}.part"
+    for draft in (living, dead):
+        draft.touch()
+    with whole_file(tmp_path / "a.csv") as draft:
+        draft.write_text("1")
+    assert living.exists()
+    assert not dead.exists()

@@ -175,3 +175,15 @@ def test_a_class_that_a_table_names_is_followed():
     """Scenes are loaded by name; whatever simulates depends on all of them."""
     start = module._module_files("hopdata.synthesis.simulate")
     assert module.PACKAGE / "scenes" / "quadruped.py" in module._closure(start)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"s", b"s\th:m:s\n", b"q\n1.25\n", b"s\nx\n", b"s\n\xff\n", b"s\nnan\n"],
+)
+def test_a_damaged_file_of_a_time_ends_no_report(tmp_path, content):
+    (tmp_path / "level.tsv").write_text("s\th:m:s\n1.25\t0:00:01\n")
+    (tmp_path / "damaged.tsv").write_bytes(content)
+    config = {"study": "s", "seed": 3}
+    record = provenance(config, {"a.h5": "ff"}, tmp_path.glob("*.tsv"))
+    assert record["stage_seconds"] == {"level": 1.25}

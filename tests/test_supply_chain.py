@@ -4,6 +4,7 @@ import importlib.util
 import json
 import re
 import subprocess
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath
 
 import pytest
@@ -172,17 +173,25 @@ def test_every_bundled_file_has_its_licence_on_the_page():
     assert unlisted == []
 
 
+def is_installed(part):
+    """Tell whether this version of a package is installed; another may be under another licence."""
+    try:
+        return version(part.name) == part.version
+    except PackageNotFoundError:
+        return False
+
+
 def test_the_licences_of_all_that_is_locked_are_stated():
     known = sbom.page_licences()
-    names = {part.name for lock in sbom.LOCKS for part in sbom.parts(lock)}
-    assert len(names) > 80
-    assert set(known) == names
-    differing = {
-        name: (known[name], sbom.stated_licence(name))
-        for name in names
-        if sbom.stated_licence(name) not in ("", known[name])
-    }
-    assert differing == {}
+    locked = [part for lock in sbom.LOCKS for part in sbom.parts(lock)]
+    assert len(locked) > 80
+    assert set(known) == {part.name for part in locked}
+    compared = 0
+    for part in locked:
+        if is_installed(part):
+            compared += 1
+            assert sbom.stated_licence(part.name) == known[part.name], part.name
+    assert compared > 50
     # None of them asks more of who distributes hopdata than a notice.
     copyleft = {name for name, licence in known.items() if "GPL" in licence}
     assert copyleft == {"docutils"}  # a few of its files, which hopdata does not use

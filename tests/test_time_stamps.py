@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hopdata.time_stamps import rate_of, settle
+from hopdata.time_stamps import printed_digit, rate_of, settle
 
 
 @pytest.mark.parametrize("rate_hz", [50, 100, 120, 150, 180, 240, 300, 360])
@@ -67,3 +67,8 @@ def test_stamps_that_run_back_before_a_long_step_show_no_missing_rows(back_s):
     # The control: without the step back, rows are missing before the last.
     forward = np.delete(stamps, 20)
     assert rate_of(forward, np.arange(21.0)) == 64.0
+
+
+def test_the_last_digit_of_stamps_that_no_clock_shows():
+    assert printed_digit(np.array([0.01, 0.02])) == 0.01
+    assert printed_digit(np.array([0.0123, 1.7e308])) == 1e-6

@@ -8,16 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, Shown, pd
-from hopdata.errors import AnalysisError, ArgumentError, counted, told_call
+from hopdata.errors import (
+    AnalysisError,
+    ArgumentError,
+    RecordingError,
+    counted,
+    told_call,
+)
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_study_landings
-from hopdata.landings.contacts.glides import glides
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
@@ -41,16 +47,13 @@ LOWEST_SHARE = 0.02
 SHOWN_BEFORE_S = 0.08
 SHOWN_AFTER_S = 0.06
 
-# Status of a foot that was timed while it still glides above the floor.
-GLIDES = -1
-
 # What became of a foot that may have landed: the words of the column `remark`.
 REMARKS = {
     descents.MISSING: "landings.contact_hidden",
     descents.POOR_FIT: "landings.contact_poor_fit",
     descents.RISES: "landings.contact_rises",
     descents.THIN: "landings.contact_thin",
-    GLIDES: "landings.contact_glides",
+    descents.GLIDES: "landings.contact_glides",
 }
 
 COLUMNS = (
@@ -63,7 +66,14 @@ COLUMNS = (
     "common_s",
     "found",
     "remark",
+    "plate",
+    "plate_s",
+    "plate_se_s",
 )
+# Columns of a force plate, and what they hold without one.
+PLATE_COLUMNS = ["plate", "plate_s", "plate_se_s"]
+NO_PLATE = ("", float("nan"), float("nan"))
+
 ORDER_COLUMNS = (
     "recording",
     "landing",
@@ -90,7 +100,9 @@ class ContactTimes(Shown):
         standard error se_s, the error common_s that all contacts of this foot may
         share, found (whether the instant can be trusted), and a remark if not,
         or if the foot slowed without a kink, so that the error is large. A foot
-        that may have landed unseen has a row without an instant.
+        that may have landed unseen has a row without an instant. Last, the force plate
+        of the file that the contact loads, its onset plate_s, and the onset's standard
+        error plate_se_s; empty without one.
     orders : DataFrame
         A row for each landing: recording, landing, begin_s and end_s between which it
         was sought, feet (how many were timed), order (their names, as ``left >
@@ -202,6 +214,7 @@ def contacts(
     feet: Sequence[Mapping[str, Any]] = (),
     floor: Mapping[str, Any] | None = None,
     sure: float = SURE,
+    files: Sequence[str | Path | Sequence[str | Path]] = (),
     **options: Any,
 ) -> ContactTimes:
     """Time the contacts of all feet, from the first landing on.
@@ -218,6 +231,9 @@ def contacts(
         Options of `hopdata.landings.floor.fit_floor`.
     sure : float
         Probability from which on an order is sure.
+    files : sequence of path, or of several
+        The file of each recording, or its files in order of time. The contacts are
+        compared with the onsets of the force plates in them.
     **options
         Options of `hopdata.landings.contacts.find.find_study_landings`, such as
         ``gravity``.
@@ -259,17 +275,59 @@ def contacts(
     orders: list[tuple[Any, ...]] = []
     for ready, landings in zip(levelled, tables, strict=True):
         of_recording = _landed(landings, ready.names("foot"))
-        of_recording = _without_glides(ready, of_recording)
         rows += _contact_rows(ready, of_recording)
         orders += _order_rows(ready, of_recording, sure)
         if not len(of_recording):
             remarks.append(Message("landings.no_landing", {"recording": ready.name}))
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    if len(files):
+        table, of_plates = _with_plates(table, levelled, files)
+        remarks += of_plates
     return ContactTimes(
-        table=pd.DataFrame(rows, columns=list(COLUMNS)),
+        table=table,
         orders=pd.DataFrame(orders, columns=list(ORDER_COLUMNS)),
         remarks=tuple(remarks),
         recordings=tuple(levelled),
     )
+
+
+def _with_plates(
+    table: pd.DataFrame,
+    recordings: Sequence[Recording],
+    files: Sequence[str | Path | Sequence[str | Path]],
+) -> tuple[pd.DataFrame, list[Message]]:
+    """Return the contacts with the onsets of the plates in the recordings' files."""
+    from hopdata.landings.plate_contacts import (
+        beside_plates,
+        contacts_on_plates,
+        plates_of_files,
+    )
+
+    if len(files) != len(recordings):
+        wanted = f"the file of each of {len(recordings)} recordings"
+        raise ArgumentError.at("files", wanted, f"{len(files)}")
+    remarks: list[Message] = []
+    for recording, given in zip(recordings, files, strict=True):
+        several = [given] if isinstance(given, str | Path) else given
+        try:
+            found = plates_of_files(recording, [Path(one) for one in several])
+        except RecordingError as error:
+            remarks.append(Message("landings.plates_not_read", {"why": str(error)}))
+            continue
+        remarks += found.refused
+        on_plates = contacts_on_plates(recording, found.plates)
+        is_own = table["recording"] == recording.name
+        own = beside_plates(table[is_own], on_plates.contacts)
+        table.loc[is_own, PLATE_COLUMNS] = own[PLATE_COLUMNS]
+    late_ms = 1e3 * (table["contact_s"] - table["plate_s"].astype(float)).dropna()
+    if len(late_ms):
+        values = {
+            "number": len(late_ms),
+            "middle_ms": float(late_ms.median()),
+            "most_ms": float(late_ms.abs().max()),
+        }
+        remarks.append(Message("landings.contacts_beside_plates", values))
+    return table, remarks
 
 
 def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> ContactTimes:
@@ -352,17 +410,6 @@ def _landed(landings: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     return kept.iloc[np.argsort(first, kind="stable")].reset_index(drop=True)
 
 
-def _without_glides(recording: Recording, landings: pd.DataFrame) -> pd.DataFrame:
-    """Return the landings with the status `GLIDES` where a foot still glides."""
-    landings = landings.copy()
-    gliding = glides(recording, landings)
-    for number, foot in enumerate(recording.names("foot")):
-        status = landings[f"status_{foot}"]
-        is_gliding = gliding[:, number] & (status == descents.LANDED)
-        landings[f"status_{foot}"] = status.mask(is_gliding, GLIDES)
-    return landings
-
-
 def _contact_rows(
     recording: Recording, landings: pd.DataFrame
 ) -> list[tuple[Any, ...]]:
@@ -394,12 +441,18 @@ def _contact_rows(
                     landing[f"common_{foot}_s"],
                     is_found,
                     remark,
+                    *NO_PLATE,
                 )
             )
-        place = COLUMNS.index("contact_s")
-        of_landing.sort(key=lambda row: np.nan_to_num(row[place], nan=np.inf))
+        of_landing.sort(key=_in_time)
         rows += of_landing
     return rows
+
+
+def _in_time(row: tuple[Any, ...]) -> float:
+    """Return the contact of a row, s; those without one are last."""
+    contact_s = row[COLUMNS.index("contact_s")]
+    return float(np.nan_to_num(contact_s, nan=np.inf))
 
 
 def _order_rows(

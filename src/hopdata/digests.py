@@ -19,6 +19,7 @@ from hopdata.errors import DamagedError
 
 FOLDER = ".sha256"
 _ENDING = ".sha256"
+_COPIES = ".snakemake"
 _BLOCK = 1 << 20  # bytes read at a time
 
 
@@ -38,7 +39,9 @@ def keep(files: Iterable[str | Path]) -> None:
         are made again.
     """
     for file in map(Path, files):
-        if not file.is_file():
+        # Below this folder are copies of what lies in object storage, where another
+        # machine may replace it without a look at a digest that is here.
+        if not file.is_file() or _COPIES in file.parts:
             continue
         place = place_of(file)
         place.parent.mkdir(exist_ok=True)

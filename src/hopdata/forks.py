@@ -6,12 +6,12 @@ group of many subjects, was mostly imports. Here the scripts of a run are forks 
 process, the server. What the first job of a rule has imported, the server imports
 before it forks for the second, so a rule that runs once imports nothing twice.
 
-Everything else is as Snakemake does it: the same file is executed, with the same
-folder, arguments, threads and exit code, and its process is measured for the rule's
-`benchmark`. A job that dies takes no other with it. If Snakemake dies, the server ends
-its jobs; if the server dies, its jobs die and are reported. Only Linux has all of this:
-elsewhere, and for scripts with several threads or an environment of their own,
-Snakemake starts Python as ever.
+`workflow/rules/folder.smk` has Snakemake call it. Everything else is as Snakemake does
+it: the same file is executed, with the same folder, arguments, threads and exit code,
+and its process is measured for the rule's `benchmark`. A job that dies takes no other
+with it. If Snakemake dies, the server ends its jobs; if the server dies, its jobs are
+killed and reported as such. Only Linux has all of this: elsewhere, and for scripts with
+several threads or an environment of their own, Snakemake starts Python as ever.
 """
 
 from __future__ import annotations
@@ -29,12 +29,11 @@ import subprocess
 import sys
 import threading
 import traceback
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, TextIO
 
 #: Most bytes of a request: what a job is told before it begins.
 LONGEST_REQUEST = 2**16
@@ -44,6 +43,8 @@ ONE_THREAD = {
     f"{library}_NUM_THREADS": "1"
     for library in ("OMP", "GOTO", "OPENBLAS", "MKL", "NUMEXPR")
 } | {"VECLIB_MAXIMUM_THREADS": "1"}
+#: In place of the number of a process: the server has outdated code.
+OUTDATED = 0
 #: Number of `prctl` by which a process asks to be killed when its parent dies.
 _DIE_WITH_PARENT = 1
 #: How long the end of a run waits for the server to end, s.
@@ -53,61 +54,9 @@ _END_S = 10.0
 # In Snakemake's process.
 
 
-def install() -> bool:
-    """Let Snakemake run its Python scripts as forks; return whether it will.
-
-    It does not if the system is not Linux, if Snakemake is not as known, or if somebody
-    else has already changed how it runs scripts.
-    """
-    from snakemake.script import PythonScript
-
-    run: Any = getattr(PythonScript, "execute_script", None)
-    is_known = getattr(run, "__module__", "") == PythonScript.__module__
-    if not is_known or not sys.platform.startswith("linux"):
-        return getattr(run, "__module__", "") == __name__
-    server = Server()
-    atexit.register(server.end)
-    PythonScript.execute_script = _replaced(run, server)
-    return True
-
-
-def _replaced(run: Callable[..., None], server: Server) -> Callable[..., None]:
-    """Return what executes a script in place of Snakemake's `run`."""
-
-    def execute_script(script: Any, file: str, edit: bool = False) -> None:
-        if edit or not _is_plain(script):
-            run(script, file, edit)
-            return
-        from snakemake.benchmark import benchmarked
-
-        folder = script.resources.get("tmpdir")
-        environment = dict.fromkeys(("TMPDIR", "TMP", "TEMPDIR", "TEMP"), folder)
-        job = server.start(script.rulename, file, environment if folder else {})
-        with ExitStack() as measured:
-            if script.bench_record is not None:
-                measured.enter_context(benchmarked(job.pid, script.bench_record))
-            code = job.wait()
-        if code:
-            # As for a process of its own: the message names a signal that ended it.
-            raise subprocess.CalledProcessError(code, f"{sys.executable} {file}")
-
-    execute_script.__module__ = __name__
-    return execute_script
-
-
-def _is_plain(script: Any) -> bool:
-    """Tell whether a script wants one thread, and this process's environment."""
-    others = (script.container_img, script.conda_env, script.env_modules)
-    return (
-        not any(others)
-        and script.threads == 1
-        and script.resources.get("shell_exec") is None
-    )
-
-
 @dataclass
 class Job:
-    """A fork at work.
+    """A fork that waits to begin, so that it can be measured from its beginning.
 
     Attributes
     ----------
@@ -116,19 +65,22 @@ class Job:
     """
 
     pid: int
-    _answers: Any
+    _answers: TextIO
+    _gate: BinaryIO
 
     def wait(self) -> int:
-        """Wait for its end; return its exit code, or minus the signal that ended it."""
+        """Let it begin; return its exit code, or minus the signal that ended it."""
+        self._gate.close()
         with self._answers:
             line = self._answers.readline()
         if not line:
-            raise ServerEndedError
+            # The server was ended, and the system has killed its forks.
+            return -signal.SIGKILL
         return int(line)
 
 
 class ServerEndedError(RuntimeError):
-    """The process whose forks the jobs are has ended, and they with it."""
+    """The process whose forks the jobs are has ended, before it made one."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -144,31 +96,61 @@ class Server:
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _process: subprocess.Popen[bytes] | None = None
     _requests: socket.socket | None = None
+    #: Ways to servers with outdated code, whose last jobs may still be at work.
+    _retired: list[socket.socket] = field(default_factory=list)
 
     def start(self, rule: str, file: str, environment: dict[str, str]) -> Job:
-        """Start a script as a job of a rule, with these variables besides ours."""
+        """Make a fork for a script of a rule, with these variables besides ours.
+
+        If the code of hopdata has changed since the server read it, another one is
+        started, so that no job mixes two states of it.
+        """
         request = {
             "rule": rule,
             "file": file,
             "folder": os.getcwd(),
             "environment": environment,
         }
-        read, write = os.pipe()
-        answers = os.fdopen(read, "r", encoding="ascii")
-        try:
-            with self._lock:
-                requests = self._at_work()
-                socket.send_fds(requests, [json.dumps(request).encode()], [write])
-        except OSError:
-            answers.close()
-            raise ServerEndedError from None
-        finally:
-            os.close(write)
-        pid = answers.readline()
-        if not pid:
-            answers.close()
+        job = self._asked(request)
+        if job is None:
+            job = self._asked(request)
+        if job is None:
             raise ServerEndedError
-        return Job(int(pid), answers)
+        return job
+
+    def _asked(self, request: dict[str, Any]) -> Job | None:
+        """Return a new job, or None if the server had outdated code and is retired."""
+        answered, to_answer = os.pipe()
+        closed, gate = os.pipe()
+        answers = os.fdopen(answered, "r", encoding="ascii")
+        with ExitStack() as unless_begun:
+            unless_begun.enter_context(answers)
+            opened = unless_begun.enter_context(os.fdopen(gate, "wb", buffering=0))
+            try:
+                with self._lock:
+                    requests = self._at_work()
+                    message = json.dumps(request).encode()
+                    socket.send_fds(requests, [message], [to_answer, closed])
+            except OSError:
+                raise ServerEndedError from None
+            finally:
+                os.close(to_answer)
+                os.close(closed)
+            pid = answers.readline()
+            if not pid:
+                raise ServerEndedError
+            if int(pid) == OUTDATED:
+                self._retire(requests)
+                return None
+            unless_begun.pop_all()
+        return Job(int(pid), answers, opened)
+
+    def _retire(self, requests: socket.socket) -> None:
+        """Ask this server for no more jobs; those that it has go on."""
+        with self._lock:
+            if self._requests is requests:
+                self._retired.append(requests)
+                self._process = self._requests = None
 
     def _at_work(self) -> socket.socket:
         """Return the way to the server, which is started unless it lives."""
@@ -191,6 +173,8 @@ class Server:
     def end(self) -> None:
         """End the server; it has no job any more if Snakemake has ended its own."""
         with self._lock:
+            for retired in self._retired:
+                retired.close()
             if self._process is None or self._requests is None:
                 return
             self._requests.close()
@@ -240,6 +224,7 @@ def serve(number: int) -> dict[str, Any] | None:
     signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
     forks: dict[int, _Begun] = {}
     imported: dict[str, list[str]] = {}
+    sources = _sources()
     with selectors.DefaultSelector() as selector:
         selector.register(requests, selectors.EVENT_READ)
         selector.register(woken, selectors.EVENT_READ)
@@ -250,12 +235,19 @@ def serve(number: int) -> dict[str, Any] | None:
                 _reap(forks, imported)
             if requests not in ready:
                 continue
-            message, answers, _, _ = socket.recv_fds(requests, LONGEST_REQUEST, 1)
+            message, ends, _, _ = socket.recv_fds(requests, LONGEST_REQUEST, 2)
             if not message:  # Snakemake has ended
                 _kill(forks)
                 return None
             request: dict[str, Any] = json.loads(message)
-            begun = _begin(request["rule"], answers[0], imported)
+            answers, gate = ends
+            if any(_changed(file) != known for file, known in sources.items()):
+                os.write(answers, f"{OUTDATED}\n".encode())
+                for end in ends:
+                    os.close(end)
+                continue
+            begun = _begin(request["rule"], answers, imported)
+            sources = _sources()
             parent = os.getpid()
             pid = os.fork()
             if not pid:
@@ -266,9 +258,28 @@ def serve(number: int) -> dict[str, Any] | None:
                 others = [one.answers for one in forks.values()]
                 for end in (*others, begun.answers, woken, wake, requests.detach()):
                     os.close(end)
-                return request | {"imported": begun.imported}
+                return request | {"imported": begun.imported, "gate": gate}
+            os.close(gate)
             forks[pid] = begun
             _answer(begun, pid)
+
+
+def _changed(file: str) -> int:
+    """Return when a file was last changed, ns; 0 if it is gone."""
+    try:
+        return os.stat(file).st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _sources() -> dict[str, int]:
+    """Return the files of hopdata that this process has imported, and their times."""
+    files = [
+        getattr(module, "__file__", None)
+        for name, module in [*sys.modules.items()]
+        if name.partition(".")[0] == "hopdata"
+    ]
+    return {file: _changed(file) for file in [__file__, *files] if file}
 
 
 def _begin(rule: str, answers: int, imported: dict[str, list[str]]) -> _Begun:
@@ -324,6 +335,8 @@ def _die_with(parent: int) -> None:
 
 def run(request: dict[str, Any]) -> int:
     """Run a job's script as Python would; return its exit code."""
+    with os.fdopen(request["gate"], "rb") as gate:
+        gate.read()  # until Snakemake closes its end
     before = {*sys.modules}
     os.chdir(request["folder"])
     os.environ.update(request["environment"])

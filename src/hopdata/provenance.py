@@ -2,9 +2,11 @@
 
 import hashlib
 import importlib.metadata
+import math
 import platform
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -176,7 +178,7 @@ def provenance(
         "versions": {name: version_of(name) for name in REPORTED},
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
-        "stage_seconds": {path.stem: _seconds(path) for path in sorted(stage_times)},
+        "stage_seconds": _seconds_of(stage_times),
     }
 
 
@@ -200,8 +202,24 @@ def version_of(name: str) -> str:
         return __version__ if name == "hopdata" else MISSING
 
 
+def _seconds_of(stage_times: Iterable[Path]) -> dict[str, float]:
+    """Return the time that each job took; a damaged file is left out.
+
+    Snakemake writes these files itself, so that they have no digest. They are not made
+    again, and no result hangs on them.
+    """
+    found = {}
+    for path in sorted(stage_times):
+        with suppress(OSError, ValueError, KeyError):
+            found[path.stem] = _seconds(path)
+    return found
+
+
 def _seconds(path: Path) -> float:
     """Return the time that a job took, from its benchmark file."""
     header, first = path.read_text(encoding="utf-8").splitlines()[:2]
     columns = dict(zip(header.split("\t"), first.split("\t"), strict=True))
-    return float(columns["s"])
+    seconds = float(columns["s"])
+    if not math.isfinite(seconds):
+        raise ValueError(seconds)
+    return seconds

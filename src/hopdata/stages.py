@@ -462,18 +462,23 @@ class Inspection:
 
 
 @LINE.stage(minutes=20, mb_a_mb=10)
-def inspection(imported: dict[str, Recording]) -> Inspection:
+def inspection(
+    imported: dict[str, Recording],
+    *,
+    methods: Options = key(consistency.effect_methods),
+) -> Inspection:
     """Look for faults in the recordings, beside the search for contacts."""
     import pandas as pd
 
-    from hopdata.landings.effects import effects
+    from hopdata.landings.effects import Methods, study_effects
     from hopdata.recordings.quality.inspection import recording_tables
 
     tables = recording_tables(imported.values())
+    told = study_effects([*imported.values()], Methods(**methods))
     in_numbers = [
         {"recording": name, "remark": str(effect)}
-        for name, recording in imported.items()
-        for effect in effects(recording)
+        for name, effects in zip(imported, told, strict=True)
+        for effect in effects
     ]
     if in_numbers:
         both = [tables["remarks"], pd.DataFrame(in_numbers)]

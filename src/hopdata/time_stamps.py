@@ -120,7 +120,9 @@ def on_the_grid(stamps: FloatArray, grid: FloatArray, rate_hz: float) -> bool:
 def printed_digit(stamps: FloatArray) -> float:
     """Return the last decimal place printed in time stamps (N,), s; at least 1 us."""
     for decimals in range(_MOST_DECIMALS):
-        if np.allclose(stamps, np.round(stamps, decimals), rtol=1e-12, atol=1e-9):
+        with np.errstate(over="ignore"):  # of stamps that no clock shows
+            rounded = np.round(stamps, decimals)
+        if np.allclose(stamps, rounded, rtol=1e-12, atol=1e-9):
             return float(10.0**-decimals)
     return float(10.0**-_MOST_DECIMALS)
 

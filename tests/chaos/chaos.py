@@ -87,12 +87,13 @@ class Run:
         """The sentence that a user of ``hopdata run`` reads; empty if there is none."""
         lines = self.said.splitlines(keepends=True)
         told = [line for line in lines if line.startswith("hopdata: error:")]
-        if told:
+        if told and "please report" not in told[-1]:
             return told[-1].strip()
         if "cannot be locked" in self.said:
             return "locked"
         reason = deaths.why(lines, oom_before=None)
-        return "" if "tells no more" in reason else reason
+        is_mistake = "tells no more" in reason or "please report" in reason
+        return "" if is_mistake else reason
 
 
 class Server:
@@ -416,13 +417,12 @@ def oom_killed(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     if made is None:
         return no_memory(place, draw)
     group, limit = made
-    n_bytes = int(draw.uniform(1, 60) * 1e6)
+    n_bytes = int(draw.uniform(1, 20) * 1e6)
     (group / limit).write_text(str(n_bytes))
     before = oom_kills() or 0
     place.server.start(*command())
-    wait(place, draw)
-    caught = draw.choice([place.server.driver, place.server.jobs])()
-    for process in caught:
+    time.sleep(draw.random() * place.seconds / 4)
+    for process in place.server.session():
         with suppress(OSError):
             (group / "cgroup.procs").write_text(str(process.pid))
     ended = place.server.end()

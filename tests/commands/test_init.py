@@ -398,3 +398,18 @@ def test_init_leaves_out_what_check_would_refuse(folder, capsys):
         "markers.body: expected three markers or more that keep"
         in capsys.readouterr().out
     )
+
+
+def test_what_a_filter_does_is_told_in_milliseconds(folder, capsys):
+    from scipy.signal import butter, filtfilt
+
+    positions = hopping(2, n_frames=700)[1]
+    smooth = filtfilt(*butter(2, 2 * 12 / 100), positions, axis=0)
+    for name, written in (("raw", positions), ("smooth", smooth)):
+        export(folder, written, name=f"{name}.tsv")
+        assert main(["init", f"{name}.tsv", "-o", f"config/{name}.yaml"]) == 0
+        told = "note: the low-pass moves contacts by " in capsys.readouterr().out
+        assert told == (name == "smooth")
+    with open("config/smooth.yaml") as written:
+        text = " ".join(line.strip("# \n") for line in written)
+    assert re.search(r"TO DO: The low-pass moves contacts by \S+ ms", text, re.I)

@@ -452,3 +452,12 @@ def test_a_run_beside_one_that_lives_names_it(at_work, capfd):
     )
     assert "is at work here; wait for its end" in told
     assert any(LOCKS.glob("*.output.lock"))
+
+
+def test_a_request_to_end_is_passed_on_and_leaves_no_lock(at_work):
+    at_work.terminate()
+    time.sleep(0.2)
+    Path("go").touch()
+    at_work.wait(timeout=60)
+    assert not any(LOCKS.glob("*"))
+    assert owners() == {}

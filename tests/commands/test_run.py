@@ -78,6 +78,25 @@ def test_a_failure_names_its_line_and_the_log(folder, capfd):
     assert not Path("a").exists()
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
+@pytest.mark.parametrize(
+    ("victim", "told"),
+    [
+        ("$$", "hopdata: error: a: it was killed (SIGKILL)"),
+        ("$PPID", "hopdata: error: Snakemake: it was killed (SIGKILL)"),
+    ],
+)
+def test_a_job_or_a_snakemake_that_was_killed_is_told_in_one_line(
+    folder, capfd, victim, told
+):
+    rules = f'rule a:\n    output: "a"\n    shell: "kill -9 {victim}; sleep 1"\n'
+    options = (Path("config.yaml"), "trial", "--cores", "1")
+    assert run_workflow(*options, snakefile=workflow(folder, rules)) != 0
+    lines = capfd.readouterr().err.splitlines()
+    assert [line for line in lines if line.startswith(told)] == lines[:1]
+    assert len(lines) <= 2
+
+
 def test_what_a_killed_job_left_is_made_again(folder, capfd):
     """Snakemake's mark shows it; the profile that asks for this is not beside the rules."""
     mark = Path(".snakemake/incomplete", base64.b64encode(b"a").decode())

@@ -48,6 +48,8 @@ class Door:
         Writes an input with its companions; returns the path to enter with.
     names_file : bool
         Whether errors must name a file of the folder.
+    names : tuple of str
+        What an error may name instead.
     loads_pickles : bool
         Whether it loads pickles of its own: the cache of machine code.
     in_ci : int
@@ -59,6 +61,7 @@ class Door:
     check: Callable[[Any], None] = nothing
     put: Callable[[Path, str, bytes], Path] | None = None
     names_file: bool = True
+    names: tuple[str, ...] = ()
     loads_pickles: bool = False
     in_ci: int = 20
 
@@ -719,7 +722,14 @@ DOORS = {
     "forces": Door(_forces, _read_forces, _are_signals),
     "contacts": Door(_contacts, _read_contacts, _are_contacts),
     "config": Door(_configs, _load_config, _is_config, in_ci=30),
-    "group": Door(_groups, _read_group, _is_group, put=_put_group, in_ci=18),
+    "group": Door(
+        _groups,
+        _read_group,
+        _is_group,
+        put=_put_group,
+        names=("samples: ",),  # which may be in a file that does not exist
+        in_ci=18,
+    ),
     "provenance": Door(_provenances, _run_again, in_ci=16),
     "pairs": Door(_saved, _read_pairs, _are_pairs, in_ci=10),
     "saved": Door(_tables, _read_saved, in_ci=10),

@@ -44,6 +44,8 @@ LEAST_WALL_S = 90.0
 # Address space is more than memory: libraries reserve what they never touch.
 SPARE_ADDRESSES = 1 << 30
 LENGTH = struct.Struct("<Q")
+# Unit of the largest memory that a system tells, bytes.
+MAXRSS = 1 if sys.platform == "darwin" else 1024
 # Folders in which a program may write though no input names them.
 HARMLESS = ("/dev/", "/proc/self/")
 
@@ -376,7 +378,7 @@ def _peak_of_ended():
     with suppress(ImportError):
         import resource
 
-        return 1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        return MAXRSS * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     return 0
 
 
@@ -388,9 +390,11 @@ def _peak():
             total += _status("VmHWM", pid)
     if total:
         return total
-    import resource
+    with suppress(ImportError):
+        import resource
 
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return MAXRSS * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return 0
 
 
 def _cpu_s():
@@ -515,7 +519,8 @@ def enter_door(door, name, data, folder, most_cpu_s=MOST_CPU_S):
     path = door.place(home, name, data)
     names = ()
     if door.names_file:
-        names = tuple(one.name for one in home.rglob("*") if one.is_file())
+        files = [one.name for one in home.rglob("*") if one.is_file()]
+        names = (*files, *door.names)
     attempt = Attempt(
         enter=lambda: door.enter(path),
         check=door.check,

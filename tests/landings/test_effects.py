@@ -9,10 +9,13 @@ from scipy.signal import butter, filtfilt
 
 from hopdata import Recording
 from hopdata.landings.effects import (
+    Methods,
     effects,
     find_contacts_and_states,
+    find_in_study,
     moved_contacts,
     moved_states,
+    study_effects,
 )
 from hopdata.recordings.quality.restoring import filter_of, recorded, unfiltered
 
@@ -156,3 +159,43 @@ def test_a_recording_with_few_landings_is_told_of_its_contacts_alone():
     found = find_contacts_and_states(short.part(slice(0, 110)))
     assert found.pairs is None
     assert len(effects(short)) == 1
+
+
+def test_the_recordings_of_a_study_are_compared_with_one_law():
+    first, second = (
+        replace(filtered(clean(seed, n_frames=700), 12), name=name)
+        for seed, name in ((26, "one"), (27, "two"))
+    )
+    untouched = replace(clean(28, n_frames=700), name="three")
+    study = [first, second, untouched]
+    told = study_effects(study)
+    assert [len(messages) for messages in told] == [1, 1, 0]
+    after = find_in_study(study, Methods())
+    original = [
+        replace(one, positions=unfiltered(one.positions, filter_of(one.body)))
+        for one in (first, second)
+    ]
+    before = find_in_study([*original, untouched], Methods(), after[0].sections)
+    for k in range(2):
+        moved, _ = moved_contacts(after[k], before[k], pace=study[k].pace)
+        stated = told[k][0].values
+        assert stated["common_ms"] == 1e3 * np.median(moved)
+    # Alone it has less to learn from.
+    (alone,) = effects(first)
+    assert alone.values != told[0][0].values
+
+
+def test_effects_are_those_on_the_methods_of_the_study():
+    given = filtered(clean(29, n_frames=700), 12)
+    (by_default,) = effects(given)
+    sections = find_contacts_and_states(given).sections
+    higher = {
+        "pre_height_m": sections.pre_height_m + 0.03,
+        "post_height_m": sections.post_height_m,
+    }
+    (at_others,) = effects(given, Methods(sections=higher))
+    for key in ("common_ms", "spread_ms"):
+        assert at_others.values[key] == by_default.values[key]
+    assert at_others.values["pre_mm"] != by_default.values["pre_mm"]
+    (printed,) = effects(given, Methods(contacts={"method": "velocity_minimum"}))
+    assert printed.values["common_ms"] != by_default.values["common_ms"]

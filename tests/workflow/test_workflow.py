@@ -442,9 +442,8 @@ def test_a_job_asks_for_twice_as_much_at_a_retry(tmp_path):
 
 def test_the_profile_groups_rules_that_there_are():
     profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
-    rules = "".join(
-        path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk")
-    )
+    files = (ROOT / "workflow").rglob("*.smk")
+    rules = "".join(path.read_text() for path in files)
     names = set(re.findall(r"^rule (\w+):", rules, re.MULTILINE))
     names |= {f"figures_{kind}" for kind in CATALOGUE}
     assert {entry.split("=")[0] for entry in profile["groups"]} <= names

@@ -1,7 +1,9 @@
+import atexit
 import os
+import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 # Nothing in a study's folder is imported. Snakemake puts the Snakefile's folder first on Python's
@@ -9,14 +11,49 @@ from pathlib import Path
 os.environ.update(PYTHONSAFEPATH="1")
 sys.path[:] = [place for place in sys.path if Path(place).resolve() != Path.cwd()]
 
-from hopdata import forks
+from snakemake.benchmark import benchmarked
+from snakemake.script import PythonScript
+
 from hopdata.causes import oom_kills
 from hopdata.commands import deaths, healing, owner
+from hopdata.forks import Server
 
 OOM_BEFORE = oom_kills()
 
-# Scripts run as forks of one process that has imported the libraries.
-forks.install()
+SERVER = Server()
+atexit.register(SERVER.end)
+
+
+def fork_script(script, file, edit=False, *, anew=PythonScript.execute_script):
+    """Run a script as a fork of a process that has imported the libraries: see `hopdata.forks`.
+
+    Scripts with several threads, or with an environment of their own, get a new Python.
+    """
+    others = (script.container_img, script.conda_env, script.env_modules)
+    shell = script.resources.get("shell_exec")
+    if edit or any(others) or shell or script.threads > 1:
+        anew(script, file, edit)
+        return
+    environment = {}
+    if script.resources.get("tmpdir"):
+        names = ("TMPDIR", "TMP", "TEMPDIR", "TEMP")
+        environment = dict.fromkeys(names, script.resources["tmpdir"])
+    job = SERVER.start(script.rulename, str(file), environment)
+    with ExitStack() as measured:
+        if script.bench_record is not None:
+            measured.enter_context(benchmarked(job.pid, script.bench_record))
+        code = job.wait()
+    if code:
+        # As for a process of its own: the message names a signal that ended it.
+        raise subprocess.CalledProcessError(code, f"{sys.executable} {file}")
+
+
+# Only Linux has all that this takes. A file that is included twice, or anybody else who has changed
+# how scripts run, is left alone.
+IS_OWN = PythonScript.execute_script.__module__ == PythonScript.__module__
+if sys.platform.startswith("linux") and IS_OWN:
+    PythonScript.execute_script = fork_script
+
 SKEW_S = 60  # allowed difference between the clocks of two machines, s
 
 

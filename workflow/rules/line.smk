@@ -325,6 +325,7 @@ rule inspection:
         **needs(minutes=20, mb_a_mb=10),
     params:
         stage="inspection",
+        methods=consistency.effect_methods(STUDY),
         code=stage_code("inspection"),
     script:
         "../scripts/stage.py"

@@ -2,7 +2,7 @@ rule report:
     """Write one page with all results and their provenance."""
     input:
         figures=FIGURES,
-        captions=expand(f"{CAPTIONS}/{{name}}.md", name=FIGURE_NAMES),
+        captions=local(expand(f"{CAPTIONS}/{{name}}.md", name=FIGURE_NAMES)),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         levelled=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),

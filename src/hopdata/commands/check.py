@@ -41,6 +41,7 @@ def check(options: argparse.Namespace) -> int:
     remarks: list[str] = []
     of_first_study: list[Recording] = []
     for config in configs:
+        of_study: list[Recording] = []
         for entry in config["recordings"]:
             if not files_of(entry):
                 print(_simulated(config, entry))
@@ -55,7 +56,8 @@ def check(options: argparse.Namespace) -> int:
                 of_first_study.append(recording)
             else:
                 print(f"study {config['study']}: {recording.told()}")
-            remarks += _remarks(recording, config["input"]["rate_hz"])
+            of_study.append(recording)
+        remarks += _remarks(of_study, config)
     for remark in remarks:
         print(f"note: {remark}")
     if mistakes:
@@ -131,18 +133,22 @@ def _with_line(error: RecordingError, config: str) -> str:
     return f"{config}, line {line}: {error}"
 
 
-def _remarks(recording: Recording, rate_hz: float | None) -> list[str]:
-    """Return what should be known of a recording: faults, and what is unsure."""
-    from hopdata.landings.effects import effects
+def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[str]:
+    """Return what should be known of a study's recordings: faults, what is unsure."""
+    from hopdata.config.consistency import effect_methods
+    from hopdata.landings.effects import Methods, study_effects
     from hopdata.landings.floor import moving
     from hopdata.recordings.plausibility import notes
 
-    remarks = [str(note) for note in notes(recording)]
-    remarks += [f"{recording.place}: {effect}" for effect in effects(recording)]
-    remarks += _suspects(recording, rate_hz)
-    floor_moves = moving(recording)
-    if floor_moves:
-        remarks.append(f"{recording.place}: {floor_moves}")
+    effects = study_effects(recordings, Methods(**effect_methods(config)))
+    remarks = []
+    for recording, of_recording in zip(recordings, effects, strict=True):
+        remarks += [str(note) for note in notes(recording)]
+        remarks += [f"{recording.place}: {effect}" for effect in of_recording]
+        remarks += _suspects(recording, config["input"]["rate_hz"])
+        floor_moves = moving(recording)
+        if floor_moves:
+            remarks.append(f"{recording.place}: {floor_moves}")
     return remarks
 
 

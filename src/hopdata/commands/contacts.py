@@ -95,7 +95,9 @@ def timed(trials: Sequence[Trial]) -> ContactTimes:
     for group in alike.values():
         recordings = [trial.recording for trial in group]
         first = group[0]
-        parts.append(times_of(recordings, feet=first.feet, **first.options))
+        files = [trial.files for trial in group]
+        found = times_of(recordings, feet=first.feet, files=files, **first.options)
+        parts.append(found)
     return joined_times(parts, [trial.recording.name for trial in trials])
 
 

@@ -6,8 +6,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from hopdata.causes import cause_in, signal_told
+from hopdata.causes import MISSING, READ_ONLY, cause_in, signal_told
 
+_FAILED = re.compile(r"Error in rule (\w+):")
+_EXCEPTION = "RuleException"
 _LOG = re.compile(r"^ +log: ([^\n]*?)(?: \(check log file)", re.MULTILINE)
 _SIGNAL = re.compile(r"died with <Signals\.\w+: (\d+)>")
 _STATUS = re.compile(r"returned non-zero exit status (\d+)")
@@ -26,22 +28,41 @@ class _Failure:
     @property
     def name(self) -> str:
         """The job's name: that of its log, which tells its recording too."""
+        if self._log is None:
+            return self.rule
+        return self._log.stem
+
+    @property
+    def _log(self) -> Path | None:
+        """Its log, which comes before that of a cluster."""
         found = _LOG.search(self.text)
         if not found:
-            return self.rule
-        return Path(found[1]).stem
+            return None
+        return Path(found[1].split(", ")[0])
 
     @property
     def said(self) -> str:
         """The error that the job itself has kept in its log."""
-        found = _LOG.search(self.text)
-        if not found:
+        if self._log is None:
             return ""
         with suppress(OSError):
-            text = Path(found[1]).read_text(encoding="utf-8", errors="replace")
+            text = self._log.read_text(encoding="utf-8", errors="replace")
             for line in text.splitlines():
                 if line.startswith(_ERROR) and "unexpected error" not in line:
                     return line.removeprefix(_ERROR)
+        return ""
+
+    @property
+    def unexpected(self) -> str:
+        """The last line of a traceback in its log, which is a mistake of hopdata."""
+        if self._log is None:
+            return ""
+        with suppress(OSError):
+            text = self._log.read_text(encoding="utf-8", errors="replace")
+            lines = text.partition(f"{_ERROR}unexpected error")[2].split("\n")
+            errors = [line for line in lines[1:] if line[:1].isalpha()]
+            if errors[1:]:
+                return f"unexpected {errors[1]}; please report it with {self._log}"
         return ""
 
     @property
@@ -57,12 +78,24 @@ class _Failure:
 
 
 def _failures(text: str) -> Iterator[_Failure]:
-    """Yield the jobs that failed, in the order in which they did."""
-    places = [*re.finditer(r"Error in rule (\w+):", text)]
-    ends = [place.start() for place in places[1:]]
-    ends.append(len(text))
-    for place, end in zip(places, ends, strict=False):
-        yield _Failure(place[1], text[place.start() : end])
+    """Yield the jobs that failed, in the order in which they did.
+
+    Snakemake tells the exception first, and then the job.
+    """
+    last = 0
+    for place in _FAILED.finditer(text):
+        before = text[last : place.start()]
+        start = before.rfind(_EXCEPTION)
+        exception = before[start:] if start >= 0 else ""
+        rest = text[place.start() :]
+        job = _FAILED.sub("", rest, count=1)
+        following = _FAILED.search(job)
+        if following:
+            job = job[: following.start()]
+        if exception:
+            job = job.partition(_EXCEPTION)[0]
+        yield _Failure(place[1], job + exception)
+        last = place.end()
 
 
 def why(said: Sequence[str], *, oom_before: int | None) -> str:
@@ -77,6 +110,26 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
     """
     text = "".join(said)
     failures = [*_failures(text)]
+    told = _of_jobs(failures, oom_before)
+    if told:
+        return told
+    if "MissingInputException" in text:
+        return f"{_affected(text)}: {MISSING}"
+    if "ProtectedOutputException" in text:
+        return f"{_affected(text)}: {READ_ONLY}"
+    cause = cause_in(text)
+    if cause:
+        return f"Snakemake: {cause}"
+    for failure in failures:
+        if failure.unexpected:
+            return f"{failure.name}: {failure.unexpected}"
+    if failures:
+        return f"{failures[0].name}: it failed, and its log tells no more"
+    return ""
+
+
+def _of_jobs(failures: Sequence[_Failure], oom_before: int | None) -> str:
+    """Say why jobs failed: by their own words, by a signal, or by what was printed."""
     for failure in failures:
         if failure.said:
             return failure.said
@@ -88,18 +141,10 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
         cause = cause_in(failure.text)
         if cause:
             return f"{failure.name}: {cause}"
-    if "MissingInputException" in text:
-        return _missing(text)
-    cause = cause_in(text)
-    if cause:
-        return f"Snakemake: {cause}"
-    if failures:
-        one = failures[0]
-        return f"{one.name}: it failed, and its log tells no more"
     return ""
 
 
-def _missing(text: str) -> str:
+def _affected(text: str) -> str:
+    """Return the first file that an exception of Snakemake names."""
     after = text.partition("affected files:")[2].split()
-    file = after[0] if after else "a file"
-    return f"{file}: it is missing; bring it back, then run the same command again"
+    return after[0] if after else "a file"

@@ -71,6 +71,7 @@ CHANGES: dict[str, str] = {
     exclusion.FOOT_UP: "commands.foot_not_down",
     exclusion.FOOT_DOWN_BEFORE: "commands.foot_down_too_early",
     exclusion.FOOT_RISES: "commands.foot_rises",
+    exclusion.FOOT_GLIDES: "commands.foot_glides",
     exclusion.FOOT_POOR_FIT: "commands.foot_falls_oddly",
     exclusion.FOOT_UNDETERMINED: "commands.foot_without_kink",
     exclusion.HIDDEN_PRE: "commands.body_hidden",

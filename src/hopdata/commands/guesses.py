@@ -12,6 +12,7 @@ from hopdata.landings.role_guesses import guessed_roles
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
+    from hopdata.recordings.quality.roles import Roles
     from hopdata.recordings.raw import RateUnknownError, RawRecording
 
 # Rate with which a file is read to guess its rate.
@@ -76,15 +77,24 @@ def _require_likely_unit(options: argparse.Namespace, raw: RawRecording) -> None
 # What a recording's processing does, in ms and mm.
 
 
-def with_effects(inspection: Inspection) -> Inspection:
+def with_effects(inspection: Inspection, roles: Roles | None = None) -> Inspection:
     """Add what processing and soft tissue do to contacts and states of guessed roles.
 
     Nothing is added if there are no such signs, or roles could not be guessed.
-    """
-    from hopdata.landings.effects import effects
 
-    roles = guessed_roles(inspection)
+    Parameters
+    ----------
+    inspection : Inspection
+        The recording.
+    roles : Roles, optional
+        As guessed before.
+    """
+    from hopdata.landings.effects import Methods, effects
+
+    roles = roles or guessed_roles(inspection)
     if roles.problems:
         return inspection
-    found = effects(inspection.recording(roles.feet, roles.body))
+    joined = [{"name": name, "markers": own} for name, own in roles.joined.items()]
+    recording = inspection.recording(roles.feet, roles.body)
+    found = effects(recording, Methods(feet=joined))
     return replace(inspection, treated=(*inspection.treated, *found))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopdata.commands import devices, listing, terminal
-from hopdata.commands.guesses import inspected
+from hopdata.commands.guesses import inspected, with_effects
 from hopdata.errors import HopdataError, printable
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
@@ -243,7 +243,7 @@ def init(options: argparse.Namespace) -> int:
     inspection = inspected(options)
     check_order(str(options.file), inspection.time)
     roles = guessed_roles(inspection)
-    remarks = remarks_on(inspection, roles)
+    remarks = remarks_on(with_effects(inspection, roles), roles)
     draft = draft_of(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from hopdata.arrays import one_blas_thread
 from hopdata.commands import init as of_files
 from hopdata.commands import terminal
+from hopdata.commands.guesses import with_effects
 from hopdata.errors import AnalysisError, HopdataError, RecordingError
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
@@ -255,7 +256,8 @@ def _write(
     problems = list(roles.problems)
     if refused is not None:
         problems.append(refused)
-    remarks = of_files.remarks_on(reference.inspection, roles)
+    inspection = with_effects(reference.inspection, roles)
+    remarks = of_files.remarks_on(inspection, roles)
     if refused is not None:
         remarks.append(str(refused))
     as_read = argparse.Namespace(**vars(options))

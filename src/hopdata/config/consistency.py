@@ -160,6 +160,22 @@ def fills(config: Mapping[str, Any]) -> bool:
     return config["filling"]["longest_s"] != 0 and len(config["markers"]["body"]) > 3
 
 
+def effect_methods(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of `landings.effects.Methods`: those of the study."""
+    of_sections = {k: v for k, v in config["sections"].items() if k != "grid_nodes"}
+    return {
+        "floor": config["floor"],
+        "feet": config["feet"],
+        "longest_s": config["filling"]["longest_s"],
+        "fills": fills(config),
+        "contacts": contact_options(config),
+        "sections": of_sections,
+        "touchdowns": config["touchdowns"],
+        "states": config["states"],
+        "home_marker": config["home"]["marker"],
+    }
+
+
 def is_simulated(config: Mapping[str, Any]) -> bool:
     """Tell whether all recordings are simulated, so that their scenes are known."""
     return not any(files_of(entry) for entry in config["recordings"])

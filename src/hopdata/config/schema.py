@@ -344,7 +344,8 @@ def _of_number(value: Any, schema: dict[str, Any]) -> str:
         return ""
     most = schema.get("maximum", float("inf"))
     is_share = "x-unit" not in schema and most <= 1 and schema.get("minimum", 0) >= 0
-    if is_share and value >= 2 and value / 100 <= most:
+    # A division of a whole number of 400 digits would overflow.
+    if is_share and 2 <= value <= 100 * most:
         return _as_share(float(value))
     return ""
 

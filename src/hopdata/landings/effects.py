@@ -2,20 +2,23 @@
 
 Nothing here is a table: the recording is compared with itself, as it was before its
 positions were processed (`recordings.quality.restoring`), or without what its markers
-move against one another. Contacts and states of both are found in the same way.
+move against one another. Contacts and states of both are found in the same way: that of
+the study, whose recordings learn from one another.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
-from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.find import find_study_landings
+from hopdata.landings.contacts.joined import join_feet
+from hopdata.landings.filling import fill_gaps
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.landings.states.assemble import assemble_pairs
@@ -32,9 +35,14 @@ from hopdata.rigid import body_shape, rigid_fit
 #: Unit: s. Origin: chosen. Filters move contacts by some 40 ms.
 SAME_LANDING_S = 0.12
 
-#: Time after the first contact in which markers wobble, of an animal of 1 m.
+#: Time after the first contact in which the wobble is measured, of an animal of 1 m.
 #: Unit: s. Origin: chosen.
 WOBBLE_S = 0.08
+
+#: Time after the first contact in which markers are taken to wobble as much, and else
+#: as in flight, of an animal of 1 m.
+#: Unit: s. Origin: chosen.
+WOBBLES_FOR_S = 0.25
 
 #: Time before the first contact in which they do not, of an animal of 1 m.
 #: Unit: s. Origin: chosen.
@@ -48,11 +56,6 @@ LEAST_WOBBLE = 1.0
 #: Frames of the middle of a recording that are compared.
 #: Unit: frames. Origin: chosen.
 MOST_FRAMES = 30_000
-
-#: Time after the first contact in which markers move as after an impact, and else as in
-#: flight, of an animal of 1 m.
-#: Unit: s. Origin: chosen.
-WOBBLES_FOR_S = 0.25
 
 #: Mean square of what the markers move against one another, relative to the one that
 #: its median gives for noise, from which on contacts are looked for.
@@ -88,38 +91,133 @@ class ContactsAndStates:
     sections: Sections | None
 
 
-@one_blas_thread()
-def effects(recording: Recording) -> list[Message]:
-    """Report by how much processing and soft tissue move contacts and states.
+@dataclass(frozen=True)
+class Methods:
+    """How a study finds contacts and states; by default as the schema's defaults do.
+
+    Parameters
+    ----------
+    floor : mapping
+        Options of `fit_floor`.
+    feet : sequence of mapping
+        Feet with several markers, see `join_feet`.
+    longest_s : float, optional
+        Longest gap that is filled, s; None as `fill_gaps` chooses.
+    fills : bool
+        Whether gaps are filled.
+    contacts : mapping
+        Options of `find_study_landings`.
+    sections : mapping
+        Options of `select_sections`.
+    touchdowns : mapping
+        Options of `touchdown_table`.
+    states : mapping
+        Options of `assemble_pairs` that concern the fit.
+    home_marker : str, optional
+        Marker of the home frame.
+    """
+
+    floor: Mapping[str, Any] = field(default_factory=dict)
+    feet: Sequence[Mapping[str, Any]] = ()
+    longest_s: float | None = None
+    fills: bool = False
+    contacts: Mapping[str, Any] = field(default_factory=dict)
+    sections: Mapping[str, Any] = field(default_factory=dict)
+    touchdowns: Mapping[str, Any] = field(default_factory=dict)
+    states: Mapping[str, Any] = field(default_factory=dict)
+    home_marker: str | None = None
+
+
+@dataclass(frozen=True)
+class _Processed:
+    """A recording, and what it was before its positions were processed.
 
     Parameters
     ----------
     recording : Recording
-        As imported, with feet and body.
+        As given, or its middle.
+    kind : str
+        ``"filter"``, ``"resampling"``, or empty if nothing is recognised.
+    original : Recording
+        As it was before; the same recording if nothing is recognised.
+    values : mapping
+        What is told of the processing.
+    """
+
+    recording: Recording
+    kind: str
+    original: Recording
+    values: Mapping[str, Any]
+
+
+def effects(recording: Recording, methods: Methods | None = None) -> list[Message]:
+    """Report by how much processing and soft tissue move contacts and states.
+
+    It is `study_effects` for one recording, which then learns from itself alone.
+    """
+    (found,) = study_effects([recording], methods)
+    return found
+
+
+@one_blas_thread()
+def study_effects(
+    recordings: Sequence[Recording], methods: Methods | None = None
+) -> list[list[Message]]:
+    """Report by how much processing and soft tissue move contacts and states.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Those of a study, as imported, with feet and body.
+    methods : Methods, optional
+        How the study finds contacts and states.
 
     Returns
     -------
-    list of Message
-        None for positions as the cameras saw them on a rigid body. Values are in ms,
-        mm and m/s.
+    list of list of Message
+        One list for each recording; none for positions as the cameras saw them on a
+        rigid body. Values are in ms, mm and m/s.
     """
-    if len(recording.names("foot")) < 2 or len(recording.names("body")) < 3:
-        return []
-    recording = _middle(recording)
-    messages = []
+    methods = methods or Methods()
+    told: list[list[Message]] = [[] for _ in recordings]
+    numbers = [n for n, one in enumerate(recordings) if _can_be_compared(one)]
+    study = [_processed(_middle(recordings[n])) for n in numbers]
+    wobbles = [_wobble_of(one.recording) for one in study]
+    is_any_processed = any(one.kind for one in study)
+    if not is_any_processed and not any(wobbles):
+        return told
+    given = find_in_study([one.recording for one in study], methods)
+    before: Sequence[ContactsAndStates | None] = [None] * len(study)
+    if is_any_processed:
+        sections = next((one.sections for one in given if one and one.sections), None)
+        before = find_in_study([one.original for one in study], methods, sections)
+    for k, (n, one, wobble) in enumerate(zip(numbers, study, wobbles, strict=True)):
+        if one.kind:
+            told[n] += _difference(one, given[k], before[k])
+        if wobble is not None:
+            others = [other.recording for other in study]
+            told[n] += _wobble(k, others, given, wobble, methods, told[n])
+    return told
+
+
+def _can_be_compared(recording: Recording) -> bool:
+    """Tell whether a recording has enough feet and markers of a body."""
+    return len(recording.names("foot")) > 1 and len(recording.names("body")) > 2
+
+
+def _processed(recording: Recording) -> _Processed:
+    """Return a recording with what it was before, as far as that is recognised."""
     found = filter_of(recording.body, scale=recording.scale)
     if found is not None:
         original = replace(recording, positions=unfiltered(recording.positions, found))
         half_period_ms = 500.0 / (found.cut_off * recording.rate_hz)
         values = {"half_period_ms": half_period_ms}
-        messages += _difference("filter", recording, original, values)
-    else:
-        frames = recorded(recording)
-        if frames is not None:
-            values = {"from_hz": frames.rate_hz, "rate_hz": recording.rate_hz}
-            messages += _difference("resampling", recording, frames, values)
-    messages += _wobble(recording, is_processed=bool(messages))
-    return messages
+        return _Processed(recording, "filter", original, values)
+    frames = recorded(recording)
+    if frames is not None:
+        values = {"from_hz": frames.rate_hz, "rate_hz": recording.rate_hz}
+        return _Processed(recording, "resampling", frames, values)
+    return _Processed(recording, "", recording, {})
 
 
 def _middle(recording: Recording) -> Recording:
@@ -130,56 +228,143 @@ def _middle(recording: Recording) -> Recording:
 
 
 def find_contacts_and_states(
-    recording: Recording, sections: Sections | None = None
+    recording: Recording,
+    sections: Sections | None = None,
+    methods: Methods | None = None,
 ) -> ContactsAndStates:
     """Find contacts and states of a recording, at given sections or at its own."""
-    standing = level(recording, fit_floor(recording))
-    landings = find_landings(standing)
-    columns = [f"contact_{foot}_s" for foot in standing.names("foot")]
-    pairs = None
+    methods = methods or Methods()
+    return _find([_levelled(recording, methods)], methods, sections)[0]
+
+
+def find_in_study(
+    recordings: Sequence[Recording],
+    methods: Methods,
+    sections: Sections | None = None,
+) -> list[ContactsAndStates | None]:
+    """Find contacts and states in all recordings of a study, which share one law.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        As imported.
+    methods : Methods
+        How the study finds them.
+    sections : Sections, optional
+        Where states are taken; by default the study's own.
+
+    Returns
+    -------
+    list of ContactsAndStates or None
+        None where a recording has no floor.
+    """
+    standing = {}
+    for n, recording in enumerate(recordings):
+        try:
+            standing[n] = _levelled(recording, methods)
+        except AnalysisError:
+            continue
+    found: list[ContactsAndStates | None] = [None] * len(recordings)
     try:
-        if sections is None:
-            sections = select_sections([standing], landings={standing.name: landings})
-        pairs = _pairs(standing, landings, sections)
+        of_standing = _find([*standing.values()], methods, sections)
     except AnalysisError:
-        pass  # with few landings contacts alone are compared
-    return ContactsAndStates(
-        begin_s=landings["begin_s"].to_numpy(dtype=float),
-        instants=landings[columns].to_numpy(dtype=float),
-        pairs=pairs,
-        sections=sections,
-    )
+        return found
+    for n, one in zip(standing, of_standing, strict=True):
+        found[n] = one
+    return found
 
 
-def _pairs(standing: Recording, landings: pd.DataFrame, sections: Sections) -> Pairs:
-    """Return the states of a levelled recording at both sections."""
-    table = touchdown_table(
-        standing,
-        landings=landings,
-        pre_height_m=sections.pre_height_m,
-        post_height_m=sections.post_height_m,
-    )
-    return assemble_pairs(
-        [standing],
-        table,
-        pre_height_m=sections.pre_height_m,
-        post_height_m=sections.post_height_m,
-    )
+def _levelled(recording: Recording, methods: Methods) -> Recording:
+    """Return a recording on a level floor, with its feet joined and its gaps filled."""
+    ready = level(recording, fit_floor(recording, **methods.floor))
+    ready = join_feet(ready, methods.feet)
+    if methods.fills:
+        ready = fill_gaps(ready, longest_s=methods.longest_s)
+    return ready
+
+
+def _find(
+    standing: Sequence[Recording], methods: Methods, sections: Sections | None
+) -> list[ContactsAndStates]:
+    """Find contacts and states of levelled recordings."""
+    if not standing:
+        return []
+    tables = find_study_landings(standing, **methods.contacts)
+    if sections is None:
+        sections = _sections(standing, tables, methods)
+    found = []
+    for one, landings in zip(standing, tables, strict=True):
+        columns = [f"contact_{foot}_s" for foot in one.names("foot")]
+        found.append(
+            ContactsAndStates(
+                begin_s=landings["begin_s"].to_numpy(dtype=float),
+                instants=landings[columns].to_numpy(dtype=float),
+                pairs=_pairs(one, landings, sections, methods),
+                sections=sections,
+            )
+        )
+    return found
+
+
+def _sections(
+    standing: Sequence[Recording], tables: Sequence[pd.DataFrame], methods: Methods
+) -> Sections | None:
+    """Return the sections of levelled recordings; None with too few landings."""
+    # Recordings are told apart by their names, which may be the same here.
+    named = [replace(one, name=f"{n}") for n, one in enumerate(standing)]
+    landings = {one.name: table for one, table in zip(named, tables, strict=True)}
+    try:
+        return select_sections(
+            named, landings=landings, states=methods.states, **methods.sections
+        )
+    except AnalysisError:
+        return None  # with few landings contacts alone are compared
+
+
+def _pairs(
+    standing: Recording,
+    landings: pd.DataFrame,
+    sections: Sections | None,
+    methods: Methods,
+) -> Pairs | None:
+    """Return the states of a levelled recording at both sections; None with too few."""
+    if sections is None:
+        return None
+    heights = {
+        "pre_height_m": sections.pre_height_m,
+        "post_height_m": sections.post_height_m,
+    }
+    try:
+        table = touchdown_table(
+            standing, landings=landings, **heights, **methods.touchdowns
+        )
+        return assemble_pairs(
+            [standing],
+            table,
+            home_marker=methods.home_marker,
+            ambiguous=methods.touchdowns.get("ambiguous", "keep"),
+            **heights,
+            **methods.states,
+        )
+    except AnalysisError:
+        return None
 
 
 def _difference(
-    kind: str, given: Recording, original: Recording, values: dict[str, Any]
+    processed: _Processed,
+    after: ContactsAndStates | None,
+    before: ContactsAndStates | None,
 ) -> list[Message]:
     """Report by how much contacts and states of a recording differ from the original's.
 
     Nothing if there are no contacts to compare.
     """
-    try:
-        after = find_contacts_and_states(given)
-        before = find_contacts_and_states(original, after.sections)
-    except AnalysisError:
+    if after is None or before is None:
         return []
-    moved, n_before = moved_contacts(after, before, pace=given.pace)
+    kind = processed.kind
+    pace = processed.recording.pace
+    values = processed.values
+    moved, n_before = moved_contacts(after, before, pace=pace)
     if not n_before:
         return []
     if not len(moved):
@@ -191,7 +376,7 @@ def _difference(
         "spread_ms": 1e3 * float(np.std(moved)),
         "lost_percent": 100 * max(0.0, 1.0 - len(moved) / n_before),
     }
-    states = moved_states(after, before, pace=given.pace)
+    states = moved_states(after, before, pace=pace)
     if not states:
         return [Message(f"landings.{kind}_moves_contacts", values)]
     return [Message(f"landings.{kind}_moves", {**values, **states})]
@@ -256,30 +441,65 @@ def _rms(values: FloatArray) -> float:
 # Soft tissue.
 
 
-def _wobble(recording: Recording, *, is_processed: bool) -> list[Message]:
-    """Report what the markers of a body move against one another after an impact.
+@dataclass(frozen=True)
+class _Wobbling:
+    """A recording whose body may wobble.
 
-    Told of bodies that are soft, and of those whose markers wobble after impacts only.
+    Parameters
+    ----------
+    is_soft : bool
+        Whether its body is soft altogether.
+    rigid : Recording
+        With a rigid body.
+    residual_m : (N,) array
+        What its markers move otherwise, m, from `as_rigid`.
+    """
+
+    is_soft: bool
+    rigid: Recording
+    residual_m: FloatArray
+
+
+def _wobble_of(recording: Recording) -> _Wobbling | None:
+    """Return a recording as one that wobbles, if its body is soft or uneven.
+
+    Wobble is told of bodies that are soft, and of those whose markers wobble after
+    impacts only.
     """
     names = recording.names("body")
     is_soft = bool(softness_remark(recording.body, names))
     try:
         rigid, residual_m = as_rigid(recording)
-        if not is_soft and not _is_uneven(residual_m, n_markers=len(names)):
-            return []
-        given = find_contacts_and_states(recording)
     except AnalysisError:
+        return None
+    if not is_soft and not _is_uneven(residual_m, n_markers=len(names)):
+        return None
+    return _Wobbling(is_soft, rigid, residual_m)
+
+
+def _wobble(
+    number: int,
+    recordings: Sequence[Recording],
+    found: Sequence[ContactsAndStates | None],
+    wobbling: _Wobbling,
+    methods: Methods,
+    processing: Sequence[Message],
+) -> list[Message]:
+    """Report what the markers of a body move against one another after an impact."""
+    recording = recordings[number]
+    given = found[number]
+    if given is None:
         return []
     first_s = _first_contacts(given)
     if len(first_s) < LEAST_LANDINGS:
         return []
-    flight_m, after_m = _about_contacts(recording, residual_m, first_s)
+    flight_m, after_m = _about_contacts(recording, wobbling.residual_m, first_s)
     noise_m = flight_m
-    if not is_processed:
+    if not processing:
         # Processing leaves less noise from frame to frame than there is.
         noise_m = min(flight_m, float(np.nanmedian(frame_noise(recording.body))))
     wobbles = _beyond(after_m, flight_m) > LEAST_WOBBLE * flight_m
-    if not (is_soft or wobbles) or not after_m > noise_m:
+    if not (wobbling.is_soft or wobbles) or not after_m > noise_m:
         return []
     values = {"wobble_mm": 1e3 * _beyond(after_m, noise_m), "flight_mm": 1e3 * flight_m}
     # What the markers move but for noise, of what is seen.
@@ -287,7 +507,15 @@ def _wobble(recording: Recording, *, is_processed: bool) -> list[Message]:
         "flight": _beyond(flight_m, noise_m) / flight_m,
         "after": _beyond(after_m, noise_m) / after_m,
     }
-    moved = _states_of_wobble(recording, rigid, given, shares)
+    if given.pairs is None or given.sections is None:
+        return [Message("landings.wobble", values)]
+    shaken = _shaken(recording, wobbling.rigid, first_s, shares)
+    study = [*recordings[:number], shaken, *recordings[number + 1 :]]
+    again = find_in_study(study, methods, given.sections)[number]
+    moved = {}
+    if again is not None:
+        moved = moved_states(again, given, pace=recording.pace)
+    moved = {key: value for key, value in moved.items() if key.endswith("_mm")}
     if not moved:
         return [Message("landings.wobble", values)]
     return [Message("landings.wobble_moves", {**values, **moved})]
@@ -302,8 +530,13 @@ def _about_contacts(
     """
     pace = recording.pace
     in_flight = _within(recording.time, first_s - FLIGHT_S * pace, first_s)
-    after = _within(recording.time, first_s, first_s + WOBBLE_S * pace)
+    after = _after(recording, first_s, WOBBLE_S)
     return _rms(residual_m[in_flight]), _rms(residual_m[after])
+
+
+def _after(recording: Recording, first_s: FloatArray, lasting_s: float) -> BoolArray:
+    """Mark frames (N,) for some time, of an animal of 1 m, after first contacts."""
+    return _within(recording.time, first_s, first_s + lasting_s * recording.pace)
 
 
 def _first_contacts(found: ContactsAndStates) -> FloatArray:
@@ -357,38 +590,35 @@ def _within(time: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> BoolArr
     return inside
 
 
-def _states_of_wobble(
+def _shaken(
     recording: Recording,
     rigid: Recording,
-    given: ContactsAndStates,
+    first_s: FloatArray,
     shares: Mapping[str, float],
-) -> dict[str, float]:
-    """Return what wobble adds to the body's states at both sections, mm.
+) -> Recording:
+    """Return a recording whose body wobbles once more.
 
     The motion that is seen is added once more, each marker's turned at random, and
     enlarged by what is not seen: a rigid motion follows as many as six of the
-    coordinates. Velocities are not told: they depend on the window of the fit, which a
-    wobble also changes.
+    coordinates. The velocities of states are not told of it: they depend on the window
+    of the fit, which a wobble also changes.
 
     Parameters
     ----------
     recording, rigid : Recording
         As given, and with a rigid body.
-    given : ContactsAndStates
-        What was found in the former.
+    first_s : (L,) array
+        First contacts, s.
     shares : mapping
         Share of the residual's amplitude that is no noise: ``after`` contacts, and in
         ``flight``.
     """
     from scipy.spatial.transform import Rotation
 
-    if given.pairs is None or given.sections is None:
-        return {}
     columns = [recording.markers.index(name) for name in recording.names("body")]
     n_coordinates = 3 * len(columns)
     unseen = np.sqrt(n_coordinates / (n_coordinates - 6))
-    first_s = _first_contacts(given)
-    after = _within(recording.time, first_s, first_s + WOBBLES_FOR_S * recording.pace)
+    after = _after(recording, first_s, WOBBLES_FOR_S)
     share = unseen * np.where(after, shares["after"], shares["flight"])
     residual = (recording.positions - rigid.positions)[:, columns]
     generator = np.random.default_rng(np.random.SeedSequence(WOBBLE_SEED))
@@ -396,11 +626,4 @@ def _states_of_wobble(
     added = share[:, None, None] * np.einsum("bij,nbj->nbi", turns, residual)
     positions = recording.positions.copy()
     positions[:, columns] += added
-    try:
-        again = find_contacts_and_states(
-            replace(recording, positions=positions), given.sections
-        )
-    except AnalysisError:
-        return {}
-    moved = moved_states(again, given, pace=recording.pace)
-    return {key: value for key, value in moved.items() if key.endswith("_mm")}
+    return replace(recording, positions=positions)

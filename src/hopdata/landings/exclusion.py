@@ -14,6 +14,7 @@ FOOT_UP = "landings.foot_up"
 FOOT_DOWN_BEFORE = "landings.foot_down_before"
 FOOT_POOR_FIT = "landings.foot_poor_fit"
 FOOT_RISES = "landings.foot_rises"
+FOOT_GLIDES = "landings.foot_glides"
 FOOT_WITHOUT_CONTACT = "landings.foot_without_contact"
 FOOT_UNDETERMINED = "landings.foot_undetermined"
 
@@ -34,6 +35,7 @@ OF_A_FOOT = (
     FOOT_DOWN_BEFORE,
     FOOT_POOR_FIT,
     FOOT_RISES,
+    FOOT_GLIDES,
     FOOT_WITHOUT_CONTACT,
     FOOT_UNDETERMINED,
 )

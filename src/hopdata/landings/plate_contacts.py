@@ -8,16 +8,23 @@ unloaded plate, and has a standard error of its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.landings import forces
+from hopdata.landings.overlay import match_instants
 from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.recordings.external import Column, ExternalContacts, ForceSignal
-from hopdata.recordings.force_plates import ForcePlate
+from hopdata.recordings.force_plates import (
+    FilePlates,
+    ForcePlate,
+    plates_of_recording,
+)
+from hopdata.recordings.readers.formats import read_raw
 
 #: Length of the pieces of which the unloaded ones are chosen.
 #: Unit: s. Origin: chosen.
@@ -73,6 +80,11 @@ LOW_M = 0.06
 #: Unit: m, of an animal of about 1 m. Origin: chosen: the length of a shoe, whose
 #: markers may be at one end and the pressure at the other.
 REACH_M = 0.3
+
+
+#: Difference between a contact and a plate's onset up to which they are the same.
+#: Unit: s. Origin: chosen: as ``external.window_s``.
+SAME_CONTACT_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -245,6 +257,82 @@ class PlateContacts:
     contacts: tuple[ExternalContacts, ...]
     signals: tuple[ForceSignal, ...]
     notes: tuple[Message, ...]
+
+
+def plates_of_files(
+    recording: Recording, files: Sequence[Path], *, unit: str = "auto"
+) -> FilePlates:
+    """Read the force plates of a recording's files, on the recording's clock.
+
+    Parameters
+    ----------
+    recording : Recording
+        Imported from these files, all of whose frames it has.
+    files : sequence of path
+        In order of time. Each has a clock of its own.
+    unit : {"auto", "m", "mm"}
+        ``input.unit``, as for the recording.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read.
+    """
+    if len(files) == 1:
+        return plates_of_recording(recording, files[0], unit=unit)
+    plates: list[ForcePlate] = []
+    refused: list[Message] = []
+    times = [read_raw(file, rate_hz=recording.rate_hz).time for file in files]
+    if sum(map(len, times)) != len(recording.time):
+        # Frames were left out: nothing says where a file begins.
+        return FilePlates()
+    begin = 0
+    for file, time in zip(files, times, strict=True):
+        shift_s = float(recording.time[begin] - time[0])
+        begin += len(time)
+        found = plates_of_recording(recording, file, unit=unit)
+        plates += [replace(one, time=one.time + shift_s) for one in found.plates]
+        refused += found.refused
+    return FilePlates(tuple(plates), tuple(refused))
+
+
+def beside_plates(
+    table: pd.DataFrame, contacts: Sequence[ExternalContacts]
+) -> pd.DataFrame:
+    """Return contacts with the onset of the plate that each of them made.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Contacts of one recording, see `hopdata.contact_times.ContactTimes`.
+    contacts : sequence of ExternalContacts
+        Onsets of plates, see `contacts_on_plates`.
+
+    Returns
+    -------
+    DataFrame
+        The rows with the columns plate, plate_s and plate_se_s: the name of the plate,
+        its onset and the onset's standard error, s. They are empty for a contact within
+        `SAME_CONTACT_S` of no onset, and for all but the first contact of the feet that
+        share a plate.
+    """
+    table = table.assign(plate="", plate_s=np.nan, plate_se_s=np.nan)
+    for one in contacts:
+        is_own = table["found"].astype(bool) & table["foot"].isin(one.column.feet)
+        firsts = table[is_own].sort_values("contact_s", kind="stable")
+        firsts = firsts.drop_duplicates("landing")
+        made = np.ones(len(one.instant), dtype=bool)
+        if one.of_other_foot is not None:
+            made = ~one.of_other_foot
+        onsets = np.flatnonzero(made)
+        ours_s = firsts["contact_s"].to_numpy(float)
+        at, of = match_instants(one.instant[onsets], ours_s, window_s=SAME_CONTACT_S)
+        rows = firsts.index[of]
+        table.loc[rows, "plate"] = one.column.name
+        table.loc[rows, "plate_s"] = one.instant[onsets[at]]
+        if one.error_s is not None:
+            table.loc[rows, "plate_se_s"] = one.error_s[onsets[at]]
+    return table
 
 
 def contacts_on_plates(

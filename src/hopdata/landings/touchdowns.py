@@ -67,6 +67,7 @@ def exclusion_reasons(
         (exclusion.FOOT_DOWN_BEFORE, timed & (instant < t_pre - continued_s)),
         (exclusion.FOOT_WITHOUT_CONTACT, timed & np.isnan(instant)),
         (exclusion.FOOT_RISES, status == descents.RISES),
+        (exclusion.FOOT_GLIDES, status == descents.GLIDES),
         (exclusion.FOOT_POOR_FIT, status == descents.POOR_FIT),
         (exclusion.FOOT_DOWN_BEFORE, status == descents.ALREADY_DOWN),
         (exclusion.FOOT_UP, status == descents.NOT_LANDED),

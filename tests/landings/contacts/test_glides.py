@@ -1,48 +1,49 @@
-"""A foot that glides above the floor has not landed; one that yields has."""
+"""A foot that glides above the floor has not landed, and is timed when it comes down."""
+
+from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
+from falling_feet import falls
+from gliding_heels import walk
 
-from hopdata.landings.contacts.glides import glides
-from hopdata.recording import Recording
+import hopdata as hd
+from hopdata.landings import exclusion
+from hopdata.landings.contacts.descents import GLIDES, LANDED
+from hopdata.landings.contacts.glides import glides, last_descents, sinks
+from hopdata.landings.contacts.timing import find_contacts
+from hopdata.landings.contacts.where import whole_spans
+from hopdata.landings.touchdowns import exclusion_reasons
+from hopdata.messages import Message
 
 RATE_HZ = 200.0
 CONTACT_S = 0.5
+TIME = np.arange(200) / RATE_HZ
 
 
 def foot_at(height_m):
-    """Return a body 1 m up and a foot that falls until the contact, to this height."""
-    time = np.arange(200) / RATE_HZ
-    positions = np.zeros((len(time), 4, 3))
-    positions[:, :3] = [[0.0, 0.0, 1.0], [0.1, 0.0, 1.0], [0.0, 0.1, 1.0]]
-    fall = np.maximum(CONTACT_S - time, 0.0)
-    positions[:, 3, 2] = fall + height_m(time - CONTACT_S)
-    names = ["a", "b", "c", "heel"]
-    return Recording.from_arrays(
-        time, positions, names, feet=["heel"], body=["a", "b", "c"]
-    )
+    """Return a foot (N, 1) that falls until its contact, and is then at this height."""
+    fall = np.maximum(CONTACT_S - TIME, 0.0)
+    return (fall + height_m(TIME - CONTACT_S))[:, None]
 
 
-def told(recording):
-    landings = pd.DataFrame({"contact_heel_s": [CONTACT_S]})
-    return bool(glides(recording, landings)[0, 0])
+def glide(height_m, *, lasts_s=0.15):
+    return foot_at(lambda after: height_m * np.clip(1.0 - after / lasts_s, 0.0, 1.0))
+
+
+def told(heights):
+    instant = np.array([[CONTACT_S]])
+    return bool(glides(TIME, heights, instant, (0,))[0, 0])
 
 
 @pytest.mark.parametrize("glide_m", [0.0, 0.012, 0.03])
 def test_a_foot_that_sinks_on_after_its_kink_glides(glide_m):
-    def height_m(after):
-        return glide_m * np.clip(1.0 - after / 0.15, 0.0, 1.0)
-
-    assert told(foot_at(height_m)) == (glide_m > 0.0)
+    assert told(glide(glide_m)) == (glide_m > 0.0)
 
 
 @pytest.mark.parametrize("yields_m", [0.005, 0.03])
 def test_soles_that_yield_at_once_do_not_glide(yields_m):
-    def height_m(after):
-        return yields_m * np.clip(1.0 - after / 0.03, 0.0, 1.0)
-
-    assert not told(foot_at(height_m))
+    assert not told(glide(yields_m, lasts_s=0.03))
 
 
 def test_a_foot_that_bounces_has_landed():
@@ -56,4 +57,81 @@ def test_a_foot_that_is_hidden_afterwards_tells_nothing():
     def height_m(after):
         return np.where(after > 0.0, np.nan, 0.0)
 
+    heights = foot_at(height_m)
+    assert not told(heights)
+    assert sinks(TIME, heights[:, 0], np.array([CONTACT_S, np.nan])).tolist() == [0, 0]
+
+
+def test_of_a_foot_the_markers_that_sink_are_marked():
+    stands = foot_at(np.zeros_like)
+    heights = np.hstack([glide(0.02), 0.03 + stands])
+    instant = np.array([[CONTACT_S, CONTACT_S]])
+    assert glides(TIME, heights, instant, (0, 0)).tolist() == [[True, False]]
+    # While another marker stands on the floor, the foot does not glide.
+    heights = np.hstack([glide(0.02), stands])
+    assert not glides(TIME, heights, instant, (0, 0)).any()
+    assert glides(TIME, heights, instant, (0, 1)).tolist() == [[True, False]]
+
+
+def test_the_end_of_a_glide_is_near_where_the_foot_comes_to_rest():
+    def height_m(after):
+        return np.clip(0.02 - 0.2 * (after - 0.05), 0.0, 0.02)
+
+    heights = foot_at(height_m)
+    instant = np.array([[CONTACT_S]])
+    asked = np.array([[True]])
+    near, earliest = last_descents(TIME, heights, instant, asked, noise_m=1e-4)
+    down_s = CONTACT_S + 0.15
+    assert near[0, 0] == pytest.approx(down_s, abs=0.01)
+    assert CONTACT_S + 0.05 < earliest[0, 0] < down_s
+    near, earliest = last_descents(TIME, heights, instant, ~asked, noise_m=1e-4)
+    assert np.isnan(near).all()
+    assert np.isnan(earliest).all()
+
+
+@pytest.mark.parametrize("glide_m", [0.004, 0.006, 0.01])
+@pytest.mark.parametrize(("seed", "rate_hz"), [(3, 100.0), (4, 200.0)])
+def test_a_gliding_heel_is_timed_when_it_comes_down(glide_m, seed, rate_hz):
+    recording, truth = walk(seed, glide_m=glide_m, rate_hz=rate_hz)
+    found = hd.contacts(recording).found
+    assert len(found) >= len(truth) - 1  # one may stay untrusted
+    away_s = found["contact_s"].to_numpy()[:, None] - truth
+    off_s = np.abs(away_s).min(axis=1)
+    assert np.abs(off_s).max() < 0.025  # the glide lasts 0.1 s
+    stated_s = np.hypot(found["se_s"], found["common_s"])
+    assert (np.abs(off_s) < 2.5 * stated_s).all()
+
+
+def test_a_foot_that_has_left_the_floor_does_not_glide():
+    def height_m(after):
+        stands = np.where(after < 0.1, 0.012, 0.012 + 2.0 * (after - 0.1))
+        return np.where(after < 0.15, stands, 0.0)
+
     assert not told(foot_at(height_m))
+
+
+def test_a_study_does_not_trust_a_glide_whose_end_it_does_not_see():
+    recording, truth = walk(5, glide_m=0.02)
+    positions = recording.positions.copy()
+    for contact_s in truth:
+        # Heel and floor are seen again long after.
+        since = recording.time - contact_s
+        positions[(since > -0.03) & (since < 0.1), 3] = np.nan
+    hidden = replace(recording, positions=positions)
+    trial_of_heel = (hidden.time, hidden.feet[:, :, 2])
+    spans = np.stack([truth - 0.2, truth + 0.05], axis=1)
+    contacts = find_contacts(*trial_of_heel, whole_spans(spans), down_height_m=0.03)
+    is_early = contacts.instant[:, 0] < truth - 0.05
+    assert is_early.any()
+    assert (contacts.status[is_early, 0] == GLIDES).all()
+    reasons = exclusion_reasons(whole_spans(spans), contacts, longest_gap_s=0.1)
+    told = Message(exclusion.FOOT_GLIDES, {"foot": 1}).text()
+    assert {reasons[row] for row in np.flatnonzero(is_early)} == {told}
+
+
+def test_contacts_of_feet_that_fall_freely_are_not_sought_again():
+    made = falls(40, seed=7)
+    found = find_contacts(made.time, made.heights, made.transitions, down_height_m=0.02)
+    assert (found.status == LANDED).all()
+    assert not (found.status == GLIDES).any()
+    assert found.se.max() < 0.005  # one sought again has 5.8 ms or more

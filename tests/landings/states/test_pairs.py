@@ -1,8 +1,9 @@
 """Pairs: assembly, invariance, conversion, and storage in a file."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -344,3 +345,52 @@ def test_a_flipped_bit_in_a_file_of_pairs_is_noticed(tmp_path):
             read_pairs(path)
     path.write_bytes(whole[: -len(seal_for(path))])  # as older versions wrote it
     assert len(read_pairs(path).x) == 40
+
+
+def _without(name, file):
+    del file[name]
+
+
+def _huge(file):
+    del file["spread_s"]
+    file.create_dataset("spread_s", (1 << 40,), "f8", chunks=(1 << 10,))
+
+
+def _short(file):
+    rows = file["index"][:-1]
+    del file["index"]
+    file["index"] = rows
+
+
+def _of_texts(file):
+    n = len(file["x"])
+    del file["x"]
+    file["x"] = np.full((n, 24), b"1.5")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (partial(_without, "x"), "'x'"),
+        (
+            lambda file: file.move("x", "y2") or file.create_group("x"),
+            "x is no dataset",
+        ),
+        (_huge, "more numbers than the file has bytes"),
+        (_short, r"rows of index, not \d+"),
+        (_of_texts, "x has no numbers"),
+        (lambda file: file.attrs.pop("body_markers"), "body_markers"),
+    ],
+)
+def test_a_file_that_others_changed_is_read_or_refused(tmp_path, change, words):
+    path = tmp_path / "pairs.h5"
+    whole = pairs()
+    write_pairs(path, whole)
+    with h5py.File(path, "r+") as file:  # which cuts the checksum off
+        file.attrs["note"] = "by hand"
+    np.testing.assert_array_equal(read_pairs(path).x, whole.x)
+    assert read_pairs(path).body_markers == whole.body_markers
+    with h5py.File(path, "r+") as file:
+        change(file)
+    with pytest.raises(AnalysisError, match=f"not a file of pairs: .*{words}"):
+        read_pairs(path)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 from test_loop import LENIENT, Boom, Controller, Detector, Tracker
@@ -225,3 +226,29 @@ def test_reserving_room_leaves_the_file_as_it_is(tmp_path):
     path.write_bytes(b"12345678")
     _reserve(path, 100_000)
     assert path.read_bytes() == b"12345678"
+
+
+def _of_other_rows(file):
+    rows = np.zeros(3, [("at_s", "f8"), ("kind", "S16")])
+    del file["events"]
+    file["events"] = rows
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda file: file.attrs.pop("setup"),
+        lambda file: file.attrs.update(setup="[1"),
+        lambda file: file.attrs.update(setup="[1]"),
+        lambda file: file.pop("decisions"),
+        lambda file: file.pop("counts") and file.create_group("counts"),
+        _of_other_rows,
+    ],
+)
+def test_a_log_that_others_changed_is_refused(tmp_path, change):
+    path = tmp_path / "drive.h5"
+    logged(path, Learner())
+    with h5py.File(path, "r+") as file:
+        change(file)
+    with pytest.raises(RecordingError, match="another file, or a damaged one"):
+        read_log(path)

@@ -22,6 +22,7 @@ MISSING = 3  # gaps may hide whether and when it landed
 POOR_FIT = 4
 RISES = 5  # where it should touch
 THIN = 6  # too few frames to time it, though none is missing
+GLIDES = 7  # timed while it is still above the floor
 
 BLOCK = 50_000  # frames processed at a time, to bound memory
 

@@ -1,56 +1,136 @@
-"""Feet that are timed while they still glide above the floor.
+"""Feet that are timed while they still glide above the floor, and sought again.
 
 A heel that swings forward in a walk stops falling some centimetres up, glides, and
 comes down a tenth of a second later. The kink of its height is where the glide begins.
 A foot that has landed yields within some hundredths of a second, and then stands.
+Everything here is of an animal of 1 m.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, pd
-from hopdata.landings.contacts import joined
-from hopdata.recording import Recording
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.landings.contacts import approach, descents
 
-#: Time in which soles and legs have yielded after a contact, of an animal of 1 m.
+#: Time in which soles and legs have yielded after a contact.
 #: Unit: s. Origin: chosen: runners' shoes take 0.02 to 0.03.
 YIELDED_S = 0.04
 
-#: Time after a contact by which a foot that glides has come down, of an animal of 1 m.
+#: Time after a contact by which a foot that glides has come down.
 #: Unit: s. Origin: chosen.
 DOWN_S = 0.25
 
-#: Height by which a foot sinks after it has yielded, from which on it has glided, for
-#: an animal of 1 m.
+#: Height by which a foot sinks after it has yielded, from which on it has glided, and
+#: its first kink is no contact.
 #: Unit: m. Origin: measured: 240 of 241 contacts of three runners sink by at most
 #: 0.003 (one, timed 20 mm above the floor, by 0.0052), and 927 of the simulated hopper
 #: by 0.0022; heels of a walk that were timed 0.11 s before their force plates sink by
 #: 0.006 and 0.009. At 1.5 times this the first is missed.
-SINKS_M = 0.005
+GLIDED_M = 0.005
+
+#: Height by which it sinks, from which on it may have glided: it has if it is then
+#: seen to come down.
+#: Unit: m. Origin: chosen: as most of those contacts sink less.
+SINKS_M = 0.003
+
+#: The same height where no kink was found.
+#: Unit: m. Origin: chosen.
+SLOWLY_SINKS_M = 0.0015
+
+#: Least sinking that noise does not make, in standard deviations of a height.
+#: Unit: standard deviations. Origin: chosen: with 4, noise of 0.6 mm takes 1 in 100
+#: feet that creep by 20 mm/s for gliding.
+SINKS_SIGMAS = 6.0
+
+#: How much lower than it is a foot seems by its lowest frames, in standard deviations
+#: of a height: added to `GLIDED_M`.
+#: Unit: standard deviations. Origin: convention: three sigmas.
+LOWEST_SIGMAS = 3.0
+
+#: Speed at which a foot that has glided comes down, at least. A foot that stands sinks
+#: more slowly.
+#: Unit: m/s. Origin: measured: feet of three runners that sink by more than 0.003 after
+#: their contacts do so at up to 0.07, made-up heels that glide at 0.14 and more.
+COMES_DOWN_M_S = 0.1
+
+#: Time in which it must then fall by more than noise (`SINKS_SIGMAS`).
+#: Unit: s. Origin: chosen: at 0.02 noise of 0.6 mm moves 1 in 2,400 contacts of feet
+#: that creep by 20 mm/s.
+FALLS_S = 0.015
+
+#: Error of the later kink, from its residuals, up to which it is one. Noise makes kinks
+#: in a foot that creeps.
+#: Unit: s. Origin: chosen: made-up heels that glide have 0.002 to 0.0085, noise in feet
+#: that stand 0.006 to 0.02.
+CLEAR_S = 0.01
+
+#: Rise from which on a foot has left; as deep below the floor no foot is.
+#: Unit: m. Origin: derived: twice `GLIDED_M`.
+LEAVES_M = 2 * GLIDED_M
+
+#: Sinking of a foot that glides, at least, in heights by which it rises meanwhile: one
+#: that bounces rises farther, and was on the floor between two frames.
+#: Unit: 1. Origin: chosen.
+BOUNCE_SHARE = 2.0
+
+#: Error of a contact that is sought again, for which no other says how soft it is: it
+#: may be late by up to the time of the softest contact.
+#: Unit: s. Origin: derived: the rms of an even distribution from 0 to
+#: `approach.SOFTEST_S`.
+UNKNOWN_SOFTNESS_S = approach.SOFTEST_S / 3**0.5
 
 
-def glides(recording: Recording, landings: pd.DataFrame) -> BoolArray:
-    """Mark the contacts (L, n) after which a foot sinks by more than it yields.
+def glides(
+    time: FloatArray,
+    heights: FloatArray,
+    instant: FloatArray,
+    foot_of: Sequence[int],
+    *,
+    least_m: FloatArray | float = GLIDED_M,
+) -> BoolArray:
+    """Mark the contacts (L, p) after which a foot sinks by more than it yields.
+
+    Of a foot with several markers those are marked that sink themselves, or, if none of
+    them does, the one that touched first.
 
     Parameters
     ----------
-    recording : Recording
-        Levelled: feet rest at height 0.
-    landings : DataFrame
-        Its landings, as `find_landings` returns them.
+    time : (N,) array
+        Time of each frame, s.
+    heights : (N, p) array
+        Heights of the feet's markers above the levelled floor, m; NaN where unseen.
+    instant : (L, p) array
+        Contacts of the markers, s; NaN where none can be trusted.
+    foot_of : sequence of int
+        Number of the foot that each marker belongs to.
+    least_m : (L, p) array or float
+        Height by which a foot must sink to have glided, m.
     """
-    feet = recording.names("foot")
-    marked = np.zeros((len(landings), len(feet)), dtype=bool)
-    for number, markers in enumerate(joined.parts_of_feet(recording)):
-        lowest = _lowest(recording.positions[:, markers, 2])
-        for row, instant in enumerate(landings[f"contact_{feet[number]}_s"]):
-            if not np.isfinite(instant):
-                continue
-            sinks_m = _sinks(recording.time, lowest, instant, recording.pace)
-            marked[row, number] = sinks_m > SINKS_M * recording.scale
+    least_m = np.broadcast_to(least_m, instant.shape)
+    sinks_m = np.zeros(instant.shape)
+    for marker in range(instant.shape[1]):
+        sinks_m[:, marker] = sinks(time, heights[:, marker], instant[:, marker])
+    marked = sinks_m > least_m
+    for foot in sorted(set(foot_of)):
+        own = np.flatnonzero(np.equal(foot_of, foot))
+        if len(own) == 1:
+            continue
+        known = np.where(np.isfinite(instant[:, own]), instant[:, own], np.inf)
+        first = known.argmin(axis=1)
+        first_s = known.min(axis=1)
+        first_s[np.isinf(first_s)] = np.nan
+        foot_least_m = np.take_along_axis(least_m[:, own], first[:, None], axis=1)
+        # As a foot rolls, one marker rises while the next comes down.
+        lowest_m = _lowest(heights[:, own])
+        foot_sinks_m = sinks(time, lowest_m, first_s, bounce_share=0.0)
+        foot_sinks = foot_sinks_m > foot_least_m[:, 0]
+        marked[:, own] &= foot_sinks[:, None]
+        none_sinks = foot_sinks & ~marked[:, own].any(axis=1)
+        marked[none_sinks, own[first[none_sinks]]] = True
     return marked
 
 
@@ -61,16 +141,128 @@ def _lowest(heights: FloatArray) -> FloatArray:
         return np.asarray(np.nanmin(heights, axis=1))
 
 
-def _sinks(time: FloatArray, heights: FloatArray, instant: float, pace: float) -> float:
-    """Return by how much a foot sinks after it has yielded, m; 0 if it is not seen.
+def sinks(
+    time: FloatArray,
+    height: FloatArray,
+    instant: FloatArray,
+    *,
+    bounce_share: float = BOUNCE_SHARE,
+) -> FloatArray:
+    """Return by how much a foot (N,) sinks after it has yielded, (L,), m.
 
-    It is how far it comes below where it has been by then: a foot that bounces has been
-    on the floor.
+    It is how far it comes below where it has been by then. 0 where it is not seen, or
+    not timed, and of a foot that rises half as far in between: it bounces.
     """
-    ends = np.array([0.0, YIELDED_S, DOWN_S]) * pace
-    begin, yielded, end = np.searchsorted(time, instant + ends)
-    before = heights[begin:yielded]
-    after = heights[yielded:end]
-    if not (np.isfinite(before).any() and np.isfinite(after).any()):
-        return 0.0
-    return float(np.nanmin(before) - np.nanmin(after))
+    sinks_m = np.zeros(len(instant))
+    timed = np.flatnonzero(np.isfinite(instant))
+    contact_s = instant[timed]
+    begin = np.searchsorted(time, contact_s)
+    yielded = np.searchsorted(time, contact_s + YIELDED_S)
+    end = np.searchsorted(time, contact_s + DOWN_S)
+    seen_m = np.append(np.where(np.isnan(height), np.inf, height), np.inf)
+    before_m = _least_between(seen_m, begin, yielded)
+    after_m = _least_between(seen_m, yielded, end)
+    # Few sink at all, and only these are looked at frame by frame.
+    is_lower = np.isfinite(before_m) & (after_m < before_m)
+    for row in np.flatnonzero(is_lower).tolist():
+        frames_m = seen_m[begin[row] : end[row]]
+        frames_m = frames_m[: _stays_until(frames_m)]
+        after_m = frames_m[int(yielded[row] - begin[row]) :]
+        if not len(after_m):
+            continue
+        sunk_m = before_m[row] - after_m.min()
+        if sunk_m > bounce_share * _rises(frames_m):
+            sinks_m[timed[row]] = sunk_m
+    return sinks_m
+
+
+def _least_between(values: FloatArray, begin: IntArray, end: IntArray) -> FloatArray:
+    """Return the least of the values from each begin until before each end, (L,)."""
+    least = np.full(len(begin), np.inf)
+    some = np.flatnonzero(begin < end)
+    if len(some):
+        edges = np.stack([begin[some], end[some]], axis=1).ravel()
+        least[some] = np.minimum.reduceat(values, edges)[::2]
+    return least
+
+
+def _leaves(time: FloatArray, height: FloatArray, contact_s: float) -> float:
+    """Return when a foot (N,) leaves the floor again, or the search ends, s."""
+    begin, end = np.searchsorted(time, [contact_s, contact_s + DOWN_S])
+    frames_m = np.where(np.isnan(height[begin:end]), np.inf, height[begin:end])
+    stays = _stays_until(frames_m)
+    if stays == len(frames_m):
+        return contact_s + DOWN_S
+    return float(time[begin + stays - 1])
+
+
+def _rises(heights: FloatArray) -> float:
+    """Return how far a foot rises before it is lowest, m; `heights` (n,) are frames."""
+    until_lowest = heights[: int(np.argmin(heights)) + 1]
+    seen = until_lowest[np.isfinite(until_lowest)]
+    return float((seen - np.minimum.accumulate(seen)).max())
+
+
+def _stays_until(heights: FloatArray) -> int:
+    """Return the frame of these (n,), m, in which a foot has left the floor again."""
+    is_seen = np.isfinite(heights)
+    lowest_m = np.minimum.accumulate(heights)
+    has_left = is_seen & (heights > lowest_m + LEAVES_M)
+    has_left |= heights < -LEAVES_M
+    if not has_left.any():
+        return len(heights)
+    return int(np.argmax(has_left))
+
+
+def last_descents(
+    time: FloatArray,
+    heights: FloatArray,
+    instant: FloatArray,
+    gliding: BoolArray,
+    *,
+    noise_m: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Find roughly when feet that glide come down to where they rest.
+
+    The search begins once the foot would have yielded, and goes as for any contact: the
+    foot is too high to touch until it is near the height at which it comes to rest.
+
+    Parameters
+    ----------
+    time, heights, instant
+        See `glides`.
+    gliding : (L, p) bool array
+        Contacts that are sought again.
+    noise_m : float
+        Standard deviation of a height, m.
+
+    Returns
+    -------
+    near, earliest : (L, p) array
+        Rough instants, and those until which the foot is too high to touch, s; NaN
+        where the foot does not come down, or need not.
+    """
+    near = np.full(instant.shape, np.nan)
+    earliest = np.full(instant.shape, np.nan)
+    for marker in np.flatnonzero(gliding.any(axis=0)).tolist():
+        rows = np.flatnonzero(gliding[:, marker])
+        contact_s = instant[rows, marker]
+        until_s = [_leaves(time, heights[:, marker], one) for one in contact_s.tolist()]
+        no_gap = np.zeros(len(rows))
+        spans = descents.Transitions(
+            contact_s + YIELDED_S, np.array(until_s), no_gap, no_gap
+        )
+        near_s, earliest_s, status = approach.approaches(
+            time,
+            heights[:, [marker]],
+            spans,
+            noise_m=noise_m,
+            # A foot that sinks by `SLOWLY_SINKS_M` has not stood all along.
+            down_height_m=SLOWLY_SINKS_M / approach.SETTLES,
+            lead_s=0.0,
+            trail_s=0.0,
+        )
+        comes_down = status[:, 0] == descents.LANDED
+        near[rows[comes_down], marker] = near_s[comes_down, 0]
+        earliest[rows[comes_down], marker] = earliest_s[comes_down, 0]
+    return near, earliest

@@ -293,9 +293,7 @@ def single_fits(
         if not fails.any():
             continue
         own = np.where(fails, near, np.nan)
-        for time_s in SOFTER_S[1:]:
-            softer = changed(creeps, compliance_s=time_s)
-            found.append(_alone(trials, own, softer))
+        found += _by_softer_laws(trials, own, creeps)
         # The error of a median already contains the spread over compliances.
         softness_counts &= ~fails
         of_landing_m = trials.at(noise)
@@ -307,6 +305,33 @@ def single_fits(
     softly, common = with_softness(trials, best, laws, alike=False)
     unit_se = np.where(softness_counts, softly.unit_se, best.unit_se)
     return replace(best, unit_se=unit_se), common
+
+
+def soft_fits(
+    trials: Trials, near: FloatArray, *, noise_m: FloatArray, gravity: str
+) -> KinkFits:
+    """Fit each foot alone, by the median over ever softer contacts that creep on.
+
+    It is the last of the laws of `single_fits`, for contacts (L, n) of which none says
+    how soft they are. `noise_m` (R,) is the noise of a height, m.
+    """
+    n = near.shape[1]
+    stands = _laws(weak_priors(n, gravity), noise_m, pushes=False)
+    creeps = changed(stands, creeps=True, compliance_s=SOFTER_S[0])
+    found = [_alone(trials, near, creeps), *_by_softer_laws(trials, near, creeps)]
+    fits = found[0]
+    for foot in range(n):
+        of_foot = np.broadcast_to(np.arange(n) == foot, near.shape)
+        fits = merged(fits, _median_law(found, foot, trials.at(noise_m)), of_foot)
+    return fits
+
+
+def _by_softer_laws(trials: Trials, near: FloatArray, creeps: Laws) -> list[KinkFits]:
+    """Fit each foot alone by ever softer contacts, after a hard one that creeps."""
+    return [
+        _alone(trials, near, changed(creeps, compliance_s=time_s))
+        for time_s in SOFTER_S[1:]
+    ]
 
 
 def _alone(trials: Trials, near: FloatArray, laws: Laws) -> KinkFits:

@@ -222,3 +222,23 @@ def found_twice(
             twice[worse, foot] = True
             kept = kept + row - worse
     return twice
+
+
+def only_settles(steps: Steps, instant: FloatArray) -> BoolArray:
+    """Mark instants (L, n) at which a foot had come down long before: it only settles.
+
+    It is so if the last descent of the foot before the instant ended more than
+    `AFTER_S` earlier. A foot without any descent before it tells nothing.
+    """
+    settles = np.zeros(instant.shape, dtype=bool)
+    for foot in range(instant.shape[1]):
+        own = steps.foot == foot
+        order = np.argsort(steps.apex[own], kind="stable")
+        apex = steps.apex[own][order]
+        down = steps.down[own][order]
+        rows = np.flatnonzero(np.isfinite(instant[:, foot]))
+        last = np.searchsorted(apex, instant[rows, foot], side="right") - 1
+        known = last >= 0
+        after_s = instant[rows[known], foot] - down[last[known]]
+        settles[rows[known], foot] = after_s > AFTER_S
+    return settles

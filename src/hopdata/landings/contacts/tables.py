@@ -10,6 +10,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, pd
 from hopdata.landings.contacts import descents, steps
 from hopdata.landings.contacts.judged import Contacts
+from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.where import Descending
 
 
@@ -42,13 +43,17 @@ def table_of(found: Descending, contacts: Contacts, method: str) -> pd.DataFrame
 
 
 def _without_strangers(found: Descending, contacts: Contacts) -> Contacts:
-    """Leave out contacts (L, n) that are another landing's, or that have two rows."""
+    """Leave out contacts (L, n) that are another landing's, or that have two rows.
+
+    So is one without a kink of a foot that had come down long before.
+    """
     if found.steps is None:
         return contacts
-    instant = np.where(found.stranger, np.nan, contacts.instant)
-    stranger = found.stranger | steps.found_twice(
-        found.steps, instant, contacts.se, contacts.status
-    )
+    without_kink = contacts.se >= UNDETERMINED_S
+    settles = steps.only_settles(found.steps, contacts.instant)
+    stranger = found.stranger | (without_kink & settles)
+    instant = np.where(stranger, np.nan, contacts.instant)
+    stranger |= steps.found_twice(found.steps, instant, contacts.se, contacts.status)
     return replace(
         contacts,
         instant=np.where(stranger, np.nan, contacts.instant),

@@ -12,11 +12,25 @@ from functools import partial
 
 import numpy as np
 
-from hopdata.arrays import GRAVITY_M_S2, FloatArray, IntArray
+from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
 from hopdata.errors import chosen, require_choice
 from hopdata.landings.contacts import descents, kink_law, passes
 from hopdata.landings.contacts.approach import approaches
 from hopdata.landings.contacts.bounces import bounce_errors
+from hopdata.landings.contacts.glides import (
+    CLEAR_S,
+    COMES_DOWN_M_S,
+    FALLS_S,
+    GLIDED_M,
+    LOWEST_SIGMAS,
+    SINKS_M,
+    SINKS_SIGMAS,
+    SLOWLY_SINKS_M,
+    UNKNOWN_SOFTNESS_S,
+    YIELDED_S,
+    glides,
+    last_descents,
+)
 from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
 from hopdata.landings.contacts.law import UNDETERMINED_S, FootHeights, Trials, taken
 from hopdata.landings.contacts.learning import FEW, pooled_noises
@@ -252,12 +266,101 @@ def find_all_contacts(
         gravity=gravity,
     )
     about_fit_m = pooled_noises(fitted.fits, side_by_side, noise_m)
-    return [
-        _judged(
-            trial, known, fitted, number, float(about_fit_m[number]), maximum_misfit
+    found = []
+    for number, (trial, known) in enumerate(zip(trials, rough, strict=True)):
+        judged = partial(
+            _judged, trial, noise_m=float(about_fit_m[number]), limit=maximum_misfit
         )
-        for number, (trial, known) in enumerate(zip(trials, rough, strict=True))
-    ]
+        contacts = judged(known, fitted, number)
+        short_s = passes.windows_of_at_least(
+            trial.time, asked_s[number], passes.SHORT_WINDOWS_S
+        )
+        found.append(_after_glides(trial, contacts, known, judged, short_s, gravity))
+    return found
+
+
+def _after_glides(
+    trial: Trial,
+    contacts: Contacts,
+    rough: _Rough,
+    judged: Callable[..., Contacts],
+    windows_s: tuple[float, float],
+    gravity: str,
+) -> Contacts:
+    """Time feet again, nearer to the floor, that were timed while they still glide.
+
+    One that is not seen to come down keeps its instant, with the status `GLIDES`.
+
+    Parameters
+    ----------
+    trial : Trial
+        The recording.
+    contacts : Contacts
+        Its contacts.
+    rough : _Rough
+        What was known of them before.
+    judged : callable
+        Judges new fits of this recording: see `_judged`.
+    windows_s : tuple of float
+        Windows before and after a contact of a foot that is fitted alone, s.
+    gravity : str
+        See `find_contacts`.
+    """
+    foot_of = trial.foot_of or tuple(range(trial.heights.shape[1]))
+    without_kink = contacts.se >= UNDETERMINED_S
+    least_m = np.where(without_kink, SLOWLY_SINKS_M, SINKS_M)
+    least_m = np.maximum(least_m, SINKS_SIGMAS * rough.noise_m)
+    may_glide = _are_gliding(trial, contacts, foot_of, least_m)
+    if not may_glide.any():
+        return contacts
+    glided_m = GLIDED_M + LOWEST_SIGMAS * rough.noise_m
+    has_glided = _are_gliding(trial, contacts, foot_of, glided_m)
+    near, earliest = last_descents(
+        trial.time, trial.heights, contacts.instant, may_glide, noise_m=rough.noise_m
+    )
+    feet = FootHeights(trial.time, trial.heights, windows_s, earliest)
+    alone = Trials.of([feet], [len(near)])
+    noise_m = np.array([rough.noise_m])
+    fits = kink_law.soft_fits(alone, near, noise_m=noise_m, gravity=gravity)
+    sought = np.where(np.isfinite(near), descents.LANDED, descents.GLIDES)
+    none_rises = np.zeros(near.shape, dtype=bool)
+    again = judged(
+        _Rough(near, earliest, sought, rough.noise_m),
+        passes.Fitted(alone, near, fits, contacts.common[None], none_rises),
+        0,
+    )
+    se = np.hypot(again.se, UNKNOWN_SOFTNESS_S)
+    # A foot that only sinks may stand: it has glided if it then comes down, or, without
+    # a first kink, if it has a later one.
+    is_clear = fits.unit_se * rough.noise_m < CLEAR_S
+    least_m_s = max(COMES_DOWN_M_S, SINKS_SIGMAS * rough.noise_m / FALLS_S)
+    comes_down = is_clear & (fits.velocity < -least_m_s)
+    comes_down |= without_kink & (se < UNDETERMINED_S)
+    is_down = may_glide & (has_glided | comes_down)
+    is_down &= again.status == descents.LANDED
+    is_down &= again.instant > contacts.instant + YIELDED_S
+    down = replace(contacts, instant=np.where(is_down, again.instant, np.nan))
+    is_down &= ~_are_gliding(trial, down, foot_of, glided_m)
+    status = np.where(has_glided, descents.GLIDES, contacts.status)
+    return replace(
+        contacts,
+        instant=np.where(is_down, again.instant, contacts.instant),
+        se=np.where(is_down, se, contacts.se),
+        status=np.where(is_down, descents.LANDED, status),
+        earliest=np.where(is_down, earliest, contacts.earliest),
+    )
+
+
+def _are_gliding(
+    trial: Trial,
+    contacts: Contacts,
+    foot_of: tuple[int, ...],
+    least_m: FloatArray | float,
+) -> BoolArray:
+    """Mark the contacts (L, n) of feet that sink on by more than `least_m`, m."""
+    landed = contacts.status == descents.LANDED
+    instant = np.where(landed, contacts.instant, np.nan)
+    return glides(trial.time, trial.heights, instant, foot_of, least_m=least_m)
 
 
 def _fall_freely(trials: Sequence[Trial], rough: Sequence[_Rough]) -> bool:
@@ -295,12 +398,14 @@ def _judged(
     rough: _Rough,
     fitted: passes.Fitted,
     number: int,
+    *,
     noise_m: float,
-    maximum_misfit: float,
+    limit: float,
 ) -> Contacts:
     """Return the contacts of one of the recordings that were fitted together.
 
-    `noise_m` is the noise of its heights about the fits.
+    `noise_m` is the noise of its heights about the fits, and `limit` the largest
+    accepted misfit.
     """
     rows = fitted.trials.of_landing == number
     fits = taken(fitted.fits, rows)
@@ -310,7 +415,7 @@ def _judged(
         rough.status,
         frames_missing(trial.time, trial.heights, fitted.near[rows], windows_s),
         noise_m=noise_m,
-        maximum_misfit=maximum_misfit,
+        maximum_misfit=limit,
     )
 
     # A foot that rises at once may have touched at any time until its rise was noticed.
