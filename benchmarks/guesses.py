@@ -29,10 +29,10 @@ have; there are rows for each posture:
 - `people, feet`: right is a choice of markers on feet only.
 - `people, unit`: stated rightly.
 
-A stated rate is sure only where free fall confirms it: `right_unsure` is the price of
-this. For unsure guesses, `init` asks by the name of the key and offers two candidates;
-`asked` are questions without candidates. `wrong_sure` is the share that matters; it
-should be at most 1 %.
+A stated rate is sure unless the time stamps or free fall contradict it: `half` and
+`twice` count how often a wrong one is not seen by free fall alone. For unsure guesses,
+`init` asks by the name of the key and offers two candidates; `asked` are questions
+without candidates. `wrong_sure` is the share that matters; it should be at most 1 %.
 """
 
 from __future__ import annotations

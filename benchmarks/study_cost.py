@@ -69,7 +69,7 @@ def long_config(frames: int, folder: Path) -> dict[str, Any]:
     write_recording(folder / "long.h5", replace(one, time=time_s, positions=positions))
     config["recordings"][0]["file"] = str(folder / "long.h5")
     del config["simulation"]
-    return {**config, "input": {"most_unpacked_mb": 1e5}}
+    return config
 
 
 def run_study(config: dict[str, Any], folder: Path, cores: int) -> tuple[float, float]:

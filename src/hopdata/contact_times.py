@@ -387,8 +387,9 @@ def _levelled(
     try:
         model = fit_floor(recording, **options)
         return level(recording, model), []
-    except AnalysisError as error:
-        values = {"recording": recording.name, "why": str(error)}
+    except AnalysisError:
+        # The reason names keys of a configuration, which need not be there.
+        values = {"recording": recording.name}
         positions = recording.positions.copy()
         for marker in recording.indices("foot"):
             heights = positions[:, marker, 2]

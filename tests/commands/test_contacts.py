@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 from made_up_files import export
 from made_up_hopper import MARKERS, hopping
+from plate_files import CORNERS, PlateFile, Stance, write_plates
 from written_files import write_c3d
 
+import hopdata as hd
 from hopdata.__main__ import main
 from hopdata.commands.contacts import Trial, name_apart
 from hopdata.commands.contacts_instead import write_few
@@ -221,3 +223,75 @@ def test_a_name_that_another_file_has_is_not_given_to_a_second():
     name_apart(trials)
     names = [one.recording.name for one in trials]
     assert names == ["jump", "jump_3", "jump_2", "jump_4"]
+
+
+BODY = ("hip1", "hip2", "hip3")
+
+
+def with_a_plate(folder, name, *, seed):
+    """Write hops of one foot on a force plate; return when the foot touches, s."""
+    time, positions = hopping(seed, n_frames=500)
+    names = [MARKERS.index(one) for one in (*BODY, "toe1", "toe2")]
+    markers = tuple(MARKERS[one] for one in names)
+    toe = positions[:, names[3]].mean(axis=0)
+    middle_m = CORNERS[0].mean(axis=0) / 1000
+    place = positions[:, names] - toe * [1.0, 1.0, 0.0]
+    place[:, :, :2] += middle_m[:2]
+    raw = RawRecording(markers, time, 1000 * place, 100.0, "mm")
+    recording = Recording.from_arrays(
+        time, place[:, :4], markers[:4], feet=["toe1"], body=BODY
+    )
+    touches = hd.contacts(recording).found["contact_s"].to_numpy()
+    at = np.arange(10 * len(time)) / 1000.0
+    since = at[:, None] - touches
+    since = np.where(since >= 0, since, np.inf).min(axis=1)
+    rises = np.minimum(since / 0.03, 1.0)
+    bears = np.where(since < 0.2, 800.0 * rises, 0.0)
+    noise = np.random.default_rng(seed).normal(0, 0.5, len(at))
+    force = np.stack([0 * at, 0 * at, bears + noise], axis=1)
+    where = np.tile(CORNERS[0].mean(axis=0), (len(at), 1))
+    stance = Stance(force, where, 0 * at)
+    write_plates(folder / name, raw, [stance], PlateFile(2))
+    return touches
+
+
+def test_contacts_are_compared_with_the_plates_of_the_file(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    touches = with_a_plate(tmp_path, "plate.c3d", seed=1)
+    given = ["contacts", "plate.c3d", "--feet", "toe1", "--out", "a.csv"]
+    assert main([*given, "--html", "a.html"]) == 0
+    told = f"{len(touches)} contacts load a force plate of their file"
+    assert told in capsys.readouterr().out
+    assert told in (tmp_path / "a.html").read_text("utf-8")
+    table = pd.read_csv("a.csv")
+    assert set(table["plate"]) == {"plate 1"}
+    late_s = table["contact_s"] - table["plate_s"]
+    assert late_s.abs().max() < 0.004
+    assert (table["plate_se_s"] > 0).all()
+
+
+def test_plates_of_files_that_are_joined_are_compared_on_one_clock(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    n_landings = [
+        len(with_a_plate(tmp_path, f"{name}.c3d", seed=seed))
+        for seed, name in enumerate("ab", start=1)
+    ]
+    (tmp_path / "study.yaml").write_text(
+        "study: both\n"
+        "recordings:\n  - {name: day, file: [a.c3d, b.c3d]}\n"
+        "markers: {body: [hip1, hip2, hip3], feet: [toe1, toe2]}\n"
+    )
+    assert main(["contacts", "study.yaml", "--out", "day.csv"]) == 0
+    table = pd.read_csv("day.csv").dropna(subset=["plate_s"])
+    assert len(table) == sum(n_landings)
+    assert (table["contact_s"] - table["plate_s"]).abs().max() < 0.004
+    assert table["contact_s"].max() > 5.0
+
+
+def test_a_file_without_plates_has_empty_columns(recording):
+    assert main(["contacts", str(recording), "--out", "none.csv"]) == 0
+    assert pd.read_csv("none.csv")["plate_s"].isna().all()

@@ -425,6 +425,15 @@ MISTAKES = {
             "sections.rule",
         ],
     ),
+    "a limit that follows from the file": (
+        "threshold_sigmas: 0.002",
+        "threshold_sigmas: 0.002\ninput:\n  most_unpacked_mb: 500",
+        [
+            "input.most_unpacked_mb: expected a known key",
+            "follows from its size",
+            "delete the line",
+        ],
+    ),
     "sigmas beside knees": (
         "  threshold_sigmas: 0.002",
         "  rule: printed\n  threshold_sigmas: 2.5",

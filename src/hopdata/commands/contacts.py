@@ -35,7 +35,13 @@ FORMATS = {
 }
 
 # Joins the name of a foot and its markers in --feet.
-IS = "="
+NAME_IS = "="
+
+# A marker that many frames do not show.
+UNSEEN = "recordings.unseen"
+
+# Why no foot is guessed.
+NO_FEET = ("recordings.no_feet", "recordings.one_foot")
 
 
 @dataclass(frozen=True)
@@ -128,9 +134,11 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
     if not feet:
         feet, joined = every_foot(inspection, roles)
         if not feet:
-            why = "; ".join(str(problem) for problem in roles.problems)
+            # No body is needed, so that its lack is no reason.
+            of_feet = [one for one in roles.problems if one.code in NO_FEET]
+            why = "; ".join(str(problem) for problem in of_feet or roles.problems)
             raise RecordingError(f"{file}: {why}; here by --feet NAME ...")
-        notes.append(_told_roles(file, feet, joined))
+        notes.append(_feet_guessed(file, feet, joined))
     body = list(options.body or roles.body)
     _require_markers("--body", file, body, inspection)
     body = [name for name in body if name not in feet]
@@ -157,7 +165,7 @@ def _given_feet(
     feet: list[str] = []
     joined = {}
     for text in given or ():
-        name, is_joined, own = text.partition(IS)
+        name, is_joined, own = text.partition(NAME_IS)
         markers = own.split(",") if is_joined else [text]
         if text in inspection.markers:  # a name with the sign in it
             markers = [text]
@@ -186,11 +194,11 @@ def _all_feet(recording: Recording) -> Recording:
     return replace(recording, roles=("foot",) * len(recording.markers))
 
 
-def _told_roles(file: Path, feet: Sequence[str], joined: Mapping[str, Any]) -> str:
+def _feet_guessed(file: Path, feet: Sequence[str], joined: Mapping[str, Any]) -> str:
     """Say which markers are taken for feet."""
     of_one = {marker: name for name, own in joined.items() for marker in own}
     told = [name for name in feet if name not in of_one]
-    told += [f"{name}{IS}{','.join(own)}" for name, own in joined.items()]
+    told += [f"{name}{NAME_IS}{','.join(own)}" for name, own in joined.items()]
     values = {"file": file, "feet": " ".join(told)}
     return str(Message("commands.feet_guessed", values))
 
@@ -209,7 +217,23 @@ def _notes_on(recording: Recording) -> list[str]:
         return [str(remark) for remark in recording.remarks]
     check_fall(recording)
     check_upright(recording)
-    return [str(note) for note in notes(recording)]
+    return _one_of_a_kind(recording, notes(recording))
+
+
+def _one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[str]:
+    """Return notes in words; markers that are unseen have one for all of them."""
+    told = []
+    unseen = []
+    for note in notes:
+        remark = note.values.get("remark")
+        if isinstance(remark, Message) and remark.code == UNSEEN:
+            unseen.append("{marker} ({percent:.0f} %)".format_map(remark.values))
+        else:
+            told.append(str(note))
+    if unseen:
+        values = {"place": recording.place, "markers": ", ".join(unseen)}
+        told.append(str(Message("commands.markers_unseen", values)))
+    return told
 
 
 def _of_config(file: Path) -> list[Trial]:

@@ -330,20 +330,23 @@ def _pairs(
     """Return the states of a levelled recording at both sections; None with too few."""
     if sections is None:
         return None
-    heights = {
-        "pre_height_m": sections.pre_height_m,
-        "post_height_m": sections.post_height_m,
-    }
+    pre_m = sections.pre_height_m
+    post_m = sections.post_height_m
     try:
         table = touchdown_table(
-            standing, landings=landings, **heights, **methods.touchdowns
+            standing,
+            landings=landings,
+            pre_height_m=pre_m,
+            post_height_m=post_m,
+            **methods.touchdowns,
         )
         return assemble_pairs(
             [standing],
             table,
+            pre_height_m=pre_m,
+            post_height_m=post_m,
             home_marker=methods.home_marker,
             ambiguous=methods.touchdowns.get("ambiguous", "keep"),
-            **heights,
             **methods.states,
         )
     except AnalysisError:

@@ -89,7 +89,7 @@ def test_the_end_of_a_glide_is_near_where_the_foot_comes_to_rest():
     assert np.isnan(earliest).all()
 
 
-@pytest.mark.parametrize("glide_m", [0.004, 0.006, 0.01])
+@pytest.mark.parametrize("glide_m", [0.006, 0.01])
 @pytest.mark.parametrize(("seed", "rate_hz"), [(3, 100.0), (4, 200.0)])
 def test_a_gliding_heel_is_timed_when_it_comes_down(glide_m, seed, rate_hz):
     recording, truth = walk(seed, glide_m=glide_m, rate_hz=rate_hz)

@@ -42,9 +42,9 @@ SINKS_M = 0.003
 SLOWLY_SINKS_M = 0.0015
 
 #: Least sinking that noise does not make, in standard deviations of a height.
-#: Unit: standard deviations. Origin: chosen: with 4, noise of 0.6 mm takes 1 in 100
+#: Unit: standard deviations. Origin: chosen: with 6, noise of 0.6 mm takes 1 in 2,400
 #: feet that creep by 20 mm/s for gliding.
-SINKS_SIGMAS = 6.0
+SINKS_SIGMAS = 10.0
 
 #: How much lower than it is a foot seems by its lowest frames, in standard deviations
 #: of a height: added to `GLIDED_M`.
@@ -56,11 +56,6 @@ LOWEST_SIGMAS = 3.0
 #: Unit: m/s. Origin: measured: feet of three runners that sink by more than 0.003 after
 #: their contacts do so at up to 0.07, made-up heels that glide at 0.14 and more.
 COMES_DOWN_M_S = 0.1
-
-#: Time in which it must then fall by more than noise (`SINKS_SIGMAS`).
-#: Unit: s. Origin: chosen: at 0.02 noise of 0.6 mm moves 1 in 2,400 contacts of feet
-#: that creep by 20 mm/s.
-FALLS_S = 0.015
 
 #: Error of the later kink, from its residuals, up to which it is one. Noise makes kinks
 #: in a foot that creeps.

@@ -20,7 +20,6 @@ from hopdata.landings.contacts.bounces import bounce_errors
 from hopdata.landings.contacts.glides import (
     CLEAR_S,
     COMES_DOWN_M_S,
-    FALLS_S,
     GLIDED_M,
     LOWEST_SIGMAS,
     SINKS_M,
@@ -333,8 +332,8 @@ def _after_glides(
     # A foot that only sinks may stand: it has glided if it then comes down, or, without
     # a first kink, if it has a later one.
     is_clear = fits.unit_se * rough.noise_m < CLEAR_S
-    least_m_s = max(COMES_DOWN_M_S, SINKS_SIGMAS * rough.noise_m / FALLS_S)
-    comes_down = is_clear & (fits.velocity < -least_m_s)
+    is_clear &= again.se < CLEAR_S
+    comes_down = is_clear & (fits.velocity < -COMES_DOWN_M_S)
     comes_down |= without_kink & (se < UNDETERMINED_S)
     is_down = may_glide & (has_glided | comes_down)
     is_down &= again.status == descents.LANDED
