@@ -16,7 +16,7 @@ from snakemake.script import PythonScript
 
 from hopdata.causes import oom_kills
 from hopdata.commands import deaths, healing, owner
-from hopdata.forks import Server
+from hopdata.forks import Server, may_fork
 
 OOM_BEFORE = oom_kills()
 
@@ -48,10 +48,9 @@ def fork_script(script, file, edit=False, *, anew=PythonScript.execute_script):
         raise subprocess.CalledProcessError(code, f"{sys.executable} {file}")
 
 
-# Only Linux has all that this takes. A file that is included twice, or anybody else who has changed
-# how scripts run, is left alone.
+# If this file is included twice, or anybody else has changed how scripts run, that is left alone.
 IS_OWN = PythonScript.execute_script.__module__ == PythonScript.__module__
-if sys.platform.startswith("linux") and IS_OWN:
+if may_fork() and IS_OWN:
     PythonScript.execute_script = fork_script
 
 SKEW_S = 60  # allowed difference between the clocks of two machines, s
