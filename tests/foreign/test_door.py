@@ -1,6 +1,8 @@
 """What is foreign is read apart: each way to fail is one line, and nothing gets out."""
 
+import dataclasses
 import importlib
+import itertools
 import os
 import signal
 import subprocess
@@ -8,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -347,3 +350,19 @@ def test_a_process_whose_parent_has_already_ended_ends(parent, code):
     assert (
         subprocess.run([sys.executable, "-c", program], check=False).returncode == code
     )
+
+
+@pytest.mark.parametrize(
+    ("steps_s", "found"), [([0.1, 0.1, 1e6] + [0.1] * 20, ""), ([4.0] * 20, "time")]
+)
+def test_while_all_is_halted_no_time_is_counted(monkeypatch, steps_s, found):
+    """The clock takes these steps from look to look, again and again."""
+    clock = itertools.accumulate(steps_s)
+    monkeypatch.setattr(watch, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    spent = dataclasses.replace(budget.budget_for(0, 10**15), wall_s=10.0)
+    program = "import time; time.sleep(20)"
+    with subprocess.Popen([sys.executable, "-c", program]) as process:
+        with watch.Watch(process.pid, process.kill, spent) as watching:
+            time.sleep(2.5)
+        process.kill()
+    assert watching.found == found
