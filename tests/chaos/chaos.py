@@ -467,9 +467,17 @@ def clock(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
             os.utime(path, (time.time() + days * _DAY_S,) * 2)
     ended = place.server.run(*command())
     told = f"{len(moved)} files moved by {days:.2f} days: {ended.code}"
+
+    def undo() -> None:
+        os.utime(source, ns=(then.st_atime_ns, then.st_mtime_ns))
+
     if ended.code:
-        require_sentence(ended)
-        return told, lambda: os.utime(source, ns=(then.st_atime_ns, then.st_mtime_ns))
+        try:
+            require_sentence(ended)
+        except FindingError:
+            undo()  # a recording that is dated ahead would end all that follows
+            raise
+        return told, undo
     is_ahead = days > 0 and moved not in ([], [source])
     if is_ahead and "a clock is or was wrong" not in ended.said:
         raise FindingError(f"{told}, of which nothing was said")

@@ -63,6 +63,10 @@ class Verdict:
     where : str
         For a traceback, the innermost line of hopdata: two inputs with the same fault
         and place are the same find.
+    refused : bool
+        Whether the door refused the input with an error, as it may.
+    cpu_s, memory : float, int
+        What it took: CPU time, s, and the growth of the largest memory, bytes.
     """
 
     fault: str = ""
@@ -400,7 +404,7 @@ def _peak():
 def _cpu_s():
     times = os.times()
     total = times.user + times.system + times.children_user + times.children_system
-    ticks = 100.0
+    ticks = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
     for pid in _family()[1:]:
         with suppress(OSError, ValueError, IndexError):
             stat = Path(f"/proc/{pid}/stat").read_text("ascii", errors="replace")

@@ -189,14 +189,15 @@ def study_effects(
     given = find_in_study([one.recording for one in study], methods)
     before: Sequence[ContactsAndStates | None] = [None] * len(study)
     if is_any_processed:
+        # States are compared at the same heights, so the sections are those as given.
         sections = next((one.sections for one in given if one and one.sections), None)
         before = find_in_study([one.original for one in study], methods, sections)
     for k, (n, one, wobble) in enumerate(zip(numbers, study, wobbles, strict=True)):
         if one.kind:
-            told[n] += _difference(one, given[k], before[k])
+            told[n] += _told_of_processing(one, given[k], before[k])
         if wobble is not None:
             others = [other.recording for other in study]
-            told[n] += _wobble(k, others, given, wobble, methods, told[n])
+            told[n] += _told_of_wobble(k, others, given, wobble, methods, told[n])
     return told
 
 
@@ -353,7 +354,7 @@ def _pairs(
         return None
 
 
-def _difference(
+def _told_of_processing(
     processed: _Processed,
     after: ContactsAndStates | None,
     before: ContactsAndStates | None,
@@ -480,7 +481,7 @@ def _wobble_of(recording: Recording) -> _Wobbling | None:
     return _Wobbling(is_soft, rigid, residual_m)
 
 
-def _wobble(
+def _told_of_wobble(
     number: int,
     recordings: Sequence[Recording],
     found: Sequence[ContactsAndStates | None],
@@ -501,8 +502,8 @@ def _wobble(
     if not processing:
         # Processing leaves less noise from frame to frame than there is.
         noise_m = min(flight_m, float(np.nanmedian(frame_noise(recording.body))))
-    wobbles = _beyond(after_m, flight_m) > LEAST_WOBBLE * flight_m
-    if not (wobbling.is_soft or wobbles) or not after_m > noise_m:
+    wobbles_after = _beyond(after_m, flight_m) > LEAST_WOBBLE * flight_m
+    if not (wobbling.is_soft or wobbles_after) or not after_m > noise_m:
         return []
     values = {"wobble_mm": 1e3 * _beyond(after_m, noise_m), "flight_mm": 1e3 * flight_m}
     # What the markers move but for noise, of what is seen.
@@ -513,11 +514,13 @@ def _wobble(
     if given.pairs is None or given.sections is None:
         return [Message("landings.wobble", values)]
     shaken = _shaken(recording, wobbling.rigid, first_s, shares)
+    # The other recordings stay as they are: what is learned of them is not shaken.
     study = [*recordings[:number], shaken, *recordings[number + 1 :]]
     again = find_in_study(study, methods, given.sections)[number]
     moved = {}
     if again is not None:
         moved = moved_states(again, given, pace=recording.pace)
+    # Velocities hang on the window of the fit: see `_shaken`.
     moved = {key: value for key, value in moved.items() if key.endswith("_mm")}
     if not moved:
         return [Message("landings.wobble", values)]

@@ -309,25 +309,32 @@ def by_plates(corners: FloatArray | None, positions: FloatArray) -> Evidence | N
     """
     if corners is None or not len(corners):
         return None
-    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    areas = np.linalg.norm(normals, axis=1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        tilts = np.nan_to_num(np.abs(normals / areas))
-    axes = np.argmax(tilts, axis=1)
-    are_level = bool((tilts.max(axis=1) > LEVEL).all())
-    if len(set(axes.tolist())) > 1 or not are_level:
+    axis = _axis_of_level(corners)
+    if not axis:
         return None
     stride = max(1, len(positions) // MOST_POSTURES)
     centre = corners.reshape(-1, 3).mean(axis=0)
-    heights = along(positions[::stride] - centre, "xyz"[axes[0]])
+    heights = along(positions[::stride] - centre, axis)
     heights = heights[np.isfinite(heights)]
     if not len(heights):
         return None
-    axis = "xyz"[axes[0]]
     above = float(np.mean(heights > 0))
     weights = {axis: above, f"-{axis}": 1 - above}
     why = Message("recordings.up_by_plates")
     return _evidence(PLATES, weights, PLATES_MISLEAD, why)
+
+
+def _axis_of_level(corners: FloatArray) -> str:
+    """Return the axis across which all plates (P, 4, 3) lie level; empty if none."""
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    areas = np.linalg.norm(normals, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        components = np.nan_to_num(np.abs(normals / areas))
+    axes = np.argmax(components, axis=1)
+    are_level = bool((components.max(axis=1) > LEVEL).all())
+    if len(set(axes.tolist())) > 1 or not are_level:
+        return ""
+    return "xyz"[axes[0]]
 
 
 def by_rests(
@@ -546,11 +553,11 @@ def by_posture(
     beyond = posture.explained.max() - LEAST_EXPLAINED
     if not length > 0 or not beyond > 0:
         return None
+    beside, above = np.sort(np.abs(posture.stature))[1:].tolist()
     concentration = ON_FOUR_LEGS if named.is_animal else ON_TWO_LEGS
     concentration *= beyond / (1 - LEAST_EXPLAINED)
     if not posture.is_whole:
         concentration *= posture.height_range / WHOLE_RANGE
-    beside, above = np.sort(np.abs(posture.stature))[1:].tolist()
     if not above > UPRIGHT * beside:
         concentration = min(concentration, LEANING)
     along_stature = posture.stature / length
@@ -608,20 +615,11 @@ def _why_upright(beside: float, above: float, *, given: bool) -> Message:
 
 
 def by_sides(positions: FloatArray, named: NamedParts) -> Evidence | None:
-    """Return along which directions left and right are not apart, nor heel and toe.
+    """Return along which directions left and right are not apart.
 
     A person's left and right markers are beside one another.
     """
-    pairs = []
-    of_left = {}
-    for m, (stem, side) in enumerate(zip(named.stems, named.sides, strict=True)):
-        if side == "l":
-            of_left[stem] = m
-    for m, (stem, side) in enumerate(zip(named.stems, named.sides, strict=True)):
-        # Hands and feet swing; what is near the trunk is beside its fellow.
-        is_central = named.parts[m] in ("pelvis", "hip", "thigh", "shoulder", "head")
-        if side == "r" and stem in of_left and is_central:
-            pairs.append((of_left[stem], m))
+    pairs = _central_pairs(named)
     if not pairs:
         return None
     stride = max(1, len(positions) // MOST_POSTURES)
@@ -637,6 +635,23 @@ def by_sides(positions: FloatArray, named: NamedParts) -> Evidence | None:
     tilt = squares.mean(axis=0)
     weights = {up: float(np.exp(-BESIDE * along(tilt, up[-1]))) for up in DIRECTIONS}
     return _evidence("sides", weights, SIDES_MISLEAD, Message("recordings.up_by_sides"))
+
+
+def _central_pairs(named: NamedParts) -> list[tuple[int, int]]:
+    """Return the left and the right marker of each pair near the trunk.
+
+    Hands and feet swing; what is near the trunk is beside its fellow.
+    """
+    of_left = {}
+    for m, (stem, side) in enumerate(zip(named.stems, named.sides, strict=True)):
+        if side == "l":
+            of_left[stem] = m
+    pairs = []
+    for m, (stem, side) in enumerate(zip(named.stems, named.sides, strict=True)):
+        is_central = named.parts[m] in ("pelvis", "hip", "thigh", "shoulder", "head")
+        if side == "r" and stem in of_left and is_central:
+            pairs.append((of_left[stem], m))
+    return pairs
 
 
 def by_stance(positions: FloatArray, rate_hz: float) -> Evidence | None:
