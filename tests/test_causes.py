@@ -67,6 +67,7 @@ def test_texts_of_other_programs():
     said = "OpenBLAS error: Memory allocation still failed after 10 retries, giving up."
     assert causes.cause_in(said) == causes.MEMORY
     assert causes.cause_in("LLVM ERROR: out of memory") == causes.MEMORY
+    assert causes.cause_in("OSError: can't allocate memory for chunk") == causes.MEMORY
     assert (
         causes.cause_in("OSError: [Errno 28] No space left on device") == causes.SPACE
     )

@@ -19,7 +19,8 @@ MODULES = set(GONE.pop("modules"))
 # It exists on Windows, where it ends the process, whatever the signal.
 GONE["os"].append("kill")
 # Called only where another function of the same file has asked: by `limit` of a trial, which
-# has found the module, and by a fork of `foreign.apart`, which is made on Linux alone.
+# has found the module; by a fork of `foreign.apart`, which is made on Linux alone; and where
+# `foreign.limits` has found the library of Linux.
 ASKED_BEFORE = {
     *(
         "_set_limit",
@@ -28,9 +29,12 @@ ASKED_BEFORE = {
         "_close_all_but",
         "_default_signals",
         "_kill",
+        "_exit_code",
+        "_no_network",
+        "end_with",
     ),
 }
-# Works on Linux alone: `install` asks, and does nothing elsewhere.
+# Works on Linux alone: the rules of a folder ask its `may_fork`, and use it nowhere else.
 LINUX_ALONE = {"src/hopdata/forks.py"}
 # What a guard of a name that may be missing can catch.
 CAUGHT = {"AttributeError", "ImportError", "ModuleNotFoundError"}
@@ -152,10 +156,12 @@ def test_no_call_of_posix_is_without_its_other_half():
         name = file.relative_to(ROOT).as_posix()
         text = file.read_text("utf-8")
         if name in LINUX_ALONE:
-            assert "if not is_known or not sys.platform.startswith" in text
+            assert 'return sys.platform.startswith("linux")' in text
             continue
         found += unasked(text, name)
     assert found == []
+    rules = (ROOT / "workflow" / "rules" / "folder.smk").read_text("utf-8")
+    assert "if may_fork() and IS_OWN:\n    PythonScript.execute_script =" in rules
 
 
 def without_posix(folder, *arguments, **more):

@@ -3,8 +3,6 @@
 snakemake --cores 2 --snakefile workflow/first_look.smk --workflow-profile profiles/default
 """
 
-import sys
-
 from hopdata.causes import oom_kills
 from hopdata.commands import deaths, owner
 from hopdata.config.loading import read_yaml
@@ -48,7 +46,4 @@ onstart:
 
 
 onerror:
-    said = [line for file in log for line in open(file, encoding="utf-8", errors="replace")]
-    reason = deaths.why(said, oom_before=OOM_BEFORE)
-    if reason:
-        print(f"hopdata: error: {reason}", file=sys.stderr)
+    deaths.tell(log, oom_before=OOM_BEFORE)

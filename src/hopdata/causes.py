@@ -37,17 +37,17 @@ _BY_NAME = {
     "EMFILE": OPEN_FILES,
     "ENFILE": OPEN_FILES,
 }
+#: What the system and libraries say where memory is lacking. The second line is what
+#: h5py says, and Python where it may not make a thread.
+_OF_MEMORY = re.compile(
+    r"MemoryError|[Oo]ut of memory|Cannot allocate memory|std::bad_alloc|"
+    r"can't allocate|Resource temporarily unavailable|can't start new thread|"
+    r"Memory allocation still failed|failed to map segment|"
+    r"unable to mmap|[Uu]nable to allocate"
+)
 #: Texts of the system and of libraries that give a cause away.
 _BY_TEXT = (
-    (
-        re.compile(
-            r"MemoryError|[Oo]ut of memory|Cannot allocate memory|std::bad_alloc|"
-            r"Memory allocation still failed|failed to map segment|"
-            r"Resource temporarily unavailable|can't start new thread|"
-            r"unable to mmap|Unable to allocate"
-        ),
-        MEMORY,
-    ),
+    (_OF_MEMORY, MEMORY),
     (re.compile("No space left on device|database or disk is full"), SPACE),
     (re.compile("[Qq]uota exceeded"), QUOTA),
     (re.compile("File too large|File size limit"), FILE_SIZE),
@@ -93,6 +93,19 @@ def cause_in(text: str) -> str:
     return ""
 
 
+def tells_of_memory(text: str) -> bool:
+    """Tell whether what was said means that memory was lacking."""
+    return _OF_MEMORY.search(text) is not None
+
+
+def signal_name(number: int) -> str:
+    """Return the name of a signal, as ``SIGKILL``; its number if it has none here."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
 def oom_kills() -> int | None:
     """Return how many processes this system has killed since memory ran out.
 
@@ -119,10 +132,7 @@ def signal_told(number: int, *, oom_before: int | None) -> str:
     oom_before
         `oom_kills` before the process began.
     """
-    try:
-        name = signal.Signals(number).name
-    except ValueError:
-        name = f"signal {number}"
+    name = signal_name(number)
     again = "run the same command again"
     if name == "SIGKILL":
         now = oom_kills()
@@ -134,9 +144,9 @@ def signal_told(number: int, *, oom_before: int | None) -> str:
         )
     if name in {"SIGTERM", "SIGINT", "SIGHUP"}:
         return f"it was ended from outside ({name}); {again}"
-    if name in {"SIGXCPU"}:
+    if name == "SIGXCPU":
         return f"its limit of CPU time is used up ({name}; ulimit -t); raise it"
-    if name in {"SIGXFSZ"}:
+    if name == "SIGXFSZ":
         return FILE_SIZE
     if name in {"SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGFPE"}:
         return (

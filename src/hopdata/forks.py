@@ -17,7 +17,6 @@ several threads or an environment of their own, Snakemake starts Python as ever.
 from __future__ import annotations
 
 import atexit
-import ctypes
 import gc
 import json
 import os
@@ -35,6 +34,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
+from hopdata.foreign.limits import end_with
+
 #: Most bytes of a request: what a job is told before it begins.
 LONGEST_REQUEST = 2**16
 #: What Snakemake tells the numerical libraries of a job with one thread, which they
@@ -45,13 +46,16 @@ ONE_THREAD = {
 } | {"VECLIB_MAXIMUM_THREADS": "1"}
 #: In place of the number of a process: the server has outdated code.
 OUTDATED = 0
-#: Number of `prctl` by which a process asks to be killed when its parent dies.
-_DIE_WITH_PARENT = 1
 #: How long the end of a run waits for the server to end, s.
 _END_S = 10.0
 
 
 # In Snakemake's process.
+
+
+def may_fork() -> bool:
+    """Tell whether jobs may be forks: only Linux has all that this takes."""
+    return sys.platform.startswith("linux")
 
 
 @dataclass
@@ -251,7 +255,7 @@ def serve(number: int) -> dict[str, Any] | None:
             parent = os.getpid()
             pid = os.fork()
             if not pid:
-                _die_with(parent)
+                end_with(parent)
                 signal.set_wakeup_fd(-1)
                 signal.signal(signal.SIGCHLD, signal.SIG_DFL)
                 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -324,13 +328,6 @@ def _kill(forks: dict[int, _Begun]) -> None:
 
 
 # In a fork.
-
-
-def _die_with(parent: int) -> None:
-    """Have this process killed when its parent dies."""
-    ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
-    if os.getppid() != parent:  # it has died meanwhile
-        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def run(request: dict[str, Any]) -> int:

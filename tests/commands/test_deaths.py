@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hopdata.commands.deaths import why
+from hopdata.commands.deaths import tell, why
 
 PAGE = """\
 rule floor_compensation:
@@ -38,6 +38,22 @@ def told(how):
 @pytest.mark.parametrize("how", [DIED, STATUS.format(137)])
 def test_a_job_that_was_killed_is_named_with_its_signal(folder, how):
     assert told(how).startswith("floor_compensation_one: it was killed (SIGKILL)")
+
+
+@pytest.mark.parametrize("status", [128, 255])
+def test_a_code_of_no_signal_is_none(folder, status):
+    said = told(STATUS.format(status))
+    assert said == "floor_compensation_one: it failed, and its log tells no more"
+
+
+def test_the_line_is_printed_from_the_logs(folder, capsys):
+    Path("a.log").write_text(PAGE.format(how=DIED))
+    tell(["a.log"], oom_before=None)
+    printed = capsys.readouterr().err
+    assert printed.startswith("hopdata: error: floor_compensation_one: it was killed")
+    Path("a.log").write_text("Nothing to be done.\n")
+    tell(["a.log"], oom_before=None)
+    assert capsys.readouterr().err == ""
 
 
 def test_of_two_jobs_that_failed_each_keeps_its_own_reason(folder):

@@ -16,6 +16,7 @@ import pytest
 
 from hopdata.__main__ import main
 from hopdata.commands import owner as owning
+from hopdata.commands import workflow
 from hopdata.commands.owner import LOCKS, RECORDS, Owner, owners, recorded, release_dead
 from hopdata.commands.workflow import run_workflow
 
@@ -97,6 +98,14 @@ def test_a_process_that_may_not_be_seen_counts_as_alive(monkeypatch):
     assert not Owner("a", HERE, os.getpid(), 0.0).is_dead
     monkeypatch.setattr(psutil.Process, "status", denied)
     assert not Owner("a", HERE, os.getpid(), 0.0).is_dead
+
+
+def test_two_runs_at_work_are_told_as_two(locked):
+    me, parent = os.getpid(), os.getppid()
+    locked(Owner("a", HERE, me, began(me)), Owner("b", HERE, parent, began(parent)))
+    assert ") are at work here; wait for its end" in owning.who_is_at_work()
+    (RECORDS / "1.json").unlink()
+    assert ") is at work here; wait for its end" in owning.who_is_at_work()
 
 
 def test_the_lock_of_a_dead_run_is_removed_and_told(locked, ended):
@@ -303,6 +312,32 @@ def test_a_run_waits_for_others_as_told_and_takes_over_if_they_die(
     owning.wait_for_others(30)
     assert "was killed; its lock is removed" in capsys.readouterr().err
     assert not LOCKS.exists()
+
+
+@pytest.mark.parametrize(
+    ("word", "is_dry"),
+    [
+        *(
+            ("-n", True),
+            ("-np", True),
+            ("-pn", True),
+            ("-Fkn", True),
+            ("--dryrun", True),
+        ),
+        # The last letters are the value of the first, or the word is no option.
+        *(
+            ("-p", False),
+            ("-cn", False),
+            ("-qn", False),
+            ("n", False),
+            ("--non", False),
+        ),
+    ],
+)
+def test_short_options_may_stand_in_one_word(word, is_dry):
+    words = ["snakemake", "--cores", "1", word]
+    assert bool(owning.DRY & owning.options_of(words)) == is_dry
+    assert workflow.is_dry(words) == is_dry
 
 
 def test_a_plain_snakemake_beside_a_run_is_told_to_wait_and_not_to_unlock(

@@ -72,6 +72,35 @@ def test_the_limit_of_a_container_or_a_batch_job_counts(
     assert budget._left_in_groups(proc, sys_) == []
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="groups of Linux")
+@pytest.mark.parametrize(
+    ("line", "root", "most", "used"),
+    [
+        ("0::/job/7/task", "fs/cgroup", "memory.max", "memory.current"),
+        (
+            "4:memory:/job/7/task",
+            "fs/cgroup/memory",
+            "memory.limit_in_bytes",
+            "memory.usage_in_bytes",
+        ),
+    ],
+)
+def test_the_limit_of_a_job_counts_for_its_tasks(tmp_path, line, root, most, used):
+    proc, sys_ = tmp_path / "proc", tmp_path / "sys"
+    (proc / "self").mkdir(parents=True)
+    (proc / "self/cgroup").write_text(f"{line}\n")
+    job = sys_ / root / "job/7"
+    (job / "task").mkdir(parents=True)
+    (job / "task" / most).write_text("max\n")
+    (job / "task" / used).write_text("1000\n")
+    assert budget._left_in_groups(proc, sys_) == []
+    (job / most).write_text("5000\n")
+    (job / used).write_text("2000\n")
+    # The job is charged for the cached files of its tasks, too.
+    (job / "memory.stat").write_text("inactive_file 0\ntotal_inactive_file 700\n")
+    assert budget._left_in_groups(proc, sys_) == [3700]
+
+
 def test_the_limits_of_the_user_count():
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_AS)

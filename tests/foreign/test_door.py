@@ -1,6 +1,8 @@
 """What is foreign is read apart: each way to fail is one line, and nothing gets out."""
 
+import dataclasses
 import importlib
+import itertools
 import os
 import signal
 import subprocess
@@ -8,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -296,3 +299,70 @@ def test_one_fork_of_a_process_with_threads_is_not_made():
     finally:
         is_over.set()
         thread.join()
+
+
+@pytest.mark.skipif(not IS_LINUX, reason="forks are made on Linux alone")
+@pytest.mark.parametrize("name", ["echo", "killed"])
+def test_a_fork_keeps_its_number_until_the_last_signal_to_it(monkeypatch, calls, name):
+    """A number that is given back may be that of a process of somebody else."""
+    signalled = []
+    kill = apart._kill
+
+    def kill_and_look(pid):
+        signalled.append(Path(f"/proc/{pid}").exists())
+        kill(pid)
+
+    monkeypatch.setattr(apart, "_kill", kill_and_look)
+    answer = apart.call(apart.Request(f"calls:{name}", (), budget.budget_for(0)))
+    assert (answer.failure is None) == (name == "echo")
+    assert signalled
+    assert all(signalled)
+    assert psutil.Process().children() == []
+
+
+LIMITED = """
+import os, resource
+from hopdata.foreign import budget, limits
+resource.setrlimit(resource.RLIMIT_CPU, (1000, 1000))
+limits.spend_at_most(budget.budget_for({n_bytes}, 10**15), for_good=True)
+print(*resource.getrlimit(resource.RLIMIT_CPU))
+"""
+
+
+@pytest.mark.skipif(not IS_LINUX, reason="limits of Linux")
+@pytest.mark.parametrize(("n_bytes", "most"), [(10**9, 999), (0, 4)])
+def test_the_time_of_a_batch_job_is_not_exceeded_and_told_as_time(n_bytes, most):
+    """The soft limit stays below the hard one, whose signal says nothing of time."""
+    program = LIMITED.format(n_bytes=n_bytes)
+    ask = [sys.executable, "-c", program]
+    ran = subprocess.run(ask, capture_output=True, text=True, check=True)
+    soft, hard = map(int, ran.stdout.split())
+    assert most <= soft <= most + 2
+    assert hard == soft + 1
+
+
+@pytest.mark.skipif(not IS_LINUX, reason="only Linux ends a process with its parent")
+@pytest.mark.parametrize(("parent", "code"), [("os.getppid()", 0), ("1 << 30", -9)])
+def test_a_process_whose_parent_has_already_ended_ends(parent, code):
+    program = (
+        f"import os; from hopdata.foreign import limits; limits.end_with({parent})"
+    )
+    assert (
+        subprocess.run([sys.executable, "-c", program], check=False).returncode == code
+    )
+
+
+@pytest.mark.parametrize(
+    ("steps_s", "found"), [([0.1, 0.1, 1e6] + [0.1] * 20, ""), ([4.0] * 20, "time")]
+)
+def test_while_all_is_halted_no_time_is_counted(monkeypatch, steps_s, found):
+    """The clock takes these steps from look to look, again and again."""
+    clock = itertools.accumulate(steps_s)
+    monkeypatch.setattr(watch, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    spent = dataclasses.replace(budget.budget_for(0, 10**15), wall_s=10.0)
+    program = "import time; time.sleep(20)"
+    with subprocess.Popen([sys.executable, "-c", program]) as process:
+        with watch.Watch(process.pid, process.kill, spent) as watching:
+            time.sleep(2.5)
+        process.kill()
+    assert watching.found == found

@@ -16,7 +16,7 @@ from snakemake.script import PythonScript
 
 from hopdata.causes import oom_kills
 from hopdata.commands import deaths, healing, owner
-from hopdata.forks import Server
+from hopdata.forks import Server, may_fork
 
 OOM_BEFORE = oom_kills()
 
@@ -48,10 +48,9 @@ def fork_script(script, file, edit=False, *, anew=PythonScript.execute_script):
         raise subprocess.CalledProcessError(code, f"{sys.executable} {file}")
 
 
-# Only Linux has all that this takes. A file that is included twice, or anybody else who has changed
-# how scripts run, is left alone.
+# If this file is included twice, or anybody else has changed how scripts run, that is left alone.
 IS_OWN = PythonScript.execute_script.__module__ == PythonScript.__module__
-if sys.platform.startswith("linux") and IS_OWN:
+if may_fork() and IS_OWN:
     PythonScript.execute_script = fork_script
 
 SKEW_S = 60  # allowed difference between the clocks of two machines, s
@@ -89,19 +88,27 @@ def check_times(files, folder, *, mend):
     Whether a result is up to date does not hang on its date alone: names, sizes and dates of the
     user's files are parameters, and a result must have the bytes that were written.
     """
-    made = (os.path.join(place, name) for place, _, names in os.walk(folder) for name in names)
-    latest = (time.time() + SKEW_S) * 1e9
-    read, kept = ([one[0] for one in stamps(x) if one[2] > latest] for x in (files, made))
     told = "expected a time before now, found a later one: a clock is or was wrong"
-    if read:
-        sys.exit(f"hopdata: error: {read[0]}: {told}; touch it and run again")
-    if kept:
+    ahead = dated_ahead(files)
+    if ahead:
+        sys.exit(f"hopdata: error: {ahead[0]}: {told}; touch it and run again")
+    made = []
+    for place, _, names in os.walk(folder):
+        made += [os.path.join(place, name) for name in names]
+    results_ahead = dated_ahead(made)
+    if results_ahead:
         anew = "; such results are dated anew" if mend else ", and a run will date it anew"
-        print(f"hopdata: {kept[0]}: {told}{anew}", file=sys.stderr)
+        print(f"hopdata: {results_ahead[0]}: {told}{anew}", file=sys.stderr)
     if mend:
-        for file in kept:
+        for file in results_ahead:
             with suppress(OSError):
                 os.utime(file)
+
+
+def dated_ahead(files):
+    """Return the files that were last changed after now, but for a skew of clocks."""
+    latest_ns = (time.time() + SKEW_S) * 1e9
+    return [name for name, _, changed_ns in stamps(files) if changed_ns > latest_ns]
 
 
 onstart:
@@ -120,7 +127,4 @@ onstart:
 onerror:
     # Snakemake's page of text ends in one line that says why; `hopdata run` says it itself.
     if owner.STARTED_BY_HOPDATA not in os.environ:
-        said = [line for file in log for line in open(file, encoding="utf-8", errors="replace")]
-        reason = deaths.why(said, oom_before=OOM_BEFORE)
-        if reason:
-            print(f"hopdata: error: {reason}", file=sys.stderr)
+        deaths.tell(log, oom_before=OOM_BEFORE)

@@ -1,10 +1,12 @@
 """Why a run of Snakemake failed, in one line, from the page of text that it leaves."""
 
 import re
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from signal import valid_signals
 
 from hopdata.causes import MISSING, READ_ONLY, cause_in, signal_told
 
@@ -14,7 +16,7 @@ _LOG = re.compile(r"^ +log: ([^\n]*?)(?: \(check log file)", re.MULTILINE)
 _SIGNAL = re.compile(r"died with <Signals\.\w+: (\d+)>")
 _STATUS = re.compile(r"returned non-zero exit status (\d+)")
 _ERROR = "ERROR hopdata: "
-#: What a shell adds to the number of the signal that ended its program.
+# What a shell adds to the number of the signal that ended its program.
 _OF_SHELL = 128
 
 
@@ -41,29 +43,31 @@ class _Failure:
         return Path(found[1].split(", ")[0])
 
     @property
+    def _kept(self) -> str:
+        """What its log holds; nothing if there is none."""
+        if self._log is not None:
+            with suppress(OSError):
+                return self._log.read_text(encoding="utf-8", errors="replace")
+        return ""
+
+    @property
     def said(self) -> str:
         """The error that the job itself has kept in its log."""
-        if self._log is None:
-            return ""
-        with suppress(OSError):
-            text = self._log.read_text(encoding="utf-8", errors="replace")
-            for line in text.splitlines():
-                if line.startswith(_ERROR) and "unexpected error" not in line:
-                    return line.removeprefix(_ERROR)
+        for line in self._kept.splitlines():
+            if line.startswith(_ERROR) and "unexpected error" not in line:
+                return line.removeprefix(_ERROR)
         return ""
 
     @property
     def unexpected(self) -> str:
-        """The last line of a traceback in its log, which is a mistake of hopdata."""
-        if self._log is None:
+        """The error of a traceback in its log, which is a mistake of hopdata."""
+        lines = self._kept.partition(f"{_ERROR}unexpected error")[2].split("\n")
+        # Of a traceback only its head and the error are not indented. Where an error
+        # led to others, the first of them tells most.
+        heads_and_errors = [line for line in lines[1:] if line[:1].isalpha()]
+        if len(heads_and_errors) < 2:
             return ""
-        with suppress(OSError):
-            text = self._log.read_text(encoding="utf-8", errors="replace")
-            lines = text.partition(f"{_ERROR}unexpected error")[2].split("\n")
-            errors = [line for line in lines[1:] if line[:1].isalpha()]
-            if errors[1:]:
-                return f"unexpected {errors[1]}; please report it with {self._log}"
-        return ""
+        return f"unexpected {heads_and_errors[1]}; please report it with {self._log}"
 
     @property
     def signal(self) -> int:
@@ -72,9 +76,11 @@ class _Failure:
         if found:
             return int(found[1])
         found = _STATUS.search(self.text)
-        if found and int(found[1]) > _OF_SHELL:
-            return int(found[1]) - _OF_SHELL
-        return 0
+        if not found:
+            return 0
+        # Other codes above that of the shell, such as 255 of ssh, are no signals.
+        number = int(found[1]) - _OF_SHELL
+        return number if number in valid_signals() else 0
 
 
 def _failures(text: str) -> Iterator[_Failure]:
@@ -87,8 +93,7 @@ def _failures(text: str) -> Iterator[_Failure]:
         before = text[last : place.start()]
         start = before.rfind(_EXCEPTION)
         exception = before[start:] if start >= 0 else ""
-        rest = text[place.start() :]
-        job = _FAILED.sub("", rest, count=1)
+        job = text[place.end() :]
         following = _FAILED.search(job)
         if following:
             job = job[: following.start()]
@@ -126,6 +131,19 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
     if failures:
         return f"{failures[0].name}: it failed, and its log tells no more"
     return ""
+
+
+def tell(logs: Iterable[str | Path], *, oom_before: int | None) -> None:
+    """Print the line that says why a run failed, from what Snakemake has logged.
+
+    Nothing is printed if the reason is not known. `oom_before` is that of `why`.
+    """
+    said = []
+    for log in logs:
+        said.append(Path(log).read_text(encoding="utf-8", errors="replace"))
+    reason = why(said, oom_before=oom_before)
+    if reason:
+        print(f"hopdata: error: {reason}", file=sys.stderr)
 
 
 def _of_jobs(failures: Sequence[_Failure], oom_before: int | None) -> str:

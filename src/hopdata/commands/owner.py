@@ -20,7 +20,7 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -53,22 +53,19 @@ BEGINNING = RECORDS / "beginning"  # locked by a run that begins
 SCRIPTS = Path(".snakemake/scripts")  # Snakemake's copies of scripts, one a job
 #: Set by `hopdata run` for its Snakemake: it tells itself who holds a lock.
 STARTED_BY_HOPDATA = "HOPDATA_RUN"
+#: Options with which Snakemake only says what it would do.
+DRY = {"-n", "--dry-run", "--dryrun"}
 #: Options with which Snakemake runs no jobs.
-_NO_JOBS = {
-    *("-n", "--dry-run", "--dryrun", "--unlock", "--lint", "--summary", "-S"),
-    *("--detailed-summary", "-D", "--dag", "--rulegraph", "--filegraph", "--d3dag"),
-    *(
-        "--list",
-        "--list-rules",
-        "-l",
-        "--list-target-rules",
-        "--lt",
-        "--cleanup-metadata",
-    ),
-    *("--list-input-changes", "--li", "--list-code-changes", "--lc", "--touch", "-t"),
+_NO_JOBS = DRY | {
+    *("--unlock", "--lint", "--summary", "-S", "--detailed-summary", "-D", "--dag"),
+    *("--rulegraph", "--filegraph", "--d3dag", "--list", "--list-rules", "-l"),
+    *("--list-target-rules", "--lt", "--cleanup-metadata", "--touch", "-t"),
+    *("--list-input-changes", "--li", "--list-code-changes", "--lc"),
     *("--list-params-changes", "--lp", "--archive", "--report", "--containerize"),
     *("--generate-unit-tests", "--delete-all-output", "--print-compilation"),
 }
+#: Snakemake's short options without a value, after which another may follow: ``-np``.
+_WITHOUT_VALUE = "DFSafhklnptv"
 
 
 @dataclass(frozen=True)
@@ -228,6 +225,24 @@ def _named_by(record: Path) -> Owner | None:
 
 # The beginning of a run.
 
+
+def options_of(words: Iterable[str]) -> set[str]:
+    """Return the options on Snakemake's command line: ``-np`` is ``-n`` and ``-p``.
+
+    Values and targets among the words are returned as they are.
+    """
+    found = set()
+    for word in words:
+        found.add(word)
+        if not word.startswith("-") or word.startswith("--"):
+            continue
+        for letter in word[1:]:
+            found.add(f"-{letter}")
+            if letter not in _WITHOUT_VALUE:
+                break  # what follows is its value
+    return found
+
+
 #: What this process holds while it begins: the open file that it has locked.
 _held: list[Any] = []
 #: Whether this process has begun a run; a Snakefile may be read more than once.
@@ -252,7 +267,7 @@ def begin(study: str, argv: Iterable[str]) -> bool:
         Whether this run is the only one here, and will run jobs.
     """
     words = [*argv]
-    if _NO_JOBS & {*words}:
+    if _NO_JOBS & options_of(words):
         return False
     if _begun:
         return not is_locked()
@@ -328,7 +343,7 @@ def _locked(words: list[str], own: Path) -> str:
     others = [run for record, run in owners().items() if record != own]
     living = [run for run in others if run.is_here and not run.is_dead]
     if living:
-        return f"{LOCKS}: {_names(living)} is at work here; wait for its end"
+        return f"{LOCKS}: {_at_work(living)}; wait for its end"
     program = words[:1]
     if words[0].endswith("__main__.py"):
         program = [sys.executable, "-m", "snakemake"]
@@ -454,8 +469,8 @@ def release_dead(apart_from: Path | None = None) -> str:
         if dead and len(dead) == len(known) and is_locked():
             if not _none_at_work(known.values()):
                 return ""
-            killed = " and ".join(map(str, dead.values()))
-            done = f"{killed} was killed; {_take()}"
+            was = "was" if len(dead) == 1 else "were"
+            done = f"{_names(dead.values())} {was} killed; {_take()}"
         for record in dead:
             with suppress(OSError):
                 os.unlink(record)
@@ -497,6 +512,12 @@ def _names(runs: Iterable[Owner]) -> str:
     return " and ".join(map(str, runs)) or "a run that is not known"
 
 
+def _at_work(runs: Sequence[Owner]) -> str:
+    """Say that runs are at work here."""
+    verb = "is" if len(runs) == 1 else "are"
+    return f"{_names(runs)} {verb} at work here"
+
+
 def _take() -> str:
     """End what is left of a dead run, remove its drafts, then its lock; say so."""
     n_ended = _end_jobs()
@@ -519,11 +540,10 @@ def _end_jobs() -> int:
     jobs = []
     for process in psutil.process_iter():
         with suppress(psutil.Error, OSError, IndexError):
-            script = Path(process.cmdline()[-1])
-            if (
-                script.parent.name == scripts.name
-                and script.parent.resolve() == scripts
-            ):
+            # Forks of a server (`hopdata.forks`) end with it, and it with Snakemake.
+            folder = Path(process.cmdline()[-1]).parent
+            # Names first: the disk is not asked about the words of all processes.
+            if folder.name == scripts.name and folder.resolve() == scripts:
                 process.terminate()
                 jobs.append(process)
     _, living = psutil.wait_procs(jobs, timeout=_ENDING_S)
@@ -570,10 +590,9 @@ def who_is_at_work() -> str:
     elsewhere = [owner for owner in alive if not owner.is_here]
     how = f"if none is at work: hopdata run --if-locked take, or rm -r {LOCKS}"
     if alive:
-        runs = " and ".join(map(str, alive))
         if elsewhere:
-            return f"{runs} is at work here; {how}"
-        return f"{runs} is at work here; wait for its end"
+            return f"{_at_work(alive)}; {how}"
+        return f"{_at_work(alive)}; wait for its end"
     here, perhaps = snakemakes()
     if here:
         numbers = " and ".join(map(str, here))

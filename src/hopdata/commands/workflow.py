@@ -18,10 +18,12 @@ from hopdata.bundled import SNAKEFILE
 from hopdata.causes import oom_kills, signal_told
 from hopdata.commands import deaths
 from hopdata.commands.owner import (
+    DRY,
     LOCKS,
     STARTED_BY_HOPDATA,
     is_locked,
     may_be_taken,
+    options_of,
     recorded,
     release_dead,
     take_over,
@@ -39,12 +41,11 @@ _SAID = re.compile(
 _PLANNED = re.compile(r"total +(\d+)$")
 #: Lines of Snakemake that are shown if it fails and nothing of hopdata says why.
 _LAST_LINES = 12
-_DRY = {"-n", "--dry-run", "--dryrun"}
 
 
 def is_dry(options: Iterable[str]) -> bool:
     """Tell whether Snakemake only says what it would do."""
-    return bool(_DRY & {*options})
+    return bool(DRY & options_of(options))
 
 
 def run_workflow(

@@ -28,9 +28,10 @@ from pkgutil import resolve_name
 from typing import Any
 
 import hopdata
+from hopdata import causes
 from hopdata.errors import HopdataError
 from hopdata.foreign import limits
-from hopdata.foreign.budget import Budget
+from hopdata.foreign.budget import MOST_WORDS, Budget
 from hopdata.foreign.plain import EndedError, WrongFrameError, receive, send
 from hopdata.foreign.watch import MEMORY, Watch
 from hopdata.messages import Message
@@ -52,11 +53,11 @@ _READY = "ready"
 # Exit code of a fork that could not even send why it failed.
 _UNSENT = 70
 
+# Errors that led to one another which are looked at: they may lead round in a circle.
+_MOST_CAUSES = 20
+
 # Bytes of a pipe, where they can be chosen.
 _PIPE_BYTES = 1 << 20
-
-# Characters of an error that are told.
-_MOST_WORDS = 500
 
 _is_inside = False
 
@@ -139,11 +140,13 @@ def call(request: Request) -> Answer:
 
 
 def _call_fork(request: Request) -> Answer:
+    """Call a function in a fork of this process, which ends with this call."""
+    folders = limits.own_search_path()
+    parent = os.getpid()
     try:
         from_child, to_parent = os.pipe()
     except OSError as error:
         return Answer(failure=Failure("start", str(error)))
-    folders = limits.own_search_path()
     try:
         with warnings.catch_warnings():
             # Python warns of forks where a library has threads; those of BLAS survive.
@@ -155,22 +158,24 @@ def _call_fork(request: Request) -> Answer:
         return Answer(failure=Failure("start", str(error)))
     if pid == 0:
         try:
-            _be_fork(to_parent, folders, request)
+            _be_fork(to_parent, folders, parent, request)
         finally:
             os._exit(_UNSENT)
     os.close(to_parent)
     kill = partial(_kill, pid)
-    ended = partial(_ended, pid)
+    exit_code = partial(_exit_code, pid)
     with io.FileIO(from_child, "rb") as stream:
         try:
-            answer = _received(stream, pid, kill, ended, request)
+            answer = _received(stream, pid, kill, exit_code, request)
         finally:
             kill()  # if it has not ended
-            ended()
+            _reap(pid)
     return answer
 
 
-def _be_fork(to_parent: int, folders: Sequence[str], request: Request) -> None:
+def _be_fork(
+    to_parent: int, folders: Sequence[str], parent: int, request: Request
+) -> None:
     """Read in the fork, send the answer, and end."""
     global _is_inside
     _is_inside = True
@@ -178,7 +183,8 @@ def _be_fork(to_parent: int, folders: Sequence[str], request: Request) -> None:
     tracemalloc.stop()
     _close_all_but(to_parent)
     _default_signals()
-    limits.confine(folders, ends_with_parent=True)
+    limits.confine(folders)
+    limits.end_with(parent)
     limits.spend_at_most(request.budget, for_good=True)
     with io.FileIO(to_parent, "wb") as stream:
         _answer(stream, request)
@@ -212,19 +218,34 @@ def _default_signals() -> None:
 
 
 def _kill(pid: int) -> None:
+    """End a fork; it must not have been reaped, or its number may be another's."""
     import signal
 
     with suppress(OSError):
         os.kill(pid, signal.SIGKILL)
 
 
-def _ended(pid: int) -> int | None:
-    """Wait for the end of a fork; return its exit code, negative for a signal."""
+def _exit_code(pid: int) -> int | None:
+    """Wait for the end of a fork; return its exit code, negative for a signal.
+
+    Its number stays its own until `_reap`: the watch, or the end of the call, may still
+    send a signal to it.
+    """
     try:
-        _, status = os.waitpid(pid, 0)
+        ended = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
     except OSError:  # somebody else has waited
         return None
-    return os.waitstatus_to_exitcode(status)
+    if ended is None:
+        return None
+    if ended.si_code == os.CLD_EXITED:
+        return ended.si_status
+    return -ended.si_status
+
+
+def _reap(pid: int) -> None:
+    """Give the number of a fork that ends back to the system."""
+    with suppress(OSError):  # somebody else has waited
+        os.waitpid(pid, 0)
 
 
 # A server.
@@ -320,8 +341,8 @@ class Server:
         }
         with suppress(OSError):  # it has ended, which shows when it is to answer
             send(process.stdin, asked)
-        ended = partial(self._exit_code, process)
-        return _received(process.stdout, process.pid, process.kill, ended, request)
+        exit_code = partial(self._exit_code, process)
+        return _received(process.stdout, process.pid, process.kill, exit_code, request)
 
     def _exit_code(self, process: subprocess.Popen[bytes]) -> int | None:
         with suppress(subprocess.TimeoutExpired):
@@ -371,7 +392,7 @@ def serve() -> None:
     nobody = os.open(os.devnull, os.O_RDWR)
     for standard in (0, 1, 2):
         os.dup2(nobody, standard)
-    limits.confine(sys.path, ends_with_parent=False)
+    limits.confine(sys.path)  # it ends where its requests do
     with (
         io.FileIO(requests, "rb") as from_parent,
         io.FileIO(answers, "wb") as to_parent,
@@ -406,10 +427,8 @@ def _answer(stream: io.FileIO, request: Request) -> None:
     try:
         value = resolve_name(request.function)(*request.arguments)
         answer: dict[str, Any] = {"value": value}
-    except HopdataError as error:
-        answer = {"error": _told(error)}
     except BaseException as error:
-        answer = _failed(error)
+        answer = _told(error)
     try:
         send(stream, answer)
     except BrokenPipeError:
@@ -420,34 +439,42 @@ def _answer(stream: io.FileIO, request: Request) -> None:
         send(stream, {"failure": MEMORY, "words": ""})
 
 
-def _failed(error: BaseException) -> dict[str, Any]:
-    """Return what went wrong where no error of hopdata says so."""
+def _told(error: BaseException) -> dict[str, Any]:
+    """Return an error as plain values: of hopdata, for lack of memory, or any other.
+
+    Lack of memory comes first: a reader may have made an error of hopdata of it.
+    """
     if _lacks_memory(error):
         return {"failure": MEMORY, "words": ""}
+    if isinstance(error, HopdataError):
+        lines = [one if isinstance(one, Message) else str(one) for one in error.args]
+        kind = type(error).__name__
+        return {"error": {"kind": kind, "lines": lines, "key": error.key}}
     words = " ".join(str(error).split())
-    place = error.__traceback__
-    while place is not None and place.tb_next is not None:
-        place = place.tb_next
-    where = ""
-    if place is not None:
-        code = place.tb_frame.f_code
-        where = f" ({Path(code.co_filename).name}, line {place.tb_lineno})"
+    place = _innermost(error)
     return {
         "failure": "failed",
-        "words": f"{type(error).__name__}: {words[:500]}{where}",
+        "words": f"{type(error).__name__}: {words[:MOST_WORDS]}{place}",
     }
+
+
+def _innermost(error: BaseException) -> str:
+    """Return where an error was raised, in brackets; nothing if that is not known."""
+    place = error.__traceback__
+    if place is None:
+        return ""
+    while place.tb_next is not None:
+        place = place.tb_next
+    file = Path(place.tb_frame.f_code.co_filename).name
+    return f" ({file}, line {place.tb_lineno})"
 
 
 def _lacks_memory(error: BaseException | None) -> bool:
     """Tell whether an error, or one that led to it, says that memory is lacking."""
-    for _ in range(20):
+    for _ in range(_MOST_CAUSES):
         if error is None:
             return False
-        words = str(error)
-        # h5py's and pandas' words where their libraries lack memory.
-        if isinstance(error, MemoryError) or "unable to allocate" in words.lower():
-            return True
-        if "can't allocate" in words or "out of memory" in words:
+        if isinstance(error, MemoryError) or causes.tells_of_memory(str(error)):
             return True
         error = error.__cause__ or error.__context__
     return False
@@ -461,28 +488,15 @@ def _widen(stream: io.FileIO) -> None:
         fcntl.fcntl(stream.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
 
 
-def _told(error: HopdataError) -> dict[str, Any]:
-    """Return an error of hopdata as plain values."""
-    if _lacks_memory(error):
-        return {"kind": "", "lines": [], "key": "", "memory": True}
-    lines = [line if isinstance(line, Message) else str(line) for line in error.args]
-    return {
-        "kind": type(error).__name__,
-        "lines": lines,
-        "key": error.key,
-        "memory": False,
-    }
-
-
 def _rebuilt(told: dict[str, Any]) -> HopdataError:
-    """Return the error of which `_told` made plain values."""
-    kind = _kinds().get(told["kind"], HopdataError)
+    """Return the error of hopdata of which `_told` made plain values."""
+    kind = _known_errors().get(told["kind"], HopdataError)
     error = kind(*told["lines"])
     error.key = str(told["key"])
     return error
 
 
-def _kinds() -> dict[str, type[HopdataError]]:
+def _known_errors() -> dict[str, type[HopdataError]]:
     """Return the errors of hopdata that this process knows, by their names."""
     known: dict[str, type[HopdataError]] = {}
     waiting: list[type[HopdataError]] = [HopdataError]
@@ -550,8 +564,6 @@ def _understood(answer: Any) -> Answer:
             name, words = str(answer["failure"]), str(answer["words"])
             if name in (MEMORY, "failed", "reply"):
                 return Answer(failure=Failure(name, words))
-        elif answer["error"]["memory"]:
-            return Answer(failure=Failure(MEMORY))
         else:
             return Answer(error=_rebuilt(answer["error"]))
     except (TypeError, KeyError, AttributeError, ValueError):
@@ -561,16 +573,11 @@ def _understood(answer: Any) -> Answer:
 
 def _end_of(code: int | None) -> Failure:
     """Return what the exit code of a process tells about what it has read."""
-    import signal
-
     if code is None:
         return Failure("ended", "it says no more")
     if code >= 0:
         return Failure("ended", f"exit code {code}")
-    try:
-        name = signal.Signals(-code).name
-    except ValueError:
-        name = f"signal {-code}"
+    name = causes.signal_name(-code)
     if name == "SIGXCPU":
         return Failure("time")
     if name == "SIGKILL":  # by a system that runs out of memory

@@ -58,6 +58,9 @@ MOST_HEAD = 32_000_000
 # Levels of the lists and tables in the head.
 DEEPEST = 32
 
+# Characters of somebody else's error that are told.
+MOST_WORDS = 500
+
 
 @dataclass(frozen=True)
 class Budget:
@@ -141,8 +144,7 @@ def _left_in_groups(proc: Path = Path("/proc"), sys: Path = Path("/sys")) -> lis
                 files = ("memory.limit_in_bytes", "memory.usage_in_bytes")
             else:
                 continue
-            # In a container the name may be that outside; its own group is the root.
-            for folder in (root / name.lstrip("/"), root):
+            for folder in _groups_about(root, name):
                 with suppress(OSError, ValueError):
                     most = int((folder / files[0]).read_text())
                     used = int((folder / files[1]).read_text())
@@ -150,14 +152,29 @@ def _left_in_groups(proc: Path = Path("/proc"), sys: Path = Path("/sys")) -> lis
     return left
 
 
+def _groups_about(root: Path, name: str) -> list[Path]:
+    """Return the folders of a control group and of those that hold it, up to the root.
+
+    A batch system may limit the job, and run each of its tasks in a group below it that
+    has no limit of its own. In a container the name may be that outside; its own group
+    is then the root.
+    """
+    own = root / name.lstrip("/")
+    return [own, *(place for place in own.parents if place.is_relative_to(root))]
+
+
 def _reclaimable(folder: Path) -> int:
-    """Return the bytes of cached files that a control group would give up."""
+    """Return the bytes of cached files that a control group would give up.
+
+    With those of the groups that it holds, where it tells both: it is charged for them.
+    """
+    found = {}
     with suppress(OSError, ValueError):
         for line in (folder / "memory.stat").read_text().splitlines():
             key, _, value = line.partition(" ")
             if key in ("inactive_file", "total_inactive_file"):
-                return int(value)
-    return 0
+                found[key] = int(value)
+    return max(found.values(), default=0)
 
 
 def _left_to_user() -> list[int]:

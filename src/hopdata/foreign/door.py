@@ -49,8 +49,8 @@ from typing import Any
 
 from hopdata.errors import HopdataError, RecordingError
 from hopdata.foreign import apart
-from hopdata.foreign.budget import Budget, budget_for
-from hopdata.foreign.watch import MEMORY
+from hopdata.foreign.budget import LONGEST_SLEEP_S, Budget, budget_for
+from hopdata.foreign.watch import MEMORY, TIME, WAITS
 from hopdata.messages import Message
 
 _is_open = False
@@ -157,11 +157,9 @@ def _message(
     }
     if failure.name == MEMORY:
         values["most_mb"] = round(budget.memory / 1e6)
-    elif name == "time":
+    elif name == TIME:
         values["most_s"] = round(budget.cpu_s)
-    elif name == "waits":
-        from hopdata.foreign.budget import LONGEST_SLEEP_S
-
+    elif name == WAITS:
         values["waited_s"] = round(LONGEST_SLEEP_S)
     elif name == "ended":
         values["how"] = failure.words

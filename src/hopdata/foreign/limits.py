@@ -19,6 +19,10 @@ from hopdata.foreign.budget import Budget, used_memory
 # Address space beyond data: libraries and files that are mapped.
 _MAPPED = 1 << 30
 
+# Numbers of Linux's `prctl` and `unshare`.
+_SET_DEATH_SIGNAL, _SET_NO_NEW_PRIVILEGES = 1, 38
+_NEW_NETWORK, _NEW_USER = 0x40000000, 0x10000000
+
 # Files that a process may open.
 _MOST_FILES = 256
 
@@ -37,7 +41,7 @@ _REFUSED = frozenset(
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
-def confine(folders: Sequence[str], *, ends_with_parent: bool) -> None:
+def confine(folders: Sequence[str]) -> None:
     """Take from this process, for good, all that reading does not need.
 
     Its search path becomes `folders`; it writes no file, no compiled code and no core,
@@ -47,12 +51,10 @@ def confine(folders: Sequence[str], *, ends_with_parent: bool) -> None:
     Parameters
     ----------
     folders : sequence of str
-    ends_with_parent : bool
-        Whether it ends with the thread that started it.
     """
     sys.path[:] = folders
     sys.dont_write_bytecode = True
-    _no_new_rights(ends_with_parent)
+    _no_new_rights()
     _no_network()
     _limit("RLIMIT_CORE", 0)
     _limit("RLIMIT_FSIZE", 0)
@@ -109,12 +111,12 @@ def _limit(name: str, most: int, *, for_good: bool = True) -> None:
         return
     with suppress(OSError, ValueError):
         _, hard = resource.getrlimit(kind)
+        # Of CPU time the first signal tells what happens, and the second ends.
+        room = 1 if name == "RLIMIT_CPU" else 0
         if hard != resource.RLIM_INFINITY:
-            most = min(most, hard)
+            most = min(most, max(hard - room, 0))
         if for_good:
-            hard = most
-            if name == "RLIMIT_CPU" and most < 2**31:
-                hard = most + 1  # the first signal tells, the second ends
+            hard = most + room
         resource.setrlimit(kind, (most, hard))
 
 
@@ -132,31 +134,46 @@ def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
         raise PermissionError(f"expected only to read, found {event}")
 
 
-def _no_new_rights(ends_with_parent: bool) -> None:
-    """Gain no rights by programs, and end with the thread that started this process."""
-    if not sys.platform.startswith("linux"):
-        return
-    library = _c_library()
+def end_with(parent: int) -> None:
+    """Have this process killed when its parent ends, or the thread that started it.
+
+    Only Linux can do so; elsewhere nothing is done.
+
+    Parameters
+    ----------
+    parent : int
+        Number of the parent's process, from before this one was started.
+    """
+    library = _linux_library()
     if library is not None:
-        set_death_signal, set_no_new_privileges = 1, 38
-        if ends_with_parent:
-            library.prctl(set_death_signal, int(signal.SIGKILL), 0, 0, 0)
-        library.prctl(set_no_new_privileges, 1, 0, 0, 0)
+        library.prctl(_SET_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
+        if os.getppid() != parent:  # it has ended before this could be asked for
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _no_new_rights() -> None:
+    """Gain no rights by programs."""
+    library = _linux_library()
+    if library is not None:
+        library.prctl(_SET_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
 
 
 def _no_network() -> None:
     """Leave the network, where the system lets a user do so."""
-    if not sys.platform.startswith("linux"):
+    library = _linux_library()
+    if library is None:
         return
-    library = _c_library()
-    if library is not None:
-        new_network, new_user = 0x40000000, 0x10000000
-        if library.unshare(new_network) and os.geteuid():
-            library.unshare(new_network | new_user)
+    is_refused = library.unshare(_NEW_NETWORK) != 0
+    # In a user space of its own any user may leave. Root would lose there the right to
+    # read what belongs to others.
+    if is_refused and os.geteuid() != 0:
+        library.unshare(_NEW_NETWORK | _NEW_USER)
 
 
-def _c_library() -> Any:
-    """Return the functions of the C library; None if they cannot be had."""
+def _linux_library() -> Any:
+    """Return the functions of Linux's C library; None elsewhere, or without it."""
+    if not sys.platform.startswith("linux"):
+        return None
     try:
         import ctypes
 

@@ -12,10 +12,8 @@ from contextlib import contextmanager
 from importlib.metadata import EntryPoint
 
 from hopdata.errors import ConfigError, HopdataError
+from hopdata.foreign.budget import MOST_WORDS
 from hopdata.messages import Message
-
-# Characters of a plugin's error that are told.
-MOST_WORDS = 500
 
 
 def name_of(kind: str, entry: EntryPoint) -> str:

@@ -11,12 +11,16 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from hopdata.foreign.budget import LONGEST_SLEEP_S, Budget
 
 # Time between two looks, s.
 _LOOK_S = 0.25
+
+# Time after the last look from which on this process was halted, s: by Ctrl-Z or by a
+# batch system that suspends jobs, and the other with it. What is beyond does not count.
+_HALTED_S = 20 * _LOOK_S
 
 # What a watch can say, which is the name of the message too.
 TIME, WAITS, MEMORY = "time", "waits", "memory"
@@ -65,26 +69,32 @@ class Watch:
             return
         import psutil
 
-        begun_s = time.monotonic()
-        with suppress(psutil.Error):
-            process = psutil.Process(self._pid)
-            first = process.cpu_times()
-            first_s = first.user + first.system
-            first_bytes = process.memory_info().rss
-            while not self._is_over.wait(_LOOK_S):
-                used = process.cpu_times()
-                used_s = used.user + used.system
-                n_bytes = process.memory_info().rss
-                self._count_sleep(process.status() == psutil.STATUS_SLEEPING, used_s)
-                took_s = time.monotonic() - begun_s
-                if n_bytes - first_bytes > self._budget.memory:
-                    self._end(MEMORY)
-                elif self._asleep_s > LONGEST_SLEEP_S:
-                    self._end(WAITS)
-                elif self._is_late(used_s - first_s, took_s):
-                    self._end(TIME)
-                if self.found:
-                    return
+        with suppress(psutil.Error):  # it has ended, or may not be seen
+            self._look_until_over(psutil.Process(self._pid))
+
+    def _look_until_over(self, process: Any) -> None:
+        """Look again and again; end the process once it is beyond its budget."""
+        import psutil
+
+        first_s = _cpu_s(process)
+        first_bytes = process.memory_info().rss
+        took_s = 0.0
+        last_s = time.monotonic()
+        while not self._is_over.wait(_LOOK_S):
+            now_s = time.monotonic()
+            took_s += min(now_s - last_s, _HALTED_S)
+            last_s = now_s
+            used_s = _cpu_s(process)
+            n_bytes = process.memory_info().rss
+            self._count_sleep(process.status() == psutil.STATUS_SLEEPING, used_s)
+            if n_bytes - first_bytes > self._budget.memory:
+                self._end(MEMORY)
+            elif self._asleep_s > LONGEST_SLEEP_S:
+                self._end(WAITS)
+            elif self._is_late(used_s - first_s, took_s):
+                self._end(TIME)
+            if self.found:
+                return
 
     def _is_late(self, cpu_s: float, wall_s: float) -> bool:
         """Tell whether it has taken too long; the system's own limit comes first."""
@@ -103,3 +113,9 @@ class Watch:
     def _end(self, found: str) -> None:
         self.found = found
         self._kill()
+
+
+def _cpu_s(process: Any) -> float:
+    """Return the CPU time of a process, s."""
+    times = process.cpu_times()
+    return float(times.user + times.system)
