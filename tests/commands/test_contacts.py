@@ -13,9 +13,10 @@ from written_files import write_c3d
 
 import hopdata as hd
 from hopdata.__main__ import main
-from hopdata.commands.contacts import Trial, name_apart
+from hopdata.commands.contacts import Trial, name_apart, one_of_a_kind
 from hopdata.commands.contacts_instead import write_few
 from hopdata.config.loading import load_config
+from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.c3d import read_c3d
@@ -83,7 +84,7 @@ def test_tables_and_page_are_written(recording, tmp_path, capsys):
     text = page.read_text("utf-8")
     assert text.count("data:image/svg+xml") == 2
     assert "Each landing" in text
-    assert "http" not in re.sub(r"https?://www\.w3\.org", "", text)
+    assert "://" not in re.sub(r"https?://www\.w3\.org", "", text)
     # What is there is not replaced, and the recording never.
     capsys.readouterr()
     assert main(given) == 1
@@ -295,3 +296,48 @@ def test_plates_of_files_that_are_joined_are_compared_on_one_clock(
 def test_a_file_without_plates_has_empty_columns(recording):
     assert main(["contacts", str(recording), "--out", "none.csv"]) == 0
     assert pd.read_csv("none.csv")["plate_s"].isna().all()
+
+
+def told_of(notes):
+    """Return a file's notes in words, one of a kind."""
+    positions = np.zeros((3, 1, 3))
+    time = 0.01 * np.arange(3)
+    made = Recording.from_arrays(time, positions, ["a"], feet=["a"], body=[])
+    return one_of_a_kind(made, notes)
+
+
+def test_notes_of_a_kind_are_told_as_one():
+    unseen = [
+        Message("recordings.unseen", {"marker": name, "percent": 30.0})
+        for name in ("toe", "heel")
+    ]
+    pairs = [
+        Message(
+            "recordings.feet_at_one_distance",
+            {"one": "a", "other": name, "apart_mm": 2.0},
+        )
+        for name in ("b", "c")
+    ]
+    notes = [
+        Message("recordings.at", {"place": "x", "remark": one})
+        for one in (*unseen, *pairs)
+    ]
+    told = told_of(notes)
+    assert len(told) == 2
+    assert "toe (30 %), heel (30 %)" in told[0]
+    assert "'a' and 'b' (2.0 mm), 'a' and 'c' (2.0 mm)" in told[1]
+    # One alone keeps its own words, and another kind is not touched.
+    other = Message("recordings.as_read", {"text": "a clock that jitters"})
+    alone = told_of([notes[2], other])
+    assert sorted(alone) == sorted([str(notes[2]), "a clock that jitters"])
+
+
+def test_a_marker_unseen_for_long_is_told_of_once(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    positions = hopping(1, n_frames=500)[1]
+    positions[100:280, MARKERS.index("toe1")] = np.nan
+    file = export(tmp_path, positions)
+    main(["contacts", str(file), "--feet", "toe1", "toe2", "toe3"])
+    out = capsys.readouterr().out
+    assert len(re.findall(r"toe1 \(\d+ %\)", out)) == 1
+    assert "markers that many frames do not show: toe1" in out

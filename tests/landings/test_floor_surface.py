@@ -6,6 +6,7 @@ from hopdata.landings.floor_surface import (
     design,
     directions,
     polynomial_terms,
+    rim_of,
     robust_regression,
     within_rim,
 )
@@ -36,6 +37,15 @@ def test_places_beyond_the_rim_go_straight_to_it():
     np.testing.assert_allclose(
         moved * np.maximum(beyond, 1.0)[:, None], places, rtol=1e-14
     )
+
+
+def test_a_rim_of_one_spot_moves_every_place_to_it():
+    places = np.array([[0.0, 0.0], [3.0, -4.0], [np.nan, 0.0]])
+    rim = rim_of(np.zeros((5, 2)), 24)
+    with np.errstate(all="raise"):
+        moved = within_rim(places, rim)
+    np.testing.assert_array_equal(moved[:2], np.zeros((2, 2)))
+    assert np.isnan(moved[2, 0])
 
 
 def test_unknown_places_stay_unknown_and_the_given_ones_are_kept():

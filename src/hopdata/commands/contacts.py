@@ -37,8 +37,22 @@ FORMATS = {
 # Joins the name of a foot and its markers in --feet.
 NAME_IS = "="
 
-# A marker that many frames do not show.
-UNSEEN = "recordings.unseen"
+# Notes of a kind, and the one that names all that they are on.
+MARKERS_UNSEEN = "commands.markers_unseen"
+KINDS = {
+    "recordings.unseen": MARKERS_UNSEEN,
+    "recordings.feet_at_one_distance": "commands.feet_in_pairs",
+    "recordings.feet_the_same": "commands.feet_in_pairs",
+}
+# What each of them is on.
+SHORT = {
+    "recordings.unseen": "{marker} ({percent:.0f} %)",
+    "recordings.feet_at_one_distance": "'{one}' and '{other}' ({apart_mm:.1f} mm)",
+    "recordings.feet_the_same": "'{one}' and '{other}' (0 mm)",
+}
+
+# Markers or pairs that a note of several names.
+MOST_OF_A_KIND = 12
 
 # Why no foot is guessed.
 NO_FEET = ("recordings.no_feet", "recordings.one_foot")
@@ -122,9 +136,9 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
     inspection = inspected(of_one)
     check_order(str(file), inspection.time)
     roles = guessed_roles(inspection)
-    questions = [
-        note for note in listing.notes(inspection) if note not in inspection.remarks
-    ]
+    # The recording's own notes name the unseen ones of the markers that are used.
+    told_later = [*inspection.remarks, *listing.unseen_for_long(inspection)]
+    questions = [note for note in listing.notes(inspection) if note not in told_later]
     if inspection.suspects():
         # Frames of exchanged or frozen markers are not timed: landings may be lost.
         suspects = {"answer": listing.answer(inspection)}
@@ -217,22 +231,32 @@ def _notes_on(recording: Recording) -> list[str]:
         return [str(remark) for remark in recording.remarks]
     check_fall(recording)
     check_upright(recording)
-    return _one_of_a_kind(recording, notes(recording))
+    return one_of_a_kind(recording, notes(recording))
 
 
-def _one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[str]:
-    """Return notes in words; markers that are unseen have one for all of them."""
+def one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[str]:
+    """Return notes in words, with one note for all of a kind."""
     told = []
-    unseen = []
+    several: dict[str, list[str]] = {}
+    alone: dict[str, str] = {}
     for note in notes:
         remark = note.values.get("remark")
-        if isinstance(remark, Message) and remark.code == UNSEEN:
-            unseen.append("{marker} ({percent:.0f} %)".format_map(remark.values))
-        else:
+        if not isinstance(remark, Message) or remark.code not in KINDS:
             told.append(str(note))
-    if unseen:
-        values = {"place": recording.place, "markers": ", ".join(unseen)}
-        told.append(str(Message("commands.markers_unseen", values)))
+            continue
+        kind = KINDS[remark.code]
+        short = SHORT[remark.code].format_map(remark.values)
+        several.setdefault(kind, []).append(short)
+        alone[kind] = str(note)
+    for kind, shorts in several.items():
+        if len(shorts) == 1 and kind != MARKERS_UNSEEN:
+            told.append(alone[kind])
+            continue
+        listed = ", ".join(shorts[:MOST_OF_A_KIND])
+        if len(shorts) > MOST_OF_A_KIND:
+            listed += f", ... {len(shorts) - MOST_OF_A_KIND} more"
+        values = {"place": recording.place, "listed": listed}
+        told.append(str(Message(kind, values)))
     return told
 
 

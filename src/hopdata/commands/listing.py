@@ -182,12 +182,16 @@ def notes(inspection: Inspection) -> list[str]:
     found += question("input.rate_hz", inspection.rate)
     found += inspection.remarks
     found += [str(one) for one in (*inspection.treated, *inspection.lost)]
+    return found + unseen_for_long(inspection)
+
+
+def unseen_for_long(inspection: Inspection) -> list[str]:
+    """Return one note on all markers that many frames do not show, or none."""
     unseen = [gaps for gaps in inspection.gaps if LONG_UNSEEN < gaps.share < 1]
-    if unseen:
-        markers = [f"{gaps.marker} ({100 * gaps.share:.0f} %)" for gaps in unseen]
-        note = Message("commands.unseen_for_long", {"markers": ", ".join(markers)})
-        found.append(str(note))
-    return found
+    if not unseen:
+        return []
+    markers = [f"{gaps.marker} ({100 * gaps.share:.0f} %)" for gaps in unseen]
+    return [str(Message("commands.unseen_for_long", {"markers": ", ".join(markers)}))]
 
 
 def question(key: str, guess: Guess) -> list[str]:

@@ -224,6 +224,9 @@ def within_rim(places: FloatArray, rim: FloatArray) -> FloatArray:
     moved = np.array(places, dtype=np.float64)
     square_distance = np.einsum("pk,pk->p", places, places)
     outer = np.flatnonzero(square_distance > max(rim.min(), 0.0) ** 2)
+    if not rim.any():  # feet that rest at one spot have no rim but this spot
+        moved[outer] = 0.0
+        return moved
     beyond = np.max(places[outer] @ directions(len(rim)).T / rim, axis=1)
     moved[outer] /= np.maximum(beyond, 1.0)[:, np.newaxis]
     return moved

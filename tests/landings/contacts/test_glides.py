@@ -9,8 +9,15 @@ from gliding_heels import walk
 
 import hopdata as hd
 from hopdata.landings import exclusion
+from hopdata.landings.contacts import timing
 from hopdata.landings.contacts.descents import GLIDES, LANDED
-from hopdata.landings.contacts.glides import glides, last_descents, sinks
+from hopdata.landings.contacts.glides import (
+    DOWN_S,
+    doubts,
+    glides,
+    last_descents,
+    sinks,
+)
 from hopdata.landings.contacts.timing import find_contacts
 from hopdata.landings.contacts.where import whole_spans
 from hopdata.landings.touchdowns import exclusion_reasons
@@ -102,6 +109,36 @@ def test_a_gliding_heel_is_timed_when_it_comes_down(glide_m, seed, rate_hz):
     assert (np.abs(off_s) < 2.5 * stated_s).all()
 
 
+def errors_of_low_glides(seed):
+    """Return errors and stated errors of heels that glide 4 mm above the floor, s."""
+    recording, truth = walk(seed, glide_m=0.004)
+    found = hd.contacts(recording).found
+    away_s = found["contact_s"].to_numpy()[:, None] - truth
+    nearest = np.abs(away_s).argmin(axis=1)
+    off_s = away_s[np.arange(len(found)), nearest]
+    return off_s, np.hypot(found["se_s"], found["common_s"]).to_numpy()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4])
+def test_a_glide_too_low_to_tell_from_yielding_widens_the_error(seed, monkeypatch):
+    off_s, stated_s = errors_of_low_glides(seed)
+    is_early = off_s < -0.04
+    assert is_early.any()
+    assert (np.abs(off_s) < 3 * stated_s).all()
+    assert (stated_s[~is_early] < 0.025).any()
+    # Feet whose contacts no law describes sink on as they roll: nothing is widened.
+    monkeypatch.setattr(timing, "ROLLS", 0.0)
+    off_s, stated_s = errors_of_low_glides(seed)
+    assert (np.abs(off_s[is_early]) > 3 * stated_s[is_early]).all()
+
+
+def test_a_foot_without_a_later_kink_may_come_down_until_the_search_ends():
+    first = np.array([[1.0, 2.0]])
+    later = np.array([[1.09, np.nan]])
+    expected_s = np.array([[0.09, DOWN_S]]) / np.sqrt(3.0)
+    np.testing.assert_allclose(doubts(first, later), expected_s)
+
+
 def test_a_foot_that_has_left_the_floor_does_not_glide():
     def height_m(after):
         stands = np.where(after < 0.1, 0.012, 0.012 + 2.0 * (after - 0.1))
@@ -127,6 +164,27 @@ def test_a_study_does_not_trust_a_glide_whose_end_it_does_not_see():
     reasons = exclusion_reasons(whole_spans(spans), contacts, longest_gap_s=0.1)
     told = Message(exclusion.FOOT_GLIDES, {"foot": 1}).text()
     assert {reasons[row] for row in np.flatnonzero(is_early)} == {told}
+
+
+def test_a_foot_that_creeps_evenly_has_landed():
+    noise_m = 3e-4
+    noise = np.random.default_rng(8).normal(0, noise_m, (len(TIME), 1))
+    creeps = foot_at(lambda after: -0.04 * np.maximum(after, 0.0)) + noise
+    comes_down = foot_at(lambda after: np.where(after < 0.12, 0.008, 0.0)) + noise
+    instant = np.array([[CONTACT_S]])
+    for heights, has_glided in ((creeps, False), (comes_down, True)):
+        given = (TIME, heights, instant, (0,))
+        assert glides(*given, noise_m=noise_m)[0, 0] == has_glided
+        assert glides(*given)[0, 0]  # both sink by 8 mm
+
+
+@pytest.mark.parametrize("noise_m", [1e-4, 3e-4])
+def test_contacts_of_feet_that_creep_are_kept(noise_m):
+    made = falls(60, seed=12, creep_m_s=-0.04, noise_m=noise_m)
+    found = find_contacts(made.time, made.heights, made.transitions, down_height_m=0.02)
+    assert (found.status == LANDED).all()
+    assert np.abs(found.instant - made.contacts).max() < 0.003
+    assert found.se.max() < 0.003
 
 
 def test_contacts_of_feet_that_fall_freely_are_not_sought_again():

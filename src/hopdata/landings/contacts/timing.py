@@ -22,11 +22,13 @@ from hopdata.landings.contacts.glides import (
     COMES_DOWN_M_S,
     GLIDED_M,
     LOWEST_SIGMAS,
+    ROLLS,
     SINKS_M,
     SINKS_SIGMAS,
     SLOWLY_SINKS_M,
     UNKNOWN_SOFTNESS_S,
     YIELDED_S,
+    doubts,
     glides,
     last_descents,
 )
@@ -274,7 +276,10 @@ def find_all_contacts(
         short_s = passes.windows_of_at_least(
             trial.time, asked_s[number], passes.SHORT_WINDOWS_S
         )
-        found.append(_after_glides(trial, contacts, known, judged, short_s, gravity))
+        rolls = bool(about_fit_m[number] > ROLLS * known.noise_m)
+        found.append(
+            _after_glides(trial, contacts, known, judged, short_s, gravity, rolls=rolls)
+        )
     return found
 
 
@@ -285,10 +290,14 @@ def _after_glides(
     judged: Callable[..., Contacts],
     windows_s: tuple[float, float],
     gravity: str,
+    *,
+    rolls: bool,
 ) -> Contacts:
     """Time feet again, nearer to the floor, that were timed while they still glide.
 
-    One that is not seen to come down keeps its instant, with the status `GLIDES`.
+    One that is not seen to come down keeps its instant, with the status `GLIDES`. One
+    that may have glided, but sinks too little to tell, keeps its instant with an error
+    that reaches to where it is down.
 
     Parameters
     ----------
@@ -304,34 +313,36 @@ def _after_glides(
         Windows before and after a contact of a foot that is fitted alone, s.
     gravity : str
         See `find_contacts`.
+    rolls : bool
+        Whether feet roll, and so sink on after sound contacts: see `glides.ROLLS`.
     """
     foot_of = trial.foot_of or tuple(range(trial.heights.shape[1]))
     without_kink = contacts.se >= UNDETERMINED_S
     least_m = np.where(without_kink, SLOWLY_SINKS_M, SINKS_M)
-    least_m = np.maximum(least_m, SINKS_SIGMAS * rough.noise_m)
-    may_glide = _are_gliding(trial, contacts, foot_of, least_m)
+    noise_m = rough.noise_m
+    least_m = np.maximum(least_m, SINKS_SIGMAS * noise_m)
+    may_glide = _are_gliding(trial, contacts, foot_of, least_m, noise_m)
     if not may_glide.any():
         return contacts
-    glided_m = GLIDED_M + LOWEST_SIGMAS * rough.noise_m
-    has_glided = _are_gliding(trial, contacts, foot_of, glided_m)
+    glided_m = GLIDED_M + LOWEST_SIGMAS * noise_m
+    has_glided = _are_gliding(trial, contacts, foot_of, glided_m, noise_m)
     near, earliest = last_descents(
-        trial.time, trial.heights, contacts.instant, may_glide, noise_m=rough.noise_m
+        trial.time, trial.heights, contacts.instant, may_glide, noise_m=noise_m
     )
     feet = FootHeights(trial.time, trial.heights, windows_s, earliest)
     alone = Trials.of([feet], [len(near)])
-    noise_m = np.array([rough.noise_m])
-    fits = kink_law.soft_fits(alone, near, noise_m=noise_m, gravity=gravity)
+    fits = kink_law.soft_fits(alone, near, noise_m=np.array([noise_m]), gravity=gravity)
     sought = np.where(np.isfinite(near), descents.LANDED, descents.GLIDES)
     none_rises = np.zeros(near.shape, dtype=bool)
     again = judged(
-        _Rough(near, earliest, sought, rough.noise_m),
+        _Rough(near, earliest, sought, noise_m),
         passes.Fitted(alone, near, fits, contacts.common[None], none_rises),
         0,
     )
     se = np.hypot(again.se, UNKNOWN_SOFTNESS_S)
     # A foot that only sinks may stand: it has glided if it then comes down, or, without
     # a first kink, if it has a later one.
-    is_clear = fits.unit_se * rough.noise_m < CLEAR_S
+    is_clear = fits.unit_se * noise_m < CLEAR_S
     is_clear &= again.se < CLEAR_S
     comes_down = is_clear & (fits.velocity < -COMES_DOWN_M_S)
     comes_down |= without_kink & (se < UNDETERMINED_S)
@@ -339,12 +350,18 @@ def _after_glides(
     is_down &= again.status == descents.LANDED
     is_down &= again.instant > contacts.instant + YIELDED_S
     down = replace(contacts, instant=np.where(is_down, again.instant, np.nan))
-    is_down &= ~_are_gliding(trial, down, foot_of, glided_m)
+    is_down &= ~_are_gliding(trial, down, foot_of, glided_m, noise_m)
     status = np.where(has_glided, descents.GLIDES, contacts.status)
+    first_se = contacts.se
+    if not rolls:
+        is_unsure = may_glide & ~is_down & ~has_glided
+        later = np.where(again.status == descents.LANDED, again.instant, np.nan)
+        doubt_s = doubts(contacts.instant, later)
+        first_se = np.where(is_unsure, np.hypot(first_se, doubt_s), first_se)
     return replace(
         contacts,
         instant=np.where(is_down, again.instant, contacts.instant),
-        se=np.where(is_down, se, contacts.se),
+        se=np.where(is_down, se, first_se),
         status=np.where(is_down, descents.LANDED, status),
         earliest=np.where(is_down, earliest, contacts.earliest),
     )
@@ -355,11 +372,14 @@ def _are_gliding(
     contacts: Contacts,
     foot_of: tuple[int, ...],
     least_m: FloatArray | float,
+    noise_m: float,
 ) -> BoolArray:
     """Mark the contacts (L, n) of feet that sink on by more than `least_m`, m."""
     landed = contacts.status == descents.LANDED
     instant = np.where(landed, contacts.instant, np.nan)
-    return glides(trial.time, trial.heights, instant, foot_of, least_m=least_m)
+    return glides(
+        trial.time, trial.heights, instant, foot_of, least_m=least_m, noise_m=noise_m
+    )
 
 
 def _fall_freely(trials: Sequence[Trial], rough: Sequence[_Rough]) -> bool:
