@@ -267,6 +267,28 @@ def test_a_job_keeps_digests_and_refuses_a_damaged_input(tmp_path, capsys):
     assert "a.csv: expected the bytes that were written" in capsys.readouterr().err
 
 
+def test_a_job_keeps_digests_of_all_that_it_writes_in_its_folder(tmp_path):
+    folder = tmp_path / "members" / "anna"
+    folder.mkdir(parents=True)
+    (folder / "notes.txt").write_text("of the user")
+    (folder / "old.csv").write_text("whole")
+    row = folder / "member.json"
+    with reported(tmp_path / "a.log", [], [row, folder / "report.html"], folder):
+        for name in ("member.json", "report.html", "verdict.json", "old.csv"):
+            with whole_file(folder / name) as draft:
+                draft.write_text("whole")
+    assert digests.changed_in(tmp_path) == {}
+    for name in ("old.csv", "verdict.json"):
+        (folder / name).write_text("whale")
+        assert digests.changed_in(tmp_path) == {row: folder / name}
+        (folder / name).write_text("whole")
+    # What the job did not write is not its own, and an output speaks for itself.
+    (folder / "notes.txt").write_text("changed")
+    assert digests.changed_in(tmp_path) == {}
+    (folder / "report.html").write_text("whale")
+    assert [*digests.changed_in(tmp_path)] == [folder / "report.html"]
+
+
 def test_a_job_that_failed_keeps_no_digest_of_what_it_left(tmp_path):
     made = tmp_path / "a.csv"
     made.write_text("half")

@@ -20,6 +20,7 @@ from hopdata.errors import DamagedError
 FOLDER = ".sha256"
 _ENDING = ".sha256"
 _COPIES = ".snakemake"
+_DRAFTS = ".part"
 _BLOCK = 1 << 20  # bytes read at a time
 
 
@@ -49,6 +50,41 @@ def keep(files: Iterable[str | Path]) -> None:
         place.write_text(text, encoding="utf-8", newline="\n")
 
 
+def states_in(folder: str | Path) -> dict[Path, tuple[int, int]]:
+    """Return by which numbers one sees that a file below a folder was written anew."""
+    found = {}
+    for place, _, names in os.walk(folder):
+        if Path(place).name == FOLDER:
+            continue
+        for name in names:
+            if name.endswith(_DRAFTS):  # of a killed process
+                continue
+            status = os.lstat(os.path.join(place, name))
+            found[Path(place, name)] = (status.st_ino, status.st_mtime_ns)
+    return found
+
+
+def keep_further(output: str | Path, files: Iterable[str | Path]) -> None:
+    """Keep the digests of further files of a job below that of one of its outputs.
+
+    Parameters
+    ----------
+    output : path
+        The output; its own digest is kept already, or it has none (see `keep`).
+    files : iterable of path
+        Files in its folder, or below that.
+    """
+    if not place_of(output).exists():
+        return
+    folder = Path(output).parent
+    lines = [
+        f"{digest_of(file)}  {Path(file).relative_to(folder).as_posix()}\n"
+        for file in sorted(map(Path, files))
+    ]
+    with place_of(output).open("a", encoding="utf-8", newline="\n") as kept:
+        kept.writelines(lines)
+
+
 def is_changed(file: str | Path) -> bool:
     """Tell whether a file differs from what a job wrote; it does not if none is known.
 
@@ -57,11 +93,34 @@ def is_changed(file: str | Path) -> bool:
     OSError
         If the file, or its digest, cannot be read.
     """
+    own, _ = _kept(file)
+    return bool(own) and own.partition(b" ")[0] != digest_of(file).encode()
+
+
+def _kept(file: str | Path) -> tuple[bytes, list[bytes]]:
+    """Return the line of a file's own digest, and those of further files of its job."""
     try:
-        kept = place_of(file).read_bytes()
+        own, *further = place_of(file).read_bytes().split(b"\n")
     except (FileNotFoundError, NotADirectoryError):
-        return False
-    return kept.partition(b" ")[0] != digest_of(file).encode()
+        return b"", []
+    # A digest without its text is damaged.
+    return own or b"\0", [line for line in further if line]
+
+
+def further_change(file: str | Path) -> Path | None:
+    """Return the first further file of a file's job that is not as written, or None.
+
+    Raises
+    ------
+    OSError
+        If one of them cannot be read.
+    """
+    for line in _kept(file)[1]:
+        digest, _, name = line.partition(b"  ")
+        place = Path(file).parent / os.fsdecode(name)
+        if not place.is_file() or digest_of(place).encode() != digest:
+            return place
+    return None
 
 
 def require_unchanged(files: Iterable[str | Path]) -> None:
@@ -79,21 +138,23 @@ def require_unchanged(files: Iterable[str | Path]) -> None:
             raise DamagedError.at(file, wanted, f"{found}; the next run makes it again")
 
 
-def changed_in(folder: str | Path) -> list[Path]:
+def changed_in(folder: str | Path) -> dict[Path, Path]:
     """Return the files below a folder that differ from what was written, in order.
 
     Files without a digest count as whole, and those that cannot be read as changed.
+
+    Returns
+    -------
+    dict
+        By file what is not as written: itself, or a further file of its job.
     """
     files = sorted(_with_digest(folder))
     if not files:
-        return []
+        return {}
     # Reading waits for the disk, and the digest is computed outside of Python's lock.
     with ThreadPoolExecutor(max_workers=min(8, os.cpu_count() or 1)) as pool:
-        return [
-            file
-            for file, differs in zip(files, pool.map(_differs, files), strict=True)
-            if differs
-        ]
+        found = zip(files, pool.map(_change, files), strict=True)
+        return {file: change for file, change in found if change is not None}
 
 
 def _with_digest(folder: str | Path) -> Iterator[Path]:
@@ -106,11 +167,13 @@ def _with_digest(folder: str | Path) -> Iterator[Path]:
                 yield file
 
 
-def _differs(file: Path) -> bool:
+def _change(file: Path) -> Path | None:
     try:
-        return is_changed(file)
+        if is_changed(file):
+            return file
+        return further_change(file)
     except OSError:
-        return True
+        return file
 
 
 def digest_of(file: str | Path) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.causes import cause_of, error_number
-from hopdata.digests import keep, require_unchanged
+from hopdata.digests import keep, keep_further, require_unchanged, states_in
 from hopdata.errors import (
     NO_BREAK_SPACES,
     DamagedError,
@@ -73,6 +73,7 @@ def reported(
     log: str | Path,
     inputs: Iterable[str | Path] = (),
     outputs: Iterable[str | Path] = (),
+    folder: str | Path | None = None,
 ) -> Iterator[None]:
     """Do the work of a job: with a log, on inputs that are whole, errors in one line.
 
@@ -84,6 +85,9 @@ def reported(
     inputs, outputs : iterable of path
         Files of the job. Inputs that an earlier job has written are compared with their
         digests (`hopdata.digests`), and the digests of the outputs are kept.
+    folder : path, optional
+        Folder of the first output, if the job writes more there than its outputs. The
+        digests of these files are kept with that of the first output.
 
     Raises
     ------
@@ -102,8 +106,14 @@ def reported(
     logger.setLevel(logging.INFO)
     try:
         require_unchanged(inputs)
+        before = states_in(folder) if folder else {}
         yield
+        outputs = [Path(one) for one in outputs]
         keep(outputs)
+        if folder:
+            after = states_in(folder)
+            written = [one for one in after if after[one] != before.get(one)]
+            keep_further(outputs[0], {*written} - {*outputs})
     except HopdataError as error:
         cause = cause_of(error.__cause__) if error.__cause__ else ""
         if isinstance(error, StorageError) and cause:

@@ -61,6 +61,18 @@ def test_a_damaged_file_is_made_again_also_if_nothing_asks_for_it(made):
     assert not any(MARKS.glob("*"))
 
 
+def test_a_damaged_file_of_no_rule_has_the_output_of_its_job_made_again(made):
+    """Snakemake knows no job for it, so a mark of its own would not be seen."""
+    Path("results/further").write_text("whole")
+    digests.keep_further("results/b", ["results/further"])
+    assert heal("results") == ""
+    Path("results/further").write_text("whale")
+    told = heal("results")
+    assert told.startswith("results/further is not as written")
+    made()
+    assert Path("done").read_text() == "b\n"
+
+
 def test_several_are_told_in_one_line(made):
     for name in ("a", "b"):
         Path("results", name).write_text("")

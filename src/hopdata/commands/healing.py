@@ -31,10 +31,13 @@ def heal(*folders: str | Path) -> str:
     str
         What was found, in one line; empty if nothing.
     """
-    damaged = [str(file) for folder in folders for file in changed_in(folder)]
+    changed: dict[Path, Path] = {}
+    for folder in folders:
+        changed |= changed_in(folder)
+    damaged = [str(what) for what in changed.values()]
     of_records = [*_with_damaged_record()]
     with suppress(OSError):  # Snakemake itself complains if a folder is not writable
-        for file in [*damaged, *of_records]:
+        for file in [*map(str, changed), *of_records]:
             _mark(file)
         # Last: a record that is gone can no longer tell that it was damaged.
         for file in of_records:
