@@ -6,7 +6,7 @@ from made_up_people import ANIMAL_SETS, MARKER_SETS, animal, in_file, person
 from scipy.spatial.transform import Rotation
 
 from hopdata.recordings.axes import DIRECTIONS
-from hopdata.recordings.quality import evidence
+from hopdata.recordings.quality import evidence, orientation
 from hopdata.recordings.quality.free_fall import FreeFall
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.orientation import guess_unit_and_up
@@ -61,6 +61,23 @@ def one_side_of(raw, beginning):
     kept = [m for m, name in enumerate(raw.markers) if not name.startswith(beginning)]
     names = tuple(raw.markers[m] for m in kept)
     return replace(raw, markers=names, positions=raw.positions[:, kept])
+
+
+@pytest.mark.parametrize(("up", "suffix"), [("z", ".c3d"), ("y", ".trc")])
+def test_who_pushes_off_at_every_step_is_not_surely_upside_down(up, suffix):
+    made = person([402, 9, 1], "treadmill", "OpenPose")
+    found = guess_unit_and_up(file_of(made, up, suffix=suffix))[1]
+    assert any("fall along it" in str(one) for one in found.evidence)
+    assert (found.value, found.other, found.is_sure) == (up, f"-{up}", False)
+
+
+@pytest.mark.parametrize(("share", "overrules"), [(0.045, False), (0.2, True)])
+def test_a_frequent_fall_overrules_all_else(share, overrules):
+    fall = FreeFall("m", "-z", share, next_share=0.0, spread=1.0)
+    found = evidence.by_fall(fall)
+    assert found.best == "-z"
+    assert found.margin("-z", "z") > orientation.SURE  # enough where it is alone
+    assert (found.margin("-z", "z") > -np.log(orientation.FALL_DECIDES)) == overrules
 
 
 def test_what_is_asked_has_two_candidates_with_reasons():
