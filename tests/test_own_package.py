@@ -22,12 +22,15 @@ assert '"side_stiffness_n_m": 90.0' in truth.parameters_json
 
 def test_the_example_is_installed_and_found(tmp_path):
     pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps")
-    where = ("--no-build-isolation", "--target", str(tmp_path), str(PACKAGE))
+    packages, study = tmp_path / "packages", tmp_path / "study"
+    study.mkdir()
+    where = ("--no-build-isolation", "--target", str(packages), str(PACKAGE))
     subprocess.run([*pip, *where], check=True)
-    paths = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    paths = os.pathsep.join([str(packages), *filter(None, sys.path)])
     command = [sys.executable, "-c", USED]
+    # Nothing in the working folder is imported, so a package lies elsewhere.
     subprocess.run(
-        command, check=True, cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths}
+        command, check=True, cwd=study, env=os.environ | {"PYTHONPATH": paths}
     )
     command[-1] = "import hopdata as hd; hd.synthesize('stiff_quadruped')"
     without = subprocess.run(

@@ -43,6 +43,11 @@ class _Failure:
         return Path(found[1].split(", ")[0])
 
     @property
+    def has_log(self) -> bool:
+        """Whether its rule keeps a log."""
+        return self._log is not None
+
+    @property
     def _kept(self) -> str:
         """What its log holds; nothing if there is none."""
         if self._log is not None:
@@ -128,8 +133,10 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
     for failure in failures:
         if failure.unexpected:
             return f"{failure.name}: {failure.unexpected}"
-    if failures:
-        return f"{failures[0].name}: it failed, and its log tells no more"
+    for failure in failures:
+        # A rule without a log has printed why.
+        if failure.has_log:
+            return f"{failure.name}: it failed, and its log tells no more"
     return ""
 
 
