@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+from hopdata.errors import AnalysisError
 from hopdata.jobs import read_json, reported
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
@@ -15,4 +16,8 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
         if record.parent.name in faulty:
             record.replace(record.with_name("failed.json"))
     if faulty:
-        sys.exit(1)
+        raise AnalysisError.at(
+            str(snakemake.input.page),
+            "all parts to be made",
+            f"{len(faulty)} with a cause above; the same command makes them again",
+        )
