@@ -177,7 +177,14 @@ def test_one_process_has_the_same_bytes(sample, tmp_path, monkeypatch):
     monkeypatch.chdir(sample)
     hopdata.analyse("config/config.yaml").save(tmp_path)
     results = sample / "results" / "sample"
-    for kind in ("tables/*.csv", "figures/*", "verdict.json", "quality.json"):
+    kinds = (
+        "tables/*.csv",
+        "figures/*.svg",
+        "figures/*.png",
+        "verdict.json",
+        "quality.json",
+    )
+    for kind in kinds:
         names = {path.relative_to(results) for path in results.glob(kind)}
         assert names == {path.relative_to(tmp_path) for path in tmp_path.glob(kind)}
         for name in names:
