@@ -204,7 +204,7 @@ def sinks(
         if not len(after_m):
             continue
         # Below the floor a marker only tilts, as a toe's when the heel comes down.
-        sunk_m = before_m[row] - max(after_m.min(), 0.0)
+        sunk_m = before_m[row] - max(after_m.min(), -LOWEST_SIGMAS * noise_m)
         bounces = sunk_m <= bounce_share * _rises(frames_m)
         if not bounces and not _creeps(after_m, sunk_m, noise_m):
             sinks_m[timed[row]] = sunk_m
