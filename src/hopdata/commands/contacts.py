@@ -436,27 +436,38 @@ def _write(
 ) -> None:
     """Write what was asked for, and say where it is."""
     if options.out is not None:
-        text = found.table.to_csv(index=False, float_format="%.7g")
-        terminal.write_text(options.out, text)
-        print(f"table: {options.out}")
-        orders = _orders_beside(options.out)
-        terminal.write_text(
-            orders, found.orders.to_csv(index=False, float_format="%.7g")
-        )
-        print(f"orders: {orders}")
+        _write_tables(options.out, found)
     if options.html is not None:
-        from hopdata.commands.contacts_page import contacts_html
-
-        title = ", ".join(dict.fromkeys(trial.recording.name for trial in trials))
-        notes = [note for trial in trials for note in trial.notes]
-        with terminal.progress_line("drawing the page"):
-            page = contacts_html(found, title=title, notes=notes)
-        terminal.write_text(options.html, page)
-        print(f"page: {options.html}")
+        _write_page(options.html, trials, found)
     for kind in options.events or ():
         for trial in trials:
             for path in write_events(kind, trial, found, options):
                 print(f"events: {path}")
+
+
+def _write_tables(file: Path, found: ContactTimes) -> None:
+    """Write the table of contacts, and that of orders beside it."""
+    of_orders = _orders_beside(file)
+    for kind, path, table in (
+        ("table", file, found.table),
+        ("orders", of_orders, found.orders),
+    ):
+        text = table.to_csv(index=False, float_format="%.7g")
+        terminal.write_text(path, text)
+        print(f"{kind}: {path}")
+
+
+def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> None:
+    """Write the page, titled by the recordings' names, with all notes."""
+    from hopdata.commands.contacts_page import contacts_html
+
+    names = dict.fromkeys(trial.recording.name for trial in trials)
+    title = ", ".join(names)
+    notes = [note for trial in trials for note in trial.notes]
+    with terminal.progress_line("drawing the page"):
+        page = contacts_html(found, title=title, notes=notes)
+    terminal.write_text(file, page)
+    print(f"page: {file}")
 
 
 def write_events(

@@ -166,10 +166,18 @@ def test_a_study_does_not_trust_a_glide_whose_end_it_does_not_see():
     assert {reasons[row] for row in np.flatnonzero(is_early)} == {told}
 
 
+def test_a_toe_that_tilts_below_the_floor_does_not_glide():
+    def height_m(after):
+        return np.where((after > 0.06) & (after < 0.2), -0.006, 0.0)
+
+    assert not told(foot_at(height_m))
+    assert told(0.006 + foot_at(height_m))
+
+
 def test_a_foot_that_creeps_evenly_has_landed():
     noise_m = 3e-4
     noise = np.random.default_rng(8).normal(0, noise_m, (len(TIME), 1))
-    creeps = foot_at(lambda after: -0.04 * np.maximum(after, 0.0)) + noise
+    creeps = foot_at(lambda after: 0.01 - 0.04 * np.maximum(after, 0.0)) + noise
     comes_down = foot_at(lambda after: np.where(after < 0.12, 0.008, 0.0)) + noise
     instant = np.array([[CONTACT_S]])
     for heights, has_glided in ((creeps, False), (comes_down, True)):

@@ -182,9 +182,9 @@ def sinks(
 ) -> FloatArray:
     """Return by how much a foot (N,) sinks after it has yielded, (L,), m.
 
-    It is how far it comes below where it has been by then. 0 where it is not seen, or
-    not timed, of a foot that rises half as far in between: it bounces, and of one that
-    sinks evenly to within the noise, `noise_m` (m): it stands, and creeps.
+    It is how far it comes below where it has been by then, to the floor. 0 where it is
+    not seen, or not timed, of a foot that rises half as far in between: it bounces, and
+    of one that sinks evenly to within the noise, `noise_m` (m): it stands, and creeps.
     """
     sinks_m = np.zeros(len(instant))
     timed = np.flatnonzero(np.isfinite(instant))
@@ -203,7 +203,8 @@ def sinks(
         after_m = frames_m[int(yielded[row] - begin[row]) :]
         if not len(after_m):
             continue
-        sunk_m = before_m[row] - after_m.min()
+        # Below the floor a marker only tilts, as a toe's when the heel comes down.
+        sunk_m = before_m[row] - max(after_m.min(), -LOWEST_SIGMAS * noise_m)
         bounces = sunk_m <= bounce_share * _rises(frames_m)
         if not bounces and not _creeps(after_m, sunk_m, noise_m):
             sinks_m[timed[row]] = sunk_m
