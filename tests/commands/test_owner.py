@@ -496,3 +496,31 @@ def test_a_request_to_end_is_passed_on_and_leaves_no_lock(at_work):
     at_work.wait(timeout=60)
     assert not any(LOCKS.glob("*"))
     assert owners() == {}
+
+
+# Starts a Snakemake, says its number, and lives on.
+_STARTS = """
+import os, subprocess, sys, time
+child = "from hopdata.commands import owner; owner._end_with_hopdata(); print(1, flush=True); "
+child += "import time; time.sleep(60)"
+names = {"itself": str(os.getpid()), "another": "1", "nobody": ""}
+environment = os.environ | {"HOPDATA_RUN": names[sys.argv[1]]}
+command = [sys.executable, "-c", child]
+started = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
+started.stdout.readline()
+print(started.pid, flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux tells")
+@pytest.mark.parametrize("by", ["itself", "another", "nobody"])
+def test_a_snakemake_ends_with_the_hopdata_that_started_it(by):
+    command = [sys.executable, "-c", _STARTS, by]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as hopdata_run:
+        snakemake = psutil.Process(int(hopdata_run.stdout.readline()))
+        hopdata_run.kill()
+    gone, alive = psutil.wait_procs([snakemake], timeout=1 if by != "itself" else 20)
+    for process in alive:
+        process.kill()
+    assert bool(gone) == (by == "itself")

@@ -26,6 +26,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from hopdata.foreign.limits import end_with
+
 LOCKS = Path(".snakemake/locks")
 RECORDS = Path(".snakemake/hopdata")
 
@@ -51,7 +53,8 @@ _ENDING_S = 5.0
 PROC = Path("/proc")
 BEGINNING = RECORDS / "beginning"  # locked by a run that begins
 SCRIPTS = Path(".snakemake/scripts")  # Snakemake's copies of scripts, one a job
-#: Set by `hopdata run` for its Snakemake: it tells itself who holds a lock.
+#: Set by `hopdata run` for its Snakemake to its own number: it tells itself who holds a
+#: lock.
 STARTED_BY_HOPDATA = "HOPDATA_RUN"
 #: Options with which Snakemake only says what it would do.
 DRY = {"-n", "--dry-run", "--dryrun"}
@@ -272,6 +275,7 @@ def begin(study: str, argv: Iterable[str]) -> bool:
     if _begun:
         return not is_locked()
     _begun.append(study)
+    _end_with_hopdata()
     _hold_beginning()
     pid = os.getpid()
     record = _write_record(study, pid)
@@ -282,6 +286,18 @@ def begin(study: str, argv: Iterable[str]) -> bool:
     if told:
         print(f"hopdata: {told}", file=sys.stderr, flush=True)
     return not is_locked()
+
+
+def _end_with_hopdata() -> None:
+    """End this Snakemake when the `hopdata run` that has started it is killed.
+
+    Nobody would hear what it says, and the same command would be refused until it has
+    ended by itself. Its lock stays, so the next run tells whose it was.
+    """
+    parent = os.getppid()
+    # A Snakemake that runs within a job of that run has another parent.
+    if os.environ.get(STARTED_BY_HOPDATA) == str(parent):
+        end_with(parent)
 
 
 def begun() -> None:

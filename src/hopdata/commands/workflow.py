@@ -84,7 +84,7 @@ def run_workflow(
         stderr=subprocess.PIPE,
         # Python would look for modules in the working folder first, for Snakemake and
         # for its jobs. That is a study's folder, into which anyone may have put files.
-        env=os.environ | {"PYTHONSAFEPATH": "1", STARTED_BY_HOPDATA: "1"},
+        env=os.environ | {"PYTHONSAFEPATH": "1", STARTED_BY_HOPDATA: str(os.getpid())},
         encoding="utf-8",
         errors="replace",
     )
@@ -108,8 +108,10 @@ def run_workflow(
     if not is_dry(options):
         # Snakemake itself complains if a folder is not writable.
         with suppress(OSError):
-            log.parent.mkdir(parents=True, exist_ok=True)
-            log.write_text("".join(progress.said), encoding="utf-8")
+            # The log of a run that is refused would take the place of the living run's.
+            if not _is_refused(progress.said):
+                log.parent.mkdir(parents=True, exist_ok=True)
+                log.write_text("".join(progress.said), encoding="utf-8")
     if code < 0:
         told = signal_told(-code, oom_before=oom_before)
         print(f"hopdata: error: Snakemake: {told}", file=sys.stderr)
@@ -245,10 +247,11 @@ def _in_words(seconds: float) -> str:
 
 def _report_failure(said: Sequence[str], log: Path, oom_before: int | None) -> None:
     """Say why Snakemake failed, and where all that it said is kept."""
-    if any("cannot be locked" in line for line in said):
+    if _is_refused(said):
         found = f"expected files that are not locked, found: {who_is_at_work()}"
         print(f"hopdata: error: {LOCKS}: {found}", file=sys.stderr)
-    elif not any(line.startswith("hopdata: error:") for line in said):
+        return
+    if not any(line.startswith("hopdata: error:") for line in said):
         reason = deaths.why(said, oom_before=oom_before)
         if reason:
             print(f"hopdata: error: {reason}", file=sys.stderr)
@@ -256,6 +259,11 @@ def _report_failure(said: Sequence[str], log: Path, oom_before: int | None) -> N
             print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
     if log.exists():
         print(f"hopdata: {log}: all that Snakemake said", file=sys.stderr)
+
+
+def _is_refused(said: Sequence[str]) -> bool:
+    """Tell whether Snakemake found its files locked by another run."""
+    return any("cannot be locked" in line for line in said)
 
 
 def _planned(study: str, table: str) -> str:

@@ -1,5 +1,6 @@
 """Columns of text tables: every delimiter, and mistakes with their places."""
 
+import os
 import time
 
 import numpy as np
@@ -161,3 +162,18 @@ def test_the_line_of_a_mistake_counts_empty_lines_before_it(
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(RecordingError, match=r"a\.csv, line 9"):
         open_table(path).numbers("x")
+
+
+@pytest.mark.parametrize("kind", ["a folder", "a pipe"])
+def test_what_is_no_plain_file_is_named(tmp_path, kind):
+    path = tmp_path / "a.tsv"
+    if kind == "a folder":
+        path.mkdir()
+    elif hasattr(os, "mkfifo"):
+        os.mkfifo(path)
+    else:
+        pytest.skip("no pipes in folders here")
+    with pytest.raises(
+        RecordingError, match=rf"a\.tsv: expected a file, found {kind}$"
+    ):
+        text.require_file(path)

@@ -17,6 +17,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import RecordingError, did_you_mean
+from hopdata.foreign.texts import kind_of
 from hopdata.recordings.budget import LONGEST_LINE, MOST_CELLS, MOST_COLUMNS
 
 BLOCK = 1 << 20  # bytes that are read at a time
@@ -172,10 +173,13 @@ def require_file(path: Path) -> None:
     Raises
     ------
     RecordingError
-        If it does not exist.
+        If it does not exist, or is a folder, a pipe or a device.
     """
     if path.is_file():
         return
+    if path.exists():
+        kind = kind_of(path.stat().st_mode)
+        raise RecordingError.at(path, "a file", kind)
     near = f"; there is no folder {path.parent}"
     if path.parent.is_dir():
         near = did_you_mean(path.name, [p.name for p in path.parent.iterdir()])

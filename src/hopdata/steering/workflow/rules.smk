@@ -117,9 +117,15 @@ rule steering_horizons:
 rule steering_outcomes:
     """Collect the outcomes of all runs over the seeds, and all trajectories."""
     input:
-        runs=expand(pattern(rules.steering_experiments.output.runs), seed=SEEDS, manoeuvre=MANOEUVRES),
-        stances=expand(pattern(rules.steering_experiments.output.stances), seed=SEEDS, manoeuvre=MANOEUVRES),
-        examples=expand(pattern(rules.steering_experiments.output.example), seed=1, manoeuvre=MANOEUVRES),
+        runs=expand(
+            pattern(rules.steering_experiments.output.runs), seed=SEEDS, manoeuvre=MANOEUVRES
+        ),
+        stances=expand(
+            pattern(rules.steering_experiments.output.stances), seed=SEEDS, manoeuvre=MANOEUVRES
+        ),
+        examples=expand(
+            pattern(rules.steering_experiments.output.example), seed=1, manoeuvre=MANOEUVRES
+        ),
         scores=expand(pattern(rules.steering_learn.output.scores), seed=SEEDS),
     output:
         outcomes=f"{STEERING_TABLES}/outcomes.csv",
