@@ -454,11 +454,11 @@ def summary(rows: Sequence[Moved]) -> list[str]:
     """Return the paragraphs on what constants move more than a reader would ignore."""
     usual = usual_of(rows)
     tried = {(row.module, row.name) for row in rows}
-    moving = {(row.module, row.name) for row in rows if moves(row, usual[row.study])}
+    moving = {(row.module, row.name) for row in rows if moves(row, usual[run_of(row)])}
     large: dict[tuple[str, str], list[str]] = {}
     for row in rows:
-        if is_large(row, usual[row.study]):
-            words = f"{row.study} {row.factor}: {moves(row, usual[row.study])}"
+        if is_large(row, usual[run_of(row)]):
+            words = f"{row.study} {row.factor}: {moves(row, usual[run_of(row)])}"
             large.setdefault((row.module, row.name), []).append(words)
     if not tried:
         return []
@@ -516,22 +516,33 @@ def is_large(row: Moved, usual: dict[str, str]) -> bool:
     return instants[0].isdigit() and float(instants) > INSTANTS_MS[row.study]
 
 
-def usual_of(rows: Iterable[Moved]) -> dict[str, dict[str, str]]:
-    """Return what most rows of each study say: what it says with nothing changed."""
-    of_study: dict[str, list[Moved]] = {}
+def run_of(row: Moved) -> tuple[str, str]:
+    """Return the room and the study of a row, whose rows were made by one code.
+
+    Each room is run by itself, and what studies say with nothing changed may be another
+    when the next room is run.
+    """
+    return row.module.split("/")[0], row.study
+
+
+def usual_of(rows: Iterable[Moved]) -> dict[tuple[str, str], dict[str, str]]:
+    """Return what most rows of each run say: what it says with nothing changed."""
+    of_run: dict[tuple[str, str], list[Moved]] = {}
     for row in rows:
-        of_study.setdefault(row.study, []).append(row)
+        of_run.setdefault(run_of(row), []).append(row)
     usual = {}
-    for study, in_study in of_study.items():
-        usual[study] = {
-            name: Counter(getattr(row, name) for row in in_study).most_common(1)[0][0]
+    for run, in_run in of_run.items():
+        usual[run] = {
+            name: Counter(getattr(row, name) for row in in_run).most_common(1)[0][0]
             for name in ("conclusion", "n_used", "estimate", "bound")
         }
     return usual
 
 
 def table_row(
-    constant: Constant, rows: Iterable[Moved], usual: dict[str, dict[str, str]]
+    constant: Constant,
+    rows: Iterable[Moved],
+    usual: dict[tuple[str, str], dict[str, str]],
 ) -> str:
     """Return a constant as a row of its module's table."""
     origin = constant.origin
@@ -549,7 +560,9 @@ def table_row(
 
 
 def told_of(
-    constant: Constant, rows: Iterable[Moved], usual: dict[str, dict[str, str]]
+    constant: Constant,
+    rows: Iterable[Moved],
+    usual: dict[tuple[str, str], dict[str, str]],
 ) -> str:
     """Return in a few words what a constant moves."""
     own = [r for r in rows if (r.module, r.name) == (constant.module, constant.name)]
@@ -557,7 +570,7 @@ def told_of(
         return "-"
     words = []
     for row in own:
-        moved = moves(row, usual[row.study])
+        moved = moves(row, usual[run_of(row)])
         if moved:
             words.append(f"{row.study} {row.factor}: {moved}")
     return "; ".join(words) or "nothing"

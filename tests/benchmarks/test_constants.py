@@ -72,7 +72,7 @@ def test_what_a_constant_moves_is_told_beside_what_the_study_usually_says():
         *("landings/a.py", "B", "x 1.5", "sample", "", "cannot tell"),
         *("0.0390", "0.2100", "1622", "+0.000", "-1.500", "0.1000", "2"),
     )
-    said = constants.usual_of([usual, usual, moved])["sample"]
+    said = constants.usual_of([usual, usual, moved])[constants.run_of(usual)]
     assert constants.moves(moved, said) == (
         "conclusion no difference to cannot tell, bound 0.1340 to 0.2100, "
         "post section -1.500 mm, 2 rows of quality, instants 0.1000 ms"
@@ -80,6 +80,18 @@ def test_what_a_constant_moves_is_told_beside_what_the_study_usually_says():
     assert constants.moves(usual, said) == ""
     assert constants.is_large(moved, said)
     assert not constants.is_large(usual, said)
+
+
+def test_what_a_study_says_is_that_of_the_run_of_its_room():
+    """The verdict may have changed between the runs of two rooms."""
+    before = constants.Moved(
+        *("landings/a.py", "A", "x 1.5", "sample", "", "no difference"),
+        *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000", "0"),
+    )
+    after = replace(before, module="maps/b.py", bound="0.1251")
+    usual = constants.usual_of([before, after])
+    for row in (before, after):
+        assert constants.moves(row, usual[constants.run_of(row)]) == ""
 
 
 def test_the_page_tells_how_many_numbers_were_tried_in_which_study():
@@ -108,7 +120,7 @@ def test_what_no_reader_would_see_is_not_large(column, small, large):
         *("landings/a.py", "A", "x 1.5", "sample", "", "no difference"),
         *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000", "0"),
     )
-    said = constants.usual_of([usual])["sample"]
+    said = constants.usual_of([usual])[constants.run_of(usual)]
     assert not constants.is_large(replace(usual, **{column: small}), said)
     assert constants.is_large(replace(usual, **{column: large}), said)
 
