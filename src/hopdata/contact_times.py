@@ -73,6 +73,8 @@ COLUMNS = (
 # Columns of a force plate, and what they hold without one.
 PLATE_COLUMNS = ["plate", "plate_s", "plate_se_s"]
 NO_PLATE = ("", float("nan"), float("nan"))
+# Onsets of plates without a contact whose times a remark tells.
+MOST_NAMED = 6
 
 ORDER_COLUMNS = (
     "recording",
@@ -298,8 +300,10 @@ def _with_plates(
 ) -> tuple[pd.DataFrame, list[Message]]:
     """Return the contacts with the onsets of the plates in the recordings' files."""
     from hopdata.landings.plate_contacts import (
+        SAME_CONTACT_S,
         beside_plates,
         contacts_on_plates,
+        onsets_without_contact,
         plates_of_files,
     )
 
@@ -319,6 +323,15 @@ def _with_plates(
         is_own = table["recording"] == recording.name
         own = beside_plates(table[is_own], on_plates.contacts)
         table.loc[is_own, PLATE_COLUMNS] = own[PLATE_COLUMNS]
+        alone_s = onsets_without_contact(own, on_plates.contacts)
+        if alone_s:
+            values = {
+                "recording": recording.name,
+                "often": counted(len(alone_s), "time"),
+                "window_ms": 1e3 * SAME_CONTACT_S,
+                "places": ", ".join(f"{one:.3f}" for one in alone_s[:MOST_NAMED]),
+            }
+            remarks.append(Message("landings.onsets_without_contact", values))
     late_ms = 1e3 * (table["contact_s"] - table["plate_s"].astype(float)).dropna()
     if len(late_ms):
         values = {

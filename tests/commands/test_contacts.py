@@ -229,8 +229,11 @@ def test_a_name_that_another_file_has_is_not_given_to_a_second():
 BODY = ("hip1", "hip2", "hip3")
 
 
-def with_a_plate(folder, name, *, seed):
-    """Write hops of one foot on a force plate; return when the foot touches, s."""
+def with_a_plate(folder, name, *, seed, late_s=0.0):
+    """Write hops of one foot on a force plate; return when the foot touches, s.
+
+    The plate's forces are late by `late_s`, s.
+    """
     time, positions = hopping(seed, n_frames=500)
     names = [MARKERS.index(one) for one in (*BODY, "toe1", "toe2")]
     markers = tuple(MARKERS[one] for one in names)
@@ -244,7 +247,7 @@ def with_a_plate(folder, name, *, seed):
     )
     touches = hd.contacts(recording).found["contact_s"].to_numpy()
     at = np.arange(10 * len(time)) / 1000.0
-    since = at[:, None] - touches
+    since = at[:, None] - touches - late_s
     since = np.where(since >= 0, since, np.inf).min(axis=1)
     rises = np.minimum(since / 0.03, 1.0)
     bears = np.where(since < 0.2, 800.0 * rises, 0.0)
@@ -264,13 +267,26 @@ def test_contacts_are_compared_with_the_plates_of_the_file(
     given = ["contacts", "plate.c3d", "--feet", "toe1", "--out", "a.csv"]
     assert main([*given, "--html", "a.html"]) == 0
     told = f"{len(touches)} contacts load a force plate of their file"
-    assert told in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert told in said
+    assert "without a contact" not in said
     assert told in (tmp_path / "a.html").read_text("utf-8")
     table = pd.read_csv("a.csv")
     assert set(table["plate"]) == {"plate 1"}
     late_s = table["contact_s"] - table["plate_s"]
     assert late_s.abs().max() < 0.004
     assert (table["plate_se_s"] > 0).all()
+
+
+def test_plates_that_are_loaded_without_a_contact_are_told(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    touches = with_a_plate(tmp_path, "late.c3d", seed=1, late_s=0.1)
+    assert main(["contacts", "late.c3d", "--feet", "toe1", "--out", "a.csv"]) == 0
+    told = f"loaded {len(touches)} times without a contact within 50 ms"
+    assert told in capsys.readouterr().out
+    assert pd.read_csv("a.csv")["plate_s"].isna().all()
 
 
 def test_plates_of_files_that_are_joined_are_compared_on_one_clock(

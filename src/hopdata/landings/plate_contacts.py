@@ -321,10 +321,7 @@ def beside_plates(
         is_own = table["found"].astype(bool) & table["foot"].isin(one.column.feet)
         firsts = table[is_own].sort_values("contact_s", kind="stable")
         firsts = firsts.drop_duplicates("landing")
-        made = np.ones(len(one.instant), dtype=bool)
-        if one.of_other_foot is not None:
-            made = ~one.of_other_foot
-        onsets = np.flatnonzero(made)
+        onsets = np.flatnonzero(_of_followed_feet(one))
         ours_s = firsts["contact_s"].to_numpy(float)
         at, of = match_instants(one.instant[onsets], ours_s, window_s=SAME_CONTACT_S)
         rows = firsts.index[of]
@@ -333,6 +330,31 @@ def beside_plates(
         if one.error_s is not None:
             table.loc[rows, "plate_se_s"] = one.error_s[onsets[at]]
     return table
+
+
+def onsets_without_contact(
+    table: pd.DataFrame, contacts: Sequence[ExternalContacts]
+) -> list[float]:
+    """Return the onsets of followed feet that no contact made, s, in order of time.
+
+    Parameters
+    ----------
+    table, contacts
+        What `beside_plates` returns, and what it was given.
+    """
+    alone = []
+    for one in contacts:
+        on_plate_s = table.loc[table["plate"] == one.column.name, "plate_s"]
+        onsets_s = one.instant[_of_followed_feet(one)]
+        alone += onsets_s[~np.isin(onsets_s, on_plate_s.to_numpy(float))].tolist()
+    return sorted(alone)
+
+
+def _of_followed_feet(contacts: ExternalContacts) -> BoolArray:
+    """Tell which onsets (K,) the feet of their column made."""
+    if contacts.of_other_foot is None:
+        return np.ones(len(contacts.instant), dtype=bool)
+    return ~contacts.of_other_foot
 
 
 def contacts_on_plates(
