@@ -3,8 +3,8 @@
 The guards' code calls them through one function of C, `apply`, by the number of the
 operation. A result is widened by the rounding of the operations that the guard itself
 takes, with 4 units in the last place for elementary functions; underflow is neglected.
-Where a range is not known (NaN, a pole, outside of a function's domain) it is that of
-all numbers.
+Where a number may not be one (outside of a function's domain), its range is NaN, and
+so is that of all that is made of it.
 
 Every function here takes ranges and returns one. The rate of f(x) is the range of f'
 over x times the rate of x. `jump` and `kink` note in the memory of answers where a
@@ -37,6 +37,7 @@ EPS = 2.0**-52
 #: library (docs/integrator.md, Limits).
 LIBM = 4.0 * EPS
 INF = math.inf
+NAN = math.nan
 TURN = 2.0 * math.pi
 LARGEST_WHOLE = 2.0**53  # floats below it hold every whole number
 
@@ -86,9 +87,11 @@ def kink(where: int) -> None:
 @kernel
 def opened(x: Any, y: Any) -> Any:
     """Return the answer, 1 or 0, to a comparison that the ranges leave open."""
-    apart = subtract(x, y)
+    apart = sound(subtract(x, y))
     if apart.at == 0:  # of numbers, which differ only by what they are widened
         return exactly(1.0 if x.lo + x.hi < y.lo + y.hi else 0.0, 0)
+    if math.isnan(apart.lo):
+        apart = anything(apart.at)
     note_first(apart, 0.0)
     counted = int_vector(apart.at, at.N_INTEGERS)
     place = counted[at.OPENED]
@@ -114,19 +117,19 @@ def anything(where: int) -> Any:
 
 
 @kernel
+def unknown(where: int) -> Any:
+    """Return the range of what may not be a number."""
+    return make(NAN, NAN, -INF, INF, where)
+
+
+@kernel
 def sound(x: Any) -> Any:
-    """Return a range in which NaN is replaced by all numbers."""
-    lo = x.lo
-    hi = x.hi
-    dlo = x.dlo
-    dhi = x.dhi
-    if not lo <= hi:
-        lo = -INF
-        hi = INF
-    if not dlo <= dhi:
-        dlo = -INF
-        dhi = INF
-    return make(lo, hi, dlo, dhi, x.at)
+    """Return a range in which NaN stands for both ends, and for no rate."""
+    if not x.lo <= x.hi:
+        return unknown(x.at)
+    if not x.dlo <= x.dhi:
+        return make(x.lo, x.hi, -INF, INF, x.at)
+    return x
 
 
 @kernel
@@ -142,8 +145,8 @@ def product(a: float, b: float, c: float, d: float) -> Pair:
     q = a * d
     r = b * c
     s = b * d
-    if math.isnan(p + q + r + s):  # with infinite ends, these may cancel as well
-        return -INF, INF
+    if math.isnan(p) or math.isnan(q) or math.isnan(r) or math.isnan(s):
+        return NAN, NAN
     return rounded(min(p, q, r, s), max(p, q, r, s), EPS)
 
 
@@ -160,8 +163,8 @@ def quotient(x: Pair, a: float, b: float) -> Pair:
     q = x[0] / b
     r = x[1] / a
     s = x[1] / b
-    if math.isnan(p + q + r + s):
-        return -INF, INF
+    if math.isnan(p) or math.isnan(q) or math.isnan(r) or math.isnan(s):
+        return NAN, NAN
     return rounded(min(p, q, r, s), max(p, q, r, s), EPS)
 
 
@@ -209,6 +212,8 @@ def divide(x: Any, y: Any) -> Any:
     """Return x / y, which jumps across a pole."""
     if not (y.lo > 0.0 or y.hi < 0.0):
         jump(y, 0.0)
+        if x.lo <= 0.0 <= x.hi:  # 0 / 0
+            return unknown(x.at | y.at)
         return anything(x.at | y.at)
     lo, hi = quotient((x.lo, x.hi), y.lo, y.hi)
     # (x / y)' = (x' - (x / y) y') / y
@@ -262,7 +267,7 @@ def real_power(x: Any, y: Any) -> Any:
         return whole_power(x, y)
     if x.lo < 0.0 or (x.lo == 0.0 and not y.lo > 0.0) or math.isinf(x.hi):
         jump(x, 0.0)
-        return anything(where)
+        return unknown(where)
     a = x.lo**y.lo
     b = x.lo**y.hi
     c = x.hi**y.lo
@@ -492,7 +497,7 @@ def table(x: Any, places: Any, values: Any, n: int) -> Any:
         slope = (values[k + 1] - values[k]) / width
         if not abs(slope) < INF:  # of a table with a jump
             jump(x, places[k])
-            return anything(x.at)
+            return unknown(x.at)
         pieces += 1
         start = values[k] + slope * (max(x.lo, places[k]) - places[k])
         end = values[k] + slope * (min(x.hi, places[k + 1]) - places[k])
@@ -543,7 +548,7 @@ def _rising(
     def rising(x: Any) -> Any:
         if not (x.lo >= low and x.hi <= high):
             jump(x, low if x.lo < low else high)
-            return anything(x.at)
+            return unknown(x.at)
         if x.lo == low or x.hi == high:
             kink(x.at)
         lo, hi = rounded(function(x.lo), function(x.hi), LIBM)
@@ -610,7 +615,7 @@ area_tangent = _rising(
 def arc_cosine(x: Any) -> Any:
     """Return acos(x)."""
     turned = arc_sine(x)
-    if not turned.hi < INF:
+    if math.isnan(turned.lo):
         return turned
     lo, hi = rounded(math.acos(x.hi), math.acos(x.lo), LIBM)
     return make(lo, hi, -turned.dhi, -turned.dlo, x.at)
@@ -757,8 +762,6 @@ ONE = {
     "sine": Operation(sine, (math.sin, np.sin)),
     "cosine": Operation(cosine, (math.cos, np.cos)),
     "tangent": Operation(tangent, (math.tan, np.tan)),
-    "integer": Operation(integer, ()),
-    "nearest_integer": Operation(nearest_integer, ()),
 }
 TWO = {
     "multiply": Operation(multiply, ()),
@@ -773,9 +776,17 @@ TWO = {
     "whole_quotient": Operation(whole_quotient, (np.floor_divide,)),
     "angle": Operation(angle, (math.atan2, np.arctan2)),
     "length": Operation(length, (math.hypot, np.hypot)),
+}
+# These have a result even for what may not be a number.
+OF_ANYTHING = {
+    "integer": Operation(integer, ()),
+    "nearest_integer": Operation(nearest_integer, ()),
     "opened": Operation(opened, ()),
 }
-NUMBERS = {name: place for place, name in enumerate((*ONE, *TWO, "table"))}
+NAMES = (*ONE, "table", *TWO, *OF_ANYTHING)
+NUMBERS = {name: place for place, name in enumerate(NAMES)}
+FIRST_OF_TWO = len(ONE) + 1
+FIRST_OF_ANYTHING = FIRST_OF_TWO + len(TWO)
 
 
 # All of them in one function of C.
@@ -807,10 +818,17 @@ def look_up(x: Any, given: int) -> Any:
     table_at = int_vector(given, 3)
     n = table_at[2]
     if n < 1:
-        return anything(x.at)
+        return unknown(x.at)
     places = float_vector(table_at[0], n)
     values = float_vector(table_at[1], n)
     return table(x, places, values, n)
+
+
+@kernel
+def is_unknown(number: int, x: Any, y: Any) -> bool:
+    """Return whether the result of an operation may not be a number."""
+    is_nan = math.isnan(x.lo) or math.isnan(y.lo)
+    return number < FIRST_OF_ANYTHING and is_nan
 
 
 def _apply() -> Any:
@@ -819,18 +837,24 @@ def _apply() -> Any:
     It takes the number of an operation; addresses of one or two ranges (or of the parts
     of a table); the address of the memory of answers; and the address of the result.
     """
-    body = ["x = read(x_at, where)"]
-    known = {"read": read, "write": write, "look_up": look_up}
-    for name, operation in {**ONE, **TWO}.items():
-        taken = "x"
-        if name in TWO:
-            taken = "x, read(y_at, where)"
-        body.append(f"if number == {NUMBERS[name]}: write({name}({taken}), result)")
-        known[name] = operation.function
-    body.append(
-        f"if number == {NUMBERS['table']}: write(look_up(x, y_at), result)",
-    )
+    calls = {"table": "look_up(x, y_at)", "opened": "opened(x, y)"}
+    calls |= {name: f"{name}(x, y)" for name in TWO}
+    body = [
+        "x = read(x_at, where)",
+        "y = x",
+        f"if number >= {FIRST_OF_TWO}: y = read(y_at, where)",
+        "if is_unknown(number, x, y): write(unknown(where), result)",
+    ]
+    for name, number in NUMBERS.items():
+        call = calls.get(name, f"{name}(x)")
+        body.append(f"elif number == {number}: write({call}, result)")
+    known = {**_FUNCTIONS, "look_up": look_up, "is_unknown": is_unknown}
+    known |= {"read": read, "write": write, "unknown": unknown}
     return compose("apply", "number, x_at, y_at, where, result", body, known)
+
+
+_OPERATIONS = {**ONE, **TWO, **OF_ANYTHING}
+_FUNCTIONS = {name: one.function for name, one in _OPERATIONS.items()}
 
 
 @cache

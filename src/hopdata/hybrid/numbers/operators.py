@@ -114,13 +114,12 @@ def _at_address(builder: Any, four: Any) -> Any:
     return builder.ptrtoint(pointer, LONG)
 
 
-def _call(builder: Any, name: str, four_x: Any, y_at: Any, at: Any) -> Any:
-    """Build the call of an operation, whose result is four ends."""
+def _call(builder: Any, name: str, x_at: Any, y_at: Any, at: Any) -> Any:
+    """Build the call of an operation on ends at addresses; its result is four ends."""
     native = ir.FunctionType(ir.VoidType(), 5 * [LONG])
     apply = _external(builder, native, library())
     room = _room(builder, ir.ArrayType(DOUBLE, 4))
     result = builder.bitcast(room, FOUR.as_pointer())
-    x_at = _at_address(builder, four_x)
     place = LONG(NUMBERS[name])
     builder.call(apply, [place, x_at, y_at, at, builder.ptrtoint(result, LONG)])
     return builder.load(result, align=8)
@@ -129,7 +128,8 @@ def _call(builder: Any, name: str, four_x: Any, y_at: Any, at: Any) -> Any:
 def _call_one(name: str) -> Emit:
     def emit(builder: Any, x: Any) -> Any:
         four, at = parts(builder, x)
-        return joined(builder, _call(builder, name, four, LONG(0), at), at)
+        x_at = _at_address(builder, four)
+        return joined(builder, _call(builder, name, x_at, x_at, at), at)
 
     return emit
 
@@ -137,7 +137,8 @@ def _call_one(name: str) -> Emit:
 def _call_two(name: str) -> Emit:
     def emit(builder: Any, x: Any, y: Any) -> Any:
         four_x, four_y, at = both(builder, x, y)
-        four = _call(builder, name, four_x, _at_address(builder, four_y), at)
+        x_at = _at_address(builder, four_x)
+        four = _call(builder, name, x_at, _at_address(builder, four_y), at)
         return joined(builder, four, at)
 
     return emit
@@ -153,7 +154,8 @@ def _decided_or_asked(builder: Any, x: Any, y: Any, yes: Any, no: Any) -> Any:
     answer = _room(builder, truth)
     builder.store(yes, answer)
     with builder.if_then(builder.not_(builder.or_(yes, no)), likely=False):
-        asked = _call(builder, "opened", four_x, _at_address(builder, four_y), at)
+        x_at = _at_address(builder, four_x)
+        asked = _call(builder, "opened", x_at, _at_address(builder, four_y), at)
         told = builder.fcmp_ordered(">", end(builder, asked, "lo"), DOUBLE(0.0))
         builder.store(told, answer)
     return builder.load(answer, typ=truth)
@@ -375,7 +377,8 @@ def _typed_look_up(x: Any, places: Any, values: Any, n: Any) -> Any:
             builder.store(address, builder.gep(room, [LANE(0), LANE(place)]))
         builder.store(given[3], builder.gep(room, [LANE(0), LANE(2)]))
         table_at = builder.ptrtoint(room, LONG)
-        return joined(builder, _call(builder, "table", four, table_at, at), at)
+        x_at = _at_address(builder, four)
+        return joined(builder, _call(builder, "table", x_at, table_at, at), at)
 
     return RANGE(x, places, values, types.int64), generate
 
