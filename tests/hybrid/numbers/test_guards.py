@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from ctypes import CFUNCTYPE, c_double, c_int64
+from pathlib import Path
 
 import numpy as np
 import pytest
 from guard_sources import BRANCHING, reads_a_table, smooth
 
+from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, field, guard, guards
 from hopdata.hybrid.derived import backward, with_parameters
 from hopdata.hybrid.numbers import answers
@@ -130,3 +133,22 @@ def test_the_reason_names_the_line():
     assert made.address == NO_CODE
     assert "sort" in made.reason
     assert "(line " in made.reason
+
+
+@kept_njit()
+def halved(x):
+    return 0.5 * math.sin(x) * x
+
+
+@guards
+def with_helper(t, y, dy, mode, params, h, hdot):
+    h[0] = halved(y[0]) - params[0]
+    hdot[0] = dy[0]
+
+
+def test_helpers_keep_no_code_for_ranges():
+    """It calls operations that may change while the helper does not: a process would abort."""
+    assert guards_for_ranges(with_helper).address > 0
+    assert halved(1.0) == pytest.approx(0.5 * math.sin(1.0))  # may be kept
+    kept = list(Path(halved.stats.cache_path).glob("*.nbc"))
+    assert not any(b"hopdata_ranges" in path.read_bytes() for path in kept)
