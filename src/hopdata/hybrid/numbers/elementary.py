@@ -15,7 +15,6 @@ value, or its rate, jumps.
 import math
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
@@ -23,12 +22,11 @@ import numpy as np
 from numba import cfunc, types
 
 from hopdata.code_cache import compiled_in_cache
-from hopdata.hybrid.compiled.digest import sources_digest
 from hopdata.hybrid.compiled.kernel import ENTRY, kernel
 from hopdata.hybrid.compiled.memory import float_vector, int_vector
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.numbers import answers as at
-from hopdata.hybrid.numbers.ranges import make, put_range, range_at
+from hopdata.hybrid.numbers.ranges import DIGEST, make, put_range, range_at
 
 Pair = tuple[float, float]
 
@@ -956,14 +954,13 @@ def library() -> str:
 
     The name changes with its sources, so that kept code calls no other.
     """
-    digest = sources_digest(Path(__file__).parents[1], "numbers")
     function = _apply()
 
     def compile_it(cached: bool) -> Any:
         return cfunc(APPLY_NATIVE, cache=cached, **ENTRY)(function)
 
-    compiled = compiled_in_cache(function, digest, compile_it)
-    name = f"hopdata_ranges_{digest}"
+    compiled = compiled_in_cache(function, DIGEST, compile_it)
+    name = f"hopdata_ranges_{DIGEST}"
     llvm.add_symbol(name, compiled.address)
     _LOADED.append(compiled)
     return name
