@@ -8,7 +8,7 @@ holds. Where the quantity may jump, the rate is anything. Each range carries the
 `at` of the memory of answers (`numbers.answers`).
 
 This module has the type, its arrays and its conversions; `numbers.operators` says what
-operators and functions mean for it, and `numbers.elementary` has the longer of them.
+operators and functions mean for it, and `numbers.library` has the longer of them.
 NaN in a range stands for "anything".
 """
 
