@@ -278,20 +278,38 @@ def distinct_names(
         )
     complete = [name or f"unnamed {i}" for i, name in enumerate(names, start=1)]
     distinct, shared = _numbered(complete)
-    for name, new_names in shared.items():
-        listed = ", ".join(f"'{new}'" for new in new_names[:MOST_LISTED])
-        if len(new_names) > MOST_LISTED:
-            listed += f", ... {len(new_names) - MOST_LISTED} more"
-        values = {"place": place, "name": name, "listed": listed}
-        remarks.append(Message(NAME_SHARED, values))
+    if shared:
+        remarks.append(_on_shared_names(place, shared))
     return tuple(distinct), tuple(remarks)
 
 
-def is_on_shared_name(remark: Remark, name: str) -> bool:
-    """Tell whether a remark says that markers of the file share this name."""
-    if not isinstance(remark, Message):
-        return False
-    return remark.code == NAME_SHARED and remark.values["name"] == name
+def _on_shared_names(place: str, shared: Mapping[str, Sequence[str]]) -> Message:
+    """Return one remark on all names that markers share, and what these became."""
+    values = {
+        "place": place,
+        "names": _listed(list(shared)),
+        "listed": _listed([new for own in shared.values() for new in own]),
+        "shared": [[name, list(own)] for name, own in shared.items()],
+    }
+    return Message(NAME_SHARED, values)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names in quotes, the first of them if there are many."""
+    listed = ", ".join(f"'{name}'" for name in names[:MOST_LISTED])
+    if len(names) > MOST_LISTED:
+        listed += f", ... {len(names) - MOST_LISTED} more"
+    return listed
+
+
+def on_shared_name(remark: Remark, name: str) -> Message | None:
+    """Return what a remark says of a name that markers share; None if nothing."""
+    if not isinstance(remark, Message) or remark.code != NAME_SHARED:
+        return None
+    new_names = dict(remark.values["shared"]).get(name)
+    if new_names is None:
+        return None
+    return _on_shared_names(remark.values["place"], {name: new_names})
 
 
 def _check_names(place: str, names: Sequence[str], may_lack: bool) -> None:
