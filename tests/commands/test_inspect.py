@@ -187,3 +187,19 @@ def test_check_notes_what_inspect_would_list(faulty, clean, tmp_path, capsys):
     config.write_text(text.format(clean))
     assert main(["check", str(config)]) == 0
     assert "note:" not in capsys.readouterr().out
+
+
+def test_frames_without_an_order_in_time_are_listed_and_cannot_be_used(
+    clean, tmp_path, capsys
+):
+    lines = clean.read_text().splitlines(keepends=True)
+    at = next(k for k, line in enumerate(lines) if line.startswith("Frame\t")) + 5
+    cells = lines[at].split("\t")
+    cells[1] = "0.00000"
+    lines[at] = "\t".join(cells)
+    clean.write_text("".join(lines))
+    assert main(["inspect", str(clean), "--rate", "100"]) == 1
+    assert "1 backward time stamp" in capsys.readouterr().out
+    page = str(tmp_path / "a.html")
+    assert main(["view", str(clean), "--no-browser", "--out", page]) == 1
+    assert f"{clean}: time: expected two frames" in capsys.readouterr().err

@@ -337,6 +337,14 @@ QTM_TSV_FAULTS = {
         "Dear colleague,\nhere it is\n",
         ["line 1", "header key or numbers", "'Dear coll"],
     ),
+    "name over two lines": (
+        'Time,"toe\nleft_x",left_y,left_z\n0,1,2,3\n',
+        [
+            "line 2",
+            "each name of a column within one line",
+            "a quote that is not closed",
+        ],
+    ),
     "spaces": (
         qtm_text(POSITIONS).replace("\t", "  "),
         ["line 1", "the fields by tabs"],
