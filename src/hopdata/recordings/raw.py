@@ -39,6 +39,10 @@ UNSEEN_FROM = 9999.0
 #: Unit: Hz. Origin: convention: as in the schema of input.rate_hz.
 FASTEST_HZ = 1e5
 
+#: Lowest frame rate that a file may state.
+#: Unit: Hz. Origin: chosen. It is one frame in twelve days.
+SLOWEST_HZ = 1e-6
+
 #: Largest difference of a configured rate from that of a file's time stamps.
 #: Unit: 1. Origin: chosen. Stamps are rounded, so their rate is only an estimate.
 SLACK = 0.02
@@ -136,10 +140,9 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
         if rate is not None and not 0 < rate < math.inf:
             raise RecordingError(f"{where}: expected more than 0 Hz, found {rate:g} Hz")
     if stated is not None:
-        if stated > FASTEST_HZ:
-            raise RecordingError.at(
-                f"{place}: frame rate", f"at most {FASTEST_HZ:g} Hz", f"{stated:g} Hz"
-            )
+        if not SLOWEST_HZ <= stated <= FASTEST_HZ:
+            wanted = f"at least {SLOWEST_HZ:g} and at most {FASTEST_HZ:g} Hz"
+            raise RecordingError.at(f"{place}: frame rate", wanted, f"{stated:g} Hz")
         return float(stated)
     if given is None:
         raise RateUnknownError.at(

@@ -354,6 +354,10 @@ QTM_TSV_FAULTS = {
         qtm_text(POSITIONS, frequency="0"),
         ["line 4", "more than 0 Hz", "found 0 Hz"],
     ),
+    "rate of no camera": (
+        qtm_text(POSITIONS, frequency="1e-320"),
+        ["line 4", "at least 1e-06 and at most 100000 Hz"],
+    ),
     "rate in words": (
         qtm_text(POSITIONS, frequency="fast"),
         ["line 4", "a number", "'fast'"],
