@@ -290,7 +290,7 @@ def _percent(share: float) -> str:
 
 
 def _landings(verdict: Mapping[str, Any]) -> str:
-    """Say of how many landings the verdict is; beside it, the page tells of all used."""
+    """Say of how many landings the verdict is; the page tells of all that are used."""
     n_landings = verdict["n_landings"]
     left_out: set[int] = set().union(*verdict.get("gross_errors", {}).values())
     if not left_out:
