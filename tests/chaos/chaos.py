@@ -54,6 +54,10 @@ TARGETS = [
     *("verdict.json", "units.json", "sections.json"),
     *("tables/touchdowns.csv", "tables/markers.csv"),
 ]
+#: The figures and the page, which some events ask for too.
+PAGE = ["figures/verdict.svg", "report.html"]
+#: Share of the events that do: these take half as long again.
+WITH_PAGE = 0.15
 #: Files of the study by the stage that makes them, in the order of the stages.
 MADE = [
     ["recordings/one.h5"],
@@ -66,8 +70,8 @@ MADE = [
     ["units.json"],
     ["verdict.json", "tables/verdict_orders.csv"],
 ]
-#: What differs from run to run: times.
-_NOT_COMPARED = {"logs", "benchmarks", ".sha256"}
+#: What differs from run to run: times. The page and its record tell them.
+_NOT_COMPARED = {"logs", "benchmarks", ".sha256", "report.html", "provenance.json"}
 LONGEST_S = 300
 _DAY_S = 86_400
 
@@ -189,6 +193,7 @@ class Place:
     other: Server = field(init=False)
     whole: dict[str, bytes] = field(default_factory=dict)
     seconds: float = 10.0
+    has_page: bool = False
 
     def make(self) -> None:
         """Build the checkout, and run the study once."""
@@ -202,12 +207,21 @@ class Place:
         os.chdir(self.folder)
         self.server = Server(self.folder, self.code, self.code.parent / "first")
         self.other = Server(self.folder, self.code, self.code.parent / "second")
-        began = time.monotonic()
-        first = self.server.run(*command())
-        self.seconds = time.monotonic() - began
+        self.has_page = True
+        first = self.server.run(*self.command())
         if first.code:
             raise SystemExit(first.said)
         self.whole = self.files()
+
+    def targets(self) -> list[str]:
+        """Return the files that this event asks for."""
+        names = TARGETS + PAGE if self.has_page else TARGETS
+        return [str(RESULTS / name) for name in names]
+
+    def command(self) -> list[str]:
+        """Return the one command that is given again and again."""
+        options = ["--cores", "2", "--configfile", "small.yaml"]
+        return [*options, "--", *self.targets()]
 
     def files(self) -> dict[str, bytes]:
         """Return the results that must not differ from run to run."""
@@ -223,7 +237,7 @@ class Place:
         kill(self.server.session() + self.other.session())
         shutil.rmtree(RESULTS, ignore_errors=True)
         shutil.rmtree(".snakemake", ignore_errors=True)
-        again = self.server.run(*command())
+        again = self.server.run(*self.command())
         if again.code:
             raise SystemExit(again.said)
 
@@ -246,12 +260,6 @@ def mounted(folder: Path) -> bool:
         return False
 
 
-def command() -> list[str]:
-    """Return the one command that is given again and again."""
-    targets = [str(RESULTS / name) for name in TARGETS]
-    return ["--cores", "2", "--configfile", "small.yaml", "--", *targets]
-
-
 # Events. Each returns what it did, and what must be undone before all can be well.
 
 Undo = Callable[[], None]
@@ -268,6 +276,14 @@ def unmake(draw: random.Random) -> str:
     return f"from {MADE[first][0]} on"
 
 
+def ask_for_page(place: Place, draw: random.Random) -> None:
+    """Have this event ask for the page or not; remove it, or a part, if it does."""
+    place.has_page = draw.random() < WITH_PAGE
+    if place.has_page:
+        for name in PAGE[draw.randrange(len(PAGE)) :]:
+            (RESULTS / name).unlink(missing_ok=True)
+
+
 def wait(place: Place, draw: random.Random) -> float:
     """Wait for a part of a run's time; often briefly, as a run begins."""
     share = draw.random() ** 2
@@ -280,7 +296,7 @@ def killed(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     """Kill a job, Snakemake, or all; once, twice or three times."""
     told = []
     for _ in range(draw.choice([1, 1, 2, 3])):
-        place.server.start(*command())
+        place.server.start(*place.command())
         after = wait(place, draw)
         whom = draw.choice(["a job", "Snakemake", "all"])
         victims = place.server.session()
@@ -302,7 +318,7 @@ def killed(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
 def asked_to_end(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     """Ask Snakemake, or all, to end: Ctrl-C, a limit of time, a closed terminal."""
     how = draw.choice([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-    place.server.start(*command())
+    place.server.start(*place.command())
     after = wait(place, draw)
     if draw.random() < 0.5:
         kill(place.server.session(), how)
@@ -365,7 +381,7 @@ def damaged(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
 
 def damaged_meanwhile(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     """Damage a file while a run is at work."""
-    place.server.start(*command())
+    place.server.start(*place.command())
     wait(place, draw)
     told = "nothing"
     file = damageable(draw, place.code)
@@ -387,7 +403,7 @@ def full_disk(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     ballast = Path("ballast")
     with ballast.open("wb") as file, suppress(OSError):
         os.posix_fallocate(file.fileno(), 0, max(free - left, 0))
-    ended = place.server.run(*command())
+    ended = place.server.run(*place.command())
     require_sentence(ended)
     return f"{left} bytes left: {ended.code}", ballast.unlink
 
@@ -421,7 +437,7 @@ def oom_killed(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     n_bytes = int(draw.uniform(1, 20) * 1e6)
     (group / limit).write_text(str(n_bytes))
     before = oom_kills().on_machine or 0
-    place.server.start(*command())
+    place.server.start(*place.command())
     time.sleep(draw.random() * place.seconds / 4)
     for process in place.server.session():
         with suppress(OSError):
@@ -444,7 +460,7 @@ def limited(
     place: Place, draw: random.Random, kind: int, limit: int | None
 ) -> tuple[str, Undo | None]:
     """Set a limit on a run that has begun, and so on the jobs that it starts."""
-    place.server.start(*command())
+    place.server.start(*place.command())
     time.sleep(draw.random() * place.seconds / 4)
     more = int(draw.random() ** 2 * 400e6)
     size = None  # if it has already ended
@@ -468,7 +484,7 @@ def clock(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     for path in moved:
         with suppress(FileNotFoundError):
             os.utime(path, (time.time() + days * _DAY_S,) * 2)
-    ended = place.server.run(*command())
+    ended = place.server.run(*place.command())
     told = f"{len(moved)} files moved by {days:.2f} days: {ended.code}"
 
     def undo() -> None:
@@ -489,9 +505,9 @@ def clock(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
 
 def two_at_once(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     """Start the same command twice."""
-    place.server.start(*command())
+    place.server.start(*place.command())
     time.sleep(draw.random() ** 2 * place.seconds / 2)
-    place.other.start(*command())
+    place.other.start(*place.command())
     first = place.server.end()
     second = place.other.end()
     for ended in (first, second):
@@ -517,7 +533,7 @@ def read_only(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
         subprocess.run(["umount", "-l", part], check=True)
 
     try:
-        ended = place.server.run(*command())
+        ended = place.server.run(*place.command())
         require_sentence(ended)
     except FindingError:
         undo()
@@ -527,7 +543,7 @@ def read_only(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
 
 def stalled(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     """Halt all processes now and then, as a slow shared folder does; then kill or not."""
-    place.server.start(*command())
+    place.server.start(*place.command())
     for _ in range(draw.randrange(1, 4)):
         time.sleep(draw.random() * place.seconds / 8)
         halted = place.server.session()
@@ -545,8 +561,8 @@ def stalled(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
 
 def commands(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     """Kill ``hopdata run`` or its Snakemake, as a user started them; run it again."""
-    targets = [str(RESULTS / name) for name in TARGETS]
-    ask = [sys.executable, "-P", "-m", "hopdata", "run", "small.yaml", "--", *targets]
+    ask = [sys.executable, "-P", "-m", "hopdata", "run", "small.yaml", "--"]
+    ask += place.targets()
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(place.code)}
     process = subprocess.Popen(
         ask, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
@@ -606,7 +622,7 @@ def require_sentence(ended: Run) -> None:
 def require_whole(place: Place) -> None:
     """Repeat the command, and require the bytes of the undisturbed run."""
     began = time.monotonic()
-    again = place.server.run(*command())
+    again = place.server.run(*place.command())
     if again.code:
         raise FindingError(
             f"the repeated command ends with {again.code}: {again.said[-3000:]}"
@@ -641,9 +657,11 @@ def one_event(
     began = time.monotonic()
     try:
         row["unmade"] = unmake(draw)
+        ask_for_page(place, random.Random(f"{seed} {number} page"))
+        row["page"] = place.has_page
         # These want something to work on.
         if event in (damaged, clock) and draw.random() < 0.7:
-            place.server.run(*command())
+            place.server.run(*place.command())
         row["did"], undo = event(place, draw)
         if undo is not None:
             undo()
