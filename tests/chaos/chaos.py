@@ -194,6 +194,7 @@ class Place:
     whole: dict[str, bytes] = field(default_factory=dict)
     seconds: float = 10.0
     has_page: bool = False
+    without_page: set[str] = field(default_factory=set)
 
     def make(self) -> None:
         """Build the checkout, and run the study once."""
@@ -207,11 +208,17 @@ class Place:
         os.chdir(self.folder)
         self.server = Server(self.folder, self.code, self.code.parent / "first")
         self.other = Server(self.folder, self.code, self.code.parent / "second")
+        self.run_undisturbed()
+        self.without_page = {*self.files()}
         self.has_page = True
-        first = self.server.run(*self.command())
-        if first.code:
-            raise SystemExit(first.said)
+        self.run_undisturbed()
         self.whole = self.files()
+
+    def run_undisturbed(self) -> None:
+        """Run, and end this program if even that fails."""
+        run = self.server.run(*self.command())
+        if run.code:
+            raise SystemExit(run.said)
 
     def targets(self) -> list[str]:
         """Return the files that this event asks for."""
@@ -237,9 +244,7 @@ class Place:
         kill(self.server.session() + self.other.session())
         shutil.rmtree(RESULTS, ignore_errors=True)
         shutil.rmtree(".snakemake", ignore_errors=True)
-        again = self.server.run(*self.command())
-        if again.code:
-            raise SystemExit(again.said)
+        self.run_undisturbed()
 
     def leave(self) -> None:
         """End what runs, and remove the folder."""
@@ -633,9 +638,13 @@ def require_whole(place: Place) -> None:
         )
     place.seconds = 0.8 * place.seconds + 0.2 * max(time.monotonic() - began, 2.0)
     now = place.files()
+    named = {*place.whole, *now}
+    if not place.has_page:
+        # What is damaged and not asked for is made again when it is.
+        named -= {*place.whole} - place.without_page
     differ = sorted(
         name
-        for name in {*place.whole, *now}
+        for name in named
         if place.whole.get(name) != now.get(name) and (name in TARGETS or name in now)
     )
     if differ:

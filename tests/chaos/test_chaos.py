@@ -54,6 +54,33 @@ def test_some_events_ask_for_the_page_too(chaos, tmp_path, monkeypatch):
     assert 5 <= sum(asked) <= 30
 
 
+@pytest.mark.parametrize(
+    ("has_page", "damaged", "is_found"),
+    [
+        (False, "quality.json", False),
+        (True, "quality.json", True),
+        (False, "units.json", True),
+        (True, "units.json", True),
+        (False, "", False),
+    ],
+)
+def test_only_what_is_asked_for_must_come_right(
+    chaos, tmp_path, has_page, damaged, is_found
+):
+    """What is damaged and not asked for is made again once it is."""
+    place = chaos.Place(tmp_path, tmp_path, has_page=has_page)
+    place.whole = {"units.json": b"a", "quality.json": b"b"}
+    place.without_page = {"units.json"}
+    now = {name: b"?" if name == damaged else it for name, it in place.whole.items()}
+    place.files = lambda: now
+    place.server = SimpleNamespace(run=lambda *_: chaos.Run(0, ""))
+    if is_found:
+        with pytest.raises(chaos.FindingError, match=f"other bytes: {damaged}"):
+            chaos.require_whole(place)
+    else:
+        chaos.require_whole(place)
+
+
 def test_a_disturbed_study_comes_right_by_the_same_command(tmp_path):
     ask = [sys.executable, str(PROGRAM), "--events", str(N_EVENTS), "--seed", "5"]
     ask += ["--folder", str(tmp_path)]
