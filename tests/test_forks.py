@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from hopdata import forks
-from hopdata.forks import NoForkError, Server
+from hopdata.causes import NoForkError
+from hopdata.forks import Server
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="scripts are forks on Linux only"

@@ -69,6 +69,20 @@ _BY_TEXT = (
 )
 
 
+class ServerEndedError(RuntimeError):
+    """The process whose forks the jobs are has ended, before it made one."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "expected the process that runs the jobs to live, found that it was ended; "
+            "perhaps by the system, for lack of memory"
+        )
+
+
+class NoForkError(OSError):
+    """The system allows no further process, for want of memory or of processes."""
+
+
 def error_number(error: BaseException) -> int | None:
     """Return the system's number of an error; h5py gives it only in its message."""
     in_message = re.search(r"errno = (\d+)", str(error))

@@ -35,6 +35,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
+from hopdata.causes import NoForkError, ServerEndedError
 from hopdata.foreign.limits import end_with
 
 #: Most bytes of a request: what a job is told before it begins.
@@ -83,20 +84,6 @@ class Job:
             # The server was ended, and the system has killed its forks.
             return -signal.SIGKILL
         return int(line)
-
-
-class ServerEndedError(RuntimeError):
-    """The process whose forks the jobs are has ended, before it made one."""
-
-    def __init__(self) -> None:
-        super().__init__(
-            "expected the process that runs the jobs to live, found that it was ended; "
-            "perhaps by the system, for lack of memory"
-        )
-
-
-class NoForkError(OSError):
-    """The system allows no further process, for want of memory or of processes."""
 
 
 def new_server() -> tuple[socket.socket, subprocess.Popen[bytes]]:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from hopdata.causes import NoForkError, ServerEndedError
 from hopdata.commands.deaths import tell, why
-from hopdata.forks import NoForkError, ServerEndedError
 
 PAGE = """\
 rule floor_compensation:

@@ -13,12 +13,13 @@ from hopdata.causes import (
     NO_PROCESS,
     OPEN_FILES,
     READ_ONLY,
+    NoForkError,
     OomKills,
+    ServerEndedError,
     cause_in,
     killed_told,
     signal_told,
 )
-from hopdata.forks import NoForkError, ServerEndedError
 
 _FAILED = re.compile(r"Error in rule (\w+):")
 _EXCEPTION = "RuleException"
