@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from hopdata.errors import Told, told_call
 from hopdata.hybrid.arguments import check_flag, expect
-from hopdata.hybrid.branches.code import Branches, branches_of
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
@@ -23,6 +22,7 @@ from hopdata.hybrid.driver.loop import (
 )
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.numbers.guards import RangedGuards, branches_of
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -242,7 +242,7 @@ class System(Told):
         return (*addresses, compiled_run().address)
 
     @cached_property
-    def branches(self) -> Branches:
+    def branches(self) -> RangedGuards:
         """Code of the guards for ranges, by which the driver finds their branches."""
         return branches_of(self.guards or self.guard)
 
