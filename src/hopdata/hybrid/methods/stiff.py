@@ -396,9 +396,9 @@ def implicit_stiffness(
 
     The Jacobian is in the rows from `jac` on (see `multiply`). It takes four products,
     started from the tolerances. They are taken in pairs, because a vibration turns
-    states and rates into each other. SCRATCH and row `spare` are overwritten. An explicit method suffices for
-    the next step of length dt if the result is well below its limit. The estimate costs
-    as much as half a step.
+    states and rates into each other. SCRATCH and row `spare` are overwritten. An
+    explicit method suffices for the next step of length dt if the result is well below
+    its limit. The estimate costs as much as half a step.
     """
     after = 0.0
     for i in range(n):
