@@ -41,6 +41,7 @@ class Directory(NamedTuple):
     factor_starts: IntVector
     factor_columns: IntVector
     factor_diagonal: IntVector
+    alike: IntVector  # rows from each one on whose factors have the same columns
 
 
 N_PLAIN = 9  # items of a directory that are numbers

@@ -127,6 +127,49 @@ def solve_band(s: FloatTable, d: Directory) -> None:
 
 
 @kernel
+def subtract_row(s: FloatTable, d: Directory, k: int) -> None:
+    """Eliminate column `k` from the row that is spread out in row `work`."""
+    matrix = d.matrix
+    work = d.work
+    diagonal = d.factor_diagonal[k]
+    factor = s[work, k] * s[matrix, diagonal]
+    s[work, k] = factor
+    for r in range(diagonal + 1, d.factor_starts[k + 1]):
+        s[work, d.factor_columns[r]] -= factor * s[matrix, r]
+
+
+@kernel
+def subtract_four(s: FloatTable, d: Directory, k: int) -> None:
+    """Eliminate four columns from `k` on, whose rows have the same columns.
+
+    The columns' numbers and the row are then read and written once instead of four
+    times.
+    """
+    matrix = d.matrix
+    work = d.work
+    first = d.factor_diagonal[k]
+    second = d.factor_diagonal[k + 1]
+    third = d.factor_diagonal[k + 2]
+    fourth = d.factor_diagonal[k + 3]
+    a = s[work, k] * s[matrix, first]
+    b = s[work, k + 1] - a * s[matrix, first + 1]
+    b *= s[matrix, second]
+    c = s[work, k + 2] - a * s[matrix, first + 2] - b * s[matrix, second + 1]
+    c *= s[matrix, third]
+    e = s[work, k + 3] - a * s[matrix, first + 3] - b * s[matrix, second + 2]
+    e = (e - c * s[matrix, third + 1]) * s[matrix, fourth]
+    s[work, k] = a
+    s[work, k + 1] = b
+    s[work, k + 2] = c
+    s[work, k + 3] = e
+    for r in range(1, d.factor_starts[k + 4] - fourth):
+        j = d.factor_columns[fourth + r]
+        total = a * s[matrix, first + 3 + r] + b * s[matrix, second + 2 + r]
+        total += c * s[matrix, third + 1 + r] + e * s[matrix, fourth + r]
+        s[work, j] -= total
+
+
+@kernel
 def factorise_sparse(s: FloatTable, d: Directory) -> None:
     """Replace a sparse matrix by its LU factors, without row exchanges.
 
@@ -141,13 +184,16 @@ def factorise_sparse(s: FloatTable, d: Directory) -> None:
         diagonal = d.factor_diagonal[i]
         for q in range(first, end):
             s[work, d.factor_columns[q]] = s[matrix, q]
-        for q in range(first, diagonal):
+        q = first
+        while q < diagonal:
             k = d.factor_columns[q]
-            above = d.factor_diagonal[k]
-            factor = s[work, k] * s[matrix, above]
-            s[work, k] = factor
-            for r in range(above + 1, d.factor_starts[k + 1]):
-                s[work, d.factor_columns[r]] -= factor * s[matrix, r]
+            # A row that has column k has those of the rows like k, too.
+            if d.alike[k] >= 4 and q + 4 <= diagonal:
+                subtract_four(s, d, k)
+                q += 4
+            else:
+                subtract_row(s, d, k)
+                q += 1
         for q in range(first, end):
             s[matrix, q] = s[work, d.factor_columns[q]]
         s[matrix, diagonal] = 1.0 / s[matrix, diagonal]

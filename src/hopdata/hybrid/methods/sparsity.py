@@ -282,6 +282,25 @@ def factors_of(pattern: Pattern) -> Factors:
     return Factors(order, 0, 0, starts, columns, diagonal)
 
 
+def rows_alike(factors: Factors) -> IntArray:
+    """Return how many rows from each one on have the same columns to their right.
+
+    A row is like the next if it has the next row's columns right of the diagonal, and
+    one more, the next row's diagonal itself. Rows of dense blocks are of this kind.
+    """
+    if factors.is_band:
+        return np.empty(0, dtype=np.int64)
+    n = len(factors.order)
+    right = factors.starts[1:] - factors.diagonal - 1
+    alike = np.ones(n, dtype=np.int64)
+    for row in range(n - 2, -1, -1):
+        first = factors.columns[factors.diagonal[row] + 1 : factors.starts[row + 1]][:1]
+        # In the factors, the columns of a row are among those of the first of them.
+        if first == row + 1 and right[row] == right[row + 1] + 1:
+            alike[row] = alike[row + 1] + 1
+    return alike
+
+
 class Structure:
     """A directory in memory, and the arrays to which it refers.
 
@@ -332,6 +351,7 @@ class Structure:
             "factor_starts": self.factors.starts,
             "factor_columns": self.factors.columns,
             "factor_diagonal": self.factors.diagonal,
+            "alike": rows_alike(self.factors),
         }
         self._numbers = {
             "n_entries": n_entries,
