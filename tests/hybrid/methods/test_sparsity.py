@@ -19,7 +19,7 @@ from large_systems import (
 from scipy import sparse
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch
-from hopdata.hybrid.methods.sparsity import pattern_of
+from hopdata.hybrid.methods.sparsity import pattern_of, rows_alike
 
 FORMS = {
     "bandwidths": (1, 2),
@@ -66,6 +66,9 @@ PATTERNS = {
         50,
     ),
     "network": pattern_of(network_of(5, 80)[1], 80),
+    "two grids and a state alone": pattern_of(
+        sparse.block_diag([grid_pattern(9), np.eye(1), grid_pattern(11)]), 203
+    ),
     "empty": pattern_of(np.zeros((9, 9)), 9),
 }  # fmt: skip
 OF_ALL = pytest.mark.parametrize("name", PATTERNS)
@@ -108,13 +111,29 @@ def test_the_factors_have_room_for_each_product(name):
         of_row = np.repeat(np.arange(n), np.diff(factors.starts))
         room[of_row, factors.columns] = True
         assert np.array_equal(factors.columns[factors.diagonal], np.arange(n))
+        check_rows_alike(factors)
     assert sorted(factors.order) == list(range(n))
     assert not full[~room].any()
+
+
+def check_rows_alike(factors):
+    """Rows that count as alike have the same columns to the right of all of them."""
+    alike = rows_alike(factors)
+    of_row = [
+        factors.columns[a:b].tolist()
+        for a, b in zip(factors.diagonal, factors.starts[1:], strict=True)
+    ]
+    for row, count in enumerate(alike):
+        for k in range(1, count):
+            assert of_row[row][k:] == of_row[row + k]
+        if row + count < len(alike):
+            assert of_row[row][count:] != of_row[row + count]
 
 
 def test_a_ring_is_a_band_in_another_order_and_a_grid_is_not():
     assert PATTERNS["ring"].structure.factors.width <= 7
     assert not PATTERNS["grid"].structure.factors.is_band
+    assert rows_alike(PATTERNS["grid"].structure.factors).max() >= 4
     narrow = pattern_of(grid_pattern(60), 3600).structure.factors
     assert narrow.size < 3600 * 40
 

@@ -291,14 +291,14 @@ def rows_alike(factors: Factors) -> IntArray:
     if factors.is_band:
         return np.empty(0, dtype=np.int64)
     n = len(factors.order)
+    rows = np.arange(n)
     right = factors.starts[1:] - factors.diagonal - 1
-    alike = np.ones(n, dtype=np.int64)
-    for row in range(n - 2, -1, -1):
-        first = factors.columns[factors.diagonal[row] + 1 : factors.starts[row + 1]][:1]
-        # In the factors, the columns of a row are among those of the first of them.
-        if first == row + 1 and right[row] == right[row + 1] + 1:
-            alike[row] = alike[row + 1] + 1
-    return alike
+    first = np.full(n, n)  # column right of the diagonal; n if there is none
+    first[right > 0] = factors.columns[factors.diagonal[right > 0] + 1]
+    # A row's other columns are among those of the row with the number of the first.
+    like_next = (first[:-1] == rows[1:]) & (right[:-1] == right[1:] + 1)
+    last = np.flatnonzero(np.append(~like_next, True))
+    return last[np.searchsorted(last, rows)] - rows + 1
 
 
 class Structure:
