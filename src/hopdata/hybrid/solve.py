@@ -22,6 +22,8 @@ from hopdata.hybrid.workspace import PLAIN, Sink, Workspace
 # Time until the first progress message on a terminal's stderr, and interval of others.
 SILENT_S = 5.0
 EVERY_S = 0.5
+# Statuses of functions that may have left their arrays as they were.
+NOT_FILLED = (at.FIELD_NOT_FINITE, at.GUARD_NOT_FINITE)
 UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
 
 
@@ -218,12 +220,26 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             arguments.check_numbers(
                 t_span, rtol, max_step, first_step, max_steps, max_events
             )
+        if status in NOT_FILLED:
+            _check_results(system, work)
         if work.sink is not None:
             work.hand_over()
         return work.solution(status)
     finally:
         work.sink = None
         system.idle.append(work)
+
+
+def _check_results(system: System, work: Workspace) -> None:
+    """Raise TypeError if a plain function did not return what was wanted of it."""
+    n_states, n_guards = system.n_states, system.n_guards
+    given = work.state.copy(), np.empty(n_states), work.mode.copy(), work.constants
+    state, rates, mode, params = given
+    time = float(work.clock[at.T])
+    system.field.check_result(time, state, mode, params, rates)
+    if system.guards is not None:
+        h, hdot = np.empty(n_guards), np.empty(n_guards)
+        system.guards.check_result(time, state, rates, mode, params, h, hdot)
 
 
 def _is_empty(t_eval: Any) -> bool:

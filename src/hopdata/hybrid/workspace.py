@@ -381,6 +381,11 @@ class Workspace:
             self.sink(log)
 
     @property
+    def constants(self) -> FloatArray:
+        """The parameters and the memory, as the functions see them."""
+        return self._params
+
+    @property
     def progress(self) -> str:
         """Progress of the integration, in words."""
         time = self._form.way * self.clock[layout.T]

@@ -19,6 +19,15 @@ WANTED_RESULT = {
 }
 
 
+# What the length of a plain function's result is.
+LENGTHS = {
+    "field": "the number of states (n_states)",
+    "guards": "the number of guards (guard_names)",
+    "on_event": "the number of states (n_states)",
+    "jacobian": "the number of states (n_states)",
+}
+
+
 def function_name(function: Function) -> str:
     """Return the name of a function for use in messages."""
     return getattr(function, "__name__", type(function).__name__)
@@ -26,6 +35,7 @@ def function_name(function: Function) -> str:
 
 def place(function: Function, signature: Signature) -> str:
     """Return the kind, name and source location of a function, to start a message."""
+    function = getattr(function, "users", function)
     code = getattr(function, "__code__", None)
     where = "" if code is None else f" ({code.co_filename}:{code.co_firstlineno})"
     return f"{signature.name} {function_name(function)!r}{where}"
