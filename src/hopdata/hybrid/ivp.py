@@ -430,9 +430,9 @@ class _Events(Callback):
             )
         return _Together(self._together(inner))
 
-    def anew(self) -> Callback:
+    def anew(self, *, always: bool = False) -> Callback:
         """Return itself, or a new one if a constant of a function has changed."""
-        if self.constants.are_current():
+        if not always and self.constants.are_current():
             return self
         return _Events(self._functions, self._forms, self.wanted)
 

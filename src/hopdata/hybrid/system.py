@@ -115,6 +115,9 @@ class System(Told):
         expect(counts, "terminal", "booleans or counts", self.terminal)
         states = self.n_states
         guards = self.n_guards
+        if self.guards is not None:
+            sized = self.guards.with_sizes(states, guards)
+            object.__setattr__(self, "guards", sized)
         for one in self.callbacks:
             one.check_lengths(
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes

@@ -21,7 +21,7 @@ from hopdata.hybrid.compiled.forms import Form, form_of
 from hopdata.hybrid.compiled.helpers import with_helpers
 from hopdata.hybrid.compiled.in_python import in_own_form, protected, trampoline
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
-from hopdata.hybrid.compiled.rates import VALUES_ONLY, with_rates
+from hopdata.hybrid.compiled.rates import values_only, with_rates
 from hopdata.hybrid.compiled.stored import WrongResultError
 from hopdata.hybrid.compiled.written import Written
 
@@ -77,6 +77,8 @@ class Callback:
         if form is not None:
             self.function = in_own_form(function, form)
         self.signature = signature
+        # Of guards without rates: numbers of states and guards, for exact rates.
+        self._sizes: tuple[int, int] | None = None
         self._wanted = compiled
         update_wrapper(self, function)
 
@@ -173,8 +175,21 @@ class Callback:
                 return with_helpers(self.function)
             return self.function
         if self.signature.name == "guards":
-            return with_rates(self._written.function)
+            return with_rates(self._written.function, self._sizes)
         return with_helpers(self._written.function)
+
+    def with_sizes(self, n_states: int, n_guards: int) -> Callback:
+        """Return guards for a system of these sizes, whose rates are exact.
+
+        Others than guards that return their values return themselves.
+        """
+        if self.form is None or self.signature.name != "guards":
+            return self
+        if self._sizes == (n_states, n_guards):
+            return self
+        sized = self.anew(always=True)
+        sized._sizes = (n_states, n_guards)
+        return sized
 
     def uncompiled(self) -> Callback:
         """Return a callback of the same function that Python runs."""
@@ -240,9 +255,9 @@ class Callback:
         renew_called(found)
         return found
 
-    def anew(self) -> Callback:
+    def anew(self, *, always: bool = False) -> Callback:
         """Return itself or, if what it was made from has changed, a new callback."""
-        if self.constants.are_current():
+        if not always and self.constants.are_current():
             return self
         return Callback(self.users, self.signature, self._wanted, self.form)
 
@@ -253,20 +268,24 @@ class Callback:
             return numba.njit(trampoline(self._protected, self.signature))
         return numba.njit(error_model="numpy")(with_digest(self._to_compile))
 
+    @property
+    def _of_other_numbers(self) -> Function:
+        """The function for ranges or duals; guards without rates fill only `h`."""
+        if self._written is not None and self.signature.name == "guards":
+            return values_only(self._written.function)
+        return self._to_compile
+
     @cached_property
     def ranged(self) -> Any:
         """The function, callable from code in Numba with ranges for states and time."""
-        function = self._to_compile
-        if self._written is not None and self.signature.name == "guards":
-            function = with_rates(self._written.function, VALUES_ONLY)
-        return numba.njit(error_model="numpy")(with_digest(function))
+        return numba.njit(error_model="numpy")(with_digest(self._of_other_numbers))
 
     @cached_property
     def dual(self) -> Any:
         """The function, callable from code in Numba with duals (`numbers.duals`)."""
         options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         made: Any = numba.njit(error_model="numpy", **options)
-        return made(with_digest(self.function))
+        return made(with_digest(self._of_other_numbers))
 
     @cached_property
     def address(self) -> int:
@@ -302,7 +321,19 @@ class Callback:
             return None
 
     def _made(self) -> Any:
-        """Return the machine code, from the cache or compiled now."""
+        """Return the machine code, from the cache or compiled now.
+
+        Guards that do not compile for duals have their rates from differences.
+        """
+        if self._sizes is not None:
+            try:
+                return self._compiled_now()
+            # Numba's own exceptions, and others raised within it.
+            except Exception:
+                self._sizes = None
+        return self._compiled_now()
+
+    def _compiled_now(self) -> Any:
         function = self._to_compile
 
         def compile_it(cached: bool) -> Any:
@@ -320,7 +351,8 @@ class Callback:
 @cache
 def _digest_of_forms() -> str:
     """Return a digest of the sources by which plain functions are rewritten."""
-    return sources_digest(Path(__file__).parents[1], "compiled")
+    package = Path(__file__).parents[1]
+    return sources_digest(package, "compiled") + sources_digest(package, "numbers")
 
 
 def callback_by_name(

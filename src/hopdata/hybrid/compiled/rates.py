@@ -68,17 +68,39 @@ def {name}(t, y, dy, mode, params, h, hdot):
 """
 
 
-def with_rates(values: Function, template: str = BY_DIFFERENCES) -> FunctionType:
+def with_rates(values: Function, sizes: tuple[int, int] | None) -> FunctionType:
     """Return guards of the integrator's own form for compiled code.
 
     Parameters
     ----------
     values : FunctionType
         Takes ``t, y, mode, params, h`` and fills `h`.
-    template : str
-        How it is done.
+    sizes : tuple of int, optional
+        Numbers of states and of guards. With them the rates are exact, but the
+        function may not compile.
     """
     assert isinstance(values, FunctionType)
+    if sizes is None:
+        return _composed(values, BY_DIFFERENCES)
+    from hopdata.hybrid.numbers.derivatives import rates_of  # it imports callbacks
+
+    made: FunctionType = rates_of(_dispatcher(values), *sizes)
+    made.__code__ = made.__code__.replace(co_filename=values.__code__.co_filename)
+    made.__module__ = values.__module__
+    return made
+
+
+def values_only(values: Function) -> FunctionType:
+    """Return guards of the integrator's own form that leave `hdot` as it is."""
+    assert isinstance(values, FunctionType)
+    return _composed(values, VALUES_ONLY)
+
+
+def _dispatcher(values: FunctionType) -> Any:
+    return numba.njit(error_model="numpy")(with_digest(with_helpers(values)))
+
+
+def _composed(values: FunctionType, template: str) -> FunctionType:
     name = values.__name__
     if not name.isidentifier():
         name = "guards"
@@ -86,11 +108,10 @@ def with_rates(values: Function, template: str = BY_DIFFERENCES) -> FunctionType
         "__name__": values.__module__,
         "np": np,
         "increment": numba.njit(increment),
-        "VALUES": numba.njit(error_model="numpy")(with_digest(with_helpers(values))),
+        "VALUES": _dispatcher(values),
     }
-    exec(
-        compile(template.format(name=name), values.__code__.co_filename, "exec"), names
-    )
+    code = compile(template.format(name=name), values.__code__.co_filename, "exec")
+    exec(code, names)
     made: FunctionType = names[name]
     return made
 
