@@ -381,6 +381,11 @@ class Workspace:
             self.sink(log)
 
     @property
+    def slope(self) -> FloatArray:
+        """The rates of the state."""
+        return self._states[layout.K1]
+
+    @property
     def constants(self) -> FloatArray:
         """The parameters and the memory, as the functions see them."""
         return self._params

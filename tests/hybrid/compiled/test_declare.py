@@ -232,8 +232,8 @@ def with_unknown_function(t, y, mode, params, dy):
 
 
 CASES = [
-    (with_dictionary, "TABLE", "numba.njit"),
-    (with_slow_helper, "TABLE", "numba.njit"),
+    (with_dictionary, "TABLE", "as params"),
+    (with_slow_helper, "TABLE", "as params"),
     (with_object, "ROBOT", "numba.njit"),
     (with_format, "f-strings", "numba.njit"),
     (with_list, "HISTORY", "numba.njit"),

@@ -123,6 +123,13 @@ class Callback:
                     f"{where} uses {name}[{number}], but {name} has the length "
                     f"{lengths[name]}"
                 )
+        for name, number in self._unpacked.items():
+            if name in lengths and number != lengths[name]:
+                where = declare.place(self.users, self.signature)
+                raise ValueError(
+                    f"{where} unpacks {name} into {number} names, but {name} has the "
+                    f"length {lengths[name]}"
+                )
         if self.form is None or not self.form.returns or self.count is None:
             return
         result = self.form.result
@@ -144,14 +151,13 @@ class Callback:
         *arguments
             The arguments of its kind.
         """
-        if self.form is None or not self.form.returns or self.count is not None:
+        if self.form is None or not self.form.returns:
             return
         with np.errstate(all="ignore"):
             try:
                 self.function(*arguments)
-            except WrongResultError as error:
-                where = declare.place(self.users, self.signature)
-                raise TypeError(f"{where}: {error}") from None
+            except WrongResultError:
+                raise
             except Exception:  # the user's own, which machine code may not raise
                 return
 
@@ -225,6 +231,18 @@ class Callback:
         if argument == "dy" and self.signature.name == "guards":
             argument = "y"  # the rates of its values follow from those of the state
         return self._written.function, self._written.arguments.index(argument)
+
+    @cached_property
+    def _unpacked(self) -> dict[str, int]:
+        """Number of names into which an argument is unpacked, by the argument."""
+        function, given = self.function, self.signature.arguments
+        if self._written is not None:
+            function, given = self._written.function, self._written.arguments
+        found = declare.names_unpacked(function)
+        if not found:
+            return {}
+        names = function.__code__.co_varnames[: len(given)]
+        return {given[names.index(name)]: found[name] for name in found}
 
     @cached_property
     def _subscripts(self) -> dict[int, int]:
@@ -316,7 +334,7 @@ class Callback:
         # Numba's own exceptions, and others raised within it.
         except Exception as error:
             declare.raise_if_mistaken(self.users, self.signature, error)
-            reason, advice = declare.reason_and_advice(error)
+            reason, advice = declare.reason_and_advice(error, self.users)
             declare.warn_slow(self.users, self.signature, reason, advice)
             return None
 

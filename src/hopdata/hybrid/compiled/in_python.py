@@ -17,10 +17,10 @@ from hopdata.hybrid.compiled import declare
 from hopdata.hybrid.compiled.caught import current
 from hopdata.hybrid.compiled.declare import place, return_error
 from hopdata.hybrid.compiled.forms import Form
-from hopdata.hybrid.compiled.kernel import Signature
+from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
 from hopdata.hybrid.compiled.memory import built, lower_call_of_python
 from hopdata.hybrid.compiled.rates import rates_in_python
-from hopdata.hybrid.compiled.stored import store_in_python
+from hopdata.hybrid.compiled.stored import WrongResultError, store_in_python
 from hopdata.hybrid.compiled.written import native_arguments
 
 Function = Callable[..., Any]
@@ -48,7 +48,11 @@ def in_own_form(function: Function, form: Form) -> Function:
         if not form.returns:
             return value
         result = arguments[names.index(form.result)]
-        return store_in_python(form.kind, value, result)
+        try:
+            return store_in_python(form.kind, value, result)
+        except WrongResultError as error:
+            where = place(function, SIGNATURES[form.kind])
+            raise WrongResultError(f"{where} {error}") from None
 
     def guards(t: Any, y: Any, dy: Any, *others: Any) -> None:
         rates_in_python(fill, t, y, dy, *others)

@@ -290,18 +290,20 @@ def store_in_python(kind: str, value: Any, out: Any) -> int | None:
             return int(value)
         if isinstance(value, int | np.integer):
             raise WrongResultError(
-                "it returns a whole number; return the new state (0.0 and not 0, if "
+                "returns a whole number; return the new state (0.0 and not 0, if "
                 "it is one number), True to stop, or nothing"
             )
+    if value is None:
+        raise WrongResultError("returns None on some path; expected numbers")
     try:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise WrongResultError(f"it returns {value!r}; expected numbers") from None
+        raise WrongResultError(f"returns {value!r}; expected numbers") from None
     if numbers.ndim == 0:
         numbers = numbers.reshape((1,) * out.ndim)
     if numbers.shape != out.shape:
         raise WrongResultError(
-            f"it returns an array of the shape {numbers.shape}; expected {out.shape}"
+            f"returns an array of the shape {numbers.shape}; expected {out.shape}"
         )
     out[...] = numbers
     return 0 if kind == "on_event" else None
