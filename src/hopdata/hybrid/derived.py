@@ -230,7 +230,7 @@ def in_python(system: System) -> System:
     """Return the system with all functions run by Python."""
 
     def uncompiled(given: Callback) -> Callback:
-        return Callback(given.function, given.signature, compiled=False)
+        return given.uncompiled()
 
     return _made(system, "debug", uncompiled)
 
