@@ -100,7 +100,7 @@ SLOWS_S = 0.15
 
 #: Largest deceleration of a foot, up to which a leg slowed it, and not the floor.
 #: Unit: m/s^2. Origin: chosen: heels of three recorded walks that slow above the floor
-#: have 7 to 18, of 1,645 contacts of three runners at the floor 7 have less than 20.
+#: have 13 to 18; of 1,645 fits of three runners none passes for a leg's, 7 would at 30.
 LEG_M_S2 = 20.0
 
 #: The same, up to which it is not sure which of them it was.
