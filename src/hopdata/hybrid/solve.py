@@ -198,6 +198,8 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         if mode is not None:
             arguments.set_mode(work.mode, system.n_guards, mode)
             flags = at.GIVEN_MODE
+        if work.methods.unchecked:
+            work.check_pattern(system.n_guards, mode is not None)
         caught = work.caught
         caught.clear()
         token = catch(caught)

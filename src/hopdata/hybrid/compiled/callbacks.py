@@ -480,7 +480,10 @@ def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
     ----------
     function : callable
         Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` with
-        respect to ``y[j]``. It is zero on entry.
+        respect to ``y[j]``. It is zero on entry. Of a System with `sparsity`, it has
+        the derivatives of the pattern only: with bandwidths (lower, upper) one row for
+        each diagonal, ``jac[upper + i - j, j]``; with a matrix one row, ``jac[0, k]``,
+        with the entries of the pattern row by row, from left to right.
     """
     return _declared("jacobian", function, compiled)
 
