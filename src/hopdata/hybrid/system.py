@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from hopdata.errors import Told, told_call
 from hopdata.hybrid.arguments import check_flag, expect
-from hopdata.hybrid.branches.code import Branches, branches_of
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
@@ -24,6 +23,7 @@ from hopdata.hybrid.driver.loop import (
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.sparsity import pattern_of
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.numbers.guards import RangedGuards, branches_of
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -101,6 +101,7 @@ class System(Told):
     sparsity: Any = None
 
     def __post_init__(self) -> None:
+        self._declare_plain_functions()
         listed = isinstance(self.guard_names, tuple | list)
         expect(
             listed, "guard_names", "a name for each guard, in a tuple", self.guard_names
@@ -123,10 +124,22 @@ class System(Told):
         expect(counts, "terminal", "booleans or counts", self.terminal)
         states = self.n_states
         guards = self.n_guards
+        if self.guards is not None:
+            sized = self.guards.with_sizes(states, guards)
+            object.__setattr__(self, "guards", sized)
         for one in self.callbacks:
             one.check_lengths(
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
             )
+
+    def _declare_plain_functions(self) -> None:
+        """Declare functions that are given without their decorators."""
+        for name in (*SIGNATURES, "undo"):
+            given = getattr(self, name)
+            if callable(given) and not isinstance(given, Callback):
+                kind = "on_event" if name == "undo" else name
+                made = Callback(given, SIGNATURES[kind])
+                object.__setattr__(self, name, made)
 
     def _check_callbacks(self) -> None:
         needs_guards = bool(self.guard_names) and self.guard is None
@@ -251,7 +264,7 @@ class System(Told):
         return (*addresses, compiled_run().address)
 
     @cached_property
-    def branches(self) -> Branches:
+    def branches(self) -> RangedGuards:
         """Code of the guards for ranges, by which the driver finds their branches."""
         return branches_of(self.guards or self.guard)
 

@@ -390,6 +390,16 @@ class Workspace:
             self.sink(log)
 
     @property
+    def slope(self) -> FloatArray:
+        """The rates of the state."""
+        return self._states[layout.K1]
+
+    @property
+    def constants(self) -> FloatArray:
+        """The parameters and the memory, as the functions see them."""
+        return self._params
+
+    @property
     def progress(self) -> str:
         """Progress of the integration, in words."""
         time = self._form.way * self.clock[layout.T]
