@@ -150,6 +150,13 @@ class Callback:
         return numba.njit(error_model="numpy")(with_digest(self.function))
 
     @cached_property
+    def dual(self) -> Any:
+        """The function, callable from code in Numba with duals (`numbers.duals`)."""
+        options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        made: Any = numba.njit(error_model="numpy", **options)
+        return made(with_digest(self.function))
+
+    @cached_property
     def address(self) -> int:
         """Address of the machine code."""
         if self._compiled is None:
