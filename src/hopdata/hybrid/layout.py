@@ -28,7 +28,10 @@ def numbers(count: int, first: int = 0) -> Any:
 # fills P1 and the rows after it.
 Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE, P1 = numbers(11)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
-W1 = P1 + LARGEST_DEGREE
+# Its first number is the address of the structure of a sparse Jacobian (0: none; see
+# `methods.sparsity`).
+STRUCTURE = P1 + LARGEST_DEGREE
+W1 = STRUCTURE + 1
 
 # Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows),
 # two blocks of n rows for the method, the single rows below, and the method's own rows.
