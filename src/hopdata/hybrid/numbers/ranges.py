@@ -62,8 +62,8 @@ class _OfSources(types.Type):
 
     @property
     def key(self) -> Any:
-        """What makes two types equal."""
-        return self.name, self.sources
+        """What makes two types equal; the sources are unknown while it is unpickled."""
+        return self.name, vars(self).get("sources", "")
 
 
 class _Range(_OfSources, NumberLike):
