@@ -62,7 +62,7 @@ class _OfSources(types.Type):
 
     @property
     def key(self) -> Any:
-        """What makes two types equal; the sources are unknown while it is unpickled."""
+        """What makes two types equal; one kept by an older version has no sources."""
         return self.name, vars(self).get("sources", "")
 
 
