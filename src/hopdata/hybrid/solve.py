@@ -194,10 +194,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
                 dense_output,
                 keep_events or callable(events),
             )
-        flags = 0
-        if mode is not None:
-            arguments.set_mode(work.mode, system.n_guards, mode)
-            flags = at.GIVEN_MODE
+        flags = _begin_mode(mode, system, work)
         if work.methods.unchecked:
             work.check_pattern(system.n_guards, mode is not None)
         caught = work.caught
@@ -218,19 +215,33 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             first = caught[0]
             caught.clear()
             raise _with_what_was_reached(first, work)
-        if status > at.TERMINATED:  # it has not started
-            expect(status != at.BAD_START, "y0", "finite numbers", work.state)
-            arguments.check_numbers(
-                t_span, rtol, max_step, first_step, max_steps, max_events
-            )
         if status in NOT_FILLED:
             _check_results(system, work)
+        elif status > at.TERMINATED:  # it has not started
+            limits = rtol, max_step, first_step, max_steps, max_events
+            _refuse(status, t_span, limits, work)
         if work.sink is not None:
             work.hand_over()
         return work.solution(status)
     finally:
         work.sink = None
         system.idle.append(work)
+
+
+def _begin_mode(mode: Sequence[int] | None, system: System, work: Workspace) -> int:
+    """Write the initial mode, if it is given; return the flag that says so."""
+    if mode is None:
+        return 0
+    arguments.set_mode(work.mode, system.n_guards, mode)
+    return int(at.GIVEN_MODE)
+
+
+def _refuse(
+    status: int, t_span: Any, limits: arguments.Limits, work: Workspace
+) -> None:
+    """Raise ValueError for what the driver has not accepted."""
+    expect(status != at.BAD_START, "y0", "finite numbers", work.state)
+    arguments.check_numbers(t_span, *limits)
 
 
 def _check_results(system: System, work: Workspace) -> None:

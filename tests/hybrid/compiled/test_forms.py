@@ -13,6 +13,7 @@ from numpy import array, zeros
 from hopdata.hybrid import System, field, guards, jacobian, on_event, solve
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
+from hopdata.hybrid.numbers.guards import guards_for_ranges
 
 GRAVITY = 9.81
 PARAMS = (9.81, 0.8)
@@ -339,6 +340,39 @@ def test_rates_of_guards_are_exact():
     # Python takes a difference.
     guards.function(0.3, *given, h, hdot)
     assert hdot[0] == pytest.approx(-2.0 + 0.5 * np.cos(15.0), rel=1e-6)
+
+
+def listed(t, y, p):
+    return [max(y[0], p[0]), abs(y[1])]
+
+
+def unpacked_guards(t, y):
+    height, velocity = y
+    return height - velocity, np.sin(t)
+
+
+def made_and_filled(t, y):
+    h = np.zeros(2)
+    h[0] = y[0] * y[1]
+    h[1] += t
+    return h
+
+
+def with_a_branch(t, y):
+    if y[0] > 0.0:
+        return np.array([y[1] % 1.0, t])
+    return -1.0, slope_of(t)
+
+
+@pytest.mark.parametrize(
+    "function", [listed, unpacked_guards, made_and_filled, with_a_branch]
+)
+def test_plain_guards_compile_for_ranges(function):
+    global SLOPE
+    SLOPE = 1.0
+    found = guards_for_ranges(Callback(function, SIGNATURES["guards"]))
+    assert found.reason == ""
+    assert found.address > 0
 
 
 def test_a_file_that_has_changed_since(tmp_path):

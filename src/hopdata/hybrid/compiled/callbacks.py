@@ -115,6 +115,13 @@ class Callback:
 
     def check_lengths(self, **lengths: int) -> None:
         """Raise ValueError if the code uses a literal index beyond an array's end."""
+        for name, number in self._unpacked.items():
+            if name in lengths and number != lengths[name]:
+                where = declare.place(self.users, self.signature)
+                raise ValueError(
+                    f"{where} unpacks {name} into {number} names, but {name} has the "
+                    f"length {lengths[name]}"
+                )
         for position, number in self._subscripts.items():
             name = self.signature.arguments[position]
             if name in lengths and number >= lengths[name]:
@@ -122,13 +129,6 @@ class Callback:
                 raise ValueError(
                     f"{where} uses {name}[{number}], but {name} has the length "
                     f"{lengths[name]}"
-                )
-        for name, number in self._unpacked.items():
-            if name in lengths and number != lengths[name]:
-                where = declare.place(self.users, self.signature)
-                raise ValueError(
-                    f"{where} unpacks {name} into {number} names, but {name} has the "
-                    f"length {lengths[name]}"
                 )
         if self.form is None or not self.form.returns or self.count is None:
             return
@@ -235,14 +235,15 @@ class Callback:
     @cached_property
     def _unpacked(self) -> dict[str, int]:
         """Number of names into which an argument is unpacked, by the argument."""
-        function, given = self.function, self.signature.arguments
-        if self._written is not None:
-            function, given = self._written.function, self._written.arguments
-        found = declare.names_unpacked(function)
+        found = declare.names_unpacked(self.users)
         if not found:
             return {}
-        names = function.__code__.co_varnames[: len(given)]
-        return {given[names.index(name)]: found[name] for name in found}
+        given: tuple[str, ...] = self.signature.arguments
+        names = self.users.__code__.co_varnames
+        if self.form is not None:
+            given, names = self.form.arguments, self.form.names
+        meant = dict(zip(names, given, strict=False))
+        return {meant[name]: found[name] for name in found if name in meant}
 
     @cached_property
     def _subscripts(self) -> dict[int, int]:
