@@ -302,7 +302,7 @@ class Callback:
     @cached_property
     def dual(self) -> Any:
         """The function, callable from code in Numba with duals (`numbers.duals`)."""
-        options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         made: Any = numba.njit(error_model="numpy", **options)
         return made(with_digest(self._of_other_numbers))
 

@@ -77,6 +77,7 @@ def _typed_fill(owner: Any, i: Any, x: Any) -> Any:
 
 def _fill(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     """Build the writing of one value to all of a slice, or of a vector to it."""
+
     def fill(rows: Any, i: Any, x: Any) -> None:
         part = rows[i]
         for k in range(len(part)):
