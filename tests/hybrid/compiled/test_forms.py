@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy import array, zeros
 
-from hopdata.hybrid import System, field, guards, jacobian, on_event, solve
+from hopdata.hybrid import System, field, guards, jacobian, on_event, solve, solve_batch
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.numbers.guards import guards_for_ranges
@@ -486,3 +486,22 @@ def test_a_field_that_is_nan_is_not_called_wrong():
         return y / 0.0
 
     assert solve(System(nowhere, n_states=2), (0, 1), [0.0, 0.0]).status == -2
+
+
+def plain_floor(t, y):
+    return -y[0]
+
+
+def test_lanes_take_plain_fields_and_refuse_plain_guards():
+    starts = np.array([[1.0, 0.0], [2.0, 1.0], [0.5, 3.0]])
+    options = {"params": PARAMS, "lanes": True}
+    flights = solve_batch(System(unpacked, n_states=2), (0, 1), starts, **options)
+    assert flights.lanes.all()
+    exact = starts[:, 0] + starts[:, 1] - 9.81 / 2.0
+    assert flights.y_end[:, 0] == pytest.approx(exact, abs=1e-8)
+    plain = ball(unpacked, plain_floor, handler_in_place)
+    refused = solve_batch(plain, (0, 1), starts, **options)
+    assert not refused.lanes.any()
+    assert "the guards return no rates" in refused.lanes_reason
+    own = solve_batch(ball(), (0, 1), starts, params=PARAMS, lanes=False)
+    assert refused.y_end == pytest.approx(own.y_end, rel=1e-9)

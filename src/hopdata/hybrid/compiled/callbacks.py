@@ -77,8 +77,8 @@ class Callback:
         if form is not None:
             self.function = in_own_form(function, form)
         self.signature = signature
-        # Of guards without rates: numbers of states and guards, for exact rates.
-        self._sizes: tuple[int, int] | None = None
+        # What gives guards without rates exact ones.
+        self._exact: Function | None = None
         self._wanted = compiled
         update_wrapper(self, function)
 
@@ -181,21 +181,24 @@ class Callback:
                 return with_helpers(self.function)
             return self.function
         if self.signature.name == "guards":
-            return with_rates(self._written.function, self._sizes)
+            return with_rates(self._written.function, self._exact)
         return with_helpers(self._written.function)
 
-    def with_sizes(self, n_states: int, n_guards: int) -> Callback:
-        """Return guards for a system of these sizes, whose rates are exact.
+    def with_exact_rates(self, exact: Function) -> Callback:
+        """Return guards whose rates are exact, if they return only their values.
 
-        Others than guards that return their values return themselves.
+        Others return themselves.
+
+        Parameters
+        ----------
+        exact : callable
+            Makes guards with rates from a function of compiled code that fills `h`.
         """
         if self.form is None or self.signature.name != "guards":
             return self
-        if self._sizes == (n_states, n_guards):
-            return self
-        sized = self.anew(always=True)
-        sized._sizes = (n_states, n_guards)
-        return sized
+        made = self.anew(always=True)
+        made._exact = exact
+        return made
 
     def uncompiled(self) -> Callback:
         """Return a callback of the same function that Python runs."""
@@ -344,12 +347,12 @@ class Callback:
 
         Guards that do not compile for duals have their rates from differences.
         """
-        if self._sizes is not None:
+        if self._exact is not None:
             try:
                 return self._compiled_now()
             # Numba's own exceptions, and others raised within it.
             except Exception:
-                self._sizes = None
+                self._exact = None
         return self._compiled_now()
 
     def _compiled_now(self) -> Any:
