@@ -62,7 +62,7 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
             "the guards branch on the state or the time, and only the driver finds "
             "where"
         )
-    guards = system.guards
+    guards: Any = system.guards
     while hasattr(guards, "inner"):  # derived from the user's
         guards = guards.inner
     if guards is not None and guards.form is not None:
