@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import cache
 from itertools import islice
 from math import inf
 
@@ -219,6 +220,10 @@ class _Output:
         self.arrays = tuple(vars(self).values())  # in the order above
 
 
+# Looked up once: the key of the compiled code takes longer than a short integration.
+_entry = cache(many_entry)
+
+
 @dataclass(frozen=True)
 class _Batch:
     """What all integrations of a batch share, and where their results go."""
@@ -264,9 +269,7 @@ class _Batch:
             request = Request(*self.options)
             with Caught() as caught:
                 while done < last and not caught:
-                    done = many_entry()(
-                        work.block, done, last, starts, results, request
-                    )
+                    done = _entry()(work.block, done, last, starts, results, request)
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))
             if caught:
@@ -290,6 +293,8 @@ class _Batch:
 
     def run_rows(self, rows: IntArray) -> int:
         """Integrate from the states of these rows, and return their number."""
+        if rows[-1] - rows[0] == len(rows) - 1:  # there are no gaps
+            return self.run(int(rows[0]), int(rows[-1]) + 1)
         gaps = np.flatnonzero(np.diff(rows) > 1)
         for piece in np.split(rows, gaps + 1):
             self.run(int(piece[0]), int(piece[-1]) + 1)
@@ -448,14 +453,18 @@ def _run_one_by_one(
         methods = batch.system.methods(batch.method, batch.jacobian)
         methods.specialise(steps * len(remaining))
         chunk = min(STEPS_AT_A_TIME // (steps + 1) + 1, CHUNK)
-    run_in_threads(run, done, total, workers, progress, chunk)
+    if done < total or progress:
+        run_in_threads(run, done, total, workers, progress, chunk)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     states = arguments.numbers_of("y0", y0)
     fits = states.ndim == 2 and states.shape[1] == n_states
     arguments.expect(fits, "y0", f"shape (B, {n_states})", states.shape)
-    for row in np.flatnonzero(~np.isfinite(states).all(axis=1)):
+    finite = np.isfinite(states)
+    if finite.all():
+        return states
+    for row in np.flatnonzero(~finite.all(axis=1)):
         arguments.expect(False, "y0", "finite numbers", f"{states[row]} in row {row}")
     return states
 
@@ -479,6 +488,8 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
     sensitivity = None
     if shown < system.n_states:
         sensitivity = output.jacobians[:, :shown, shown:]
+    in_lanes = np.ones(len(output.status), dtype=bool)
+    in_lanes[remaining] = False
     return BatchSolution(
         status=output.status[:, 0],
         t_end=system.way * output.ends[:, 0],
@@ -495,6 +506,6 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         culprit=counts[:, at.CULPRIT],
         rates=output.ends[:, 1:END_STATE],
         guard_names=system.guard_names,
-        lanes=~np.isin(np.arange(len(output.status)), remaining),
+        lanes=in_lanes,
         lanes_reason=reason,
     )

@@ -223,7 +223,8 @@ class Solution(Told):
         all events, if requested.
     parts : tuple of bytes
         The driver's times and counters and the final mode, side by side; times and
-        states of the trajectory, (N, 1 + n); events and changes of the mode, in the
+        states of the trajectory, (N, 1 + n), None if they are those between the steps
+        in `dense`; events and changes of the mode, in the
         form of `EventLog`.
     form : Form
         Layout of these records.
@@ -237,7 +238,7 @@ class Solution(Told):
     status: int
     y_end: FloatArray
     jacobian: FloatArray | None
-    parts: tuple[bytes, bytes, bytes, bytes]
+    parts: tuple[bytes, bytes | None, bytes, bytes]
     form: Form
     dense: tuple[int, bytes] | None = None
     sensitivity: FloatArray | None = None
@@ -388,7 +389,13 @@ class Solution(Told):
 
     @property
     def _table(self) -> FloatArray:
-        return np.frombuffer(self.parts[1]).reshape(-1, 1 + self.form.state)
+        width = 1 + self.form.state
+        trajectory = self.parts[1]
+        if trajectory is not None:
+            return np.frombuffer(trajectory).reshape(-1, width)
+        assert self.dense is not None
+        count, rows = self.dense
+        return np.frombuffer(rows).reshape(-1, width)[::count]
 
     @property
     def clock(self) -> FloatArray:

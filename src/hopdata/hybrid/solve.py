@@ -213,13 +213,11 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             first = caught[0]
             caught.clear()
             raise _with_what_was_reached(first, work)
-        if status > at.TERMINATED:  # it has not started
-            expect(status != at.BAD_START, "y0", "finite numbers", work.state)
-            arguments.check_numbers(
-                t_span, rtol, max_step, first_step, max_steps, max_events
-            )
         if status in NOT_FILLED:
             _check_results(system, work)
+        elif status > at.TERMINATED:  # it has not started
+            limits = rtol, max_step, first_step, max_steps, max_events
+            _refuse(status, t_span, limits, work)
         if work.sink is not None:
             work.hand_over()
         return work.solution(status)
@@ -240,6 +238,14 @@ def _set_mode(system: System, work: Workspace, mode: Any) -> int:
     if work.methods.unchecked:
         work.check_pattern(system.n_guards, mode is not None)
     return flags
+
+
+def _refuse(
+    status: int, t_span: Any, limits: arguments.Limits, work: Workspace
+) -> None:
+    """Raise ValueError for what the driver has not accepted."""
+    expect(status != at.BAD_START, "y0", "finite numbers", work.state)
+    arguments.check_numbers(t_span, *limits)
 
 
 def _check_results(system: System, work: Workspace) -> None:

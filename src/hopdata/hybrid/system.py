@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -125,8 +125,8 @@ class System(Told):
         states = self.n_states
         guards = self.n_guards
         if self.guards is not None:
-            sized = self.guards.with_sizes(states, guards)
-            object.__setattr__(self, "guards", sized)
+            made = partial(_exact_rates, n_states=states, n_guards=guards)
+            object.__setattr__(self, "guards", self.guards.with_exact_rates(made))
         for one in self.callbacks:
             one.check_lengths(
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
@@ -330,6 +330,13 @@ class System(Told):
             return self.idle.pop()
         except IndexError:
             return Workspace(self)
+
+
+def _exact_rates(values: Any, n_states: int, n_guards: int) -> Any:
+    """Return guards with rates from those that fill `h`, by dual numbers."""
+    from hopdata.hybrid.numbers.derivatives import rates_of
+
+    return rates_of(values, n_states, n_guards)
 
 
 def _described(kind: type[System], description: dict[str, Any]) -> System:

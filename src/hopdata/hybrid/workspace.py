@@ -433,11 +433,10 @@ class Workspace:
             fields["jacobian"] = None
             fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
             return solution
-        trajectory = b"".join([*self._kept_rows, rows])
+        trajectory: bytes | None = b"".join([*self._kept_rows, rows])
         if self._rows_per_step > 1:
             fields["dense"] = self._rows_per_step, trajectory
-            table = np.frombuffer(trajectory).reshape(-1, self._row_width)
-            trajectory = table[:: self._rows_per_step].tobytes()
+            trajectory = None  # its rows are among those of `dense`
         if len(self._wanted) > 0:
             count = int(self.counts[layout.SAMPLES])
             taken = [self._wanted[:count], self._samples[:count]]

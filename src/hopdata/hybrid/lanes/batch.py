@@ -62,6 +62,11 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
             "the guards branch on the state or the time, and only the driver finds "
             "where"
         )
+    guards: Any = system.guards
+    while hasattr(guards, "inner"):  # derived from the user's
+        guards = guards.inner
+    if guards is not None and guards.form is not None:
+        return "the guards return no rates, and lanes do not take those of dual numbers"
     for one in (system.field, system.guards, system.guard, system.on_event):
         if one is not None and not (one.address and one.compiled):
             kind = one.signature.name
