@@ -23,6 +23,7 @@ from hopdata.hybrid.driver.loop import (
 )
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.numbers.derivatives import Derivatives, Functions
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -245,6 +246,19 @@ class System(Told):
     def branches(self) -> Branches:
         """Code of the guards for ranges, by which the driver finds their branches."""
         return branches_of(self.guards or self.guard)
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives of its functions, by dual numbers; compiled when asked for."""
+        functions = Functions(
+            field=self.field,
+            guards=self.guards or self.guard,
+            handler=self.on_event,
+            n_states=self.n_states,
+            n_guards=self.n_guards,
+            n_modes=self.n_modes,
+        )
+        return Derivatives(functions)
 
     @cached_property
     def made(self) -> dict[Any, Any]:

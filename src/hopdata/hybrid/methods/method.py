@@ -58,10 +58,11 @@ class Method:
     work_rows : int
         Rows of the table of states that belong to the method.
     tangent : callable, optional
-        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` multiplies
-        the step's Jacobian by the one in the first rows of phi and writes the product
-        into the next rows. It returns its error in units of the tolerance. The last two
-        arguments are addresses of the user's functions.
+        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian, along)``
+        multiplies the step's Jacobian by the one in the first rows of phi and writes
+        the product into the next rows. It returns its error in units of the tolerance.
+        Field and jacobian are addresses of the user's functions; `along` is the table
+        of the code for duals (see `numbers.along`).
     short_tangent : callable, optional
         The same for a short step, along its interpolant (see `methods.tangent`).
     tangent_evaluations, short_evaluations : int
@@ -103,6 +104,7 @@ HANDED = {
     "params": ("params, n_params", "array_of(float_vector(params, n_params))"),
     "atol": ("atol", "float_vector(atol, width)"),
     "phi": ("phi", "float_table(phi, width)"),
+    "along": ("along", "int_vector(along, 0)"),
 }
 
 

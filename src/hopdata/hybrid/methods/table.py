@@ -126,6 +126,9 @@ class MethodTable:
         self._names = check_method(choice, scene, jacobian)
         self.scene = scene
         self._jacobian = jacobian
+        # Whether a Jacobian takes the field's own derivative.
+        explicit = any(name in TABLEAUS for name in self._names)
+        self.by_field = explicit and scene.jacobian is None
         self._kept_alive: list[Any] = []
         self._methods = [method_for(name, scene) for name in self._names]
         self.generic: set[int] = set()

@@ -29,9 +29,22 @@ from hopdata.hybrid.numbers import along, duals
 PACKAGE = Path(__file__).parents[1]
 
 
-def field_of_duals(t: float, states: int, mode: Any, params: Any, rates: int) -> None:
+def field_of_duals(
+    t: float, states: int, mode: Any, params: Any, rates: int, seeds: int
+) -> None:
     """Evaluate the field at a fixed time."""
     CALL(t, ROWS(states, N), mode, params, ROWS(rates, N))
+
+
+def field_of_few(
+    t: float, y: int, mode: Any, params: Any, into: int, seeds: int
+) -> None:
+    """Evaluate the field at a fixed time along all directions at once."""
+    states = ROOM()
+    rates = ROOM()
+    SEED(states, y, seeds)
+    CALL(t, ROWS(states, N), mode, params, ROWS(rates, N))
+    HARVEST(rates, into)
 
 
 def guards_of_duals(
@@ -113,6 +126,11 @@ def compiled(
     if not callback.compiled:
         return Derivative(reason="it runs as plain Python")
     names = {"ROWS": array_at(duals.Dual(width)), "DUAL": duals.dual_at(width)}
+    if template is field_of_few:
+        n = sizes["N"]
+        names["ROOM"] = duals.stack(n * (1 + width))
+        names["SEED"] = duals.seed_all(n, width)
+        names["HARVEST"] = duals.harvest_all(n, width)
     function = with_digest(template, **names, **sizes, CALL=callback.dual)
     digest = f"{function_digest(function)}-{width}-{own_digest()}"
 
@@ -175,10 +193,11 @@ class Derivatives:
     def field(self) -> Derivative:
         """The field at a fixed time."""
         of = self._of
+        template = field_of_duals
+        if self.field_width >= of.n_states:
+            template = field_of_few
         native = along.FIELD_NATIVE
-        return compiled(
-            field_of_duals, native, of.field, self.field_width, N=of.n_states
-        )
+        return compiled(template, native, of.field, self.field_width, N=of.n_states)
 
     @cached_property
     def guards(self) -> Derivative:
@@ -198,16 +217,6 @@ class Derivatives:
         native = along.HANDLER_NATIVE
         return compiled(handler_of_duals, native, of.handler, self.width, **sizes)
 
-    @cached_property
-    def told(self) -> str:
-        """Which functions have no derivative, and why; empty if all have."""
-        told = []
-        for name in ("field", "guards", "handler"):
-            reason = getattr(self, name).reason
-            if reason:
-                told.append(f"{name}: {reason}")
-        return "; ".join(told)
-
 
 class Table:
     """The table by which the driver finds machine code and rooms (`numbers.along`).
@@ -216,41 +225,59 @@ class Table:
     ----------
     derivatives : Derivatives
         The machine code.
-    n_states, n_guards, n_modes, n_params : int
-        Numbers of states, guards, entries of the mode, and parameters.
+    by_field : bool
+        Whether the field's is needed.
+    n_states, n_guards, n_modes : int
+        Numbers of states and guards, and length of the mode.
+
+    Attributes
+    ----------
+    slots : (ALONG_SLOTS,) array of int
+        The table.
+    told : str
+        Which functions have no code for duals, and why; empty if all have.
     """
 
     def __init__(
         self,
         derivatives: Derivatives,
         *,
+        by_field: bool,
         n_states: int,
         n_guards: int,
         n_modes: int,
-        n_params: int,
     ) -> None:
-        row = 1 + max(derivatives.field_width, derivatives.width)
-        counts = {
-            along.MOMENT: row,
-            along.STATES: row * n_states,
-            along.RATES: row * n_states,
-            along.VALUES: row * n_guards,
-            along.HDOTS: row * n_guards,
-            along.MEMORY: row * n_params,
-            along.MODES: n_modes,
-        }
-        self.slots: IntArray = np.zeros(along.ALONG_SLOTS, dtype=np.int64)
+        self._kept_alive = derivatives
+        self._row = 1 + max(derivatives.field_width, derivatives.width)
         self._rooms: dict[int, FloatArray] = {}
-        for slot, count in counts.items():
-            room = np.zeros(max(count, 1))
-            self._rooms[slot] = room
-            self.slots[slot] = room.ctypes.data
+        self.slots: IntArray = np.zeros(along.ALONG_SLOTS, dtype=np.int64)
         self.slots[along.FIELD_WIDTH] = derivatives.field_width
         self.slots[along.WIDTH] = derivatives.width
-        self.slots[along.FIELD] = derivatives.field.address
+        self._make_room(along.MOMENT, self._row)
+        self._make_room(along.STATES, self._row * n_states)
+        self._make_room(along.RATES, self._row * n_states)
+        self._make_room(along.VALUES, self._row * n_guards)
+        self._make_room(along.HDOTS, self._row * n_guards)
+        self._make_room(along.MODES, n_modes)
+        self._rooms[along.IDENTITY] = np.eye(n_states)
+        self.slots[along.IDENTITY] = self._rooms[along.IDENTITY].ctypes.data
+        found = {"guards": derivatives.guards, "on_event": derivatives.handler}
+        if by_field:
+            found = {"field": derivatives.field, **found}
+            self.slots[along.FIELD] = derivatives.field.address
         self.slots[along.GUARD] = derivatives.guards.address
         self.slots[along.HANDLER] = derivatives.handler.address
-        self._kept_alive = derivatives
+        reasons = [f"{name}: {one.reason}" for name, one in found.items() if one.reason]
+        self.told = "; ".join(reasons)
+
+    def make_memory(self, n_params: int) -> None:
+        """Make room for parameters."""
+        self._make_room(along.MEMORY, self._row * n_params)
+
+    def _make_room(self, slot: int, count: int) -> None:
+        room = np.zeros(max(count, 1))
+        self._rooms[slot] = room
+        self.slots[slot] = room.ctypes.data
 
 
 def rates_of(values: Any, n_states: int, n_guards: int) -> Any:

@@ -923,6 +923,60 @@ pack = built(3, lambda room, y, dy: (types.none(INT, y, dy), _pack))
 unpack = built(3, lambda room, h, hdot: (types.none(INT, h, hdot), _unpack))
 
 
+def seed_all(n: int, width: int) -> Any:
+    """Return a function that makes duals of n states, with seeds (n, n) for slopes.
+
+    It takes the addresses of room for them, of the states, and of the seeds. All is
+    written out, so that the duals of few states need no memory.
+    """
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        room, y, seeds = values
+        code = Builder(context, builder, width)
+        for i in range(n):
+            slopes = code.zeros
+            for j in range(n):
+                seed = builder.load(_place(builder, seeds, _index(i * n + j)))
+                slopes = builder.insert_element(slopes, seed, _lane(j))
+            value = builder.load(_place(builder, y, _index(i)))
+            row = i * (1 + width)
+            builder.store(value, _place(builder, room, _index(row)))
+            place = _place(builder, room, _index(row + 1), code.vector)
+            builder.store(slopes, place, align=BYTES)
+        return context.get_dummy_value()
+
+    return built(3, lambda room, y, seeds: (types.none(INT, INT, INT), generate))
+
+
+def harvest_all(n: int, width: int) -> Any:
+    """Return a function that writes the slopes of n duals as a matrix (n, n).
+
+    It takes the addresses of the duals and of the matrix.
+    """
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        room, into = values
+        code = Builder(context, builder, width)
+        for i in range(n):
+            row = _index(i * (1 + width) + 1)
+            place = _place(builder, room, row, code.vector)
+            slopes = builder.load(place, align=BYTES)
+            for j in range(n):
+                slope = builder.extract_element(slopes, _lane(j))
+                builder.store(slope, _place(builder, into, _index(i * n + j)))
+        return context.get_dummy_value()
+
+    return built(2, lambda room, into: (types.none(INT, INT), generate))
+
+
+def _index(number: int) -> Value:
+    return ir.Constant(LONG, number)
+
+
+def _lane(number: int) -> Value:
+    return ir.Constant(ir.IntType(32), number)
+
+
 def stack(count: int) -> Any:
     """Return a function that gives the address of room for numbers on the stack."""
 
