@@ -141,9 +141,9 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     try:
         keep_events = events == "all"
         # The usual request has nothing but numbers, which are written unchecked.
-        usual = (
-            dense_output is debug is False and memory is first_step is None
-        ) and (jacobian is False or jacobian is True)
+        usual = (dense_output is debug is False and memory is first_step is None) and (
+            jacobian is False or jacobian is True
+        )
         usual = usual and (keep_events or events == "count")
         rows_per_step = 1
         if t_eval is not None:

@@ -23,7 +23,7 @@ from hopdata.hybrid.driver.loop import (
 )
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.table import MethodTable
-from hopdata.hybrid.numbers.derivatives import Derivatives, Functions
+from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -259,6 +259,11 @@ class System(Told):
             n_modes=self.n_modes,
         )
         return Derivatives(functions)
+
+    @cached_property
+    def exact(self) -> Exact:
+        """Exact derivatives of its functions at one place."""
+        return Exact(self.derivatives, self.n_guards)
 
     @cached_property
     def made(self) -> dict[Any, Any]:

@@ -12,6 +12,7 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
+from numba import NumbaError
 
 from hopdata.arrays import IntArray
 from hopdata.errors import did_you_mean
@@ -237,6 +238,15 @@ class MethodTable:
         for part in PARTS:
             if part in TANGENTS and not own_tangents:
                 continue
-            if getattr(method, part) is not None:
+            if getattr(method, part) is None:
+                continue
+            try:
                 code = compiled_part(part, method, n_states, cache=kept)
-                self._enter(number, {part: code})
+            except NumbaError:
+                if method.otherwise is None:
+                    raise
+                method = method.otherwise
+                self._methods[number] = method
+                self._describe(number, method)
+                code = compiled_part(part, method, n_states, cache=kept)
+            self._enter(number, {part: code})

@@ -204,9 +204,10 @@ def stage_jacobian(  # noqa: PLR0913 (the arguments of a tangent)
     """Write the field's derivative at SCRATCH: the user's, or by duals.
 
     Finite differences replace it for a field that does not compile for duals. They are
-    central and of fourth order, usually with 4 n field evaluations. Each increment is a fraction of the largest of the state's size, its change in the
-    step, and the size at which the absolute tolerance exceeds the relative one, so it
-    does not depend on units.
+    central and of fourth order, usually with 4 n field evaluations. Each increment is a
+    fraction of the largest of the state's size, its change in the step, and the size at
+    which the absolute tolerance exceeds the relative one, so it does not depend on
+    units.
     """
     n = phi.width
     if jacobian != 0:

@@ -13,22 +13,17 @@ themselves as seeds, and for states that do not move with the time.
 import numpy as np
 from numba import types
 
-from hopdata.hybrid.compiled.kernel import (
-    FLOATS,
-    INTEGERS,
-    MODE,
-    STATE,
-    TABLE,
-    kernel,
-)
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.memory import (
     FloatTable,
     FloatVector,
     IntVector,
-    Passed,
+    address_of,
     caller,
     float_vector,
     int_vector,
+    start_of,
 )
 
 BYTES = 8  # of a number
@@ -47,22 +42,16 @@ IDENTITY = np.int64(12)
 ALONG_SLOTS = 13
 
 # Signatures of the machine code, in which rows of duals are given by their addresses.
-# t, states, mode, params, rates; for few states instead of rows of duals: the states,
-# the results (n, n), and the seeds (n, n)
-FIELD_NATIVE = types.void(_FLOAT, _INT, MODE, STATE, _INT, _INT)
-# moment, states, dy, mode, params, k, h, hdot
-GUARD_NATIVE = types.void(_INT, _INT, STATE, MODE, STATE, _INT, _INT, _INT)
+# t, states, mode and its length, params and their number, rates; for few states instead
+# of rows of duals: the states, the results (n, n), and the seeds (n, n)
+FIELD_NATIVE = types.void(_FLOAT, _INT, _INT, _INT, _INT, _INT, _INT, _INT)
+# moment, states, dy, mode and its length, params and their number, k, h, hdot
+GUARD_NATIVE = types.void(*(10 * [_INT]))
 # moment, states, mode, params, number of parameters, guard, direction
-HANDLER_NATIVE = types.void(_INT, _INT, _INT, _INT, _INT, _INT, _INT)
+HANDLER_NATIVE = types.void(*(7 * [_INT]))
 
 call_field = caller(FIELD_NATIVE)
-_NUMBER = (_INT, Passed.AS_IT_IS)
-_MODE = (INTEGERS, Passed.VECTOR)
-_PARAMS = (FLOATS, Passed.VECTOR)
-call_guard = caller(
-    GUARD_NATIVE, _NUMBER, _NUMBER, (TABLE, Passed.ROW), _MODE, _PARAMS,
-    _NUMBER, _NUMBER, _NUMBER,
-)  # fmt: skip
+call_guard = caller(GUARD_NATIVE)
 call_handler = caller(HANDLER_NATIVE)
 
 
@@ -124,8 +113,8 @@ def field_along(
     t: float,
     y: int,
     n: int,
-    mode: object,
-    params: object,
+    mode: IntArray,
+    params: FloatArray,
     seeds: int,
     into: int,
 ) -> None:
@@ -134,13 +123,19 @@ def field_along(
     if width >= n:
         if seeds == 0:
             seeds = along[IDENTITY]
-        call_field(along[FIELD], t, y, mode, params, into, seeds)
+        call_field(
+            along[FIELD], t, y, start_of(mode), len(mode), start_of(params),
+            len(params), into, seeds,
+        )  # fmt: skip
         return
     states = along[STATES]
     rates = along[RATES]
     for first in range(0, n, width):
         seed(states, n, width, y, first, seeds, 0)
-        call_field(along[FIELD], t, states, mode, params, rates, 0)
+        call_field(
+            along[FIELD], t, states, start_of(mode), len(mode), start_of(params),
+            len(params), rates, 0,
+        )  # fmt: skip
         harvest(rates, n, width, first, into, 0)
 
 
@@ -169,8 +164,9 @@ def guard_gradient(  # noqa: PLR0913 (the guards' arguments)
         seed(along[STATES], n, width, y, first, 0, 0)
         set_moment(along[MOMENT], width, t, first, n)
         call_guard(
-            along[GUARD], along[MOMENT], along[STATES], s, dy, mode, params, k,
-            along[VALUES], along[HDOTS],
+            along[GUARD], along[MOMENT], along[STATES],
+            address_of(s) + BYTES * n * dy, address_of(mode), mode.width,
+            address_of(params), params.width, k, along[VALUES], along[HDOTS],
         )  # fmt: skip
         count = min(width, n - first)
         slopes = k * (1 + width) + 1

@@ -9,6 +9,8 @@ The templates have these names inserted: CALL, the user's function; N and N_GUAR
 numbers of states and guards; ROWS and DUAL, which make duals from rows of numbers.
 """
 
+import ctypes
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,46 +25,60 @@ from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
-from hopdata.hybrid.compiled.memory import array_at, array_of, int_vector
+from hopdata.hybrid.compiled.memory import array_at, array_of, float_vector, int_vector
 from hopdata.hybrid.numbers import along, duals
 
 PACKAGE = Path(__file__).parents[1]
 
 
 def field_of_duals(
-    t: float, states: int, mode: Any, params: Any, rates: int, seeds: int
-) -> None:
+    t: float, states: int, mode: int, n_modes: int, params: int, n_params: int,
+    rates: int, seeds: int,
+) -> None:  # fmt: skip
     """Evaluate the field at a fixed time."""
-    CALL(t, ROWS(states, N), mode, params, ROWS(rates, N))
+    modes = array_of(int_vector(mode, n_modes))
+    numbers = array_of(float_vector(params, n_params))
+    CALL(t, ROWS(states, N), modes, numbers, ROWS(rates, N))
 
 
 def field_of_few(
-    t: float, y: int, mode: Any, params: Any, into: int, seeds: int
-) -> None:
+    t: float, y: int, mode: int, n_modes: int, params: int, n_params: int,
+    into: int, seeds: int,
+) -> None:  # fmt: skip
     """Evaluate the field at a fixed time along all directions at once."""
     states = ROOM()
     rates = ROOM()
+    modes = array_of(int_vector(mode, n_modes))
+    numbers = array_of(float_vector(params, n_params))
     SEED(states, y, seeds)
-    CALL(t, ROWS(states, N), mode, params, ROWS(rates, N))
-    HARVEST(rates, into)
+    CALL(t, ROWS(states, N), modes, numbers, ROWS(rates, N))
+    HARVEST(rates, into, 0)
 
 
-def guards_of_duals(
-    moment: int, states: int, dy: Any, mode: Any, params: Any, k: int, h: int, hdot: int
-) -> None:
+def guards_of_duals(  # noqa: PLR0913 (the signature of machine code)
+    moment: int, states: int, dy: int, mode: int, n_modes: int, params: int,
+    n_params: int, k: int, h: int, hdot: int,
+) -> None:  # fmt: skip
     """Evaluate all guards."""
+    slope = array_of(float_vector(dy, N))
+    modes = array_of(int_vector(mode, n_modes))
+    numbers = array_of(float_vector(params, n_params))
     values = ROWS(h, N_GUARDS)
     rates = ROWS(hdot, N_GUARDS)
-    CALL(DUAL(moment), ROWS(states, N), dy, mode, params, values, rates)
+    CALL(DUAL(moment), ROWS(states, N), slope, modes, numbers, values, rates)
 
 
-def guard_of_duals(
-    moment: int, states: int, dy: Any, mode: Any, params: Any, k: int, h: int, hdot: int
-) -> None:
+def guard_of_duals(  # noqa: PLR0913 (the signature of machine code)
+    moment: int, states: int, dy: int, mode: int, n_modes: int, params: int,
+    n_params: int, k: int, h: int, hdot: int,
+) -> None:  # fmt: skip
     """Evaluate one guard of those that are declared one by one."""
+    slope = array_of(float_vector(dy, N))
+    modes = array_of(int_vector(mode, n_modes))
+    numbers = array_of(float_vector(params, n_params))
     values = ROWS(h, N_GUARDS)
     rates = ROWS(hdot, N_GUARDS)
-    CALL(DUAL(moment), ROWS(states, N), dy, mode, params, k, values, rates)
+    CALL(DUAL(moment), ROWS(states, N), slope, modes, numbers, k, values, rates)
 
 
 def handler_of_duals(
@@ -130,7 +146,7 @@ def compiled(
         n = sizes["N"]
         names["ROOM"] = duals.stack(n * (1 + width))
         names["SEED"] = duals.seed_all(n, width)
-        names["HARVEST"] = duals.harvest_all(n, width)
+        names["HARVEST"] = duals.harvest_all(n, width, timed=False)
     function = with_digest(template, **names, **sizes, CALL=callback.dual)
     digest = f"{function_digest(function)}-{width}-{own_digest()}"
 
@@ -199,12 +215,18 @@ class Derivatives:
         native = along.FIELD_NATIVE
         return compiled(template, native, of.field, self.field_width, N=of.n_states)
 
+    @property
+    def guards_one_by_one(self) -> bool:
+        """Whether the guards are declared one by one."""
+        guards = self._of.guards
+        return guards is not None and "k" in guards.signature.arguments
+
     @cached_property
     def guards(self) -> Derivative:
         """The guards."""
         of = self._of
         template = guards_of_duals
-        if of.guards is not None and "k" in of.guards.signature.arguments:
+        if self.guards_one_by_one:
             template = guard_of_duals
         sizes = {"N": of.n_states, "N_GUARDS": of.n_guards}
         return compiled(template, along.GUARD_NATIVE, of.guards, self.width, **sizes)
@@ -278,6 +300,129 @@ class Table:
         room = np.zeros(max(count, 1))
         self._rooms[slot] = room
         self.slots[slot] = room.ctypes.data
+
+
+class Exact:
+    """Exact derivatives of a system's functions at one place, for Python.
+
+    Where a function does not compile for duals, the result is None.
+
+    Parameters
+    ----------
+    derivatives : Derivatives
+        The machine code.
+    n_guards : int
+        Number of guards.
+    """
+
+    def __init__(self, derivatives: Derivatives, n_guards: int) -> None:
+        self._of = derivatives
+        self._n_guards = n_guards
+
+    def field(
+        self, t: float, y: FloatArray, mode: IntArray, params: FloatArray
+    ) -> FloatArray | None:
+        """Return the derivative of the field with respect to the states, (n, n)."""
+        address = self._of.field.address
+        if address == 0:
+            return None
+        call = ctypes.CFUNCTYPE(None, ctypes.c_double, *(7 * [ctypes.c_int64]))(address)
+        given = (*_span(mode), *_span(params))
+        n = len(y)
+        slopes = np.zeros((n, n))
+        if self._of.field_width >= n:
+            identity = np.eye(n)
+            call(t, _at(y), *given, _at(slopes), _at(identity))
+            return slopes
+        for states, columns in _passes(y, n, self._of.field_width):
+            rates = np.zeros_like(states)
+            call(t, _at(states), *given, _at(rates), 0)
+            slopes[:, columns] = rates[:, 1 : 1 + len(columns)]
+        return slopes
+
+    def guards(
+        self,
+        t: float,
+        y: FloatArray,
+        dy: FloatArray,
+        mode: IntArray,
+        params: FloatArray,
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return the derivatives of all guards: by states (n_guards, n), and by time."""
+        address = self._of.guards.address
+        if address == 0:
+            return None
+        call = ctypes.CFUNCTYPE(None, *(10 * [ctypes.c_int64]))(address)
+        n = len(y)
+        width = self._of.width
+        given = (_at(dy), *_span(mode), *_span(params))
+        slopes = np.zeros((self._n_guards, n + 1))
+        for states, columns in _passes(y, n + 1, width):
+            moment = _moment(t, columns, n, width)
+            values = np.zeros((self._n_guards, 1 + width))
+            rates = np.zeros_like(values)
+            places = _at(moment), _at(states)
+            for k in range(self._n_guards if self._of.guards_one_by_one else 1):
+                call(*places, *given, k, _at(values), _at(rates))
+            slopes[:, columns] = values[:, 1 : 1 + len(columns)]
+        return slopes[:, :n], slopes[:, n]
+
+    def handler(
+        self,
+        t: float,
+        y: FloatArray,
+        mode: IntArray,
+        params: FloatArray,
+        guard: int,
+        direction: int,
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return the derivatives of the state after a handler: by states, by time."""
+        address = self._of.handler.address
+        if address == 0:
+            return None
+        call = ctypes.CFUNCTYPE(None, *(7 * [ctypes.c_int64]))(address)
+        n = len(y)
+        width = self._of.width
+        slopes = np.zeros((n, n + 1))
+        for states, columns in _passes(y, n + 1, width):
+            moment = _moment(t, columns, n, width)
+            modes = np.array(mode)
+            memory = np.zeros((len(params), 1 + width))
+            memory[:, 0] = params
+            places = _at(moment), _at(states), _at(modes), _at(memory)
+            call(*places, len(params), guard, direction)
+            slopes[:, columns] = states[:, 1 : 1 + len(columns)]
+        return slopes[:, :n], slopes[:, n]
+
+
+def _at(array: Any) -> int:
+    """Return the address of an array, which the caller keeps alive."""
+    return int(array.ctypes.data)
+
+
+def _span(array: Any) -> tuple[int, int]:
+    """Return the address of an array, and its length."""
+    return _at(array), len(array)
+
+
+def _passes(
+    y: FloatArray, count: int, width: int
+) -> Iterator[tuple[FloatArray, IntArray]]:
+    """Yield the states as rows of duals, and the numbers of their directions."""
+    for first in range(0, count, width):
+        columns = np.arange(first, min(first + width, count))
+        states = np.zeros((len(y), 1 + width))
+        states[:, 0] = y
+        states[:, 1 : 1 + len(columns)] = np.eye(len(y), count)[:, columns]
+        yield states, columns
+
+
+def _moment(t: float, columns: IntArray, n: int, width: int) -> FloatArray:
+    """Return the time as a row of a dual, which changes along direction n."""
+    moment = np.zeros(1 + width)
+    moment[0] = t
+    moment[1 : 1 + len(columns)] = columns == n
+    return moment
 
 
 def rates_of(values: Any, n_states: int, n_guards: int) -> Any:

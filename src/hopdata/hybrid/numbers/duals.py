@@ -139,6 +139,12 @@ class Builder:
         whole = self.llvm.insert_value(whole, value, 0)
         return self.llvm.insert_value(whole, slopes, 1)
 
+    def axis(self, lane: int) -> Value:
+        """Return the slopes of a number that is direction `lane` itself."""
+        slopes = [0.0] * self.vector.count
+        slopes[lane] = 1.0
+        return ir.Constant(self.vector, slopes)
+
     def number(self, value: float) -> Value:
         """Return a constant."""
         return ir.Constant(DOUBLE, value)
@@ -948,14 +954,45 @@ def seed_all(n: int, width: int) -> Any:
     return built(3, lambda room, y, seeds: (types.none(INT, INT, INT), generate))
 
 
-def harvest_all(n: int, width: int) -> Any:
-    """Return a function that writes the slopes of n duals as a matrix (n, n).
+def each_alone(n: int, width: int) -> Any:
+    """Return a function that makes duals of n states, which are the directions.
 
-    It takes the addresses of the duals and of the matrix.
+    It takes the addresses of room for them and of the states.
     """
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        room, into = values
+        room, y = values
+        code = Builder(context, builder, width)
+        for i in range(n):
+            value = builder.load(_place(builder, y, _index(i)))
+            row = i * (1 + width)
+            builder.store(value, _place(builder, room, _index(row)))
+            place = _place(builder, room, _index(row + 1), code.vector)
+            builder.store(code.axis(i), place, align=BYTES)
+        return context.get_dummy_value()
+
+    return built(2, lambda room, y: (types.none(INT, INT), generate))
+
+
+def number_along(lane: int, width: int) -> Any:
+    """Return a function that makes a dual which is one of the directions."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        code = Builder(context, builder, width)
+        return code.dual(values[0], code.axis(lane))
+
+    return built(1, lambda value: (Dual(width)(FLOAT), generate))
+
+
+def harvest_all(n: int, width: int, *, timed: bool) -> Any:
+    """Return a function that writes the slopes of n duals as a matrix (n, n).
+
+    It takes the addresses of the duals, of the matrix, and of room for the slopes along
+    direction n, which are written if `timed`.
+    """
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        room, into, into_last = values
         code = Builder(context, builder, width)
         for i in range(n):
             row = _index(i * (1 + width) + 1)
@@ -964,9 +1001,12 @@ def harvest_all(n: int, width: int) -> Any:
             for j in range(n):
                 slope = builder.extract_element(slopes, _lane(j))
                 builder.store(slope, _place(builder, into, _index(i * n + j)))
+            if timed:
+                slope = builder.extract_element(slopes, _lane(n))
+                builder.store(slope, _place(builder, into_last, _index(i)))
         return context.get_dummy_value()
 
-    return built(2, lambda room, into: (types.none(INT, INT), generate))
+    return built(3, lambda room, into, last: (types.none(INT, INT, INT), generate))
 
 
 def _index(number: int) -> Value:
