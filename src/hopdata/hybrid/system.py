@@ -56,8 +56,8 @@ class System(Told):
         evaluated. Event functions must not depend on the mode, and the modes in the log
         leave out the locks.
     jacobian : Callback, optional
-        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default
-        finite differences are used where it is needed.
+        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default it
+        comes from the field itself, by dual numbers.
     affine : Callback, optional
         Affine form of the field, declared by `hopdata.hybrid.affine`, if all modes are
         affine.
@@ -306,7 +306,10 @@ class System(Told):
         if check_flag("jacobian", jacobian):
             compiled_first_order()
         latest = self.current()
-        latest.methods(method, jacobian).compile_all()
+        methods = latest.methods(method, jacobian)
+        methods.compile_all()
+        if jacobian:
+            latest.derivatives.told(by_field=methods.by_field)
         latest.idle.append(latest.take_workspace())
 
     @cached_property

@@ -194,7 +194,7 @@ class Workspace:
         max_steps: Any,
         max_events: Any,
         method: Any,
-        jacobian: bool,
+        jacobian: bool | str,
         rows_per_step: int,
         keep_events: bool,
     ) -> bool:

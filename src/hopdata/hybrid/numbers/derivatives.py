@@ -1,4 +1,4 @@
-# ruff: noqa: ARG001, F821 (templates: the names that they lack are inserted)
+# ruff: noqa: ARG001 (the templates have the signatures of machine code)
 """Derivatives of a system's functions, by running their code on dual numbers.
 
 A function is compiled once more, unchanged (see `numbers.duals`), into machine code
@@ -29,6 +29,13 @@ from hopdata.hybrid.compiled.memory import array_at, array_of, float_vector, int
 from hopdata.hybrid.numbers import along, duals
 
 PACKAGE = Path(__file__).parents[1]
+
+# Inserted into the templates.
+N: int = 0
+N_GUARDS: int = 0
+N_MODES: int = 0
+CALL: Any = None
+ROOM = ROWS = DUAL = SEED = HARVEST = STATES = VALUES = PACK = UNPACK = MOVING = CALL
 
 
 def field_of_duals(
@@ -209,11 +216,23 @@ class Derivatives:
     def field(self) -> Derivative:
         """The field at a fixed time."""
         of = self._of
-        template = field_of_duals
+        template: Any = field_of_duals
         if self.field_width >= of.n_states:
             template = field_of_few
         native = along.FIELD_NATIVE
         return compiled(template, native, of.field, self.field_width, N=of.n_states)
+
+    def told(self, *, by_field: bool) -> str:
+        """Return which functions have no code for duals, and why; empty if all have.
+
+        What a Jacobian needs is compiled; the field only if it has no other derivative.
+        """
+        found = {"guards": self.guards, "on_event": self.handler}
+        if by_field:
+            found = {"field": self.field, **found}
+        return "; ".join(
+            f"{name}: {one.reason}" for name, one in found.items() if one.reason
+        )
 
     @property
     def guards_one_by_one(self) -> bool:
@@ -271,7 +290,7 @@ class Table:
     ) -> None:
         self._kept_alive = derivatives
         self._row = 1 + max(derivatives.field_width, derivatives.width)
-        self._rooms: dict[int, FloatArray] = {}
+        self._rooms: dict[Any, FloatArray] = {}
         self.slots: IntArray = np.zeros(along.ALONG_SLOTS, dtype=np.int64)
         self.slots[along.FIELD_WIDTH] = derivatives.field_width
         self.slots[along.WIDTH] = derivatives.width
@@ -283,20 +302,17 @@ class Table:
         self._make_room(along.MODES, n_modes)
         self._rooms[along.IDENTITY] = np.eye(n_states)
         self.slots[along.IDENTITY] = self._rooms[along.IDENTITY].ctypes.data
-        found = {"guards": derivatives.guards, "on_event": derivatives.handler}
         if by_field:
-            found = {"field": derivatives.field, **found}
             self.slots[along.FIELD] = derivatives.field.address
         self.slots[along.GUARD] = derivatives.guards.address
         self.slots[along.HANDLER] = derivatives.handler.address
-        reasons = [f"{name}: {one.reason}" for name, one in found.items() if one.reason]
-        self.told = "; ".join(reasons)
+        self.told = derivatives.told(by_field=by_field)
 
     def make_memory(self, n_params: int) -> None:
         """Make room for parameters."""
         self._make_room(along.MEMORY, self._row * n_params)
 
-    def _make_room(self, slot: int, count: int) -> None:
+    def _make_room(self, slot: Any, count: int) -> None:
         room = np.zeros(max(count, 1))
         self._rooms[slot] = room
         self.slots[slot] = room.ctypes.data
@@ -348,7 +364,7 @@ class Exact:
         mode: IntArray,
         params: FloatArray,
     ) -> tuple[FloatArray, FloatArray] | None:
-        """Return the derivatives of all guards: by states (n_guards, n), and by time."""
+        """Return the derivatives of all guards, by states (n_guards, n) and by time."""
         address = self._of.guards.address
         if address == 0:
             return None

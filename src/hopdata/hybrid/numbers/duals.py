@@ -594,7 +594,7 @@ def _typed_power(*kinds: Any) -> Any:
     if len(plain) != 2 or width == 0:
         return None
     base = plain[0] if isinstance(plain[0], Dual) else FLOAT
-    exponent = FLOAT
+    exponent: Any = FLOAT
     if isinstance(plain[1], Dual):
         exponent = plain[1]
     elif isinstance(kinds[1], types.IntegerLiteral):
