@@ -130,6 +130,10 @@ def may_fork() -> bool:
 
 def call(request: Request) -> Answer:
     """Call a function in another process, within its budget."""
+    try:
+        os.getcwd()
+    except OSError:
+        return Answer(failure=Failure("start", "the current folder has been removed"))
     if may_fork():
         request.import_libraries()  # so that the fork has them
         return _call_fork(request)

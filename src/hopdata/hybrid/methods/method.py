@@ -30,8 +30,9 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
-from hopdata.hybrid.layout import PHI_ROWS
-from hopdata.hybrid.methods import explicit, stiff, tangent, taylor
+from hopdata.hybrid.layout import PHI_ROWS, W1
+from hopdata.hybrid.methods import explicit, sparse, stiff, tangent, taylor
+from hopdata.hybrid.methods.sparsity import Pattern
 from hopdata.hybrid.numbers import along, duals
 from hopdata.hybrid.numbers.derivatives import own_digest
 
@@ -175,6 +176,9 @@ class Scene:
         Derivative of the field, and its affine form.
     guards : Callback, optional
         Event functions, all at once or one by one.
+    sparsity : Pattern, optional
+        Places of the derivative of the field that may differ from zero. The user's
+        derivative is then in sparse form.
     """
 
     field: Callback
@@ -182,6 +186,12 @@ class Scene:
     jacobian: Callback | None = None
     affine: Callback | None = None
     guards: Callback | None = None
+    sparsity: Pattern | None = None
+
+    @property
+    def dense_jacobian(self) -> Callback | None:
+        """Derivative of the field as a full matrix, if the user gives that."""
+        return self.jacobian if self.sparsity is None else None
 
     @property
     def rate_inputs(self) -> tuple[int, ...]:
@@ -217,7 +227,7 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
         known["call_field"] = code.call_field_on_arrays
     else:
         n = scene.n_states
-        per_derivative = 0 if scene.jacobian else 4 * n  # by differences
+        per_derivative = 0 if scene.dense_jacobian else 4 * n  # by differences
         body = []
         evaluation = explicit.inlined
         known["FIELD"] = scene.field.dispatcher
@@ -274,6 +284,8 @@ def rosenbrock_method(scene: Scene) -> Method:
 
     Where the field does not compile for duals, its other form is used.
     """
+    if scene.sparsity is not None:
+        return sparse_rosenbrock_method(scene, scene.sparsity)
     names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
     if scene.jacobian is None:
         fill = put_in(stiff.jacobian_by_differences, **names)
@@ -322,4 +334,36 @@ def _rosenbrock(scene: Scene, fill: Any, in_time: Any, evaluations: int) -> Meth
         evaluations=evaluations,
         interpolant_error=stiff.DENSE_ERROR,
         work_rows=stiff.work_rows(scene.n_states),
+    )
+
+
+def sparse_rosenbrock_method(scene: Scene, pattern: Pattern) -> Method:
+    """Return the Rosenbrock method with a sparse Jacobian of this pattern."""
+    n = scene.n_states
+    structure = pattern.structure
+    names = {"FIELD": scene.field.dispatcher, "N": n}
+    evaluations = stiff.EVALUATIONS
+    if scene.jacobian is None:
+        fill = sparse.jacobian_by_differences
+        evaluations += 2 * structure.n_colours
+    else:
+        fill = sparse.jacobian_by_user
+        names["JACOBIAN"] = scene.jacobian.dispatcher
+    made = {
+        "FILL_JACOBIAN": put_in(fill, **names),
+        "TIME_DERIVATIVE": put_in(stiff.time_derivative, **names),
+    }
+    if structure.factors.is_band:
+        made["FACTORISE"] = sparse.factorise_band
+        made["SOLVE"] = put_in(sparse.solve_pivoted)
+    else:
+        made["FACTORISE"] = sparse.factorise_sparse
+        made["SOLVE"] = put_in(sparse.solve_corrected)
+    return Method(
+        order=stiff.ORDER,
+        step=with_digest(sparse.step, **names, **made),
+        interpolant=with_digest(stiff.interpolant, **names),
+        evaluations=evaluations,
+        interpolant_error=stiff.DENSE_ERROR,
+        work_rows=int(stiff.JAC - W1) + structure.work_rows,
     )

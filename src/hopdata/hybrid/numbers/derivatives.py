@@ -12,7 +12,7 @@ numbers of states and guards; ROWS and DUAL, which make duals from rows of numbe
 import ctypes
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +169,7 @@ def compiled(
     return Derivative(code.address, code=code)
 
 
+@cache
 def own_digest() -> str:
     """Return a digest of the sources of duals and of what they import."""
     return sources_digest(PACKAGE, "numbers")

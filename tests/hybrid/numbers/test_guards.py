@@ -6,7 +6,7 @@ import numpy as np
 from guard_sources import BRANCHING, reads_a_table, smooth
 
 from hopdata.hybrid import System, field, guard, guards
-from hopdata.hybrid.branches.code import NO_CODE, branches_of
+from hopdata.hybrid.numbers.guards import NO_CODE, branches_of
 
 
 @field
