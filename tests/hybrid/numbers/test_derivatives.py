@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from numba import njit
 
-from hopdata.hybrid import System, field, guard, guards, on_event, solve, solve_batch
+from hopdata.hybrid import (
+    System,
+    field,
+    guard,
+    guards,
+    jacobian,
+    on_event,
+    solve,
+    solve_batch,
+)
 from hopdata.hybrid.numbers.derivatives import rates_of
 
 AMPLITUDE = 0.5
@@ -157,3 +166,55 @@ def test_with_parameters_as_states():
     np.testing.assert_allclose(found.jacobian, [[2.0]], rtol=1e-14)
     np.testing.assert_allclose(found.sensitivity, [[-1.0, 1.0]], rtol=1e-14)
     assert found.by_differences == ""
+
+
+# The derivative of a field in stiff steps, in which the time matters, too.
+
+
+@field
+def pursuit(t, y, mode, params, dy):
+    """Each state follows the one before it, the first a drive, ever faster."""
+    ahead = np.sin(3.0 * t)
+    for i in range(len(y)):
+        dy[i] = params[0] * (i + 1) * (ahead - y[i] ** 3)
+        ahead = y[i]
+
+
+@jacobian
+def of_pursuit(t, y, mode, params, jac):
+    for i in range(len(y)):
+        jac[i, i] = -params[0] * (i + 1) * 3.0 * y[i] ** 2
+        if i > 0:
+            jac[i, i - 1] = params[0] * (i + 1)
+
+
+@field
+def pursuit_in_an_array(t, y, mode, params, dy):
+    ahead = np.zeros(len(y))
+    ahead[0] = np.sin(3.0 * t)
+    for i in range(len(y)):
+        if i > 0:
+            ahead[i] = y[i - 1]
+        dy[i] = params[0] * (i + 1) * (ahead[i] - y[i] ** 3)
+
+
+@pytest.mark.parametrize("n", [2, 9])
+def test_stiff_steps_take_the_exact_derivative(n):
+    request = {"params": (300.0,), "method": "rosenbrock", "rtol": 1e-8, "atol": 1e-8}
+    start = np.linspace(0.5, 1.0, n)
+    by_duals = solve(System(pursuit, n_states=n), (0.0, 1.0), start, **request)
+    with_given = System(pursuit, n_states=n, jacobian=of_pursuit)
+    given = solve(with_given, (0.0, 1.0), start, **request)
+    assert by_duals.success
+    np.testing.assert_allclose(by_duals.y_end, given.y_end, rtol=1e-12)
+    assert by_duals.nfev == given.nfev  # differences would count
+
+
+def test_stiff_steps_by_differences_where_a_field_has_no_code_for_duals():
+    request = {"params": (300.0,), "method": "rosenbrock", "rtol": 1e-8, "atol": 1e-8}
+    start = np.linspace(0.5, 1.0, 2)
+    by_duals = solve(System(pursuit, n_states=2), (0.0, 1.0), start, **request)
+    other = System(pursuit_in_an_array, n_states=2)
+    by_differences = solve(other, (0.0, 1.0), start, **request)
+    np.testing.assert_allclose(by_differences.y_end, by_duals.y_end, rtol=1e-6)
+    assert by_differences.nfev > by_duals.nfev
