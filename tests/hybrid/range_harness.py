@@ -64,10 +64,10 @@ def boxes(rng, count, least=-12.0, most=0.0, wide=4.0):
 def enclose(states, b, box):
     """Write the ranges of a path of changing rate from the start of a box."""
     for i in range(N):
-        lo = box.least_rate[b, i]
-        hi = box.most_rate[b, i]
         start = box.y[b, i]
-        grain = 4e-16 * (abs(start) + abs(lo) + abs(hi))
+        grain = 4e-16 * (abs(start) + 2.0)
+        lo = box.least_rate[b, i] - 1e-15
+        hi = box.most_rate[b, i] + 1e-15
         states[at.LEAST, i] = start + min(0.0, lo * box.span[b]) - grain
         states[at.MOST, i] = start + max(0.0, hi * box.span[b]) + grain
         states[at.LEAST_SLOPE, i] = lo
@@ -76,11 +76,12 @@ def enclose(states, b, box):
 
 @njit
 def place_on(states, b, box, part, row):
-    """Write the state at a part of the path, whose rates go from least to most."""
+    """Write the state at a part of the path, whose slopes go from least to most."""
     s = part * box.span[b]
     for i in range(N):
         bend = (box.most_rate[b, i] - box.least_rate[b, i]) / box.span[b]
         states[row, i] = box.y[b, i] + s * (box.least_rate[b, i] + 0.5 * s * bend)
+        states[at.SLOPE, i] = box.least_rate[b, i] + s * bend
     return box.t[b] + s
 
 
@@ -93,6 +94,15 @@ def sampled(scalar, p, m, k, b, box, parts, row):
         k, m.guards, row, m.guards, at.RATE,
     )  # fmt: skip
     return m.guards[row, k]
+
+
+@njit
+def rounding(p, m, which, k, b, box, part):
+    """Return a bound on the rounding of a sample: the width of its own range."""
+    t = place_on(m.states, b, box, part, at.LEAST)
+    place_on(m.states, b, box, part, at.MOST)
+    evaluate(p, m, t, t, 1.0, address_of(which), 1)
+    return m.guards[at.H_MOST, k] - m.guards[at.H_LEAST, k]
 
 
 @njit
@@ -128,7 +138,12 @@ def compared(branches, scalar, k, box, parts, tables, params, mode, found):
                 found[b, COMPARED] += 1
                 is_inside = dlo - noise <= rate <= dhi + noise
                 if np.isfinite(rate) and not is_inside:
-                    found[b, RATES_OUTSIDE] += 1
+                    blur = rounding(p, m, which, k, b, box, parts[j])
+                    blur += rounding(p, m, which, k, b, box, parts[j - 1])
+                    is_outside = (
+                        rate < dlo - blur / passed or rate > dhi + blur / passed
+                    )
+                    found[b, RATES_OUTSIDE] += 1 if is_outside else 0
             before = h
         assert time >= 0.0
     return lo, hi, dlo, dhi

@@ -100,11 +100,13 @@ class Around(Callback):
         return self.inner.compiled
 
     def check_lengths(self, **lengths: int) -> None:
-        """Check the wrapped function; see `Callback.check_lengths`."""
-        n_states = self._names.get("N")  # the user's, where parameters are states
-        if n_states is not None:
-            lengths |= {name: n_states for name in ("y", "dy") if name in lengths}
-        self.inner.check_lengths(**lengths)
+        """Check the parameters of the wrapped function; see `Callback.check_lengths`.
+
+        Its other arguments were checked in the system from which this one is derived;
+        here they may be parts of longer ones.
+        """
+        if "params" in lengths:
+            self.inner.check_lengths(params=lengths["params"])
 
 
 def _made(

@@ -192,12 +192,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
                 dense_output,
                 keep_events or callable(events),
             )
-        flags = 0
-        if mode is not None:
-            arguments.set_mode(work.mode, system.n_guards, mode)
-            flags = at.GIVEN_MODE
-        if work.methods.unchecked:
-            work.check_pattern(system.n_guards, mode is not None)
+        flags = _set_mode(system, work, mode)
         caught = work.caught
         caught.clear()
         token = catch(caught)
@@ -229,6 +224,20 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     finally:
         work.sink = None
         system.idle.append(work)
+
+
+def _set_mode(system: System, work: Workspace, mode: Any) -> int:
+    """Write the initial mode, and return the flags of the run.
+
+    The field is compared with the pattern of its Jacobian if that is still to be done.
+    """
+    flags = 0
+    if mode is not None:
+        arguments.set_mode(work.mode, system.n_guards, mode)
+        flags = int(at.GIVEN_MODE)
+    if work.methods.unchecked:
+        work.check_pattern(system.n_guards, mode is not None)
+    return flags
 
 
 def _check_results(system: System, work: Workspace) -> None:

@@ -288,6 +288,59 @@ def test_functions_typed_at_a_prompt():
     assert found.y_end == pytest.approx([3.0, 2.0], rel=1e-12)
 
 
+HANDLERS = [
+    "return y[0], -p[1] * y[1]",
+    "return np.array([y[0], -p[1] * y[1]])",
+    "return [y[0], -p[1] * y[1]]",
+]
+
+
+@pytest.mark.parametrize("result", HANDLERS)
+def test_handlers_whose_source_is_not_known(result):
+    names = {"np": np}
+    lines = [
+        "def bounce(t, y, p, direction):",
+        "    if direction > 0:",
+        f"        {result}",
+    ]
+    exec("\n".join(lines), names)
+    system = ball(bounce=names["bounce"])
+    own = solve(ball(), (0, 2), [1.0, 0.0], params=PARAMS)
+    for _ in range(100):  # an array that is freed twice would end the process
+        found = solve(system, (0, 2), [1.0, 0.0], params=PARAMS)
+    assert system.on_event.compiled
+    assert found.y_end.tolist() == own.y_end.tolist()
+
+
+def test_parameters_as_states_and_backward():
+    """In derived systems, what unpacks the state gets the user's states only."""
+    system = ball(unpacked, lambda t, y: -y[0], handler_in_place, undo=handler_back)
+    own = solve(ball(), (0, 1), [1.0, 0.0], params=PARAMS, jacobian="params")
+    found = solve(system, (0, 1), [1.0, 0.0], params=PARAMS, jacobian="params")
+    assert found.sensitivity == pytest.approx(own.sensitivity, rel=1e-6)
+    back = solve(system, (1, 0), found.y_end, params=PARAMS, mode=found.mode)
+    assert back.y_end == pytest.approx([1.0, 0.0], abs=1e-7)
+
+
+def handler_back(t, y, p, direction):
+    if direction > 0:
+        y[1] /= -p[1]
+
+
+def test_rates_of_guards_are_exact():
+    def wavy(t, y):
+        return -y[0] + 0.01 * np.sin(50.0 * t)
+
+    guards = ball(floor=wavy).guards
+    h, hdot = np.empty(1), np.empty(1)
+    given = np.array([1.0, 2.0]), np.array([2.0, -9.81]), np.zeros(1, int), np.empty(0)
+    guards.dispatcher(0.3, *given, h, hdot)
+    assert hdot[0] == pytest.approx(-2.0 + 0.5 * np.cos(15.0), rel=1e-15)
+    # Python takes a difference.
+    guards.function(0.3, *given, h, hdot)
+    assert hdot[0] == pytest.approx(-2.0 + 0.5 * np.cos(15.0), rel=1e-6)
+
+
 def test_a_file_that_has_changed_since(tmp_path):
     """The function runs as it was read, not as the file is now."""
     path = tmp_path / "changed.py"

@@ -221,6 +221,17 @@ def test_kinks_jumps_and_cancellation_are_no_reason_to_refuse():
             solve(with_entries(less), (0.0, 1.0), start, **options)
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_field_in_plain_form_is_compared_too(compiled):
+    @field(compiled=compiled)
+    def shifted(t, y, p):
+        return np.array([-y[1], -y[2], -y[0]])
+
+    system = System(shifted, n_states=3, sparsity=(0, 1))
+    with pytest.raises(ValueError, match=r"dy\[2\] depends on y\[0\]"):
+        solve(system, (0.0, 1.0), [1.0, 2.0, 3.0], method="rosenbrock")
+
+
 # Systems with patterns are values, like others.
 
 

@@ -31,6 +31,8 @@ ONE = (
     "({}) // 1.3", "math.floor({})", "np.ceil({})", "math.trunc({})", "np.rint({})",
     "np.sign({})", "np.interp({}, XS, ZS)", "np.square({})", "float({})",
     "math.sqrt({})", "math.log({})", "math.acos({})",
+    "np.exp2(0.3 * {})", "math.erfc({})", "math.radians({})", "dy[1] * {}",
+    "np.sum(y[1:]) * {}", "np.dot(W, y) - {}", "np.linalg.norm(y[:2]) + {}",
     "(1.0 if {} else -1.0)", "TABLE[int(4.0 + 3.0 * math.tanh({}))]",
 )  # fmt: skip
 TWO = (
@@ -41,6 +43,7 @@ TWO = (
     "(abs({}) + 0.1) ** {}", "(1.0 if {} != {} else 0.0)", "(({} > 0.0) * {})",
     "max({}, {}, 0.2)",
 )  # fmt: skip
+W = np.array([0.7, -1.0, 0.2])
 TABLE = np.array([0.3, -0.5, 0.9, 1.4, -2.0, 0.0, 0.7, 0.1])
 
 
@@ -60,7 +63,7 @@ def compiled(sources):
     lines = ["def many(t, y, dy, mode, params, k, h, hdot):"]
     for k, source in enumerate(sources):
         lines.append(f"    if k == {k}: h[{k}] = {source}")
-    made = {"math": math, "np": np, "XS": XS, "ZS": ZS, "TABLE": TABLE}
+    made = {"math": math, "np": np, "XS": XS, "ZS": ZS, "TABLE": TABLE, "W": W}
     lines.append("    hdot[k] = 0.0")
     exec("\n".join(lines), made)
     return Ranged(made["many"], len(sources))

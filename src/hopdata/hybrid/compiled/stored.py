@@ -16,7 +16,7 @@ import numpy as np
 from numba import TypingError, types
 from numba.extending import overload
 
-from hopdata.hybrid.compiled.memory import NumberLike, is_number
+from hopdata.hybrid.compiled.memory import NumberLike, built, is_number
 
 Function = Callable[..., Any]
 RAISE = "    raise ValueError(WRONG)"
@@ -73,7 +73,11 @@ def _made(
 
 
 def _row_store(
-    value: Any, wrong: str, otherwise: str | None = RAISE, last: str = "return"
+    value: Any,
+    wrong: str,
+    otherwise: str | None = RAISE,
+    *,
+    last: str = "return",
 ) -> Function | None:
     """Return the function that stores a value of this type in a row of numbers."""
     if _is_tuple(value):
@@ -202,6 +206,17 @@ def _store_matrix(value: Any, out: Any) -> Any:
     raise _refused("jacobian", value)
 
 
+def _taken(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    found = context.cast(builder, values[0], sign.args[0], sign.return_type)
+    if context.enable_nrt:  # an array has one more owner
+        context.nrt.incref(builder, sign.return_type, found)
+    return found
+
+
+# What is there where a value may be None, and is not.
+_there = built(1, lambda kind: (kind.type(kind), _taken))
+
+
 def _store_state(value: Any, out: Any) -> Any:
     wrong = _wrong("on_event")
     if isinstance(value, types.NoneType):
@@ -209,10 +224,17 @@ def _store_state(value: Any, out: Any) -> Any:
     if isinstance(value, types.Boolean):
         return _made(["return 1 if value else 0"], wrong)
     if isinstance(value, types.Optional):
-        inner = value.type
-        if isinstance(inner, types.Boolean) or _is_row(inner) or _is_tuple(inner):
-            lines = ["if value is None:", "    return 0", "return state(value, out)"]
-            return _made(lines, wrong, state=store_state)
+        if (
+            isinstance(value.type, types.Boolean)
+            or _row_store(value.type, "") is not None
+        ):
+            lines = [
+                "if value is None:",
+                "    return 0",
+                "return state(there(value), out)",
+            ]
+            return _made(lines, wrong, state=store_state, there=_there)
+        raise _refused("on_event", value)
     if isinstance(value, types.Integer):
         raise TypingError(
             "it returns a whole number; return the new state (0.0 and not 0, if it is "

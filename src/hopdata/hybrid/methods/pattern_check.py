@@ -59,7 +59,7 @@ def rates_of(field: Callback, t: float, mode: IntArray, params: FloatArray) -> R
         if field.compiled:
             evaluate(field.address, t, table, mode.copy(), params.copy())
         else:
-            field(t, table[0], mode.copy(), params.copy(), table[1])
+            field.function(t, table[0], mode.copy(), params.copy(), table[1])
         return table[1]
 
     return rates

@@ -101,11 +101,10 @@ def factorise_band(s: FloatTable, d: Directory) -> None:
 
 
 @kernel
-def solve_band(s: FloatTable, d: Directory) -> None:
+def solve_band(s: FloatTable, d: Directory, work: int) -> None:
     """Replace the right-hand side in row `work` by the solution."""
     n = s.width
     matrix = d.matrix
-    work = d.work
     below = d.below
     right = d.above + below
     step = below + right
@@ -262,8 +261,11 @@ def into_order(s: FloatTable, d: Directory, x: int) -> None:
 
 def solve_pivoted(s: FloatTable, d: Directory, shift: float, x: int) -> bool:
     """Solve with a band, whose pivots are chosen; return True."""
+    if d.is_natural != 0:
+        solve_band(s, d, x)
+        return True
     into_order(s, d, x)
-    solve_band(s, d)
+    solve_band(s, d, d.work)
     for place in range(s.width):
         s[x, d.order[place]] = s[d.work, place]
     return True

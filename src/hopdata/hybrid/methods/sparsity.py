@@ -184,8 +184,9 @@ def _banded(given: Any, n_states: int) -> Pattern:
 # diagonal larger (see `sparse`).
 
 #: Operations of a band's elimination that take the time of one of a sparse matrix.
-#: Unit: 1. Origin: measured: on the grids of `benchmarks/large.py`.
-BAND_IS_FASTER = 2.0
+#: Unit: 1. Origin: measured: 3.1 to 4 for heat on grids of 10 to 64 points a side
+#: (processor time of whole steps).
+BAND_IS_FASTER = 3.5
 
 #: Width of a band, in diagonals, up to which no other way is tried.
 #: Unit: 1. Origin: chosen.
@@ -360,6 +361,7 @@ class Structure:
             "given_columns": given_columns,
             "below": self.factors.below,
             "above": self.factors.above,
+            "is_natural": int(np.array_equal(order, np.arange(n))),
         }
 
     def _places(self, rows: IntArray, columns: IntArray) -> IntArray:

@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (all operations have the same arguments)
 """Ranges and rates of the longer operations, compiled once for all guards.
 
 The guards' code calls them through one function of C, `apply`, by the number of the
@@ -27,7 +28,7 @@ from hopdata.hybrid.compiled.kernel import ENTRY, kernel
 from hopdata.hybrid.compiled.memory import float_vector, int_vector
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.numbers import answers as at
-from hopdata.hybrid.numbers.ranges import make
+from hopdata.hybrid.numbers.ranges import make, put_range, range_at
 
 Pair = tuple[float, float]
 
@@ -139,6 +140,23 @@ def rounded(lo: float, hi: float, error: float) -> Pair:
 
 
 @kernel
+def closed(lo: float, hi: float) -> Pair:
+    """Return the ends of a value after one operation, widened by its rounding.
+
+    A single number is what the guard itself computes.
+    """
+    if lo == hi:
+        return lo, hi
+    return rounded(lo, hi, EPS)
+
+
+@kernel
+def is_constant(x: Any) -> bool:
+    """Return whether a range is a single number that does not change."""
+    return x.lo == x.hi and x.dlo == 0.0 and x.dhi == 0.0
+
+
+@kernel
 def product(a: float, b: float, c: float, d: float) -> Pair:
     """Return the product of [a, b] and [c, d]."""
     p = a * c
@@ -147,7 +165,7 @@ def product(a: float, b: float, c: float, d: float) -> Pair:
     s = b * d
     if math.isnan(p) or math.isnan(q) or math.isnan(r) or math.isnan(s):
         return NAN, NAN
-    return rounded(min(p, q, r, s), max(p, q, r, s), EPS)
+    return closed(min(p, q, r, s), max(p, q, r, s))
 
 
 @kernel
@@ -165,7 +183,7 @@ def quotient(x: Pair, a: float, b: float) -> Pair:
     s = x[1] / b
     if math.isnan(p) or math.isnan(q) or math.isnan(r) or math.isnan(s):
         return NAN, NAN
-    return rounded(min(p, q, r, s), max(p, q, r, s), EPS)
+    return closed(min(p, q, r, s), max(p, q, r, s))
 
 
 @kernel
@@ -192,7 +210,7 @@ def square_of(a: float, b: float) -> Pair:
 @kernel
 def subtract(x: Any, y: Any) -> Any:
     """Return x - y."""
-    lo, hi = rounded(x.lo - y.hi, x.hi - y.lo, EPS)
+    lo, hi = closed(x.lo - y.hi, x.hi - y.lo)
     dlo, dhi = rounded(x.dlo - y.dhi, x.dhi - y.dlo, EPS)
     return make(lo, hi, dlo, dhi, x.at | y.at)
 
@@ -221,12 +239,6 @@ def divide(x: Any, y: Any) -> Any:
     above = rounded(x.dlo - b, x.dhi - a, EPS)
     dlo, dhi = quotient(above, y.lo, y.hi)
     return make(lo, hi, dlo, dhi, x.at | y.at)
-
-
-@kernel
-def square(x: Any) -> Any:
-    """Return x squared."""
-    return with_slope(x, square_of(x.lo, x.hi), (2.0 * x.lo, 2.0 * x.hi))
 
 
 @kernel
@@ -262,7 +274,7 @@ def whole_power(x: Any, exponent: Any) -> Any:
 def real_power(x: Any, y: Any) -> Any:
     """Return x to a power that need not be whole; it is not known at x < 0."""
     where = x.at | y.at
-    is_number = y.lo == y.hi and y.dlo == 0.0 and y.dhi == 0.0
+    is_number = is_constant(y)
     if is_number and y.lo == math.floor(y.lo) and abs(y.lo) < 2.0**31:
         return whole_power(x, y)
     if x.lo < 0.0 or (x.lo == 0.0 and not y.lo > 0.0) or math.isinf(x.hi):
@@ -404,6 +416,14 @@ def rint(x: Any) -> Any:
 
 
 @kernel
+def ratio(x: Any, y: Any) -> Any:
+    """Return x / y, from which whole numbers are taken."""
+    q = divide(x, y)
+    lo, hi = rounded(q.lo, q.hi, EPS)
+    return make(lo, hi, q.dlo, q.dhi, q.at)
+
+
+@kernel
 def without_wholes(x: Any, y: Any, wholes: Any) -> Any:
     """Return x - y n, where the whole number n jumps if its rate is unknown."""
     if wholes.lo == wholes.hi:
@@ -414,7 +434,9 @@ def without_wholes(x: Any, y: Any, wholes: Any) -> Any:
 @kernel
 def rest(x: Any, y: Any) -> Any:
     """Return x % y."""
-    left = without_wholes(x, y, floor(divide(x, y)))
+    if is_constant(x) and is_constant(y):
+        return exactly(x.lo % y.lo, x.at | y.at)
+    left = without_wholes(x, y, floor(ratio(x, y)))
     lo = left.lo
     hi = left.hi
     if y.lo > 0.0:
@@ -429,7 +451,9 @@ def rest(x: Any, y: Any) -> Any:
 @kernel
 def rest_like_x(x: Any, y: Any) -> Any:
     """Return the rest of x / y with the sign of x, as `math.fmod`."""
-    left = without_wholes(x, y, trunc(divide(x, y)))
+    if is_constant(x) and is_constant(y):
+        return exactly(np.fmod(x.lo, y.lo), x.at | y.at)
+    left = without_wholes(x, y, trunc(ratio(x, y)))
     size = max(abs(y.lo), abs(y.hi))
     lo = -size
     hi = size
@@ -445,7 +469,9 @@ def rest_like_x(x: Any, y: Any) -> Any:
 @kernel
 def whole_quotient(x: Any, y: Any) -> Any:
     """Return x // y."""
-    return floor(divide(x, y))
+    if is_constant(x) and is_constant(y):
+        return exactly(x.lo // y.lo, x.at | y.at)
+    return floor(ratio(x, y))
 
 
 @kernel
@@ -461,13 +487,13 @@ def one_whole(x: Any, wholes: Any) -> Any:
 
 
 @kernel
-def integer(x: Any) -> Any:
+def integer(x: Any, _: Any) -> Any:
     """Return int(x)."""
     return one_whole(x, trunc(x))
 
 
 @kernel
-def nearest_integer(x: Any) -> Any:
+def nearest_integer(x: Any, _: Any) -> Any:
     """Return round(x)."""
     return one_whole(x, rint(x))
 
@@ -593,6 +619,17 @@ hyperbolic_tangent = _rising(
 )
 arc_tangent = _rising(math.atan, lambda x: 1.0 / (1.0 + x * x), CREST_AT_ZERO)
 area_sine = _rising(math.asinh, lambda x: 1.0 / _sqrt(1.0 + x * x), CREST_AT_ZERO)
+
+
+def _power_of_2(x: float) -> float:
+    return 2.0**x
+
+
+def _slope_of_power_of_2(x: float) -> float:
+    return LOG_2 * 2.0**x
+
+
+power_of_2 = _rising(kernel(_power_of_2), _slope_of_power_of_2, RISES)
 error_function = _rising(math.erf, lambda x: OF_ERF * _exp(-x * x), CREST_AT_ZERO)
 cube_root = _rising(np.cbrt, lambda x: 1.0 / (3.0 * _cbrt(x) * _cbrt(x)), CREST_AT_ZERO)
 natural_logarithm = _rising(math.log, lambda x: 1.0 / x, FALLS, 0.0)
@@ -609,6 +646,14 @@ area_cosine = _rising(
 area_tangent = _rising(
     math.atanh, lambda x: 1.0 / ((1.0 - x) * (1.0 + x)), TROUGH_AT_ZERO, -1.0, 1.0
 )
+
+
+@kernel
+def complement_of_it(x: Any) -> Any:
+    """Return erfc(x)."""
+    turned = error_function(x)
+    lo, hi = rounded(math.erfc(x.hi), math.erfc(x.lo), LIBM)
+    return make(lo, hi, -turned.dhi, -turned.dlo, x.at)
 
 
 @kernel
@@ -733,8 +778,14 @@ def length(x: Any, y: Any) -> Any:
 
 # The operations, and what they stand for. Their order is their number.
 
+
+def _of_math(name: str) -> tuple[Any, ...]:
+    """Return a function of `math` that not all versions of Python have."""
+    found = getattr(math, name, None)
+    return () if found is None else (found,)
+
+
 ONE = {
-    "square": Operation(square, (np.square,)),
     "absolute": Operation(absolute, (abs, np.abs, np.fabs, math.fabs)),
     "sign": Operation(sign, (np.sign,)),
     "floor": Operation(floor, (math.floor, np.floor)),
@@ -742,6 +793,7 @@ ONE = {
     "trunc": Operation(trunc, (math.trunc, np.trunc)),
     "rint": Operation(rint, (np.rint,)),
     "exponential": Operation(exponential, (math.exp, np.exp)),
+    "power_of_2": Operation(power_of_2, (np.exp2, *_of_math("exp2"))),
     "exponential_less_1": Operation(exponential_less_1, (math.expm1, np.expm1)),
     "hyperbolic_sine": Operation(hyperbolic_sine, (math.sinh, np.sinh)),
     "hyperbolic_cosine": Operation(hyperbolic_cosine, (math.cosh, np.cosh)),
@@ -753,8 +805,9 @@ ONE = {
     "area_cosine": Operation(area_cosine, (math.acosh, np.arccosh)),
     "area_tangent": Operation(area_tangent, (math.atanh, np.arctanh)),
     "error_function": Operation(error_function, (math.erf,)),
+    "complement_of_it": Operation(complement_of_it, (math.erfc,)),
     "square_root": Operation(square_root, (math.sqrt, np.sqrt)),
-    "cube_root": Operation(cube_root, (np.cbrt,)),
+    "cube_root": Operation(cube_root, (np.cbrt, *_of_math("cbrt"))),
     "natural_logarithm": Operation(natural_logarithm, (math.log, np.log)),
     "binary_logarithm": Operation(binary_logarithm, (math.log2, np.log2)),
     "decimal_logarithm": Operation(decimal_logarithm, (math.log10, np.log10)),
@@ -764,7 +817,6 @@ ONE = {
     "tangent": Operation(tangent, (math.tan, np.tan)),
 }
 TWO = {
-    "multiply": Operation(multiply, ()),
     "divide": Operation(divide, ()),
     "whole_power": Operation(whole_power, ()),
     "real_power": Operation(real_power, ()),
@@ -783,10 +835,8 @@ OF_ANYTHING = {
     "nearest_integer": Operation(nearest_integer, ()),
     "opened": Operation(opened, ()),
 }
-NAMES = (*ONE, "table", *TWO, *OF_ANYTHING)
+NAMES = (*ONE, *TWO, *OF_ANYTHING, "table")
 NUMBERS = {name: place for place, name in enumerate(NAMES)}
-FIRST_OF_TWO = len(ONE) + 1
-FIRST_OF_ANYTHING = FIRST_OF_TWO + len(TWO)
 
 
 # All of them in one function of C.
@@ -797,19 +847,13 @@ APPLY_NATIVE = types.void(*(5 * [types.int64]))
 @kernel
 def read(address: int, where: int) -> Any:
     """Return the range at an address."""
-    ends = float_vector(address, 4)
-    return sound(make(ends[0], ends[1], ends[2], ends[3], where))
+    return sound(range_at(address, where))
 
 
 @kernel
 def write(x: Any, address: int) -> None:
     """Write a range to an address."""
-    ends = float_vector(address, 4)
-    one = sound(x)
-    ends[0] = one.lo
-    ends[1] = one.hi
-    ends[2] = one.dlo
-    ends[3] = one.dhi
+    put_range(sound(x), address)
 
 
 @kernel
@@ -824,11 +868,71 @@ def look_up(x: Any, given: int) -> Any:
     return table(x, places, values, n)
 
 
+# Each operation with addresses for arguments. So its caller needs no room for results,
+# which Numba would clear for all operations at each call.
+
+
+def _with_one(function: Any) -> Any:
+    @kernel
+    def run(x_at: int, y_at: int, where: int, result: int) -> None:
+        x = read(x_at, where)
+        if math.isnan(x.lo):
+            write(unknown(where), result)
+        else:
+            write(function(x), result)
+
+    return run
+
+
+def _with_two(function: Any) -> Any:
+    @kernel
+    def run(x_at: int, y_at: int, where: int, result: int) -> None:
+        x = read(x_at, where)
+        y = read(y_at, where)
+        if math.isnan(x.lo) or math.isnan(y.lo):
+            write(unknown(where), result)
+        else:
+            write(function(x, y), result)
+
+    return run
+
+
+def _with_anything(function: Any) -> Any:
+    @kernel
+    def run(x_at: int, y_at: int, where: int, result: int) -> None:
+        write(function(read(x_at, where), read(y_at, where)), result)
+
+    return run
+
+
 @kernel
-def is_unknown(number: int, x: Any, y: Any) -> bool:
-    """Return whether the result of an operation may not be a number."""
-    is_nan = math.isnan(x.lo) or math.isnan(y.lo)
-    return number < FIRST_OF_ANYTHING and is_nan
+def _with_table(x_at: int, y_at: int, where: int, result: int) -> None:
+    x = read(x_at, where)
+    if math.isnan(x.lo):
+        write(unknown(where), result)
+    else:
+        write(look_up(x, y_at), result)
+
+
+ARGUMENTS = "number, x_at, y_at, where, result"
+GROUP = 8  # operations in one function: few, because each clears some memory
+
+
+def _runs() -> list[Any]:
+    """Return all operations, in the order of their numbers."""
+    runs = [_with_one(one.function) for one in ONE.values()]
+    runs += [_with_two(two.function) for two in TWO.values()]
+    runs += [_with_anything(one.function) for one in OF_ANYTHING.values()]
+    return [*runs, _with_table]
+
+
+def _choice(name: str, value: str, chosen: list[Any], arguments: str) -> Any:
+    """Return a function that calls one of some functions, by a number."""
+    body = []
+    for place in range(len(chosen)):
+        body.append(f"if {value} == {place}: run_{place}({arguments})")
+    known = {f"run_{place}": run for place, run in enumerate(chosen)}
+    return compose(name, ARGUMENTS, body, known)
 
 
 def _apply() -> Any:
@@ -837,24 +941,13 @@ def _apply() -> Any:
     It takes the number of an operation; addresses of one or two ranges (or of the parts
     of a table); the address of the memory of answers; and the address of the result.
     """
-    calls = {"table": "look_up(x, y_at)", "opened": "opened(x, y)"}
-    calls |= {name: f"{name}(x, y)" for name in TWO}
-    body = [
-        "x = read(x_at, where)",
-        "y = x",
-        f"if number >= {FIRST_OF_TWO}: y = read(y_at, where)",
-        "if is_unknown(number, x, y): write(unknown(where), result)",
-    ]
-    for name, number in NUMBERS.items():
-        call = calls.get(name, f"{name}(x)")
-        body.append(f"elif number == {number}: write({call}, result)")
-    known = {**_FUNCTIONS, "look_up": look_up, "is_unknown": is_unknown}
-    known |= {"read": read, "write": write, "unknown": unknown}
-    return compose("apply", "number, x_at, y_at, where, result", body, known)
-
-
-_OPERATIONS = {**ONE, **TWO, **OF_ANYTHING}
-_FUNCTIONS = {name: one.function for name, one in _OPERATIONS.items()}
+    runs = _runs()
+    groups = []
+    for first in range(0, len(runs), GROUP):
+        some = runs[first : first + GROUP]
+        value = f"number % {GROUP}"
+        groups.append(kernel(_choice("some", value, some, "x_at, y_at, where, result")))
+    return _choice("apply", f"number // {GROUP}", groups, ARGUMENTS)
 
 
 @cache

@@ -47,6 +47,8 @@ ENDS = {"lo": 0, "hi": 1, "dlo": 2, "dhi": 3}
 class _Range(NumberLike):
     """The type of a range."""
 
+    is_kept = False  # see `code_cache`
+
 
 class _Rows(types.Type):
     """The type of `n` ranges by address.
@@ -55,12 +57,16 @@ class _Rows(types.Type):
     known, 0, or -1 for the same ranges with the other sign.
     """
 
+    is_kept = False
+
 
 class _Sink(types.Type):
     """The type of an array that forgets what is written to it.
 
     So it need not be computed.
     """
+
+    is_kept = False
 
 
 RANGE = _Range("Range")
@@ -140,6 +146,22 @@ def _make(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 
 
 make = built(5, lambda *_: (RANGE(FLOAT, FLOAT, FLOAT, FLOAT, INT), _make))
+
+
+def _read(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    pointer = builder.inttoptr(values[0], FOUR.as_pointer())
+    return joined(builder, builder.load(pointer, align=BYTES), values[1])
+
+
+def _write(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    four, _ = parts(builder, values[0])
+    pointer = builder.inttoptr(values[1], FOUR.as_pointer())
+    builder.store(four, pointer, align=BYTES)
+    return context.get_dummy_value()
+
+
+range_at = built(2, lambda *_: (RANGE(INT, INT), _read))  # of four ends side by side
+put_range = built(2, lambda *_: (types.none(RANGE, INT), _write))
 
 
 def _attribute(name: str) -> Any:
@@ -259,7 +281,9 @@ def _typed_get(owner: Any, i: Any) -> Any:
 
 def _typed_set(owner: Any, i: Any, x: Any) -> Any:
     kind = types.unliteral(x)
-    if owner in (RESULTS, SINK) and _is_index(i) and (kind == RANGE or is_scalar(kind)):
+    if owner == SINK:
+        return types.none(owner, types.unliteral(i), kind)
+    if owner == RESULTS and _is_index(i) and (kind == RANGE or is_scalar(kind)):
         return types.none(owner, INT, kind)
     return None
 
@@ -319,7 +343,7 @@ tried_first(operator.setitem, _typed_set)
 lower_builtin(operator.getitem, _Rows, types.Integer)(_item)
 lower_builtin(operator.getitem, _Sink, types.Integer)(_forgotten)
 lower_builtin(operator.setitem, _Rows, types.Integer, types.Any)(_put)
-lower_builtin(operator.setitem, _Sink, types.Integer, types.Any)(_forget)
+lower_builtin(operator.setitem, _Sink, types.Any, types.Any)(_forget)
 
 
 def _length(context: Any, builder: Any, sign: Any, values: Any) -> Any:
