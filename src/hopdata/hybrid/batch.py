@@ -152,6 +152,8 @@ class BatchSolution:
         requested.
     sensitivity : (B, n, p) array, optional
         Derivatives of the final states with respect to the parameters, if requested.
+    by_differences : str
+        Functions whose derivatives are by finite differences, as in `Solution`.
     """
 
     status: IntArray
@@ -171,6 +173,7 @@ class BatchSolution:
     y: FloatArray | None = None
     jacobian: FloatArray | None = None
     sensitivity: FloatArray | None = None
+    by_differences: str = ""
 
     def __len__(self) -> int:
         return len(self.status)
@@ -199,6 +202,8 @@ class BatchSolution:
                 rates=self.rates[run],
             )
             lines.append(f"{count} of {len(self)}, such as number {run}: {sentence}")
+        if self.by_differences:
+            lines.append(at.BY_DIFFERENCES.format(reasons=self.by_differences))
         return "\n".join(lines)
 
 
@@ -483,7 +488,10 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         output.samples[ended] = np.nan
         y = np.ascontiguousarray(np.swapaxes(output.samples[..., :shown], 1, 2))
     jacobian = None
+    told = ""
     if batch.jacobian:
+        methods = system.methods(batch.method, True)
+        told = system.derivatives.told(by_field=methods.by_field)
         jacobian = output.jacobians[:, :shown, :shown]
     sensitivity = None
     if shown < system.n_states:
@@ -503,6 +511,7 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         y=y,
         jacobian=jacobian,
         sensitivity=sensitivity,
+        by_differences=told,
         culprit=counts[:, at.CULPRIT],
         rates=output.ends[:, 1:END_STATE],
         guard_names=system.guard_names,

@@ -44,7 +44,9 @@ PHI_MOTION, RATE_INPUTS = numbers(2, 6)
 # errors, and the fraction of an increment that was small enough recently.
 PHI_VALUES = 8
 PHI_PART = 14
-PHI_ROWS = 15
+# Derivative of a guard.
+GRADIENT = 15
+PHI_ROWS = 16
 # Gauss nodes of the short tangent.
 GAUSS_1 = 0.5 - 3.0**0.5 / 6.0
 GAUSS_2 = 0.5 + 3.0**0.5 / 6.0
@@ -155,7 +157,7 @@ FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN = numbers(6)
 N_ROWS, N_LOG_ROWS, PATIENCE = numbers(3, 6)
 FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
 BLOCK_ARRAYS = 14  # slot of the first array
-N_BLOCK_ARRAYS = 21
+N_BLOCK_ARRAYS = 22
 N_BLOCK_ASKED = 9
 BLOCK_ASKED = BLOCK_ARRAYS + 2 * N_BLOCK_ARRAYS
 T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, BLOCK_ASKED)
@@ -166,7 +168,9 @@ PARAMS, MODE, RULES, ATOL = BLOCK_PLACES[:4]
 STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = BLOCK_PLACES[4:8]
 WAKE_AT, CLOCK, COUNTS, METHOD_TABLE = BLOCK_PLACES[8:12]
 TANGENT_TABLE, WANTED, SAMPLE_TABLE = BLOCK_PLACES[12:15]
-ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = BLOCK_PLACES[15:]
+ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = BLOCK_PLACES[15:21]
+# Machine code and rooms for duals (see `numbers.along`); only for Jacobians.
+DUAL_TABLE = BLOCK_PLACES[21]
 
 # The log (see `driver.log`). Each row of its table of events is an event: time, guard,
 # direction, number of changes of the mode up to and including it, state before and
@@ -265,6 +269,10 @@ SENTENCES = {
 }
 
 # Added to these where it is so.
+BY_DIFFERENCES = (
+    "The Jacobian is in part by finite differences, because these functions do not "
+    "compile for dual numbers: {reasons} (docs/integrator.md, Derivatives)."
+)
 ONLY_SAMPLED = (
     "In {count} steps the guards, which branch on state or time, were only sampled: "
     "a flip and its return between two samples may be missing (docs/integrator.md, "

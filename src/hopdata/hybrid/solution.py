@@ -233,6 +233,9 @@ class Solution(Told):
         `__call__`.
     sensitivity : (n, p) array, optional
         Derivative of `y_end` with respect to the parameters, if requested.
+    by_differences : str
+        Functions whose derivatives are by finite differences, because they do not
+        compile for dual numbers, and why; empty if there are none.
     """
 
     status: int
@@ -242,6 +245,7 @@ class Solution(Told):
     form: Form
     dense: tuple[int, bytes] | None = None
     sensitivity: FloatArray | None = None
+    by_differences: str = ""
 
     def __call__(self, t: ArrayLike, *, side: str = "right") -> FloatArray:
         """Return the state at times within the integration, (n,) or (n, N).
@@ -341,7 +345,7 @@ class Solution(Told):
 
     @property
     def message(self) -> str:
-        """How it ended, in words, and whether guards were only sampled in places."""
+        """How it ended, in words, and what is not proven or not exact."""
         ended = layout.describe(
             self.status,
             time=self.t_end,
@@ -349,9 +353,11 @@ class Solution(Told):
             names=self.form.guard_names,
             rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
         )
-        if self.n_unproven == 0:
-            return ended
-        return f"{ended} {layout.ONLY_SAMPLED.format(count=self.n_unproven)}"
+        if self.n_unproven > 0:
+            ended += f" {layout.ONLY_SAMPLED.format(count=self.n_unproven)}"
+        if self.by_differences:
+            ended += f" {layout.BY_DIFFERENCES.format(reasons=self.by_differences)}"
+        return ended
 
     @property
     def nfev(self) -> int:

@@ -144,17 +144,15 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     try:
         keep_events = events == "all"
         # The usual request has nothing but numbers, which are written unchecked.
-        usual = (
-            jacobian is dense_output is debug is False and memory is first_step is None
-        )
-        usual = usual and (keep_events or events == "count")
+        usual = dense_output is debug is False and memory is first_step is None
+        usual = usual and type(jacobian) is bool and (keep_events or events == "count")
         rows_per_step = 1
         if t_eval is not None:
             rows_per_step = 0
             usual = usual and _is_empty(t_eval)
         if not usual or not work.ask_again(
             t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method,
-            rows_per_step, keep_events,
+            jacobian, rows_per_step, keep_events,
         ):  # fmt: skip
             if goes_back(t_span) or debug is not False or isinstance(jacobian, str):
                 return ask_derived(

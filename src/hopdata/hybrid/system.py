@@ -23,6 +23,7 @@ from hopdata.hybrid.driver.loop import (
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.sparsity import pattern_of
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
 from hopdata.hybrid.numbers.guards import RangedGuards, branches_of
 from hopdata.hybrid.workspace import Pool, Workspace
 
@@ -61,8 +62,8 @@ class System(Told):
         evaluated. Event functions must not depend on the mode, and the modes in the log
         leave out the locks.
     jacobian : Callback, optional
-        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default
-        finite differences are used where it is needed.
+        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default it
+        comes from the field itself, by dual numbers.
     affine : Callback, optional
         Affine form of the field, declared by `hopdata.hybrid.affine`, if all modes are
         affine.
@@ -269,6 +270,24 @@ class System(Told):
         return branches_of(self.guards or self.guard)
 
     @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives of its functions, by dual numbers; compiled when asked for."""
+        functions = Functions(
+            field=self.field,
+            guards=self.guards or self.guard,
+            handler=self.on_event,
+            n_states=self.n_states,
+            n_guards=self.n_guards,
+            n_modes=self.n_modes,
+        )
+        return Derivatives(functions)
+
+    @cached_property
+    def exact(self) -> Exact:
+        """Exact derivatives of its functions at one place."""
+        return Exact(self.derivatives, self.n_guards)
+
+    @cached_property
     def made(self) -> dict[Any, Any]:
         """Cache of objects made for this system, keyed by their kind and choices.
 
@@ -316,7 +335,10 @@ class System(Told):
         if check_flag("jacobian", jacobian):
             compiled_first_order()
         latest = self.current()
-        latest.methods(method, jacobian).compile_all()
+        methods = latest.methods(method, jacobian)
+        methods.compile_all()
+        if jacobian:
+            latest.derivatives.told(by_field=methods.by_field)
         latest.idle.append(latest.take_workspace())
 
     @cached_property

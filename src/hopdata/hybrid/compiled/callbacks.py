@@ -305,9 +305,10 @@ class Callback:
     @cached_property
     def dual(self) -> Any:
         """The function, callable from code in Numba with duals (`numbers.duals`)."""
-        options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        made: Any = numba.njit(error_model="numpy", **options)
-        return made(with_digest(self._of_other_numbers))
+        # Python never calls it, and could not give it duals.
+        options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        compiler: Any = numba.njit(error_model="numpy", **options)
+        return compiler(with_digest(self._of_other_numbers))
 
     @cached_property
     def address(self) -> int:

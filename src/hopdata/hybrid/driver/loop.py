@@ -39,7 +39,12 @@ from hopdata.hybrid.layout import Memory
 # arrays. Each of these functions reads one group of them from it.
 
 reader = partial(memory.reader, vars(at))
-problem_of = reader(problem.Problem, methods=at.METHOD_TABLE, tangent=at.TANGENT_TABLE)
+problem_of = reader(
+    problem.Problem,
+    methods=at.METHOD_TABLE,
+    tangent=at.TANGENT_TABLE,
+    along=at.DUAL_TABLE,
+)
 memory_of = reader(
     Memory,
     states=at.STATE_TABLE,

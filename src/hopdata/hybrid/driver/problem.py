@@ -50,6 +50,7 @@ class Problem(NamedTuple):
     kept: FloatVector  # mode and parameters before and after a call of the handler
     # Address of the guards' code for ranges; 0: no branches, -1: none could be made
     branches: int
+    along: IntVector  # machine code and rooms for duals; see `numbers.along`
 
 
 @kernel
