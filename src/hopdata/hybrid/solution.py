@@ -198,6 +198,8 @@ class Form:
         Factor of the driver's times: -1 where time runs backward.
     shown : int
         Number of states that are the user's; parameters follow them.
+    unproven : str
+        Why nothing can be proven of the guards.
     """
 
     state: int
@@ -206,6 +208,7 @@ class Form:
     guard_names: tuple[str, ...]
     way: float
     shown: int
+    unproven: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -340,7 +343,7 @@ class Solution(Told):
 
     @property
     def message(self) -> str:
-        """How it ended, in words, and whether guards were only sampled in places."""
+        """How it ended, in words, and what is not proven about its events."""
         ended = layout.describe(
             self.status,
             time=self.t_end,
@@ -348,9 +351,12 @@ class Solution(Told):
             names=self.form.guard_names,
             rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
         )
-        if self.n_unproven == 0:
-            return ended
-        return f"{ended} {layout.ONLY_SAMPLED.format(count=self.n_unproven)}"
+        told = [ended]
+        if self.n_unproven > 0:
+            told.append(layout.why_unproven(self.n_unproven, self.form.unproven))
+        if self.n_close > 0:
+            told.append(layout.CLOSE_CALLS.format(count=self.n_close))
+        return " ".join(told)
 
     @property
     def nfev(self) -> int:
@@ -369,12 +375,21 @@ class Solution(Told):
 
     @property
     def n_unproven(self) -> int:
-        """Number of steps in which guards that branch were only sampled.
-
-        In all other steps it is proven that their code takes one branch throughout, or
-        where it takes another.
-        """
+        """Number of steps in which it is not proven that no guard flips unseen."""
         return int(self.counts[layout.UNPROVEN])
+
+    @property
+    def proven(self) -> bool:
+        """Whether it is proven of all steps that no guard flips unseen.
+
+        This holds for the interpolant of each step; see docs/integrator.md, Limits.
+        """
+        return self.n_unproven == 0
+
+    @property
+    def n_close(self) -> int:
+        """Number of steps in which the tolerance cannot tell whether a guard flips."""
+        return int(self.counts[layout.CLOSE])
 
     @property
     def n_steps(self) -> int:
