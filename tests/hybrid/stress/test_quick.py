@@ -21,7 +21,6 @@ from stress_quick import (
 )
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch
-from hopdata.hybrid.layout import RATE_DIFFERS, ZENO
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -118,18 +117,10 @@ def told_wrongly(t, y, dy, mode, params, h, hdot):
 
 
 @pytest.mark.parametrize(
-    ("factor", "noise"), [(0.0, 0.0), (-1.0, 0.0), (2.5, 0.0), (1.0, 30.0)]
+    ("factor", "noise"),
+    [(0.0, 0.0), (-1.0, 0.0), (2.5, 0.0), (1.0, 30.0), (1.0, 1e-6), (1.1, 0.0)],
 )
-def test_wrong_rates_end_in_a_status(factor, noise):
-    system = System(gliding, told_wrongly, n_states=1, guard_names=("wave",))
-    solution = solve(system, (0.0, 10.0), [0.0], params=[factor, noise])
-    assert solution.status in (RATE_DIFFERS, ZENO)
-    assert "'wave'" in solution.message
-    assert solution.n_guard_evaluations < 100_000
-
-
-@pytest.mark.parametrize(("factor", "noise"), [(1.0, 1e-6), (1.0, 1e-2), (1.1, 0.0)])
-def test_rates_that_err_a_little_do_not_matter(factor, noise):
+def test_wrong_rates_make_no_flip_pass_unseen(factor, noise):
     system = System(gliding, told_wrongly, n_states=1, guard_names=("wave",))
     solution = solve(system, (0.0, 10.0), [0.0], params=[factor, noise])
     first, second = np.arcsin(0.5) / 3.0, (np.pi - np.arcsin(0.5)) / 3.0

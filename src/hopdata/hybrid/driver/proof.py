@@ -92,6 +92,12 @@ DOUBTFUL = 2.0**-8
 #: Unit: 1. Origin: rounding: eight units in the last place of a double.
 DOUBT = 8.0 * EPS
 
+#: Way of h in the other direction, over a piece, of a guard that falls or rises.
+#: Unit: fraction of its range. Origin: rounding: 128 units in the last place of a
+#: double, as states and slopes are enclosed with 64. Otherwise a body that starts from
+#: rest would not fall in the first piece.
+STILL = 128.0 * EPS
+
 #: Multiple of the rounding of h within which a guard that has just flipped rests.
 #: Unit: 1. Origin: derived: the ranges of states are wider than the states by 64 units
 #: in the last place, and h is taken to err by four.
@@ -202,8 +208,10 @@ def judge(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled loop)
     if on:
         g[at.CLEARANCE, k] = inf
         past = past and not is_leaving(m, k, dz, z * dt, resolution)
-    falls = most <= 0.0 and not branches
-    rises = least >= 0.0 and not branches
+    # By no more than rounding, over the piece, in the other direction.
+    still = STILL * max(abs(low), abs(high)) / ((z - a) * dt)
+    falls = most <= still and not branches
+    rises = least >= -still and not branches
     if past and falls:
         return FLIPS
     if not past and (falls or (rises and (on or gz > 0.0))):
