@@ -47,6 +47,8 @@ ENDS = {"lo": 0, "hi": 1, "dlo": 2, "dhi": 3}
 class _Range(NumberLike):
     """The type of a range."""
 
+    is_kept = False  # see `code_cache`
+
 
 class _Rows(types.Type):
     """The type of `n` ranges by address.
@@ -55,12 +57,16 @@ class _Rows(types.Type):
     known, 0, or -1 for the same ranges with the other sign.
     """
 
+    is_kept = False
+
 
 class _Sink(types.Type):
     """The type of an array that forgets what is written to it.
 
     So it need not be computed.
     """
+
+    is_kept = False
 
 
 RANGE = _Range("Range")
