@@ -1,10 +1,11 @@
+# ruff: noqa: ARG001 (all operations have the same arguments)
 """Ranges and rates of the longer operations, compiled once for all guards.
 
 The guards' code calls them through one function of C, `apply`, by the number of the
 operation. A result is widened by the rounding of the operations that the guard itself
 takes, with 4 units in the last place for elementary functions; underflow is neglected.
-Where a range is not known (NaN, a pole, outside of a function's domain) it is that of
-all numbers.
+Where a number may not be one (outside of a function's domain), its range is NaN, and
+so is that of all that is made of it.
 
 Every function here takes ranges and returns one. The rate of f(x) is the range of f'
 over x times the rate of x. `jump` and `kink` note in the memory of answers where a
@@ -27,7 +28,7 @@ from hopdata.hybrid.compiled.kernel import ENTRY, kernel
 from hopdata.hybrid.compiled.memory import float_vector, int_vector
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.numbers import answers as at
-from hopdata.hybrid.numbers.ranges import make
+from hopdata.hybrid.numbers.ranges import make, put_range, range_at
 
 Pair = tuple[float, float]
 
@@ -37,6 +38,7 @@ EPS = 2.0**-52
 #: library (docs/integrator.md, Limits).
 LIBM = 4.0 * EPS
 INF = math.inf
+NAN = math.nan
 TURN = 2.0 * math.pi
 LARGEST_WHOLE = 2.0**53  # floats below it hold every whole number
 
@@ -86,9 +88,11 @@ def kink(where: int) -> None:
 @kernel
 def opened(x: Any, y: Any) -> Any:
     """Return the answer, 1 or 0, to a comparison that the ranges leave open."""
-    apart = subtract(x, y)
+    apart = sound(subtract(x, y))
     if apart.at == 0:  # of numbers, which differ only by what they are widened
         return exactly(1.0 if x.lo + x.hi < y.lo + y.hi else 0.0, 0)
+    if math.isnan(apart.lo):
+        apart = anything(apart.at)
     note_first(apart, 0.0)
     counted = int_vector(apart.at, at.N_INTEGERS)
     place = counted[at.OPENED]
@@ -114,19 +118,19 @@ def anything(where: int) -> Any:
 
 
 @kernel
+def unknown(where: int) -> Any:
+    """Return the range of what may not be a number."""
+    return make(NAN, NAN, -INF, INF, where)
+
+
+@kernel
 def sound(x: Any) -> Any:
-    """Return a range in which NaN is replaced by all numbers."""
-    lo = x.lo
-    hi = x.hi
-    dlo = x.dlo
-    dhi = x.dhi
-    if not lo <= hi:
-        lo = -INF
-        hi = INF
-    if not dlo <= dhi:
-        dlo = -INF
-        dhi = INF
-    return make(lo, hi, dlo, dhi, x.at)
+    """Return a range in which NaN stands for both ends, and for no rate."""
+    if not x.lo <= x.hi:
+        return unknown(x.at)
+    if not x.dlo <= x.dhi:
+        return make(x.lo, x.hi, -INF, INF, x.at)
+    return x
 
 
 @kernel
@@ -136,15 +140,32 @@ def rounded(lo: float, hi: float, error: float) -> Pair:
 
 
 @kernel
+def closed(lo: float, hi: float) -> Pair:
+    """Return the ends of a value after one operation, widened by its rounding.
+
+    A single number is what the guard itself computes.
+    """
+    if lo == hi:
+        return lo, hi
+    return rounded(lo, hi, EPS)
+
+
+@kernel
+def is_constant(x: Any) -> bool:
+    """Return whether a range is a single number that does not change."""
+    return x.lo == x.hi and x.dlo == 0.0 and x.dhi == 0.0
+
+
+@kernel
 def product(a: float, b: float, c: float, d: float) -> Pair:
     """Return the product of [a, b] and [c, d]."""
     p = a * c
     q = a * d
     r = b * c
     s = b * d
-    if math.isnan(p + q + r + s):  # with infinite ends, these may cancel as well
-        return -INF, INF
-    return rounded(min(p, q, r, s), max(p, q, r, s), EPS)
+    if math.isnan(p) or math.isnan(q) or math.isnan(r) or math.isnan(s):
+        return NAN, NAN
+    return closed(min(p, q, r, s), max(p, q, r, s))
 
 
 @kernel
@@ -160,9 +181,9 @@ def quotient(x: Pair, a: float, b: float) -> Pair:
     q = x[0] / b
     r = x[1] / a
     s = x[1] / b
-    if math.isnan(p + q + r + s):
-        return -INF, INF
-    return rounded(min(p, q, r, s), max(p, q, r, s), EPS)
+    if math.isnan(p) or math.isnan(q) or math.isnan(r) or math.isnan(s):
+        return NAN, NAN
+    return closed(min(p, q, r, s), max(p, q, r, s))
 
 
 @kernel
@@ -189,7 +210,7 @@ def square_of(a: float, b: float) -> Pair:
 @kernel
 def subtract(x: Any, y: Any) -> Any:
     """Return x - y."""
-    lo, hi = rounded(x.lo - y.hi, x.hi - y.lo, EPS)
+    lo, hi = closed(x.lo - y.hi, x.hi - y.lo)
     dlo, dhi = rounded(x.dlo - y.dhi, x.dhi - y.dlo, EPS)
     return make(lo, hi, dlo, dhi, x.at | y.at)
 
@@ -209,6 +230,8 @@ def divide(x: Any, y: Any) -> Any:
     """Return x / y, which jumps across a pole."""
     if not (y.lo > 0.0 or y.hi < 0.0):
         jump(y, 0.0)
+        if x.lo <= 0.0 <= x.hi:  # 0 / 0
+            return unknown(x.at | y.at)
         return anything(x.at | y.at)
     lo, hi = quotient((x.lo, x.hi), y.lo, y.hi)
     # (x / y)' = (x' - (x / y) y') / y
@@ -216,12 +239,6 @@ def divide(x: Any, y: Any) -> Any:
     above = rounded(x.dlo - b, x.dhi - a, EPS)
     dlo, dhi = quotient(above, y.lo, y.hi)
     return make(lo, hi, dlo, dhi, x.at | y.at)
-
-
-@kernel
-def square(x: Any) -> Any:
-    """Return x squared."""
-    return with_slope(x, square_of(x.lo, x.hi), (2.0 * x.lo, 2.0 * x.hi))
 
 
 @kernel
@@ -257,12 +274,12 @@ def whole_power(x: Any, exponent: Any) -> Any:
 def real_power(x: Any, y: Any) -> Any:
     """Return x to a power that need not be whole; it is not known at x < 0."""
     where = x.at | y.at
-    is_number = y.lo == y.hi and y.dlo == 0.0 and y.dhi == 0.0
+    is_number = is_constant(y)
     if is_number and y.lo == math.floor(y.lo) and abs(y.lo) < 2.0**31:
         return whole_power(x, y)
     if x.lo < 0.0 or (x.lo == 0.0 and not y.lo > 0.0) or math.isinf(x.hi):
         jump(x, 0.0)
-        return anything(where)
+        return unknown(where)
     a = x.lo**y.lo
     b = x.lo**y.hi
     c = x.hi**y.lo
@@ -399,6 +416,14 @@ def rint(x: Any) -> Any:
 
 
 @kernel
+def ratio(x: Any, y: Any) -> Any:
+    """Return x / y, from which whole numbers are taken."""
+    q = divide(x, y)
+    lo, hi = rounded(q.lo, q.hi, EPS)
+    return make(lo, hi, q.dlo, q.dhi, q.at)
+
+
+@kernel
 def without_wholes(x: Any, y: Any, wholes: Any) -> Any:
     """Return x - y n, where the whole number n jumps if its rate is unknown."""
     if wholes.lo == wholes.hi:
@@ -409,7 +434,9 @@ def without_wholes(x: Any, y: Any, wholes: Any) -> Any:
 @kernel
 def rest(x: Any, y: Any) -> Any:
     """Return x % y."""
-    left = without_wholes(x, y, floor(divide(x, y)))
+    if is_constant(x) and is_constant(y):
+        return exactly(x.lo % y.lo, x.at | y.at)
+    left = without_wholes(x, y, floor(ratio(x, y)))
     lo = left.lo
     hi = left.hi
     if y.lo > 0.0:
@@ -424,7 +451,9 @@ def rest(x: Any, y: Any) -> Any:
 @kernel
 def rest_like_x(x: Any, y: Any) -> Any:
     """Return the rest of x / y with the sign of x, as `math.fmod`."""
-    left = without_wholes(x, y, trunc(divide(x, y)))
+    if is_constant(x) and is_constant(y):
+        return exactly(np.fmod(x.lo, y.lo), x.at | y.at)
+    left = without_wholes(x, y, trunc(ratio(x, y)))
     size = max(abs(y.lo), abs(y.hi))
     lo = -size
     hi = size
@@ -440,7 +469,9 @@ def rest_like_x(x: Any, y: Any) -> Any:
 @kernel
 def whole_quotient(x: Any, y: Any) -> Any:
     """Return x // y."""
-    return floor(divide(x, y))
+    if is_constant(x) and is_constant(y):
+        return exactly(x.lo // y.lo, x.at | y.at)
+    return floor(ratio(x, y))
 
 
 @kernel
@@ -456,13 +487,13 @@ def one_whole(x: Any, wholes: Any) -> Any:
 
 
 @kernel
-def integer(x: Any) -> Any:
+def integer(x: Any, _: Any) -> Any:
     """Return int(x)."""
     return one_whole(x, trunc(x))
 
 
 @kernel
-def nearest_integer(x: Any) -> Any:
+def nearest_integer(x: Any, _: Any) -> Any:
     """Return round(x)."""
     return one_whole(x, rint(x))
 
@@ -492,7 +523,7 @@ def table(x: Any, places: Any, values: Any, n: int) -> Any:
         slope = (values[k + 1] - values[k]) / width
         if not abs(slope) < INF:  # of a table with a jump
             jump(x, places[k])
-            return anything(x.at)
+            return unknown(x.at)
         pieces += 1
         start = values[k] + slope * (max(x.lo, places[k]) - places[k])
         end = values[k] + slope * (min(x.hi, places[k + 1]) - places[k])
@@ -543,7 +574,7 @@ def _rising(
     def rising(x: Any) -> Any:
         if not (x.lo >= low and x.hi <= high):
             jump(x, low if x.lo < low else high)
-            return anything(x.at)
+            return unknown(x.at)
         if x.lo == low or x.hi == high:
             kink(x.at)
         lo, hi = rounded(function(x.lo), function(x.hi), LIBM)
@@ -588,6 +619,17 @@ hyperbolic_tangent = _rising(
 )
 arc_tangent = _rising(math.atan, lambda x: 1.0 / (1.0 + x * x), CREST_AT_ZERO)
 area_sine = _rising(math.asinh, lambda x: 1.0 / _sqrt(1.0 + x * x), CREST_AT_ZERO)
+
+
+def _power_of_2(x: float) -> float:
+    return 2.0**x
+
+
+def _slope_of_power_of_2(x: float) -> float:
+    return LOG_2 * 2.0**x
+
+
+power_of_2 = _rising(kernel(_power_of_2), _slope_of_power_of_2, RISES)
 error_function = _rising(math.erf, lambda x: OF_ERF * _exp(-x * x), CREST_AT_ZERO)
 cube_root = _rising(np.cbrt, lambda x: 1.0 / (3.0 * _cbrt(x) * _cbrt(x)), CREST_AT_ZERO)
 natural_logarithm = _rising(math.log, lambda x: 1.0 / x, FALLS, 0.0)
@@ -607,10 +649,18 @@ area_tangent = _rising(
 
 
 @kernel
+def complement_of_it(x: Any) -> Any:
+    """Return erfc(x)."""
+    turned = error_function(x)
+    lo, hi = rounded(math.erfc(x.hi), math.erfc(x.lo), LIBM)
+    return make(lo, hi, -turned.dhi, -turned.dlo, x.at)
+
+
+@kernel
 def arc_cosine(x: Any) -> Any:
     """Return acos(x)."""
     turned = arc_sine(x)
-    if not turned.hi < INF:
+    if math.isnan(turned.lo):
         return turned
     lo, hi = rounded(math.acos(x.hi), math.acos(x.lo), LIBM)
     return make(lo, hi, -turned.dhi, -turned.dlo, x.at)
@@ -728,8 +778,14 @@ def length(x: Any, y: Any) -> Any:
 
 # The operations, and what they stand for. Their order is their number.
 
+
+def _of_math(name: str) -> tuple[Any, ...]:
+    """Return a function of `math` that not all versions of Python have."""
+    found = getattr(math, name, None)
+    return () if found is None else (found,)
+
+
 ONE = {
-    "square": Operation(square, (np.square,)),
     "absolute": Operation(absolute, (abs, np.abs, np.fabs, math.fabs)),
     "sign": Operation(sign, (np.sign,)),
     "floor": Operation(floor, (math.floor, np.floor)),
@@ -737,6 +793,7 @@ ONE = {
     "trunc": Operation(trunc, (math.trunc, np.trunc)),
     "rint": Operation(rint, (np.rint,)),
     "exponential": Operation(exponential, (math.exp, np.exp)),
+    "power_of_2": Operation(power_of_2, (np.exp2, *_of_math("exp2"))),
     "exponential_less_1": Operation(exponential_less_1, (math.expm1, np.expm1)),
     "hyperbolic_sine": Operation(hyperbolic_sine, (math.sinh, np.sinh)),
     "hyperbolic_cosine": Operation(hyperbolic_cosine, (math.cosh, np.cosh)),
@@ -748,8 +805,9 @@ ONE = {
     "area_cosine": Operation(area_cosine, (math.acosh, np.arccosh)),
     "area_tangent": Operation(area_tangent, (math.atanh, np.arctanh)),
     "error_function": Operation(error_function, (math.erf,)),
+    "complement_of_it": Operation(complement_of_it, (math.erfc,)),
     "square_root": Operation(square_root, (math.sqrt, np.sqrt)),
-    "cube_root": Operation(cube_root, (np.cbrt,)),
+    "cube_root": Operation(cube_root, (np.cbrt, *_of_math("cbrt"))),
     "natural_logarithm": Operation(natural_logarithm, (math.log, np.log)),
     "binary_logarithm": Operation(binary_logarithm, (math.log2, np.log2)),
     "decimal_logarithm": Operation(decimal_logarithm, (math.log10, np.log10)),
@@ -757,11 +815,8 @@ ONE = {
     "sine": Operation(sine, (math.sin, np.sin)),
     "cosine": Operation(cosine, (math.cos, np.cos)),
     "tangent": Operation(tangent, (math.tan, np.tan)),
-    "integer": Operation(integer, ()),
-    "nearest_integer": Operation(nearest_integer, ()),
 }
 TWO = {
-    "multiply": Operation(multiply, ()),
     "divide": Operation(divide, ()),
     "whole_power": Operation(whole_power, ()),
     "real_power": Operation(real_power, ()),
@@ -773,9 +828,15 @@ TWO = {
     "whole_quotient": Operation(whole_quotient, (np.floor_divide,)),
     "angle": Operation(angle, (math.atan2, np.arctan2)),
     "length": Operation(length, (math.hypot, np.hypot)),
+}
+# These have a result even for what may not be a number.
+OF_ANYTHING = {
+    "integer": Operation(integer, ()),
+    "nearest_integer": Operation(nearest_integer, ()),
     "opened": Operation(opened, ()),
 }
-NUMBERS = {name: place for place, name in enumerate((*ONE, *TWO, "table"))}
+NAMES = (*ONE, *TWO, *OF_ANYTHING, "table")
+NUMBERS = {name: place for place, name in enumerate(NAMES)}
 
 
 # All of them in one function of C.
@@ -786,19 +847,13 @@ APPLY_NATIVE = types.void(*(5 * [types.int64]))
 @kernel
 def read(address: int, where: int) -> Any:
     """Return the range at an address."""
-    ends = float_vector(address, 4)
-    return sound(make(ends[0], ends[1], ends[2], ends[3], where))
+    return sound(range_at(address, where))
 
 
 @kernel
 def write(x: Any, address: int) -> None:
     """Write a range to an address."""
-    ends = float_vector(address, 4)
-    one = sound(x)
-    ends[0] = one.lo
-    ends[1] = one.hi
-    ends[2] = one.dlo
-    ends[3] = one.dhi
+    put_range(sound(x), address)
 
 
 @kernel
@@ -807,10 +862,77 @@ def look_up(x: Any, given: int) -> Any:
     table_at = int_vector(given, 3)
     n = table_at[2]
     if n < 1:
-        return anything(x.at)
+        return unknown(x.at)
     places = float_vector(table_at[0], n)
     values = float_vector(table_at[1], n)
     return table(x, places, values, n)
+
+
+# Each operation with addresses for arguments. So its caller needs no room for results,
+# which Numba would clear for all operations at each call.
+
+
+def _with_one(function: Any) -> Any:
+    @kernel
+    def run(x_at: int, y_at: int, where: int, result: int) -> None:
+        x = read(x_at, where)
+        if math.isnan(x.lo):
+            write(unknown(where), result)
+        else:
+            write(function(x), result)
+
+    return run
+
+
+def _with_two(function: Any) -> Any:
+    @kernel
+    def run(x_at: int, y_at: int, where: int, result: int) -> None:
+        x = read(x_at, where)
+        y = read(y_at, where)
+        if math.isnan(x.lo) or math.isnan(y.lo):
+            write(unknown(where), result)
+        else:
+            write(function(x, y), result)
+
+    return run
+
+
+def _with_anything(function: Any) -> Any:
+    @kernel
+    def run(x_at: int, y_at: int, where: int, result: int) -> None:
+        write(function(read(x_at, where), read(y_at, where)), result)
+
+    return run
+
+
+@kernel
+def _with_table(x_at: int, y_at: int, where: int, result: int) -> None:
+    x = read(x_at, where)
+    if math.isnan(x.lo):
+        write(unknown(where), result)
+    else:
+        write(look_up(x, y_at), result)
+
+
+ARGUMENTS = "number, x_at, y_at, where, result"
+GROUP = 8  # operations in one function: few, because each clears some memory
+
+
+def _runs() -> list[Any]:
+    """Return all operations, in the order of their numbers."""
+    runs = [_with_one(one.function) for one in ONE.values()]
+    runs += [_with_two(two.function) for two in TWO.values()]
+    runs += [_with_anything(one.function) for one in OF_ANYTHING.values()]
+    return [*runs, _with_table]
+
+
+def _choice(name: str, value: str, chosen: list[Any], arguments: str) -> Any:
+    """Return a function that calls one of some functions, by a number."""
+    body = []
+    for place in range(len(chosen)):
+        body.append(f"if {value} == {place}: run_{place}({arguments})")
+    known = {f"run_{place}": run for place, run in enumerate(chosen)}
+    return compose(name, ARGUMENTS, body, known)
 
 
 def _apply() -> Any:
@@ -819,18 +941,13 @@ def _apply() -> Any:
     It takes the number of an operation; addresses of one or two ranges (or of the parts
     of a table); the address of the memory of answers; and the address of the result.
     """
-    body = ["x = read(x_at, where)"]
-    known = {"read": read, "write": write, "look_up": look_up}
-    for name, operation in {**ONE, **TWO}.items():
-        taken = "x"
-        if name in TWO:
-            taken = "x, read(y_at, where)"
-        body.append(f"if number == {NUMBERS[name]}: write({name}({taken}), result)")
-        known[name] = operation.function
-    body.append(
-        f"if number == {NUMBERS['table']}: write(look_up(x, y_at), result)",
-    )
-    return compose("apply", "number, x_at, y_at, where, result", body, known)
+    runs = _runs()
+    groups = []
+    for first in range(0, len(runs), GROUP):
+        some = runs[first : first + GROUP]
+        value = f"number % {GROUP}"
+        groups.append(kernel(_choice("some", value, some, "x_at, y_at, where, result")))
+    return _choice("apply", f"number // {GROUP}", groups, ARGUMENTS)
 
 
 @cache

@@ -76,7 +76,7 @@ def guards_for_ranges(guards: Callback | None) -> RangedGuards:
     """
     if guards is None:
         return RangedGuards()
-    from hopdata.hybrid.numbers import elementary, operators, ranges
+    from hopdata.hybrid.numbers import elementary, ranges, sums
 
     one_by_one = "k" in guards.signature.arguments
     template = _each if one_by_one else _all
@@ -89,7 +89,7 @@ def guards_for_ranges(guards: Callback | None) -> RangedGuards:
         "float_vector": float_vector,
         "int_vector": int_vector,
     }
-    assert operators  # gives the ranges their operators
+    assert sums  # the modules give the ranges their operations
     elementary.library()  # before code that calls it is loaded
     try:
         function = with_digest(template, **inserted, CALL=guards.ranged)

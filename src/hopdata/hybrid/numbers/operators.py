@@ -29,6 +29,7 @@ from hopdata.hybrid.numbers.ranges import (
     _Range,
     as_range,
     end,
+    four_of,
     is_scalar,
     joined,
     number,
@@ -36,24 +37,32 @@ from hopdata.hybrid.numbers.ranges import (
 )
 
 Emit = Callable[..., Any]  # of builder and arguments, to the result
+NIBBLE = ir.IntType(4)
 KINDS = (_Range, types.Float, types.Integer, types.Boolean, types.Array)
 
 # Four ends at a time.
 
 WIDER = ir.Constant(FOUR, [-EPS, EPS, -EPS, EPS])
+OF_VALUE = ir.Constant(ir.VectorType(ir.IntType(1), 4), [1, 1, 0, 0])
 SWAPPED = ir.Constant(ir.VectorType(LANE, 4), [1, 0, 3, 2])
-
-
-def widened(builder: Any, four: Any) -> Any:
-    """Build ends widened by the rounding of one operation."""
-    native = ir.FunctionType(FOUR, [FOUR])
-    size = builder.call(_external(builder, native, "llvm.fabs.v4f64"), [four])
-    return builder.fadd(four, builder.fmul(size, WIDER))
 
 
 def swapped(builder: Any, four: Any) -> Any:
     """Build the ends with least and most exchanged."""
     return builder.shuffle_vector(four, ir.Constant(FOUR, ir.Undefined), SWAPPED)
+
+
+def widened(builder: Any, four: Any) -> Any:
+    """Build ends widened by the rounding of one operation.
+
+    A value that is a single number is what the guard itself computes.
+    """
+    native = ir.FunctionType(FOUR, [FOUR])
+    size = builder.call(_external(builder, native, "llvm.fabs.v4f64"), [four])
+    wider = builder.fadd(four, builder.fmul(size, WIDER))
+    is_one = builder.fcmp_ordered("==", four, swapped(builder, four))
+    is_one = builder.and_(is_one, OF_VALUE)
+    return builder.select(is_one, four, wider)
 
 
 def both(builder: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
@@ -91,6 +100,69 @@ def _scaled(builder: Any, factor: Any, x: Any) -> Any:
     return joined(builder, widened(builder, product), at)
 
 
+def _spread(builder: Any, four: Any, lanes: list[int]) -> Any:
+    """Build a vector of some lanes of another."""
+    taken = ir.Constant(ir.VectorType(LANE, 4), lanes)
+    return builder.shuffle_vector(four, ir.Constant(FOUR, ir.Undefined), taken)
+
+
+def _extremes(builder: Any, four: Any) -> tuple[Any, Any]:
+    """Build the least and the most of four numbers; NaN for both if one of them is."""
+    other = _spread(builder, four, [2, 3, 0, 1])
+    is_less = builder.fcmp_ordered("<", four, other)
+    least = builder.select(is_less, four, other)
+    most = builder.select(is_less, other, four)
+    ends = []
+    for two, sign in ((least, "<"), (most, ">")):
+        one, another = (builder.extract_element(two, LANE(k)) for k in range(2))
+        is_first = builder.fcmp_ordered(sign, one, another)
+        ends.append(builder.select(is_first, one, another))
+    bad = builder.fcmp_unordered("uno", four, four)
+    is_bad = builder.icmp_unsigned("!=", builder.bitcast(bad, NIBBLE), NIBBLE(0))
+    nan = DOUBLE(math.nan)
+    return builder.select(is_bad, nan, ends[0]), builder.select(is_bad, nan, ends[1])
+
+
+def _products(builder: Any, x: Any, y: Any, of_x: int, of_y: int) -> tuple[Any, Any]:
+    """Build the product of two ranges, from the first lanes of their ends on."""
+    left = _spread(builder, x, [of_x, of_x, of_x + 1, of_x + 1])
+    right = _spread(builder, y, [of_y, of_y + 1, of_y, of_y + 1])
+    return _extremes(builder, builder.fmul(left, right))
+
+
+def _multiply(builder: Any, x: Any, y: Any) -> Any:
+    four_x, four_y, at = both(builder, x, y)
+    least, most = _products(builder, four_x, four_y, 0, 0)
+    ends = [(least, most)]
+    for of_x, of_y in ((2, 0), (0, 2)):  # x' y and x y'
+        ends.append(_products(builder, four_x, four_y, of_x, of_y))
+    zero = DOUBLE(0.0)
+    value_and_first = widened(builder, four_of(builder, (*ends[0], *ends[1])))
+    second = widened(builder, four_of(builder, (zero, zero, *ends[2])))
+    total = widened(builder, builder.fadd(value_and_first, second))
+    # The value was widened by its own rounding already.
+    of_both = ir.Constant(ir.VectorType(LANE, 4), [0, 1, 6, 7])
+    four = builder.shuffle_vector(value_and_first, total, of_both)
+    return joined(builder, four, at)
+
+
+def _square(builder: Any, x: Any) -> Any:
+    four, at = parts(builder, x)
+    squares = builder.fmul(four, four)
+    a, b = end(builder, squares, "lo"), end(builder, squares, "hi")
+    is_less = builder.fcmp_ordered("<", a, b)
+    least = builder.select(is_less, a, b)
+    most = builder.select(is_less, b, a)
+    zero = DOUBLE(0.0)
+    is_below = builder.fcmp_ordered("<", end(builder, four, "lo"), zero)
+    is_above = builder.fcmp_ordered(">", end(builder, four, "hi"), zero)
+    least = builder.select(builder.and_(is_below, is_above), zero, least)
+    slope = _products(builder, builder.fadd(four, four), four, 0, 2)
+    return joined(
+        builder, widened(builder, four_of(builder, (least, most, *slope))), at
+    )
+
+
 # Calls of the longer operations.
 
 
@@ -114,13 +186,12 @@ def _at_address(builder: Any, four: Any) -> Any:
     return builder.ptrtoint(pointer, LONG)
 
 
-def _call(builder: Any, name: str, four_x: Any, y_at: Any, at: Any) -> Any:
-    """Build the call of an operation, whose result is four ends."""
+def _call(builder: Any, name: str, x_at: Any, y_at: Any, at: Any) -> Any:
+    """Build the call of an operation on ends at addresses; its result is four ends."""
     native = ir.FunctionType(ir.VoidType(), 5 * [LONG])
     apply = _external(builder, native, library())
     room = _room(builder, ir.ArrayType(DOUBLE, 4))
     result = builder.bitcast(room, FOUR.as_pointer())
-    x_at = _at_address(builder, four_x)
     place = LONG(NUMBERS[name])
     builder.call(apply, [place, x_at, y_at, at, builder.ptrtoint(result, LONG)])
     return builder.load(result, align=8)
@@ -129,7 +200,8 @@ def _call(builder: Any, name: str, four_x: Any, y_at: Any, at: Any) -> Any:
 def _call_one(name: str) -> Emit:
     def emit(builder: Any, x: Any) -> Any:
         four, at = parts(builder, x)
-        return joined(builder, _call(builder, name, four, LONG(0), at), at)
+        x_at = _at_address(builder, four)
+        return joined(builder, _call(builder, name, x_at, x_at, at), at)
 
     return emit
 
@@ -137,7 +209,8 @@ def _call_one(name: str) -> Emit:
 def _call_two(name: str) -> Emit:
     def emit(builder: Any, x: Any, y: Any) -> Any:
         four_x, four_y, at = both(builder, x, y)
-        four = _call(builder, name, four_x, _at_address(builder, four_y), at)
+        x_at = _at_address(builder, four_x)
+        four = _call(builder, name, x_at, _at_address(builder, four_y), at)
         return joined(builder, four, at)
 
     return emit
@@ -153,7 +226,8 @@ def _decided_or_asked(builder: Any, x: Any, y: Any, yes: Any, no: Any) -> Any:
     answer = _room(builder, truth)
     builder.store(yes, answer)
     with builder.if_then(builder.not_(builder.or_(yes, no)), likely=False):
-        asked = _call(builder, "opened", four_x, _at_address(builder, four_y), at)
+        x_at = _at_address(builder, four_x)
+        asked = _call(builder, "opened", x_at, _at_address(builder, four_y), at)
         told = builder.fcmp_ordered(">", end(builder, asked, "lo"), DOUBLE(0.0))
         builder.store(told, answer)
     return builder.load(answer, typ=truth)
@@ -229,8 +303,6 @@ def _install(count: int, lower: Any, keys: tuple[Any, ...], result: Any) -> None
                 lower_builtin(key, *kinds)(lower)
 
 
-_multiply = _call_two("multiply")
-_square = _call_one("square")
 _whole_power = _call_two("whole_power")
 _real_power = _call_two("real_power")
 
@@ -265,6 +337,28 @@ def _exchanged(emit: Emit) -> Emit:
     return lambda builder, x, y: emit(builder, y, x)
 
 
+def _times(factor: float) -> Emit:
+    return lambda builder, x: _scaled(builder, DOUBLE(factor), x)
+
+
+def _is_finite(builder: Any, x: Any) -> Any:
+    """Build whether both ends of a range are finite."""
+    four, _ = parts(builder, x)
+    is_low = builder.fcmp_ordered(">", end(builder, four, "lo"), DOUBLE(-math.inf))
+    is_high = builder.fcmp_ordered("<", end(builder, four, "hi"), DOUBLE(math.inf))
+    return builder.and_(is_low, is_high)
+
+
+def _finite(builder: Any, x: Any) -> Any:
+    yes = _is_finite(builder, x)
+    return _decided_or_asked(builder, x, x, yes, ir.IntType(1)(0))
+
+
+def _not_finite(builder: Any, x: Any) -> Any:
+    no = _is_finite(builder, x)
+    return _decided_or_asked(builder, x, x, ir.IntType(1)(0), no)
+
+
 def _whole_of(name: str) -> Emit:
     """Return the builder of an integer from a range."""
     emit = _call_one(name)
@@ -278,12 +372,18 @@ def _whole_of(name: str) -> Emit:
 
 _register(1, _negative, operator.neg, np.negative)
 _register(1, lambda builder, x: x, operator.pos, float, np.positive)
+_register(1, _square, np.square)
 _register(2, _add, operator.add, operator.iadd, np.add)
 _register(2, _subtract, operator.sub, operator.isub, np.subtract)
 _PRODUCTS = (operator.mul, operator.imul, np.multiply)
 _install(2, _product, _PRODUCTS, RANGE)
 _POWERS = (operator.pow, operator.ipow, pow, math.pow, np.power)
 _install(2, _power, _POWERS, RANGE)
+for _name, _factor in (("radians", math.pi / 180.0), ("degrees", 180.0 / math.pi)):
+    _KEYS = (getattr(math, _name), getattr(np, _name))
+    _register(1, _times(_factor), *_KEYS)
+_register(1, _times(math.pi / 180.0), np.deg2rad)
+_register(1, _times(180.0 / math.pi), np.rad2deg)
 _DIVISIONS = (operator.truediv, operator.itruediv, np.divide)
 _register(2, _call_two("divide"), *_DIVISIONS)
 _RESTS = (operator.mod, operator.imod, np.mod)
@@ -305,6 +405,9 @@ _register(
     1, lambda b, x: b.not_(_equal(b, x, _zero(b))), bool, operator.truth, result=_TRUTH
 )
 _register(1, lambda b, x: _equal(b, x, _zero(b)), operator.not_, result=_TRUTH)
+_register(1, _finite, math.isfinite, np.isfinite, result=_TRUTH)
+_BAD = (math.isnan, math.isinf, np.isnan, np.isinf)
+_register(1, _not_finite, *_BAD, result=_TRUTH)
 _register(1, _whole_of("integer"), int, result=types.int64)
 _register(1, _whole_of("nearest_integer"), round, result=types.int64)
 
@@ -375,7 +478,8 @@ def _typed_look_up(x: Any, places: Any, values: Any, n: Any) -> Any:
             builder.store(address, builder.gep(room, [LANE(0), LANE(place)]))
         builder.store(given[3], builder.gep(room, [LANE(0), LANE(2)]))
         table_at = builder.ptrtoint(room, LONG)
-        return joined(builder, _call(builder, "table", four, table_at, at), at)
+        x_at = _at_address(builder, four)
+        return joined(builder, _call(builder, "table", x_at, table_at, at), at)
 
     return RANGE(x, places, values, types.int64), generate
 

@@ -148,6 +148,22 @@ def _make(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 make = built(5, lambda *_: (RANGE(FLOAT, FLOAT, FLOAT, FLOAT, INT), _make))
 
 
+def _read(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    pointer = builder.inttoptr(values[0], FOUR.as_pointer())
+    return joined(builder, builder.load(pointer, align=BYTES), values[1])
+
+
+def _write(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    four, _ = parts(builder, values[0])
+    pointer = builder.inttoptr(values[1], FOUR.as_pointer())
+    builder.store(four, pointer, align=BYTES)
+    return context.get_dummy_value()
+
+
+range_at = built(2, lambda *_: (RANGE(INT, INT), _read))  # of four ends side by side
+put_range = built(2, lambda *_: (types.none(RANGE, INT), _write))
+
+
 def _attribute(name: str) -> Any:
     """Return a function for compiled code that takes one part of a range."""
 
