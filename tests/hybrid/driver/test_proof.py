@@ -374,3 +374,19 @@ def test_a_guard_that_takes_too_long_to_prove_exhausts_its_budget_and_is_told():
 def test_no_guard_no_doubt():
     free = System(advance, n_states=1)
     assert solve(free, (0, 1.0), [0.0]).proven
+
+
+@guards
+def told_by_a_table(t, y, dy, mode, params, h, hdot):
+    """An index computed from the state: over several knots no range can tell what it does."""
+    place = 10.0 * y[0]
+    k = int(np.floor(place))
+    rise = params[k + 1] - params[k]
+    h[0] = params[k] + (place - k) * rise
+    hdot[0] = 10.0 * rise * dy[0]
+
+
+def test_what_no_range_can_tell_is_not_taken_for_clear():
+    heights = [1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    found = solve(system(told_by_a_table, advance, 1), (0, 1.0), [0.0], params=heights)
+    assert found.events.time == pytest.approx([0.15, 0.25, 0.65, 0.75], abs=1e-9)

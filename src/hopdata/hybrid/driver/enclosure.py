@@ -88,11 +88,12 @@ def shift_to(m: Memory, a: float) -> None:
     row = m.counts[at.POWERS_AT]
     into = at.SHIFTED
     m.counts[at.TERMS_AT] = into
-    for i in range(s.width):
-        for j in range(degree + 1):
+    for j in range(degree + 1):
+        for i in range(s.width):
             s[into + j, i] = s[row + j, i]
-        for k in range(degree):
-            for j in range(degree - 1, k - 1, -1):
+    for k in range(degree):
+        for j in range(degree - 1, k - 1, -1):
+            for i in range(s.width):  # inside: the states do not wait for each other
                 s[into + j, i] += a * s[into + j + 1, i]
 
 

@@ -4,6 +4,8 @@ That it flips, and only once in a piece of the step, is known (see `proof`). The
 starts where the guard's cubic over this piece vanishes.
 """
 
+from math import inf
+
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.dense import interpolate
@@ -18,6 +20,9 @@ from hopdata.hybrid.driver.problem import (
 from hopdata.hybrid.layout import Memory
 
 NONE = -1  # no guard
+
+# Value of CLEARANCE: a guard falls throughout the piece in which it flips.
+FALLS = -inf
 
 # The root of the cubic through two values and two slopes of an event function. It works
 # on the unit interval: slopes are per piece, not per second.
@@ -236,7 +241,8 @@ def crossing(  # noqa: C901 (one search, whose cases share its bracket)
         low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * high)
         if low == 0.0:
             m.counts[at.LOW] = 1
-            if margin_of(p, m, k, at.RATE0) > 0.0:
+            falls = m.guards[at.CLEARANCE, k] == FALLS
+            if margin_of(p, m, k, at.RATE0) > 0.0 and not falls:
                 return back(p, m, dt, k, high)
             return 0.0
     x = guess_between(p, m, dt, k, low, high, right)

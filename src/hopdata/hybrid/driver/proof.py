@@ -25,7 +25,7 @@ from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import address_of, float_vector
 from hopdata.hybrid.driver.dense import prepare_interpolant
 from hopdata.hybrid.driver.enclosure import GRAIN, begin_enclosing, shift_to
-from hopdata.hybrid.driver.localise import NONE, first_root
+from hopdata.hybrid.driver.localise import FALLS, NONE, first_root
 from hopdata.hybrid.driver.paths import BYTES, answer_next, look_over, run_once
 from hopdata.hybrid.driver.problem import (
     EPS,
@@ -97,6 +97,11 @@ DOUBT = 8.0 * EPS
 #: double, as states and slopes are enclosed with 64. Otherwise a body that starts from
 #: rest would not fall in the first piece.
 STILL = 128.0 * EPS
+
+#: Part of a piece that is examined next, of a guard that leaves its surface in it and
+#: returns: its rate must not change its sign there.
+#: Unit: 1. Origin: chosen.
+LEAVING = 0.25
 
 #: Multiple of the rounding of h within which a guard that has just flipped rests.
 #: Unit: 1. Origin: derived: the ranges of states are wider than the states by 64 units
@@ -210,9 +215,11 @@ def judge(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled loop)
         past = past and not is_leaving(m, k, dz, z * dt, resolution)
     # By no more than rounding, over the piece, in the other direction.
     still = STILL * max(abs(low), abs(high)) / ((z - a) * dt)
+    still = still if still < inf else 0.0
     falls = most <= still and not branches
     rises = least >= -still and not branches
     if past and falls:
+        g[at.CLEARANCE, k] = FALLS
         return FLIPS
     if not past and (falls or (rises and (on or gz > 0.0))):
         return CLEAR
@@ -229,6 +236,8 @@ def judge(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled loop)
     g[at.CLEARANCE, k] = inf
     if low >= -g[at.GRAIN, k] and high <= g[at.GRAIN, k]:
         return RESTS
+    if on:
+        m.clock[at.CUT] = min(m.clock[at.CUT], LEAVING)
     return DIVIDE
 
 
@@ -548,7 +557,7 @@ def proven_flip(p: Problem, m: Memory, dt: float) -> Found:
             if not has_grains and width <= DOUBTFUL:
                 set_grains(p, m, dt, a, z)
                 has_grains = True
-            cut = 0.5 if halve else m.clock[at.CUT]
+            cut = min(m.clock[at.CUT], 0.5) if halve else m.clock[at.CUT]
             around = 0.0 if halve else m.clock[at.AROUND] * width
             halve = around > 0.0
             z = a + cut * width
