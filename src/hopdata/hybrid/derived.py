@@ -90,8 +90,13 @@ class Around(Callback):
         return self.inner.compiled
 
     def check_lengths(self, **lengths: int) -> None:
-        """Check the wrapped function; see `Callback.check_lengths`."""
-        self.inner.check_lengths(**lengths)
+        """Check the parameters of the wrapped function; see `Callback.check_lengths`.
+
+        Its other arguments were checked in the system from which this one is derived;
+        here they may be parts of longer ones.
+        """
+        if "params" in lengths:
+            self.inner.check_lengths(params=lengths["params"])
 
 
 def _made(
@@ -230,7 +235,7 @@ def in_python(system: System) -> System:
     """Return the system with all functions run by Python."""
 
     def uncompiled(given: Callback) -> Callback:
-        return Callback(given.function, given.signature, compiled=False)
+        return given.uncompiled()
 
     return _made(system, "debug", uncompiled)
 

@@ -33,7 +33,10 @@ VALUE_GRAIN, SLOPE_GRAIN = numbers(2, 10)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
 POWERS, SHIFTED, OF_PIECE, P0 = 12 + (LARGEST_DEGREE + 1) * numbers(4)
 P1 = P0 + 1
-W1 = P1 + LARGEST_DEGREE
+# Its first number is the address of the structure of a sparse Jacobian (0: none; see
+# `methods.sparsity`).
+STRUCTURE = P1 + LARGEST_DEGREE
+W1 = STRUCTURE + 1
 
 # Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows),
 # two blocks of n rows for the method, the single rows below, and the method's own rows.

@@ -59,9 +59,8 @@ def branches_of(guards: Callback | None) -> RangedGuards:
     users = guards
     while hasattr(users, "inner"):  # derived from the user's
         users = users.inner
-    varying = [name for name in users.signature.arguments if name in VARIES]
-    places = tuple(users.signature.arguments.index(name) for name in varying)
-    if not may_branch(users.function, places):
+    function, places = users.source_and_places(VARIES)
+    if not may_branch(function, places):
         return RangedGuards()
     return guards_for_ranges(guards)
 

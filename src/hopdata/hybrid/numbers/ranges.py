@@ -281,7 +281,9 @@ def _typed_get(owner: Any, i: Any) -> Any:
 
 def _typed_set(owner: Any, i: Any, x: Any) -> Any:
     kind = types.unliteral(x)
-    if owner in (RESULTS, SINK) and _is_index(i) and (kind == RANGE or is_scalar(kind)):
+    if owner == SINK:
+        return types.none(owner, types.unliteral(i), kind)
+    if owner == RESULTS and _is_index(i) and (kind == RANGE or is_scalar(kind)):
         return types.none(owner, INT, kind)
     return None
 
@@ -341,7 +343,7 @@ tried_first(operator.setitem, _typed_set)
 lower_builtin(operator.getitem, _Rows, types.Integer)(_item)
 lower_builtin(operator.getitem, _Sink, types.Integer)(_forgotten)
 lower_builtin(operator.setitem, _Rows, types.Integer, types.Any)(_put)
-lower_builtin(operator.setitem, _Sink, types.Integer, types.Any)(_forget)
+lower_builtin(operator.setitem, _Sink, types.Any, types.Any)(_forget)
 
 
 def _length(context: Any, builder: Any, sign: Any, values: Any) -> Any:

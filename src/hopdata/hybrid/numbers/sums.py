@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import lower_builtin, overload, overload_method
 
-from hopdata.hybrid.compiled.memory import tried_first
+from hopdata.hybrid.compiled.memory import is_number, tried_first
 from hopdata.hybrid.numbers.elementary import EPS
 from hopdata.hybrid.numbers.operators import wide
 from hopdata.hybrid.numbers.ranges import (
@@ -63,6 +63,36 @@ def _slice(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 
 tried_first(operator.getitem, _typed_slice)
 lower_builtin(operator.getitem, _Rows, types.SliceType)(_slice)
+
+
+def _typed_fill(owner: Any, i: Any, x: Any) -> Any:
+    kind = types.unliteral(x)
+    is_part = isinstance(i, types.SliceType) and not i.has_step
+    if owner == RESULTS and is_part and (kind == RANGE or is_number(kind)):
+        return types.none(owner, types.slice2_type, kind)
+    if owner == RESULTS and is_part and _is_vector(kind):
+        return types.none(owner, types.slice2_type, kind)
+    return None
+
+
+def _fill(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    """Build the writing of one value to all of a slice, or of a vector to it."""
+    def fill(rows: Any, i: Any, x: Any) -> None:
+        part = rows[i]
+        for k in range(len(part)):
+            part[k] = x
+
+    def copy(rows: Any, i: Any, x: Any) -> None:
+        part = rows[i]
+        for k in range(len(part)):
+            part[k] = x[k]
+
+    chosen = copy if _is_vector(sign.args[2]) else fill
+    return context.compile_internal(builder, chosen, sign, values)
+
+
+tried_first(operator.setitem, _typed_fill)
+lower_builtin(operator.setitem, _Rows, types.SliceType, types.Any)(_fill)
 
 
 # Elements of an array of numbers by what `math.floor` returns, say.
