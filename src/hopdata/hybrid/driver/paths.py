@@ -126,7 +126,7 @@ def look_over(p: Problem, m: Memory, dt: float, a: float, z: float) -> int:
     run_once(p, m, start, end, 1.0)
     c = m.counts
     if c[at.ANSWERS + answers.OPENED] == 0 and c[at.ANSWERS + answers.LOST] == 0:
-        return at.RANGES
+        return int(at.RANGES)
     if not join_all_runs(p, m, start, end):
         forget_ranges(m)
     return at.H_LEAST
