@@ -131,8 +131,9 @@ class BatchSolution:
         Modes at the end.
     n_events, n_steps, nfev : (B,) array of int
         Events, accepted steps, field evaluations.
-    n_unproven : (B,) array of int
-        Steps in which guards that branch were only sampled, as in `Solution`.
+    n_unproven, n_close : (B,) array of int
+        Steps in which it is not proven that no guard flips unseen, and those in which
+        one turned too close to tell, as in `Solution`. Lanes prove nothing yet.
     culprit : (B,) array of int
         Index of the guard that the status is about, -1 if none.
     rates : (B, 2) array
@@ -164,6 +165,7 @@ class BatchSolution:
     n_steps: IntArray
     nfev: IntArray
     n_unproven: IntArray
+    n_close: IntArray
     culprit: IntArray
     rates: FloatArray
     guard_names: tuple[str, ...]
@@ -185,6 +187,11 @@ class BatchSolution:
     def success(self) -> bool:
         """Whether all reached the end of the time span or a terminal event."""
         return bool((self.status >= 0).all())
+
+    @property
+    def proven(self) -> BoolArray:
+        """Of which integrations it is proven that no guard flips unseen; (B,)."""
+        return (self.n_unproven == 0) & ~self.lanes
 
     @property
     def message(self) -> str:
@@ -507,6 +514,7 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         n_steps=counts[:, at.STEPS],
         nfev=counts[:, at.NFEV],
         n_unproven=counts[:, at.UNPROVEN],
+        n_close=counts[:, at.CLOSE],
         t=t,
         y=y,
         jacobian=jacobian,

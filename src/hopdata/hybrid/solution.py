@@ -198,6 +198,8 @@ class Form:
         Factor of the driver's times: -1 where time runs backward.
     shown : int
         Number of states that are the user's; parameters follow them.
+    unproven : str
+        Why nothing can be proven of the guards.
     """
 
     state: int
@@ -206,6 +208,7 @@ class Form:
     guard_names: tuple[str, ...]
     way: float
     shown: int
+    unproven: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -353,11 +356,14 @@ class Solution(Told):
             names=self.form.guard_names,
             rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
         )
+        told = [ended]
         if self.n_unproven > 0:
-            ended += f" {layout.ONLY_SAMPLED.format(count=self.n_unproven)}"
+            told.append(layout.why_unproven(self.n_unproven, self.form.unproven))
+        if self.n_close > 0:
+            told.append(layout.CLOSE_CALLS.format(count=self.n_close))
         if self.by_differences:
-            ended += f" {layout.BY_DIFFERENCES.format(reasons=self.by_differences)}"
-        return ended
+            told.append(layout.BY_DIFFERENCES.format(reasons=self.by_differences))
+        return " ".join(told)
 
     @property
     def nfev(self) -> int:
@@ -376,12 +382,21 @@ class Solution(Told):
 
     @property
     def n_unproven(self) -> int:
-        """Number of steps in which guards that branch were only sampled.
-
-        In all other steps it is proven that their code takes one branch throughout, or
-        where it takes another.
-        """
+        """Number of steps in which it is not proven that no guard flips unseen."""
         return int(self.counts[layout.UNPROVEN])
+
+    @property
+    def proven(self) -> bool:
+        """Whether it is proven of all steps that no guard flips unseen.
+
+        This holds for the interpolant of each step; see docs/integrator.md, Limits.
+        """
+        return self.n_unproven == 0
+
+    @property
+    def n_close(self) -> int:
+        """Number of steps in which the tolerance cannot tell whether a guard flips."""
+        return int(self.counts[layout.CLOSE])
 
     @property
     def n_steps(self) -> int:

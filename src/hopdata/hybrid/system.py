@@ -24,7 +24,7 @@ from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.sparsity import pattern_of
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
-from hopdata.hybrid.numbers.guards import RangedGuards, branches_of
+from hopdata.hybrid.numbers.guards import RangedGuards, guards_for_ranges
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -266,8 +266,8 @@ class System(Told):
 
     @cached_property
     def branches(self) -> RangedGuards:
-        """Code of the guards for ranges, by which the driver finds their branches."""
-        return branches_of(self.guards or self.guard)
+        """Code of the guards for ranges, by which the driver proves where they flip."""
+        return guards_for_ranges(self.guards or self.guard)
 
     @cached_property
     def derivatives(self) -> Derivatives:

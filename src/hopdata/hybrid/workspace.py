@@ -130,7 +130,13 @@ class Workspace:
         self._kept_events: list[memoryview] = []
         self.sink: Sink | None = None
         self._form = Form(
-            n_states, n_modes, n_logged, system.guard_names, system.way, system.n_shown
+            n_states,
+            n_modes,
+            n_logged,
+            system.guard_names,
+            system.way,
+            system.n_shown,
+            system.branches.reason,
         )
         self._lay_out(layout.RULES, system.rules, self._atol)
         self._lay_out(

@@ -24,6 +24,7 @@ from hopdata.hybrid.lanes import step as code
 from hopdata.hybrid.lanes.vectors import WIDTH, Rows, aligned, mask_of, part, where
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
+from hopdata.hybrid.numbers.guards import branches_of
 from hopdata.hybrid.system import System
 
 MOST_GUARDS = 62  # their indices are bits of an integer
@@ -57,7 +58,7 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
     n_read = len(read_modes(system))
     if n_read > MOST_READ:
         return f"they read {n_read} integers of the mode: few lanes would agree"
-    if system.branches.address != 0:
+    if branches_of(system.guards or system.guard).address != 0:
         return (
             "the guards branch on the state or the time, and only the driver finds "
             "where"
