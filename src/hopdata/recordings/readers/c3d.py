@@ -440,7 +440,7 @@ def _channels_of(header: C3dHeader, parameters: Parameters) -> int:
     n_channels = int(parameters.number("ANALOG", "USED") or 0)
     if not n_channels or not header.n_analog:
         raise RecordingError.at(place, "channels", "none")
-    if header.n_analog % n_channels:
+    if n_channels < 0 or header.n_analog % n_channels:
         wanted = f"a divisor of the {header.n_analog} analog numbers in each frame"
         raise RecordingError.at(place, wanted, n_channels)
     return n_channels
