@@ -300,7 +300,7 @@ def read_events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, .
     They are labels with times in minutes and seconds. Markers do not depend on them, so
     inconsistent events are skipped rather than refused.
     """
-    used = int(parameters.number("EVENT", "USED") or 0)
+    used = parameters.count("EVENT", "USED")
     labels = parameters.texts("EVENT", "LABELS")
     times = parameters.numbers("EVENT", "TIMES")
     contexts = parameters.texts("EVENT", "CONTEXTS") or [""] * len(labels)
@@ -437,10 +437,10 @@ def has_channels(path: Path) -> bool:
 def _channels_of(header: C3dHeader, parameters: Parameters) -> int:
     """Return the number of channels, by which the analog numbers of a frame divide."""
     place = parameters.place("ANALOG", "USED")
-    n_channels = int(parameters.number("ANALOG", "USED") or 0)
+    n_channels = parameters.count("ANALOG", "USED")
     if not n_channels or not header.n_analog:
         raise RecordingError.at(place, "channels", "none")
-    if n_channels < 0 or header.n_analog % n_channels:
+    if header.n_analog % n_channels:
         wanted = f"a divisor of the {header.n_analog} analog numbers in each frame"
         raise RecordingError.at(place, wanted, n_channels)
     return n_channels

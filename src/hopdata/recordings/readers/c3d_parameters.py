@@ -77,6 +77,7 @@ TEXT = -1
 BYTE = 1
 WHOLE = 2
 FLOAT = 4
+_MOST_COUNTED = 2**31  # no file counts more of anything
 _WIDTH = {TEXT: 1, BYTE: 1, WHOLE: 2, FLOAT: 4}
 
 
@@ -108,6 +109,21 @@ class Parameters:
         """
         numbers = self.numbers(group, name)
         return numbers[0] if numbers else None
+
+    def count(self, group: str, name: str) -> int:
+        """Return a parameter that counts; 0 if it is absent or empty.
+
+        Raises
+        ------
+        RecordingError
+            If it is text, negative, or not whole.
+        """
+        stated = self.number(group, name)
+        if stated is None:
+            return 0
+        if not (0 <= stated <= _MOST_COUNTED and stated == int(stated)):
+            raise RecordingError.at(self.place(group, name), "a count", f"{stated:g}")
+        return int(stated)
 
     def numbers(self, group: str, name: str) -> list[float]:
         """Return all numbers of a parameter and its continuations; none if absent.

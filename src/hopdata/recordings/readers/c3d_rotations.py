@@ -79,7 +79,7 @@ def read_segments(
     start = start_of(parameters)
     if start is None:
         return None
-    n_segments = int(parameters.number("ROTATION", "USED") or 0)
+    n_segments = parameters.count("ROTATION", "USED")
     ratio = _ratio(parameters, rate_hz)
     # As for analog numbers: so many in each frame, from their own start on.
     per_frame = n_segments * ratio * _PER_SEGMENT
