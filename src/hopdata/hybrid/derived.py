@@ -22,10 +22,15 @@ from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.methods import tangent
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
+from hopdata.hybrid.sliding import sliding_system
 from hopdata.hybrid.system import System
 
 Answer = TypeVar("Answer")
 RATES = ("dy", "hdot", "jac", "a", "b")  # arguments that change sign when time does
+NO_PAST = (
+    "t_span: expected the end not before the start, because a state that slides along "
+    "a guard has no unique past: all states that arrive there go on alike"
+)
 WITH_PARAMS = "params"  # choice of `jacobian` that includes the parameters
 
 
@@ -260,6 +265,8 @@ def ask_derived(
         system, others = _parameters_as_states(system, others)
         jacobian = True
     if goes_back(t_span):
+        if system.sliding:
+            raise ArgumentError(NO_PAST)
         system = backward(system)
         turned = tuple(-float(one) for one in t_span)
         if t_eval is not None:
@@ -270,7 +277,28 @@ def ask_derived(
                 wanted = f"decreasing times within {t_span}"
                 arguments.expect(False, "t_eval", wanted, t_eval)
         t_span = turned
+    if system.sliding:
+        system, others = _sliding(system, others)
     return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)
+
+
+def _sliding(system: System, options: dict[str, Any]) -> tuple[System, dict[str, Any]]:
+    """Return the system that slides along its guards, and the options for it."""
+    derived = sliding_system(system)
+    slides = derived.slides
+    changed: dict[str, Any] = {}
+    if options["mode"] is not None:
+        full = np.zeros(system.n_modes, dtype=np.int64)
+        arguments.set_mode(full, system.n_guards, options["mode"])
+        changed["mode"] = slides.start_mode(full)
+    if options["memory"] is not None:
+        given = arguments.numbers_of("memory", options["memory"]).ravel()
+        wanted = f"{system.n_memory} numbers"
+        fits = len(given) == system.n_memory
+        arguments.expect(fits, "memory", wanted, len(given))
+        own = np.zeros(derived.n_memory - system.n_memory)
+        changed["memory"] = np.concatenate([given, own])
+    return derived, options | changed
 
 
 def _parameters_as_states(

@@ -207,6 +207,7 @@ RAISED = -13
 NO_LOCK = -14
 NO_END = -15
 STATE_NOT_FINITE = -16
+NOT_UNIQUE = -17
 # Inside the driver only: it goes on, or could not start.
 RUNNING = 2
 NEEDS_ROOM = 3
@@ -227,7 +228,7 @@ SENTENCES = {
     SLIDING: "Guard '{guard}' is not live at {at}: the field points into its surface "
     "from both sides (rates {below:+.6g} below and {above:+.6g} above, per second), "
     "so the trajectory would slide along it. Event-selected systems cross their "
-    "guards.",
+    "guards; System(..., sliding=('{guard}',)) lets it slide (docs/sliding.md).",
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them "
     "falls below what floating-point numbers resolve (a Zeno sequence, chattering, or "
     "handlers that push guards across without an end).",
@@ -246,6 +247,10 @@ SENTENCES = {
     "locks.",
     STATE_NOT_FINITE: "on_event has made the state NaN or infinite at {at}, at a flip "
     "of guard '{guard}': correct what it writes to y.",
+    NOT_UNIQUE: "Guard '{guard}' is met at {at} by a trajectory that slides along "
+    "another one, and one of them changes the field otherwise for each lock of the "
+    "other: the rate along both surfaces is not unique. Let the field be a sum of "
+    "terms that each read one lock.",
     NO_END: "Nothing has ended the integration up to {at}, and t_span is infinite: no "
     "terminal event has come, and no handler has returned 1.",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value "

@@ -76,6 +76,9 @@ class System(Told):
         Number of floats that follow the caller's in `params` and belong to one
         integration. The handler may change them, so the field need not sum over all
         contacts again.
+    sliding : tuple of str, optional
+        Names of guards along which the solution slides where the fields on both sides
+        point at the surface. By default this ends the integration with a status.
     """
 
     field: Callback
@@ -92,6 +95,7 @@ class System(Told):
     n_extra_modes: int = 0
     n_memory: int = 0
     undo: Callback | None = None
+    sliding: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         listed = isinstance(self.guard_names, tuple | list)
@@ -108,6 +112,7 @@ class System(Told):
         self._check_entry_for_each_guard("terminal", self.terminal)
         known = set(self.directions or ()) <= {-1, 0, 1}
         expect(known, "directions", "-1, 0 or +1", self.directions)
+        self._check_sliding()
         counts = all(
             one in (True, False) or int(one) == one > 0 for one in self.terminal or ()
         )
@@ -127,6 +132,22 @@ class System(Told):
                 _check_callback(name, getattr(self, name))
         if self.undo is not None:
             _check_callback("on_event", self.undo)
+
+    def _check_sliding(self) -> None:
+        listed = isinstance(self.sliding, tuple | list)
+        expect(listed, "sliding", "names of guards, in a tuple", repr(self.sliding))
+        known = set(self.sliding) <= set(self.guard_names)
+        expect(known, "sliding", f"guards among {self.guard_names}", self.sliding)
+        differ = len(set(self.sliding)) == len(self.sliding)
+        expect(differ, "sliding", "different guards", self.sliding)
+        together = not self.sliding or self.guard is None
+        expect(together, "sliding", "guards declared together, by @guards", "@guard")
+        for name in self.sliding:
+            both = (self.directions or {}) and self.directions[
+                self.guard_names.index(name)
+            ]
+            wanted = f"0 for {name!r}, which may slide"
+            expect(not both, "directions", wanted, self.directions)
 
     def _check_entry_for_each_guard(self, name: str, values: Any) -> None:
         if values is None:
@@ -172,6 +193,18 @@ class System(Told):
     def way(self) -> float:
         """Direction of time: -1 in a system derived to run backward."""
         return 1.0
+
+    @property
+    def shown_guard_names(self) -> tuple[str, ...]:
+        """Names of the guards that are the user's."""
+        if self.slides is None:
+            return self.guard_names
+        return self.guard_names[self.slides.count :]
+
+    @cached_property
+    def slides(self) -> Any:
+        """How a system derived to slide shows what the user knows; None in others."""
+        return None
 
     @cached_property
     def n_shown(self) -> int:

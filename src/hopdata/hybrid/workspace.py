@@ -123,7 +123,13 @@ class Workspace:
         self._kept_events: list[memoryview] = []
         self.sink: Sink | None = None
         self._form = Form(
-            n_states, n_modes, n_logged, system.guard_names, system.way, system.n_shown
+            n_states,
+            n_modes,
+            n_logged,
+            system.shown_guard_names,
+            system.way,
+            system.n_shown,
+            system.slides,
         )
         self._lay_out(layout.RULES, system.rules, self._atol)
         self._lay_out(
@@ -405,6 +411,8 @@ class Workspace:
         rows = self._row_bytes[: n_rows * self._row_size]
         log = self._log_bytes[: n_events * self._log_size]
         changes = self._change_bytes[: n_changes * CHANGE_BYTES].tobytes()
+        if self._form.slides is not None:
+            status = int(self._form.slides.status(np.int64(status), self.mode))
         solution = object.__new__(Solution)
         fields = solution.__dict__
         fields["status"] = status
