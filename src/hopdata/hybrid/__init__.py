@@ -10,6 +10,7 @@ from hopdata.hybrid.compiled.callbacks import (
     jacobian,
     on_event,
     rate_bound,
+    together,
 )
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
 from hopdata.hybrid.solution import EventLog, Solution
@@ -32,4 +33,5 @@ __all__ = [
     "rate_bound",
     "solve",
     "solve_batch",
+    "together",
 ]

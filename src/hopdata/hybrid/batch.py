@@ -338,7 +338,7 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     """
     system = system.current()
     states = _states(y0, system.n_states)
-    if goes_back(t_span) or isinstance(jacobian, str) or system.sliding:
+    if goes_back(t_span) or isinstance(jacobian, str) or not system.is_plain:
         return ask_derived(
             solve_batch,
             system,

@@ -59,9 +59,10 @@ GUARD_ROWS = 15
 # flips at that instant since the state last jumped (0: it was due, but has not
 # flipped), whether its lock was left open at the start, whether it is known to bend,
 # its event count, the number of jumps of the state at its last flip, and the number of
-# the instant at which its handler last turned it back.
-LAST_FLIP, FLIPS, OPEN, BENT, FIRED, AT_JUMP, BOUNCED = numbers(7)
-FLAG_ROWS = 7
+# the instant at which its handler last turned it back. The last is the direction of its
+# event that a law decides about, 0 if it has none.
+LAST_FLIP, FLIPS, OPEN, BENT, FIRED, AT_JUMP, BOUNCED, DECIDED = numbers(8)
+FLAG_ROWS = 8
 
 # Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the
 # few that the step may concern (see `watch`), and the guards that flip now.
@@ -69,8 +70,10 @@ AWAKE, HEAP, NEAR, DUE = numbers(4)
 LIST_ROWS = 4
 
 # Rows of `rules`: which crossings are events, the number of events after which the
-# integration ends (0: none), and the direction of time, -1 for backward.
-DIRECTION, TERMINAL, WAY = numbers(3)
+# integration ends (0: none), the direction of time, -1 for backward; whether a law
+# decides where several guards are due; and whether the guard comes to rest where its
+# events pile up.
+DIRECTION, TERMINAL, WAY, BY_LAW, RESTS = numbers(5)
 
 # Columns of `methods`. Addresses first (0: none). The short tangent is the one for
 # short steps, the derivative is the user's.

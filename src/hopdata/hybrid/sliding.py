@@ -46,10 +46,16 @@ from hopdata.hybrid.methods.method import put_in
 SLIDES = 2
 LEAVES = 3
 
-# Values of a flag: crossing as usual, sliding, and a mix that is not unique.
+# The handler brings the guard to rest, where its events pile up.
+RESTS = 4
+
+# Values of a flag: crossing as usual, sliding, resting, a mix that is not unique, and a
+# guard that its handler does not turn back, which therefore cannot rest.
 FREE = 0
 SLIDING = 1
-UNCLEAR = -1
+RESTING = 2
+UNCLEAR = 3
+STUCK = 4
 
 #: How far the share of a field leaves the interval [0, 1] before the guard lets go. The
 #: state then errs by its square, and the rate away from the surface exceeds rounding.
@@ -80,12 +86,21 @@ ADDITIVE = 1e-12
 #: Unit: 1. Origin: rounding: 256 units in the last place of a double.
 NOISE = tangent.NOISE
 
+#: Rounding of a difference quotient, relative to itself, where it is differentiated.
+#: Unit: 1. Origin: chosen.
+BLUR = 1e-9
+
 # Inserted into the templates below: the user's functions; the numbers of guards that
 # may slide, of all guards, and of the user's modes; the guards that may slide.
 FIELD: Any = None
 GUARDS: Any = None
 HANDLER: Any = None
 CORNERS: Any = None
+SLIDE: Any = None
+APPROACH: Any = None
+BENDS: Any = None
+ALONG: Any = None
+REST: Any = None
 DIFFER: Any = None
 MIX: Any = None
 SHARES: Any = None
@@ -99,6 +114,7 @@ CALL: Any = None
 RELEASE: Any = None
 PART: Any = None
 M = 0
+OWN = 0
 N_GUARDS = 0
 N_MODES = 0
 SURFACES = (0,)
@@ -167,7 +183,7 @@ def corners_template(
     last row to all at -1. `h` receives the guards' values.
     """
     own = mode[M : M + N_MODES]
-    numbers = params[: len(params) - 2 * M]
+    numbers = params[: len(params) - OWN]
     count = len(which)
     locks = np.empty(count, dtype=np.int64)
     for a in range(count):
@@ -204,7 +220,7 @@ def differs_template(
         locks[a] = own[SURFACES[which[a]]]
         own[SURFACES[which[a]]] = 1
     together = np.empty(len(y))
-    FIELD(t, y, own, params[: len(params) - 2 * M], together)
+    FIELD(t, y, own, params[: len(params) - OWN], together)
     for a in range(count):
         own[SURFACES[which[a]]] = locks[a]
     for i in range(len(y)):
@@ -236,7 +252,7 @@ def mix(
             listed[count] = j
             count += 1
     if count == 0:
-        FIELD(t, y, mode[M : M + N_MODES], params[: len(params) - 2 * M], dy)
+        FIELD(t, y, mode[M : M + N_MODES], params[: len(params) - OWN], dy)
         return
     which = listed[:count]
     h = np.empty(N_GUARDS)
@@ -272,6 +288,84 @@ def mix(
         add_mix(dy, fields, back, speed / scale)
 
 
+def approach_template(t: float, y: Any, mode: Any, params: Any, values: Any) -> None:
+    """Fill `values` with the rates of the guards that rest; zero for the others."""
+    dy = np.empty(len(y))
+    shares = np.empty(M)
+    slopes = np.empty(M)
+    SLIDE(t, y, mode, params, dy, shares, slopes)
+    h = np.empty(N_GUARDS)
+    hdot = np.empty(N_GUARDS)
+    numbers = params[: len(params) - OWN]
+    GUARDS(t, y, dy, mode[M : M + N_MODES], numbers, h, hdot)
+    for j in range(M):
+        values[j] = 0.0
+        if mode[M + N_MODES + j] >= RESTING:
+            values[j] = hdot[SURFACES[j]]
+
+
+def along_template(
+    t: float, y: Any, mode: Any, params: Any, j: int, values: Any
+) -> None:
+    """Fill `values` with the change of all resting guards' rates by reaction j."""
+    n = len(y)
+    first = len(params) - OWN + j * n
+    step = FIRST_STEP * max(size_of(y), params[len(params) - M + j])
+    if step == 0.0:
+        step = FIRST_STEP
+    beside = np.empty(n)
+    above = np.empty(M)
+    for side in range(2):
+        for i in range(n):
+            beside[i] = y[i] + (1.0 - 2.0 * side) * step * params[first + i]
+        APPROACH(t, beside, mode, params, values if side == 1 else above)
+    for other in range(M):
+        values[other] = (above[other] - values[other]) / (2.0 * step)
+
+
+def mix_template(
+    t: float, y: Any, mode: Any, params: Any, dy: Any, shares: Any, slopes: Any
+) -> None:
+    """Fill `dy` with the field: mixed, and with the reactions of guards that rest.
+
+    A reaction acts along the change of the state by the guard's handler. It keeps the
+    guard's rate at zero. The guard's share is that reaction's cause, the bend of the
+    guard without it, which is positive while the field presses on the surface.
+    """
+    SLIDE(t, y, mode, params, dy, shares, slopes)
+    listed = np.empty(M, dtype=np.int64)
+    count = 0
+    for j in range(M):
+        if mode[M + N_MODES + j] == RESTING:
+            listed[count] = j
+            count += 1
+    if count == 0:
+        return
+    matrix = np.empty((count, count))
+    column = np.empty(M)
+    for b in range(count):
+        ALONG(t, y, mode, params, listed[b], column)
+        for a in range(count):
+            matrix[a, b] = column[listed[a]]
+    force = np.empty(count)
+    bends = np.empty(M)
+    # The second time, what rounding has left of the bend is taken away.
+    for turn in range(2):
+        bends[:] = 0.0
+        BENDS(t, y, dy, mode, params, True, bends)
+        BENDS(t, y, dy, mode, params, False, bends)
+        for b in range(count):
+            force[b] = -bends[listed[b]]
+            if turn == 0:
+                lock = mode[M + SURFACES[listed[b]]]
+                shares[listed[b]] = -lock * bends[listed[b]]
+        solve_small(matrix.copy(), force)
+        for b in range(count):
+            first = len(params) - OWN + listed[b] * len(y)
+            for i in range(len(y)):
+                dy[i] += force[b] * params[first + i]
+
+
 def field_template(t: float, y: Any, mode: Any, params: Any, dy: Any) -> None:
     """Fill `dy` with the field of the derived system."""
     shares = np.empty(M)
@@ -294,7 +388,9 @@ def shares_template(t: float, y: Any, mode: Any, params: Any, values: Any) -> No
             values[j] = shares[j] * (shares[j] - 1.0) - BEYOND
         else:
             values[j] = 1.0
-        if mode[M + N_MODES + j] != SLIDING:
+        if mode[M + N_MODES + j] == RESTING:
+            values[j] = -shares[j]
+        elif mode[M + N_MODES + j] != SLIDING:
             values[j] = -1.0
 
 
@@ -324,6 +420,9 @@ def rate_template(
                 for i in range(len(y)):
                     beside[i] = y[i] + shift * dy[i]
                 SHARES(t, beside, mode, params, values[side])
+        for j in range(M):
+            if mode[M + N_MODES + j] >= RESTING:
+                values[5, j] = BLUR * abs(values[1, j])
         if settle(values, 0, attempt, step, slopes, 0, 0, M):
             break
         step *= SHORTER
@@ -335,14 +434,14 @@ def guards_template(
     t: float, y: Any, dy: Any, mode: Any, params: Any, h: Any, hdot: Any
 ) -> None:
     """Fill `h` and `hdot` with the guards that end sliding, and the user's."""
-    numbers = params[: len(params) - 2 * M]
+    numbers = params[: len(params) - OWN]
     GUARDS(t, y, dy, mode[M : M + N_MODES], numbers, h[M:], hdot[M:])
     sliding = 0
     for j in range(M):
         k = M + SURFACES[j]
         h[j] = -1.0
         hdot[j] = 0.0
-        if mode[M + N_MODES + j] == SLIDING:
+        if mode[M + N_MODES + j] >= SLIDING:
             sliding += 1
             h[k] = mode[k] * MASK
             hdot[k] = 0.0
@@ -363,7 +462,7 @@ def ranges_template(
     """Evaluate the user's guards for ranges of states."""
     for j in range(M):
         h[j] = -1.0
-    numbers = params[: len(params) - 2 * M]
+    numbers = params[: len(params) - OWN]
     GUARDS(t, y, dy, mode[M : M + N_MODES], numbers, PART(h, M, M + N_GUARDS), hdot)
 
 
@@ -375,7 +474,7 @@ def rates_template(
     Other guards that slide go on sliding. Returns the guard's value.
     """
     own = mode[M : M + N_MODES]
-    numbers = params[: len(params) - 2 * M]
+    numbers = params[: len(params) - OWN]
     k = SURFACES[j]
     lock = own[k]
     flag = mode[M + N_MODES + j]
@@ -398,7 +497,7 @@ def rates_template(
 def depends_template(t: float, y: Any, mode: Any, params: Any, j: int) -> bool:
     """Return whether guard j changes the field otherwise for a guard that slides."""
     own = mode[M : M + N_MODES]
-    numbers = params[: len(params) - 2 * M]
+    numbers = params[: len(params) - OWN]
     k = SURFACES[j]
     lock = own[k]
     fields = np.empty((4, len(y)))
@@ -425,7 +524,7 @@ def depends_template(t: float, y: Any, mode: Any, params: Any, j: int) -> bool:
 def terms_template(t: float, y: Any, mode: Any, params: Any, j: int) -> float:
     """Return the size of the terms of a guard's rate if y changes by its own size."""
     own = mode[M : M + N_MODES]
-    numbers = params[: len(params) - 2 * M]
+    numbers = params[: len(params) - OWN]
     k = SURFACES[j]
     values = np.empty(N_GUARDS)
     still = np.empty(N_GUARDS)
@@ -477,6 +576,11 @@ def leave_template(t: float, y: Any, mode: Any, params: Any, j: int) -> int:
     way = -1
     if rates[0] + rates[1] > 0.0:
         way = 1
+    if mode[M + N_MODES + j] == RESTING:
+        # It stays on its side, and its rate there is zero but for rounding.
+        way = mode[M + SURFACES[j]]
+        off = NOISE * TERMS(t, y, mode, params, j)
+        params[len(params) - 2 * M + j] -= way * off
     mode[j] = -1  # it waits again
     mode[M + N_MODES + j] = FREE
     mode[M + SURFACES[j]] = way
@@ -495,13 +599,13 @@ def call_template(
     locks = np.empty(M, dtype=np.int64)
     for j in range(M):
         locks[j] = own[SURFACES[j]]
-        if flags[j] == SLIDING:
+        if flags[j] >= SLIDING:
             own[SURFACES[j]] = 0
-    stop = HANDLER(t, y, own, params[: len(params) - 2 * M], guard, direction)
+    stop = HANDLER(t, y, own, params[: len(params) - OWN], guard, direction)
     for j in range(M):
-        if flags[j] == SLIDING and own[SURFACES[j]] == 0:
+        if flags[j] >= SLIDING and own[SURFACES[j]] == 0:
             own[SURFACES[j]] = locks[j]
-        elif flags[j] == SLIDING:
+        elif flags[j] >= SLIDING:
             flags[j] = FREE
             params[len(params) - 2 * M + j] = 0.0
     return stop
@@ -515,9 +619,17 @@ def release_template(t: float, y: Any, mode: Any, params: Any, before: Any) -> N
     if not moved:
         return
     rates = np.empty(2)
+    now_moving = np.empty(M)
+    was_moving = np.empty(M)
+    APPROACH(t, y, mode, params, now_moving)
+    APPROACH(t, before, mode, params, was_moving)
     for j in range(M):
-        if mode[M + N_MODES + j] != SLIDING:
+        rests = mode[M + N_MODES + j] == RESTING
+        if rests and abs(now_moving[j]) > abs(was_moving[j]):
+            mode[M + N_MODES + j] = FREE
+        if mode[M + N_MODES + j] == FREE:
             params[len(params) - 2 * M + j] = 0.0
+        if mode[M + N_MODES + j] != SLIDING:
             continue
         now = RATES(t, y, mode, params, j, rates)
         was = RATES(t, before, mode, params, j, rates)
@@ -526,6 +638,39 @@ def release_template(t: float, y: Any, mode: Any, params: Any, before: Any) -> N
             mode[M + N_MODES + j] = FREE
             params[len(params) - 2 * M + j] = 0.0
             mode[M + SURFACES[j]] = 1 if now > 0.0 else -1
+
+
+def rest_template(
+    t: float, y: Any, mode: Any, params: Any, j: int, direction: int
+) -> int:
+    """Bring guard j to rest, and return its flag, RESTING or STUCK.
+
+    Its reaction acts along what its handler would do to the state.
+    """
+    own = mode[M : M + N_MODES].copy()
+    numbers = params[: len(params) - OWN].copy()
+    after = y.copy()
+    own[SURFACES[j]] = direction
+    HANDLER(t, after, own, numbers, SURFACES[j], direction)
+    for i in range(len(y)):
+        after[i] -= y[i]
+    size = size_of(after)
+    if not size > 0.0:
+        return STUCK
+    first = len(params) - OWN + j * len(y)
+    for i in range(len(y)):
+        params[first + i] = after[i] / size
+    params[len(params) - M + j] = size_of(y)
+    mode[M + N_MODES + j] = RESTING
+    rates = np.empty(M)
+    slopes = np.empty(M)
+    APPROACH(t, y, mode, params, rates)
+    ALONG(t, y, mode, params, j, slopes)
+    if slopes[j] == 0.0:
+        return STUCK
+    for i in range(len(y)):
+        y[i] -= rates[j] / slopes[j] * params[first + i]
+    return RESTING
 
 
 def handler_template(
@@ -540,6 +685,11 @@ def handler_template(
         told = LEAVE(t, y, mode, params, guard)
     for j in range(M):
         if SURFACES[j] != k or guard < M:
+            continue
+        if abs(direction) == RESTS:
+            flags[j] = REST(t, y, mode, params, j, direction // RESTS)
+            if flags[j] == STUCK:
+                return 1
             continue
         flags[j] = BEGINS(t, y, mode, params, j)
         if flags[j] == UNCLEAR:
@@ -557,7 +707,11 @@ def handler_template(
 TEMPLATES = {
     "CORNERS": corners_template,
     "DIFFER": differs_template,
-    "MIX": mix,
+    "SLIDE": mix,
+    "APPROACH": approach_template,
+    "ALONG": along_template,
+    "BENDS": rate_template,
+    "MIX": mix_template,
     "SHARES": shares_template,
     "RATE": rate_template,
     "RATES": rates_template,
@@ -567,6 +721,7 @@ TEMPLATES = {
     "LEAVE": leave_template,
     "CALL": call_template,
     "RELEASE": release_template,
+    "REST": rest_template,
 }
 
 
@@ -670,7 +825,8 @@ class Slides:
         own = found[..., self.count : self.count + self.n_modes].copy()
         flags = found[..., self.count + self.n_modes :]
         for j, k in enumerate(self.surfaces):
-            own[..., k] = np.where(flags[..., j] == SLIDING, 0, own[..., k])
+            held = np.isin(flags[..., j], (SLIDING, RESTING))
+            own[..., k] = np.where(held, 0, own[..., k])
         return own
 
     def directions(
@@ -685,6 +841,8 @@ class Slides:
         for j, k in enumerate(self.surfaces):
             begun = (guard == self.count + k) & (flags[:, j] == SLIDING)
             told[begun] *= SLIDES
+            rests = (guard == self.count + k) & (flags[:, j] == RESTING)
+            told[rests] *= RESTS
             left = guard == j
             told[left] = LEAVES * modes[left, self.count + k]
         return told
@@ -693,8 +851,9 @@ class Slides:
         self, status: NDArray[np.int64], modes: NDArray[np.int64]
     ) -> NDArray[np.int64]:
         """Return the statuses, of the driver's and the final modes (..., m)."""
-        unclear = (modes[..., self.count + self.n_modes :] == UNCLEAR).any(axis=-1)
-        return np.where(unclear, at.NOT_UNIQUE, status)
+        flags = modes[..., self.count + self.n_modes :]
+        told = np.where((flags == UNCLEAR).any(axis=-1), at.NOT_UNIQUE, status)
+        return np.where((flags == STUCK).any(axis=-1), at.ZENO, told)
 
     def start_mode(self, mode: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the derived system's mode at the start, of the user's."""
@@ -709,8 +868,12 @@ def sliding_system(system: Any) -> Any:
     surfaces = tuple(system.guard_names.index(one) for one in system.sliding)
     count = len(surfaces)
     slides = Slides(surfaces, system.n_guards, system.n_modes)
+    n_memory = 2 * count
+    if system.on_zeno == "rest":
+        n_memory += count * system.n_states
     names: dict[str, Any] = {
         "M": count,
+        "OWN": n_memory,
         "N_GUARDS": system.n_guards,
         "N_MODES": system.n_modes,
         "SURFACES": surfaces,
@@ -725,7 +888,10 @@ def sliding_system(system: Any) -> Any:
         inner = system.on_event
         users = (*users, inner)
     for name, template in TEMPLATES.items():
-        names[name] = kernel_apart(with_digest(template, **names))
+        known = names
+        if name == "BENDS":  # the rates of what APPROACH gives
+            known = {**names, "SHARES": names["APPROACH"]}
+        names[name] = kernel_apart(with_digest(template, **known))
     field = Written("field", field_template, system.field, users, **names)
     guards = Written(
         "guards", guards_template, system.guards, users, ranges_template, **names
@@ -745,9 +911,12 @@ def sliding_system(system: Any) -> Any:
         directions=(*((1,) * count), *(system.directions or none)),
         terminal=(*((0,) * count), *(system.terminal or none)),
         n_extra_modes=system.n_extra_modes + count,
-        n_memory=system.n_memory + 2 * count,
+        n_memory=system.n_memory + n_memory,
         sliding=(),
+        on_zeno="stop",
     )
     vars(made).update(way=system.way, n_shown=system.n_shown, slides=slides)
+    if system.on_zeno == "rest":
+        vars(made)["rests"] = tuple(count + k for k in surfaces)
     system.made["sliding"] = made
     return made

@@ -18,6 +18,7 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import Told
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
+from hopdata.hybrid.zeno import Limit, limit_of
 
 if TYPE_CHECKING:
     from hopdata.hybrid.sliding import Slides
@@ -38,6 +39,8 @@ WORDS = {
     -2: "falls to zero and slides",
     3: "leaves zero upward",
     -3: "leaves zero downward",
+    4: "rises to zero and rests",
+    -4: "falls to zero and rests",
 }
 
 
@@ -123,7 +126,8 @@ class EventLog(Told):
         """+1 where the event function rose through zero, -1 where it fell; (E,).
 
         Of a guard that may slide also +2 and -2, where the solution arrived from below
-        and above and began to slide, and +3 and -3, where it left upward and downward.
+        and above and began to slide, +3 and -3, where it left upward and downward, and
+        +4 and -4, where its events piled up and it came to rest.
         """
         return self._integers(2, 1).ravel()
 
@@ -392,9 +396,28 @@ class Solution(Told):
             names=self.form.guard_names,
             rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
         )
+        if self.limit is not None:
+            ended = (
+                f"{ended} By the last gaps between them, their limit is "
+                f"t = {self.limit.time:.17g}, to within {self.limit.time_error:.2g} s."
+            )
         if self.n_unproven == 0:
             return ended
         return f"{ended} {layout.ONLY_SAMPLED.format(count=self.n_unproven)}"
+
+    @cached_property
+    def limit(self) -> Limit | None:
+        """Where the events pile up that ended the run (status -7), if it is known.
+
+        It is not if the events were not kept, or if the gaps between them do not shrink
+        like those of a series that converges.
+        """
+        if self.status != layout.ZENO:
+            return None
+        found = limit_of(self.events, self.culprit)
+        if found is None or self.form.way > 0.0:
+            return found
+        return None
 
     @property
     def culprit(self) -> int:

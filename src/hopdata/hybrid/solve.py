@@ -144,7 +144,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         usual = (
             jacobian is dense_output is debug is False and memory is first_step is None
         )
-        usual = usual and (keep_events or events == "count") and not system.sliding
+        usual = usual and (keep_events or events == "count") and system.is_plain
         rows_per_step = 1
         if t_eval is not None:
             rows_per_step = 0
@@ -154,7 +154,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             rows_per_step, keep_events,
         ):  # fmt: skip
             derived = debug is not False or isinstance(jacobian, str)
-            if goes_back(t_span) or derived or system.sliding:
+            if goes_back(t_span) or derived or not system.is_plain:
                 return ask_derived(
                     solve,
                     system,

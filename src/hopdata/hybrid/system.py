@@ -79,6 +79,13 @@ class System(Told):
     sliding : tuple of str, optional
         Names of guards along which the solution slides where the fields on both sides
         point at the surface. By default this ends the integration with a status.
+    together : Callback, optional
+        Law for instants at which several events are due, declared by
+        `hopdata.hybrid.together`. By default they are processed in order, by
+        `on_event`.
+    on_zeno : str
+        What happens where the events of a guard that may slide pile up: "stop" ends the
+        integration with a status, "rest" lets the state go on with the guard at rest.
     """
 
     field: Callback
@@ -96,6 +103,8 @@ class System(Told):
     n_memory: int = 0
     undo: Callback | None = None
     sliding: tuple[str, ...] = ()
+    together: Callback | None = None
+    on_zeno: str = "stop"
 
     def __post_init__(self) -> None:
         listed = isinstance(self.guard_names, tuple | list)
@@ -142,6 +151,16 @@ class System(Told):
         expect(differ, "sliding", "different guards", self.sliding)
         together = not self.sliding or self.guard is None
         expect(together, "sliding", "guards declared together, by @guards", "@guard")
+        alone = not self.sliding or self.together is None
+        expect(alone, "together", "no law where guards may slide", self.sliding)
+        together = self.together is None or self.guard is None
+        expect(together, "together", "guards declared together, by @guards", "@guard")
+        known = self.on_zeno in ("stop", "rest")
+        expect(known, "on_zeno", "'stop' or 'rest'", repr(self.on_zeno))
+        rests = self.on_zeno == "stop" or bool(self.sliding)
+        expect(rests, "on_zeno", "guards in sliding=... that come to rest", "none")
+        bounces = self.on_zeno == "stop" or self.on_event is not None
+        expect(bounces, "on_zeno", "a handler, on_event, with 'rest'", "none")
         for name in self.sliding:
             both = (self.directions or {}) and self.directions[
                 self.guard_names.index(name)
@@ -202,6 +221,21 @@ class System(Told):
         return self.guard_names[self.slides.count :]
 
     @cached_property
+    def by_law(self) -> bool:
+        """Whether the handler of a derived system takes several guards at once."""
+        return False
+
+    @cached_property
+    def rests(self) -> tuple[int, ...]:
+        """Guards that come to rest where their events pile up, in a derived system."""
+        return ()
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the driver takes it as it is, without a derived system."""
+        return not self.sliding and self.together is None
+
+    @cached_property
     def slides(self) -> Any:
         """How a system derived to slide shows what the user knows; None in others."""
         return None
@@ -213,12 +247,14 @@ class System(Told):
 
     @cached_property
     def rules(self) -> NDArray[np.int64]:
-        """Event directions, terminal counts and direction of time, (3, n_guards)."""
+        """What the driver knows of each guard, (5, n_guards): see `layout`."""
         none = (0,) * self.n_guards
         directions = self.directions or none
         terminal = self.terminal or none
         ways = (self.way,) * self.n_guards
-        return np.array([directions, terminal, ways], dtype=np.int64)
+        by_law = (int(self.by_law),) * self.n_guards
+        rests = [int(k in self.rests) for k in range(self.n_guards)]
+        return np.array([directions, terminal, ways, by_law, rests], dtype=np.int64)
 
     @property
     def callbacks(self) -> tuple[Callback, ...]:

@@ -57,6 +57,8 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
     n_read = len(read_modes(system))
     if n_read > MOST_READ:
         return f"they read {n_read} integers of the mode: few lanes would agree"
+    if system.by_law:
+        return "a law decides about several guards at once, which only the driver asks"
     if system.slides is not None:
         return "guards may slide, and only the driver follows that"
     if system.branches.address != 0:
