@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks lint format rules docs site sample lock release clean help
+.PHONY: figures figures-told dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -39,13 +39,25 @@ help:
 	@echo "make release    build wheel and sdist reproducibly, test them in a fresh environment, write digests and release notes"
 	@echo "make clean      remove .venv, the results of every study, and caches"
 
-# The bundled study is run beside its control, and both are shown on one page.
-figures: $(VENV)/.run
+# The bundled study is run beside its control, and both are shown on one page. Snakemake tells of its progress only,
+# and of each job that fails.
+RUN := --cores $(CORES) --quiet host reason rules
+figures: figures-told $(VENV)/.run
 ifeq ($(CONFIG),config/config.yaml)
-	$(BIN)/snakemake --cores $(CORES) --snakefile workflow/first_look.smk --workflow-profile profiles/default
-	@echo "open results/both_sides/first_look.html, then results/sample/report.html"
+	$(BIN)/snakemake $(RUN) --snakefile workflow/first_look.smk --workflow-profile profiles/default
+	@echo "Made. Open results/both_sides/first_look.html: the answer of both studies side by side."
+	@echo "The whole of each: results/sample/report.html and results/sample_control/report.html"
 else
-	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
+	$(BIN)/snakemake $(RUN) --configfile $(CONFIG)
+	@echo "Made. Open report.html in the study's folder in results."
+endif
+
+figures-told:
+ifeq ($(CONFIG),config/config.yaml)
+	@echo "Two studies of a simulated hopper, one with a C1 landing and one without, and a page that compares them."
+	@echo "The first time about a minute on two free cores, besides what must be downloaded; then only what has changed."
+else
+	@echo "The study of $(CONFIG): only what has changed is made."
 endif
 
 # Parts that cannot be made are named at the end, and made again by the next run.

@@ -1,5 +1,6 @@
 """Jobs as forks: each ends as a process of its own would, and none outlives its run."""
 
+import errno
 import json
 import os
 import shutil
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from hopdata import forks
+from hopdata.causes import NoForkError
 from hopdata.forks import Server
 
 pytestmark = pytest.mark.skipif(
@@ -167,6 +169,68 @@ def test_jobs_of_a_killed_server_die_and_the_next_job_gets_another(server, scrip
     assert job.wait() == -signal.SIGKILL
     assert ends(job.pid)
     assert server.start("rule", script("pass"), {}).wait() == 0
+
+
+#: Python that runs before a server: no fork while there is a file of this name.
+NO_FORK = """
+import errno, os, sys
+fork = os.fork
+def refused():
+    if os.path.exists({file!r}) and "hopdata.forks" in " ".join(sys.orig_argv):
+        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+    return fork()
+os.fork = refused
+"""
+
+
+@pytest.fixture
+def no_fork(tmp_path, monkeypatch):
+    """Return a file; while it is there, servers that begin now can make no fork."""
+    file = tmp_path / "no_fork"
+    (tmp_path / "first").mkdir()
+    text = NO_FORK.format(file=str(file))
+    (tmp_path / "first" / "sitecustomize.py").write_text(text)
+    before = os.environ.get("PYTHONPATH", "")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path / 'first'}{os.pathsep}{before}")
+    return file
+
+
+def test_a_fork_that_the_system_refuses_fails_its_job_alone(no_fork, server, script):
+    other = server.start("other", script("import time; time.sleep(1)", "other.py"), {})
+    no_fork.touch()
+    n_open = len(os.listdir("/proc/self/fd"))
+    for _ in range(2):
+        with pytest.raises(NoForkError, match="Resource temporarily unavailable"):
+            server.start("rule", script("pass"), {})
+    assert len(os.listdir("/proc/self/fd")) == n_open
+    assert lives(server._process.pid)
+    no_fork.unlink()
+    assert server.start("rule", script("pass"), {}).wait() == 0
+    assert other.wait() == 0
+
+
+def test_a_server_that_cannot_be_started_fails_its_job_alone(
+    server, script, monkeypatch
+):
+    def refused():
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    with monkeypatch.context() as without:
+        without.setattr(forks, "new_server", refused)
+        with pytest.raises(NoForkError):
+            server.start("rule", script("pass"), {})
+    assert server.start("rule", script("pass"), {}).wait() == 0
+
+
+def test_a_snakemake_whose_jobs_cannot_be_forked_says_so(no_fork, workflow):
+    no_fork.touch()
+    done = snakemake(workflow, "a.txt")
+    assert done.returncode == 1
+    told = [line for line in done.stderr.splitlines() if line.startswith("hopdata:")]
+    assert len(told) == 1
+    assert told[0].startswith("hopdata: error: told: no process could be started")
+    no_fork.unlink()
+    assert snakemake(workflow, "a.txt").returncode == 0
 
 
 def test_jobs_of_a_killed_run_die(script):

@@ -114,3 +114,24 @@ def test_workflows_call_what_the_makefile_has(path):
         for command in (step["run"] for step in job["steps"] if "run" in step):
             for target in re.findall(r"^make ([a-z-]+)", command, re.MULTILINE):
                 assert target in targets
+
+
+@pytest.mark.parametrize("config", ["config/config.yaml", "config/thesis.yaml"])
+def test_make_figures_says_what_it_makes_and_where_it_is(config):
+    asked = ["make", "--dry-run", "figures", f"CONFIG={config}"]
+    commands = subprocess.run(
+        asked, cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    first, *_, last = (line for line in commands if line.startswith("echo "))
+    is_first_look = config == "config/config.yaml"
+    assert commands[0] == first
+    assert ("Two studies" in first) == is_first_look
+    assert (config in first) != is_first_look
+    studies = [
+        yaml.safe_load((ROOT / one).read_text(encoding="utf-8"))["study"]
+        for one in ("config/config.yaml", "config/sample_control.yaml")
+    ]
+    pages = [f"results/{study}/report.html" for study in studies]
+    if not is_first_look:
+        pages = []
+    assert re.findall(r"results/\S+/report\.html", last) == pages

@@ -72,3 +72,36 @@ def test_stamps_that_run_back_before_a_long_step_show_no_missing_rows(back_s):
 def test_the_last_digit_of_stamps_that_no_clock_shows():
     assert printed_digit(np.array([0.01, 0.02])) == 0.01
     assert printed_digit(np.array([0.0123, 1.7e308])) == 1e-6
+
+
+NO_CLOCK = {
+    "all at once": np.arange(20) * 5e-324,
+    "no time at all": np.array([*np.arange(19) / 100, 1e-310]),
+    "beyond all clocks": np.array([*np.arange(19) / 100, 1.7e308]),
+    "one far away": np.array([0.0, -1.7e308, 1.7e308, *np.arange(3, 20) / 100]),
+    "none and far away": np.array([0.0, np.nan, 1.7e308, *np.arange(3, 20) / 100]),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", NO_CLOCK)
+def test_stamps_of_no_clock_have_no_rate_and_stay_as_they_are(name):
+    stamps = NO_CLOCK[name]
+    number = np.arange(20.0)
+    assert rate_of(stamps, number) is None
+    time, remarks = settle("a.csv", stamps, number, 100.0)
+    np.testing.assert_array_equal(time, stamps)
+    assert remarks == ()
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_of_no_frame_have_no_rate():
+    stamps = np.arange(20) / 100
+    assert rate_of(stamps, np.array([*np.arange(19.0), 1e308])) is None
+    assert rate_of(stamps, np.arange(20.0)) == 100
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 1.7e9, 1e12])
+def test_stamps_of_clocks_that_began_long_ago_have_a_rate(begin_s):
+    number = np.arange(200.0)
+    assert rate_of(begin_s + number / 50, number) == pytest.approx(50, rel=1e-2)

@@ -188,6 +188,7 @@ def _roles(
         up=_known(options, "vertical_axis"),
         rate_hz=options.get("rate_hz"),
     )
+    inspection = replace(inspection, place=f"{file}")
     roles = role_guesses.guessed_roles(inspection)
     questions = role_guesses.open_questions(inspection, roles)
     if questions:

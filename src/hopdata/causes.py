@@ -7,6 +7,13 @@ or the signal that is left if it could not.
 import errno
 import re
 import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+PROC = Path("/proc")
+#: Where the system shows its control groups.
+GROUPS = Path("/sys/fs/cgroup")
+_AGAIN = "run the same command again"
 
 #: What to do, by cause.
 MEMORY = (
@@ -20,6 +27,10 @@ READ_ONLY = "this place cannot be written; run where it can, or make it writable
 MISSING = "it is missing; bring it back if it is yours, then run the same command again"
 FORBIDDEN = "access is denied; change its permissions, then run the same command again"
 FAILING = "the disk or the shared folder failed; run the same command again"
+NO_PROCESS = (
+    "no process could be started, for want of memory or of processes (ulimit -u); run "
+    "it with fewer jobs at once (--cores 1), then the same command again"
+)
 OPEN_FILES = "too many files are open; raise the limit (ulimit -n)"
 
 #: Names of the system's error numbers; Windows lacks some.
@@ -56,6 +67,20 @@ _BY_TEXT = (
     (re.compile("Input/output error|Stale file handle"), FAILING),
     (re.compile("Too many open files"), OPEN_FILES),
 )
+
+
+class ServerEndedError(RuntimeError):
+    """The process whose forks the jobs are has ended, before it made one."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "expected the process that runs the jobs to live, found that it was ended; "
+            "perhaps by the system, for lack of memory"
+        )
+
+
+class NoForkError(OSError):
+    """The system allows no further process, for want of memory or of processes."""
 
 
 def error_number(error: BaseException) -> int | None:
@@ -106,23 +131,100 @@ def signal_name(number: int) -> str:
         return f"signal {number}"
 
 
-def oom_kills() -> int | None:
-    """Return how many processes this system has killed since memory ran out.
+@dataclass(frozen=True)
+class OomKills:
+    """How many processes the system has killed since memory ran out.
 
-    None if it does not tell, as only Linux does.
+    Attributes
+    ----------
+    on_machine
+        All of them; None if the system does not tell, as only Linux does.
+    in_group
+        Those of the control group of this process; None if that may not be read.
+    group
+        The file with the count of the group.
     """
+
+    on_machine: int | None
+    in_group: int | None = None
+    group: Path | None = None
+
+
+def oom_kills() -> OomKills:
+    """Count the processes that this system has killed since memory ran out."""
+    on_machine = _counted(PROC / "vmstat")
+    group = _group_file()
+    if group is None:
+        return OomKills(on_machine)
+    in_group = _counted(group)
+    if in_group is None:
+        return OomKills(on_machine)
+    return OomKills(on_machine, in_group, group)
+
+
+def _counted(file: Path) -> int | None:
+    """Return the number behind ``oom_kill`` in a file of the system."""
     try:
-        with open("/proc/vmstat", encoding="ascii") as counts:
-            for line in counts:
-                name, _, number = line.partition(" ")
-                if name == "oom_kill":
-                    return int(number)
+        for line in file.read_text(encoding="ascii").splitlines():
+            name, _, number = line.partition(" ")
+            if name == "oom_kill":
+                return int(number)
     except (OSError, ValueError):
         return None
     return None
 
 
-def signal_told(number: int, *, oom_before: int | None) -> str:
+def _group_file() -> Path | None:
+    """Return where the kills in the control group of this process are counted.
+
+    The second version of the groups counts those of groups within it too. The first
+    does not, and its outermost group holds what nobody has put into another.
+    """
+    try:
+        lines = (PROC / "self/cgroup").read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError):
+        return None
+    file = None
+    for line in lines:
+        parts = line.split(":", 2)
+        if len(parts) < 3:
+            continue
+        _, controllers, place = parts
+        if "memory" in controllers.split(",") and place != "/":
+            return GROUPS / "memory" / place.lstrip("/") / "memory.oom_control"
+        if not controllers:
+            file = GROUPS / place.lstrip("/") / "memory.events"
+    return file
+
+
+def killed_told(before: OomKills | None) -> str:
+    """Say what ended a process by SIGKILL, and what to do.
+
+    Parameters
+    ----------
+    before
+        `oom_kills` before the process began.
+    """
+    now = oom_kills()
+    if before is not None:
+        is_same_group = now.group is not None and now.group == before.group
+        if is_same_group and _is_more(now.in_group, before.in_group):
+            return f"the system killed it: {MEMORY}"
+        # The group of both tells that it was another's process; without it, or in
+        # another group, it may have been this one.
+        if not is_same_group and _is_more(now.on_machine, before.on_machine):
+            return f"the system has killed a process, perhaps this one: {MEMORY}"
+    return (
+        "it was killed (SIGKILL) by a person, by a limit of time, or since memory "
+        f"ran out; {_AGAIN}, with --cores 1 if memory is short"
+    )
+
+
+def _is_more(now: int | None, before: int | None) -> bool:
+    return now is not None and before is not None and now > before
+
+
+def signal_told(number: int, *, oom_before: OomKills | None) -> str:
     """Say what a signal that ended a process means, and what to do.
 
     Parameters
@@ -133,17 +235,10 @@ def signal_told(number: int, *, oom_before: int | None) -> str:
         `oom_kills` before the process began.
     """
     name = signal_name(number)
-    again = "run the same command again"
     if name == "SIGKILL":
-        now = oom_kills()
-        if oom_before is not None and now is not None and now > oom_before:
-            return f"the system killed it: {MEMORY}"
-        return (
-            "it was killed (SIGKILL) by a person, by a limit of time, or since memory "
-            f"ran out; {again}, with --cores 1 if memory is short"
-        )
+        return killed_told(oom_before)
     if name in {"SIGTERM", "SIGINT", "SIGHUP"}:
-        return f"it was ended from outside ({name}); {again}"
+        return f"it was ended from outside ({name}); {_AGAIN}"
     if name == "SIGXCPU":
         return f"its limit of CPU time is used up ({name}; ulimit -t); raise it"
     if name == "SIGXFSZ":
@@ -151,6 +246,6 @@ def signal_told(number: int, *, oom_before: int | None) -> str:
     if name in {"SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGFPE"}:
         return (
             f"it crashed ({name}), which a lack of memory, a full disk or a damaged "
-            f"installation may cause; {again}, with --cores 1 if memory is short"
+            f"installation may cause; {_AGAIN}, with --cores 1 if memory is short"
         )
-    return f"it was ended by {name}; {again}"
+    return f"it was ended by {name}; {_AGAIN}"

@@ -16,7 +16,7 @@ class HopdataError(Exception):
     """Base class of the errors that hopdata raises for a mistake in its input.
 
     The arguments are the lines of the message. Unprintable characters in them are
-    replaced.
+    replaced, and of a line that is very long the middle is left out.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class HopdataError(Exception):
         return str(getattr(self.args[0], "code", ""))
 
     def __str__(self) -> str:
-        return "\n".join(printable(str(line)) for line in self.args)
+        return "\n".join(printable(shortened(str(line))) for line in self.args)
 
     def _render_traceback_(self) -> list[str]:
         """Show only the message, and no traceback, in a notebook, which calls this."""
@@ -138,6 +138,22 @@ def _is_within_word(text: str, i: int) -> bool:
     """Tell whether letters of a script that uses joiners stand on both sides."""
     around = (text[i - 1 : i], text[i + 1 : i + 2])
     return all(one and ord(one) in _JOINED for one in around)
+
+
+# Characters of a line of an error, and those of its end, where advice stands.
+LONGEST_LINE = 2000
+_END = 500
+
+
+def shortened(line: str) -> str:
+    """Return a line of a message, of a very long one its begin and its end.
+
+    A name of a damaged file, or the list of its names, can have a million characters.
+    """
+    if len(line) <= LONGEST_LINE:
+        return line
+    gap = f" ... ({len(line) - LONGEST_LINE:,} characters left out) ... "
+    return line[: LONGEST_LINE - _END] + gap + line[-_END:]
 
 
 LEAST_LIKENESS = 0.5  # of a name that is suggested, as in `difflib`

@@ -17,6 +17,7 @@ several threads or an environment of their own, Snakemake starts Python as ever.
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
 import json
 import os
@@ -34,6 +35,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
+from hopdata.causes import NoForkError, ServerEndedError
 from hopdata.foreign.limits import end_with
 
 #: Most bytes of a request: what a job is told before it begins.
@@ -44,7 +46,8 @@ ONE_THREAD = {
     f"{library}_NUM_THREADS": "1"
     for library in ("OMP", "GOTO", "OPENBLAS", "MKL", "NUMEXPR")
 } | {"VECLIB_MAXIMUM_THREADS": "1"}
-#: In place of the number of a process: the server has outdated code.
+#: In place of the number of a process: the server has outdated code. A negative number
+#: is that of the system's error, for which there is no fork.
 OUTDATED = 0
 #: How long the end of a run waits for the server to end, s.
 _END_S = 10.0
@@ -83,14 +86,20 @@ class Job:
         return int(line)
 
 
-class ServerEndedError(RuntimeError):
-    """The process whose forks the jobs are has ended, before it made one."""
-
-    def __init__(self) -> None:
-        super().__init__(
-            "expected the process that runs the jobs to live, found that it was ended; "
-            "perhaps by the system, for lack of memory"
+def new_server() -> tuple[socket.socket, subprocess.Popen[bytes]]:
+    """Start a server; return the way of its requests, and its process."""
+    requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ExitStack() as unless_started, theirs:
+        unless_started.enter_context(requests)
+        number = theirs.fileno()
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "hopdata.forks", str(number)],
+            pass_fds=[number],
+            stdin=subprocess.DEVNULL,
+            env=os.environ | ONE_THREAD,
         )
+        unless_started.pop_all()
+    return requests, process
 
 
 @dataclass
@@ -135,19 +144,24 @@ class Server:
                     requests = self._at_work()
                     message = json.dumps(request).encode()
                     socket.send_fds(requests, [message], [to_answer, closed])
+            except NoForkError:
+                raise
             except OSError:
                 raise ServerEndedError from None
             finally:
                 os.close(to_answer)
                 os.close(closed)
-            pid = answers.readline()
-            if not pid:
+            line = answers.readline()
+            if not line:
                 raise ServerEndedError
-            if int(pid) == OUTDATED:
+            pid = int(line)
+            if pid == OUTDATED:
                 self._retire(requests)
                 return None
+            if pid < 0:
+                raise NoForkError(-pid, os.strerror(-pid))
             unless_begun.pop_all()
-        return Job(int(pid), answers, opened)
+        return Job(pid, answers, opened)
 
     def _retire(self, requests: socket.socket) -> None:
         """Ask this server for no more jobs; those that it has go on."""
@@ -162,15 +176,11 @@ class Server:
         if process is None or requests is None or process.poll() is not None:
             if requests is not None:
                 requests.close()
-            requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            with theirs:
-                number = theirs.fileno()
-                self._process = subprocess.Popen(
-                    [sys.executable, "-P", "-m", "hopdata.forks", str(number)],
-                    pass_fds=[number],
-                    stdin=subprocess.DEVNULL,
-                    env=os.environ | ONE_THREAD,
-                )
+            try:
+                requests, self._process = new_server()
+            except OSError as error:
+                self._process = self._requests = None
+                raise NoForkError(error.errno, error.strerror) from None
             self._requests = requests
         return requests
 
@@ -244,28 +254,56 @@ def serve(number: int) -> dict[str, Any] | None:
                 _kill(forks)
                 return None
             request: dict[str, Any] = json.loads(message)
-            answers, gate = ends
-            if any(_changed(file) != known for file, known in sources.items()):
-                os.write(answers, f"{OUTDATED}\n".encode())
-                for end in ends:
-                    os.close(end)
+            if len(ends) < 2:  # the system gives only as many as may be open here
+                _refuse(ends, -errno.EMFILE)
                 continue
-            begun = _begin(request["rule"], answers, imported)
-            sources = _sources()
+            if any(_changed(file) != known for file, known in sources.items()):
+                _refuse(ends, OUTDATED)
+                continue
             parent = os.getpid()
-            pid = os.fork()
+            begun, pid = _fork(request["rule"], ends, imported)
+            if begun is None:
+                continue
+            answers, gate = ends
             if not pid:
                 end_with(parent)
-                signal.set_wakeup_fd(-1)
-                signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-                signal.signal(signal.SIGINT, signal.default_int_handler)
                 others = [one.answers for one in forks.values()]
-                for end in (*others, begun.answers, woken, wake, requests.detach()):
-                    os.close(end)
+                _leave_server([*others, answers, woken, wake, requests.detach()])
                 return request | {"imported": begun.imported, "gate": gate}
+            sources = _sources()
             os.close(gate)
             forks[pid] = begun
-            _answer(begun, pid)
+
+
+def _fork(
+    rule: str, ends: list[int], imported: dict[str, list[str]]
+) -> tuple[_Begun | None, int]:
+    """Fork; return what is begun, and the number of the fork, which is 0 in it.
+
+    Where the system allows no fork, nothing is begun, and the job is told why. Other
+    jobs go on.
+    """
+    begun = _Begun(rule, ends[0], None)
+    try:
+        begun.imported = _begin(rule, imported)
+        pid = os.fork()
+    except OSError as error:
+        if begun.imported is not None:
+            os.close(begun.imported)
+        _refuse(ends, -(error.errno or errno.EAGAIN))
+        return None, 0
+    if pid:
+        _answer(begun, pid)
+    return begun, pid
+
+
+def _leave_server(ends: list[int]) -> None:
+    """Give up, in a fork, what only the server needs."""
+    signal.set_wakeup_fd(-1)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for end in ends:
+        os.close(end)
 
 
 def _changed(file: str) -> int:
@@ -286,10 +324,13 @@ def _sources() -> dict[str, int]:
     return {file: _changed(file) for file in [__file__, *files] if file}
 
 
-def _begin(rule: str, answers: int, imported: dict[str, list[str]]) -> _Begun:
-    """Import what an earlier job of this rule has imported, once."""
+def _begin(rule: str, imported: dict[str, list[str]]) -> int | None:
+    """Import what an earlier job of this rule has imported, once.
+
+    Return a file in memory for the names of what a first job will import.
+    """
     if rule not in imported:
-        return _Begun(rule, answers, os.memfd_create(rule))
+        return os.memfd_create(rule)
     names, imported[rule] = imported[rule], []
     for name in names:
         # Not all that is listed as a module can be imported by its name.
@@ -297,7 +338,15 @@ def _begin(rule: str, answers: int, imported: dict[str, list[str]]) -> _Begun:
             import_module(name)
     if names:
         gc.freeze()  # no fork searches, and thereby copies, all these for garbage
-    return _Begun(rule, answers, None)
+    return None
+
+
+def _refuse(ends: list[int], number: int) -> None:
+    """Tell, where there is a way, why there is no fork."""
+    with suppress(OSError, IndexError):
+        os.write(ends[0], f"{number}\n".encode())
+    for end in ends:
+        os.close(end)
 
 
 def _reap(forks: dict[int, _Begun], imported: dict[str, list[str]]) -> None:
@@ -373,7 +422,12 @@ def _end(code: int) -> None:
     os._exit(code)
 
 
+def be_server(number: int) -> None:
+    """Serve the requests of a socket; each fork runs its script, and ends."""
+    request = serve(number)
+    if request is not None:
+        _end(run(request))
+
+
 if __name__ == "__main__":
-    found = serve(int(sys.argv[1]))
-    if found is not None:
-        _end(run(found))
+    be_server(int(sys.argv[1]))

@@ -30,6 +30,15 @@ MISSING_ROW = 0.5
 #: Unit: 1. Origin: chosen.
 MISSING_ROW_RANGES = 1.5
 
+#: Time stamps of no clock, and numbers of no frame, are at least this far from 0; of
+#: such nothing is computed. Nanoseconds since 1970 are 1e18.
+#: Unit: s, or frames. Origin: chosen.
+FARTHEST = 1e30
+
+#: Time from the first stamp to the last that is none of a clock, likewise.
+#: Unit: s. Origin: chosen.
+BRIEFEST_S = 1e-30
+
 # Decimal places of the finest stamps and rates that are looked for: 1 us.
 _MOST_DECIMALS = 6
 
@@ -58,6 +67,8 @@ def settle(
         Time of each frame, s.
     remarks : tuple of str
     """
+    if not _are_of_a_clock(stamps, number):
+        return stamps, ()
     number = _with_missing_rows(stamps, number)
     at_nominal_rate = _fitting_grid(stamps, number, rate_hz)
     if at_nominal_rate is not None:
@@ -76,6 +87,16 @@ def settle(
         f"all {len(grid)} are taken from the rate"
     )
     return grid, (remark,)
+
+
+def _are_of_a_clock(stamps: FloatArray, number: FloatArray) -> bool:
+    """Tell whether stamps, s, and frame numbers (N,) may be those of any recording."""
+    if not len(stamps):
+        return False
+    # A stamp that is no number makes no difference here: the checks name it.
+    if (np.abs(stamps) > FARTHEST).any() or (np.abs(number) > FARTHEST).any():
+        return False
+    return not abs(stamps[-1] - stamps[0]) < BRIEFEST_S
 
 
 def _fitting_grid(
@@ -137,6 +158,8 @@ def rate_of(
     rate is the one of fewest decimals that reproduces all stamps.
     """
     if len(stamps) < 2 or not (stamps[-1] > stamps[0] and number[-1] > number[0]):
+        return None
+    if not _are_of_a_clock(stamps, number):
         return None
     number = _with_missing_rows(stamps, number)
     rate = (number[-1] - number[0]) / (stamps[-1] - stamps[0])

@@ -55,6 +55,25 @@ def test_one_named_foot_is_enough(recording, capsys):
     out = capsys.readouterr().out
     assert out.startswith("8 contacts in 8 landings")
     assert "feet guessed" not in out
+    head, first = out.splitlines()[1:3]
+    assert re.split("  +", head.strip()) == [
+        "landing",
+        "contact (s)",
+        "foot (± standard error, ms)",
+    ]
+    assert re.fullmatch(r"  1 +\d\.\d{4} +toe2 ± \d\.\d", first)
+
+
+def test_the_table_has_the_same_columns_for_one_foot_and_for_several(recording, capsys):
+    columns = []
+    for feet in (["toe2"], ["toe1", "toe2"]):
+        assert main(["contacts", str(recording), "-o", "a.csv", "--feet", *feet]) == 0
+        columns.append([[*pd.read_csv(one)] for one in ("a.csv", "a_orders.csv")])
+        has_orders = "probability" in capsys.readouterr().out
+        assert has_orders == (len(feet) > 1)
+        Path("a.csv").unlink()
+        Path("a_orders.csv").unlink()
+    assert columns[0] == columns[1]
 
 
 def test_markers_are_joined_to_a_foot_and_the_first_counts(recording, tmp_path, capsys):

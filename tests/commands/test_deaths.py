@@ -1,9 +1,11 @@
 """Snakemake's page of text ends in one line with the job and the cause."""
 
+import errno
 from pathlib import Path
 
 import pytest
 
+from hopdata.causes import NoForkError, ServerEndedError
 from hopdata.commands.deaths import tell, why
 
 PAGE = """\
@@ -75,6 +77,22 @@ def test_what_the_job_itself_said_comes_first(folder):
 def test_a_cause_in_the_text_is_told_with_the_job(folder):
     text = "MemoryError\n" + STATUS.format(1)
     assert told(text).startswith("floor_compensation_one: memory ran out")
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ServerEndedError(), "the process that starts the jobs has ended; probably it"),
+        (NoForkError(errno.EAGAIN, "Resource unavailable"), "(ulimit -u); run it with"),
+        (NoForkError(errno.EMFILE, "Too many open files"), "raise the limit (ulimit"),
+    ],
+)
+def test_a_job_that_could_not_begin_is_told(folder, error, words):
+    page = PAGE.replace("CalledProcessError", type(error).__name__)
+    lines = page.format(how=error).splitlines(keepends=True)
+    said = why(lines, oom_before=None)
+    assert said.startswith("floor_compensation_one: ")
+    assert words in said
 
 
 def test_a_crash_without_a_word_names_the_job(folder):

@@ -187,3 +187,61 @@ def test_check_notes_what_inspect_would_list(faulty, clean, tmp_path, capsys):
     config.write_text(text.format(clean))
     assert main(["check", str(config)]) == 0
     assert "note:" not in capsys.readouterr().out
+
+
+def test_frames_without_an_order_in_time_are_listed_and_cannot_be_used(
+    clean, tmp_path, capsys
+):
+    lines = clean.read_text().splitlines(keepends=True)
+    at = next(k for k, line in enumerate(lines) if line.startswith("Frame\t")) + 5
+    cells = lines[at].split("\t")
+    cells[1] = "0.00000"
+    lines[at] = "\t".join(cells)
+    clean.write_text("".join(lines))
+    assert main(["inspect", str(clean), "--rate", "100"]) == 1
+    assert "1 backward time stamp" in capsys.readouterr().out
+    page = str(tmp_path / "a.html")
+    assert main(["view", str(clean), "--no-browser", "--out", page]) == 1
+    assert f"{clean}: time: expected two frames" in capsys.readouterr().err
+
+
+def test_of_several_files_there_is_a_line_each(clean, faulty, tmp_path, capsys):
+    none = tmp_path / "none.tsv"
+    assert main(["inspect", str(clean), str(faulty), str(none)]) == 1
+    first, second, third = capsys.readouterr().out.splitlines()
+    facts = "100 Hz, 20.0 s, 7 markers, z up, mm; feet toe1 toe2 toe3"
+    assert re.fullmatch(rf"{clean}: {facts}; \d+ landings", first)
+    assert second.startswith(f"{faulty}: {facts}; ")
+    assert second.endswith("; 3 suspects")
+    assert third.startswith(f"{none}: expected a file, found none")
+
+
+def test_a_single_file_in_brief_counts_the_landings_that_contacts_finds(clean, capsys):
+    assert main(["inspect", str(clean), "--brief"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    found = int(re.search(r"(\d+) landings", line)[1])
+    main(["contacts", str(clean)])
+    assert f"contacts in {found} landings" in capsys.readouterr().out
+    assert main(["inspect", str(clean)]) == 0
+    assert len(capsys.readouterr().out.splitlines()) > 10
+
+
+def test_what_is_unsure_is_told_in_brief(tmp_path, capsys):
+    header = "time," + ",".join(f"{name}_{axis}" for name in "ab" for axis in "xyz")
+    rows = [f"{k / 100:.2f},0,0,{k % 7},1,{k % 5},0" for k in range(40)]
+    file = tmp_path / "still.csv"
+    file.write_text("\n".join([header, *rows]) + "\n")
+    main(["inspect", str(file), "--brief"])
+    (line,) = capsys.readouterr().out.splitlines()
+    assert "no feet found" in line
+    assert re.search(r"unsure: .*unit \(\w+ or \w+\)", line)
+    main(["inspect", str(file), "--brief", "--unit", "mm"])
+    assert "unit (" not in capsys.readouterr().out
+
+
+def test_a_page_is_of_one_file(clean, faulty, tmp_path, capsys):
+    page = tmp_path / "a.html"
+    for further in ([str(faulty)], ["--brief"]):
+        assert main(["inspect", str(clean), *further, "--html", str(page)]) == 1
+        assert "--html: expected one file" in capsys.readouterr().err
+    assert not page.exists()

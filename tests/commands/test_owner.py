@@ -340,6 +340,32 @@ def test_short_options_may_stand_in_one_word(word, is_dry):
     assert workflow.is_dry(words) == is_dry
 
 
+@pytest.mark.parametrize(
+    ("word", "is_dry", "has_no_jobs"),
+    [
+        ("--dry", True, True),
+        ("--unl", False, True),
+        ("--list-i", False, True),
+        ("--cleanup-m=a", False, True),
+        # The first begins none; what follows the others are targets, or no option.
+        ("--until", False, False),
+        ("--dry-runs", False, False),
+        ("--", False, False),
+        ("dry", False, False),
+    ],
+)
+def test_abbreviated_options_are_known(word, is_dry, has_no_jobs, monkeypatch):
+    """Snakemake takes the beginning of an option for it, if it begins no other."""
+    assert workflow.is_dry(["snakemake", word]) == is_dry
+    begun = []
+    monkeypatch.setattr(owning, "_begun", begun)
+    monkeypatch.setattr(owning, "_hold_beginning", lambda: None)
+    monkeypatch.setattr(owning, "_write_record", lambda *_: Path("no record"))
+    monkeypatch.setattr(owning, "release_dead", lambda **_: "nothing")
+    owning.begin("trial", ["snakemake", word])
+    assert bool(begun) != has_no_jobs
+
+
 def test_a_plain_snakemake_beside_a_run_is_told_to_wait_and_not_to_unlock(
     locked, capsys, monkeypatch
 ):
@@ -496,6 +522,100 @@ def test_a_request_to_end_is_passed_on_and_leaves_no_lock(at_work):
     at_work.wait(timeout=60)
     assert not any(LOCKS.glob("*"))
     assert owners() == {}
+
+
+# Asks itself to end, or not, in the moment in which it starts Snakemake.
+_ASKED_EARLY = """
+import os, signal, subprocess, sys
+from pathlib import Path
+from hopdata.commands.workflow import run_workflow
+popen = subprocess.Popen
+def asked_before(command, **options):
+    if sys.argv[1] == "asked":
+        os.kill(os.getpid(), signal.SIGTERM)
+    return popen([sys.executable, "-c", "import time; time.sleep(1)"], **options)
+subprocess.Popen = asked_before
+options = (Path("config.yaml"), "trial", "--cores", "1")
+sys.exit(abs(run_workflow(*options, snakefile=Path("Snakefile"))))
+"""
+
+
+@pytest.mark.parametrize(
+    ("asked", "code", "said"),
+    [("asked", int(signal.SIGTERM), "ended from outside (SIGTERM)"), ("not", 0, "")],
+)
+def test_a_request_to_end_reaches_a_snakemake_that_is_being_started(
+    tmp_path, asked, code, said
+):
+    (tmp_path / "Snakefile").write_text(RULES)
+    command = [sys.executable, "-c", _ASKED_EARLY, asked]
+    run = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == code, run.stderr
+    assert said in run.stderr
+    assert bool(said) == bool(run.stderr)
+
+
+def locks_of(persistence, folder):
+    """Return what two runs in a folder keep; each has locked a file of its own."""
+    runs = [persistence(path=folder) for _ in range(2)]
+    for run, file in zip(runs, "ab", strict=True):
+        run._write_locks("output", [file])
+    return runs
+
+
+def test_a_run_that_ends_leaves_the_locks_of_others(tmp_path):
+    """What is known of Snakemake here holds for the version that is installed."""
+    plain = pytest.importorskip("snakemake.persistence.file").FilePersistence
+
+    class Kept(plain):
+        pass
+
+    class Plain(plain):
+        pass
+
+    owning.keep_locks_of_others(Kept)
+    owning.keep_locks_of_others(Kept)  # as a workflow that includes another twice
+    first, second = locks_of(Kept, tmp_path / "kept")
+    first.unlock()
+    assert [*second._read_locks()] == [("output", "b")]
+    second.unlock()
+    assert [*second._read_locks()] == []
+    # Without this, the end of the first frees the files of the second, and a run that
+    # begins then cannot lock its own.
+    first, second = locks_of(Plain, tmp_path / "plain")
+    first.unlock()
+    assert [*second._read_locks()] == []
+    with pytest.raises(FileNotFoundError):
+        second._write_locks("output", ["b"])
+
+
+def test_locks_that_others_remove_meanwhile_stop_no_run(tmp_path):
+    plain = pytest.importorskip("snakemake.persistence.file").FilePersistence
+    removed = []
+
+    class Kept(plain):
+        def _read_locks(self):
+            for lock in super()._read_locks():
+                if not removed:  # that of the other run, which ends now
+                    removed.append(lock)
+                    for file in Path(self._lockdir).glob("1.*"):
+                        file.unlink()
+                yield lock
+
+    owning.keep_locks_of_others(Kept)
+    first, second = locks_of(Kept, tmp_path)
+    assert [*first._read_locks()] == [("output", "a")]
+    assert removed
+    for file in (tmp_path / "locks").iterdir():
+        file.unlink()
+    (tmp_path / "locks").rmdir()
+    second._write_locks("input", iter(["c"]))
+    assert [*first._read_locks()] == [("input", "c")]
+    # At a person's word all are removed.
+    first.cleanup_locks()
+    assert not (tmp_path / "locks").exists()
 
 
 # Starts a Snakemake, says its number, and lives on.

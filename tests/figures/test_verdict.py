@@ -64,6 +64,19 @@ def test_every_conclusion_is_drawn_without_overlap(conclusion, schedules):
     assert text_faults(figure) == []
 
 
+def test_landings_that_are_left_out_as_mistakes_are_told_with_their_number():
+    """Otherwise the page says that 1622 are used, and the figure tells of 1621."""
+    mistakes = {"outcome_far_off": [1522], "state_far_off": [3, 1522]}
+    figure = verdict_figure(verdict(gross_errors=mistakes), touchdowns())
+    assert " ".join(figure.get_supxlabel().split()) == (
+        "compared: 6 contact orders, 1,621 of 1,623 landings used "
+        "(left out: 2 like none of the others)"
+    )
+    assert text_faults(figure) == []
+    none = verdict_figure(verdict(gross_errors={}), touchdowns())
+    assert none.get_supxlabel() == "compared: 6 contact orders, 1,621 landings"
+
+
 def test_a_reason_is_not_broken_within_a_number():
     unknown = verdict("cannot tell", effect=None, sentence=12 * "at 95 % of ")
     lines = verdict_figure(unknown, touchdowns()).axes[0].texts[0].get_text()

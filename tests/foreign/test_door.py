@@ -242,6 +242,19 @@ def test_where_no_process_can_be_started_nothing_is_read(way, monkeypatch):
     assert caught.value.code == "foreign.start"
 
 
+def test_a_current_folder_that_is_gone_is_told(way, tmp_path, monkeypatch):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    assert call("echo", 1) == (1,)
+    gone.rmdir()
+    with pytest.raises(RecordingError, match="current folder has been") as caught:
+        call("echo", 1)
+    assert caught.value.code == "foreign.start"
+    monkeypatch.chdir(tmp_path)
+    assert call("echo", 1) == (1,)
+
+
 @pytest.mark.parametrize(
     ("program", "said"),
     [

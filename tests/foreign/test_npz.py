@@ -91,3 +91,16 @@ def test_a_missing_array_or_file_is_told(tmp_path):
         read(path, "x", "y")
     with pytest.raises(RecordingError, match="No such file"):
         read(tmp_path / "b.npz", "x")
+
+
+def test_a_lack_of_memory_is_no_fault_of_the_file(tmp_path, monkeypatch):
+    path = archive(tmp_path / "a.npz", x=stored(np.zeros(2)))
+
+    def lacks(*_, **__):
+        raise MemoryError
+
+    with monkeypatch.context() as without:
+        without.setattr(np.lib.format, "read_array", lacks)
+        with pytest.raises(MemoryError):
+            read(path, "x")
+    assert {*read(path, "x")} == {"x"}

@@ -96,7 +96,7 @@ def nested(levels):
         ("[" * DEEP, "too_deep"),
         ('{"a":' * DEEP, "too_deep"),
         (nested(texts.MOST_LEVELS + 1), "too_deep"),
-        (f"[{'1,' * texts.MOST_ENTRIES}1]", "too_many"),
+        (f"[{'1,' * texts.MOST_VALUES}1]", "too_many"),
         ("[NaN]", "not_json"),
         ("[-Infinity]", "not_json"),
         ("[1e999]", "not_json"),
@@ -118,3 +118,14 @@ def test_json_up_to_its_bounds_is_read(written):
     assert texts.json_of(written(f"[{number}]")) == [int(number)]
     # Brackets and commas within a text are none of JSON.
     assert texts.json_of(written(json.dumps("[," * DEEP))) == "[," * DEEP
+
+
+def test_json_with_too_many_values_says_how_many_there_are(written):
+    """A list has one value more than commas, and is a value itself."""
+    most = texts.MOST_VALUES
+    assert len(texts.json_of(written(f"[{'1,' * (most - 2)}1]"))) == most - 1
+    for n_more, found in ((1, f"{most + 1:,}"), (most + 9, f"more than {2 * most:,}")):
+        with pytest.raises(ConfigError) as caught:
+            texts.json_of(written(f"[{'1,' * (most - 2 + n_more)}1]"))
+        told = f"expected at most {most:,} values, found {found}"
+        assert str(caught.value).endswith(told)

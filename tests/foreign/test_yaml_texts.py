@@ -103,6 +103,29 @@ def test_what_is_just_within_the_bounds_is_loaded():
     assert loaded("a: 0.1234567890123456789012345678901234567890", "f")
 
 
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        # The mapping, and a key and a value for each entry.
+        ("".join(f"a{i}: 1\n" for i in range(MOST_ENTRIES // 2)), "100,001"),
+        (f"[{'a,' * (MOST_ENTRIES + 5)}]", "100,006"),
+        (f"[{'a,' * (3 * MOST_ENTRIES)}]", "more than 200,000"),
+    ],
+)
+def test_too_many_entries_are_told_by_their_number_without_aliases(text, found):
+    with pytest.raises(ConfigError) as caught:
+        loaded(text, "f")
+    told = f"f: expected at most 100,000 keys and values, found {found}"
+    assert str(caught.value) == told
+    just_fewer = "".join(f"a{i}: 1\n" for i in range(MOST_ENTRIES // 2 - 1))
+    assert len(loaded(just_fewer, "f")) == MOST_ENTRIES // 2 - 1
+
+
+def test_aliases_are_told_of_where_it_is_they_that_make_it_large():
+    with pytest.raises(ConfigError, match=r"100,000 keys and values.*aliases"):
+        loaded(chain("[{}]", 8), "f")
+
+
 def test_a_list_within_itself_is_left_to_the_caller():
     found = loaded("a: &a [*a]", "f")
     assert found["a"][0] is found["a"]

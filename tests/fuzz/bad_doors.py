@@ -95,6 +95,10 @@ def _breaks(path):
     raise _ColourfulError(f"{path}: one\ntwo")
 
 
+def _talks(path):
+    raise _ColourfulError(f"{path}: {'on ' * 1000}")
+
+
 def _names_none(_):
     raise ConfigError("something is wrong")
 
@@ -146,6 +150,7 @@ DOORS = {
     "colours_its_error": _door(_colours),
     "prints_escapes": _door(_prints),
     "breaks_its_error": _door(_breaks),
+    "talks_on_and_on": _door(_talks),
     "names_no_file": _door(_names_none),
     "writes_outside": _door(_writes),
     "starts_a_program": _door(_starts),

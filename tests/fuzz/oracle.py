@@ -8,7 +8,8 @@ An input passes if its door returns a result that fits together, or raises a
 - `memory`: more than ten times its size and more than `LEAST_MEMORY`, of the process
   and of those that it starts;
 - `end`: the process ended;
-- `message`: an error of more than one line, with escape codes, or without the file;
+- `message`: an error of more than one line, of a very long one, with escape codes, or
+  without the file;
 - `outside`: a file written, a program started or a connection opened elsewhere;
 - `result`: a result that cannot be, for example a time that is not finite.
 """
@@ -43,6 +44,8 @@ WALL_PER_CPU = 12
 LEAST_WALL_S = 90.0
 # Address space is more than memory: libraries reserve what they never touch.
 SPARE_ADDRESSES = 1 << 30
+# Characters of a line that can be read: some thirty lines of a terminal.
+LONGEST_LINE = 2500
 LENGTH = struct.Struct("<Q")
 # Unit of the largest memory that a system tells, bytes.
 MAXRSS = 1 if sys.platform == "darwin" else 1024
@@ -289,6 +292,9 @@ def _of_message(error, names):
         return Verdict("traceback", text[:300], _without_numbers(text))
     if len(text.splitlines()) > max(1, len(lines)):
         return Verdict("message", f"more lines than mistakes: {text!r}"[:300])
+    longest = max(map(len, text.splitlines()), default=0)
+    if longest > LONGEST_LINE:
+        return Verdict("message", f"{longest} characters: {text!r}"[:300], "long")
     if names and not any(name in text for name in names):
         return Verdict("message", f"no file named: {text!r}"[:300], "no file")
     return Verdict(told=text[:300], refused=True)

@@ -50,6 +50,7 @@ def test_what_takes_too_long_is_seen(hurried, door, words):
         ("colours_its_error", "message", ""),
         ("prints_escapes", "message", "\\x1b"),
         ("breaks_its_error", "message", "more lines"),
+        ("talks_on_and_on", "message", "characters"),
         ("names_no_file", "message", "no file named"),
         ("writes_outside", "outside", "written.txt"),
         ("starts_a_program", "outside", "subprocess"),

@@ -374,6 +374,24 @@ def test_a_name_that_markers_share_is_told_with_their_new_names(tmp_path):
     assert "'toe' twice" not in str(caught.value)
 
 
+def test_names_that_are_shared_are_told_in_one_remark_and_asked_for_alone(tmp_path):
+    names = ("hip", "toe", "hip", "toe", "heel")
+    path = write(tmp_path, qtm_text(names=names))
+    (told,) = read_raw(path).remarks
+    assert str(told).endswith(
+        "found 'hip', 'toe' twice or more; they are called 'hip 1', 'hip 2', 'toe 1', "
+        "'toe 2'"
+    )
+    with pytest.raises(RecordingError) as caught:
+        imported(path, {"body": [], "feet": ["toe"]})
+    assert "found 'toe' twice or more; they are called 'toe 1', 'toe 2'" in str(
+        caught.value
+    )
+    assert "hip" not in str(caught.value).partition("line 10")[2]
+    path = write(tmp_path, qtm_text(names=("hip left", "toe", "back", "t", "heel")))
+    assert read_raw(path).remarks == ()
+
+
 def test_a_damaged_hdf5_file_is_told(tmp_path):
     path = write(tmp_path, qtm_text(), "trial.h5")
     with pytest.raises(RecordingError, match=r"trial.h5: .*HDF5"):

@@ -2,8 +2,9 @@
 
 Each line on stdin is a run: its folder, environment, arguments, and files for stdout
 and stderr. It is executed by a fork of this process, which has imported Snakemake but
-nothing of hopdata; its exit code is written as a line to stdout. A script that it runs
-is a fork in turn, which saves another half second each.
+nothing of hopdata; its exit code is written as a line to stdout. Its jobs begin as for a
+user, as forks of a server (`hopdata.forks`), which here has imported the libraries too:
+saves another half second a job.
 """
 
 import gc
@@ -11,16 +12,15 @@ import json
 import os
 import runpy
 import signal
+import socket
 import subprocess
 import sys
-import traceback
+import time
 from importlib import import_module
 
 import PIL.Image
 from numba.core.registry import cpu_target
-from snakemake.benchmark import benchmarked
 from snakemake.cli import get_argument_parser
-from snakemake.script import PythonScript
 
 # Imports of Snakemake, its rules and the scripts at run time.
 LIBRARIES = (
@@ -52,33 +52,51 @@ def serve():
     return sys.exit()
 
 
-def execute_script(script, file, edit=False):
-    """Run a job's script with the preamble that Snakemake writes, and end as it ends."""
-    if not (job := os.fork()):
-        os._exit(_code_of(file))
-    with benchmarked(job, script.bench_record):
-        code = os.waitstatus_to_exitcode(os.waitpid(job, 0)[1])
-    if code:
-        raise subprocess.CalledProcessError(code, file)
+class Fork:
+    """A fork of this process, with what is asked of a `subprocess.Popen`."""
+
+    def __init__(self, pid):
+        self.pid = pid
+        self.returncode = None
+
+    def poll(self):
+        if self.returncode is None:
+            ended, status = os.waitpid(self.pid, os.WNOHANG)
+            if ended:
+                self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+    def wait(self, timeout):
+        until = time.monotonic() + timeout
+        while self.poll() is None:
+            if time.monotonic() > until:
+                raise subprocess.TimeoutExpired("a fork", timeout)
+            time.sleep(0.005)
+        return self.returncode
 
 
-def _code_of(file):
-    # A thread that does not exist in this fork may have held the locks of the old
-    # streams.
-    sys.stdout, sys.stderr = (
-        os.fdopen(number, "w", closefd=False) for number in (1, 2)
-    )
-    try:
-        runpy.run_path(file, run_name="__main__")
-    except SystemExit as end:
-        return end.code or 0
-    except BaseException:
-        traceback.print_exc()
-        return 1
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    return 0
+def give_a_warm_server(forks):
+    """Make the first server of the run's jobs now: a fork with the libraries.
+
+    Snakemake has threads once it runs, which no fork should have. If the run wants
+    another server, as the first was killed, it starts that as for a user.
+    """
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    pid = os.fork()
+    if not pid:
+        ours.close()
+        os.environ.update(forks.ONE_THREAD, PYTHONSAFEPATH="1")
+        sys.path.remove(folder)
+        forks.be_server(theirs.detach())
+        os._exit(0)
+    theirs.close()
+    warm = [(ours, Fork(pid))]
+    new_server = forks.new_server
+
+    def warm_server():
+        return warm.pop() if warm else new_server()
+
+    forks.new_server = warm_server
 
 
 get_argument_parser()  # also imports the plugins
@@ -89,7 +107,6 @@ cpu_target.typing_context.refresh()
 cpu_target.target_context.refresh()
 PIL.Image.init()
 gc.freeze()  # no fork searches, and thereby copies, all these modules for garbage
-PythonScript.execute_script = execute_script
 folder, environment, arguments, files = serve()
 signal.alarm(TIMEOUT_S)
 for number, file in enumerate([os.devnull, *files]):
@@ -98,5 +115,6 @@ os.chdir(folder)
 os.environ.clear()
 os.environ.update(environment)
 sys.path[:1] = [folder, environment["PYTHONPATH"]]
+give_a_warm_server(import_module("hopdata.forks"))
 sys.argv = ["", *arguments]
 runpy.run_module("snakemake", run_name="__main__", alter_sys=True)

@@ -20,6 +20,12 @@ from hopdata.forks import Server, may_fork
 
 OOM_BEFORE = oom_kills()
 
+# Before this class was there, Snakemake removed its own locks alone.
+with suppress(ImportError):
+    from snakemake.persistence.file import FilePersistence
+
+    owner.keep_locks_of_others(FilePersistence)
+
 SERVER = Server()
 atexit.register(SERVER.end)
 

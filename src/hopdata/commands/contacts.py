@@ -26,6 +26,21 @@ YAML = (".yaml", ".yml")
 # Landings that are listed on a terminal.
 MOST_LISTED = 30
 
+# Columns of the list, and those where a single foot landed each time, so that nothing
+# has an order, and no contact is later than the first.
+SEVERAL_FEET: dict[str, terminal.Side] = {
+    "landing": "right",
+    "first contact (s)": "right",
+    "contacts (ms after it, ± standard error)": "left",
+    "order": "left",
+    "probability": "right",
+}
+ONE_FOOT: dict[str, terminal.Side] = {
+    "landing": "right",
+    "contact (s)": "right",
+    "foot (± standard error, ms)": "left",
+}
+
 # Formats of events, with the ending of the file.
 FORMATS = {
     "c3d": "_contacts.c3d",
@@ -322,29 +337,29 @@ def name_apart(trials: list[Trial]) -> None:
 
 def show(found: ContactTimes, notes: Sequence[str]) -> None:
     """Print the contacts of each landing, and what to know about them."""
+    from hopdata.landings.contacts.remarks import one_for_all_feet
+
     print(found.told())
     several = found.orders["recording"].nunique() > 1
+    has_orders = bool((found.orders["feet"] > 1).any())
     by_landing = dict(list(found.table.groupby(["recording", "landing"], sort=False)))
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for order in found.orders.head(MOST_LISTED).to_dict("records"):
         own = by_landing[order["recording"], order["landing"]]
         name = f"{order['landing']}"
         if several:
             name = f"{order['recording']} {name}"
-        rows.append((name, *_cells(order, own)))
+        if has_orders:
+            rows.append((name, *_cells(order, own)))
+        else:
+            rows.append((name, *_cells_of_one(own)))
     if rows:
-        columns: dict[str, terminal.Side] = {
-            "landing": "right",
-            "first contact (s)": "right",
-            "contacts (ms after it, ± standard error)": "left",
-            "order": "left",
-            "probability": "right",
-        }
+        columns = SEVERAL_FEET if has_orders else ONE_FOOT
         terminal.print_table(columns, rows, plain=_plain([tuple(columns), *rows]))
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
-    for note in [*notes, *map(str, found.remarks)]:
+    for note in [*notes, *map(str, one_for_all_feet(found.remarks))]:
         print(f"note: {note}")
 
 
@@ -368,6 +383,21 @@ def _cells(order: Any, own: pd.DataFrame) -> tuple[str, str, str, str]:
         if not order["sure"]:
             probability += " unsure"
     return f"{first_s:.4f}", ", ".join(told), order["order"], probability
+
+
+def _cells_of_one(own: pd.DataFrame) -> tuple[str, str]:
+    """Return contact and foot of a landing in which at most one foot is timed."""
+    first_s = own["contact_s"].min()
+    shown = f"{first_s:.4f}" if np.isfinite(first_s) else ""
+    told = []
+    for contact in own.to_dict("records"):
+        text = f"{contact['foot']} ?"
+        if np.isfinite(contact["contact_s"]):
+            text = f"{contact['foot']} ± {1e3 * contact['se_s']:.1f}"
+        if contact["remark"]:
+            text += f" ({contact['remark']})"
+        told.append(text)
+    return shown, ", ".join(told)
 
 
 def _plain(rows: Sequence[Sequence[str]]) -> str:

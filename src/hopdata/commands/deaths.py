@@ -8,7 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from signal import valid_signals
 
-from hopdata.causes import MISSING, READ_ONLY, cause_in, signal_told
+from hopdata.causes import (
+    MISSING,
+    NO_PROCESS,
+    OPEN_FILES,
+    READ_ONLY,
+    NoForkError,
+    OomKills,
+    ServerEndedError,
+    cause_in,
+    killed_told,
+    signal_told,
+)
 
 _FAILED = re.compile(r"Error in rule (\w+):")
 _EXCEPTION = "RuleException"
@@ -108,7 +119,7 @@ def _failures(text: str) -> Iterator[_Failure]:
         last = place.end()
 
 
-def why(said: Sequence[str], *, oom_before: int | None) -> str:
+def why(said: Sequence[str], *, oom_before: OomKills | None) -> str:
     """Say in one line why a run failed, and what to change; empty if not known.
 
     Parameters
@@ -140,7 +151,7 @@ def why(said: Sequence[str], *, oom_before: int | None) -> str:
     return ""
 
 
-def tell(logs: Iterable[str | Path], *, oom_before: int | None) -> None:
+def tell(logs: Iterable[str | Path], *, oom_before: OomKills | None) -> None:
     """Print the line that says why a run failed, from what Snakemake has logged.
 
     Nothing is printed if the reason is not known. `oom_before` is that of `why`.
@@ -153,7 +164,7 @@ def tell(logs: Iterable[str | Path], *, oom_before: int | None) -> None:
         print(f"hopdata: error: {reason}", file=sys.stderr)
 
 
-def _of_jobs(failures: Sequence[_Failure], oom_before: int | None) -> str:
+def _of_jobs(failures: Sequence[_Failure], oom_before: OomKills | None) -> str:
     """Say why jobs failed: by their own words, by a signal, or by what was printed."""
     for failure in failures:
         if failure.said:
@@ -163,9 +174,21 @@ def _of_jobs(failures: Sequence[_Failure], oom_before: int | None) -> str:
             told = signal_told(failure.signal, oom_before=oom_before)
             return f"{failure.name}: {told}"
     for failure in failures:
-        cause = cause_in(failure.text)
+        cause = _of_server(failure, oom_before) or cause_in(failure.text)
         if cause:
             return f"{failure.name}: {cause}"
+    return ""
+
+
+def _of_server(failure: _Failure, oom_before: OomKills | None) -> str:
+    """Say why a job could not begin as a fork; empty if it could."""
+    if NoForkError.__name__ in failure.text:
+        # The system says the same for want of memory and of processes.
+        cause = cause_in(failure.text)
+        return OPEN_FILES if cause == OPEN_FILES else NO_PROCESS
+    if ServerEndedError.__name__ in failure.text:
+        told = killed_told(oom_before)
+        return f"the process that starts the jobs has ended; probably {told}"
     return ""
 
 

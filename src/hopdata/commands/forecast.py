@@ -19,7 +19,7 @@ from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError, with_names
 from hopdata.landings import exclusion
-from hopdata.landings.contacts.remarks import contact_remarks
+from hopdata.landings.contacts.remarks import contact_remarks, one_for_all_feet
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
@@ -237,7 +237,7 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
             best=best,
         )
     remarks = contact_remarks(study.recordings, [*study.contacts.values()])
-    told = tuple(str(remark) for remark in remarks)
+    told = tuple(str(remark) for remark in one_for_all_feet(remarks))
     verdict = study.verdict
     if verdict.effect is None:
         note = verdict.notes[-1]

@@ -38,13 +38,14 @@ def inspected(options: argparse.Namespace) -> Inspection:
             raw = read_raw(options.file, rate_hz=_ANY_RATE_HZ)
             raise _with_likely_rate(error, raw) from None
         _require_likely_unit(options, raw)
-        return inspect_recording(
+        inspection = inspect_recording(
             raw,
             unit=options.unit,
             up=options.vertical_axis,
             rate_hz=options.rate,
             progress=progress,
         )
+    return replace(inspection, place=f"{options.file}")
 
 
 def _with_likely_rate(error: RateUnknownError, raw: RawRecording) -> RecordingError:
@@ -80,7 +81,8 @@ def _require_likely_unit(options: argparse.Namespace, raw: RawRecording) -> None
 def with_effects(inspection: Inspection, roles: Roles | None = None) -> Inspection:
     """Add what processing and soft tissue do to contacts and states of guessed roles.
 
-    Nothing is added if there are no such signs, or roles could not be guessed.
+    Nothing is added if there are no such signs, if roles could not be guessed, or if
+    the frames have no order in time, of which the inspection tells.
 
     Parameters
     ----------
@@ -91,10 +93,13 @@ def with_effects(inspection: Inspection, roles: Roles | None = None) -> Inspecti
     """
     from hopdata.landings.effects import Methods, effects
 
-    roles = roles or guessed_roles(inspection)
-    if roles.problems:
+    try:
+        roles = roles or guessed_roles(inspection)
+        if roles.problems:
+            return inspection
+        recording = inspection.recording(roles.feet, roles.body)
+    except RecordingError:
         return inspection
     joined = [{"name": name, "markers": own} for name, own in roles.joined.items()]
-    recording = inspection.recording(roles.feet, roles.body)
     found = effects(recording, Methods(feet=joined))
     return replace(inspection, treated=(*inspection.treated, *found))

@@ -14,7 +14,7 @@ from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.commands import devices, listing, terminal
 from hopdata.commands.guesses import inspected, with_effects
-from hopdata.errors import counted
+from hopdata.errors import HopdataError, counted
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.report.formatting import NOTES, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
@@ -24,7 +24,22 @@ if TYPE_CHECKING:
 
 
 def inspect(options: argparse.Namespace) -> int:
-    """Show what is in a file; exit code 1 if anything looks wrong."""
+    """Show what is in a file, or in brief in each; exit code 1 if anything looks wrong.
+
+    Raises
+    ------
+    HopdataError
+        If a page of several files is asked for.
+    """
+    if options.brief or options.more:
+        from hopdata.commands.brief import inspect_briefly
+
+        if options.html is not None:
+            found = f"{1 + len(options.more)} files"
+            if not options.more:
+                found = "--brief"
+            raise HopdataError.at("--html", "one file and no --brief", found)
+        return inspect_briefly([options.file, *options.more], options)
     inspection = with_effects(inspected(options))
     beside = _beside_markers(options, inspection)
     listing.show(inspection, str(options.file), devices.lines_of(beside))

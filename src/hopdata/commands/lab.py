@@ -149,9 +149,10 @@ def _inspected(
     raw = replace(raw, markers=tuple(common), positions=raw.positions[:, order])
     if raw.roles:
         raw = replace(raw, roles=tuple(raw.roles[m] for m in order))
-    return inspect_recording(
+    inspection = inspect_recording(
         raw, unit=options.unit, up=options.vertical_axis, rate_hz=options.rate
     )
+    return replace(inspection, place=f"{trial.file}")
 
 
 def _sorted_out(

@@ -20,13 +20,15 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hopdata.foreign.limits import end_with
+
+_Result = TypeVar("_Result")
 
 LOCKS = Path(".snakemake/locks")
 RECORDS = Path(".snakemake/hopdata")
@@ -69,6 +71,9 @@ _NO_JOBS = DRY | {
 }
 #: Snakemake's short options without a value, after which another may follow: ``-np``.
 _WITHOUT_VALUE = "DFSafhklnptv"
+#: How often locks are read, or written, that others remove meanwhile. Each further time
+#: takes another run that ends in the same instant.
+_TRIES = 20
 
 
 @dataclass(frozen=True)
@@ -232,11 +237,15 @@ def _named_by(record: Path) -> Owner | None:
 def options_of(words: Iterable[str]) -> set[str]:
     """Return the options on Snakemake's command line: ``-np`` is ``-n`` and ``-p``.
 
-    Values and targets among the words are returned as they are.
+    Values and targets among the words are returned as they are. An abbreviation, such
+    as ``--dry``, also gives the options without jobs that it may stand for: Snakemake
+    refuses one that may stand for others as well.
     """
     found = set()
     for word in words:
         found.add(word)
+        if word.startswith("--"):
+            found |= _abbreviated(word)
         if not word.startswith("-") or word.startswith("--"):
             continue
         for letter in word[1:]:
@@ -244,6 +253,14 @@ def options_of(words: Iterable[str]) -> set[str]:
             if letter not in _WITHOUT_VALUE:
                 break  # what follows is its value
     return found
+
+
+def _abbreviated(word: str) -> set[str]:
+    """Return the long options without jobs that a word begins."""
+    beginning = word.partition("=")[0]
+    if beginning == "--":
+        return set()
+    return {option for option in _NO_JOBS if option.startswith(beginning)}
 
 
 #: What this process holds while it begins: the open file that it has locked.
@@ -372,6 +389,55 @@ def _locked(words: list[str], own: Path) -> str:
 
 
 # The lock.
+
+
+def keep_locks_of_others(persistence: Any) -> None:
+    """Have Snakemake remove its own locks at its end, and no others.
+
+    Snakemake 9.27 removes the folder of all locks; 9.14 does not. Another run that
+    locks its files in that moment ends in a traceback, or is at work without a lock.
+
+    Parameters
+    ----------
+    persistence : type
+        Snakemake's class of what it keeps in files; it is changed. Its ``--unlock``
+        still removes all locks.
+    """
+    remove_all = persistence._delete_locks
+    if remove_all.__module__ == __name__:  # a Snakefile may be included twice
+        return
+    read = persistence._read_locks
+    write = persistence._write_locks
+
+    def remove_own(self: Any) -> None:
+        for lock in self._lockfile.values():
+            Path(lock).unlink(missing_ok=True)
+        self._lockfile.clear()
+
+    def read_those_that_stay(self: Any) -> list[tuple[str, str]]:
+        return _unless_removed(lambda: [*read(self)])
+
+    def write_again(self: Any, kind: str, files: Iterable[str]) -> None:
+        listed = [*files]
+
+        def once() -> None:
+            os.makedirs(self._lockdir, exist_ok=True)
+            write(self, kind, listed)
+
+        _unless_removed(once)
+
+    persistence._delete_locks = remove_own
+    persistence.cleanup_locks = remove_all
+    persistence._read_locks = read_those_that_stay
+    persistence._write_locks = write_again
+
+
+def _unless_removed(do: Callable[[], _Result]) -> _Result:
+    """Do something with locks, again if a run that ends removes them meanwhile."""
+    for _ in range(_TRIES - 1):
+        with suppress(FileNotFoundError):
+            return do()
+    return do()
 
 
 def is_locked() -> bool:

@@ -15,7 +15,7 @@ from statistics import fmean
 from typing import Any
 
 from hopdata.bundled import SNAKEFILE
-from hopdata.causes import oom_kills, signal_told
+from hopdata.causes import OomKills, oom_kills, signal_told
 from hopdata.commands import deaths
 from hopdata.commands.owner import (
     DRY,
@@ -78,22 +78,14 @@ def run_workflow(
     listed = "--dry-run" in options
     given_cores = options[options.index("--cores") + 1]
     cores = int(given_cores) if given_cores.isdigit() else os.cpu_count() or 1
-    process = subprocess.Popen(
-        _command(config, snakefile, options, listed=listed),
-        stdout=subprocess.PIPE if listed else None,
-        stderr=subprocess.PIPE,
-        # Python would look for modules in the working folder first, for Snakemake and
-        # for its jobs. That is a study's folder, into which anyone may have put files.
-        env=os.environ | {"PYTHONSAFEPATH": "1", STARTED_BY_HOPDATA: str(os.getpid())},
-        encoding="utf-8",
-        errors="replace",
-    )
+    command = _command(config, snakefile, options, listed=listed)
     with (
-        process as snakemake,
+        _passed_on() as requests,
+        _started(command, listed=listed) as snakemake,
         recorded(study, snakemake.pid),
-        _passed_on(snakemake),
         progress_bar(study) as show,
     ):
+        requests.pass_to(snakemake)
         progress = Progress(show, cores)
         try:
             for line in snakemake.stderr or ():
@@ -122,20 +114,56 @@ def run_workflow(
     return code
 
 
+def _started(command: Sequence[str], *, listed: bool) -> subprocess.Popen[str]:
+    """Start Snakemake; its table is kept from the terminal if it is to be read."""
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE if listed else None,
+        stderr=subprocess.PIPE,
+        # Python would look for modules in the working folder first, for Snakemake and
+        # for its jobs. That is a study's folder, into which anyone may have put files.
+        env=os.environ | {"PYTHONSAFEPATH": "1", STARTED_BY_HOPDATA: str(os.getpid())},
+        encoding="utf-8",
+        errors="replace",
+    )
+
+
+class _Requests:
+    """Requests to end, which go to Snakemake as soon as it has been started."""
+
+    def __init__(self) -> None:
+        self._early: list[int] = []
+        self._snakemake: subprocess.Popen[str] | None = None
+
+    def take(self, number: int, _: object) -> None:
+        """Pass a signal on, or keep it until there is somebody to pass it to."""
+        if self._snakemake is None:
+            self._early.append(number)
+        else:
+            self._snakemake.send_signal(number)
+
+    def pass_to(self, snakemake: subprocess.Popen[str]) -> None:
+        """Pass on what has come, and what will come."""
+        self._snakemake = snakemake
+        for number in self._early:
+            snakemake.send_signal(number)
+
+
 @contextmanager
-def _passed_on(snakemake: subprocess.Popen[str]) -> Iterator[None]:
-    """Pass a request to end on to Snakemake, which ends its jobs and its lock."""
+def _passed_on() -> Iterator[_Requests]:
+    """Pass a request to end on to Snakemake, which ends its jobs and its lock.
 
-    def pass_on(number: int, _: object) -> None:
-        snakemake.send_signal(number)
-
+    It begins before Snakemake is started: else one that came in between would end
+    hopdata alone.
+    """
+    requests = _Requests()
     try:
-        before = signal.signal(signal.SIGTERM, pass_on)
+        before = signal.signal(signal.SIGTERM, requests.take)
     except ValueError:  # only the main thread gets signals
-        yield
+        yield requests
         return
     try:
-        yield
+        yield requests
     finally:
         signal.signal(signal.SIGTERM, before)
 
@@ -245,7 +273,7 @@ def _in_words(seconds: float) -> str:
     return f"{seconds / 60:.0f} min"
 
 
-def _report_failure(said: Sequence[str], log: Path, oom_before: int | None) -> None:
+def _report_failure(said: Sequence[str], log: Path, oom_before: OomKills) -> None:
     """Say why Snakemake failed, and where all that it said is kept."""
     if _is_refused(said):
         found = f"expected files that are not locked, found: {who_is_at_work()}"

@@ -289,12 +289,23 @@ def _percent(share: float) -> str:
     return f"{float(f'{100 * share:.2g}'):g}{PER_CENT}"
 
 
+def _landings(verdict: Mapping[str, Any]) -> str:
+    """Say of how many landings the verdict is; the page tells of all that are used."""
+    n_landings = verdict["n_landings"]
+    left_out: set[int] = set().union(*verdict.get("gross_errors", {}).values())
+    if not left_out:
+        return f"{n_landings:,} landings"
+    n_used = n_landings + len(left_out)
+    said = f"{n_landings:,} of {n_used:,} landings used"
+    return f"{said} (left out: {len(left_out)} like none of the others)"
+
+
 def _beside_the_size(verdict: Mapping[str, Any]) -> str:
     """Return what the plot does not show, in short lines of one fact each.
 
     The whole sentence stands on the page, and in ``verdict.json``.
     """
-    lines = [f"compared: {verdict['compared']}, {verdict['n_landings']:,} landings"]
+    lines = [f"compared: {verdict['compared']}, {_landings(verdict)}"]
     foretold = verdict.get("foretold")
     if foretold is not None:
         lines[0] += f"; {100 * foretold:.1f}{PER_CENT} of their contact order foretold"

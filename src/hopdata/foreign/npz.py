@@ -47,6 +47,8 @@ def arrays_of(
 
     Raises
     ------
+    MemoryError
+        If this computer lacks the memory, which says nothing about the file.
     HopdataError
         Of class `error`, if the file cannot be read or an array is missing, too large,
         or holds other things than numbers.
@@ -55,6 +57,8 @@ def arrays_of(
     try:
         with zipfile.ZipFile(BytesIO(content)) as archive:
             return {name: _array(archive, name, most) for name in names}
+    except MemoryError:
+        raise
     except Exception as fault:  # a damaged archive makes the library raise anything
         found = str(fault) or type(fault).__name__
         values = {"place": f"{path}", "wanted": wanted, "found": found}

@@ -29,15 +29,18 @@ MOST_BYTES = 16_000_000
 #: Unit: 1. Origin: chosen. A configuration has six.
 MOST_LEVELS = 50
 
-#: Entries of a text: keys, values and items of lists.
+#: Values of a text in JSON: lists and mappings, and all that is in them.
 #: Unit: 1. Origin: chosen. A parser takes about 1 kB for each.
-MOST_ENTRIES = 500_000
+MOST_VALUES = 500_000
 
 #: Longest number that is read: the digits of a float64, its point and its exponent,
 #: with room for zeros. More digits mean nothing, and take time that grows as their
 #: square.
 #: Unit: characters. Origin: chosen.
 LONGEST_NUMBER = 400
+
+# Counting ends here, as a multiple of what is allowed; beyond, "more than" is told.
+COUNTED_UP_TO = 2
 
 _KINDS = {
     stat.S_ISDIR: "a folder",
@@ -182,7 +185,7 @@ def json_of(
     ------
     HopdataError
         Of class `error`, also if it is no JSON, has more than `MOST_LEVELS` or
-        `MOST_ENTRIES`, a number that is not finite, or one with more than
+        `MOST_VALUES`, a number that is not finite, or one with more than
         `LONGEST_NUMBER` characters.
     """
     text = text_of(path, wanted=wanted, most=most, error=error)
@@ -198,12 +201,14 @@ def parsed_json(
 ) -> Any:
     """Return the content of a text of JSON from elsewhere; see `json_of`."""
     told = {"place": f"{place}", "wanted": wanted}
-    n_entries = 0
-    for n_levels, n_entries in _counted(text):
+    n_values = 0
+    for n_levels, n_values in _counted(text):
         if n_levels > MOST_LEVELS:
             raise error(Message("foreign.too_deep", told | {"most": MOST_LEVELS}))
-        if n_entries > MOST_ENTRIES:
-            raise error(Message("foreign.too_many", told | {"most": MOST_ENTRIES}))
+        if n_values > COUNTED_UP_TO * MOST_VALUES:
+            break
+    if n_values > MOST_VALUES:
+        raise error(too_many(place, "values", n_values, MOST_VALUES))
     try:
         return json.loads(
             text,
@@ -216,26 +221,49 @@ def parsed_json(
         raise error(Message("foreign.not_json", told | found)) from None
 
 
+def too_many(place: object, what: str, found: int, most: int) -> Message:
+    """Return the message about a text with more than is read.
+
+    Parameters
+    ----------
+    place : object
+    what : str
+        What was counted.
+    found : int
+        How many there are; not all if more than `COUNTED_UP_TO` times `most`.
+    most : int
+        How many there may be.
+    """
+    counted = f"{found:,}"
+    if found > COUNTED_UP_TO * most:
+        counted = f"more than {COUNTED_UP_TO * most:,}"
+    values = {"place": f"{place}", "what": what, "most": most, "found": counted}
+    return Message("foreign.too_many", values)
+
+
 # A text that is never closed reaches to the end, so that none is looked at twice.
 _MARKS = re.compile(r'"(?:[^"\\]|\\.)*+"?|[\[{]|[\]}]|,', re.DOTALL)
 
 
 def _counted(text: str) -> Iterator[tuple[int, int]]:
-    """Yield levels and entries at each bracket and comma outside of texts."""
+    """Yield levels and values at each bracket and comma outside of texts.
+
+    A list or mapping has one value more than commas; an empty one counts as two.
+    """
     n_levels = 0
-    n_entries = 1
+    n_values = 1
     for found in _MARKS.finditer(text):
         mark = found[0]
         if mark in "[{":
             n_levels += 1
-            n_entries += 1
+            n_values += 1
         elif mark in "]}":
             n_levels -= 1
         elif mark == ",":
-            n_entries += 1
+            n_values += 1
         else:
             continue
-        yield n_levels, n_entries
+        yield n_levels, n_values
 
 
 def _whole(text: str) -> int:

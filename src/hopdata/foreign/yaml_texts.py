@@ -20,12 +20,17 @@ from typing import Any
 import yaml
 
 from hopdata.errors import ConfigError
-from hopdata.foreign.texts import LONGEST_NUMBER, MOST_LEVELS
+from hopdata.foreign.texts import (
+    COUNTED_UP_TO,
+    LONGEST_NUMBER,
+    MOST_LEVELS,
+    too_many,
+)
 from hopdata.messages import Message
 
-#: Entries beyond which a text is refused, also once each alias stands for what it
-#: repeats.
-#: Unit: entries. Origin: chosen.
+#: Entries of a text, also once each alias stands for what it repeats: keys and values,
+#: with lists and mappings among the values.
+#: Unit: 1. Origin: chosen.
 MOST_ENTRIES = 100_000
 
 # Lines that begin with %, of which a text may have `%YAML` and a `%TAG` or two. The
@@ -124,26 +129,26 @@ def _require_few_events(text: str, place: object) -> None:
     if len(_DIRECTIVE.findall(text)) > _MOST_DIRECTIVES:
         raise ConfigError(Message("foreign.too_many_directives", {"place": f"{place}"}))
     n_levels = 0
-    for n_events, event in enumerate(yaml.parse(text, Loader=StrictLoader)):
+    n_entries = 0
+    for event in yaml.parse(text, Loader=StrictLoader):
+        if isinstance(event, yaml.NodeEvent):
+            n_entries += 1
+        if n_entries > COUNTED_UP_TO * MOST_ENTRIES:
+            break
         if isinstance(event, yaml.CollectionStartEvent):
             n_levels += 1
             if n_levels > MOST_LEVELS:
                 raise _too_deep(place)
         elif isinstance(event, yaml.CollectionEndEvent):
             n_levels -= 1
-        # Each collection has an end, which is no entry.
-        if n_events > 2 * MOST_ENTRIES:
-            raise _too_many(place)
+    if n_entries > MOST_ENTRIES:
+        told = too_many(place, "keys and values", n_entries, MOST_ENTRIES)
+        raise ConfigError(told)
 
 
 def _too_deep(place: object) -> ConfigError:
     values = {"place": f"{place}", "most": MOST_LEVELS}
     return ConfigError(Message("foreign.too_deep", values))
-
-
-def _too_many(place: object) -> ConfigError:
-    values = {"place": f"{place}", "most": MOST_ENTRIES}
-    return ConfigError(Message("foreign.too_many", values))
 
 
 def _require_moderate(root: yaml.Node, place: object) -> None:

@@ -13,6 +13,7 @@ from hopdata.hybrid.compiled.callbacks import (
     together,
 )
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
+from hopdata.hybrid.ivp import OdeResult, solve_ivp
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
@@ -21,6 +22,7 @@ __all__ = [
     "BatchSolution",
     "Callback",
     "EventLog",
+    "OdeResult",
     "SlowCallbackWarning",
     "Solution",
     "System",
@@ -33,5 +35,6 @@ __all__ = [
     "rate_bound",
     "solve",
     "solve_batch",
+    "solve_ivp",
     "together",
 ]

@@ -24,6 +24,7 @@ from hopdata.hybrid.driver.loop import (
     Starts,
     many_entry,
 )
+from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
 
@@ -255,6 +256,8 @@ class _Batch:
             work.begin(methods, times, self.jacobian)
             work.make_params_room(self.numbers.shape[1] - self.system.n_memory)
             work.set_tolerance(self.atol)
+            if methods.unchecked:
+                self._check_pattern(methods, first)
             work.block[at.PATIENCE] = np.iinfo(np.int64).max // 2  # it never pauses
             starts = Starts(self.states, self.numbers, self.modes)
             results = Results(*self.output.arrays)
@@ -274,6 +277,16 @@ class _Batch:
             work.block[at.PATIENCE] = FIRST_PATIENCE
             self.system.idle.append(work)
         return last - first
+
+    def _check_pattern(self, methods: MethodTable, which: int) -> None:
+        """Compare the field with the pattern of its Jacobian, at one of the starts."""
+        methods.check_pattern(
+            self.options[0],
+            self.states[which],
+            self.modes[which % len(self.modes)],
+            self.system.n_guards,
+            self.numbers[which % len(self.numbers)],
+        )
 
     def run_rows(self, rows: IntArray) -> int:
         """Integrate from the states of these rows, and return their number."""

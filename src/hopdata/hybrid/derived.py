@@ -77,10 +77,11 @@ class Around(Callback):
     @cached_property
     def ranged(self) -> Any:
         """The code for ranges, around that of the user's function."""
-        from hopdata.hybrid.branches.ranges import part
+        from hopdata.hybrid.numbers.ranges import part, turned
 
         kind = self.signature
-        names = {**self._names, "INNER": self.inner.ranged, "PART": part}
+        known = {"INNER": self.inner.ranged, "PART": part, "TURNED": turned}
+        names = {**self._names, **known}
         made = compose(kind.name, ", ".join(kind.arguments), self._ranged, names)
         return put_in(made)
 
@@ -98,8 +99,13 @@ class Around(Callback):
         return self.inner.compiled
 
     def check_lengths(self, **lengths: int) -> None:
-        """Check the wrapped function; see `Callback.check_lengths`."""
-        self.inner.check_lengths(**lengths)
+        """Check the parameters of the wrapped function; see `Callback.check_lengths`.
+
+        Its other arguments were checked in the system from which this one is derived;
+        here they may be parts of longer ones.
+        """
+        if "params" in lengths:
+            self.inner.check_lengths(params=lengths["params"])
 
 
 def _made(
@@ -144,7 +150,9 @@ def _backward(inner: Callback) -> Around:
     call = ", ".join("-t" if name == "t" else name for name in kind.arguments)
     before = [line for name, line in turned.items() if name not in kind.fills]
     body = [*before, f"result = INNER({call})", *turned.values(), "return result"]
-    return Around(inner, body, inner.n_params)
+    turned_around = {"t": "-t", "dy": "TURNED(dy)"}  # rates of ranges follow -t
+    call = ", ".join(turned_around.get(name, name) for name in kind.arguments)
+    return Around(inner, body, inner.n_params, ranged=[f"return INNER({call})"])
 
 
 def backward(system: System) -> System:
@@ -236,7 +244,7 @@ def in_python(system: System) -> System:
     """Return the system with all functions run by Python."""
 
     def uncompiled(given: Callback) -> Callback:
-        return Callback(given.function, given.signature, compiled=False)
+        return given.uncompiled()
 
     return _made(system, "debug", uncompiled)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector
+from hopdata.hybrid.numbers import answers
 
 
 def numbers(count: int, first: int = 0) -> Any:
@@ -21,13 +22,16 @@ def numbers(count: int, first: int = 0) -> Any:
 
 
 # Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of
-# states and slopes over a piece of the step (lower and upper ends; see `branches`), the
+# states and slopes over a piece of the step (lower and upper ends; see `paths`), the
 # coefficients of the interpolant, and rows that belong to the method (the slopes of its
 # stages, for instance). A method reads Y and K1 and fills END and KEND; its interpolant
 # fills P1 and the rows after it.
 Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE, P1 = numbers(11)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
-W1 = P1 + LARGEST_DEGREE
+# Its first number is the address of the structure of a sparse Jacobian (0: none; see
+# `methods.sparsity`).
+STRUCTURE = P1 + LARGEST_DEGREE
+W1 = STRUCTURE + 1
 
 # Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows),
 # two blocks of n rows for the method, the single rows below, and the method's own rows.
@@ -50,10 +54,13 @@ GAUSS_2 = 0.5 + 3.0**0.5 / 6.0
 # step, which is the scale of its rounding error; second derivatives; a bound on how far
 # a guard stays from its surface over the step; its rate along one direction, which
 # reveals guards that bend (see `windows`); and the size of the terms whose sum was h at
-# its last flip.
+# its last flip. Last, ranges of h and of its rate over a piece of the step, over all
+# paths through the guards' code, and those of one path (see `paths`).
 H0, RATE0, _, _, _, _, H1, RATE1 = numbers(8)
 H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(7, 8)
-GUARD_ROWS = 15
+H_LEAST, H_MOST, RATE_LEAST, RATE_MOST = numbers(4, 15)
+PATH_LEAST, PATH_MOST, PATH_LEAST_RATE, PATH_MOST_RATE = numbers(4, 19)
+GUARD_ROWS = 23
 
 # Rows of `flags`: number of the instant at which a guard last flipped or was due, its
 # flips at that instant since the state last jumped (0: it was due, but has not
@@ -107,7 +114,10 @@ TRAVEL, SPEED = numbers(2, 12)
 # Number of steps limited by stability, and squared fastest motion in the last step's
 # Jacobian.
 STIFF_SCORE, MOTION = numbers(2, 14)
-CLOCK_SLOTS = 16
+# First slot of the memory of answers of the guards' code for ranges, whose integers are
+# stored in the memory of floats (see `numbers.answers`).
+ANSWERS = np.int64(16)
+CLOCK_SLOTS = 16 + answers.N_SLOTS
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)

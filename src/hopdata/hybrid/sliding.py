@@ -757,7 +757,7 @@ TEMPLATES = {
 }
 
 
-class Written(Callback):
+class Mixed(Callback):
     """A function of the derived system, made from a template.
 
     Parameters
@@ -801,7 +801,7 @@ class Written(Callback):
     @cached_property
     def ranged(self) -> Any:
         """The function for ranges, around the user's."""
-        from hopdata.hybrid.branches.ranges import part
+        from hopdata.hybrid.numbers.ranges import part
 
         assert self._ranged is not None
         names = {**self._names, "GUARDS": self.inner.ranged, "PART": part}
@@ -938,11 +938,11 @@ def sliding_system(system: Any) -> Any:
         inner = system.on_event
         users = (*users, inner)
     insert_templates(names, rests=system.on_zeno == "rest")
-    field = Written("field", field_template, system.field, users, **names)
-    guards = Written(
+    field = Mixed("field", field_template, system.field, users, **names)
+    guards = Mixed(
         "guards", guards_template, system.guards, users, ranges_template, **names
     )
-    handler = Written("on_event", handler_template, inner, users, **names)
+    handler = Mixed("on_event", handler_template, inner, users, **names)
     none = (0,) * system.n_guards
     ending = [f"{one} lets go" for one in system.sliding]
     made = replace(
@@ -953,6 +953,7 @@ def sliding_system(system: Any) -> Any:
         undo=None,
         jacobian=None,
         affine=None,
+        sparsity=None,
         guard_names=(*ending, *system.guard_names),
         directions=(*((1,) * count), *(system.directions or none)),
         terminal=(*((0,) * count), *(system.terminal or none)),

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from hopdata.errors import Told, told_call
 from hopdata.hybrid.arguments import check_flag, expect
-from hopdata.hybrid.branches.code import Branches, branches_of
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
@@ -22,7 +21,9 @@ from hopdata.hybrid.driver.loop import (
     many_entry,
 )
 from hopdata.hybrid.methods.method import Scene
+from hopdata.hybrid.methods.sparsity import pattern_of
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.numbers.guards import RangedGuards, branches_of
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -46,6 +47,11 @@ class System(Told):
     undo : Callback, optional
         Handler for backward time, declared by `hopdata.hybrid.on_event`. It undoes the
         effect of `on_event` when the same guard is crossed from the other side.
+    sparsity : matrix or (int, int), optional
+        Where dy[i] may depend on y[j]: a matrix (n, n), SciPy's sparse or an array,
+        that is not zero there, or the bandwidths (lower, upper). The Rosenbrock method
+        then needs memory for these derivatives only. `jacobian` fills them in sparse
+        form (see `hopdata.hybrid.jacobian`).
     guard : Callback, optional
         Alternative to `guards`: one event function at a time, declared by
         `hopdata.hybrid.guard`.
@@ -102,11 +108,13 @@ class System(Told):
     n_extra_modes: int = 0
     n_memory: int = 0
     undo: Callback | None = None
+    sparsity: Any = None
     sliding: tuple[str, ...] = ()
     together: Callback | None = None
     on_zeno: str = "stop"
 
     def __post_init__(self) -> None:
+        self._declare_plain_functions()
         listed = isinstance(self.guard_names, tuple | list)
         expect(
             listed, "guard_names", "a name for each guard, in a tuple", self.guard_names
@@ -117,6 +125,8 @@ class System(Told):
             found = getattr(self, name)
             fits = isinstance(found, int | np.integer) and found >= least
             expect(fits, name, f"a whole number, at least {least}", repr(found))
+        pattern = pattern_of(self.sparsity, int(self.n_states))
+        object.__setattr__(self, "sparsity", pattern)
         self._check_entry_for_each_guard("directions", self.directions)
         self._check_entry_for_each_guard("terminal", self.terminal)
         known = set(self.directions or ()) <= {-1, 0, 1}
@@ -128,10 +138,22 @@ class System(Told):
         expect(counts, "terminal", "booleans or counts", self.terminal)
         states = self.n_states
         guards = self.n_guards
+        if self.guards is not None:
+            sized = self.guards.with_sizes(states, guards)
+            object.__setattr__(self, "guards", sized)
         for one in self.callbacks:
             one.check_lengths(
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
             )
+
+    def _declare_plain_functions(self) -> None:
+        """Declare functions that are given without their decorators."""
+        for name in (*SIGNATURES, "undo"):
+            given = getattr(self, name)
+            if callable(given) and not isinstance(given, Callback):
+                kind = "on_event" if name == "undo" else name
+                made = Callback(given, SIGNATURES[kind])
+                object.__setattr__(self, name, made)
 
     def _check_callbacks(self) -> None:
         needs_guards = bool(self.guard_names) and self.guard is None
@@ -311,7 +333,7 @@ class System(Told):
         return (*addresses, compiled_run().address)
 
     @cached_property
-    def branches(self) -> Branches:
+    def branches(self) -> RangedGuards:
         """Code of the guards for ranges, by which the driver finds their branches."""
         return branches_of(self.guards or self.guard)
 
@@ -329,7 +351,14 @@ class System(Told):
         key = MethodTable, str(choice), bool(jacobian)
         if key not in self.made:
             guards = self.guards or self.guard
-            scene = Scene(self.field, self.n_states, self.jacobian, self.affine, guards)
+            scene = Scene(
+                self.field,
+                self.n_states,
+                self.jacobian,
+                self.affine,
+                guards,
+                self.sparsity,
+            )
             self.made[key] = MethodTable(choice, scene, jacobian)
         table: MethodTable = self.made[key]
         return table

@@ -270,6 +270,14 @@ class Workspace:
         self._params[:] = full
         self.set_tolerance(atol)
 
+    def check_pattern(self, n_guards: int, given_mode: bool) -> None:
+        """Compare the field with the pattern of its Jacobian, at the start."""
+        mode = self.mode.copy()
+        if not given_mode:
+            mode.fill(0)
+        start = float(self.block.view(np.float64)[layout.T_START])
+        self.methods.check_pattern(start, self._start, mode, n_guards, self._params)
+
     def set_tolerance(self, atol: ArrayLike) -> None:
         """Write the absolute tolerance, unless it is unchanged."""
         if isinstance(atol, float) and atol == self._atol_of_all:
@@ -340,6 +348,7 @@ class Workspace:
         needed = layout.W1 + methods.work_rows
         if len(self._states) < needed:
             self._make_states(needed, len(self.state))
+        self._states[layout.STRUCTURE, 0] = methods.structure_address
 
     def enlarge(self) -> None:
         """Set aside what the driver has written where room is short, and make new room.
@@ -389,6 +398,16 @@ class Workspace:
             self.counts[[layout.EVENT_ROWS, layout.CHANGES]] = 0
             self._logged.fill(layout.UNKNOWN)
             self.sink(log)
+
+    @property
+    def slope(self) -> FloatArray:
+        """The rates of the state."""
+        return self._states[layout.K1]
+
+    @property
+    def constants(self) -> FloatArray:
+        """The parameters and the memory, as the functions see them."""
+        return self._params
 
     @property
     def progress(self) -> str:

@@ -20,7 +20,7 @@ from hopdata.recordings.raw import (
     METRES_PER_UNIT,
     RawRecording,
     Remark,
-    is_on_shared_name,
+    on_shared_name,
     without_subject,
 )
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
@@ -379,8 +379,9 @@ def _advice(marker: str, asked: Sequence[str], raw: RawRecording) -> str:
     else:
         advice = did_you_mean(marker, raw.markers)
     for remark in raw.remarks:
-        if is_on_shared_name(remark, marker):
-            advice += f"; {remark}"
+        told = on_shared_name(remark, marker)
+        if told is not None:
+            advice += f"; {told}"
     if set(asked).isdisjoint(raw.markers):
         advice += f"; {ANOTHER_SESSION}"
     return advice

@@ -39,6 +39,10 @@ UNSEEN_FROM = 9999.0
 #: Unit: Hz. Origin: convention: as in the schema of input.rate_hz.
 FASTEST_HZ = 1e5
 
+#: Lowest frame rate that a file may state.
+#: Unit: Hz. Origin: chosen. It is one frame in twelve days.
+SLOWEST_HZ = 1e-6
+
 #: Largest difference of a configured rate from that of a file's time stamps.
 #: Unit: 1. Origin: chosen. Stamps are rounded, so their rate is only an estimate.
 SLACK = 0.02
@@ -136,10 +140,9 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
         if rate is not None and not 0 < rate < math.inf:
             raise RecordingError(f"{where}: expected more than 0 Hz, found {rate:g} Hz")
     if stated is not None:
-        if stated > FASTEST_HZ:
-            raise RecordingError.at(
-                f"{place}: frame rate", f"at most {FASTEST_HZ:g} Hz", f"{stated:g} Hz"
-            )
+        if not SLOWEST_HZ <= stated <= FASTEST_HZ:
+            wanted = f"at least {SLOWEST_HZ:g} and at most {FASTEST_HZ:g} Hz"
+            raise RecordingError.at(f"{place}: frame rate", wanted, f"{stated:g} Hz")
         return float(stated)
     if given is None:
         raise RateUnknownError.at(
@@ -278,20 +281,38 @@ def distinct_names(
         )
     complete = [name or f"unnamed {i}" for i, name in enumerate(names, start=1)]
     distinct, shared = _numbered(complete)
-    for name, new_names in shared.items():
-        listed = ", ".join(f"'{new}'" for new in new_names[:MOST_LISTED])
-        if len(new_names) > MOST_LISTED:
-            listed += f", ... {len(new_names) - MOST_LISTED} more"
-        values = {"place": place, "name": name, "listed": listed}
-        remarks.append(Message(NAME_SHARED, values))
+    if shared:
+        remarks.append(_on_shared_names(place, shared))
     return tuple(distinct), tuple(remarks)
 
 
-def is_on_shared_name(remark: Remark, name: str) -> bool:
-    """Tell whether a remark says that markers of the file share this name."""
-    if not isinstance(remark, Message):
-        return False
-    return remark.code == NAME_SHARED and remark.values["name"] == name
+def _on_shared_names(place: str, shared: Mapping[str, Sequence[str]]) -> Message:
+    """Return one remark on all names that markers share, and what these became."""
+    values = {
+        "place": place,
+        "names": _listed(list(shared)),
+        "listed": _listed([new for own in shared.values() for new in own]),
+        "shared": [[name, list(own)] for name, own in shared.items()],
+    }
+    return Message(NAME_SHARED, values)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names in quotes, the first of them if there are many."""
+    listed = ", ".join(f"'{name}'" for name in names[:MOST_LISTED])
+    if len(names) > MOST_LISTED:
+        listed += f", ... {len(names) - MOST_LISTED} more"
+    return listed
+
+
+def on_shared_name(remark: Remark, name: str) -> Message | None:
+    """Return what a remark says of a name that markers share; None if nothing."""
+    if not isinstance(remark, Message) or remark.code != NAME_SHARED:
+        return None
+    new_names = dict(remark.values["shared"]).get(name)
+    if new_names is None:
+        return None
+    return _on_shared_names(remark.values["place"], {name: new_names})
 
 
 def _check_names(place: str, names: Sequence[str], may_lack: bool) -> None:
@@ -339,7 +360,8 @@ def blank_unseen(positions: FloatArray) -> None:
     for track in np.moveaxis(positions, 1, 0):
         x, y, z = track.T
         filled = (x == y) & (y == z) & ((x == 0) | (np.abs(x) >= UNSEEN_FROM))
-        track[filled | np.isnan(x + y + z)] = np.nan
+        missing = np.isnan(track).any(axis=1)
+        track[filled | missing] = np.nan
 
 
 def assembled(  # noqa: PLR0913  what a file states, each of which it may lack

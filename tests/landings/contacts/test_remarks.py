@@ -13,9 +13,12 @@ from hopdata.landings.contacts.remarks import (
     BOUNCES,
     EXCHANGED,
     FILLED,
+    OF_FEET,
     contact_remarks,
+    one_for_all_feet,
 )
 from hopdata.landings.floor import fit_floor, level
+from hopdata.messages import Message
 
 HOPS = 14
 FEW_LANDINGS = [2, 5, 9]
@@ -123,6 +126,22 @@ def test_a_foot_that_bounces_is_told_with_the_error_of_its_contacts():
     assert remark.values["landings"] == own["found"].sum() > HOPS / 2
     assert remark.values["ms"] == 1e3 * own["common_s"].iloc[0] > 1.0
     assert f"{foot} bounces" in str(remark)
+
+
+def test_several_feet_that_bounce_are_told_in_one_remark():
+    recording, contact_s = hopping(1)
+    feet = recording.names("foot")[:3]
+    for k, foot in enumerate(feet):
+        recording = bouncing(recording, foot, contact_s[:, k], 0.01)
+    remarks, _ = told(recording)
+    assert [one.code for one in remarks] == 3 * [BOUNCES]
+    (remark,) = one_for_all_feet(remarks)
+    assert remark.code == OF_FEET[BOUNCES]
+    for one in remarks:
+        assert "{foot} ({landings} landings,".format_map(one.values) in str(remark)
+    # What concerns one foot, or no foot, is told as it is.
+    other = Message("landings.no_landing", {"recording": "a"})
+    assert one_for_all_feet([remarks[0], other]) == [remarks[0], other]
 
 
 def test_frames_that_were_filled_in_are_told_with_their_landings():

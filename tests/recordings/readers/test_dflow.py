@@ -78,3 +78,14 @@ def test_mistakes_are_told(tmp_path, change, words):
         read_raw(path)
     assert str(caught.value).startswith(str(path))
     assert words in str(caught.value)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_place_that_no_camera_sees_is_told(tmp_path):
+    lines = dflow(places(), NAMES).decode().splitlines()
+    assert len(read_raw(written(tmp_path, "\n".join(lines).encode())).time) == 20
+    cells = lines[9].split("\t")
+    cells[2] = "1.7e+305"
+    lines[9] = "\t".join(cells)
+    with pytest.raises(RecordingError, match=r"below .* found 1\.7e\+305"):
+        read_raw(written(tmp_path, "\n".join(lines).encode()))

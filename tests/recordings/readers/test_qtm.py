@@ -337,6 +337,14 @@ QTM_TSV_FAULTS = {
         "Dear colleague,\nhere it is\n",
         ["line 1", "header key or numbers", "'Dear coll"],
     ),
+    "name over two lines": (
+        'Time,"toe\nleft_x",left_y,left_z\n0,1,2,3\n',
+        [
+            "line 2",
+            "each name of a column within one line",
+            "a quote that is not closed",
+        ],
+    ),
     "spaces": (
         qtm_text(POSITIONS).replace("\t", "  "),
         ["line 1", "the fields by tabs"],
@@ -345,6 +353,10 @@ QTM_TSV_FAULTS = {
     "rate 0": (
         qtm_text(POSITIONS, frequency="0"),
         ["line 4", "more than 0 Hz", "found 0 Hz"],
+    ),
+    "rate of no camera": (
+        qtm_text(POSITIONS, frequency="1e-320"),
+        ["line 4", "at least 1e-06 and at most 100000 Hz"],
     ),
     "rate in words": (
         qtm_text(POSITIONS, frequency="fast"),

@@ -238,3 +238,19 @@ def test_numbers_that_no_process_has_are_refused(tmp_path, name, value, said):
     np.savez(path, **sound | {name: value})
     with pytest.raises(RecordingError, match=said):
         load_process(path)
+
+
+@pytest.mark.parametrize("kind", [">f8", "<f4", "i2"])
+def test_numbers_of_other_kinds_become_float64(tmp_path, kind):
+    arrays = {
+        "smoothness": 1.5,
+        "periodic": True,
+        "inputs": np.arange(8.0).reshape(4, 2).astype(kind),
+        "outputs": np.ones((4, 3), kind),
+        "length_scales": np.ones((3, 2)),
+        **dict.fromkeys(("offset", "unit", "variance", "noise"), np.ones(3)),
+    }
+    np.savez(tmp_path / "model.npz", **arrays)
+    inputs = load_process(tmp_path / "model.npz").inputs
+    assert inputs.dtype == np.float64
+    np.testing.assert_array_equal(inputs, np.arange(8.0).reshape(4, 2))

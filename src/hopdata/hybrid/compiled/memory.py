@@ -154,13 +154,16 @@ class FirstTried(AbstractTemplate):
     metadata = {"target": "cpu"}  # noqa: RUF012
 
 
-def tried_first(key: Any, typed: Callable[..., Any]) -> None:
+def tried_first(key: Any, typed: Callable[..., Any], literal: bool = False) -> None:
     """Give an operator a meaning for our types.
 
-    `typed(*types)` returns its signature, or None.
+    `typed(*types)` returns its signature, or None. With `literal`, the types of literal
+    numbers are tried first.
     """
 
     class Template(FirstTried):
+        prefer_literal = literal
+
         def generic(self, args: Any, kws: Any) -> Any:
             return typed(*args)
 
@@ -232,6 +235,35 @@ def _from_row_on(ndim: int) -> Any:
     return built(2, typed)
 
 
+def array_at(dtype: Any) -> Any:
+    """Return a function that makes an array from an address and a length.
+
+    The items lie side by side, as this type is kept in arrays.
+    """
+    kind = types.Array(dtype, 1, "C")
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        native = context.get_data_type(dtype)
+        item = context.get_constant(types.intp, context.get_abi_sizeof(native))
+        start = builder.inttoptr(values[0], native.as_pointer())
+        array = make_array(kind)(context, builder)
+        populate_array(array, start, [values[1]], [item], item, meminfo=None)
+        return array._getvalue()
+
+    return built(2, lambda address, length: (kind(INDEX, INDEX), generate))
+
+
+def array_start(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Build, within an intrinsic, the pointer to the first item of an array."""
+    return make_array(kind)(context, builder, value).data
+
+
+def array_length(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Build, within an intrinsic, the length of an array with one axis."""
+    shape = make_array(kind)(context, builder, value).shape
+    return cgutils.unpack_tuple(builder, shape, 1)[0]
+
+
 def _array(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return lower_array(context, builder, sign.args[0], values[0])
 
@@ -240,8 +272,24 @@ def _address(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return _as_span(context, builder, sign.args[0], values)[0]
 
 
+def _matrix(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    """Build an array from an address and its numbers of rows and columns."""
+    address, rows, columns = values
+    array = make_array(sign.return_type)(context, builder)
+    start = builder.inttoptr(address, array.data.type)
+    item = context.get_constant(types.intp, types.float64.bitwidth // 8)
+    strides = [builder.mul(columns, item), item]
+    populate_array(array, start, [rows, columns], strides, item, meminfo=None)
+    return array._getvalue()
+
+
+def _typed_matrix(*_: Any) -> Any:
+    return types.Array(types.float64, 2, "C")(INDEX, INDEX, INDEX), _matrix
+
+
 row = _from_row_on(1)
 square = _from_row_on(2)
+matrix_at = built(3, _typed_matrix)
 array_of = built(1, lambda vector: (types.Array(vector.dtype, 1, "C")(vector), _array))
 address_of = built(1, lambda owner: (INDEX(owner), _address))
 

@@ -2,7 +2,7 @@
 
 Within a step the guards then follow one smooth formula, as the search for flips
 assumes. The states of the step's interpolant are enclosed in ranges over a piece of the
-step, and the guards are evaluated for these ranges (see `branches.ranges`): this proves
+step, and the guards are evaluated for these ranges (see `numbers.ranges`): this proves
 that no comparison in their code has two answers there, or else the piece is divided.
 The short step across a branch is judged by the signs of the guards at its ends, because
 a guard may jump in it.
@@ -14,16 +14,14 @@ so are those that branch again and again without a flip.
 """
 
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.branches.native import RANGES_NATIVE
-from hopdata.hybrid.compiled.kernel import caller, kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.compiled.memory import address_of
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import prepare_interpolant
+from hopdata.hybrid.driver.paths import first_path, is_bent
 from hopdata.hybrid.driver.problem import EPS, Problem, guards_at_end, time_resolution
 from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.layout import Memory
 
 AT_BRANCH = 3  # value of WATCHED: the step crosses a branch
-BYTES = 8  # of a number
 Pair = tuple[float, float]
 
 #: Bound on the rounding of a step's interpolant, as a fraction of the state.
@@ -60,8 +58,6 @@ MOST_BARREN = 500
 #: ranges.
 #: Unit: 1. Origin: chosen.
 SAMPLED = 2.0**-8
-
-call_ranges = caller(RANGES_NATIVE)
 
 
 @kernel_in_loop
@@ -131,26 +127,13 @@ def enclose(p: Problem, m: Memory, dt: float, a: float, b: float) -> None:
 def is_open(p: Problem, m: Memory, dt: float, a: float, b: float) -> bool:
     """Return whether a guard may take another branch within a piece of the step.
 
-    Overwrites the rows H and RATE of the guards.
+    Overwrites the rows H_LEAST to RATE_MOST of the guards.
     """
     enclose(p, m, dt, a, b)
     t = m.clock[at.T]
-    n = m.states.width
-    n_guards = m.guards.width
-    states = address_of(m.states)
-    guards = address_of(m.guards)
-    lists = address_of(m.lists)
-    m.counts[at.BRANCHED] = 0
     m.counts[at.NGEV] += 1
-    call_ranges(
-        p.branches, t + a * dt, t + b * dt,
-        states + BYTES * n * at.LEAST, states + BYTES * n * at.LEAST_SLOPE, n,
-        address_of(p.mode), p.mode.width, address_of(p.params), p.params.width,
-        guards + BYTES * n_guards * at.H, n_guards,
-        lists + BYTES * n_guards * at.AWAKE, m.counts[at.N_AWAKE],
-        address_of(m.counts) + BYTES * at.BRANCHED,
-    )  # fmt: skip
-    return m.counts[at.BRANCHED] != 0
+    first_path(p, m, t + a * dt, t + b * dt, 1.0)
+    return is_bent(m)
 
 
 @kernel_apart

@@ -30,8 +30,9 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
-from hopdata.hybrid.layout import PHI_ROWS
-from hopdata.hybrid.methods import explicit, stiff, tangent, taylor
+from hopdata.hybrid.layout import PHI_ROWS, W1
+from hopdata.hybrid.methods import explicit, sparse, stiff, tangent, taylor
+from hopdata.hybrid.methods.sparsity import Pattern
 
 Function = Callable[..., Any]
 KEPT = 128  # most methods cached; systems with the same functions share them
@@ -165,6 +166,9 @@ class Scene:
         Derivative of the field, and its affine form.
     guards : Callback, optional
         Event functions, all at once or one by one.
+    sparsity : Pattern, optional
+        Places of the derivative of the field that may differ from zero. The user's
+        derivative is then in sparse form.
     """
 
     field: Callback
@@ -172,6 +176,12 @@ class Scene:
     jacobian: Callback | None = None
     affine: Callback | None = None
     guards: Callback | None = None
+    sparsity: Pattern | None = None
+
+    @property
+    def dense_jacobian(self) -> Callback | None:
+        """Derivative of the field as a full matrix, if the user gives that."""
+        return self.jacobian if self.sparsity is None else None
 
     @property
     def rate_inputs(self) -> tuple[int, ...]:
@@ -207,7 +217,7 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
         known["call_field"] = code.call_field_on_arrays
     else:
         n = scene.n_states
-        per_derivative = 0 if scene.jacobian else 4 * n  # by differences
+        per_derivative = 0 if scene.dense_jacobian else 4 * n  # by differences
         body = []
         evaluation = explicit.inlined
         known["FIELD"] = scene.field.dispatcher
@@ -261,6 +271,8 @@ def taylor_method(scene: Scene) -> Method:
 
 def rosenbrock_method(scene: Scene) -> Method:
     """Return the Rosenbrock method for a scene."""
+    if scene.sparsity is not None:
+        return sparse_rosenbrock_method(scene, scene.sparsity)
     n = scene.n_states
     names = {"FIELD": scene.field.dispatcher, "N": n}
     if scene.jacobian is None:
@@ -281,4 +293,36 @@ def rosenbrock_method(scene: Scene) -> Method:
         evaluations=evaluations,
         interpolant_error=stiff.DENSE_ERROR,
         work_rows=stiff.work_rows(n),
+    )
+
+
+def sparse_rosenbrock_method(scene: Scene, pattern: Pattern) -> Method:
+    """Return the Rosenbrock method with a sparse Jacobian of this pattern."""
+    n = scene.n_states
+    structure = pattern.structure
+    names = {"FIELD": scene.field.dispatcher, "N": n}
+    evaluations = stiff.EVALUATIONS
+    if scene.jacobian is None:
+        fill = sparse.jacobian_by_differences
+        evaluations += 2 * structure.n_colours
+    else:
+        fill = sparse.jacobian_by_user
+        names["JACOBIAN"] = scene.jacobian.dispatcher
+    made = {
+        "FILL_JACOBIAN": put_in(fill, **names),
+        "TIME_DERIVATIVE": put_in(stiff.time_derivative, **names),
+    }
+    if structure.factors.is_band:
+        made["FACTORISE"] = sparse.factorise_band
+        made["SOLVE"] = put_in(sparse.solve_pivoted)
+    else:
+        made["FACTORISE"] = sparse.factorise_sparse
+        made["SOLVE"] = put_in(sparse.solve_corrected)
+    return Method(
+        order=stiff.ORDER,
+        step=with_digest(sparse.step, **names, **made),
+        interpolant=with_digest(stiff.interpolant, **names),
+        evaluations=evaluations,
+        interpolant_error=stiff.DENSE_ERROR,
+        work_rows=int(stiff.JAC - W1) + structure.work_rows,
     )

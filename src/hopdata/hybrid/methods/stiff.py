@@ -18,8 +18,15 @@ from typing import Any
 import numpy as np
 
 from hopdata.hybrid.compiled.kernel import copy, kernel
-from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, row, square
+from hopdata.hybrid.compiled.memory import (
+    FloatTable,
+    FloatVector,
+    int_vector,
+    row,
+    square,
+)
 from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, SLOPE, W1, Y
+from hopdata.hybrid.methods.directory import DIRECTORY_SLOTS, directory_of
 from hopdata.hybrid.methods.explicit import coefficients
 
 # Small dense linear systems in rows of the table of states, without allocation.
@@ -352,12 +359,25 @@ def stiffness_score(score: float, stiffness: float, limit: float) -> float:
 
 
 @kernel
-def multiply(s: FloatTable, first: int, x: int, product: int, n: int) -> None:
-    """Write the product of the matrix in the rows from `first` on and row `x`."""
+def multiply(
+    s: FloatTable, first: int, x: int, product: int, n: int, structure: int
+) -> None:
+    """Write the product of the Jacobian in the rows from `first` on and row `x`.
+
+    `structure` is the address of its structure if it is sparse, otherwise 0.
+    """
+    if structure == 0:
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += s[first + i, j] * s[x, j]
+            s[product, i] = total
+        return
+    d = directory_of(int_vector(structure, DIRECTORY_SLOTS))
     for i in range(n):
         total = 0.0
-        for j in range(n):
-            total += s[first + i, j] * s[x, j]
+        for p in range(d.row_starts[i], d.row_starts[i + 1]):
+            total += s[first, p] * s[x, d.entry_columns[p]]
         s[product, i] = total
 
 
@@ -370,14 +390,15 @@ def implicit_stiffness(
     jac: int,
     spare: int,
     n: int,
+    structure: int = 0,
 ) -> float:
     """Return an estimate of dt times the spectral radius of a Jacobian.
 
-    The Jacobian is in the rows from `jac` on. It takes four products, started from the
-    tolerances. They are taken in pairs, because a vibration turns states and rates into
-    each other. SCRATCH and row `spare` are overwritten. An explicit method suffices for
-    the next step of length dt if the result is well below its limit. The estimate costs
-    as much as half a step.
+    The Jacobian is in the rows from `jac` on (see `multiply`). It takes four products,
+    started from the tolerances. They are taken in pairs, because a vibration turns
+    states and rates into each other. SCRATCH and row `spare` are overwritten. An
+    explicit method suffices for the next step of length dt if the result is well below
+    its limit. The estimate costs as much as half a step.
     """
     after = 0.0
     for i in range(n):
@@ -390,8 +411,8 @@ def implicit_stiffness(
             return 0.0
         for i in range(n):
             s[SCRATCH, i] /= before**0.5
-        multiply(s, jac, SCRATCH, spare, n)
-        multiply(s, jac, spare, SCRATCH, n)
+        multiply(s, jac, SCRATCH, spare, n, structure)
+        multiply(s, jac, spare, SCRATCH, n, structure)
         after = 0.0
         for i in range(n):
             after += (s[SCRATCH, i] / tolerance(s, i, rtol, atol)) ** 2

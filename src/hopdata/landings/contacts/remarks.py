@@ -28,6 +28,18 @@ EXCHANGED = "landings.foot_exchanged"
 
 CODES = (BOUNCES, FILLED, EXCHANGED)
 
+# The remark on several feet, and what it says of each.
+OF_FEET = {
+    BOUNCES: "landings.feet_bounce",
+    FILLED: "landings.feet_frames_filled",
+    EXCHANGED: "landings.feet_exchanged",
+}
+_OF_EACH = {
+    BOUNCES: "{foot} ({landings} landings, some {ms:.2g} ms)",
+    FILLED: "{foot} ({landings} landings, up to {ms:.0f} ms each)",
+    EXCHANGED: "{foot} ({landings} landings, up to {ms:.0f} ms each)",
+}
+
 
 class Counted(NamedTuple):
     """What a remark tells of a foot in one recording."""
@@ -73,6 +85,27 @@ def contact_remarks(
             }
             messages.append(Message(code, values))
     return messages
+
+
+def one_for_all_feet(remarks: Sequence[Message]) -> list[Message]:
+    """Return remarks with one for all feet of which the same is told.
+
+    Parameters
+    ----------
+    remarks : sequence of Message
+        As of `contact_remarks`, and others, which stay as they are.
+    """
+    by_code: dict[str, list[Message]] = {}
+    for remark in remarks:
+        by_code.setdefault(remark.code, []).append(remark)
+    together: list[Message] = []
+    for code, alike in by_code.items():
+        if code in CODES and len(alike) > 1:
+            feet = [_OF_EACH[code].format_map(one.values) for one in alike]
+            together.append(Message(OF_FEET[code], {"feet": ", ".join(feet)}))
+        else:
+            together += alike
+    return together
 
 
 def resampled_remarks(recordings: Sequence[Recording]) -> list[Message]:

@@ -162,6 +162,8 @@ class Inspection:
         what it does to contacts and states.
     events : tuple of Event
         Events marked in the file.
+    place : str
+        The file, for messages; empty if it is not known.
     """
 
     markers: tuple[str, ...]
@@ -180,14 +182,26 @@ class Inspection:
     remarks: tuple[str, ...] = ()
     treated: tuple[Message, ...] = ()
     events: tuple[Event, ...] = ()
+    place: str = ""
 
     def recording(
         self, feet: Iterable[str], body: Iterable[str], **named: str
     ) -> Recording:
-        """Return the recording of the markers chosen as feet and body."""
-        return Recording.from_arrays(
-            self.time, self.positions, self.markers, feet=feet, body=body, **named
-        )
+        """Return the recording of the markers chosen as feet and body.
+
+        Raises
+        ------
+        RecordingError
+            If its frames have no order in time, or are seconds apart.
+        """
+        try:
+            return Recording.from_arrays(
+                self.time, self.positions, self.markers, feet=feet, body=body, **named
+            )
+        except RecordingError as error:
+            if not self.place:
+                raise
+            raise RecordingError(f"{self.place}: {error}") from None
 
     @property
     def duration_s(self) -> float:

@@ -139,7 +139,8 @@ def _blank_held(positions: FloatArray) -> int:
     """
     if len(positions) < 2:
         return 0
-    rounded = np.round(positions, COARSE_DECIMALS)
+    with np.errstate(over="ignore"):  # of places that no camera sees
+        rounded = np.round(positions, COARSE_DECIMALS)
     if np.allclose(positions, rounded, rtol=0, atol=1e-9, equal_nan=True):
         return 0
     is_held = (positions[1:] == positions[:-1]).all(axis=2)

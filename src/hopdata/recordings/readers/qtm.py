@@ -73,7 +73,8 @@ class QtmHeader:
 
     ``values`` maps a key to its fields and ``lines`` to its line number. ``columns`` is
     the column row, empty if there is none. The numbers start at byte ``offset``, after
-    ``n_lines`` lines, with the fields ``first_row``.
+    ``n_lines`` lines, with the fields ``first_row``. ``in_quotes`` tells whether a
+    quote was opened in these lines and not closed.
     """
 
     path: Path
@@ -87,6 +88,7 @@ class QtmHeader:
     remarks: tuple[str, ...] = ()
     unit: str = ""
     mark: str = "\t"
+    in_quotes: bool = False
 
     def place(self, key: str) -> str:
         """Return the file and line of `key`, for messages."""
@@ -131,6 +133,8 @@ def read_header(path: Path) -> QtmHeader:
                 return header
             header.n_lines += 1
             header.offset += len(line)
+            if line.count(b'"') % 2:
+                header.in_quotes = not header.in_quotes
             _take(header, fields)
     if not header.offset:
         raise RecordingError.at(path, "a QTM motion-data export", "an empty file")
@@ -156,6 +160,9 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     if coordinate_stems(fields[1:4]):
         wanted = "Frame or Time (in s) before the coordinates"
         raise RecordingError.at(place, wanted, f"'{first[:40]}'")
+    if header.in_quotes:
+        found = f"'{first[:40]}' after a quote that is not closed in a line above"
+        raise RecordingError.at(place, "each name of a column within one line", found)
     near = did_you_mean(first.upper(), KEYS)
     first_word = re.split(r"[;, ]", first, maxsplit=1)[0]
     if first_word != first and first_word.upper() in KEYS:

@@ -252,6 +252,9 @@ def load_process(path: str | Path) -> FrameChangeProcess:
     wanted = f"a trained process with {', '.join(names)}"
     arrays: dict[str, Any] = arrays_of(path, names, wanted=wanted, most=_MOST_BYTES)
     try:
+        # Of any precision and order of bytes; what is too large is refused below.
+        with np.errstate(over="ignore"):
+            arrays = {name: array.astype(float) for name, array in arrays.items()}
         arrays["smoothness"] = float(arrays["smoothness"])
         arrays["periodic"] = bool(arrays["periodic"])
         process = FrameChangeProcess(**arrays)
