@@ -31,42 +31,24 @@ dry = System(dry_field, slip, n_states=2, guard_names=("slip",), sliding=("slip"
 
 
 @field
-def folded_field(t, y, mode, params, dy):
+def folded_field(t, y, mode, params, dy):  # params: bend of the surface
     if mode[0] > 0:
         dy[0], dy[1] = 1.0, y[0] - 1.0
     else:
         dy[0], dy[1] = 2.0, 1.0
+    dy[1] += 2.0 * params[0] * y[0] * dy[0]
 
 
 @guards
-def second_state(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[1], dy[1]
+def parabola(t, y, dy, mode, params, h, hdot):
+    h[0] = y[1] - params[0] * y[0] ** 2
+    hdot[0] = dy[1] - 2.0 * params[0] * y[0] * dy[0]
 
 
-# Slides where x < 1, up to the fold of the upper field, with
+# Slides along the parabola where x < 1, up to the fold of the upper field, with
 # x' = (3 - 2 x) / (2 - x).
 folded = System(
-    folded_field, second_state, n_states=2, guard_names=("line",), sliding=("line",)
-)
-
-
-@field
-def circle_field(t, y, mode, params, dy):
-    size = np.sqrt(y[0] ** 2 + y[1] ** 2)
-    pull = params[0] - mode[0]
-    dy[0] = -(1.0 + y[0] ** 2) * y[1] + pull * y[0] / size
-    dy[1] = (1.0 + y[0] ** 2) * y[0] + pull * y[1] / size
-
-
-@guards
-def circle(t, y, dy, mode, params, h, hdot):
-    h[0] = y[0] ** 2 + y[1] ** 2 - 1.0
-    hdot[0] = 2.0 * (y[0] * dy[0] + y[1] * dy[1])
-
-
-# On the circle, the angle grows at the rate 1 + cos(angle)^2.
-round_about = System(
-    circle_field, circle, n_states=2, guard_names=("circle",), sliding=("circle",)
+    folded_field, parabola, n_states=2, guard_names=("line",), sliding=("line",)
 )
 
 
