@@ -112,7 +112,6 @@ RATE: Any = None
 LEAVE: Any = None
 CALL: Any = None
 RELEASE: Any = None
-PART: Any = None
 M = 0
 OWN = 0
 N_GUARDS = 0
@@ -456,16 +455,6 @@ def guards_template(
     RATE(t, y, dy, mode, params, False, hdot)
 
 
-def ranges_template(
-    t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, hdot: Any
-) -> None:
-    """Evaluate the user's guards for ranges of states."""
-    for j in range(M):
-        h[j] = -1.0
-    numbers = params[: len(params) - OWN]
-    GUARDS(t, y, dy, mode[M : M + N_MODES], numbers, PART(h, M, M + N_GUARDS), hdot)
-
-
 def rates_template(
     t: float, y: Any, mode: Any, params: Any, j: int, rates: Any
 ) -> float:
@@ -770,8 +759,6 @@ class Mixed(Callback):
         The user's function of this kind; the field where there is none.
     users : tuple of Callback
         All of the user's functions that it calls.
-    ranged : callable, optional
-        The template for ranges of states.
     **names : object
         What is inserted into the templates.
     """
@@ -782,7 +769,6 @@ class Mixed(Callback):
         template: Callable[..., Any],
         inner: Callback,
         users: tuple[Callback, ...],
-        ranged: Callable[..., Any] | None = None,
         **names: Any,
     ) -> None:
         super().__init__(with_digest(template, **names), SIGNATURES[kind])
@@ -790,8 +776,6 @@ class Mixed(Callback):
         self._users = users
         # Otherwise the code contains the address of a Python function.
         self.kept = self.compiled
-        self._ranged = ranged
-        self._names = names
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -800,12 +784,8 @@ class Mixed(Callback):
 
     @cached_property
     def ranged(self) -> Any:
-        """The function for ranges, around the user's."""
-        from hopdata.hybrid.numbers.ranges import part
-
-        assert self._ranged is not None
-        names = {**self._names, "GUARDS": self.inner.ranged, "PART": part}
-        return put_in(self._ranged, **names)
+        """Nothing: ranges know of no mix, so guards that may slide are sampled."""
+        raise TypeError("ranges do not follow the mix of fields of a guard that slides")
 
     @cached_property
     def constants(self) -> Constants:
@@ -939,9 +919,7 @@ def sliding_system(system: Any) -> Any:
         users = (*users, inner)
     insert_templates(names, rests=system.on_zeno == "rest")
     field = Mixed("field", field_template, system.field, users, **names)
-    guards = Mixed(
-        "guards", guards_template, system.guards, users, ranges_template, **names
-    )
+    guards = Mixed("guards", guards_template, system.guards, users, **names)
     handler = Mixed("on_event", handler_template, inner, users, **names)
     none = (0,) * system.n_guards
     ending = [f"{one} lets go" for one in system.sliding]

@@ -144,17 +144,16 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     try:
         keep_events = events == "all"
         # The usual request has nothing but numbers, which are written unchecked.
-        usual = (
-            jacobian is dense_output is debug is False and memory is first_step is None
-        )
-        usual = usual and (keep_events or events == "count") and system.is_plain
+        usual = dense_output is debug is False and memory is first_step is None
+        usual = usual and type(jacobian) is bool and (keep_events or events == "count")
+        usual = usual and system.is_plain
         rows_per_step = 1
         if t_eval is not None:
             rows_per_step = 0
             usual = usual and _is_empty(t_eval)
         if not usual or not work.ask_again(
             t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method,
-            rows_per_step, keep_events,
+            jacobian, rows_per_step, keep_events,
         ):  # fmt: skip
             derived = debug is not False or isinstance(jacobian, str)
             if goes_back(t_span) or derived or not system.is_plain:
@@ -214,13 +213,11 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             first = caught[0]
             caught.clear()
             raise _with_what_was_reached(first, work)
-        if status > at.TERMINATED:  # it has not started
-            expect(status != at.BAD_START, "y0", "finite numbers", work.state)
-            arguments.check_numbers(
-                t_span, rtol, max_step, first_step, max_steps, max_events
-            )
         if status in NOT_FILLED:
             _check_results(system, work)
+        elif status > at.TERMINATED:  # it has not started
+            limits = rtol, max_step, first_step, max_steps, max_events
+            _refuse(status, t_span, limits, work)
         if work.sink is not None:
             work.hand_over()
         return work.solution(status)
@@ -241,6 +238,14 @@ def _set_mode(system: System, work: Workspace, mode: Any) -> int:
     if work.methods.unchecked:
         work.check_pattern(system.n_guards, mode is not None)
     return flags
+
+
+def _refuse(
+    status: int, t_span: Any, limits: arguments.Limits, work: Workspace
+) -> None:
+    """Raise ValueError for what the driver has not accepted."""
+    expect(status != at.BAD_START, "y0", "finite numbers", work.state)
+    arguments.check_numbers(t_span, *limits)
 
 
 def _check_results(system: System, work: Workspace) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,8 @@ from hopdata.hybrid.driver.loop import (
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.sparsity import pattern_of
 from hopdata.hybrid.methods.table import MethodTable
-from hopdata.hybrid.numbers.guards import RangedGuards, branches_of
+from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
+from hopdata.hybrid.numbers.guards import RangedGuards, guards_for_ranges
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -61,8 +62,8 @@ class System(Told):
         evaluated. Event functions must not depend on the mode, and the modes in the log
         leave out the locks.
     jacobian : Callback, optional
-        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default
-        finite differences are used where it is needed.
+        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default it
+        comes from the field itself, by dual numbers.
     affine : Callback, optional
         Affine form of the field, declared by `hopdata.hybrid.affine`, if all modes are
         affine.
@@ -139,8 +140,8 @@ class System(Told):
         states = self.n_states
         guards = self.n_guards
         if self.guards is not None:
-            sized = self.guards.with_sizes(states, guards)
-            object.__setattr__(self, "guards", sized)
+            made = partial(_exact_rates, n_states=states, n_guards=guards)
+            object.__setattr__(self, "guards", self.guards.with_exact_rates(made))
         for one in self.callbacks:
             one.check_lengths(
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
@@ -334,8 +335,26 @@ class System(Told):
 
     @cached_property
     def branches(self) -> RangedGuards:
-        """Code of the guards for ranges, by which the driver finds their branches."""
-        return branches_of(self.guards or self.guard)
+        """Code of the guards for ranges, by which the driver proves where they flip."""
+        return guards_for_ranges(self.guards or self.guard)
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives of its functions, by dual numbers; compiled when asked for."""
+        functions = Functions(
+            field=self.field,
+            guards=self.guards or self.guard,
+            handler=self.on_event,
+            n_states=self.n_states,
+            n_guards=self.n_guards,
+            n_modes=self.n_modes,
+        )
+        return Derivatives(functions)
+
+    @cached_property
+    def exact(self) -> Exact:
+        """Exact derivatives of its functions at one place."""
+        return Exact(self.derivatives, self.n_guards)
 
     @cached_property
     def made(self) -> dict[Any, Any]:
@@ -385,7 +404,10 @@ class System(Told):
         if check_flag("jacobian", jacobian):
             compiled_first_order()
         latest = self.current()
-        latest.methods(method, jacobian).compile_all()
+        methods = latest.methods(method, jacobian)
+        methods.compile_all()
+        if jacobian:
+            latest.derivatives.told(by_field=methods.by_field)
         latest.idle.append(latest.take_workspace())
 
     @cached_property
@@ -399,6 +421,13 @@ class System(Told):
             return self.idle.pop()
         except IndexError:
             return Workspace(self)
+
+
+def _exact_rates(values: Any, n_states: int, n_guards: int) -> Any:
+    """Return guards with rates from those that fill `h`, by dual numbers."""
+    from hopdata.hybrid.numbers.derivatives import rates_of
+
+    return rates_of(values, n_states, n_guards)
 
 
 def _described(kind: type[System], description: dict[str, Any]) -> System:

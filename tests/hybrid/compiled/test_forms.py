@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy import array, zeros
 
-from hopdata.hybrid import System, field, guards, jacobian, on_event, solve
+from hopdata.hybrid import System, field, guards, jacobian, on_event, solve, solve_batch
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
+from hopdata.hybrid.numbers.guards import guards_for_ranges
 
 GRAVITY = 9.81
 PARAMS = (9.81, 0.8)
@@ -341,6 +342,39 @@ def test_rates_of_guards_are_exact():
     assert hdot[0] == pytest.approx(-2.0 + 0.5 * np.cos(15.0), rel=1e-6)
 
 
+def listed(t, y, p):
+    return [max(y[0], p[0]), abs(y[1])]
+
+
+def unpacked_guards(t, y):
+    height, velocity = y
+    return height - velocity, np.sin(t)
+
+
+def made_and_filled(t, y):
+    h = np.zeros(2)
+    h[0] = y[0] * y[1]
+    h[1] += t
+    return h
+
+
+def with_a_branch(t, y):
+    if y[0] > 0.0:
+        return np.array([y[1] % 1.0, t])
+    return -1.0, slope_of(t)
+
+
+@pytest.mark.parametrize(
+    "function", [listed, unpacked_guards, made_and_filled, with_a_branch]
+)
+def test_plain_guards_compile_for_ranges(function):
+    global SLOPE
+    SLOPE = 1.0
+    found = guards_for_ranges(Callback(function, SIGNATURES["guards"]))
+    assert found.reason == ""
+    assert found.address > 0
+
+
 def test_a_file_that_has_changed_since(tmp_path):
     """The function runs as it was read, not as the file is now."""
     path = tmp_path / "changed.py"
@@ -452,3 +486,22 @@ def test_a_field_that_is_nan_is_not_called_wrong():
         return y / 0.0
 
     assert solve(System(nowhere, n_states=2), (0, 1), [0.0, 0.0]).status == -2
+
+
+def plain_floor(t, y):
+    return -y[0]
+
+
+def test_lanes_take_plain_fields_and_refuse_plain_guards():
+    starts = np.array([[1.0, 0.0], [2.0, 1.0], [0.5, 3.0]])
+    options = {"params": PARAMS, "lanes": True}
+    flights = solve_batch(System(unpacked, n_states=2), (0, 1), starts, **options)
+    assert flights.lanes.all()
+    exact = starts[:, 0] + starts[:, 1] - 9.81 / 2.0
+    assert flights.y_end[:, 0] == pytest.approx(exact, abs=1e-8)
+    plain = ball(unpacked, plain_floor, handler_in_place)
+    refused = solve_batch(plain, (0, 1), starts, **options)
+    assert not refused.lanes.any()
+    assert "the guards return no rates" in refused.lanes_reason
+    own = solve_batch(ball(), (0, 1), starts, params=PARAMS, lanes=False)
+    assert refused.y_end == pytest.approx(own.y_end, rel=1e-9)

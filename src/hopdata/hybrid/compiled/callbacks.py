@@ -77,8 +77,8 @@ class Callback:
         if form is not None:
             self.function = in_own_form(function, form)
         self.signature = signature
-        # Of guards without rates: numbers of states and guards, for exact rates.
-        self._sizes: tuple[int, int] | None = None
+        # What gives guards without rates exact ones.
+        self._exact: Function | None = None
         self._wanted = compiled
         update_wrapper(self, function)
 
@@ -115,6 +115,13 @@ class Callback:
 
     def check_lengths(self, **lengths: int) -> None:
         """Raise ValueError if the code uses a literal index beyond an array's end."""
+        for name, number in self._unpacked.items():
+            if name in lengths and number != lengths[name]:
+                where = declare.place(self.users, self.signature)
+                raise ValueError(
+                    f"{where} unpacks {name} into {number} names, but {name} has the "
+                    f"length {lengths[name]}"
+                )
         for position, number in self._subscripts.items():
             name = self.signature.arguments[position]
             if name in lengths and number >= lengths[name]:
@@ -122,13 +129,6 @@ class Callback:
                 raise ValueError(
                     f"{where} uses {name}[{number}], but {name} has the length "
                     f"{lengths[name]}"
-                )
-        for name, number in self._unpacked.items():
-            if name in lengths and number != lengths[name]:
-                where = declare.place(self.users, self.signature)
-                raise ValueError(
-                    f"{where} unpacks {name} into {number} names, but {name} has the "
-                    f"length {lengths[name]}"
                 )
         if self.form is None or not self.form.returns or self.count is None:
             return
@@ -181,21 +181,24 @@ class Callback:
                 return with_helpers(self.function)
             return self.function
         if self.signature.name == "guards":
-            return with_rates(self._written.function, self._sizes)
+            return with_rates(self._written.function, self._exact)
         return with_helpers(self._written.function)
 
-    def with_sizes(self, n_states: int, n_guards: int) -> Callback:
-        """Return guards for a system of these sizes, whose rates are exact.
+    def with_exact_rates(self, exact: Function) -> Callback:
+        """Return guards whose rates are exact, if they return only their values.
 
-        Others than guards that return their values return themselves.
+        Others return themselves.
+
+        Parameters
+        ----------
+        exact : callable
+            Makes guards with rates from a function of compiled code that fills `h`.
         """
         if self.form is None or self.signature.name != "guards":
             return self
-        if self._sizes == (n_states, n_guards):
-            return self
-        sized = self.anew(always=True)
-        sized._sizes = (n_states, n_guards)
-        return sized
+        made = self.anew(always=True)
+        made._exact = exact
+        return made
 
     def uncompiled(self) -> Callback:
         """Return a callback of the same function that Python runs."""
@@ -235,14 +238,15 @@ class Callback:
     @cached_property
     def _unpacked(self) -> dict[str, int]:
         """Number of names into which an argument is unpacked, by the argument."""
-        function, given = self.function, self.signature.arguments
-        if self._written is not None:
-            function, given = self._written.function, self._written.arguments
-        found = declare.names_unpacked(function)
+        found = declare.names_unpacked(self.users)
         if not found:
             return {}
-        names = function.__code__.co_varnames[: len(given)]
-        return {given[names.index(name)]: found[name] for name in found}
+        given: tuple[str, ...] = self.signature.arguments
+        names = self.users.__code__.co_varnames
+        if self.form is not None:
+            given, names = self.form.arguments, self.form.names
+        meant = dict(zip(names, given, strict=False))
+        return {meant[name]: found[name] for name in found if name in meant}
 
     @cached_property
     def _subscripts(self) -> dict[int, int]:
@@ -301,9 +305,10 @@ class Callback:
     @cached_property
     def dual(self) -> Any:
         """The function, callable from code in Numba with duals (`numbers.duals`)."""
-        options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        made: Any = numba.njit(error_model="numpy", **options)
-        return made(with_digest(self._of_other_numbers))
+        # Python never calls it, and could not give it duals.
+        options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        compiler: Any = numba.njit(error_model="numpy", **options)
+        return compiler(with_digest(self._of_other_numbers))
 
     @cached_property
     def address(self) -> int:
@@ -343,12 +348,12 @@ class Callback:
 
         Guards that do not compile for duals have their rates from differences.
         """
-        if self._sizes is not None:
+        if self._exact is not None:
             try:
                 return self._compiled_now()
             # Numba's own exceptions, and others raised within it.
             except Exception:
-                self._sizes = None
+                self._exact = None
         return self._compiled_now()
 
     def _compiled_now(self) -> Any:

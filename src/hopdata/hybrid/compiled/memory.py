@@ -294,6 +294,14 @@ array_of = built(1, lambda vector: (types.Array(vector.dtype, 1, "C")(vector), _
 address_of = built(1, lambda owner: (INDEX(owner), _address))
 
 
+def _start(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    start = array_start(context, builder, sign.args[0], values[0])
+    return builder.ptrtoint(start, context.get_value_type(INDEX))
+
+
+start_of = built(1, lambda array: (INDEX(array), _start))
+
+
 # Named tuples that are read from a table of addresses, each item where it is used.
 #
 # A named tuple of views is passed to a compiled function as separate numbers, thirty

@@ -68,23 +68,21 @@ def {name}(t, y, dy, mode, params, h, hdot):
 """
 
 
-def with_rates(values: Function, sizes: tuple[int, int] | None) -> FunctionType:
+def with_rates(values: Function, exact: Function | None) -> FunctionType:
     """Return guards of the integrator's own form for compiled code.
 
     Parameters
     ----------
     values : FunctionType
         Takes ``t, y, mode, params, h`` and fills `h`.
-    sizes : tuple of int, optional
-        Numbers of states and of guards. With them the rates are exact, but the
-        function may not compile.
+    exact : callable, optional
+        Makes guards with exact rates from a function for compiled code, though they may
+        not compile. By default the rates are differences.
     """
     assert isinstance(values, FunctionType)
-    if sizes is None:
+    if exact is None:
         return _composed(values, BY_DIFFERENCES)
-    from hopdata.hybrid.numbers.derivatives import rates_of  # it imports callbacks
-
-    made: FunctionType = rates_of(_dispatcher(values), *sizes)
+    made: FunctionType = exact(_dispatcher(values))
     made.__code__ = made.__code__.replace(co_filename=values.__code__.co_filename)
     made.__module__ = values.__module__
     return made

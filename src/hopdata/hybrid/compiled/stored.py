@@ -33,7 +33,8 @@ def is_scalar(kind: Any) -> bool:
     """Return whether a Numba type is that of one number, ours or Numba's."""
     if isinstance(kind, types.Array):
         return kind.ndim == 0
-    return is_number(kind) or isinstance(kind, NumberLike)
+    is_ours = isinstance(kind, NumberLike) or getattr(kind, "is_number", False)
+    return is_number(kind) or is_ours
 
 
 def _is_row(kind: Any) -> bool:

@@ -88,6 +88,7 @@ class Written:
             rewriter = _Returns(form, {k: v for k, v in known.items() if k not in own})
             rewriter.rewrite(node)
             self.count = rewriter.count
+        _Unpacking(form).visit(node)
         arguments, opening = _opening(form)
         node.args = ast.arguments(
             posonlyargs=[],
@@ -262,6 +263,57 @@ def _mangled(node: ast.AST) -> Iterator[str]:
             yield one.id
         if isinstance(one, ast.Yield | ast.YieldFrom | ast.Await):
             yield "yield"
+
+
+# Arguments that are unpacked.
+
+
+class _Unpacking(ast.NodeTransformer):
+    """Unpacked arguments, ``a, b = y``, as their elements, ``a, b = y[0], y[1]``.
+
+    The arrays of other numbers than floats have elements, and cannot be unpacked.
+    """
+
+    def __init__(self, form: Form) -> None:
+        pairs = zip(form.arguments, form.names, strict=True)
+        self._rows = {own for meant, own in pairs if meant in ("y", "params")}
+
+    def visit_Assign(self, node: ast.Assign) -> ast.Assign:
+        """Replace the value."""
+        target, value = node.targets[0], node.value
+        if len(node.targets) > 1 or not isinstance(target, ast.Tuple | ast.List):
+            return node
+        is_row = isinstance(value, ast.Name) and value.id in self._rows
+        if not is_row or not all(isinstance(one, ast.Name) for one in target.elts):
+            return node
+        items: list[ast.expr] = []
+        for place in range(len(target.elts)):
+            index = ast.Constant(place)
+            items.append(ast.Subscript(value=value, slice=index, ctx=ast.Load()))
+        made = ast.Tuple(elts=items, ctx=ast.Load())
+        value = ast.copy_location(made, value)
+        return ast.copy_location(ast.Assign(targets=node.targets, value=value), node)
+
+
+def with_items(function: FunctionType, form: Form) -> FunctionType:
+    """Return a function that takes elements of what it unpacks, or itself."""
+    node = source_of(function)
+    if node is None:
+        return function
+    _Unpacking(form).visit(node)
+    code = _compiled(node, function)
+    cells = dict(cells_of(function))
+    made = FunctionType(
+        code,
+        function.__globals__,
+        function.__name__,
+        function.__defaults__,
+        tuple(cells[name] for name in code.co_freevars),
+    )
+    made.__kwdefaults__ = function.__kwdefaults__
+    made.__module__ = function.__module__
+    made.__qualname__ = function.__qualname__
+    return made
 
 
 # Returns.

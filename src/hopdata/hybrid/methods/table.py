@@ -12,6 +12,7 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
+from numba import NumbaError
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import did_you_mean
@@ -132,6 +133,9 @@ class MethodTable:
         self._names = check_method(choice, scene, jacobian)
         self.scene = scene
         self._jacobian = jacobian
+        # Whether a Jacobian takes the field's own derivative.
+        explicit = any(name in TABLEAUS for name in self._names)
+        self.by_field = explicit and scene.jacobian is None
         self._kept_alive: list[Any] = []
         self._methods = [method_for(name, scene) for name in self._names]
         self.pattern = scene.sparsity if "rosenbrock" in self._names else None
@@ -265,6 +269,15 @@ class MethodTable:
         for part in PARTS:
             if part in TANGENTS and not own_tangents:
                 continue
-            if getattr(method, part) is not None:
+            if getattr(method, part) is None:
+                continue
+            try:
                 code = compiled_part(part, method, n_states, cache=kept)
-                self._enter(number, {part: code})
+            except NumbaError:
+                if method.otherwise is None:
+                    raise
+                method = method.otherwise
+                self._methods[number] = method
+                self._describe(number, method)
+                code = compiled_part(part, method, n_states, cache=kept)
+            self._enter(number, {part: code})

@@ -7,7 +7,6 @@ so have no code, with a reason.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from numba import cfunc
@@ -15,7 +14,7 @@ from numba import cfunc
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.declare import reason_and_advice
-from hopdata.hybrid.compiled.digest import sources_digest, with_digest
+from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_of, float_vector, int_vector
 from hopdata.hybrid.numbers.answers import RANGES_NATIVE
@@ -75,7 +74,7 @@ def guards_for_ranges(guards: Callback | None) -> RangedGuards:
     """
     if guards is None:
         return RangedGuards()
-    from hopdata.hybrid.numbers import elementary, ranges, sums
+    from hopdata.hybrid.numbers import library, ranges, sums
 
     one_by_one = "k" in guards.signature.arguments
     template = _each if one_by_one else _all
@@ -89,11 +88,10 @@ def guards_for_ranges(guards: Callback | None) -> RangedGuards:
         "int_vector": int_vector,
     }
     assert sums  # the modules give the ranges their operations
-    elementary.library()  # before code that calls it is loaded
+    library.symbol()  # before code that calls it is loaded
     try:
         function = with_digest(template, **inserted, CALL=guards.ranged)
-        sources = sources_digest(Path(__file__).parents[1], "numbers")
-        digest = f"{function_digest(function)}-{sources}"
+        digest = f"{function_digest(function)}-{ranges.DIGEST}"
 
         def compile_it(cached: bool) -> Any:
             return cfunc(RANGES_NATIVE, cache=cached and guards.kept, **ENTRY)(function)

@@ -3,7 +3,7 @@
 
 Sums, products with a number and comparisons are a few instructions on vectors of four
 ends, which are built here; so they take next to no time to compile. The others are
-calls of `numbers.elementary`. Numbers among the arguments become ranges.
+calls of `numbers.library`. Numbers among the arguments become ranges.
 """
 
 import builtins
@@ -19,7 +19,8 @@ from numba import types
 from numba.extending import lower_builtin, overload
 
 from hopdata.hybrid.compiled.memory import built, tried_first
-from hopdata.hybrid.numbers.elementary import EPS, NUMBERS, ONE, TWO, library
+from hopdata.hybrid.numbers.arithmetic import EPS
+from hopdata.hybrid.numbers.library import NUMBERS, ONE, TWO, symbol
 from hopdata.hybrid.numbers.ranges import (
     DOUBLE,
     FOUR,
@@ -189,7 +190,7 @@ def _at_address(builder: Any, four: Any) -> Any:
 def _call(builder: Any, name: str, x_at: Any, y_at: Any, at: Any) -> Any:
     """Build the call of an operation on ends at addresses; its result is four ends."""
     native = ir.FunctionType(ir.VoidType(), 5 * [LONG])
-    apply = _external(builder, native, library())
+    apply = _external(builder, native, symbol())
     room = _room(builder, ir.ArrayType(DOUBLE, 4))
     result = builder.bitcast(room, FOUR.as_pointer())
     place = LONG(NUMBERS[name])

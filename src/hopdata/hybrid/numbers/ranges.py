@@ -8,12 +8,13 @@ holds. Where the quantity may jump, the rate is anything. Each range carries the
 `at` of the memory of answers (`numbers.answers`).
 
 This module has the type, its arrays and its conversions; `numbers.operators` says what
-operators and functions mean for it, and `numbers.elementary` has the longer of them.
+operators and functions mean for it, and `numbers.library` has the longer of them.
 NaN in a range stands for "anything".
 """
 
 import operator
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from llvmlite import ir
@@ -26,10 +27,13 @@ from numba.extending import (
     register_model,
 )
 
+from hopdata.hybrid.compiled.digest import sources_digest
 from hopdata.hybrid.compiled.memory import NumberLike, built, is_number, tried_first
 
 Function = Callable[..., Any]
 
+# Changes with the sources of the ranges' operations.
+DIGEST = sources_digest(Path(__file__).parents[1], "numbers")
 INF = float("inf")
 BYTES = 8  # of a number
 FLOAT = types.float64
@@ -44,29 +48,41 @@ STORED = ir.LiteralStructType([ir.ArrayType(DOUBLE, 4), LONG])
 ENDS = {"lo": 0, "hi": 1, "dlo": 2, "dhi": 3}
 
 
-class _Range(NumberLike):
-    """The type of a range."""
+class _OfSources(types.Type):
+    """A type that differs from that of other sources of its operations.
+
+    A function that Numba keeps for it is then compiled anew: what it calls is gone.
+    """
 
     is_kept = False  # see `code_cache`
 
+    def __init__(self, name: str) -> None:
+        self.sources = DIGEST
+        super().__init__(name)
 
-class _Rows(types.Type):
+    @property
+    def key(self) -> Any:
+        """What makes two types equal; one kept by an older version has no sources."""
+        return self.name, vars(self).get("sources", "")
+
+
+class _Range(_OfSources, NumberLike):
+    """The type of a range."""
+
+
+class _Rows(_OfSources):
     """The type of `n` ranges by address.
 
     Their four rows are `stride` numbers apart. `rated` is 1; or, if their rates are not
     known, 0, or -1 for the same ranges with the other sign.
     """
 
-    is_kept = False
 
-
-class _Sink(types.Type):
+class _Sink(_OfSources):
     """The type of an array that forgets what is written to it.
 
     So it need not be computed.
     """
-
-    is_kept = False
 
 
 RANGE = _Range("Range")

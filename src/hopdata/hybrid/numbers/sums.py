@@ -9,7 +9,7 @@ from numba import njit, types
 from numba.extending import lower_builtin, overload, overload_method
 
 from hopdata.hybrid.compiled.memory import is_number, tried_first
-from hopdata.hybrid.numbers.elementary import EPS
+from hopdata.hybrid.numbers.arithmetic import EPS
 from hopdata.hybrid.numbers.operators import wide
 from hopdata.hybrid.numbers.ranges import (
     BYTES,
