@@ -10,6 +10,7 @@ from hopdata.hybrid.compiled.callbacks import (
     jacobian,
     on_event,
     rate_bound,
+    together,
 )
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
 from hopdata.hybrid.ivp import OdeResult, solve_ivp
@@ -35,4 +36,5 @@ __all__ = [
     "solve",
     "solve_batch",
     "solve_ivp",
+    "together",
 ]

@@ -368,7 +368,7 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     """
     system = system.current()
     states = _states(y0, system.n_states)
-    if goes_back(t_span) or isinstance(jacobian, str):
+    if goes_back(t_span) or isinstance(jacobian, str) or not system.is_plain:
         return ask_derived(
             solve_batch,
             system,
@@ -503,13 +503,20 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
     sensitivity = None
     if shown < system.n_states:
         sensitivity = output.jacobians[:, :shown, shown:]
+    status = output.status[:, 0]
+    modes = output.modes
+    culprit = counts[:, at.CULPRIT]
+    if system.slides is not None:
+        status = system.slides.status(status, modes)
+        culprit = system.slides.guards(culprit)
+        modes = system.slides.modes(modes)
     in_lanes = np.ones(len(output.status), dtype=bool)
     in_lanes[remaining] = False
     return BatchSolution(
-        status=output.status[:, 0],
+        status=status,
         t_end=system.way * output.ends[:, 0],
         y_end=output.ends[:, END_STATE : END_STATE + shown],
-        mode=output.modes,
+        mode=modes,
         n_events=counts[:, at.EVENTS],
         n_steps=counts[:, at.STEPS],
         nfev=counts[:, at.NFEV],
@@ -520,9 +527,9 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         jacobian=jacobian,
         sensitivity=sensitivity,
         by_differences=told,
-        culprit=counts[:, at.CULPRIT],
+        culprit=culprit,
         rates=output.ends[:, 1:END_STATE],
-        guard_names=system.guard_names,
+        guard_names=system.shown_guard_names,
         lanes=in_lanes,
         lanes_reason=reason,
     )

@@ -22,10 +22,19 @@ from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.methods import tangent
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
+from hopdata.hybrid.sliding import Slides, no_handler, sliding_system
 from hopdata.hybrid.system import System
 
 Answer = TypeVar("Answer")
 RATES = ("dy", "hdot", "jac", "a", "b")  # arguments that change sign when time does
+NO_PAST = (
+    "t_span: expected the end not before the start, because a state that slides along "
+    "a guard has no unique past: all states that arrive there go on alike"
+)
+NO_LAW_BACK = (
+    "t_span: expected the end not before the start, because the effect of the law for "
+    "several guards at once (System(together=...)) is not known backward"
+)
 WITH_PARAMS = "params"  # choice of `jacobian` that includes the parameters
 
 
@@ -287,6 +296,10 @@ def ask_derived(
         system, others = _parameters_as_states(system, others)
         jacobian = True
     if goes_back(t_span):
+        if system.sliding:
+            raise ArgumentError(NO_PAST)
+        if system.together is not None:
+            raise ArgumentError(NO_LAW_BACK)
         system = backward(system)
         turned = tuple(-float(one) for one in t_span)
         if t_eval is not None:
@@ -297,7 +310,85 @@ def ask_derived(
                 wanted = f"decreasing times within {t_span}"
                 arguments.expect(False, "t_eval", wanted, t_eval)
         t_span = turned
+    if system.together is not None:
+        system, others = _by_law(system, others)
+    if system.sliding:
+        system, others = _sliding(system, others)
     return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)
+
+
+def by_law(system: System) -> System:
+    """Return the system whose handler is also the law for several guards at once.
+
+    The driver calls it for guard -1, with the directions of all guards that are due in
+    further integers at the end of the mode, which the user's functions do not see.
+    """
+    if "law" in system.made:
+        derived: System = system.made["law"]
+        return derived
+    assert system.together is not None
+    own = {"N_MODES": system.n_modes}
+
+    def shorter(inner: Callback) -> Around:
+        call = ", ".join(inner.signature.arguments).replace("mode", "mode[:N_MODES]")
+        body = [f"return INNER({call})"]
+        return Around(inner, body, inner.n_params, **own)
+
+    functions: dict[str, Any] = {}
+    for name in ("field", "guards", "jacobian", "affine"):
+        given = getattr(system, name)
+        if given is not None:
+            functions[name] = shorter(given)
+    handler = system.on_event or Callback(no_handler, SIGNATURES["on_event"])
+    arguments_of = "t, y, mode[:N_MODES], params"
+    body = [
+        "if guard < 0:",
+        f"    return LAW({arguments_of}, mode[N_MODES:])",
+        f"return INNER({arguments_of}, guard, direction)",
+    ]
+    n_params = max(handler.n_params, system.together.n_params)
+    law = system.together.dispatcher
+    functions["on_event"] = Around(handler, body, n_params, LAW=law, **own)
+    n_extra = system.n_extra_modes + system.n_guards
+    made = replace(system, **functions, n_extra_modes=n_extra, together=None, undo=None)
+    vars(made).update(
+        way=system.way,
+        n_shown=system.n_shown,
+        by_law=True,
+        slides=Slides((), system.n_guards, system.n_modes),
+    )
+    system.made["law"] = made
+    return made
+
+
+def _by_law(system: System, options: dict[str, Any]) -> tuple[System, dict[str, Any]]:
+    """Return the system whose handler is also the law, and the options for it."""
+    derived = by_law(system)
+    if options["mode"] is None:
+        return derived, options
+    full = np.zeros(system.n_modes, dtype=np.int64)
+    arguments.set_mode(full, system.n_guards, options["mode"])
+    none = np.zeros(system.n_guards, dtype=np.int64)
+    return derived, options | {"mode": np.concatenate([full, none])}
+
+
+def _sliding(system: System, options: dict[str, Any]) -> tuple[System, dict[str, Any]]:
+    """Return the system that slides along its guards, and the options for it."""
+    derived = sliding_system(system)
+    slides = derived.slides
+    changed: dict[str, Any] = {}
+    if options["mode"] is not None:
+        full = np.zeros(system.n_modes, dtype=np.int64)
+        arguments.set_mode(full, system.n_guards, options["mode"])
+        changed["mode"] = slides.start_mode(full)
+    if options["memory"] is not None:
+        given = arguments.numbers_of("memory", options["memory"]).ravel()
+        wanted = f"{system.n_memory} numbers"
+        fits = len(given) == system.n_memory
+        arguments.expect(fits, "memory", wanted, len(given))
+        own = np.zeros(derived.n_memory - system.n_memory)
+        changed["memory"] = np.concatenate([given, own])
+    return derived, options | changed
 
 
 def _parameters_as_states(

@@ -73,9 +73,10 @@ GUARD_ROWS = 23
 # flips at that instant since the state last jumped (0: it was due, but has not
 # flipped), whether its lock was left open at the start, whether it branches within the
 # piece of the step, its event count, the number of jumps of the state at its last flip,
-# and the number of the instant at which its handler last turned it back.
-LAST_FLIP, FLIPS, OPEN, BRANCHED, FIRED, AT_JUMP, BOUNCED = numbers(7)
-FLAG_ROWS = 7
+# and the number of the instant at which its handler last turned it back. The last is
+# the direction of its event that a law decides about, 0 if it has none.
+LAST_FLIP, FLIPS, OPEN, BRANCHED, FIRED, AT_JUMP, BOUNCED, DECIDED = numbers(8)
+FLAG_ROWS = 8
 
 # Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the
 # few that the step may concern (see `watch`), and the guards that flip now.
@@ -83,8 +84,10 @@ AWAKE, HEAP, NEAR, DUE = numbers(4)
 LIST_ROWS = 4
 
 # Rows of `rules`: which crossings are events, the number of events after which the
-# integration ends (0: none), and the direction of time, -1 for backward.
-DIRECTION, TERMINAL, WAY = numbers(3)
+# integration ends (0: none), the direction of time, -1 for backward; whether a law
+# decides where several guards are due; and whether the guard comes to rest where its
+# events pile up.
+DIRECTION, TERMINAL, WAY, BY_LAW, RESTS = numbers(5)
 
 # Columns of `methods`. Addresses first (0: none). The short tangent is the one for
 # short steps, the derivative is the user's.
@@ -226,6 +229,7 @@ RAISED = -13
 NO_LOCK = -14
 NO_END = -15
 STATE_NOT_FINITE = -16
+NOT_UNIQUE = -17
 # Inside the driver only: it goes on, or could not start.
 RUNNING = 2
 NEEDS_ROOM = 3
@@ -246,7 +250,7 @@ SENTENCES = {
     SLIDING: "Guard '{guard}' is not live at {at}: the field points into its surface "
     "from both sides (rates {below:+.6g} below and {above:+.6g} above, per second), "
     "so the trajectory would slide along it. Event-selected systems cross their "
-    "guards.",
+    "guards; System(..., sliding=('{guard}',)) lets it slide (docs/sliding.md).",
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them "
     "falls below what floating-point numbers resolve (a Zeno sequence, chattering, or "
     "handlers that push guards across without an end).",
@@ -265,6 +269,10 @@ SENTENCES = {
     "locks.",
     STATE_NOT_FINITE: "on_event has made the state NaN or infinite at {at}, at a flip "
     "of guard '{guard}': correct what it writes to y.",
+    NOT_UNIQUE: "Guard '{guard}' is met at {at} by a trajectory that slides along "
+    "another one, and one of them changes the field otherwise for each lock of the "
+    "other: the rate along both surfaces is not unique. Let the field be a sum of "
+    "terms that each read one lock.",
     NO_END: "Nothing has ended the integration up to {at}, and t_span is infinite: no "
     "terminal event has come, and no handler has returned 1.",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value "

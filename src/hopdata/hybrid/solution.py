@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,10 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import Told
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
+from hopdata.hybrid.zeno import Limit, limit_of
+
+if TYPE_CHECKING:
+    from hopdata.hybrid.sliding import Slides
 
 MOST_SHOWN = 10  # most events in the text of a log
 COUNTS = int(layout.CLOCK_SLOTS)  # index of the first counter in the end record
@@ -25,6 +30,18 @@ BYTES = 8  # bytes of a number
 # Columns of the log.
 CHANGES = int(layout.LOG_CHANGES)
 STATES = int(layout.LOG_STATES)
+
+# What the directions in the log mean.
+WORDS = {
+    1: "rises",
+    -1: "falls",
+    2: "rises to zero and slides",
+    -2: "falls to zero and slides",
+    3: "leaves zero upward",
+    -3: "leaves zero downward",
+    4: "rises to zero and rests",
+    -4: "falls to zero and rests",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,8 +98,9 @@ class EventLog(Told):
         lines = [f"EventLog of {len(self)} events"]
         shown = zip(self.time[:MOST_SHOWN], self.guard, self.direction, strict=False)
         for time, guard, direction in shown:
-            what = "rises" if direction > 0 else "falls"
-            lines.append(f"  t = {time:.9g}: {self.guard_names[guard]} {what}")
+            lines.append(
+                f"  t = {time:.9g}: {self.guard_names[guard]} {WORDS[int(direction)]}"
+            )
         if len(self) > MOST_SHOWN:
             lines.append(f"  and {len(self) - MOST_SHOWN} more")
         return "\n".join(lines)
@@ -105,7 +123,12 @@ class EventLog(Told):
 
     @cached_property
     def direction(self) -> IntArray:
-        """+1 where the event function rose through zero, -1 where it fell; (E,)."""
+        """+1 where the event function rose through zero, -1 where it fell; (E,).
+
+        Of a guard that may slide also +2 and -2, where the solution arrived from below
+        and above and began to slide, +3 and -3, where it left upward and downward, and
+        +4 and -4, where its events piled up and it came to rest.
+        """
         return self._integers(2, 1).ravel()
 
     @cached_property
@@ -179,7 +202,26 @@ def event_log(rows: FloatArray, changes: IntArray, form: Form) -> EventLog:
         shown = [columns[: STATES + form.shown], columns[after : after + form.shown]]
         rows = rows[:, np.concatenate(shown)]
         rows[:, 0] *= form.way
+    if form.slides is not None:
+        return _sliding_log(rows, changes, form, form.slides)
     return EventLog(rows, changes, form.shown, form.logged, form.guard_names)
+
+
+def _sliding_log(
+    rows: FloatArray, changes: IntArray, form: Form, slides: Slides
+) -> EventLog:
+    """Return the log of a system in which guards may slide."""
+    raw = EventLog(rows, changes, form.shown, form.logged, form.guard_names)
+    modes = raw.mode
+    return EventLog.of_columns(
+        time=raw.time,
+        guard=slides.guards(raw.guard),
+        direction=slides.directions(raw.guard, raw.direction, modes),
+        before=raw.before,
+        after=raw.after,
+        mode=slides.modes(modes),
+        guard_names=form.guard_names,
+    )
 
 
 @dataclass(frozen=True)
@@ -200,6 +242,8 @@ class Form:
         Number of states that are the user's; parameters follow them.
     unproven : str
         Why nothing can be proven of the guards.
+    slides : Slides, optional
+        How the records show what the user knows, if guards may slide.
     """
 
     state: int
@@ -209,6 +253,7 @@ class Form:
     way: float
     shown: int
     unproven: str = ""
+    slides: Slides | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -324,7 +369,10 @@ class Solution(Told):
     def mode(self) -> IntArray:
         """Final mode; (m,)."""
         end_record = self.parts[0]
-        return np.frombuffer(end_record, np.int64, self.form.mode, BYTES * MODE).copy()
+        mode = np.frombuffer(end_record, np.int64, self.form.mode, BYTES * MODE)
+        if self.form.slides is not None:
+            return self.form.slides.modes(mode)
+        return mode.copy()
 
     @property
     def t_end(self) -> float:
@@ -352,11 +400,16 @@ class Solution(Told):
         ended = layout.describe(
             self.status,
             time=self.t_end,
-            culprit=int(self.counts[layout.CULPRIT]),
+            culprit=self.culprit,
             names=self.form.guard_names,
             rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
         )
         told = [ended]
+        if self.limit is not None:
+            told.append(
+                "By the last gaps between them, their limit is "
+                f"t = {self.limit.time:.17g}, to within {self.limit.time_error:.2g} s."
+            )
         if self.n_unproven > 0:
             told.append(layout.why_unproven(self.n_unproven, self.form.unproven))
         if self.n_close > 0:
@@ -364,6 +417,28 @@ class Solution(Told):
         if self.by_differences:
             told.append(layout.BY_DIFFERENCES.format(reasons=self.by_differences))
         return " ".join(told)
+
+    @cached_property
+    def limit(self) -> Limit | None:
+        """Where the events pile up that ended the run (status -7), if it is known.
+
+        It is not if the events were not kept, or if the gaps between them do not shrink
+        like those of a series that converges.
+        """
+        if self.status != layout.ZENO:
+            return None
+        found = limit_of(self.events, self.culprit)
+        if found is None or self.form.way > 0.0:
+            return found
+        return None
+
+    @property
+    def culprit(self) -> int:
+        """Index of the guard that the message is about, -1 if none."""
+        culprit = int(self.counts[layout.CULPRIT])
+        if self.form.slides is not None:
+            return int(self.form.slides.guards(np.array(culprit)))
+        return culprit
 
     @property
     def nfev(self) -> int:

@@ -146,6 +146,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         # The usual request has nothing but numbers, which are written unchecked.
         usual = dense_output is debug is False and memory is first_step is None
         usual = usual and type(jacobian) is bool and (keep_events or events == "count")
+        usual = usual and system.is_plain
         rows_per_step = 1
         if t_eval is not None:
             rows_per_step = 0
@@ -154,7 +155,8 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method,
             jacobian, rows_per_step, keep_events,
         ):  # fmt: skip
-            if goes_back(t_span) or debug is not False or isinstance(jacobian, str):
+            derived = debug is not False or isinstance(jacobian, str)
+            if goes_back(t_span) or derived or not system.is_plain:
                 return ask_derived(
                     solve,
                     system,

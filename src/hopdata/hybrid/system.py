@@ -83,6 +83,16 @@ class System(Told):
         Number of floats that follow the caller's in `params` and belong to one
         integration. The handler may change them, so the field need not sum over all
         contacts again.
+    sliding : tuple of str, optional
+        Names of guards along which the solution slides where the fields on both sides
+        point at the surface. By default this ends the integration with a status.
+    together : Callback, optional
+        Law for instants at which several events are due, declared by
+        `hopdata.hybrid.together`. By default they are processed in order, by
+        `on_event`.
+    on_zeno : str
+        What happens where the events of a guard that may slide pile up: "stop" ends the
+        integration with a status, "rest" lets the state go on with the guard at rest.
     """
 
     field: Callback
@@ -100,6 +110,9 @@ class System(Told):
     n_memory: int = 0
     undo: Callback | None = None
     sparsity: Any = None
+    sliding: tuple[str, ...] = ()
+    together: Callback | None = None
+    on_zeno: str = "stop"
 
     def __post_init__(self) -> None:
         self._declare_plain_functions()
@@ -119,6 +132,7 @@ class System(Told):
         self._check_entry_for_each_guard("terminal", self.terminal)
         known = set(self.directions or ()) <= {-1, 0, 1}
         expect(known, "directions", "-1, 0 or +1", self.directions)
+        self._check_sliding()
         counts = all(
             one in (True, False) or int(one) == one > 0 for one in self.terminal or ()
         )
@@ -150,6 +164,32 @@ class System(Told):
                 _check_callback(name, getattr(self, name))
         if self.undo is not None:
             _check_callback("on_event", self.undo)
+
+    def _check_sliding(self) -> None:
+        listed = isinstance(self.sliding, tuple | list)
+        expect(listed, "sliding", "names of guards, in a tuple", repr(self.sliding))
+        known = set(self.sliding) <= set(self.guard_names)
+        expect(known, "sliding", f"guards among {self.guard_names}", self.sliding)
+        differ = len(set(self.sliding)) == len(self.sliding)
+        expect(differ, "sliding", "different guards", self.sliding)
+        together = not self.sliding or self.guard is None
+        expect(together, "sliding", "guards declared together, by @guards", "@guard")
+        alone = not self.sliding or self.together is None
+        expect(alone, "together", "no law where guards may slide", self.sliding)
+        together = self.together is None or self.guard is None
+        expect(together, "together", "guards declared together, by @guards", "@guard")
+        known = self.on_zeno in ("stop", "rest")
+        expect(known, "on_zeno", "'stop' or 'rest'", repr(self.on_zeno))
+        rests = self.on_zeno == "stop" or bool(self.sliding)
+        expect(rests, "on_zeno", "guards in sliding=... that come to rest", "none")
+        bounces = self.on_zeno == "stop" or self.on_event is not None
+        expect(bounces, "on_zeno", "a handler, on_event, with 'rest'", "none")
+        for name in self.sliding:
+            both = (self.directions or {}) and self.directions[
+                self.guard_names.index(name)
+            ]
+            wanted = f"0 for {name!r}, which may slide"
+            expect(not both, "directions", wanted, self.directions)
 
     def _check_entry_for_each_guard(self, name: str, values: Any) -> None:
         if values is None:
@@ -196,6 +236,33 @@ class System(Told):
         """Direction of time: -1 in a system derived to run backward."""
         return 1.0
 
+    @property
+    def shown_guard_names(self) -> tuple[str, ...]:
+        """Names of the guards that are the user's."""
+        if self.slides is None:
+            return self.guard_names
+        return self.guard_names[self.slides.count :]
+
+    @cached_property
+    def by_law(self) -> bool:
+        """Whether the handler of a derived system takes several guards at once."""
+        return False
+
+    @cached_property
+    def rests(self) -> tuple[int, ...]:
+        """Guards that come to rest where their events pile up, in a derived system."""
+        return ()
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the driver takes it as it is, without a derived system."""
+        return not self.sliding and self.together is None
+
+    @cached_property
+    def slides(self) -> Any:
+        """How a system derived to slide shows what the user knows; None in others."""
+        return None
+
     @cached_property
     def n_shown(self) -> int:
         """Number of states that are the user's."""
@@ -203,12 +270,14 @@ class System(Told):
 
     @cached_property
     def rules(self) -> NDArray[np.int64]:
-        """Event directions, terminal counts and direction of time, (3, n_guards)."""
+        """What the driver knows of each guard, (5, n_guards): see `layout`."""
         none = (0,) * self.n_guards
         directions = self.directions or none
         terminal = self.terminal or none
         ways = (self.way,) * self.n_guards
-        return np.array([directions, terminal, ways], dtype=np.int64)
+        by_law = (int(self.by_law),) * self.n_guards
+        rests = [int(k in self.rests) for k in range(self.n_guards)]
+        return np.array([directions, terminal, ways, by_law, rests], dtype=np.int64)
 
     @property
     def callbacks(self) -> tuple[Callback, ...]:

@@ -102,6 +102,7 @@ class Workspace:
         self._derivatives = system.derivatives
         self._along: Table | None = None
         self._n_shown = system.n_shown
+        self._by_law = system.by_law
         self._rows_per_step = 1
         self._no_memory = (0.0,) * system.n_memory
         self._make_argument_block(0)
@@ -133,10 +134,11 @@ class Workspace:
             n_states,
             n_modes,
             n_logged,
-            system.guard_names,
+            system.shown_guard_names,
             system.way,
             system.n_shown,
             system.branches.reason,
+            system.slides,
         )
         self._lay_out(layout.RULES, system.rules, self._atol)
         self._lay_out(
@@ -387,7 +389,10 @@ class Workspace:
             self.counts[layout.ROWS] = 0
             self._make_rows(min(2 * len(self._rows), LARGEST_CHUNK))
         events, changes = self.counts[[layout.EVENT_ROWS, layout.CHANGES]].tolist()
-        has_row = events < len(self._log)
+        due = 1  # events that may be logged at once
+        if self._by_law:
+            due = max(1, int(self.counts[layout.N_DUE]))
+        has_row = events + due <= len(self._log)
         has_change = changes + n_logged <= len(self._changes)
         if has_row and has_change:
             return
@@ -397,7 +402,7 @@ class Workspace:
             self._kept_events.append(self._log_bytes[: events * self._log_size])
             self.counts[layout.EVENT_ROWS] = 0
         if not has_row:
-            self._make_event_room(min(2 * len(self._log), LARGEST_CHUNK))
+            self._make_event_room(max(due, min(2 * len(self._log), LARGEST_CHUNK)))
         if not has_change:
             self._make_change_room(2 * changes + n_logged)
 
@@ -455,6 +460,8 @@ class Workspace:
         rows = self._row_bytes[: n_rows * self._row_size]
         log = self._log_bytes[: n_events * self._log_size]
         changes = self._change_bytes[: n_changes * CHANGE_BYTES].tobytes()
+        if self._form.slides is not None:
+            status = int(self._form.slides.status(np.int64(status), self.mode))
         solution = object.__new__(Solution)
         fields = solution.__dict__
         fields["status"] = status
@@ -503,6 +510,8 @@ class Workspace:
     def _make_event_room(self, count: int) -> None:
         """Make and lay out room for events, for fewer if the states are long."""
         most = max(1, LARGEST_ROOM // self._event_width)
+        if self._by_law:
+            most = max(most, self._flags.shape[1])
         self._log = np.empty((min(count, most), self._event_width))
         self._log_size = self._log.strides[0]
         self._log_bytes = self._log.data.cast("B")

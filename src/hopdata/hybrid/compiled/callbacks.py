@@ -478,6 +478,21 @@ def on_event(function: Function | None = None, *, compiled: bool = True) -> Any:
     return _declared("on_event", function, compiled)
 
 
+def together(function: Function | None = None, *, compiled: bool = True) -> Any:
+    """Declare a law for several guards at once, ``together(t, y, mode, params, due)``.
+
+    It is called instead of the handler where the events of several guards are due.
+
+    Parameters
+    ----------
+    function : callable
+        Receives `due` (n_guards,) with the direction of the flip of each guard that is
+        due, +1 or -1, and 0 for the others. All their locks have flipped. May change y
+        and mode in place. Returns 0 to continue, 1 to stop.
+    """
+    return _declared("together", function, compiled)
+
+
 def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
     """Declare the derivative of the field, ``jacobian(t, y, mode, params, jac)``.
 

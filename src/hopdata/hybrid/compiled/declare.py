@@ -18,6 +18,7 @@ Function = Callable[..., Any]
 
 WANTED_RESULT = {
     "on_event": "return 0 to go on, 1 to stop, on every path",
+    "together": "return 0 to go on, 1 to stop, on every path",
     "rate_bound": "return a number on every path",
 }
 

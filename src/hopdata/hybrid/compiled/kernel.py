@@ -64,6 +64,7 @@ TYPES = {
     "hdot": STATE,
     "b": STATE,
     "mode": MODE,
+    "due": MODE,
     "k": types.int64,
     "guard": types.int64,
     "direction": types.int64,
@@ -85,12 +86,22 @@ GUARDS = _kind("guards", "t y dy mode params h hdot", fills="h hdot")
 GUARD = _kind("guard", "t y dy mode params k h hdot", fills="h hdot")
 RATE_BOUND = _kind("rate_bound", "t y dy mode params", returns=types.float64)
 ON_EVENT = _kind("on_event", "t y mode params guard direction", returns=types.int64)
+TOGETHER = _kind("together", "t y mode params due", returns=types.int64)
 JACOBIAN = _kind("jacobian", "t y mode params jac", fills="jac")
 AFFINE = _kind("affine", "mode params a b", fills="a b")
 
 SIGNATURES = {
     kind.name: kind
-    for kind in (FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, JACOBIAN, AFFINE)
+    for kind in (
+        FIELD,
+        GUARDS,
+        GUARD,
+        RATE_BOUND,
+        ON_EVENT,
+        TOGETHER,
+        JACOBIAN,
+        AFFINE,
+    )
 }
 
 

@@ -302,6 +302,15 @@ def keep_due(p: problem.Problem, m: Memory, resolution: float) -> None:
     m.counts[at.N_DUE] = total
 
 
+@kernel_apart
+def look_after(p: problem.Problem, m: Memory, resolution: float) -> None:
+    """Put the guards into DUE that flip now, after those in it have flipped."""
+    problem.remember_parts(p, m)
+    gather_reached(p, m, at.H0, at.RATE0, resolution)
+    problem.mark_due(p, m, at.H0, at.RATE0, resolution)
+    problem.remember_residuals(p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution)
+
+
 @kernel_in_loop
 def look_anew(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
     """Put the guards into DUE that flip now, after guard k has flipped."""
@@ -309,10 +318,7 @@ def look_anew(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
         # At the first flip the terms of all due guards are measured, later those of the
         # guard that has flipped.
         problem.mark_one(m, k)
-    problem.remember_parts(p, m)
-    gather_reached(p, m, at.H0, at.RATE0, resolution)
-    problem.mark_due(p, m, at.H0, at.RATE0, resolution)
-    problem.remember_residuals(p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution)
+    look_after(p, m, resolution)
 
 
 # The flow's Jacobian across a flip.
@@ -383,6 +389,142 @@ def saltate_after(
     return at.TIE_IN_JACOBIAN
 
 
+# Several guards at once, by a declared law; and rest where events pile up.
+
+
+@kernel
+def is_event(p: problem.Problem, k: int, direction: int) -> bool:
+    """Return whether a flip of guard k in this direction is an event."""
+    return p.rules[at.DIRECTION, k] == 0 or p.rules[at.DIRECTION, k] == direction
+
+
+@kernel
+def law_decides(p: problem.Problem, m: Memory) -> bool:
+    """Return whether the declared law is asked: several events are due."""
+    if m.counts[at.N_DUE] < 2 or p.rules[at.BY_LAW, 0] == 0:
+        return False
+    events = 0
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
+        events += 1 if is_event(p, k, -p.mode[k]) else 0
+    return events > 1
+
+
+@kernel
+def log_due(p: problem.Problem, m: Memory, log: Log, first: int) -> bool:
+    """Log the events of the due guards, which have flipped, after the law.
+
+    The state before it is in row `first` of the log. Returns whether it has changed.
+    """
+    jumped = False
+    k = problem.next_due(p, m, -1)
+    while k >= 0:
+        direction = p.mode[k]
+        if m.flags[at.DECIDED, k] != 0:
+            direction = m.flags[at.DECIDED, k]
+            row = m.counts[at.EVENT_ROWS]
+            for i in range(m.states.width):
+                before = log.floats[first, at.LOG_STATES + i]
+                log.floats[row, at.LOG_STATES + i] = before
+            jumped = end_event(p, m, log, row, k, direction) or jumped
+            m.flags[at.FIRED, k] += 1
+            m.counts[at.EVENTS] += 1
+            if 0 < p.rules[at.TERMINAL, k] <= m.flags[at.FIRED, k]:
+                m.counts[at.ENDED] = 1
+                m.counts[at.CULPRIT] = k
+        k = problem.next_due(p, m, k)
+    return jumped
+
+
+@kernel_apart
+def fire_together(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int:
+    """Flip all due guards, and let the declared law decide; return a status.
+
+    The law finds the directions of the flips in the last entries of the mode, one for
+    each guard; they are zero again after it.
+    """
+    first_due = p.mode.width - m.flags.width
+    m.counts[at.CULPRIT] = m.counts[at.NEXT]
+    if p.first_order:  # see docs/sliding.md
+        return at.TIE_IN_JACOBIAN
+    for k in range(m.flags.width):
+        m.flags[at.DECIDED, k] = 0
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
+        status = flip(p, m, k)
+        if status != at.RUNNING:
+            return status
+        p.mode[first_due + k] = p.mode[k]
+        m.flags[at.DECIDED, k] = p.mode[k] if is_event(p, k, p.mode[k]) else 0
+    row = begin_event(m, log)
+    events = m.counts[at.N_DUE]
+    stop = code.call_on_event(
+        p.on_event, m.clock[at.T], m.states, at.Y, p.mode, p.params, -1, events
+    )
+    for k in range(m.flags.width):
+        p.mode[first_due + k] = 0
+    if stop != 0:
+        m.counts[at.ENDED] = 1
+    if log_due(p, m, log, row):
+        m.counts[at.JUMPS] += 1
+        wake_all(m)
+    if sets_invalid_lock(p, m):
+        return at.NO_LOCK
+    if problem.first_not_finite(m.states, at.Y) >= 0:
+        return at.STATE_NOT_FINITE
+    status = refresh(p, m)
+    if status != at.RUNNING:
+        return status
+    if m.counts[at.ENDED] != 0:
+        return at.TERMINATED
+    look_after(p, m, resolution)
+    m.counts[at.NEXT] = problem.next_due(p, m, -1)
+    return at.RUNNING
+
+
+@kernel_apart
+def come_to_rest(
+    p: problem.Problem, m: Memory, log: Log, k: int, resolution: float
+) -> int:
+    """Have the handler take guard k to rest, where its events pile up.
+
+    It is told by a direction of 4, times that of the flip that is due. Returns a
+    status.
+    """
+    direction = -p.mode[k]
+    m.counts[at.CULPRIT] = k
+    if p.first_order:
+        return at.ZENO
+    row = begin_event(m, log)
+    stop = code.call_on_event(
+        p.on_event,
+        m.clock[at.T],
+        m.states,
+        at.Y,
+        p.mode,
+        p.params,
+        k,
+        4 * direction,
+    )
+    end_event(p, m, log, row, k, direction)
+    m.counts[at.JUMPS] += 1
+    m.counts[at.EVENTS] += 1
+    m.counts[at.CROWD] = 0
+    wake_all(m)
+    if sets_invalid_lock(p, m):
+        return at.NO_LOCK
+    if problem.first_not_finite(m.states, at.Y) >= 0:
+        return at.STATE_NOT_FINITE
+    status = refresh(p, m)
+    if status != at.RUNNING:
+        return status
+    if stop != 0:
+        return at.TERMINATED
+    look_after(p, m, resolution)
+    m.counts[at.NEXT] = problem.next_due(p, m, -1)
+    return at.RUNNING
+
+
 # The whole instant.
 
 
@@ -416,6 +558,8 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
 
     Returns a status.
     """
+    if law_decides(p, m):
+        return fire_together(p, m, log, resolution)
     k = m.counts[at.NEXT]
     jumps_before = m.counts[at.JUMPS]
     kind = ALONE
@@ -442,7 +586,10 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
         look_anew(p, m, k, resolution)
     jumped = m.counts[at.JUMPS] > jumps_before
     if jumped and stops_bouncing(p, m, k):
-        return at.ZENO
+        if p.rules[at.RESTS, k] == 0:
+            return at.ZENO
+        p.mode[k] = -p.mode[k]  # to the side on which it bounces
+        return come_to_rest(p, m, log, k, resolution)
     choose_next(p, m, k, jumped)
     if m.counts[at.ENDED] != 0 and m.counts[at.N_DUE] == 0:
         return at.TERMINATED
@@ -459,13 +606,21 @@ def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
     """
     resolution = problem.time_resolution(m.clock[at.T], 0.0)
     if m.counts[at.BEGUN] == 0:
-        if too_crowded(m, resolution):
-            m.counts[at.CULPRIT] = problem.next_due(p, m, -1)
+        crowded = too_crowded(m, resolution)
+        k = problem.next_due(p, m, -1)
+        m.counts[at.CULPRIT] = k if crowded else m.counts[at.CULPRIT]
+        if crowded and p.rules[at.RESTS, k] == 0:
             return at.ZENO
         begin_instant(p, m, resolution)
+        # If the log is full, it comes to rest at the next instant.
+        if crowded and not is_full(p, m, log):
+            status = come_to_rest(p, m, log, k, resolution)
+            if status != at.RUNNING:
+                m.counts[at.BEGUN] = 0
+                return status
     status = at.RUNNING
     while status == at.RUNNING and m.counts[at.NEXT] >= 0:
-        if is_full(m, log):
+        if is_full(p, m, log):
             return at.NEEDS_ROOM
         status = fire_next(p, m, log, resolution)
     m.counts[at.BEGUN] = 0

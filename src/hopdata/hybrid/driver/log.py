@@ -28,9 +28,15 @@ class Log(NamedTuple):
 
 
 @kernel
-def is_full(m: Memory, log: Log) -> bool:
-    """Return whether the log has no room for an event that changes the whole mode."""
-    no_row = m.counts[at.EVENT_ROWS] >= log.n_rows
+def is_full(p: problem.Problem, m: Memory, log: Log) -> bool:
+    """Return whether the log has no room for an event that changes the whole mode.
+
+    If a law decides about several guards, there may be one of each that is due.
+    """
+    due = 1
+    if p.rules[at.BY_LAW, 0] != 0:
+        due = max(1, m.counts[at.N_DUE])
+    no_row = m.counts[at.EVENT_ROWS] + due > log.n_rows
     no_change = m.counts[at.CHANGES] + log.logged.width > log.n_changes
     return log.keep_events != 0 and (no_row or no_change)
 

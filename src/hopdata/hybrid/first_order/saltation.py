@@ -328,7 +328,18 @@ def bouligand_derivative(
     BouligandDerivative
         Raises `NotTransversalError` when it reaches an order in which a guard is not
         approached.
+
+    Raises
+    ------
+    ValueError
+        If a law decides about several guards (`System(together=...)`).
     """
+    wanted = (
+        "none: neighbours meet the guards one after the other, so the handlers decide "
+        "about them (dataclasses.replace(system, together=None)), and the flow jumps "
+        "where the law's state is another one"
+    )
+    expect(system.together is None, "system.together", wanted, system.together)
     sizes = local.state_scale(system, scale)
     start = local.instant(system, state, params=params, mode=mode, t=t)
     here = local.linearise(system, start, sizes)

@@ -163,6 +163,8 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     array([-0.012563,  1.539352])
     """
     expect(isinstance(system, System), "system", "a System", system)
+    wanted = "a system without sliding= or together=, which it does not differentiate"
+    expect(system.is_plain, "system", wanted, system)
     given = any(one is not None for one in (at_end, at_event, along))
     expect(given, "at_end, at_event, along", "at least one of them", "none")
     known = isinstance(method, str) and method in TABLEAUS

@@ -45,6 +45,13 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
 
     The reason is "" if there is none.
     """
+    return _reason_of_declarations(system) or _reason_of_the_rest(
+        system, method, jacobian
+    )
+
+
+def _reason_of_the_rest(system: System, method: str, jacobian: bool) -> str:
+    """Return why lanes cannot integrate a system that declares nothing beside."""
     if jacobian:
         return "only the driver carries the Jacobian of the flow"
     if method not in ("auto", "dop853"):
@@ -72,6 +79,15 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
         if one is not None and not (one.address and one.compiled):
             kind = one.signature.name
             return f"{kind} {function_name(one.function)!r} runs as plain Python"
+    return ""
+
+
+def _reason_of_declarations(system: System) -> str:
+    """Return why lanes cannot follow what the system declares beside its guards."""
+    if system.by_law:
+        return "a law decides about several guards at once, which only the driver asks"
+    if system.slides is not None:
+        return "guards may slide, and only the driver follows that"
     return ""
 
 

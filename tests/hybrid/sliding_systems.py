@@ -1,0 +1,93 @@
+"""Systems that slide along their guards, with exact answers."""
+
+import numpy as np
+
+from hopdata.hybrid import System, field, guards, on_event
+
+
+@field
+def relay_field(t, y, mode, params, dy):
+    dy[0] = params[0] * np.sin(t) - mode[0]
+
+
+@guards
+def first_state(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0], dy[0]
+
+
+@field
+def dry_field(t, y, mode, params, dy):  # place (m), velocity; params: friction, belt
+    dy[0] = y[1]
+    dy[1] = -y[0] - params[0] * mode[0]
+
+
+@guards
+def slip(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[1] - params[1], dy[1]
+
+
+# A block of 1 kg on a spring of 1 N/m, on a belt.
+dry = System(dry_field, slip, n_states=2, guard_names=("slip",), sliding=("slip",))
+
+
+@field
+def folded_field(t, y, mode, params, dy):  # params: bend of the surface
+    if mode[0] > 0:
+        dy[0], dy[1] = 1.0, y[0] - 1.0
+    else:
+        dy[0], dy[1] = 2.0, 1.0
+    dy[1] += 2.0 * params[0] * y[0] * dy[0]
+
+
+@guards
+def parabola(t, y, dy, mode, params, h, hdot):
+    h[0] = y[1] - params[0] * y[0] ** 2
+    hdot[0] = dy[1] - 2.0 * params[0] * y[0] * dy[0]
+
+
+# Slides along the parabola where x < 1, up to the fold of the upper field, with
+# x' = (3 - 2 x) / (2 - x).
+folded = System(
+    folded_field, parabola, n_states=2, guard_names=("line",), sliding=("line",)
+)
+
+
+@field
+def corner_field(t, y, mode, params, dy):
+    dy[0] = -2.0 * mode[0] + params[0] * mode[1]
+    dy[1] = -1.0 * mode[1] + params[1] * mode[0] + params[2] * mode[0] * mode[1]
+    dy[2] = 1.0 + mode[0] + mode[1]
+
+
+@guards
+def both_states(t, y, dy, mode, params, h, hdot):
+    h[0], h[1] = y[0], y[1]
+    hdot[0], hdot[1] = dy[0], dy[1]
+
+
+corner = System(
+    corner_field,
+    both_states,
+    n_states=3,
+    guard_names=("x", "y"),
+    sliding=("x", "y"),
+)
+
+
+@on_event
+def note(t, y, mode, params, guard, direction):
+    mode[1] = 10 * mode[1] + direction
+    mode[2] = mode[0]
+    return 0
+
+
+# y' = a sin(t) - sign(y): at rest while abs(a sin(t)) < 1.
+relay = System(
+    relay_field,
+    first_state,
+    note,
+    n_states=1,
+    guard_names=("zero",),
+    sliding=("zero",),
+    n_extra_modes=2,
+)

@@ -1,0 +1,195 @@
+"""Sliding along guards: exact answers, what is told, and the derivative."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sliding_systems import corner, dry, folded, folded_field, relay
+
+from hopdata.errors import ArgumentError
+from hopdata.hybrid import System, guard, solve, solve_batch
+from hopdata.hybrid.layout import NOT_UNIQUE, SLIDING
+
+
+def test_a_relay_rests_as_long_as_its_drive_is_weaker():
+    solution = solve(relay, (0.0, 10.0), [0.0], params=[1.5])
+    log = solution.events
+    # Let go where 1.5 sin(t) = 1 and -1; back where the integral from there is zero.
+    leaves = np.arcsin(1.0 / 1.5) + np.array([0.0, np.pi, 2.0 * np.pi])
+    assert solution.success
+    np.testing.assert_array_equal(log.direction, [2, 3, -2, -3, 2, 3, -2])
+    np.testing.assert_allclose(log.time[1::2], leaves, rtol=0, atol=1e-8)
+    back = log.time[2::2] - leaves
+    np.testing.assert_allclose(back, back[0], rtol=1e-8)
+    start = leaves[0]
+    area = 1.5 * (np.cos(start) - np.cos(start + back[0])) - back[0]
+    assert abs(area) < 1e-8
+    assert abs(solution.y_end[0]) < 1e-15
+
+
+def test_handler_and_records_tell_what_a_guard_does():
+    solution = solve(relay, (0.0, 5.0), [0.7], params=[1.5])
+    log = solution.events
+    # mode[1] has the directions as its digits, mode[2] the lock that the handler saw.
+    np.testing.assert_array_equal(log.direction, [-2, -3])
+    np.testing.assert_array_equal(log.mode, [[0, -2, 0], [-1, -23, -1]])
+    np.testing.assert_array_equal(solution.mode, [-1, -23, -1])
+    assert "zero falls to zero and slides" in repr(log)
+    assert len(log.of("zero", direction=-3)) == 1
+    chunks = []
+    solve(relay, (0.0, 5.0), [0.7], params=[1.5], events=chunks.append)
+    np.testing.assert_array_equal(chunks[0].direction, log.direction)
+
+
+def test_without_the_declaration_it_ends_and_says_how_to_declare():
+    plain = replace(relay, sliding=())
+    solution = solve(plain, (0.0, 10.0), [0.7], params=[0.5])
+    assert solution.status == SLIDING
+    assert "sliding=('zero',)" in solution.message
+
+
+def test_a_block_with_dry_friction_stops_where_its_spring_is_too_weak():
+    solution = solve(dry, (0.0, 20.0), [1.0, 0.0], params=[0.15, 0.0])
+    log = solution.events
+    # It loses 2 x 0.15 m of its amplitude in each half turn: 1, -0.7, 0.4, -0.1.
+    np.testing.assert_allclose(log.time, np.pi * np.arange(1, 4), rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(log.direction, [1, -1, 2])
+    np.testing.assert_allclose(log.after[:, 0], [-0.7, 0.4, -0.1], atol=1e-8)
+    np.testing.assert_allclose(solution.y_end, [-0.1, 0.0], atol=1e-8)
+
+
+@pytest.mark.parametrize("belt", [0.1, 0.5, 2.0])
+def test_a_block_on_a_belt_sticks_until_the_spring_tears_it_off(belt):
+    solution = solve(dry, (0.0, 10.0), [0.0, belt], params=[0.15, belt])
+    assert solution.success
+    log = solution.events
+    np.testing.assert_allclose(log.time[:2], [0.0, 0.15 / belt], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(log.direction[:2], [2, -3])
+    # Then it swings about 0.15 m.
+    swing = np.hypot(solution.y_end[0] - 0.15, solution.y_end[1])
+    np.testing.assert_allclose(swing, belt, rtol=1e-8)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.7, -2.0])
+@pytest.mark.parametrize("x", [-4.0, -1.0, 0.5])
+def test_a_segment_that_slides_ends_at_the_fold(x, bend):
+    solution = solve(folded, (0.0, 9.0), [x, bend * x**2], params=[bend])
+    log = solution.events
+    fold = 0.5 - (0.5 * x - 0.25 * np.log(3.0 - 2.0 * x))
+    np.testing.assert_allclose(log.time, [0.0, fold], rtol=1e-8)
+    np.testing.assert_allclose(log.after[1], [1.0, bend], atol=1e-7)
+    since = 9.0 - fold
+    end = 1.0 + since
+    height = 0.5 * since**2 + bend * end**2
+    np.testing.assert_allclose(solution.y_end, [end, height], rtol=1e-7)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+def test_what_is_left_of_a_bent_surface_stays_near_the_tolerance(rtol):
+    options = {"params": [0.7], "rtol": rtol, "atol": rtol / 1e3}
+    solution = solve(folded, (0.0, 60.0), [-99.0, 0.7 * 99.0**2], **options)
+    assert solution.success
+    x, y = solution.y[:, solution.t <= solution.events.time[1]]
+    assert np.abs(y - 0.7 * x**2).max() < 10.0 * rtol * 0.7 * 99.0**2
+
+
+def test_two_surfaces_at_once():
+    solution = solve(corner, (0.0, 5.0), [1.0, 1.0, 0.0], params=[0.5, 0.5, 0.0])
+    log = solution.events
+    # x' = -1.5, y' = -0.5; on x = 0 the share of its lock is 0.25, and y' = -0.875.
+    np.testing.assert_allclose(log.time, [2.0 / 3.0, 2.0 / 3.0 + 16.0 / 21.0])
+    np.testing.assert_array_equal(solution.mode, [0, 0])
+    third = 3.0 * 2.0 / 3.0 + (2.0 + 0.25) * 16.0 / 21.0 + 1.0 * (5.0 - log.time[1])
+    np.testing.assert_allclose(solution.y_end, [0.0, 0.0, third], atol=1e-9)
+
+
+def test_a_mix_that_is_not_unique_is_told():
+    solution = solve(corner, (0.0, 5.0), [1.0, 1.0, 0.0], params=[0.5, 0.5, 0.2])
+    assert solution.status == NOT_UNIQUE
+    assert "'y'" in solution.message
+    batch = solve_batch(corner, (0.0, 5.0), [[1.0, 1.0, 0.0]], params=[0.5, 0.5, 0.2])
+    assert batch.status[0] == NOT_UNIQUE
+    assert batch.culprit[0] == 1
+
+
+JACOBIANS = [
+    (folded, 3.0, [-1.0, -0.3], [0.0], [2, 3]),
+    (folded, 1.0, [-1.0, 0.1], [0.7], [2]),
+    (folded, 3.0, [-1.0, 0.1], [0.7], [2, 3]),
+    (dry, 20.0, [1.0, 0.0], [0.15, 0.5], [1, -1, 2, -3]),
+    (corner, 5.0, [1.0, 0.8, 0.0], [0.5, 0.5, 0.0], [-2, -2]),
+]
+
+
+@pytest.mark.parametrize(("system", "end", "start", "params", "directions"), JACOBIANS)
+def test_the_derivative_through_sliding(system, end, start, params, directions):
+    options = {"params": params, "rtol": 1e-11, "atol": 1e-13}
+    solution = solve(system, (0.0, end), start, jacobian=True, **options)
+    n = len(start)
+    apart = 1e-5 * np.vstack([np.eye(n), -np.eye(n)])
+    ends = solve_batch(system, (0.0, end), start + apart, **options).y_end
+    slopes = (ends[:n] - ends[n:]).T / 2e-5
+    np.testing.assert_array_equal(
+        solution.events.direction[: len(directions)], directions
+    )
+    np.testing.assert_allclose(solution.jacobian, slopes, atol=1e-6)
+
+
+def test_derivative_by_parameters():
+    solution = solve(dry, (0.0, 3.0), [0.0, 0.5], params=[0.15, 0.5], jacobian="params")
+    apart = 1e-6 * np.array([[1.0, 0.0], [-1.0, 0.0]])
+    ends = solve_batch(
+        dry, (0.0, 3.0), np.tile([0.0, 0.5], (2, 1)), params=np.add([0.15, 0.5], apart)
+    ).y_end
+    slope = (ends[0] - ends[1]) / 2e-6
+    np.testing.assert_allclose(solution.sensitivity[:, 0], slope, atol=1e-5)
+
+
+def test_the_past_of_a_state_that_slides_is_refused():
+    with pytest.raises(ArgumentError, match="unique past"):
+        solve(dry, (1.0, 0.0), [0.0, 0.5], params=[0.15, 0.5])
+
+
+def test_a_batch_has_the_same_bytes_and_leaves_lanes():
+    starts = [[1.0, 0.0], [0.3, 0.2]]
+    batch = solve_batch(dry, (0.0, 9.0), starts, params=[0.15, 0.5], lanes=True)
+    assert "slide" in batch.lanes_reason
+    for one, start in enumerate(starts):
+        alone = solve(dry, (0.0, 9.0), start, params=[0.15, 0.5])
+        assert alone.y_end.tobytes() == batch.y_end[one].tobytes()
+        np.testing.assert_array_equal(alone.mode, batch.mode[one])
+        assert alone.n_events == batch.n_events[one]
+
+
+def test_a_run_goes_on_from_a_state_that_slides():
+    first = solve(relay, (0.0, 3.7), [0.7], params=[1.5])
+    assert first.mode[0] == 0
+    second = solve(relay, (3.7, 10.0), first.y_end, params=[1.5], mode=first.mode)
+    whole = solve(relay, (0.0, 10.0), [0.7], params=[1.5])
+    np.testing.assert_allclose(second.y_end, whole.y_end, atol=1e-8)
+    # It begins to slide once more.
+    np.testing.assert_array_equal(
+        second.events.direction[1:], whole.events.direction[1:]
+    )
+
+
+@guard
+def one_by_one(t, y, dy, mode, params, k, h, hdot):
+    h[k], hdot[k] = y[0], dy[0]
+
+
+def test_wrong_declarations():
+    with pytest.raises(ValueError, match="sliding"):
+        replace(dry, sliding=("stick",))
+    with pytest.raises(ValueError, match="directions"):
+        replace(dry, directions=(1,))
+    with pytest.raises(ValueError, match="sliding"):
+        System(
+            folded_field,
+            guard=one_by_one,
+            n_states=2,
+            guard_names=("a",),
+            sliding=("a",),
+        )
