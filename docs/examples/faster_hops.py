@@ -70,11 +70,19 @@ def miss(t, y, params):
     return (y[2] - SPEED) ** 2 + 10.0 * (y[1] - HEIGHT) ** 2 + 1e-5 * effort
 
 
+def stumble(t, before, after, guard, direction, params):
+    if guard != 1:
+        return 0.0
+    low = max(1.02 - before[1], 0.0)  # too low an apex to swing the leg, m
+    return 100.0 * low * low
+
+
 def trial(params):
     """Return the miss of the speed and the height, with its derivatives."""
     return gradient(
-        robot, (0.0, 10.0), start, params=params, mode=[1, 0], at_end=miss, rtol=1e-8
-    )
+        robot, (0.0, 10.0), start, params=params, mode=[1, 0],
+        at_end=miss, at_event=stumble, rtol=1e-8,
+    )  # fmt: skip
 
 
 guess = np.array([0.26] * HOPS + [0.0] * HOPS)  # rad, N

@@ -161,7 +161,7 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     ...     ball, (0.0, 0.8), [1.0, 0.0], params=[9.81, 0.8], at_end=height
     ... )
     >>> found.by_params.round(6)
-    array([-0.012563,  1.539352])
+    array([0.005097, 1.543558])
     """
     expect(isinstance(system, System), "system", "a System", system)
     given = any(one is not None for one in (at_end, at_event, along))
