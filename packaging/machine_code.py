@@ -5,10 +5,11 @@
     python packaging/machine_code.py src/hopdata/_machine_code
 
 It compiles the driver, the code that carries Jacobians, the generic steps of explicit
-methods, and the loop in lanes (as wide as this level has them; processors of level v4
-compile wider ones), for processors of level x86-64-v3 (2013 and later) and for the
-running Python, Numba and llvmlite. A machine that differs in one of these compiles as
-if the wheel had no machine code. `hopdata.code_cache.brought_code` reads the files.
+methods, the operations of ranges, and the loop in lanes (as wide as this level has
+them; processors of level v4 compile wider ones), for processors of level x86-64-v3
+(2013 and later) and for the running Python, Numba and llvmlite. A machine that differs
+in one of these compiles as if the wheel had no machine code.
+`hopdata.code_cache.brought_code` reads the files.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from hopdata.code_cache import made_with  # noqa: E402
 from hopdata.hybrid.driver import loop  # noqa: E402
 from hopdata.hybrid.lanes import batch  # noqa: E402
 from hopdata.hybrid.methods import method, table  # noqa: E402
+from hopdata.hybrid.numbers import library  # noqa: E402
 from hopdata.seal import sealed  # noqa: E402
 
 
@@ -68,11 +70,12 @@ def main() -> None:
             file.write_bytes(line.encode() + b"\n" + code)
         return compiled
 
-    for module in (loop, method, batch):
+    for module in (loop, method, batch, library):
         module.compiled_in_cache = keep  # type: ignore[attr-defined]
     loop.compiled_run()
     loop.compiled_first_order()
     batch.compiled_loop()
+    library.symbol()
     for name in table.TABLEAUS:
         for tangents in (False, True):
             table.generic_code(name, tangents)

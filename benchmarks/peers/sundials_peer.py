@@ -31,6 +31,8 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {  # result type, argument types
     "SUNNonlinSol_FixedPoint": (c_void_p, c_void_p, c_int, c_void_p),
     "SUNDenseMatrix": (c_void_p, c_int64, c_int64, c_void_p),
     "SUNLinSol_Dense": (c_void_p, c_void_p, c_void_p, c_void_p),
+    "SUNBandMatrix": (c_void_p, c_int64, c_int64, c_int64, c_void_p),
+    "SUNLinSol_Band": (c_void_p, c_void_p, c_void_p, c_void_p),
     "CVodeCreate": (c_void_p, c_int, c_void_p),
     "CVodeInit": (c_int, c_void_p, c_void_p, c_double, c_void_p),
     "CVodeReInit": (c_int, c_void_p, c_double, c_void_p),
@@ -42,6 +44,9 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {  # result type, argument types
     "CVodeRootInit": (c_int, c_void_p, c_int, c_void_p),
     "CVodeSetRootDirection": (c_int, c_void_p, c_void_p),
     "CVodeSetStopTime": (c_int, c_void_p, c_double),
+    "CVodeGetNumSteps": (c_int, c_void_p, c_void_p),
+    "CVodeGetNumRhsEvals": (c_int, c_void_p, c_void_p),
+    "CVodeGetNumLinRhsEvals": (c_int, c_void_p, c_void_p),
     "CVode": (c_int, c_void_p, c_double, c_void_p, c_void_p, c_int),
 }
 

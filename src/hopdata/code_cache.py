@@ -119,6 +119,15 @@ class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
     what stands behind the content.
     """
 
+    def load(self, key: Any) -> Any:
+        """Return what is kept for the types in `key`, or None."""
+        return super().load(key) if _may_be_kept(key) else None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep machine code, unless its types forbid it."""
+        if _may_be_kept(key):
+            super().save(key, data)
+
     def _load_index(self) -> dict[Any, str]:
         if not _is_sound(Path(self._index_path)):
             return {}
@@ -137,6 +146,22 @@ class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
             yield file
             file.flush()
             file.write(seal_for(Path(file.name)))
+
+
+def _may_be_kept(key: Any) -> bool:
+    """Return whether a function's machine code for the types in `key` may be kept.
+
+    The digest is that of the function. A type whose operations are code of their own,
+    which may change meanwhile, has an attribute `is_kept` that is False: its code is
+    kept with the function that is called from outside, whose digest knows of it.
+    """
+    kinds = list(getattr(key[0], "args", key[0]))
+    while kinds:
+        kind = kinds.pop()
+        if not getattr(kind, "is_kept", True):
+            return False
+        kinds += getattr(kind, "types", ())
+    return True
 
 
 def _is_sound(path: Path) -> bool:

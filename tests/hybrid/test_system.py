@@ -82,11 +82,13 @@ def test_elements_that_a_jacobian_names():
         System(bent_field, bent_guards, jacobian=far_looking, **ONE)
 
 
-def test_a_plain_function_is_no_callback():
+def test_a_plain_function_needs_no_decorator():
+    plain = System(bent_field.function, n_states=2)
+    assert plain.field.function is bent_field.function
     with pytest.raises(
         TypeError, match="field: expected a function declared by @field"
     ):
-        System(bent_field.function, n_states=2)
+        System("bent_field", n_states=2)
 
 
 def test_names_of_guards_differ():

@@ -12,6 +12,7 @@ from hopdata.hybrid.compiled.callbacks import (
     rate_bound,
 )
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
+from hopdata.hybrid.ivp import OdeResult, solve_ivp
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
@@ -20,6 +21,7 @@ __all__ = [
     "BatchSolution",
     "Callback",
     "EventLog",
+    "OdeResult",
     "SlowCallbackWarning",
     "Solution",
     "System",
@@ -32,4 +34,5 @@ __all__ = [
     "rate_bound",
     "solve",
     "solve_batch",
+    "solve_ivp",
 ]

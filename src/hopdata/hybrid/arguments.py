@@ -144,6 +144,8 @@ def with_memory(
 
     The memory starts at zero if it is not given.
     """
+    if n_memory == 0 and memory is None:
+        return params
     start = np.zeros(n_memory)
     if memory is not None:
         start = numbers_of("memory", memory).ravel()

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import cache
 from itertools import islice
 from math import inf
 
@@ -24,6 +25,7 @@ from hopdata.hybrid.driver.loop import (
     Starts,
     many_entry,
 )
+from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
 
@@ -129,8 +131,9 @@ class BatchSolution:
         Modes at the end.
     n_events, n_steps, nfev : (B,) array of int
         Events, accepted steps, field evaluations.
-    n_unproven : (B,) array of int
-        Steps in which guards that branch were only sampled, as in `Solution`.
+    n_unproven, n_close : (B,) array of int
+        Steps in which it is not proven that no guard flips unseen, and those in which
+        one turned too close to tell, as in `Solution`. Lanes prove nothing yet.
     culprit : (B,) array of int
         Index of the guard that the status is about, -1 if none.
     rates : (B, 2) array
@@ -150,6 +153,8 @@ class BatchSolution:
         requested.
     sensitivity : (B, n, p) array, optional
         Derivatives of the final states with respect to the parameters, if requested.
+    by_differences : str
+        Functions whose derivatives are by finite differences, as in `Solution`.
     """
 
     status: IntArray
@@ -160,6 +165,7 @@ class BatchSolution:
     n_steps: IntArray
     nfev: IntArray
     n_unproven: IntArray
+    n_close: IntArray
     culprit: IntArray
     rates: FloatArray
     guard_names: tuple[str, ...]
@@ -169,6 +175,7 @@ class BatchSolution:
     y: FloatArray | None = None
     jacobian: FloatArray | None = None
     sensitivity: FloatArray | None = None
+    by_differences: str = ""
 
     def __len__(self) -> int:
         return len(self.status)
@@ -180,6 +187,11 @@ class BatchSolution:
     def success(self) -> bool:
         """Whether all reached the end of the time span or a terminal event."""
         return bool((self.status >= 0).all())
+
+    @property
+    def proven(self) -> BoolArray:
+        """Of which integrations it is proven that no guard flips unseen; (B,)."""
+        return (self.n_unproven == 0) & ~self.lanes
 
     @property
     def message(self) -> str:
@@ -197,6 +209,8 @@ class BatchSolution:
                 rates=self.rates[run],
             )
             lines.append(f"{count} of {len(self)}, such as number {run}: {sentence}")
+        if self.by_differences:
+            lines.append(at.BY_DIFFERENCES.format(reasons=self.by_differences))
         return "\n".join(lines)
 
 
@@ -216,6 +230,10 @@ class _Output:
         self.samples = np.empty((n_sampled, n_times, n))
         self.jacobians = np.empty((n_jacobians, n, n))
         self.arrays = tuple(vars(self).values())  # in the order above
+
+
+# Looked up once: the key of the compiled code takes longer than a short integration.
+_entry = cache(many_entry)
 
 
 @dataclass(frozen=True)
@@ -255,15 +273,15 @@ class _Batch:
             work.begin(methods, times, self.jacobian)
             work.make_params_room(self.numbers.shape[1] - self.system.n_memory)
             work.set_tolerance(self.atol)
+            if methods.unchecked:
+                self._check_pattern(methods, first)
             work.block[at.PATIENCE] = np.iinfo(np.int64).max // 2  # it never pauses
             starts = Starts(self.states, self.numbers, self.modes)
             results = Results(*self.output.arrays)
             request = Request(*self.options)
             with Caught() as caught:
                 while done < last and not caught:
-                    done = many_entry()(
-                        work.block, done, last, starts, results, request
-                    )
+                    done = _entry()(work.block, done, last, starts, results, request)
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))
             if caught:
@@ -275,8 +293,20 @@ class _Batch:
             self.system.idle.append(work)
         return last - first
 
+    def _check_pattern(self, methods: MethodTable, which: int) -> None:
+        """Compare the field with the pattern of its Jacobian, at one of the starts."""
+        methods.check_pattern(
+            self.options[0],
+            self.states[which],
+            self.modes[which % len(self.modes)],
+            self.system.n_guards,
+            self.numbers[which % len(self.numbers)],
+        )
+
     def run_rows(self, rows: IntArray) -> int:
         """Integrate from the states of these rows, and return their number."""
+        if rows[-1] - rows[0] == len(rows) - 1:  # there are no gaps
+            return self.run(int(rows[0]), int(rows[-1]) + 1)
         gaps = np.flatnonzero(np.diff(rows) > 1)
         for piece in np.split(rows, gaps + 1):
             self.run(int(piece[0]), int(piece[-1]) + 1)
@@ -435,14 +465,18 @@ def _run_one_by_one(
         methods = batch.system.methods(batch.method, batch.jacobian)
         methods.specialise(steps * len(remaining))
         chunk = min(STEPS_AT_A_TIME // (steps + 1) + 1, CHUNK)
-    run_in_threads(run, done, total, workers, progress, chunk)
+    if done < total or progress:
+        run_in_threads(run, done, total, workers, progress, chunk)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     states = arguments.numbers_of("y0", y0)
     fits = states.ndim == 2 and states.shape[1] == n_states
     arguments.expect(fits, "y0", f"shape (B, {n_states})", states.shape)
-    for row in np.flatnonzero(~np.isfinite(states).all(axis=1)):
+    finite = np.isfinite(states)
+    if finite.all():
+        return states
+    for row in np.flatnonzero(~finite.all(axis=1)):
         arguments.expect(False, "y0", "finite numbers", f"{states[row]} in row {row}")
     return states
 
@@ -461,11 +495,16 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         output.samples[ended] = np.nan
         y = np.ascontiguousarray(np.swapaxes(output.samples[..., :shown], 1, 2))
     jacobian = None
+    told = ""
     if batch.jacobian:
+        methods = system.methods(batch.method, True)
+        told = system.derivatives.told(by_field=methods.by_field)
         jacobian = output.jacobians[:, :shown, :shown]
     sensitivity = None
     if shown < system.n_states:
         sensitivity = output.jacobians[:, :shown, shown:]
+    in_lanes = np.ones(len(output.status), dtype=bool)
+    in_lanes[remaining] = False
     return BatchSolution(
         status=output.status[:, 0],
         t_end=system.way * output.ends[:, 0],
@@ -475,13 +514,15 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         n_steps=counts[:, at.STEPS],
         nfev=counts[:, at.NFEV],
         n_unproven=counts[:, at.UNPROVEN],
+        n_close=counts[:, at.CLOSE],
         t=t,
         y=y,
         jacobian=jacobian,
         sensitivity=sensitivity,
+        by_differences=told,
         culprit=counts[:, at.CULPRIT],
         rates=output.ends[:, 1:END_STATE],
         guard_names=system.guard_names,
-        lanes=~np.isin(np.arange(len(output.status)), remaining),
+        lanes=in_lanes,
         lanes_reason=reason,
     )

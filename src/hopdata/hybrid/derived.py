@@ -9,7 +9,7 @@ the flow to them. For *debugging*, Python runs all functions, which checks every
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -40,8 +40,8 @@ class Around(Callback):
         Lines of code, in terms of the arguments of `inner`.
     n_params : int
         Number of parameters that the code uses.
-    ranged : list of str, optional
-        The same lines for ranges of states; by default `body`.
+    ranged, for_duals : list of str, optional
+        The same lines for ranges and for duals of states; by default `body`.
     **names : object
         Other names that the code uses.
     """
@@ -52,6 +52,7 @@ class Around(Callback):
         body: list[str],
         n_params: int,
         ranged: list[str] | None = None,
+        for_duals: list[str] | None = None,
         **names: Any,
     ) -> None:
         kind = inner.signature
@@ -63,16 +64,26 @@ class Around(Callback):
         self.kept = inner.compiled
         self.n_params = n_params
         self._ranged = body if ranged is None else ranged
+        self._for_duals = body if for_duals is None else for_duals
         self._names = names
 
     @cached_property
     def ranged(self) -> Any:
         """The code for ranges, around that of the user's function."""
-        from hopdata.hybrid.branches.ranges import part
+        from hopdata.hybrid.numbers.ranges import part, turned
 
         kind = self.signature
-        names = {**self._names, "INNER": self.inner.ranged, "PART": part}
+        known = {"INNER": self.inner.ranged, "PART": part, "TURNED": turned}
+        names = {**self._names, **known}
         made = compose(kind.name, ", ".join(kind.arguments), self._ranged, names)
+        return put_in(made)
+
+    @cached_property
+    def dual(self) -> Any:
+        """The code for duals, around that of the user's function."""
+        kind = self.signature
+        names = {**self._names, "INNER": self.inner.dual}
+        made = compose(kind.name, ", ".join(kind.arguments), self._for_duals, names)
         return put_in(made)
 
     @cached_property
@@ -89,8 +100,13 @@ class Around(Callback):
         return self.inner.compiled
 
     def check_lengths(self, **lengths: int) -> None:
-        """Check the wrapped function; see `Callback.check_lengths`."""
-        self.inner.check_lengths(**lengths)
+        """Check the parameters of the wrapped function; see `Callback.check_lengths`.
+
+        Its other arguments were checked in the system from which this one is derived;
+        here they may be parts of longer ones.
+        """
+        if "params" in lengths:
+            self.inner.check_lengths(params=lengths["params"])
 
 
 def _made(
@@ -135,7 +151,9 @@ def _backward(inner: Callback) -> Around:
     call = ", ".join("-t" if name == "t" else name for name in kind.arguments)
     before = [line for name, line in turned.items() if name not in kind.fills]
     body = [*before, f"result = INNER({call})", *turned.values(), "return result"]
-    return Around(inner, body, inner.n_params)
+    turned_around = {"t": "-t", "dy": "TURNED(dy)"}  # rates of ranges follow -t
+    call = ", ".join(turned_around.get(name, name) for name in kind.arguments)
+    return Around(inner, body, inner.n_params, ranged=[f"return INNER({call})"])
 
 
 def backward(system: System) -> System:
@@ -161,8 +179,8 @@ def backward(system: System) -> System:
     return turned
 
 
-# Derivative of a guard with respect to a parameter: how the guard would change if it
-# moved.
+# Derivative, by differences, of a guard that does not compile for duals with respect to
+# a parameter: how the guard would change if it moved.
 BY_PARAMETERS = """
 n = len(h)
 for j in range(N, len(y)):
@@ -196,13 +214,14 @@ def with_parameters(system: System, n_params: int) -> System:
     system.check_params_length(n_params)
     n = system.n_states
 
-    def around(inner: Callback) -> Around | None:
+    def around(inner: Callback, by_differences: bool = False) -> Around | None:
         kind = inner.signature
         if kind.name in ("jacobian", "affine"):
             return None
         slices = {"y": "y[:N]", "dy": "dy[:N]", "params": "y[N:]"}
         call = ", ".join(slices.get(name, name) for name in kind.arguments)
         body = [f"result = INNER({call})"]
+        plain = None
         ranged = None
         if kind.name == "field":
             body.append("dy[N:] = 0.0")
@@ -215,19 +234,27 @@ def with_parameters(system: System, n_params: int) -> System:
             }
             ranged_call = ", ".join(parts.get(name, name) for name in kind.arguments)
             ranged = [f"return INNER({ranged_call})"]
+            plain = [f"return INNER({call})"]
+        if "hdot" in kind.arguments and by_differences:
             call = call.replace("hdot", "rates").replace("h, ", "values[side], ")
             body += BY_PARAMETERS.format(call=call, guards=guards).strip().splitlines()
-        return Around(inner, [*body, "return result"], 0, ranged, N=n, **KNOWN)
+        body.append("return result")
+        return Around(inner, body, 0, ranged, plain, N=n, **KNOWN)
 
-    key = (WITH_PARAMS, n_params)
-    return _made(system, key, around, n_states=n + n_params, n_shown=n)
+    key: tuple[Any, ...] = (WITH_PARAMS, n_params)
+    shape = {"n_states": n + n_params, "n_shown": n}
+    made = _made(system, key, around, **shape)
+    if made.derivatives.guards.reason:
+        key = (WITH_PARAMS, n_params, "by differences")
+        made = _made(system, key, partial(around, by_differences=True), **shape)
+    return made
 
 
 def in_python(system: System) -> System:
     """Return the system with all functions run by Python."""
 
     def uncompiled(given: Callback) -> Callback:
-        return Callback(given.function, given.signature, compiled=False)
+        return given.uncompiled()
 
     return _made(system, "debug", uncompiled)
 

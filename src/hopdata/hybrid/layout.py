@@ -10,6 +10,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector
+from hopdata.hybrid.numbers import answers
 
 
 def numbers(count: int, first: int = 0) -> Any:
@@ -21,13 +22,21 @@ def numbers(count: int, first: int = 0) -> Any:
 
 
 # Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of
-# states and slopes over a piece of the step (lower and upper ends; see `branches`), the
-# coefficients of the interpolant, and rows that belong to the method (the slopes of its
-# stages, for instance). A method reads Y and K1 and fills END and KEND; its interpolant
-# fills P1 and the rows after it.
-Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE, P1 = numbers(11)
+# states and slopes over a piece of the step (lower and upper ends) and their rounding,
+# coefficients of the interpolant in powers of theta, from the step's start and from
+# that of a piece, and those of a piece (see `enclosure`), the coefficients of the
+# interpolant from P1 on, and rows that belong to the method (the slopes of its stages,
+# for instance). A method reads Y and K1 and fills END and KEND; its interpolant fills
+# P1 and the rows after it. P0 is for a copy of Y, before the others.
+Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE = numbers(10)
+VALUE_GRAIN, SLOPE_GRAIN = numbers(2, 10)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
-W1 = P1 + LARGEST_DEGREE
+POWERS, SHIFTED, OF_PIECE, P0 = 12 + (LARGEST_DEGREE + 1) * numbers(4)
+P1 = P0 + 1
+# Its first number is the address of the structure of a sparse Jacobian (0: none; see
+# `methods.sparsity`).
+STRUCTURE = P1 + LARGEST_DEGREE
+W1 = STRUCTURE + 1
 
 # Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows),
 # two blocks of n rows for the method, the single rows below, and the method's own rows.
@@ -40,27 +49,32 @@ PHI_MOTION, RATE_INPUTS = numbers(2, 6)
 # errors, and the fraction of an increment that was small enough recently.
 PHI_VALUES = 8
 PHI_PART = 14
-PHI_ROWS = 15
+# Derivative of a guard.
+GRADIENT = 15
+PHI_ROWS = 16
 # Gauss nodes of the short tangent.
 GAUSS_1 = 0.5 - 3.0**0.5 / 6.0
 GAUSS_2 = 0.5 + 3.0**0.5 / 6.0
 
-# Rows of `guards`: event functions and their rates at the start of a step, at up to two
-# knots inside it, at its end, and at any other place. Then: the largest |h| over the
-# step, which is the scale of its rounding error; second derivatives; a bound on how far
-# a guard stays from its surface over the step; its rate along one direction, which
-# reveals guards that bend (see `windows`); and the size of the terms whose sum was h at
-# its last flip.
-H0, RATE0, _, _, _, _, H1, RATE1 = numbers(8)
-H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(7, 8)
-GUARD_ROWS = 15
+# Rows of `guards`: event functions and their rates at the start of a step, at both ends
+# of a piece inside it, at its end, and at any other place. Then: the largest |h| over
+# the step, which is the scale of its rounding error; second derivatives; how far a
+# guard is from its surface; and the size of the terms whose sum was h at its last flip.
+# Then ranges of values and rates over a piece of the step, as one run of the guards'
+# code gives them, and over all answers to its comparisons; and what a guard of this
+# size of terms may be by rounding alone.
+H0, RATE0, H_LEFT, RATE_LEFT, H_RIGHT, RATE_RIGHT, H1, RATE1 = numbers(8)
+H, RATE, SIZE, BEND, CLEARANCE, PARTS = numbers(6, 8)
+RANGES = np.int64(14)
+H_LEAST, H_MOST, RATE_LEAST, RATE_MOST, GRAIN = numbers(5, 18)
+GUARD_ROWS = 23
 
 # Rows of `flags`: number of the instant at which a guard last flipped or was due, its
 # flips at that instant since the state last jumped (0: it was due, but has not
-# flipped), whether its lock was left open at the start, whether it is known to bend,
-# its event count, the number of jumps of the state at its last flip, and the number of
-# the instant at which its handler last turned it back.
-LAST_FLIP, FLIPS, OPEN, BENT, FIRED, AT_JUMP, BOUNCED = numbers(7)
+# flipped), whether its lock was left open at the start, whether it branches within the
+# piece of the step, its event count, the number of jumps of the state at its last flip,
+# and the number of the instant at which its handler last turned it back.
+LAST_FLIP, FLIPS, OPEN, BRANCHED, FIRED, AT_JUMP, BOUNCED = numbers(7)
 FLAG_ROWS = 7
 
 # Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the
@@ -94,49 +108,52 @@ T, NEXT_DT, LAST_LOG_ERROR, ERROR = numbers(4)
 # Instant of the last event, start of the current smooth piece of the trajectory, length
 # of the previous piece, and rates of a guard below and above its surface.
 INSTANT, SEGMENT, GAP, RATE_BELOW, RATE_ABOVE = numbers(5, 4)
-# Length of the step that the interpolant belongs to (0: none), fraction of the step
-# between two of its knots, and length, s, of the window in which guards that bend were
-# last resolved.
-SPAN, PIECE, WINDOW = numbers(3, 9)
+# Length of the step that the interpolant belongs to (0: none); length, s, of the piece
+# of a step in which the guards are judged first; where to divide a piece, and where
+# those begin that only signs have decided (see `proof`).
+SPAN, PIECE, CUT, AROUND, DOUBT_AT = numbers(5, 9)
 # Bound on the change of any event function since the start, and the bound on their
 # rates.
-TRAVEL, SPEED = numbers(2, 12)
+TRAVEL, SPEED = numbers(2, 14)
 # Number of steps limited by stability, and squared fastest motion in the last step's
 # Jacobian.
-STIFF_SCORE, MOTION = numbers(2, 14)
-CLOCK_SLOTS = 16
+STIFF_SCORE, MOTION = numbers(2, 16)
+CLOCK_SLOTS = 18
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
-# Method, degree of its interpolant if it has one, number of pieces into which the knots
-# divide a step, and what remains to be done for the step (see `windows`).
-METHOD, DEGREE, PIECES, WATCHED = numbers(4, 8)
-# Number of guards in each of the lists, in their order; number of guards known to bend;
-# guard to report.
-N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
+# Method, and degree of its interpolant if it has one; steps in which the guards were
+# not proven, and steps in which one turned closer to its surface than the tolerance
+# can tell.
+METHOD, DEGREE, UNPROVEN, CLOSE = numbers(4, 8)
+# Number of guards in each of the lists, in their order; guard to report; pieces of
+# steps that were examined.
+N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, CULPRIT, LOOKS = numbers(6, 12)
 # Instants; instants too close to each other; changes of the state by handlers, and
-# those before this instant; instant at which the rates along one direction were
-# measured; how often the rates of bending guards have disagreed with their values;
-# whether a guard was back before it was clear.
-INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
+# those before this instant; whether a guard was back before it was clear.
+INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, LOW = numbers(5, 18)
 # The instant that is being processed (see `instant`): whether it has begun, flips so
 # far, jumps of the state before it, the guard that flips next (-1: none), whether
 # several guards met their surfaces together, and whether an event has ended the
 # integration.
-BEGUN, CASCADE, JUMPS_AT_ENTRY, NEXT, TIED, ENDED = numbers(6, 25)
-# Whether a guard's code met an open branch in the piece last examined (see `branches`),
-# steps in a row that cross an open branch, steps in which branches of guards were only
-# sampled, and steps across branches since the last event.
-BRANCHED, CROSSINGS, UNPROVEN, BARREN = numbers(4, 31)
+BEGUN, CASCADE, JUMPS_AT_ENTRY, NEXT, TIED, ENDED = numbers(6, 23)
 # Changes of the mode that the log holds.
-CHANGES = np.int64(35)
-COUNT_SLOTS = 36
+CHANGES = np.int64(29)
+# The proof of a step (see `proof`): steps whose budget of pieces did not suffice;
+# whether this step is not proven, whether only signs have decided the last pieces and
+# the last one, whether all pieces so far; whether the guards at the start of the piece
+# are known; whether one turns too close to tell; and where the interpolant in powers of
+# theta stands, from the start of the step and of the piece. Then the memory of answers
+# to comparisons in the guards' code for ranges (see `numbers.answers`).
+EXHAUSTED, UNSURE, PENDING, DOUBT, FROM_START, KNOWN, IS_CLOSE = numbers(7, 30)
+POWERS_AT, TERMS_AT, ANSWERS = numbers(3, 37)
+COUNT_SLOTS = 39 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for
 # rows and events, steps until control returns to Python, addresses of the code for
 # Jacobians (0: not wanted) and of the argument block itself, address of the guards'
-# code for ranges (see `branches`), room for changes of the mode, and whether the end of
+# code for ranges (see `numbers`), room for changes of the mode, and whether the end of
 # the time span is infinite. Then address and width of each array, and the request
 # (floats stored in the memory of integers; its last entries are the number of rows
 # written per step, and whether events are kept). The initial state and the parameters
@@ -145,7 +162,7 @@ FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN = numbers(6)
 N_ROWS, N_LOG_ROWS, PATIENCE = numbers(3, 6)
 FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
 BLOCK_ARRAYS = 14  # slot of the first array
-N_BLOCK_ARRAYS = 21
+N_BLOCK_ARRAYS = 22
 N_BLOCK_ASKED = 9
 BLOCK_ASKED = BLOCK_ARRAYS + 2 * N_BLOCK_ARRAYS
 T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, BLOCK_ASKED)
@@ -156,7 +173,9 @@ PARAMS, MODE, RULES, ATOL = BLOCK_PLACES[:4]
 STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = BLOCK_PLACES[4:8]
 WAKE_AT, CLOCK, COUNTS, METHOD_TABLE = BLOCK_PLACES[8:12]
 TANGENT_TABLE, WANTED, SAMPLE_TABLE = BLOCK_PLACES[12:15]
-ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = BLOCK_PLACES[15:]
+ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = BLOCK_PLACES[15:21]
+# Machine code and rooms for duals (see `numbers.along`); only for Jacobians.
+DUAL_TABLE = BLOCK_PLACES[21]
 
 # The log (see `driver.log`). Each row of its table of events is an event: time, guard,
 # direction, number of changes of the mode up to and including it, state before and
@@ -236,9 +255,9 @@ SENTENCES = {
     "and therefore the Jacobian of the flow, is unknown.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite "
     "near {at}.",
-    RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h, up "
-    "to {at}: correct @guards (use dy[0], say, not y[1]; they may jump and have "
-    "kinks, but not everywhere).",
+    RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h at "
+    "{at}, because it jumps there or because @guards computes it wrongly (use dy[0], "
+    "say, not y[1]): the flow has no Jacobian across a jump.",
     RAISED: "It was interrupted, or a function of the system raised an exception, "
     "after {at}.",
     NO_LOCK: "on_event has set the lock of guard '{guard}' to neither -1 nor +1 at "
@@ -255,11 +274,38 @@ SENTENCES = {
 }
 
 # Added to these where it is so.
-ONLY_SAMPLED = (
-    "In {count} steps the guards, which branch on state or time, were only sampled: "
-    "a flip and its return between two samples may be missing (docs/integrator.md, "
+BY_DIFFERENCES = (
+    "The Jacobian is in part by finite differences, because these functions do not "
+    "compile for dual numbers: {reasons} (docs/integrator.md, Derivatives)."
+)
+UNPROVEN_STEPS = (
+    "In {count} steps it is not proven that no guard flips unseen (docs/integrator.md, "
     "Limits)."
 )
+ONLY_SAMPLED = (
+    "The guards were only sampled, 8 times in a step and 256 times in t_span: a flip "
+    "and its return between two samples may be missing. They have no code for ranges: "
+    "{reason} (docs/integrator.md, Limits)."
+)
+CLOSE_CALLS = (
+    "In {count} steps a guard turned so close to its surface that the tolerance cannot "
+    "tell whether it flips."
+)
+
+
+def why_unproven(count: int, reason: str) -> str:
+    """Return a sentence that says in how many steps nothing is proven, and why.
+
+    Parameters
+    ----------
+    count : int
+        Number of these steps.
+    reason : str
+        Why the guards have no code for ranges; "" if they have.
+    """
+    if reason:
+        return ONLY_SAMPLED.format(reason=reason)
+    return UNPROVEN_STEPS.format(count=count)
 
 
 def describe(

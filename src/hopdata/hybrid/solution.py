@@ -198,6 +198,8 @@ class Form:
         Factor of the driver's times: -1 where time runs backward.
     shown : int
         Number of states that are the user's; parameters follow them.
+    unproven : str
+        Why nothing can be proven of the guards.
     """
 
     state: int
@@ -206,6 +208,7 @@ class Form:
     guard_names: tuple[str, ...]
     way: float
     shown: int
+    unproven: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -223,7 +226,8 @@ class Solution(Told):
         all events, if requested.
     parts : tuple of bytes
         The driver's times and counters and the final mode, side by side; times and
-        states of the trajectory, (N, 1 + n); events and changes of the mode, in the
+        states of the trajectory, (N, 1 + n), None if they are those between the steps
+        in `dense`; events and changes of the mode, in the
         form of `EventLog`.
     form : Form
         Layout of these records.
@@ -232,15 +236,19 @@ class Solution(Told):
         `__call__`.
     sensitivity : (n, p) array, optional
         Derivative of `y_end` with respect to the parameters, if requested.
+    by_differences : str
+        Functions whose derivatives are by finite differences, because they do not
+        compile for dual numbers, and why; empty if there are none.
     """
 
     status: int
     y_end: FloatArray
     jacobian: FloatArray | None
-    parts: tuple[bytes, bytes, bytes, bytes]
+    parts: tuple[bytes, bytes | None, bytes, bytes]
     form: Form
     dense: tuple[int, bytes] | None = None
     sensitivity: FloatArray | None = None
+    by_differences: str = ""
 
     def __call__(self, t: ArrayLike, *, side: str = "right") -> FloatArray:
         """Return the state at times within the integration, (n,) or (n, N).
@@ -340,7 +348,7 @@ class Solution(Told):
 
     @property
     def message(self) -> str:
-        """How it ended, in words, and whether guards were only sampled in places."""
+        """How it ended, in words, and what is not proven or not exact."""
         ended = layout.describe(
             self.status,
             time=self.t_end,
@@ -348,9 +356,14 @@ class Solution(Told):
             names=self.form.guard_names,
             rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
         )
-        if self.n_unproven == 0:
-            return ended
-        return f"{ended} {layout.ONLY_SAMPLED.format(count=self.n_unproven)}"
+        told = [ended]
+        if self.n_unproven > 0:
+            told.append(layout.why_unproven(self.n_unproven, self.form.unproven))
+        if self.n_close > 0:
+            told.append(layout.CLOSE_CALLS.format(count=self.n_close))
+        if self.by_differences:
+            told.append(layout.BY_DIFFERENCES.format(reasons=self.by_differences))
+        return " ".join(told)
 
     @property
     def nfev(self) -> int:
@@ -369,12 +382,21 @@ class Solution(Told):
 
     @property
     def n_unproven(self) -> int:
-        """Number of steps in which guards that branch were only sampled.
-
-        In all other steps it is proven that their code takes one branch throughout, or
-        where it takes another.
-        """
+        """Number of steps in which it is not proven that no guard flips unseen."""
         return int(self.counts[layout.UNPROVEN])
+
+    @property
+    def proven(self) -> bool:
+        """Whether it is proven of all steps that no guard flips unseen.
+
+        This holds for the interpolant of each step; see docs/integrator.md, Limits.
+        """
+        return self.n_unproven == 0
+
+    @property
+    def n_close(self) -> int:
+        """Number of steps in which the tolerance cannot tell whether a guard flips."""
+        return int(self.counts[layout.CLOSE])
 
     @property
     def n_steps(self) -> int:
@@ -388,7 +410,13 @@ class Solution(Told):
 
     @property
     def _table(self) -> FloatArray:
-        return np.frombuffer(self.parts[1]).reshape(-1, 1 + self.form.state)
+        width = 1 + self.form.state
+        trajectory = self.parts[1]
+        if trajectory is not None:
+            return np.frombuffer(trajectory).reshape(-1, width)
+        assert self.dense is not None
+        count, rows = self.dense
+        return np.frombuffer(rows).reshape(-1, width)[::count]
 
     @property
     def clock(self) -> FloatArray:

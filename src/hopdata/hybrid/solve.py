@@ -22,6 +22,9 @@ from hopdata.hybrid.workspace import PLAIN, Sink, Workspace
 # Time until the first progress message on a terminal's stderr, and interval of others.
 SILENT_S = 5.0
 EVERY_S = 0.5
+# Statuses of functions that may have left their arrays as they were.
+NOT_FILLED = (at.FIELD_NOT_FINITE, at.GUARD_NOT_FINITE)
+BEYOND = (1e-6, 1e-3, 0.1, 1.0, 10.0)  # in steps
 UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
 
 
@@ -141,17 +144,15 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     try:
         keep_events = events == "all"
         # The usual request has nothing but numbers, which are written unchecked.
-        usual = (
-            jacobian is dense_output is debug is False and memory is first_step is None
-        )
-        usual = usual and (keep_events or events == "count")
+        usual = dense_output is debug is False and memory is first_step is None
+        usual = usual and type(jacobian) is bool and (keep_events or events == "count")
         rows_per_step = 1
         if t_eval is not None:
             rows_per_step = 0
             usual = usual and _is_empty(t_eval)
         if not usual or not work.ask_again(
             t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method,
-            rows_per_step, keep_events,
+            jacobian, rows_per_step, keep_events,
         ):  # fmt: skip
             if goes_back(t_span) or debug is not False or isinstance(jacobian, str):
                 return ask_derived(
@@ -191,10 +192,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
                 dense_output,
                 keep_events or callable(events),
             )
-        flags = 0
-        if mode is not None:
-            arguments.set_mode(work.mode, system.n_guards, mode)
-            flags = at.GIVEN_MODE
+        flags = _set_mode(system, work, mode)
         caught = work.caught
         caught.clear()
         token = catch(caught)
@@ -213,17 +211,61 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             first = caught[0]
             caught.clear()
             raise _with_what_was_reached(first, work)
-        if status > at.TERMINATED:  # it has not started
-            expect(status != at.BAD_START, "y0", "finite numbers", work.state)
-            arguments.check_numbers(
-                t_span, rtol, max_step, first_step, max_steps, max_events
-            )
+        if status in NOT_FILLED:
+            _check_results(system, work)
+        elif status > at.TERMINATED:  # it has not started
+            limits = rtol, max_step, first_step, max_steps, max_events
+            _refuse(status, t_span, limits, work)
         if work.sink is not None:
             work.hand_over()
         return work.solution(status)
     finally:
         work.sink = None
         system.idle.append(work)
+
+
+def _set_mode(system: System, work: Workspace, mode: Any) -> int:
+    """Write the initial mode, and return the flags of the run.
+
+    The field is compared with the pattern of its Jacobian if that is still to be done.
+    """
+    flags = 0
+    if mode is not None:
+        arguments.set_mode(work.mode, system.n_guards, mode)
+        flags = int(at.GIVEN_MODE)
+    if work.methods.unchecked:
+        work.check_pattern(system.n_guards, mode is not None)
+    return flags
+
+
+def _refuse(
+    status: int, t_span: Any, limits: arguments.Limits, work: Workspace
+) -> None:
+    """Raise ValueError for what the driver has not accepted."""
+    expect(status != at.BAD_START, "y0", "finite numbers", work.state)
+    arguments.check_numbers(t_span, *limits)
+
+
+def _check_results(system: System, work: Workspace) -> None:
+    """Raise TypeError if a plain function did not return what was wanted of it.
+
+    It is asked at the state that was reached, and at some beyond it, as Python runs it.
+    """
+    n_states, n_guards = system.n_states, system.n_guards
+    rates, mode, params = np.empty(n_states), work.mode.copy(), work.constants
+    h, hdot = np.empty(n_guards), np.empty(n_guards)
+    time, slope = float(work.clock[at.T]), work.slope
+    for ahead in (0.0, *BEYOND):
+        step = ahead * float(work.clock[at.NEXT_DT])
+        moved = work.state.copy()
+        if step > 0.0:
+            moved += step * slope
+        if not np.isfinite(moved).all():
+            return
+        system.field.check_result(time + step, moved, mode, params, rates)
+        if system.guards is not None:
+            given = time + step, moved, slope, mode, params, h, hdot
+            system.guards.check_result(*given)
 
 
 def _is_empty(t_eval: Any) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from hopdata.errors import Told, told_call
 from hopdata.hybrid.arguments import check_flag, expect
-from hopdata.hybrid.branches.code import Branches, branches_of
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
@@ -22,7 +21,10 @@ from hopdata.hybrid.driver.loop import (
     many_entry,
 )
 from hopdata.hybrid.methods.method import Scene
+from hopdata.hybrid.methods.sparsity import pattern_of
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
+from hopdata.hybrid.numbers.guards import RangedGuards, guards_for_ranges
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -46,6 +48,11 @@ class System(Told):
     undo : Callback, optional
         Handler for backward time, declared by `hopdata.hybrid.on_event`. It undoes the
         effect of `on_event` when the same guard is crossed from the other side.
+    sparsity : matrix or (int, int), optional
+        Where dy[i] may depend on y[j]: a matrix (n, n), SciPy's sparse or an array,
+        that is not zero there, or the bandwidths (lower, upper). The Rosenbrock method
+        then needs memory for these derivatives only. `jacobian` fills them in sparse
+        form (see `hopdata.hybrid.jacobian`).
     guard : Callback, optional
         Alternative to `guards`: one event function at a time, declared by
         `hopdata.hybrid.guard`.
@@ -55,8 +62,8 @@ class System(Told):
         evaluated. Event functions must not depend on the mode, and the modes in the log
         leave out the locks.
     jacobian : Callback, optional
-        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default
-        finite differences are used where it is needed.
+        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default it
+        comes from the field itself, by dual numbers.
     affine : Callback, optional
         Affine form of the field, declared by `hopdata.hybrid.affine`, if all modes are
         affine.
@@ -92,8 +99,10 @@ class System(Told):
     n_extra_modes: int = 0
     n_memory: int = 0
     undo: Callback | None = None
+    sparsity: Any = None
 
     def __post_init__(self) -> None:
+        self._declare_plain_functions()
         listed = isinstance(self.guard_names, tuple | list)
         expect(
             listed, "guard_names", "a name for each guard, in a tuple", self.guard_names
@@ -104,6 +113,8 @@ class System(Told):
             found = getattr(self, name)
             fits = isinstance(found, int | np.integer) and found >= least
             expect(fits, name, f"a whole number, at least {least}", repr(found))
+        pattern = pattern_of(self.sparsity, int(self.n_states))
+        object.__setattr__(self, "sparsity", pattern)
         self._check_entry_for_each_guard("directions", self.directions)
         self._check_entry_for_each_guard("terminal", self.terminal)
         known = set(self.directions or ()) <= {-1, 0, 1}
@@ -114,10 +125,22 @@ class System(Told):
         expect(counts, "terminal", "booleans or counts", self.terminal)
         states = self.n_states
         guards = self.n_guards
+        if self.guards is not None:
+            made = partial(_exact_rates, n_states=states, n_guards=guards)
+            object.__setattr__(self, "guards", self.guards.with_exact_rates(made))
         for one in self.callbacks:
             one.check_lengths(
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
             )
+
+    def _declare_plain_functions(self) -> None:
+        """Declare functions that are given without their decorators."""
+        for name in (*SIGNATURES, "undo"):
+            given = getattr(self, name)
+            if callable(given) and not isinstance(given, Callback):
+                kind = "on_event" if name == "undo" else name
+                made = Callback(given, SIGNATURES[kind])
+                object.__setattr__(self, name, made)
 
     def _check_callbacks(self) -> None:
         needs_guards = bool(self.guard_names) and self.guard is None
@@ -242,9 +265,27 @@ class System(Told):
         return (*addresses, compiled_run().address)
 
     @cached_property
-    def branches(self) -> Branches:
-        """Code of the guards for ranges, by which the driver finds their branches."""
-        return branches_of(self.guards or self.guard)
+    def branches(self) -> RangedGuards:
+        """Code of the guards for ranges, by which the driver proves where they flip."""
+        return guards_for_ranges(self.guards or self.guard)
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives of its functions, by dual numbers; compiled when asked for."""
+        functions = Functions(
+            field=self.field,
+            guards=self.guards or self.guard,
+            handler=self.on_event,
+            n_states=self.n_states,
+            n_guards=self.n_guards,
+            n_modes=self.n_modes,
+        )
+        return Derivatives(functions)
+
+    @cached_property
+    def exact(self) -> Exact:
+        """Exact derivatives of its functions at one place."""
+        return Exact(self.derivatives, self.n_guards)
 
     @cached_property
     def made(self) -> dict[Any, Any]:
@@ -260,7 +301,14 @@ class System(Told):
         key = MethodTable, str(choice), bool(jacobian)
         if key not in self.made:
             guards = self.guards or self.guard
-            scene = Scene(self.field, self.n_states, self.jacobian, self.affine, guards)
+            scene = Scene(
+                self.field,
+                self.n_states,
+                self.jacobian,
+                self.affine,
+                guards,
+                self.sparsity,
+            )
             self.made[key] = MethodTable(choice, scene, jacobian)
         table: MethodTable = self.made[key]
         return table
@@ -287,7 +335,10 @@ class System(Told):
         if check_flag("jacobian", jacobian):
             compiled_first_order()
         latest = self.current()
-        latest.methods(method, jacobian).compile_all()
+        methods = latest.methods(method, jacobian)
+        methods.compile_all()
+        if jacobian:
+            latest.derivatives.told(by_field=methods.by_field)
         latest.idle.append(latest.take_workspace())
 
     @cached_property
@@ -301,6 +352,13 @@ class System(Told):
             return self.idle.pop()
         except IndexError:
             return Workspace(self)
+
+
+def _exact_rates(values: Any, n_states: int, n_guards: int) -> Any:
+    """Return guards with rates from those that fill `h`, by dual numbers."""
+    from hopdata.hybrid.numbers.derivatives import rates_of
+
+    return rates_of(values, n_states, n_guards)
 
 
 def _described(kind: type[System], description: dict[str, Any]) -> System:

@@ -22,6 +22,7 @@ from hopdata.hybrid.arguments import Limits
 from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.numbers.derivatives import Table
 from hopdata.hybrid.solution import EventLog, Form, Solution, event_log
 
 # Room at first, for rows of output, for events, and for changes of the mode besides one
@@ -78,8 +79,10 @@ class Workspace:
     methods : MethodTable
         Methods for which room is laid out, available after the first `begin`.
     ready_for : object
-        Choice of methods with which a plain integration may start at once: each step is
-        recorded and no Jacobian is wanted.
+        Choice of methods with which a plain integration may start at once, in which
+        each step is recorded.
+    ready_with : bool
+        Whether this integration has a Jacobian.
     """
 
     methods: MethodTable
@@ -95,6 +98,9 @@ class Workspace:
         self._n_params = UNKNOWN
         self._n_memory = system.n_memory
         self._n_modes = n_modes
+        self._n_guards = n_guards
+        self._derivatives = system.derivatives
+        self._along: Table | None = None
         self._n_shown = system.n_shown
         self._rows_per_step = 1
         self._no_memory = (0.0,) * system.n_memory
@@ -112,6 +118,7 @@ class Workspace:
         self.drive = driver_entry()
         self.caught = Caught(self._remember)
         self.ready_for: object = NOTHING
+        self.ready_with = False
         self.tangent: FloatArray | None = None
         self._row_width = 1 + n_states
         self._event_width = int(layout.LOG_STATES) + 2 * n_states
@@ -123,7 +130,13 @@ class Workspace:
         self._kept_events: list[memoryview] = []
         self.sink: Sink | None = None
         self._form = Form(
-            n_states, n_modes, n_logged, system.guard_names, system.way, system.n_shown
+            n_states,
+            n_modes,
+            n_logged,
+            system.guard_names,
+            system.way,
+            system.n_shown,
+            system.branches.reason,
         )
         self._lay_out(layout.RULES, system.rules, self._atol)
         self._lay_out(
@@ -167,6 +180,8 @@ class Workspace:
         self._lay_out(layout.START_STATE, self._start)
         self._lay_out(layout.PARAMS, self._params)
         self._lay_out(layout.KEPT, self._before_and_after)
+        if self._along is not None:
+            self._along.make_memory(n_constants)
 
     def make_params_room(self, count: int) -> None:
         """Make room for `count` parameters of the caller's."""
@@ -185,6 +200,7 @@ class Workspace:
         max_steps: Any,
         max_events: Any,
         method: Any,
+        jacobian: bool | str,
         rows_per_step: int,
         keep_events: bool,
     ) -> bool:
@@ -196,6 +212,7 @@ class Workspace:
         was written.
         """
         ready = type(method) is str and method == self.ready_for
+        ready = ready and jacobian is self.ready_with
         if not ready or (self.methods.generic and self.methods.wants_own_code()):
             return False
         if type(y0) is ndarray:
@@ -220,6 +237,8 @@ class Workspace:
             )  # fmt: skip
         except (struct.error, TypeError, ValueError, OverflowError):
             return False
+        if self.tangent is not None:
+            self.tangent[: self._n_states] = self._identity
         return True
 
     def ask(  # noqa: PLR0913 (each parameter is an option of the user's)
@@ -241,6 +260,7 @@ class Workspace:
         options = arguments.check_numbers(t_span, *limits)
         arguments.check_infinite_end(system, options[1], *options[5:])
         as_before = type(method) is str and method == self.ready_for
+        as_before = as_before and not self.ready_with
         dense = arguments.check_flag("dense_output", dense_output)
         if not as_before or dense or jacobian is not False or t_eval is not None:
             times = None
@@ -262,6 +282,14 @@ class Workspace:
         self._start[:] = state
         self._params[:] = full
         self.set_tolerance(atol)
+
+    def check_pattern(self, n_guards: int, given_mode: bool) -> None:
+        """Compare the field with the pattern of its Jacobian, at the start."""
+        mode = self.mode.copy()
+        if not given_mode:
+            mode.fill(0)
+        start = float(self.block.view(np.float64)[layout.T_START])
+        self.methods.check_pattern(start, self._start, mode, n_guards, self._params)
 
     def set_tolerance(self, atol: ArrayLike) -> None:
         """Write the absolute tolerance, unless it is unchanged."""
@@ -305,8 +333,9 @@ class Workspace:
             self._wanted = np.empty(0) if t_eval is None else t_eval
             self._samples = np.empty((len(self._wanted), len(self.state)))
             self._lay_out(layout.WANTED, self._wanted, self._samples)
-        plain = not jacobian and not dense and len(self._wanted) == 0
+        plain = not dense and len(self._wanted) == 0
         self.ready_for = methods.choice if plain else NOTHING
+        self.ready_with = jacobian
 
     def _begin_tangent(self, methods: MethodTable) -> None:
         """Make room for the flow's Jacobian, which starts as the identity."""
@@ -317,7 +346,17 @@ class Workspace:
             self.tangent[3 * n + layout.RATE_INPUTS, rate_inputs] = 1.0
             self._lay_out(layout.TANGENT_TABLE, self.tangent)
             self.block[layout.FIRST_ORDER] = compiled_first_order().address
-        self.tangent[:n] = np.eye(n)
+            self._along = Table(
+                self._derivatives,
+                by_field=methods.by_field,
+                n_states=n,
+                n_guards=self._n_guards,
+                n_modes=self._n_modes,
+            )
+            self._along.make_memory(len(self._params))
+            self._lay_out(layout.DUAL_TABLE, self._along.slots)
+            self._identity = np.eye(n)
+        self.tangent[:n] = self._identity
 
     def forget_samples(self) -> None:
         """Lay out the workspace's own sample array again after another was used."""
@@ -333,6 +372,7 @@ class Workspace:
         needed = layout.W1 + methods.work_rows
         if len(self._states) < needed:
             self._make_states(needed, len(self.state))
+        self._states[layout.STRUCTURE, 0] = methods.structure_address
 
     def enlarge(self) -> None:
         """Set aside what the driver has written where room is short, and make new room.
@@ -381,6 +421,16 @@ class Workspace:
             self.sink(log)
 
     @property
+    def slope(self) -> FloatArray:
+        """The rates of the state."""
+        return self._states[layout.K1]
+
+    @property
+    def constants(self) -> FloatArray:
+        """The parameters and the memory, as the functions see them."""
+        return self._params
+
+    @property
     def progress(self) -> str:
         """Progress of the integration, in words."""
         time = self._form.way * self.clock[layout.T]
@@ -410,15 +460,14 @@ class Workspace:
         fields["status"] = status
         fields["y_end"] = self.shown.copy()
         fields["form"] = self._form
-        if self.ready_for is not NOTHING:
+        if self.ready_for is not NOTHING and self.tangent is None:
             fields["jacobian"] = None
             fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
             return solution
-        trajectory = b"".join([*self._kept_rows, rows])
+        trajectory: bytes | None = b"".join([*self._kept_rows, rows])
         if self._rows_per_step > 1:
             fields["dense"] = self._rows_per_step, trajectory
-            table = np.frombuffer(trajectory).reshape(-1, self._row_width)
-            trajectory = table[:: self._rows_per_step].tobytes()
+            trajectory = None  # its rows are among those of `dense`
         if len(self._wanted) > 0:
             count = int(self.counts[layout.SAMPLES])
             taken = [self._wanted[:count], self._samples[:count]]
@@ -429,6 +478,8 @@ class Workspace:
             fields["jacobian"] = self.tangent[:shown, :shown].copy()
             if shown < self._n_states:
                 fields["sensitivity"] = self.tangent[:shown, shown:].copy()
+            assert self._along is not None
+            fields["by_differences"] = self._along.told
         fields["parts"] = end, trajectory, b"".join([*self._kept_events, log]), changes
         return solution
 

@@ -360,7 +360,8 @@ def blank_unseen(positions: FloatArray) -> None:
     for track in np.moveaxis(positions, 1, 0):
         x, y, z = track.T
         filled = (x == y) & (y == z) & ((x == 0) | (np.abs(x) >= UNSEEN_FROM))
-        track[filled | np.isnan(x + y + z)] = np.nan
+        missing = np.isnan(track).any(axis=1)
+        track[filled | missing] = np.nan
 
 
 def assembled(  # noqa: PLR0913  what a file states, each of which it may lack

@@ -205,6 +205,14 @@ def with_helper(t, y, mode, params, dy):
     dy[0] = helper(y[0])
 
 
+def slow_helper(x):
+    return helper(x) + TABLE["gravity"]
+
+
+def with_slow_helper(t, y, mode, params, dy):
+    dy[0] = slow_helper(y[0])
+
+
 def with_object(t, y, mode, params, dy):
     dy[0] = ROBOT.mass
 
@@ -224,8 +232,8 @@ def with_unknown_function(t, y, mode, params, dy):
 
 
 CASES = [
-    (with_dictionary, "TABLE", "numba.njit"),
-    (with_helper, "helper", "decorate 'helper' with @numba.njit"),
+    (with_dictionary, "TABLE", "as params"),
+    (with_slow_helper, "TABLE", "as params"),
     (with_object, "ROBOT", "numba.njit"),
     (with_format, "f-strings", "numba.njit"),
     (with_list, "HISTORY", "numba.njit"),
@@ -254,6 +262,13 @@ def test_reason_and_advice_in_one_line(function, reason, advice):
     assert "\n" not in text
     assert seen[0].filename == __file__
     assert seen[0].lineno == function.__code__.co_firstlineno
+
+
+def test_a_helper_is_compiled_with_the_function_that_calls_it():
+    callback = field(with_helper)
+    solution = solve(System(callback, n_states=1), (0.0, 1.0), [1.0])
+    assert callback.compiled
+    assert solution.y_end[0] == pytest.approx(np.exp(2.0), rel=1e-8)
 
 
 def test_the_warning_comes_once():

@@ -121,7 +121,7 @@ def edited(tmp_path):
 @pytest.mark.parametrize(
     "name",
     [
-        "driver/loop.py", "driver/windows.py", "layout.py", "methods/stiff.py",
+        "driver/loop.py", "driver/proof.py", "layout.py", "methods/stiff.py",
         "compiled/memory.py", "compiled/kernel.py", "compiled/linking.py",
     ],
 )  # fmt: skip

@@ -10,27 +10,13 @@ from hybrid_systems import bumping_pair, table_ball
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.driver import localise as localisation
-from hopdata.hybrid.driver.localise import (
-    CROSSING,
-    DIP,
-    NOWHERE,
-    PASS,
-    UNSURE,
-    cubic,
-    cubic_root,
-    suspect,
-    turning_points,
-    way_to_root,
-)
-from hopdata.hybrid.driver.watch import GRAZE
+from hopdata.hybrid.driver.localise import cubic, cubic_root, way_to_root
 from hopdata.hybrid.layout import (
     CLOCK_SLOTS,
     COUNT_SLOTS,
     GUARD_ROWS,
     H0,
     H1,
-    PIECE,
-    PIECES,
     RATE,
     RATE0,
     RATE1,
@@ -56,35 +42,6 @@ def test_value(rng):
         polynomial = np.polynomial.Polynomial(coefficients)
         x = rng.uniform()
         assert cubic(*ends(polynomial), x) == pytest.approx(polynomial(x), abs=1e-13)
-
-
-def test_turning_points(rng):
-    seen = 0
-    for coefficients in rng.normal(size=(300, 4)):
-        polynomial = np.polynomial.Polynomial(coefficients)
-        top, bottom = turning_points(*ends(polynomial))
-        curvature = polynomial.deriv(2)
-        roots = [
-            x.real for x in polynomial.deriv().roots() if x.imag == 0 and 0 < x.real < 1
-        ]
-        for found, kind in ((top, -1), (bottom, 1)):
-            expected = [x for x in roots if np.sign(curvature(x)) == kind]
-            assert (found == NOWHERE) == (not expected)
-            if expected:
-                assert found == pytest.approx(expected[0], abs=1e-9)
-                seen += 1
-    assert seen > 50
-
-
-@pytest.mark.parametrize("b", [1.0, 0.0, -1.0])
-def test_turning_points_of_parabolas(b):
-    polynomial = np.polynomial.Polynomial([0.0, -b, b])
-    top, bottom = turning_points(*ends(polynomial))
-    assert (top, bottom) == {
-        1.0: (NOWHERE, 0.5),
-        0.0: (NOWHERE,) * 2,
-        -1.0: (0.5, NOWHERE),
-    }[b]
 
 
 def test_root(rng):
@@ -121,24 +78,31 @@ NEARLY_GRAZING = [
 
 
 def memory_of(guards):
-    """Return the part of the driver's memory that a search reads: a one-piece step from 0 s."""
+    """Return the part of the driver's memory that a search reads: a step from 0 s."""
     clock = np.zeros(CLOCK_SLOTS)
     counts = np.zeros(COUNT_SLOTS, dtype=int)
-    clock[PIECE] = 1.0
-    counts[PIECES] = 1
     return SimpleNamespace(guards=guards, clock=clock, counts=counts)
 
 
 def interpret(monkeypatch):
-    """Let `crossing` call what it uses as Python, so that the guards may be functions."""
-    for name in ("leave", "just_left", "check_point", "margin_of"):
+    """Let `crossing` call what it uses as Python, so that the guards may be functions.
+
+    Returns the search up to the end of the step, from a first guess.
+    """
+    for name in ("leave", "just_left", "margin_of"):
         monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
+
+    def search(problem, memory, guess):
+        monkeypatch.setattr(localisation, "guess_between", lambda *_: guess)
+        return localisation.crossing.py_func(problem, memory, 1.0, 0, 0.0, 1.0, H1)
+
+    return search
 
 
 @pytest.fixture
 def search(monkeypatch):
     """Return `crossing` for a margin and its slope, as functions of the fraction of the step."""
-    interpret(monkeypatch)
+    begin = interpret(monkeypatch)
 
     def found(margin, slope, guess):
         guards = np.zeros((GUARD_ROWS, 1))
@@ -151,10 +115,7 @@ def search(monkeypatch):
             guards[RATE] = slope(theta)
 
         monkeypatch.setattr(localisation, "probe", probe)
-        problem = SimpleNamespace(mode=np.array([1]))
-        return localisation.crossing.py_func(
-            problem, memory, 1.0, 0, guess, 0.0, 0, 1.0
-        )
+        return begin(SimpleNamespace(mode=np.array([1])), memory, guess)
 
     return found
 
@@ -231,15 +192,27 @@ def interpreted(monkeypatch):
         guards[RATE] = -(0.5 - 2.0 * theta)
 
     monkeypatch.setattr(localisation, "probe", probe)
-    interpret(monkeypatch)
-    return lambda guess: localisation.crossing.py_func(
-        problem, memory, 1.0, 0, guess, 0.0, 0, 1.0
-    )
+    begin = interpret(monkeypatch)
+    return lambda guess: begin(problem, memory, guess)
 
 
 @pytest.mark.parametrize("guess", [0.45, 0.9, 1e-3, 1e-13, 1e-16])
 def test_no_guess_leads_back_to_the_flip_before(interpreted, guess):
     assert interpreted(guess) == pytest.approx(0.5, rel=1e-8)
+
+
+def test_a_steep_exponential_is_not_walked_down(search):
+    """Newton's method moves by a thousandth of the step, a thousand times."""
+
+    def margin(x):
+        return 1e-3 - np.exp(1000.0 * (x - 0.9))
+
+    def slope(x):
+        return -1000.0 * np.exp(1000.0 * (x - 0.9))
+
+    truth = 0.9 + np.log(1e-3) / 1000.0
+    for guess in (0.1, 0.5, 0.999):
+        assert search(margin, slope, guess) == pytest.approx(truth, rel=1e-12)
 
 
 def swing(x):
@@ -329,33 +302,3 @@ def test_bodies_that_come_to_rest_on_each_other_anywhere_and_on_the_way_are_told
             pair.message
         )
     assert statuses == {0, ZENO}
-
-
-# Suspect guards by their cubics: none that comes near its surface is overlooked.
-
-
-def test_a_guard_that_stays_clear_is_not_suspect():
-    """Compared with the cubic on a grid, nothing that comes near the surface is overlooked."""
-    rng = np.random.default_rng(11)
-    kinds = {PASS: 0, CROSSING: 0, DIP: 0}
-    grid = np.linspace(0, 1, 401)
-    for _ in range(3000):
-        g0 = rng.uniform(0, 1)
-        d0 = rng.normal() * 2
-        g1 = rng.uniform(-0.1, 1)
-        d1 = rng.normal() * 2
-        kind = suspect(g0, d0, g1, d1, 0.0)[0]
-        kinds[kind] += 1
-        lowest = cubic(g0, d0, g1, d1, grid).min()
-        assert (kind == CROSSING) == (g1 < 0)
-        if g1 >= 0:
-            inside = lowest < min(g0, g1) - 1e-12
-            near = lowest < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - lowest))
-            assert (kind == DIP) == (inside and near)
-    assert min(kinds.values()) > 100
-
-
-@pytest.mark.parametrize("size", [1.0, 1e3, 1e9])
-def test_what_does_not_turn_is_no_dip_whatever_its_size(size):
-    """An inclined guard is far from its surface, so there is no location in the step to examine."""
-    assert suspect(1.0 * size, -0.6 * size, 0.3 * size, -0.8 * size, 0.0)[0] == PASS

@@ -83,7 +83,8 @@ def test_every_line_holds():
     ("broken", "lines", "condition", "size"),
     [
         ({"JUMP": 0.1}, [CONTINUOUS], CONTINUOUS, 0.2),
-        ({"BEND": 0.5}, [SURFACES], SURFACES, 1.0),
+        # Slopes of 0.5 and 1.5, over the one ahead.
+        ({"BEND": 0.5}, [SURFACES], SURFACES, 1.0 / 1.5),
         # Beyond x the point goes back in y: a contact in y would be broken again. A
         # line of the checklist fails with the definition that it puts in words.
         ({"TURN": 1.5}, [EVENT_FUNCTIONS, ONCE], EVENT_FUNCTIONS, -1.0),

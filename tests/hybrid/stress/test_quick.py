@@ -21,7 +21,7 @@ from stress_quick import (
 )
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch
-from hopdata.hybrid.layout import RATE_DIFFERS, ZENO
+from hopdata.hybrid.layout import ZENO
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -118,23 +118,19 @@ def told_wrongly(t, y, dy, mode, params, h, hdot):
 
 
 @pytest.mark.parametrize(
-    ("factor", "noise"), [(0.0, 0.0), (-1.0, 0.0), (2.5, 0.0), (1.0, 30.0)]
+    ("factor", "noise"),
+    [(0.0, 0.0), (-1.0, 0.0), (2.5, 0.0), (1.0, 30.0), (1.0, 1e-6), (1.1, 0.0)],
 )
-def test_wrong_rates_end_in_a_status(factor, noise):
-    system = System(gliding, told_wrongly, n_states=1, guard_names=("wave",))
-    solution = solve(system, (0.0, 10.0), [0.0], params=[factor, noise])
-    assert solution.status in (RATE_DIFFERS, ZENO)
-    assert "'wave'" in solution.message
-    assert solution.n_guard_evaluations < 100_000
-
-
-@pytest.mark.parametrize(("factor", "noise"), [(1.0, 1e-6), (1.0, 1e-2), (1.1, 0.0)])
-def test_rates_that_err_a_little_do_not_matter(factor, noise):
+def test_wrong_rates_make_no_flip_pass_unseen(factor, noise):
     system = System(gliding, told_wrongly, n_states=1, guard_names=("wave",))
     solution = solve(system, (0.0, 10.0), [0.0], params=[factor, noise])
     first, second = np.arcsin(0.5) / 3.0, (np.pi - np.arcsin(0.5)) / 3.0
     turns = np.arange(5) * 2.0 * np.pi / 3.0
     expected = np.sort(np.concatenate([first + turns, second + turns]))
+    if factor < 0.0 or noise > 3.0:  # its sign is wrong on the surface
+        assert solution.status == ZENO
+        assert abs(solution.t_end - expected).min() < 1e-9
+        return
     assert solution.success
     assert np.abs(solution.events.time - expected[expected < 10.0]).max() < 1e-9
 

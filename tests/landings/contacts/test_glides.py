@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dipping_heels import dipping
 from falling_feet import falls
 from gliding_heels import walk
 
@@ -15,6 +16,7 @@ from hopdata.landings.contacts.glides import (
     DOWN_S,
     doubts,
     glides,
+    is_slowed_by_leg,
     last_descents,
     sinks,
 )
@@ -201,3 +203,61 @@ def test_contacts_of_feet_that_fall_freely_are_not_sought_again():
     assert (found.status == LANDED).all()
     assert not (found.status == GLIDES).any()
     assert found.se.max() < 0.005  # one sought again has 5.8 ms or more
+
+
+def slowed_in(lasts_s):
+    """Return heights (N,) of a foot that is slowed evenly until it stands, m."""
+    until = np.maximum(CONTACT_S - TIME, 0.0)
+    slows = np.minimum(until, lasts_s)
+    return 0.5 * slows**2 / lasts_s + (until - slows)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 2e-4])
+def test_a_leg_slows_a_foot_in_a_tenth_of_a_second_and_the_floor_at_once(noise_m):
+    noise = np.random.default_rng(5).normal(0, noise_m, len(TIME))
+    for lasts_s, by_leg in ((0.1, True), (0.02, False), (0.005, False)):
+        height = slowed_in(lasts_s) + noise
+        found = is_slowed_by_leg(TIME, height, CONTACT_S, noise_m)
+        assert found == by_leg
+        height[TIME > CONTACT_S] = np.nan
+        assert not is_slowed_by_leg(TIME, height, CONTACT_S, noise_m)
+
+
+def test_frames_that_are_hidden_before_the_foot_is_slowed_do_not_matter():
+    height = slowed_in(0.1)
+    height[TIME < CONTACT_S - 0.12] = np.nan
+    assert is_slowed_by_leg(TIME, height, CONTACT_S, 0.0)
+    height[TIME < CONTACT_S - 0.03] = np.nan
+    assert not is_slowed_by_leg(TIME, height, CONTACT_S, 0.0)
+
+
+def test_a_foot_that_a_leg_slowed_comes_down_below_where_it_stands():
+    since = TIME - CONTACT_S
+    dip_m = np.where((since > 0.06) & (since < 0.2), -0.006, 0.0)
+    for lasts_s, sunk_m in ((0.1, 0.006), (0.005, 0.0)):
+        height = slowed_in(lasts_s) + dip_m
+        found = sinks(TIME, height, np.array([CONTACT_S]), noise_m=1e-5)
+        assert found[0] == pytest.approx(sunk_m, abs=5e-5)
+
+
+def errors_of(recording, truth):
+    found = hd.contacts(recording).found
+    away_s = found["contact_s"].to_numpy()[:, None] - truth
+    off_s = away_s[np.arange(len(found)), np.abs(away_s).argmin(axis=1)]
+    return off_s, np.hypot(found["se_s"], found["common_s"]).to_numpy()
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 200.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_heel_that_dips_is_timed_when_it_comes_down(seed, rate_hz):
+    off_s, stated_s = errors_of(*dipping(seed, rate_hz=rate_hz))
+    assert len(off_s) >= 4
+    assert np.abs(off_s).max() < 0.03  # the glide begins 0.1 s before
+    assert (np.abs(off_s) < 3 * stated_s).all()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_toe_that_tilts_as_deep_is_timed_where_the_floor_stops_it(seed):
+    off_s, _ = errors_of(*dipping(seed, is_toe=True))
+    assert len(off_s) >= 4
+    assert np.abs(off_s).max() < 0.01

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cached_property, partial, update_wrapper
+from functools import cache, cached_property, partial, update_wrapper
 from importlib import import_module
+from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 import numba
+import numpy as np
 
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.errors import ArgumentError
 from hopdata.hybrid.compiled import declare, naming
 from hopdata.hybrid.compiled.constants import Constants, renew_called
-from hopdata.hybrid.compiled.digest import with_digest
-from hopdata.hybrid.compiled.in_python import protected, trampoline
+from hopdata.hybrid.compiled.digest import sources_digest, with_digest
+from hopdata.hybrid.compiled.forms import Form, form_of
+from hopdata.hybrid.compiled.helpers import with_helpers
+from hopdata.hybrid.compiled.in_python import in_own_form, protected, trampoline
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
+from hopdata.hybrid.compiled.rates import values_only, with_rates
+from hopdata.hybrid.compiled.stored import WrongResultError
+from hopdata.hybrid.compiled.written import Written
 
 Function = Callable[..., Any]
 
@@ -36,26 +43,51 @@ class Callback:
         Its arguments and result.
     compiled : bool
         Whether to try to compile it.
+    form : Form, optional
+        Plain form in which it is written; by default it is recognised.
+
+    Attributes
+    ----------
+    users : callable
+        The user's Python function.
+    form : Form or None
+        Its plain form; None if it has the arguments of its kind.
+    function : callable
+        A Python function with the arguments of its kind, which fills arrays: the
+        user's, or one that calls it.
     """
 
     kept = True  # whether the machine code may be used in other processes
 
     def __init__(
-        self, function: Function, signature: Signature, compiled: bool = True
+        self,
+        function: Function,
+        signature: Signature,
+        compiled: bool = True,
+        form: Form | None = None,
     ) -> None:
         function = getattr(function, "py_func", function)
-        declare.check_declaration(function, signature)
+        if form is None:
+            form = form_of(function, signature)
+        if form is None:
+            declare.check_declaration(function, signature)
+        self.users = function
+        self.form = form
         self.function = function
+        if form is not None:
+            self.function = in_own_form(function, form)
         self.signature = signature
+        # What gives guards without rates exact ones.
+        self._exact: Function | None = None
         self._wanted = compiled
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the Python function."""
-        return self.function(*arguments)
+        return self.users(*arguments)
 
     def __repr__(self) -> str:
-        return f"<hybrid callback {declare.function_name(self.function)}>"
+        return f"<hybrid callback {declare.function_name(self.users)}>"
 
     def __copy__(self) -> Callback:
         """Return itself: like a function, it does not change."""
@@ -67,7 +99,7 @@ class Callback:
     def __reduce__(self) -> tuple[Any, ...]:
         """Return what pickle stores: the name by which a module holds the function."""
         name = naming.name_of(
-            self.function, self.signature, compiled=self._wanted, holder=self
+            self.users, self.signature, compiled=self._wanted, holder=self
         )
         return callback_by_name, name
 
@@ -83,14 +115,104 @@ class Callback:
 
     def check_lengths(self, **lengths: int) -> None:
         """Raise ValueError if the code uses a literal index beyond an array's end."""
+        for name, number in self._unpacked.items():
+            if name in lengths and number != lengths[name]:
+                where = declare.place(self.users, self.signature)
+                raise ValueError(
+                    f"{where} unpacks {name} into {number} names, but {name} has the "
+                    f"length {lengths[name]}"
+                )
         for position, number in self._subscripts.items():
             name = self.signature.arguments[position]
             if name in lengths and number >= lengths[name]:
-                where = declare.place(self.function, self.signature)
+                where = declare.place(self.users, self.signature)
                 raise ValueError(
                     f"{where} uses {name}[{number}], but {name} has the length "
                     f"{lengths[name]}"
                 )
+        if self.form is None or not self.form.returns or self.count is None:
+            return
+        result = self.form.result
+        if result in lengths and self.count != lengths[result]:
+            where = declare.place(self.users, self.signature)
+            what = declare.LENGTHS[self.signature.name]
+            found = "1 number" if self.count == 1 else f"{self.count} numbers"
+            raise ValueError(
+                f"{where} returns {found}; expected {lengths[result]}, {what}"
+            )
+
+    def check_result(self, *arguments: Any) -> None:
+        """Raise TypeError if the result of a plain function has a wrong shape.
+
+        The machine code does not fill the arrays then.
+
+        Parameters
+        ----------
+        *arguments
+            The arguments of its kind.
+        """
+        if self.form is None or not self.form.returns:
+            return
+        with np.errstate(all="ignore"):
+            try:
+                self.function(*arguments)
+            except WrongResultError:
+                raise
+            except Exception:  # the user's own, which machine code may not raise
+                return
+
+    @cached_property
+    def _written(self) -> Written | None:
+        """A plain function that Numba may compile, in the integrator's form."""
+        if self.form is None or not isinstance(self.users, FunctionType):
+            return None
+        return Written(self.users, self.form)
+
+    @property
+    def count(self) -> int | None:
+        """Number of elements that a plain function returns, if its source shows it."""
+        return None if self._written is None else self._written.count
+
+    @property
+    def _to_compile(self) -> Function:
+        """The function for machine code, as the globals are now."""
+        if self._written is None:
+            if isinstance(self.function, FunctionType):
+                return with_helpers(self.function)
+            return self.function
+        if self.signature.name == "guards":
+            return with_rates(self._written.function, self._exact)
+        return with_helpers(self._written.function)
+
+    def with_exact_rates(self, exact: Function) -> Callback:
+        """Return guards whose rates are exact, if they return only their values.
+
+        Others return themselves.
+
+        Parameters
+        ----------
+        exact : callable
+            Makes guards with rates from a function of compiled code that fills `h`.
+        """
+        if self.form is None or self.signature.name != "guards":
+            return self
+        made = self.anew(always=True)
+        made._exact = exact
+        return made
+
+    def uncompiled(self) -> Callback:
+        """Return a callback of the same function that Python runs."""
+        return Callback(self.users, self.signature, False, self.form)
+
+    def source_and_places(
+        self, names: frozenset[str]
+    ) -> tuple[Function, tuple[int, ...]]:
+        """Return the user's function, and the positions of arguments of these names."""
+        given = self.signature.arguments
+        if self.form is not None:
+            given = self.form.arguments
+        places = [place for place, name in enumerate(given) if name in names]
+        return self.users, tuple(places)
 
     @cached_property
     def n_params(self) -> int:
@@ -99,21 +221,45 @@ class Callback:
 
     def elements_of(self, argument: str, length: int) -> tuple[int, ...]:
         """Return the elements of an argument of this length that may matter."""
-        position = self.signature.arguments.index(argument)
-        named = declare.elements_named(self.function, position)
+        function, position = self._argument(argument)
+        named = declare.elements_named(function, position)
         if named is None:
             return tuple(range(length))
         return tuple(sorted(named))
 
+    def _argument(self, argument: str) -> tuple[Function, int]:
+        """Return a function whose code shows the use of an argument, and its place."""
+        if self._written is None:
+            return self.function, self.signature.arguments.index(argument)
+        if argument == "dy" and self.signature.name == "guards":
+            argument = "y"  # the rates of its values follow from those of the state
+        return self._written.function, self._written.arguments.index(argument)
+
+    @cached_property
+    def _unpacked(self) -> dict[str, int]:
+        """Number of names into which an argument is unpacked, by the argument."""
+        found = declare.names_unpacked(self.users)
+        if not found:
+            return {}
+        given: tuple[str, ...] = self.signature.arguments
+        names = self.users.__code__.co_varnames
+        if self.form is not None:
+            given, names = self.form.arguments, self.form.names
+        meant = dict(zip(names, given, strict=False))
+        return {meant[name]: found[name] for name in found if name in meant}
+
     @cached_property
     def _subscripts(self) -> dict[int, int]:
         """Largest literal index into each argument, by the argument's position."""
-        largest = declare.largest_subscripts(self.function)
+        function, given = self.function, self.signature.arguments
+        if self._written is not None:
+            function, given = self._written.function, self._written.arguments
+        largest = declare.largest_subscripts(function)
         if not largest:
             return {}
-        names = self.function.__code__.co_varnames[: len(self.signature.arguments)]
+        names = function.__code__.co_varnames[: len(given)]
         return {
-            names.index(name): number
+            self.signature.arguments.index(given[names.index(name)]): number
             for name, number in largest.items()
             if name in names
         }
@@ -121,9 +267,9 @@ class Callback:
     @cached_property
     def constants(self) -> Constants:
         """What its machine code is made from, besides its own text."""
-        if not isinstance(self.function, FunctionType):
+        if not isinstance(self.users, FunctionType):
             return Constants()
-        functions = [self.function]
+        functions = [self.users]
         if self._wanted:
             found = Constants(functions)
         else:
@@ -131,30 +277,38 @@ class Callback:
         renew_called(found)
         return found
 
-    def anew(self) -> Callback:
+    def anew(self, *, always: bool = False) -> Callback:
         """Return itself or, if what it was made from has changed, a new callback."""
-        if self.constants.are_current():
+        if not always and self.constants.are_current():
             return self
-        return Callback(self.function, self.signature, self._wanted)
+        return Callback(self.users, self.signature, self._wanted, self.form)
 
     @cached_property
     def dispatcher(self) -> Any:
         """The function, or its trampoline, callable from other code in Numba."""
         if self._compiled is None:
             return numba.njit(trampoline(self._protected, self.signature))
-        return numba.njit(error_model="numpy")(with_digest(self.function))
+        return numba.njit(error_model="numpy")(with_digest(self._to_compile))
+
+    @property
+    def _of_other_numbers(self) -> Function:
+        """The function for ranges or duals; guards without rates fill only `h`."""
+        if self._written is not None and self.signature.name == "guards":
+            return values_only(self._written.function)
+        return self._to_compile
 
     @cached_property
     def ranged(self) -> Any:
         """The function, callable from code in Numba with ranges for states and time."""
-        return numba.njit(error_model="numpy")(with_digest(self.function))
+        return numba.njit(error_model="numpy")(with_digest(self._of_other_numbers))
 
     @cached_property
     def dual(self) -> Any:
         """The function, callable from code in Numba with duals (`numbers.duals`)."""
-        options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        made: Any = numba.njit(error_model="numpy", **options)
-        return made(with_digest(self.function))
+        # Python never calls it, and could not give it duals.
+        options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        compiler: Any = numba.njit(error_model="numpy", **options)
+        return compiler(with_digest(self._of_other_numbers))
 
     @cached_property
     def address(self) -> int:
@@ -175,27 +329,53 @@ class Callback:
         _ = self.constants  # remembered before they are made part of the code
         if not self._wanted:
             return None
-        if not isinstance(self.function, FunctionType):
-            reason = f"it is a {type(self.function).__name__} object"
+        if not isinstance(self.users, FunctionType):
+            reason = f"it is a {type(self.users).__name__} object"
             advice = "write a function around it"
-            declare.warn_slow(self.function, self.signature, reason, advice)
+            declare.warn_slow(self.users, self.signature, reason, advice)
             return None
+        try:
+            return self._made()
+        # Numba's own exceptions, and others raised within it.
+        except Exception as error:
+            declare.raise_if_mistaken(self.users, self.signature, error)
+            reason, advice = declare.reason_and_advice(error, self.users)
+            declare.warn_slow(self.users, self.signature, reason, advice)
+            return None
+
+    def _made(self) -> Any:
+        """Return the machine code, from the cache or compiled now.
+
+        Guards that do not compile for duals have their rates from differences.
+        """
+        if self._exact is not None:
+            try:
+                return self._compiled_now()
+            # Numba's own exceptions, and others raised within it.
+            except Exception:
+                self._exact = None
+        return self._compiled_now()
+
+    def _compiled_now(self) -> Any:
+        function = self._to_compile
 
         def compile_it(cached: bool) -> Any:
             kept = cached and self.kept
             native = self.signature.native
             compiler = numba.cfunc(native, cache=kept, error_model="numpy")
-            return compiler(with_digest(self.function))
+            return compiler(with_digest(function))
 
-        digest = function_digest(self.function)
-        try:
-            return compiled_in_cache(self.function, digest, compile_it)
-        # Numba's own exceptions, and others raised within it.
-        except Exception as error:
-            declare.raise_if_mistaken(self.function, self.signature, error)
-            reason, advice = declare.reason_and_advice(error)
-            declare.warn_slow(self.function, self.signature, reason, advice)
-            return None
+        digest = function_digest(function)
+        if self.form is not None:
+            digest = f"{digest}-{_digest_of_forms()}"
+        return compiled_in_cache(function, digest, compile_it)
+
+
+@cache
+def _digest_of_forms() -> str:
+    """Return a digest of the sources by which plain functions are rewritten."""
+    package = Path(__file__).parents[1]
+    return sources_digest(package, "compiled") + sources_digest(package, "numbers")
 
 
 def callback_by_name(
@@ -219,7 +399,7 @@ def callback_by_name(
         wanted = f"a function declared by @{kind}, as in the process that pickled it"
         raise ArgumentError.at(full, wanted, held)
     if compiled:
-        naming.require_same_constants(full, found.function, constants)
+        naming.require_same_constants(full, found.users, constants)
     return found
 
 
@@ -305,7 +485,10 @@ def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
     ----------
     function : callable
         Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` with
-        respect to ``y[j]``. It is zero on entry.
+        respect to ``y[j]``. It is zero on entry. Of a System with `sparsity`, it has
+        the derivatives of the pattern only: with bandwidths (lower, upper) one row for
+        each diagonal, ``jac[upper + i - j, j]``; with a matrix one row, ``jac[0, k]``,
+        with the entries of the pattern row by row, from left to right.
     """
     return _declared("jacobian", function, compiled)
 

@@ -3,10 +3,13 @@
 import builtins
 import dis
 import inspect
+import linecache
 import re
 import warnings
-from collections.abc import Callable
-from types import FunctionType
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any
 
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
@@ -19,6 +22,22 @@ WANTED_RESULT = {
 }
 
 
+# What a plain function returns.
+RETURNED = {
+    "field": "the rates of the state, as (y[1], -9.81)",
+    "guards": "the values of the guards, as y[0] or (y[0], y[1])",
+    "jacobian": "the rows of the matrix",
+}
+
+# What the length of a plain function's result is.
+LENGTHS = {
+    "field": "the number of states (n_states)",
+    "guards": "the number of guards (guard_names)",
+    "on_event": "the number of states (n_states)",
+    "jacobian": "the number of states (n_states)",
+}
+
+
 def function_name(function: Function) -> str:
     """Return the name of a function for use in messages."""
     return getattr(function, "__name__", type(function).__name__)
@@ -26,6 +45,7 @@ def function_name(function: Function) -> str:
 
 def place(function: Function, signature: Signature) -> str:
     """Return the kind, name and source location of a function, to start a message."""
+    function = getattr(function, "users", function)
     code = getattr(function, "__code__", None)
     where = "" if code is None else f" ({code.co_filename}:{code.co_firstlineno})"
     return f"{signature.name} {function_name(function)!r}{where}"
@@ -77,6 +97,8 @@ def _check_arguments(
     names = tuple(one.name for one in parameters)
     theirs = [kind.name for kind in SIGNATURES.values() if kind.arguments == names]
     call = signature.call(function_name(function))
+    if signature.name in RETURNED and 2 <= n_needed < n_wanted and not theirs:
+        raise TypeError(_nothing_returned(function, signature, call))
     if n_needed > n_wanted or (n_taken < n_wanted and not open_ended):
         found = "takes 1 argument" if n_taken == 1 else f"takes {n_taken} arguments"
         hint = f" (its arguments are those of @{theirs[0]})" if theirs else ""
@@ -86,6 +108,20 @@ def _check_arguments(
     else:
         return
     raise TypeError(f"{place(function, signature)} {found}; expected {call}{hint}")
+
+
+def _nothing_returned(function: Function, signature: Signature, call: str) -> str:
+    """Return the message for a function with fewer arguments and without a result."""
+    code = getattr(function, "__code__", None)
+    wanted = RETURNED[signature.name]
+    what = "returns nothing"
+    if code is not None and code.co_flags & inspect.CO_GENERATOR:
+        what = "is a generator (it has a yield)"
+    n_taken = 0 if code is None else code.co_argcount
+    return (
+        f"{place(function, signature)} takes {n_taken} arguments and {what}; return "
+        f"{wanted}, or fill an array: expected {call}"
+    )
 
 
 def _check_arrays(
@@ -128,10 +164,13 @@ _POSITIONAL = (
 
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _RETURNS = re.compile(r"No conversion from (.+) to \w+ for '\$\w*return")
-_LINE = re.compile(r'File ".*", line (\d+)')
-_CALL = re.compile(r">>> (.+)")
+# What `stored` says of a result that cannot be stored.
+_REFUSED = re.compile(r"it (returns [^\n]+; (?:expected|return) [^\n]+)")
+_LINE = re.compile(r'File "(.*)", line (\d+)|at (\S+) \((\d+)\)')
+_CALL = re.compile(r">>> ([^_\s].*)")
 _UNTYPED = re.compile(r"Untyped global name '(\w+)'.*<class 'function'>")
 LONGEST = 160  # most characters of a reason
+LONGEST_LINE = 60  # and of the line of source that it names
 
 
 class SlowCallbackWarning(UserWarning):
@@ -168,17 +207,30 @@ def raise_if_mistaken(
     function: Function, signature: Signature, error: Exception
 ) -> None:
     """Raise, rather than run slowly, if the function would fail in Python as well."""
-    returned = _RETURNS.search(_COLOUR.sub("", str(error)))
+    text = _COLOUR.sub("", str(error))
+    returned = _RETURNS.search(text)
     if returned:
         raise return_error(function, signature, returned[1]) from None
+    refused = _REFUSED.search(text)
+    if refused:
+        raise TypeError(f"{place(function, signature)} {refused[1]}") from None
     for name in _undefined(function):
         raise NameError(
             f"{place(function, signature)}: name {name!r} is not defined"
         ) from None
+    for module, name in _missing(function):
+        raise AttributeError(
+            f"{place(function, signature)}: module {module!r} has no {name!r}"
+        ) from None
 
 
-def reason_and_advice(error: Exception) -> tuple[str, str]:
-    """Return why Numba failed, in one line, and advice to the user."""
+def reason_and_advice(
+    error: Exception, function: Function | None = None
+) -> tuple[str, str]:
+    """Return why Numba failed, in one line, and advice to the user.
+
+    With the function, the reason has its line, and what stands there.
+    """
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines()]
     frame = ("Failed in", "During", "File ")
@@ -194,15 +246,82 @@ def reason_and_advice(error: Exception) -> tuple[str, str]:
     reason = reason.split(". Raised from")[0].rstrip(".: ")
     if len(reason) > LONGEST:
         reason = reason[:LONGEST].rstrip() + " ..."
-    number = _LINE.search(text)
+    number = _line_in(text, function)
     if number:
-        reason = f"{reason} (line {number[1]})"
-    helper = _UNTYPED.search(text)
-    advice = f"decorate {helper[1]!r} with @numba.njit" if helper else _ADVICE
-    return reason, advice
+        reason = f"{reason} (line {number}{_source_line(function, number)})"
+    for sign, advice in _ADVICE_FOR:
+        found = sign.search(text)
+        if found:
+            return reason, advice.format(*found.groups())
+    return reason, _ADVICE
+
+
+def _line_in(text: str, function: Function | None) -> int:
+    """Return the line that Numba names: in the function's file, if it is known."""
+    code = getattr(function, "__code__", None)
+    first = 0
+    for found in _LINE.finditer(text):
+        file, line = found[1] or found[3], int(found[2] or found[4])
+        if code is None or Path(file).name == Path(code.co_filename).name:
+            return line
+        first = first or line
+    return first
+
+
+def _source_line(function: Function | None, number: int) -> str:
+    """Return what stands in a line of a function's file, to follow its number."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return ""
+    line = linecache.getline(code.co_filename, number).strip()
+    if len(line) > LONGEST_LINE:
+        line = line[:LONGEST_LINE].rstrip() + " ..."
+    return f": {line}" if line else ""
 
 
 _ADVICE = "use only numbers, NumPy and functions decorated with @numba.njit in it"
+# What to do where Numba's words show what it is.
+_ADVICE_FOR = [
+    (_UNTYPED, "decorate {!r} with @numba.njit"),
+    (
+        re.compile(r"Untyped global name '(\w+)'.*(?:<class 'dict'>|empty list)"),
+        "give its values as params, or as a tuple or numbers beside it; and no results "
+        "can be collected in {!r}: the solution has them",
+    ),
+    (
+        re.compile(r"Untyped global name '(\w+)'.*<class '[\w.]*interp"),
+        "use np.interp with arrays in place of {!r}",
+    ),
+    (
+        re.compile(r"Untyped global name '(\w+)'"),
+        "take the numbers out of {!r} before, or give them as params: @numba.njit "
+        "knows numbers, tuples, NumPy's arrays and functions",
+    ),
+    (
+        re.compile(r"array\(int64, .*array\(float64|array\(float64, .*array\(int64"),
+        "make both arrays of floats (1.0 for 1); use only what @numba.njit can compile",
+    ),
+    (
+        re.compile(r"Cannot unify (\S+) and (\S+)"),
+        "let the name have one kind of value throughout, as @numba.njit wants it",
+    ),
+]
+
+
+def _missing(function: Function) -> Iterator[tuple[str, str]]:
+    """Yield module and name of attributes that a module does not have."""
+    if not hasattr(function, "__code__"):
+        return
+    module: Any = None
+    for step in dis.get_instructions(function):
+        if step.opname == "LOAD_GLOBAL":
+            module = function.__globals__.get(step.argval)
+        elif step.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+            if isinstance(module, ModuleType) and not hasattr(module, step.argval):
+                yield module.__name__, step.argval
+            module = None
+        elif step.opname not in ("CACHE", "PUSH_NULL", "NOP"):
+            module = None
 
 
 def _undefined(function: Function) -> list[str]:
@@ -244,6 +363,26 @@ def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
         if name in arguments:
             largest[name] = max(number, largest.get(name, -1))
     return {name: number for name, number in largest.items() if number >= 0}
+
+
+def names_unpacked(function: Callable[..., Any]) -> dict[str, int]:
+    """Return the number of names into which each argument is unpacked: a, b = y."""
+    if not isinstance(function, FunctionType):
+        return {}
+    code = function.__code__
+    arguments = set(code.co_varnames[: code.co_argcount])
+    steps = list(dis.get_instructions(code))
+    for step in steps:
+        if "STORE_FAST" in step.opname:
+            arguments -= set(_names(step))
+    found = {}
+    for loaded, use in pairwise(steps):
+        is_argument = loaded.opname.startswith("LOAD_FAST") and use.opname == (
+            "UNPACK_SEQUENCE"
+        )
+        if is_argument and _names(loaded)[-1] in arguments:
+            found[_names(loaded)[-1]] = int(use.arg or 0)
+    return found
 
 
 def elements_named(

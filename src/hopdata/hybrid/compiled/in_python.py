@@ -13,10 +13,15 @@ from typing import Any
 import numpy as np
 from numba import types
 
+from hopdata.hybrid.compiled import declare
 from hopdata.hybrid.compiled.caught import current
 from hopdata.hybrid.compiled.declare import place, return_error
-from hopdata.hybrid.compiled.kernel import Signature
+from hopdata.hybrid.compiled.forms import Form
+from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
 from hopdata.hybrid.compiled.memory import built, lower_call_of_python
+from hopdata.hybrid.compiled.rates import rates_in_python
+from hopdata.hybrid.compiled.stored import WrongResultError, store_in_python
+from hopdata.hybrid.compiled.written import native_arguments
 
 Function = Callable[..., Any]
 
@@ -25,6 +30,37 @@ Function = Callable[..., Any]
 UNFILLED = np.int64(0x7FF8_0000_0BAD_F111)
 # Kinds that must fill all elements of their arrays in each call.
 FILLS_ALL = ("field", "guards")
+
+
+def in_own_form(function: Function, form: Form) -> Function:
+    """Return a Python function in the integrator's own form that calls a plain one.
+
+    It sees each change of a global that the function reads, as the function does.
+    """
+    names = native_arguments(form.kind)
+    # Evaluated in each call: an argument may be an element of the parameters.
+    call = f"lambda {', '.join(names)}: FUNCTION({', '.join(form.arguments)})"
+    scope = {"FUNCTION": function, **form.bound}
+    ask = eval(call, scope)
+
+    def fill(*arguments: Any) -> Any:
+        value = ask(*arguments)
+        if not form.returns:
+            return value
+        result = arguments[names.index(form.result)]
+        try:
+            return store_in_python(form.kind, value, result)
+        except WrongResultError as error:
+            where = place(function, SIGNATURES[form.kind])
+            raise WrongResultError(f"{where} {error}") from None
+
+    def guards(t: Any, y: Any, dy: Any, *others: Any) -> None:
+        rates_in_python(fill, t, y, dy, *others)
+
+    made: Any = guards if form.kind == "guards" else fill
+    made.__name__ = declare.function_name(function)
+    made.users = function
+    return made
 
 
 def protected(function: Function, signature: Signature) -> Function:

@@ -152,6 +152,7 @@ _HANDED = {
     "params": (FLOATS, Passed.SPAN),
     "atol": (FLOATS, Passed.ADDRESS),
     "phi": (TABLE, Passed.ADDRESS),
+    "along": (INTEGERS, Passed.ADDRESS),
 }
 _N_INTEGERS = {Passed.SPAN: 2, Passed.ADDRESS: 1}  # that the machine code takes
 
@@ -179,7 +180,7 @@ def _part(arguments: str, returns: Any = types.float64) -> Part:
     return Part(arguments, native, caller(native, *plan))
 
 
-_TANGENT = _part("t, dt, rtol, s, mode, params, atol, phi, field, jacobian")
+_TANGENT = _part("t, dt, rtol, s, mode, params, atol, phi, field, jacobian, along")
 PARTS = {
     "refresh": _part("s, mode, params"),
     "tangent": _TANGENT,

@@ -272,10 +272,34 @@ def _address(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return _as_span(context, builder, sign.args[0], values)[0]
 
 
+def _matrix(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    """Build an array from an address and its numbers of rows and columns."""
+    address, rows, columns = values
+    array = make_array(sign.return_type)(context, builder)
+    start = builder.inttoptr(address, array.data.type)
+    item = context.get_constant(types.intp, types.float64.bitwidth // 8)
+    strides = [builder.mul(columns, item), item]
+    populate_array(array, start, [rows, columns], strides, item, meminfo=None)
+    return array._getvalue()
+
+
+def _typed_matrix(*_: Any) -> Any:
+    return types.Array(types.float64, 2, "C")(INDEX, INDEX, INDEX), _matrix
+
+
 row = _from_row_on(1)
 square = _from_row_on(2)
+matrix_at = built(3, _typed_matrix)
 array_of = built(1, lambda vector: (types.Array(vector.dtype, 1, "C")(vector), _array))
 address_of = built(1, lambda owner: (INDEX(owner), _address))
+
+
+def _start(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    start = array_start(context, builder, sign.args[0], values[0])
+    return builder.ptrtoint(start, context.get_value_type(INDEX))
+
+
+start_of = built(1, lambda array: (INDEX(array), _start))
 
 
 # Named tuples that are read from a table of addresses, each item where it is used.

@@ -99,7 +99,7 @@ def require_same_constants(
 
 def _function_of(holder: Any) -> Any:
     """Return the Python function in a callback or dispatcher, or itself."""
-    inner = getattr(holder, "function", holder)
+    inner = getattr(holder, "users", holder)
     return getattr(inner, "py_func", inner)
 
 

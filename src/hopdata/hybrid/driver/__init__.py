@@ -2,9 +2,10 @@
 
 - `loop`: the integration, and Python's entry into it
 - `stepping`: one step that meets the tolerance; the size and the method of the next
-- `branches`, `windows`: shorten it to a part in which the guards can be judged
-- `watch`, `localise`: which guards may flip in it, and where the first one does
-- `end_step`: make the step end there
+- `enclosure`, `paths`: ranges of the states and of the guards over a piece of it
+- `proof`: prove that no guard flips in it, or find the first that does
+- `localise`, `end_step`: find where, and make the step end there
+- `watch`: guards at their surfaces, and those that will soon reach theirs
 - `instant`: the events there, one after the other
 - `jacobian`: the flow's Jacobian over a step and across an event
 - `dense`, `log`: what is written of the trajectory and of the events

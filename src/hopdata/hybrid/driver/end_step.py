@@ -8,14 +8,13 @@ method, not that of the interpolant.
 import numpy as np
 
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver import problem, watch
-from hopdata.hybrid.driver.branches import AT_BRANCH
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.jacobian import has_short_tangent
-from hopdata.hybrid.driver.localise import CROSSING, DIP, first_cut
+from hopdata.hybrid.driver.localise import NONE
+from hopdata.hybrid.driver.proof import first_flip
 from hopdata.hybrid.driver.stepping import take_step
-from hopdata.hybrid.driver.windows import BY_WINDOWS, NONE_NEAR, leave_out_bent
 from hopdata.hybrid.layout import Memory
 
 #: Most corrections of a step's end by Newton's method.
@@ -30,6 +29,14 @@ SPARED = 5e-2
 #: smooth.
 #: Unit: 1. Origin: chosen.
 FARTHEST = 0.1
+
+#: How often a step is taken again up to a flip that its rate does not lead to.
+#: Unit: 1. Origin: chosen.
+MOST_RETAKES = 8
+
+#: Factor by which the search for a jump reaches farther in each turn.
+#: Unit: 1. Origin: chosen.
+WIDER = 4.0
 
 #: Fraction of the step by which rounding of h may move its end.
 #: Unit: 1. Origin: chosen.
@@ -150,7 +157,7 @@ def end_behind_jump(
                 clear = there
             else:
                 behind = there
-        reach *= 2.0
+        reach *= WIDER
     while behind - clear > resolution:
         middle = 0.5 * (clear + behind)
         if end_at(p, m, middle, on_interpolant, resolution, k) <= 0.0:
@@ -219,41 +226,19 @@ def land(
     return span, k
 
 
-# End a step at its first flip: judge, search, land, and mark the guards that flip
-# there.
-
-
-@kernel_in_loop
-def gather(p: problem.Problem, m: Memory, dt: float) -> int:
-    """Put the guards that may flip within the step into NEAR; return their number."""
-    watch.set_check_points(p, m, dt)
-    if m.counts[at.PIECES] > 1:
-        count = watch.gather_near_by_pieces(p, m, dt)
-    else:
-        count = watch.gather_near(p, m, dt)
-    if count > 0 and m.counts[at.WATCHED] == BY_WINDOWS:
-        return leave_out_bent(m)
-    return count
-
-
 @kernel_apart
-def end_at_dips(
-    p: problem.Problem, m: Memory, dt: float, kind: int, k: int, theta: float
-) -> tuple[float, int, int, float]:
-    """End the step at its first cut as long as this is a dip.
+def land_behind_jump(
+    p: problem.Problem, m: Memory, k: int, span: float, resolution: float
+) -> float:
+    """Make the step end just past the jump of guard k, about `span` from its start.
 
-    At a dip the sign of h decides. Returns the step's length, and kind, guard and
-    location of the remaining cut.
+    Returns the step's length.
     """
-    for _ in range(2 * m.counts[at.N_AWAKE] + 4):
-        if kind != DIP or theta * dt <= problem.time_resolution(m.clock[at.T], dt):
-            break
-        dt *= theta
-        take_step(p, m, m.clock[at.T], dt)
-        problem.guards_at_end(p, m, m.clock[at.T] + dt)
-        gather(p, m, dt)
-        kind, k, theta = first_cut(p, m, dt)
-    return dt, kind, k, theta
+    on_interpolant = interpolant_suffices(p, m, span)
+    return end_behind_jump(p, m, k, span, on_interpolant, resolution)
+
+
+# End a step at its first flip: search, land, and mark the guards that flip there.
 
 
 @kernel
@@ -274,32 +259,6 @@ def flips_by_rounding(
 
 
 @kernel
-def set_sizes(p: problem.Problem, m: Memory, which: int) -> None:
-    """Set the rounding scale of listed guards by their values at the step's ends."""
-    for a in range(m.counts[at.N_AWAKE + which]):
-        k = m.lists[which, a]
-        # What counts as rounding remains so until the guard has left its surface.
-        has_left = problem.margin_of(p, m, k, at.H0) > 0.0
-        size = max(abs(m.guards[at.H0, k]), abs(m.guards[at.H1, k]))
-        m.guards[at.SIZE, k] = max(size, m.guards[at.PARTS if has_left else at.SIZE, k])
-
-
-@kernel_apart
-def flips_by_sign(p: problem.Problem, m: Memory, dt: float) -> int:
-    """Mark the guards that flip in a step across a branch; return their number.
-
-    The step is too short to be divided, so only the signs at its ends tell.
-    """
-    set_sizes(p, m, at.AWAKE)
-    resolution = problem.time_resolution(m.clock[at.T], dt)
-    t = m.clock[at.T] + dt
-    look_at_end(p, m, t, resolution)
-    total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
-    problem.remember_residuals(p, m, t, at.END, at.H1, at.RATE1, resolution)
-    return total
-
-
-@kernel
 def flips_at_start(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
     """Mark guard k and return True if it is at its surface at the start of the step.
 
@@ -314,6 +273,22 @@ def flips_at_start(p: problem.Problem, m: Memory, k: int, resolution: float) -> 
     return True
 
 
+@kernel_apart
+def is_behind_flip(
+    p: problem.Problem, m: Memory, k: int, dt: float, resolution: float
+) -> bool:
+    """Return whether guard k has flipped before the end of the step, taken again.
+
+    Then its rate there has not shown the way back, and the new step has an interpolant
+    of its own. A guard is so where the errors of the steps alone move it.
+    """
+    if m.clock[at.SPAN] > dt:
+        return False  # the step ends on the interpolant of the longer one
+    rate = m.guards[at.RATE1, k]
+    noise = problem.blur(m.guards[at.SIZE, k], rate, resolution)
+    return problem.margin_of(p, m, k, at.H1) < -problem.MOST_ROUNDINGS * noise
+
+
 @kernel
 def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
@@ -321,26 +296,24 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
     The guards that flip at its end are marked in DUE. Returns the step's length (0 if
     they flip at its very start) and their number.
     """
-    if m.counts[at.WATCHED] == AT_BRANCH:
-        return dt, flips_by_sign(p, m, dt)
-    # Usually no guard is near, so the search is not even prepared.
-    if m.counts[at.WATCHED] == NONE_NEAR or gather(p, m, dt) == 0:
-        return dt, 0
-    kind, k, theta = first_cut(p, m, dt)
-    if kind == DIP:
-        dt, kind, k, theta = end_at_dips(p, m, dt, kind, k, theta)
-    if kind != CROSSING:
-        return dt, 0
-    set_sizes(p, m, at.NEAR)
     resolution = problem.time_resolution(m.clock[at.T], dt)
-    if theta * dt <= resolution:
-        if flips_at_start(p, m, k, resolution):
-            return 0.0, 1
-        dt = min(resolution, dt)  # just past the jump
-        take_step(p, m, m.clock[at.T], dt)
-        look_at_end(p, m, m.clock[at.T] + dt, resolution)
-    else:
+    for _ in range(MOST_RETAKES):
+        k, theta, jumps = first_flip(p, m, dt)
+        if k == NONE:
+            return dt, 0
+        if theta * dt <= resolution:
+            if flips_at_start(p, m, k, resolution):
+                return 0.0, 1
+            dt = min(resolution, dt)  # just past the jump
+            take_step(p, m, m.clock[at.T], dt)
+            look_at_end(p, m, m.clock[at.T] + dt, resolution)
+            break
+        if jumps:
+            dt = land_behind_jump(p, m, k, theta * dt, resolution)
+            break
         dt, k = land(p, m, k, theta * dt, resolution)
+        if not is_behind_flip(p, m, k, dt, resolution):
+            break
     t = m.clock[at.T] + dt
     total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
     if total == 0 and flips_by_rounding(p, m, k, t, resolution):

@@ -19,13 +19,14 @@ from numba import types
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
-from hopdata.hybrid.compiled.memory import FloatTable, square
+from hopdata.hybrid.compiled.memory import FloatTable, address_of, square
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, has_flipped
 from hopdata.hybrid.driver.problem import way as some_way
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.methods import tangent as differences
+from hopdata.hybrid.numbers import along as duals
 
 # The driver calls this code by address, so it is compiled only when a Jacobian is first
 # requested. Its parts:
@@ -119,7 +120,8 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
         prepare_interpolant(p, m, dt)
         interpolate(p, m, at.GAUSS_1 * dt / m.clock[at.SPAN], at.SCRATCH, 0.0)
         interpolate(p, m, at.GAUSS_2 * dt / m.clock[at.SPAN], at.SLOPE, 0.0)
-    m.counts[at.NFEV] += evaluations
+    if p.along[duals.FIELD] == 0:  # else only numbers of finite differences count
+        m.counts[at.NFEV] += evaluations
     return code.call_tangent(
         p.methods[method, which],
         m.clock[at.T],
@@ -132,6 +134,7 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
         p.tangent,
         p.field,
         p.methods[method, at.DERIVATIVE],
+        p.along,
     )
 
 
@@ -188,10 +191,33 @@ def rate_along(
 
 
 @kernel
-def project(p: Problem, m: Memory, k: int, rate: float) -> float:
-    """Write Dh Phi / rate of guard k into row ALONG, where `rate` is Dh f- + dh/dt.
+def row_address(m: Memory, table: FloatTable, row: int) -> int:
+    """Return the address of a row of a table as wide as the state."""
+    return address_of(table) + duals.BYTES * m.states.width * row
 
-    Returns the uncertainty of its instant, s.
+
+@kernel_apart
+def gradient_of(p: Problem, m: Memory, k: int) -> float:
+    """Write Dh of guard k into row GRADIENT; return its rate Dh f- + dh/dt."""
+    phi = p.tangent
+    n = m.states.width
+    before = single(m, at.F_BEFORE)
+    gradient = single(m, at.GRADIENT)
+    if p.along[duals.GUARD] == 0:
+        return gradient_by_rates(p, m, k)
+    y = row_address(m, m.states, at.Y)
+    into = row_address(m, phi, gradient)
+    rate = duals.guard_gradient(
+        p.along, m.clock[at.T], y, n, m.states, at.K1, p.mode, p.params, k, into
+    )
+    for i in range(n):
+        rate += phi[gradient, i] * phi[before, i]
+    return rate
+
+
+@kernel
+def gradient_by_rates(p: Problem, m: Memory, k: int) -> float:
+    """Write Dh of a guard that does not compile for duals; return its rate.
 
     The rate is affine in f-, so Dh follows from changing one component of f- after the
     other by the size of the largest. Only components that the guards' code may use are
@@ -199,28 +225,47 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> float:
     """
     phi = p.tangent
     n = m.states.width
+    rate = m.guards[at.RATE0, k]
     moved = single(m, at.COLUMN)
     before = single(m, at.F_BEFORE)
-    along = single(m, at.ALONG)
+    gradient = single(m, at.GRADIENT)
     inputs = single(m, at.RATE_INPUTS)
     change = 0.0
     for i in range(n):
         phi[moved, i] = phi[before, i]
-        phi[along, i] = 0.0
+        phi[gradient, i] = 0.0
         change = max(change, phi[inputs, i] * abs(phi[before, i]))
     if not change > 0.0:
         change = 1.0
-    unknown = 0.0
     for i in range(n):
         if phi[inputs, i] == 0.0:
             continue
         phi[moved, i] += change
         moved_rate = rate_along(p, m, k, moved, m.clock[at.T], m.states, at.Y)
         slope = (moved_rate - rate) / (phi[moved, i] - phi[before, i])
-        time_per_state = slope / rate
+        phi[gradient, i] = slope
         phi[moved, i] = phi[before, i]
-        for j in range(n):
-            phi[along, j] += time_per_state * phi[i, j]
+    return rate
+
+
+@kernel
+def project(p: Problem, m: Memory, rate: float) -> float:
+    """Write Dh Phi / rate into row ALONG, where `rate` is Dh f- + dh/dt.
+
+    Returns the uncertainty of the guard's instant, s. Dh is in row GRADIENT.
+    """
+    phi = p.tangent
+    n = m.states.width
+    along = single(m, at.ALONG)
+    gradient = single(m, at.GRADIENT)
+    unknown = 0.0
+    for j in range(n):
+        phi[along, j] = 0.0
+    for i in range(n):
+        time_per_state = phi[gradient, i] / rate
+        if time_per_state != 0.0:
+            for j in range(n):
+                phi[along, j] += time_per_state * phi[i, j]
         unknown += abs(time_per_state) * tolerance(p, i, abs(m.states[at.Y, i]))
     return unknown
 
@@ -290,31 +335,42 @@ def look_beside(p: Problem, m: Memory, side: float, aside: float) -> None:
 def has_slope_of_rate(p: Problem, m: Memory, k: int) -> bool:
     """Return whether guard k's rate agrees with its values for a motion of the state.
 
-    The motion is along one direction and back. Several displacements are tried.
+    The motion is along one direction and back. Several displacements are tried. A guard
+    that jumps there has values that no rate describes.
     """
+    phi = p.tangent
     moved = single(m, at.PHI_SHIFTED)
     slope = single(m, at.PHI_SLOPE)
+    gradient = single(m, at.GRADIENT)
     for aside in ASIDE:
         by_rate = 0.0
         by_value = 0.0
         for side in (1.0, -1.0):
             look_beside(p, m, side, aside)
-            rate = rate_along(p, m, k, slope, m.clock[at.T], p.tangent, moved)
-            by_rate += side * rate
+            rate = rate_along(p, m, k, slope, m.clock[at.T], phi, moved)
             by_value += side * m.guards[at.H, k] / aside
+            if p.along[duals.GUARD] == 0:
+                by_rate += side * rate
+            else:
+                for i in range(m.states.width):
+                    by_rate += side * phi[gradient, i] * phi[slope, i]
         if abs(by_rate - by_value) <= SAME_SLOPE * max(abs(by_rate), abs(by_value)):
             return True
     return False
 
 
 @kernel
-def passes(p: Problem, m: Memory, k: int, rate: float) -> int:
+def passes(p: Problem, m: Memory, k: int) -> int:
     """Project onto guard k (see `project`) and return a status.
 
     The guard grazes if its rate may be zero within the uncertainty of its instant.
     """
-    unsure_s = project(p, m, k, rate)
-    bend = abs(bend_of(p, m, k, rate))
+    rate = gradient_of(p, m, k)
+    given = m.guards[at.RATE0, k]
+    if not abs(rate - given) <= SAME_SLOPE * max(abs(rate), abs(given)):
+        return at.RATE_DIFFERS
+    unsure_s = project(p, m, rate)
+    bend = abs(bend_of(p, m, k, given))
     if not unsure_s * bend <= 0.5 * abs(rate):
         return at.GRAZING_IN_JACOBIAN
     if not has_slope_of_rate(p, m, k):
@@ -355,7 +411,7 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
         fill_row(phi, single(m, at.ALONG), 0.0)
     if kind in (PUSHED, PAST_AT_START):
         return at.RUNNING
-    status = passes(p, m, k, m.guards[at.RATE0, k])
+    status = passes(p, m, k)
     if kind == TOGETHER:
         p.mode[k] = -p.mode[k]  # a trial: the guard flips later
         m.counts[at.NFEV] += 1
@@ -387,6 +443,9 @@ def bring_back(p: Problem, part: int) -> None:
         p.mode[i] = int(p.kept[first + i])
     for i in range(p.params.width):
         p.params[i] = p.kept[first + n_modes + i]
+
+
+# The derivative of a reset that does not compile for duals, by differences.
 
 
 @kernel
@@ -465,6 +524,37 @@ def resets(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -
     return changed
 
 
+@kernel
+def carry_reset_by_duals(
+    p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int
+) -> bool:
+    """Do what `carry_reset` does, for a handler that compiles for duals.
+
+    Its slopes along the columns of Phi, and along f- with the time, are the products.
+    """
+    phi = p.tangent
+    n = m.states.width
+    before = single(m, at.F_BEFORE)
+    after = single(m, at.F_AFTER)
+    y = address_of(log) + duals.BYTES * (log.width * row + at.LOG_STATES)
+    bring_back(p, 0)
+    duals.handler_along(
+        p.along, m.clock[at.T], y, n, p.mode, p.params, k, way,
+        row_address(m, phi, 0), row_address(m, phi, before),
+        row_address(m, phi, n), row_address(m, phi, after),
+    )  # fmt: skip
+    bring_back(p, 1)
+    jumped = False
+    for i in range(n):
+        jumped = jumped or m.states[at.Y, i] != log[row, at.LOG_STATES + i]
+        jumped = jumped or phi[after, i] != phi[before, i]
+        phi[before, i] = phi[after, i]
+    for e in range(n * n):
+        jumped = jumped or phi[n, e] != phi[0, e]
+        phi[0, e] = phi[n, e]
+    return jumped
+
+
 @kernel_apart
 def carry_reset(
     p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int
@@ -479,6 +569,8 @@ def carry_reset(
     before = single(m, at.F_BEFORE)
     after = single(m, at.F_AFTER)
     keep(p, 1)
+    if p.along[duals.HANDLER] != 0:
+        return carry_reset_by_duals(p, m, log, row, k, way)
     if not resets(p, m, log, row, k, way):
         bring_back(p, 1)
         return False

@@ -1,35 +1,31 @@
 """Find where in a step the first guard flips, by a bracketed search on the interpolant.
 
-The search starts where the guard's cubic vanishes or is lowest.
+That it flips, and only once in a piece of the step, is known (see `proof`). The search
+starts where the guard's cubic over this piece vanishes.
 """
 
-from math import inf, sqrt
+from math import inf
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
-from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
+from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.problem import (
     EPS,
     Problem,
     blur,
     eval_listed,
-    is_leaving,
     margin_of,
     time_resolution,
 )
-from hopdata.hybrid.driver.watch import (
-    GRAZE,
-    check_point,
-    clearance,
-    ends_between,
-    piece_before,
-)
 from hopdata.hybrid.layout import Memory
 
-# Turning points and roots of the cubic through two values and two slopes of an event
-# function.
-#
-# All functions work on the unit interval: slopes are per step, not per second.
+NONE = -1  # no guard
+
+# Value of CLEARANCE: a guard falls throughout the piece in which it flips.
+FALLS = -inf
+
+# The root of the cubic through two values and two slopes of an event function. It works
+# on the unit interval: slopes are per piece, not per second.
 
 NOWHERE = 2.0  # outside the unit interval: there is no such location
 
@@ -48,33 +44,6 @@ def cubic(g0: float, d0: float, g1: float, d1: float, x: float) -> float:
     """Return the value at `x` of the cubic with these values and slopes at 0 and 1."""
     rise = g1 - g0
     return g0 + x * (d0 + x * (3.0 * rise - 2.0 * d0 - d1 + x * (d0 + d1 - 2.0 * rise)))
-
-
-@kernel
-def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, float]:
-    """Return where in (0, 1) the cubic has its maximum and its minimum, or NOWHERE."""
-    rise = g1 - g0
-    a = 3.0 * (d0 + d1 - 2.0 * rise)
-    b = 3.0 * rise - 2.0 * d0 - d1  # slope = d0 + 2 b x + a x^2
-    root = b * b - a * d0
-    if root <= 0.0:
-        return NOWHERE, NOWHERE
-    # At the minimum the slope rises, 2 b + 2 a x = +2 sqrt(root); at the maximum it
-    # falls.
-    q = -(b + sqrt(root)) if b >= 0.0 else sqrt(root) - b
-    near = d0 / q
-    far = q / a if a != 0.0 else NOWHERE
-    if b >= 0.0:
-        minimum = near
-        maximum = far
-    else:
-        minimum = far
-        maximum = near
-    if not 0.0 < minimum < 1.0:
-        minimum = NOWHERE
-    if not 0.0 < maximum < 1.0:
-        maximum = NOWHERE
-    return maximum, minimum
 
 
 @kernel
@@ -111,120 +80,6 @@ def cubic_root(
     return x
 
 
-# Guards that may flip within a step, and roughly where: judged by the cubics between
-# its check points.
-#
-# A cubic matches values and rates at both ends of its piece of the step. Where it falls
-# through zero, the guard is past its surface; where it only comes near, the interpolant
-# decides.
-
-PASS = 0
-CROSSING = 1
-DIP = 2
-NONE = -1  # no guard
-Suspicion = tuple[int, int, float, float, int]  # kind, guard, guess, low end, piece
-
-#: A dip this close to an end of a piece, as a fraction of the piece, counts as that
-#: end.
-#: Unit: 1. Origin: chosen.
-EDGE = 1e-6
-
-#: Rise over slope above which a cubic cannot turn back.
-#: Unit: 1. Origin: derived: 1/3 (Fritsch and Carlson), rounded up.
-STEEPEST = 0.34
-
-#: Fraction of a dip's depth by which its cubic may be wrong.
-#: Unit: 1. Origin: chosen.
-UNSURE = 0.5
-
-
-@kernel
-def is_monotone(rise: float, d0: float, d1: float) -> bool:
-    """Return whether a cubic is certainly monotone (Fritsch and Carlson)."""
-    if d0 >= 0.0:
-        return d1 >= 0.0 and rise >= STEEPEST * max(d0, d1)
-    return d1 <= 0.0 and rise <= STEEPEST * min(d0, d1)
-
-
-@kernel
-def suspect(
-    g0: float, d0: float, g1: float, d1: float, noise: float
-) -> tuple[int, float, float]:
-    """Judge a guard whose cubic does not stay clear of its surface.
-
-    Takes margins and slopes (per step) at both ends, and the rounding error `noise` of
-    a margin of zero. Returns the kind of suspicion, where to look first, and a place
-    before that.
-    """
-    # A guard that has just flipped and is leaving may still be on its old side by
-    # rounding.
-    crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
-    if not crossed and is_monotone(g1 - g0, d0, d1):
-        return PASS, 1.0, 0.0
-    top, bottom = turning_points(g0, d0, g1, d1)
-    low = top if g0 == 0.0 and top < bottom else 0.0
-    deep = cubic(g0, d0, g1, d1, bottom) if EDGE < bottom < 1.0 - EDGE else inf
-    if crossed:
-        high = bottom if deep < 0.0 and bottom > low else 1.0
-        return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low
-    if g0 <= noise and (d0 < 0.0 or g1 <= noise) and deep >= -noise:
-        return PASS, 1.0, 0.0  # on its surface to within rounding, and stays there
-    if deep < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - deep)):
-        return DIP, bottom, low
-    return PASS, 1.0, 0.0
-
-
-@kernel
-def suspect_before(
-    m: Memory, k: int, lock: int, dt: float, end: float, resolution: float
-) -> tuple[int, float, float, int]:
-    """Judge a guard between check points of the step that ends at its fraction `end`.
-
-    Returns the result of `suspect` for the first piece in which the guard does not stay
-    clear, and the piece.
-    """
-    g = m.guards
-    for piece in range(m.counts[at.PIECES]):
-        last, start, part = piece_before(m, piece, end)
-        if not part > 0.0:
-            break
-        g0, d0, g1, d1 = ends_between(m, k, lock, at.H0 + 2 * piece, last, part * dt)
-        if clearance(g0, d0, g1, d1) > 0.0:
-            continue
-        if g1 < 0.0 < d0 and is_leaving(m, k, d1, (start + part) * dt, resolution):
-            continue
-        noise = blur(g[at.SIZE, k], g[last + 1, k], resolution)
-        kind, guess, low = suspect(max(g0, 0.0), d0, g1, d1, noise)
-        if kind != PASS:
-            return kind, start + guess * part, start + low * part, piece
-    return PASS, 1.0, 0.0, 0
-
-
-@kernel
-def first_suspect(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspicion:
-    """Return the suspect guard with the earliest guess (see `Suspicion`).
-
-    The first call, with k = NONE, checks all guards in NEAR and sets the clearance of
-    suspects to -inf. Later calls check only these and the guards past their surface in
-    row H, because they may flip before guard k does, at `end`.
-    """
-    g = m.guards
-    best = (PASS, NONE, NOWHERE, 0.0, 0)
-    resolution = time_resolution(m.clock[at.T], dt)
-    for a in range(m.counts[at.N_NEAR]):
-        j = m.lists[at.NEAR, a]
-        lock = p.mode[j]
-        asked = g[at.CLEARANCE, j] == -inf or lock * g[at.H, j] < 0.0
-        if k != NONE and (j == k or not asked):
-            continue
-        kind, guess, low, piece = suspect_before(m, j, lock, dt, end, resolution)
-        if kind != PASS and k == NONE:
-            g[at.CLEARANCE, j] = -inf
-        if kind != PASS and guess < best[2]:
-            best = (kind, j, guess, low, piece)
-    return best
-
-
 # The location itself, on the interpolant.
 
 #: Fraction of the step by which a guard has left its surface, if it ever does.
@@ -255,19 +110,12 @@ LITTLE_PUT_RIGHT = 1e-3
 
 #: Most iterations for a location on the interpolant.
 #: Unit: 1. Origin: chosen.
-MAX_ROOT = 120
+MAX_ROOT = 250
 
-#: Most iterations for the minimum of a guard on the interpolant.
+#: Iterations in which the bracket must become half as long, or else it is halved.
+#: Newton's method takes a thousand steps down an exponential.
 #: Unit: 1. Origin: chosen.
-MAX_DIP = 40
-
-#: Iterations for a minimum after which the bracket is halved.
-#: Unit: 1. Origin: chosen.
-PATIENCE = 8
-
-#: Searches for an earlier cut, for each guard that may flip within the step.
-#: Unit: 1. Origin: chosen.
-MOST_RIVALS = 2
+PATIENCE = 4
 
 
 @kernel_apart
@@ -276,42 +124,6 @@ def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
     t = m.clock[at.T] + theta * dt
     eval_listed(p, m, at.NEAR, t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
-
-
-@kernel_apart
-def lowest_point(
-    p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int, end: float
-) -> float:
-    """Return the location of the minimum of guard k on the interpolant, near `theta`.
-
-    It is a root of the guard's rate, found by bisection at worst, in the piece `piece`
-    of the step that ends at `end`.
-    """
-    lock = p.mode[k]
-    last, low, part = piece_before(m, piece, end)
-    high = low + part
-    _, slope_low, _, slope_high = ends_between(m, k, lock, at.H0 + 2 * piece, last, 1.0)
-    for tries in range(MAX_DIP):
-        probe(p, m, dt, theta)
-        slope = margin_of(p, m, k, at.RATE)
-        if slope < 0.0:
-            low = theta
-            slope_low = slope
-        else:
-            high = theta
-            slope_high = slope
-        if not slope_low < 0.0 <= slope_high:
-            return theta
-        guess = low - slope_low * (high - low) / (slope_high - slope_low)
-        if high - low < 4.0 * EDGE or slope == 0.0:
-            return guess
-        if tries >= PATIENCE or not low < guess < high:
-            guess = 0.5 * (low + high)
-        elif abs(guess - theta) < EDGE:
-            # It has converged, unless the rate is flat: bracket it.
-            guess += EDGE if slope < 0.0 else -EDGE
-        theta = guess
-    return theta
 
 
 @kernel_apart
@@ -392,38 +204,54 @@ def way_to_root(
     return newton - newton * correction, final
 
 
+@kernel
+def guess_between(
+    p: Problem, m: Memory, dt: float, k: int, low: float, high: float, right: int
+) -> float:
+    """Return where the cubic of guard k between two places vanishes.
+
+    Its values and rates at `high` are in the rows `right`.
+    """
+    left = at.H0
+    if low > 0.0:
+        probe(p, m, dt, low)
+        left = at.H
+    span = (high - low) * dt
+    g0 = margin_of(p, m, k, left)
+    d0 = margin_of(p, m, k, left + 1) * span
+    g1 = margin_of(p, m, k, right)
+    d1 = margin_of(p, m, k, right + 1) * span
+    return low + (high - low) * cubic_root(g0, d0, g1, d1, 0.0, 1.0)
+
+
 @kernel_apart
-def crossing(
-    p: Problem,
-    m: Memory,
-    dt: float,
-    k: int,
-    guess: float,
-    low: float,
-    piece: int,
-    end: float,
+def crossing(  # noqa: C901 (one search, whose cases share its bracket)
+    p: Problem, m: Memory, dt: float, k: int, low: float, high: float, right: int
 ) -> float:
     """Return where guard k falls through zero on the interpolant.
 
-    The iteration is bracketed. The guard is past its surface at `end` or at the end of
-    the piece. Its cubic is clear at `low`. If it is still at the surface of its last
-    flip, the interpolant decides where it is clear.
+    The iteration is bracketed: the guard is past its surface at `high`, where its value
+    and rate are in the rows `right`, and clear of it at `low`. If it is still at the
+    surface of its last flip, the interpolant decides where it is clear.
     """
-    x1 = (piece + 1) * m.clock[at.PIECE]
-    last = check_point(m, piece + 1)
-    g1 = margin_of(p, m, k, last)
-    d1 = margin_of(p, m, k, last + 1) * dt
-    end = min(end, x1)
+    x1 = high
+    g1 = margin_of(p, m, k, right)
+    d1 = margin_of(p, m, k, right + 1) * dt
     if just_left(p, m, dt, k):
-        low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * end)
+        low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * high)
         if low == 0.0:
             m.counts[at.LOW] = 1
-            if margin_of(p, m, k, at.RATE0) > 0.0:
-                return back(p, m, dt, k, end)
+            falls = m.guards[at.CLEARANCE, k] == FALLS
+            if margin_of(p, m, k, at.RATE0) > 0.0 and not falls:
+                return back(p, m, dt, k, high)
             return 0.0
-    x = guess
-    high = end
-    for _ in range(MAX_ROOT):
+    x = guess_between(p, m, dt, k, low, high, right)
+    width = high - low
+    for turn in range(MAX_ROOT):
+        if turn % PATIENCE == PATIENCE - 1:
+            if high - low > 0.5 * width:
+                x = 0.5 * (low + high)
+            width = high - low
         if not low < x < high:
             x = 0.5 * (low + high)
         probe(p, m, dt, x)
@@ -452,27 +280,28 @@ def crossing(
 
 
 @kernel_apart
-def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
-    """Return (kind, guard, theta): where the step must end, and why.
+def first_root(
+    p: Problem, m: Memory, dt: float, low: float, high: float, right: int
+) -> tuple[int, float]:
+    """Return the guard in NEAR that falls through zero first, and where.
 
-    It must end there for a guard in NEAR. The earliest guess need not be the earliest
-    location, so each location is checked for rivals before it.
+    All of them fall once between `low` and `high`, where their values and rates are in
+    the rows `right`.
     """
-    kind = PASS
-    k = NONE
-    theta = 1.0
-    for _ in range(MOST_RIVALS * m.counts[at.N_NEAR]):
-        rival, other, guess, low, piece = first_suspect(p, m, dt, k, theta)
-        if rival == PASS:
+    k = m.lists[at.NEAR, 0]
+    theta = crossing(p, m, dt, k, low, high, right)
+    for a in range(1, m.counts[at.N_NEAR]):
+        rival = m.lists[at.NEAR, a]
+        if not low < theta:
             break
-        prepare_interpolant(p, m, dt)
-        if rival == DIP:
-            location = lowest_point(p, m, dt, other, guess, piece, theta)
-        else:
-            location = crossing(p, m, dt, other, guess, low, piece, theta)
-        if k != NONE and not location < theta:
-            break
-        kind = rival
-        k = other
-        theta = location
-    return kind, k, theta
+        probe(p, m, dt, theta)
+        if margin_of(p, m, rival, at.H) >= 0.0:
+            continue
+        # Copied, because the search overwrites the rows of `probe`.
+        m.guards[at.H_RIGHT, rival] = m.guards[at.H, rival]
+        m.guards[at.RATE_RIGHT, rival] = m.guards[at.RATE, rival]
+        place = crossing(p, m, dt, rival, low, theta, at.H_RIGHT)
+        if place < theta:
+            k = rival
+            theta = place
+    return k, theta

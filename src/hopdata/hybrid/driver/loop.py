@@ -26,20 +26,23 @@ from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
 from hopdata.hybrid.driver import dense, jacobian, problem, stepping
-from hopdata.hybrid.driver.branches import AT_BRANCH, MOST_BARREN, end_at_branch
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import fire_all, settle_locks
 from hopdata.hybrid.driver.log import Log, forget_mode
 from hopdata.hybrid.driver.sleep import travel_on
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
-from hopdata.hybrid.driver.windows import LONGEST, measure, watched
 from hopdata.hybrid.layout import Memory
 
 # The argument block: a table of addresses where the driver finds its callbacks and
 # arrays. Each of these functions reads one group of them from it.
 
 reader = partial(memory.reader, vars(at))
-problem_of = reader(problem.Problem, methods=at.METHOD_TABLE, tangent=at.TANGENT_TABLE)
+problem_of = reader(
+    problem.Problem,
+    methods=at.METHOD_TABLE,
+    tangent=at.TANGENT_TABLE,
+    along=at.DUAL_TABLE,
+)
 memory_of = reader(
     Memory,
     states=at.STATE_TABLE,
@@ -109,17 +112,8 @@ def try_shorter_step(m: Memory, dt: float, shrink: float) -> int:
 
 @kernel_in_loop
 def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
-    """Take one step, to its end or its first flip, and process the flips.
-
-    What shortens the step returns its new length, or a status, which is negative.
-    """
+    """Take one step, to its end or its first flip, and process the flips."""
     dt = stepping.accepted_step(p, m)
-    if dt < 0.0:
-        return int(dt)
-    if p.branches != 0:
-        dt = end_at_branch(p, m, dt)
-    if p.branches == 0 or m.counts[at.WATCHED] != AT_BRANCH:
-        dt = watched(p, m, dt)
     if dt < 0.0:
         return int(dt)
     dt, n_due = end_at_first_flip(p, m, dt)
@@ -130,8 +124,6 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
                 return try_shorter_step(m, dt, shrink)
         move_on(p, m, out, dt)
     if n_due > 0:
-        if m.counts[at.BARREN] <= MOST_BARREN:
-            m.counts[at.BARREN] = 0
         return fire(p, m, out, log)
     stepping.choose_after_step(p, m)
     return at.RUNNING
@@ -147,7 +139,7 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
         problem.fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
         m.flags[at.LAST_FLIP, k] = 0
-        m.flags[at.BENT, k] = 0
+        m.flags[at.BRANCHED, k] = 0
         m.flags[at.FIRED, k] = 0
         m.flags[at.FLIPS, k] = 0
         m.flags[at.AT_JUMP, k] = 0
@@ -161,7 +153,7 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
     m.clock[at.SEGMENT] = p.t_start
     m.clock[at.INSTANT] = -inf
     m.clock[at.MOTION] = inf
-    m.clock[at.WINDOW] = LONGEST * (p.t_end - p.t_start)
+    m.clock[at.PIECE] = inf
     m.clock[at.NEXT_DT] = p.first_step
     m.clock[at.LAST_LOG_ERROR] = stepping.LOG_ERROR_FLOOR
     forget_mode(log)
@@ -181,7 +173,6 @@ def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
         return status
     if not m.clock[at.NEXT_DT] > 0.0:
         m.clock[at.NEXT_DT] = stepping.first_step(p, m)
-    measure(p, m)
     dense.sample_start(m, out)
     dense.write_row(m, out, m.clock[at.T], at.Y)
     for k in range(m.guards.width):

@@ -48,8 +48,9 @@ class Problem(NamedTuple):
     max_events: int
     start_state: FloatVector
     kept: FloatVector  # mode and parameters before and after a call of the handler
-    # Address of the guards' code for ranges; 0: no branches, -1: none could be made
+    # Address of the guards' code for ranges; 0: no guards, -1: none could be made
     branches: int
+    along: IntVector  # machine code and rooms for duals; see `numbers.along`
 
 
 @kernel

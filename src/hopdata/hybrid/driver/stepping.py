@@ -77,9 +77,11 @@ def relieved(p: Problem, m: Memory) -> bool:
     """Return whether an explicit method could take a step like the next one."""
     if m.counts[at.STEPS] % EVERY != 0:
         return False
-    n = m.states.width
+    s = m.states
+    ahead = m.clock[at.NEXT_DT]
+    structure = int(s[at.STRUCTURE, 0])
     found = stiff.implicit_stiffness(
-        m.states, m.clock[at.NEXT_DT], p.rtol, p.atol, stiff.JAC, stiff.PIVOTS, n
+        s, ahead, p.rtol, p.atol, stiff.JAC, stiff.PIVOTS, s.width, structure
     )
     return found < RELIEVED
 

@@ -1,17 +1,14 @@
-"""The few guards that a step may concern, which alone are examined closely.
+"""The few guards that an instant or a step may concern, and the length of the step.
 
-Guards are left out in three cases: if their cubic, through values and rates at both
-ends of the step, stays clear of their surface; at an instant, if they have not reached
-it; and before a step, if from what is known at its start they will not reach it.
+Guards are left out at an instant if they have not reached their surface, and before a
+step if from what is known at its start they will not reach it.
 """
 
 from math import sqrt
 
-import numpy as np
-
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
+from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.problem import (
     Problem,
     awake,
@@ -23,60 +20,6 @@ from hopdata.hybrid.driver.problem import (
 from hopdata.hybrid.driver.sleep import wake_for
 from hopdata.hybrid.layout import Memory
 
-# The check points of a step: where guards are known, with a cubic between consecutive
-# ones.
-#
-# Usually these are the step's two ends. A Taylor step may span most of an oscillation,
-# in which a guard can fall and rise again unseen from the ends; such a step has check
-# points inside, too.
-
-#: Degree of a series up to which the step's two ends suffice.
-#: Unit: 1. Origin: derived: the degree that 1.5 radians of its fastest motion need.
-ONE_PIECE = 22
-
-#: Degree of a series up to which one check point inside suffices.
-#: Unit: 1. Origin: derived: the degree that 3 radians of its fastest motion need.
-TWO_PIECES = 28
-
-THIRD = 1.0 / 3.0
-
-# Margin and slope at the start of an interval, then at its end.
-Ends = tuple[float, float, float, float]
-
-
-@kernel
-def check_point(m: Memory, number: int) -> int:
-    """Return the guards' row at a check point; the row of their rates is the next."""
-    if number == m.counts[at.PIECES]:
-        return at.H1
-    return at.H0 + 2 * number
-
-
-@kernel
-def ends_between(
-    m: Memory, k: int, lock: int, start: int, end: int, span: float
-) -> Ends:
-    """Return margins and slopes (per `span`) of guard k, from the rows of both."""
-    g = m.guards
-    g0 = lock * g[start, k]
-    d0 = lock * g[start + 1, k] * span
-    g1 = lock * g[end, k]
-    d1 = lock * g[end + 1, k] * span
-    return g0, d0, g1, d1
-
-
-@kernel
-def piece_before(m: Memory, piece: int, end: float) -> tuple[int, float, float]:
-    """Return the end row, start and length of a piece of the step that ends at `end`.
-
-    The last piece before `end` is cut off there, where the guards were last evaluated.
-    """
-    part = m.clock[at.PIECE]
-    start = piece * part
-    if (piece + 1) * part <= end:
-        return check_point(m, piece + 1), start, part
-    return at.H, start, end - start
-
 
 @kernel
 def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
@@ -86,43 +29,6 @@ def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
     """
     interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
     eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, row, row + 1)
-
-
-@kernel
-def set_check_points(p: Problem, m: Memory, dt: float) -> None:
-    """Choose the check points of a step, and evaluate the guards at the inner ones."""
-    m.counts[at.PIECES] = 1
-    m.clock[at.PIECE] = 1.0
-    if p.methods[m.counts[at.METHOD], at.IN_POWERS] == 0:
-        return
-    prepare_interpolant(p, m, dt)
-    if m.counts[at.DEGREE] <= ONE_PIECE:
-        return
-    if m.counts[at.DEGREE] <= TWO_PIECES:
-        m.counts[at.PIECES] = 2
-        m.clock[at.PIECE] = 0.5
-    else:
-        m.counts[at.PIECES] = 3
-        m.clock[at.PIECE] = THIRD
-    for number in range(1, m.counts[at.PIECES]):
-        look(p, m, dt, number * m.clock[at.PIECE], at.H0 + 2 * number)
-
-
-# The guards that a step may concern: those that have no clearance.
-
-#: Fraction of the step's margins: a dip that comes nearer is examined closely.
-#: Unit: 1. Origin: chosen.
-GRAZE = 1e-2
-
-
-@kernel
-def clearance(g0: float, d0: float, g1: float, d1: float) -> float:
-    """Return a number that is positive if a cubic stays clear.
-
-    It has these margins and slopes. Slopes are per step. The number is the least Bezier
-    point, a lower bound of the cubic.
-    """
-    return min(g0, g0 + THIRD * d0, g1 - THIRD * d1, g1) - GRAZE * max(g0, g1)
 
 
 @kernel
@@ -164,43 +70,6 @@ def gather_unclear(p: Problem, m: Memory) -> int:
         position += 1
     m.counts[at.N_NEAR] = count
     return count
-
-
-@kernel_apart
-def gather_near(p: Problem, m: Memory, dt: float) -> int:
-    """Put the guards that may flip within the step into NEAR; return their number.
-
-    They are judged by the ends of the step.
-    """
-    g = m.guards
-    for a in range(m.counts[at.N_AWAKE]):
-        k = awake(p, m, a)
-        lock = p.mode[k]
-        g0 = facing(lock, g[at.H0, k])
-        d0 = facing(lock, g[at.RATE0, k]) * dt
-        g1 = facing(lock, g[at.H1, k])
-        d1 = facing(lock, g[at.RATE1, k]) * dt
-        g[at.CLEARANCE, k] = clearance(g0, d0, g1, d1)
-    return gather_unclear(p, m)
-
-
-@kernel_apart
-def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
-    """Do the same by all check points of the step.
-
-    A guard must stay clear between each two consecutive ones.
-    """
-    span = dt * m.clock[at.PIECE]
-    for a in range(m.counts[at.N_AWAKE]):
-        k = awake(p, m, a)
-        least = np.inf
-        for piece in range(m.counts[at.PIECES]):
-            start = at.H0 + 2 * piece
-            end = check_point(m, piece + 1)
-            g0, d0, g1, d1 = ends_between(m, k, p.mode[k], start, end, span)
-            least = min(least, clearance(g0, d0, g1, d1))
-        m.guards[at.CLEARANCE, k] = least
-    return gather_unclear(p, m)
 
 
 @kernel_apart
@@ -264,7 +133,7 @@ def carry_guards(p: Problem, m: Memory, dt: float) -> None:
     """Carry the guards at the step's end over to its start, with their bends.
 
     These are secants over the step, unless it is too short to show them: then those of
-    the last step remain, except for guards that bend, for which they are useless.
+    the last step remain.
     """
     g = m.guards
     shows_bend = dt > TOO_SHORT * time_resolution(m.clock[at.T], dt)
@@ -275,9 +144,6 @@ def carry_guards(p: Problem, m: Memory, dt: float) -> None:
         g[at.BEND, k] = bend if shows_bend else g[at.BEND, k]
         g[at.H0, k] = g[at.H1, k]
         g[at.RATE0, k] = g[at.RATE1, k]
-    if not shows_bend and m.counts[at.N_BENT] > 0:
-        for k in range(m.flags.width):
-            g[at.BEND, k] = g[at.BEND, k] if m.flags[at.BENT, k] == 0 else 0.0
 
 
 @kernel

@@ -1,7 +1,8 @@
 """The linearisation of a system at one instant: its field, guard gradients and handler.
 
-The system's functions are run as plain Python, because a few hundred evaluations need
-no compiler.
+Derivatives are exact, by dual numbers (`numbers.derivatives`), where the functions
+compile for them; for others they are extrapolated differences. Values are those of the
+plain Python functions: a few hundred evaluations need no compiler.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from hopdata.hybrid.system import System
 #: Step of the differences that give derivatives; extrapolated, their error is STEP^4.
 #: Unit: 1, of a coordinate's size. Origin: chosen.
 STEP = 1e-3
-#: Difference within which slopes by differences and by the guards' rates agree.
+#: Difference within which slopes by differences and by the guards' rates agree; only
+#: for guards that do not compile for dual numbers.
 #: Unit: 1. Origin: chosen.
 SAME_SLOPE = 1e-6
 #: A state this close to a guard's surface lies on it.
@@ -147,6 +149,26 @@ def differentiate(
     return np.array(columns).T, in_time
 
 
+def derivative_of_field(system: System, at: Instant, scale: FloatArray) -> FloatArray:
+    """Return the derivative of the field with respect to the state, (n, n)."""
+    exact = system.exact.field(at.t, at.y, at.mode, at.params)
+    if exact is not None:
+        return exact
+    return differentiate(lambda p: field_at(system, p), at, scale)[0]
+
+
+def derivative_of_handler(
+    system: System, at: Instant, guard: int, scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the derivatives (n, n) and (n,) of the state after a guard is crossed."""
+    mode = at.mode.copy()
+    mode[guard] = -mode[guard]
+    exact = system.exact.handler(at.t, at.y, mode, at.params, guard, int(mode[guard]))
+    if exact is not None:
+        return exact
+    return differentiate(lambda p: cross(system, p, guard).y, at, scale)
+
+
 def _extrapolated(along: Callable[[float], FloatArray], step: float) -> FloatArray:
     """Return the derivative at 0 from differences over a step and its half."""
     wide = (along(step) - along(-step)) / (2 * step)
@@ -155,7 +177,18 @@ def _extrapolated(along: Callable[[float], FloatArray], step: float) -> FloatArr
 
 
 def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
-    """Return the linearisation: the field and the gradients of the guards.
+    """Return the linearisation: the field and the gradients of the guards."""
+    rate = field_at(system, at)
+    exact = system.exact.guards(at.t, at.y, rate, at.mode, at.params)
+    if exact is None:
+        exact = gradients_by_rates(system, at, scale)
+    return Linearisation(at, rate, *exact)
+
+
+def gradients_by_rates(
+    system: System, at: Instant, scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the gradients of guards that do not compile for dual numbers.
 
     The guards' rates are linear in `dy`, so unit vectors give their gradients exactly
     if the scene computes rates from `dy`. A scene may instead use velocities in the
@@ -176,8 +209,7 @@ def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
     rounding = 4 * (system.n_states + 1) * np.finfo(float).eps * np.abs(h) / STEP
     trusted = off <= SAME_SLOPE * size + rounding
     gradients = np.where(trusted[:, None], exact, slopes)
-    in_time = np.where(trusted, in_time, slopes_in_time)
-    return Linearisation(at, field_at(system, at), gradients, in_time)
+    return gradients, np.where(trusted, in_time, slopes_in_time)
 
 
 def cross(system: System, at: Instant, guard: int) -> Instant:

@@ -89,8 +89,8 @@ def crossing(
 ) -> tuple[FloatArray, Linearisation]:
     """Return the saltation matrix of a crossing, and the linearisation after it.
 
-    If the handler changes this state or a neighbouring one, differences give its
-    derivative.
+    The handler's derivative belongs to it if it changes this state or a neighbouring
+    one.
     """
     at = here.instant
     there = local.linearise(system, local.cross(system, at, guard), scale)
@@ -104,7 +104,7 @@ def crossing(
     reset = None
     reset_rate = None
     if any((after(p) != p.y).any() for p in (at, beside)):
-        reset, reset_rate = local.differentiate(after, at, scale)
+        reset, reset_rate = local.derivative_of_handler(system, at, guard, scale)
     matrix = saltation_matrix(
         here.rate,
         there.rate,

@@ -123,9 +123,7 @@ def why_not_positions(
         changed = np.flatnonzero(np.ptp(rates, axis=0) > allowed)
         if len(changed) > 0:
             return f"contacts change the rate of position {chosen[changed[0]]} directly"
-        slopes, _ = local.differentiate(
-            lambda at: local.field_at(system, at)[chosen], place, scale
-        )
+        slopes = local.derivative_of_field(system, place, scale)[chosen]
         if not np.linalg.cond(slopes[:, others] * scale[others]) < SINGULAR:
             return f"the rates of {chosen} do not determine the other coordinates"
     return ""

@@ -24,6 +24,7 @@ from hopdata.hybrid.lanes import step as code
 from hopdata.hybrid.lanes.vectors import WIDTH, Rows, aligned, mask_of, part, where
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
+from hopdata.hybrid.numbers.guards import branches_of
 from hopdata.hybrid.system import System
 
 MOST_GUARDS = 62  # their indices are bits of an integer
@@ -57,11 +58,16 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
     n_read = len(read_modes(system))
     if n_read > MOST_READ:
         return f"they read {n_read} integers of the mode: few lanes would agree"
-    if system.branches.address != 0:
+    if branches_of(system.guards or system.guard).address != 0:
         return (
             "the guards branch on the state or the time, and only the driver finds "
             "where"
         )
+    guards: Any = system.guards
+    while hasattr(guards, "inner"):  # derived from the user's
+        guards = guards.inner
+    if guards is not None and guards.form is not None:
+        return "the guards return no rates, and lanes do not take those of dual numbers"
     for one in (system.field, system.guards, system.guard, system.on_event):
         if one is not None and not (one.address and one.compiled):
             kind = one.signature.name

@@ -10,8 +10,7 @@ from math import inf
 from typing import Any
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver import windows
-from hopdata.hybrid.driver.problem import ROUNDING
+from hopdata.hybrid.driver.problem import ROUNDING, way
 from hopdata.hybrid.lanes.method import EARLY_PLACE, PLACE
 from hopdata.hybrid.lanes.room import DUE, LOCATION, call_guards
 from hopdata.hybrid.lanes.vectors import (
@@ -45,6 +44,31 @@ NEAR = 1e-5
 #: for guards that bend quickly.
 #: Unit: 1. Origin: measured: half of what lost no event of 600 sums of two sines.
 FOLLOWS = 0.05
+
+#: Relative difference of a guard's rates along one direction, up to which it counts as
+#: affine.
+#: Unit: 1. Origin: chosen.
+AFFINE = 1e-11
+
+#: Fraction of its values by which a guard may be off its cubic.
+#: Unit: 1. Origin: chosen.
+FLOOR = 1e-9
+
+#: Fraction of its change by which a guard that follows its cubic is off.
+#: Unit: 1. Origin: chosen.
+MOVES = 0.02
+
+#: Longest step in which guards that bend are judged.
+#: Unit: fraction of the run. Origin: chosen.
+LONGEST = 1.0 / 64.0
+
+#: The same if they follow their cubics.
+#: Unit: fraction of the run. Origin: chosen.
+LONGEST_IF_SURE = 1.0 / 8.0
+
+#: Steps that are shorter than LONGEST by this factor need not resolve distant guards.
+#: Unit: 1. Origin: chosen.
+FINE = 2.0**-8
 
 # Distances between the Bezier points of the two halves of a step, and one over their
 # lengths.
@@ -85,12 +109,8 @@ def rises(low: Any, high: Any, slack: Any) -> Any:
 def straight(g: int, r: Any) -> Any:
     """Return where a guard's rate along one direction is constant over the step."""
     along = absolute(r.along[g])
-    same = absolute(r.inside[g] - r.along[g]) <= windows.AFFINE * along
-    return (
-        same
-        & (absolute(r.along1[g] - r.along[g]) <= windows.AFFINE * along)
-        & (along > 0.0)
-    )
+    same = absolute(r.inside[g] - r.along[g]) <= AFFINE * along
+    return same & (absolute(r.along1[g] - r.along[g]) <= AFFINE * along) & (along > 0.0)
 
 
 @kernel
@@ -100,7 +120,7 @@ def look_along(t: Any, h: Any, r: Any) -> None:
     At start, inside and end of the steps.
     """
     for i in range(r.n):
-        r.work[i] = windows.way(i)
+        r.work[i] = way(i)
     call_guards(r.guards, t, r.y, r.work, r, r.other_h, r.along)
     call_guards(r.guards, fma(PLACE, h, t), r.inner, r.work, r, r.other_h, r.inside)
     call_guards(r.guards, t + h, r.end, r.work, r, r.other_h, r.along1)
@@ -163,13 +183,10 @@ def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, An
         past = (m1 <= 0.0) & ~touches
         told = (clear & ~past) | ((past | touches) & ~again)
         change = largest(largest(m0, mc), m1) - least(least(m0, mc), m1)
-        rough = (
-            error
-            > FOLLOWS * change + windows.FLOOR * (absolute(m0) + absolute(m1)) + noise
-        )
-        rough = rough & (h > windows.FINE * windows.LONGEST * run_s)
-        slow = (h > windows.LONGEST * run_s) & (error > windows.MOVES * change)
-        doubtful = (rough | slow | (h > windows.LONGEST_IF_SURE * run_s)) & told & fine
+        rough = error > FOLLOWS * change + FLOOR * (absolute(m0) + absolute(m1)) + noise
+        rough = rough & (h > FINE * LONGEST * run_s)
+        slow = (h > LONGEST * run_s) & (error > MOVES * change)
+        doubtful = (rough | slow | (h > LONGEST_IF_SURE * run_s)) & told & fine
         if bits(doubtful) != 0:
             if not looked:
                 look_along(t, h, r)

@@ -69,6 +69,8 @@ BITS = ir.IntType(WIDTH)
 
 
 class _Lanes(types.Type):
+    is_number = True  # a plain function may return it
+
     def can_convert_from(self, context: Any, other: Any) -> Any:
         return Conversion.safe if _is_number(other) else None
 

@@ -18,7 +18,7 @@ fills END and KEND with those at its end; the interpolant fills P1 and the rows 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import nan, sqrt
 from typing import Any
@@ -30,8 +30,11 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
-from hopdata.hybrid.layout import PHI_ROWS
-from hopdata.hybrid.methods import explicit, stiff, tangent, taylor
+from hopdata.hybrid.layout import PHI_ROWS, W1
+from hopdata.hybrid.methods import explicit, sparse, stiff, tangent, taylor
+from hopdata.hybrid.methods.sparsity import Pattern
+from hopdata.hybrid.numbers import along, duals
+from hopdata.hybrid.numbers.derivatives import own_digest
 
 Function = Callable[..., Any]
 KEPT = 128  # most methods cached; systems with the same functions share them
@@ -58,10 +61,11 @@ class Method:
     work_rows : int
         Rows of the table of states that belong to the method.
     tangent : callable, optional
-        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` multiplies
-        the step's Jacobian by the one in the first rows of phi and writes the product
-        into the next rows. It returns its error in units of the tolerance. The last two
-        arguments are addresses of the user's functions.
+        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian, along)``
+        multiplies the step's Jacobian by the one in the first rows of phi and writes
+        the product into the next rows. It returns its error in units of the tolerance.
+        Field and jacobian are addresses of the user's functions; `along` is the table
+        of the code for duals (see `numbers.along`).
     short_tangent : callable, optional
         The same for a short step, along its interpolant (see `methods.tangent`).
     tangent_evaluations, short_evaluations : int
@@ -76,6 +80,10 @@ class Method:
         Row of an explicit method's last stage slope, which reveals stiffness.
     stiff_tenths : int
         Edge of the stability region on the negative axis, in tenths.
+    otherwise : Method, optional
+        The same method for a field that does not compile for duals.
+    digest : str
+        Digest of what its code is made from besides its functions.
     """
 
     order: int
@@ -94,6 +102,8 @@ class Method:
     refresh: Function | None = None
     last_slope: int = 0
     stiff_tenths: int = 0
+    otherwise: "Method | None" = None
+    digest: str = ""
 
 
 # Arguments that machine code receives in another form, and their conversion.
@@ -103,6 +113,7 @@ HANDED = {
     "params": ("params, n_params", "array_of(float_vector(params, n_params))"),
     "atol": ("atol", "float_vector(atol, width)"),
     "phi": ("phi", "float_table(phi, width)"),
+    "along": ("along", "int_vector(along, 0)"),
 }
 
 
@@ -137,7 +148,7 @@ def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
     known = {**vars(memory), "__name__": __name__, "FUNCTION": inner, "N": n_states}
     made = explicit.compose(f"enter_{part}", ", ".join(taken), body, known)
     entry = with_digest(made)
-    return entry, f"{function_digest(entry)}-{driver_digest()}"
+    return entry, f"{function_digest(entry)}-{driver_digest()}{method.digest}"
 
 
 def is_compiled(method: Method, n_states: int) -> bool:
@@ -165,6 +176,9 @@ class Scene:
         Derivative of the field, and its affine form.
     guards : Callback, optional
         Event functions, all at once or one by one.
+    sparsity : Pattern, optional
+        Places of the derivative of the field that may differ from zero. The user's
+        derivative is then in sparse form.
     """
 
     field: Callback
@@ -172,6 +186,12 @@ class Scene:
     jacobian: Callback | None = None
     affine: Callback | None = None
     guards: Callback | None = None
+    sparsity: Pattern | None = None
+
+    @property
+    def dense_jacobian(self) -> Callback | None:
+        """Derivative of the field as a full matrix, if the user gives that."""
+        return self.jacobian if self.sparsity is None else None
 
     @property
     def rate_inputs(self) -> tuple[int, ...]:
@@ -207,7 +227,7 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
         known["call_field"] = code.call_field_on_arrays
     else:
         n = scene.n_states
-        per_derivative = 0 if scene.jacobian else 4 * n  # by differences
+        per_derivative = 0 if scene.dense_jacobian else 4 * n  # by differences
         body = []
         evaluation = explicit.inlined
         known["FIELD"] = scene.field.dispatcher
@@ -260,25 +280,90 @@ def taylor_method(scene: Scene) -> Method:
 
 
 def rosenbrock_method(scene: Scene) -> Method:
-    """Return the Rosenbrock method for a scene."""
-    n = scene.n_states
-    names = {"FIELD": scene.field.dispatcher, "N": n}
+    """Return the Rosenbrock method for a scene.
+
+    Where the field does not compile for duals, its other form is used.
+    """
+    if scene.sparsity is not None:
+        return sparse_rosenbrock_method(scene, scene.sparsity)
+    names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
     if scene.jacobian is None:
-        fill = stiff.jacobian_by_differences
-        evaluations = stiff.EVALUATIONS + 2 * n
+        fill = put_in(stiff.jacobian_by_differences, **names)
+        evaluations = stiff.EVALUATIONS + 2 * scene.n_states
     else:
-        fill = stiff.jacobian_by_user
-        evaluations = stiff.EVALUATIONS
         names["JACOBIAN"] = scene.jacobian.dispatcher
-    made = {
-        "FILL_JACOBIAN": put_in(fill, **names),
-        "TIME_DERIVATIVE": put_in(stiff.time_derivative, **names),
-    }
+        fill = put_in(stiff.jacobian_by_user, **names)
+        evaluations = stiff.EVALUATIONS
+    in_time = put_in(stiff.time_derivative, **names)
+    by_differences = _rosenbrock(scene, fill, in_time, evaluations)
+    if not scene.field.compiled:
+        return by_differences
+    in_passes, at_once = _fills_by_duals(scene)
+    if scene.jacobian is None:
+        fill = at_once
+        in_time = put_in(stiff.no_time_derivative)
+    else:
+        in_time = put_in(stiff.time_derivative_by_duals, IN_PASSES=in_passes)
+    exact = _rosenbrock(scene, fill, in_time, stiff.EVALUATIONS - 1)
+    return replace(exact, otherwise=by_differences, digest=own_digest())
+
+
+def _fills_by_duals(scene: Scene) -> tuple[Any, Any]:
+    """Return what fills derivatives by duals: that in time alone, or all."""
+    n = scene.n_states
+    call = scene.field.dual
+    names = stiff.dual_names(call, n, time_only=True)
+    harvest = {"HARVEST": along.harvest}
+    in_time = put_in(stiff.jacobian_in_passes, **names, **harvest)
+    names = stiff.dual_names(call, n, time_only=False)
+    width = names["WIDTH"]
+    if width <= n:
+        return in_time, put_in(stiff.jacobian_in_passes, **names, **harvest)
+    harvest["HARVEST"] = duals.harvest_all(n, width, timed=True)
+    return in_time, put_in(stiff.jacobian_by_duals, **names, **harvest)
+
+
+def _rosenbrock(scene: Scene, fill: Any, in_time: Any, evaluations: int) -> Method:
+    """Return the Rosenbrock method with these functions for the field's derivatives."""
+    names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
+    made = {"FILL_JACOBIAN": fill, "TIME_DERIVATIVE": in_time}
     return Method(
         order=stiff.ORDER,
         step=with_digest(stiff.step, **names, **made),
         interpolant=with_digest(stiff.interpolant, **names),
         evaluations=evaluations,
         interpolant_error=stiff.DENSE_ERROR,
-        work_rows=stiff.work_rows(n),
+        work_rows=stiff.work_rows(scene.n_states),
+    )
+
+
+def sparse_rosenbrock_method(scene: Scene, pattern: Pattern) -> Method:
+    """Return the Rosenbrock method with a sparse Jacobian of this pattern."""
+    n = scene.n_states
+    structure = pattern.structure
+    names = {"FIELD": scene.field.dispatcher, "N": n}
+    evaluations = stiff.EVALUATIONS
+    if scene.jacobian is None:
+        fill = sparse.jacobian_by_differences
+        evaluations += 2 * structure.n_colours
+    else:
+        fill = sparse.jacobian_by_user
+        names["JACOBIAN"] = scene.jacobian.dispatcher
+    made = {
+        "FILL_JACOBIAN": put_in(fill, **names),
+        "TIME_DERIVATIVE": put_in(stiff.time_derivative, **names),
+    }
+    if structure.factors.is_band:
+        made["FACTORISE"] = sparse.factorise_band
+        made["SOLVE"] = put_in(sparse.solve_pivoted)
+    else:
+        made["FACTORISE"] = sparse.factorise_sparse
+        made["SOLVE"] = put_in(sparse.solve_corrected)
+    return Method(
+        order=stiff.ORDER,
+        step=with_digest(sparse.step, **names, **made),
+        interpolant=with_digest(stiff.interpolant, **names),
+        evaluations=evaluations,
+        interpolant_error=stiff.DENSE_ERROR,
+        work_rows=int(stiff.JAC - W1) + structure.work_rows,
     )

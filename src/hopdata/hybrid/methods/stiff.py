@@ -13,14 +13,27 @@ radius.
 States are measured by their tolerances, so the result does not depend on units.
 """
 
+from math import ceil
 from typing import Any
 
 import numpy as np
 
 from hopdata.hybrid.compiled.kernel import copy, kernel
-from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, row, square
+from hopdata.hybrid.compiled.memory import (
+    FloatTable,
+    FloatVector,
+    address_of,
+    array_at,
+    int_vector,
+    row,
+    square,
+)
 from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, SLOPE, W1, Y
+from hopdata.hybrid.methods.directory import DIRECTORY_SLOTS, directory_of
 from hopdata.hybrid.methods.explicit import coefficients
+from hopdata.hybrid.numbers import along, duals
+from hopdata.hybrid.numbers.along import BYTES
+from hopdata.hybrid.numbers.duals import width_for
 
 # Small dense linear systems in rows of the table of states, without allocation.
 
@@ -68,15 +81,20 @@ def solve_factorised(s: FloatTable, lu: int, pivots: int, x: int, n: int) -> Non
         s[x, i] = total * s[lu + i, i]
 
 
-# Derivatives of the field by differences, if the user gives none.
+# Derivatives of the field: by duals, by the user's function or, where a field does not
+# compile for duals, by differences.
 #
-# `jacobian_by_user` and `jacobian_by_differences` are templates with one signature:
-# FIELD, JACOBIAN and N are inserted. Both fill the rows from `first` on with the (n, n)
+# These are templates with one signature: FIELD, JACOBIAN and N are inserted, and for
+# duals what `dual_names` returns. They fill the rows from `first` on with the (n, n)
 # derivative at (t, Y).
 
 FIELD: Any = None
 JACOBIAN: Any = None
 N: int = 0
+FIRST: int = 0
+WIDTH: int = 0
+CALL: Any = None
+ROOM = EACH = MOMENT = ROWS = DUAL = SEED = SET_MOMENT = HARVEST = IN_PASSES = CALL
 
 #: Increment for central differences, as a fraction of the size of a state.
 #: Unit: 1. Origin: derived: the cube root of the rounding error balances rounding and
@@ -92,6 +110,71 @@ TIME_INCREMENT = 2.0**-9
 #: Smallest such distance, as a fraction of the time itself.
 #: Unit: 1. Origin: chosen.
 LEAST_INCREMENT = 2.0**-40
+
+
+def jacobian_by_duals(
+    t: float,
+    dt: float,
+    s: FloatTable,
+    mode: Any,
+    params: Any,
+    atol: FloatVector,
+    first: int,
+) -> int:
+    """Get the exact derivative by duals, and that in time into row KEND.
+
+    Returns 0, the field evaluations with numbers. All directions are taken at once.
+    """
+    states = ROOM()
+    rates = ROOM()
+    row_bytes = BYTES * N
+    start = address_of(s)
+    EACH(states, start + row_bytes * Y)
+    CALL(MOMENT(t), ROWS(states, N), mode, params, ROWS(rates, N))
+    HARVEST(rates, start + row_bytes * first, start + row_bytes * KEND)
+    return 0
+
+
+def jacobian_in_passes(
+    t: float,
+    dt: float,
+    s: FloatTable,
+    mode: Any,
+    params: Any,
+    atol: FloatVector,
+    first: int,
+) -> int:
+    """Do the same for more directions than a dual carries.
+
+    Directions before number FIRST are left out; if that is N, only the derivative in
+    time is written.
+    """
+    row_bytes = BYTES * N
+    start = address_of(s)
+    states = start + row_bytes * (JAC + 2 * N)
+    rates = states + row_bytes * (1 + WIDTH)
+    moment = rates + row_bytes * (1 + WIDTH)
+    into = start + row_bytes * first
+    for number in range(FIRST, N + 1, WIDTH):
+        SEED(states, N, WIDTH, start + row_bytes * Y, number, 0, 0)
+        SET_MOMENT(moment, WIDTH, t, number, N)
+        CALL(DUAL(moment), ROWS(states, N), mode, params, ROWS(rates, N))
+        HARVEST(rates, N, WIDTH, number, into, start + row_bytes * KEND)
+    return 0
+
+
+def no_time_derivative(
+    t: float, dt: float, s: FloatTable, mode: Any, params: Any, into: int
+) -> int:
+    """Do nothing: the derivative in time was found with the others."""
+    return 0
+
+
+def time_derivative_by_duals(
+    t: float, dt: float, s: FloatTable, mode: Any, params: Any, into: int
+) -> int:
+    """Fill row `into`, which is KEND, with the exact df/dt, beside a user's Df."""
+    return IN_PASSES(t, dt, s, mode, params, s, 0)
 
 
 def jacobian_by_user(
@@ -235,8 +318,41 @@ JAC = W1 + STAGES + 2
 
 
 def work_rows(n: int) -> int:
-    """Return the number of work rows for `n` states."""
-    return STAGES + 2 + 2 * n
+    """Return the number of work rows for `n` states.
+
+    The last of them have room for rows of duals of states and rates, and for the time.
+    """
+    row_of_duals = 1 + width_for(n + 1)
+    return STAGES + 2 + 2 * n + 2 * row_of_duals + ceil(row_of_duals / n)
+
+
+def dual_names(call: Any, n: int, *, time_only: bool) -> dict[str, Any]:
+    """Return what is inserted into the templates for duals.
+
+    Parameters
+    ----------
+    call : callable
+        The field, for duals.
+    n : int
+        Number of states.
+    time_only : bool
+        Whether only the derivative in time is wanted.
+    """
+    width = 1 if time_only else width_for(n + 1)
+    return {
+        "CALL": call,
+        "N": n,
+        "FIRST": n if time_only else 0,
+        "WIDTH": width,
+        "BYTES": BYTES,
+        "ROOM": duals.stack(n * (1 + width)),
+        "EACH": duals.each_alone(n, width) if n < width else None,
+        "MOMENT": duals.number_along(n, width) if n < width else None,
+        "ROWS": array_at(duals.Dual(width)),
+        "DUAL": duals.dual_at(width),
+        "SEED": along.seed,
+        "SET_MOMENT": along.set_moment,
+    }
 
 
 def step(
@@ -352,12 +468,25 @@ def stiffness_score(score: float, stiffness: float, limit: float) -> float:
 
 
 @kernel
-def multiply(s: FloatTable, first: int, x: int, product: int, n: int) -> None:
-    """Write the product of the matrix in the rows from `first` on and row `x`."""
+def multiply(
+    s: FloatTable, first: int, x: int, product: int, n: int, structure: int
+) -> None:
+    """Write the product of the Jacobian in the rows from `first` on and row `x`.
+
+    `structure` is the address of its structure if it is sparse, otherwise 0.
+    """
+    if structure == 0:
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += s[first + i, j] * s[x, j]
+            s[product, i] = total
+        return
+    d = directory_of(int_vector(structure, DIRECTORY_SLOTS))
     for i in range(n):
         total = 0.0
-        for j in range(n):
-            total += s[first + i, j] * s[x, j]
+        for p in range(d.row_starts[i], d.row_starts[i + 1]):
+            total += s[first, p] * s[x, d.entry_columns[p]]
         s[product, i] = total
 
 
@@ -370,14 +499,15 @@ def implicit_stiffness(
     jac: int,
     spare: int,
     n: int,
+    structure: int = 0,
 ) -> float:
     """Return an estimate of dt times the spectral radius of a Jacobian.
 
-    The Jacobian is in the rows from `jac` on. It takes four products, started from the
-    tolerances. They are taken in pairs, because a vibration turns states and rates into
-    each other. SCRATCH and row `spare` are overwritten. An explicit method suffices for
-    the next step of length dt if the result is well below its limit. The estimate costs
-    as much as half a step.
+    The Jacobian is in the rows from `jac` on (see `multiply`). It takes four products,
+    started from the tolerances. They are taken in pairs, because a vibration turns
+    states and rates into each other. SCRATCH and row `spare` are overwritten. An
+    explicit method suffices for the next step of length dt if the result is well below
+    its limit. The estimate costs as much as half a step.
     """
     after = 0.0
     for i in range(n):
@@ -390,8 +520,8 @@ def implicit_stiffness(
             return 0.0
         for i in range(n):
             s[SCRATCH, i] /= before**0.5
-        multiply(s, jac, SCRATCH, spare, n)
-        multiply(s, jac, spare, SCRATCH, n)
+        multiply(s, jac, SCRATCH, spare, n, structure)
+        multiply(s, jac, spare, SCRATCH, n, structure)
         after = 0.0
         for i in range(n):
             after += (s[SCRATCH, i] / tolerance(s, i, rtol, atol)) ** 2

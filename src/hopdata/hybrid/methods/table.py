@@ -12,13 +12,15 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
+from numba import NumbaError
 
-from hopdata.arrays import IntArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import did_you_mean
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.methods import method as made
+from hopdata.hybrid.methods import stiff
 from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
 from hopdata.hybrid.methods.method import Method, Scene, compiled_part
 
@@ -28,8 +30,8 @@ CHOICES = ("auto", *TABLEAUS, *MAKERS)
 TANGENTS = ("tangent", "short_tangent")
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
 
-#: Most states for which "auto" may take the Rosenbrock method: with more, its matrices
-#: would need too much memory.
+#: Most states for which "auto" may take the Rosenbrock method with a full matrix: with
+#: more, its matrices would need too much memory.
 #: Unit: 1. Origin: chosen.
 LARGEST_STIFF = 200
 
@@ -89,7 +91,8 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
         return (name,)
     if scene.affine is not None:
         return ("taylor",)
-    if jacobian or scene.n_states > LARGEST_STIFF:
+    dense = scene.sparsity is None
+    if jacobian or (dense and scene.n_states > LARGEST_STIFF):
         return tuple(name for name in AUTOMATIC if name in TABLEAUS)
     return AUTOMATIC
 
@@ -119,6 +122,10 @@ class MethodTable:
         Scene for which the methods are made.
     degree : int
         Highest degree of the interpolants.
+    pattern : Pattern or None
+        Pattern of a sparse Jacobian, if one of the methods uses it.
+    unchecked : bool
+        Whether the field must still be compared with it.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
@@ -126,8 +133,13 @@ class MethodTable:
         self._names = check_method(choice, scene, jacobian)
         self.scene = scene
         self._jacobian = jacobian
+        # Whether a Jacobian takes the field's own derivative.
+        explicit = any(name in TABLEAUS for name in self._names)
+        self.by_field = explicit and scene.jacobian is None
         self._kept_alive: list[Any] = []
         self._methods = [method_for(name, scene) for name in self._names]
+        self.pattern = scene.sparsity if "rosenbrock" in self._names else None
+        self.unchecked = self.pattern is not None
         self.generic: set[int] = set()
         self.steps = 0
         self.work_rows = max(method.work_rows for method in self._methods)
@@ -142,6 +154,28 @@ class MethodTable:
         if self._names == ("taylor",):  # the driver calls its refresh from the start
             self.compile(0)
 
+    @property
+    def structure_address(self) -> int:
+        """Address of the structure of a sparse Jacobian, 0 if there is none."""
+        if self.pattern is None:
+            return 0
+        return self.pattern.structure.address_for(int(stiff.JAC))
+
+    def check_pattern(
+        self,
+        t: float,
+        y: FloatArray,
+        mode: IntArray,
+        n_guards: int,
+        params: FloatArray,
+    ) -> None:
+        """Raise an error if the field depends on a state outside the pattern."""
+        from hopdata.hybrid.methods.pattern_check import check_pattern
+
+        assert self.pattern is not None
+        check_pattern(self.scene.field, self.pattern, t, y, mode, n_guards, params)
+        self.unchecked = False
+
     def _describe(self, number: int, method: Method) -> None:
         """Fill a method's row: its attributes, and the methods to change to."""
         row = self.rows[number]
@@ -150,15 +184,15 @@ class MethodTable:
         row[[layout.SPARSER, layout.DENSER, layout.STIFFER, layout.RELAXED]] = -1
         # The explicit methods come first, by their order; one for stiff modes follows.
         highest = sum(name in TABLEAUS for name in self._names) - 1
-        stiff = highest + 1
+        implicit = highest + 1
         if number > highest:
             row[layout.RELAXED] = highest
             return
         row[layout.DENSER] = number - 1
         if number < highest:
             row[layout.SPARSER] = number + 1
-        if stiff < len(self._names):
-            row[layout.STIFFER] = stiff
+        if implicit < len(self._names):
+            row[layout.STIFFER] = implicit
 
     def provide(self, number: int) -> None:
         """Make the method ready that the driver has asked for."""
@@ -221,8 +255,9 @@ class MethodTable:
         """
         if self._jacobian and self._names[number] in TABLEAUS:
             self._enter(number, generic_code(self._names[number], tangents=True))
-            if self.scene.jacobian is not None:
-                self.rows[number, layout.DERIVATIVE] = self.scene.jacobian.address
+            given = self.scene.dense_jacobian
+            if given is not None:
+                self.rows[number, layout.DERIVATIVE] = given.address
 
     def compile(self, number: int) -> None:
         """Compile a method for the scene."""
@@ -234,6 +269,15 @@ class MethodTable:
         for part in PARTS:
             if part in TANGENTS and not own_tangents:
                 continue
-            if getattr(method, part) is not None:
+            if getattr(method, part) is None:
+                continue
+            try:
                 code = compiled_part(part, method, n_states, cache=kept)
-                self._enter(number, {part: code})
+            except NumbaError:
+                if method.otherwise is None:
+                    raise
+                method = method.otherwise
+                self._methods[number] = method
+                self._describe(number, method)
+                code = compiled_part(part, method, n_states, cache=kept)
+            self._enter(number, {part: code})

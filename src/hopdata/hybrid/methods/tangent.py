@@ -2,7 +2,9 @@
 
 It is the derivative of the numerical map itself, so the flow's Jacobian converges with
 the order of the method, as the state does. Stage k is at the state Y + dt sum_j a_kj
-K_j, whose derivative is M = Phi + dt sum_j a_kj dK_j, and dK_k = Df M.
+K_j, whose derivative is M = Phi + dt sum_j a_kj dK_j, and dK_k = Df M. Where the field
+compiles for duals, it is evaluated with the columns of M as slopes, which gives dK_k at
+once.
 
 The table phi has rows of length N: the flow's Jacobian; blocks of N rows for Df
 (finally for the new Jacobian) and for M; some single rows; and one block dK for each
@@ -17,9 +19,16 @@ import numpy as np
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
-from hopdata.hybrid.compiled.memory import FloatTable, fma, square
+from hopdata.hybrid.compiled.memory import (
+    FloatTable,
+    IntVector,
+    address_of,
+    fma,
+    square,
+)
 from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination
 from hopdata.hybrid.methods.taylor import fastest_motion
+from hopdata.hybrid.numbers.along import BYTES, FIELD, field_along
 
 # Products of blocks of a tangent's table, named by their first rows. Sums are taken in
 # order, and each product and sum is rounded once (see `fma`).
@@ -71,7 +80,8 @@ def add_product(
             phi[target + i, j] = fma(factor, phi[target + i, j], phi[base + i, j])
 
 
-# The derivative of the field, or of a reset, by fourth-order differences.
+# The derivative of a field, or of a reset, that does not compile for duals: by
+# fourth-order differences.
 #
 # Their values are at four places, in two pairs. The pairs are in the golden ratio, so
 # no period fits whole turns into both. The difference between the derivatives from
@@ -189,18 +199,25 @@ def stage_jacobian(  # noqa: PLR0913 (the arguments of a tangent)
     phi: Any,
     field: int,
     jacobian: int,
+    along: IntVector,
 ) -> None:
-    """Write the field's derivative at SCRATCH: the user's, or finite differences.
+    """Write the field's derivative at SCRATCH: the user's, or by duals.
 
-    The differences are central and of fourth order, usually with 4 n field evaluations.
-    Each increment is a fraction of the largest of the state's size, its change in the
-    step, and the size at which the absolute tolerance exceeds the relative one, so it
-    does not depend on units.
+    Finite differences replace it for a field that does not compile for duals. They are
+    central and of fourth order, usually with 4 n field evaluations. Each increment is a
+    fraction of the largest of the state's size, its change in the step, and the size at
+    which the absolute tolerance exceeds the relative one, so it does not depend on
+    units.
     """
     n = phi.width
     if jacobian != 0:
         square(phi, n)[:] = 0.0
         code.call_jacobian(jacobian, t, s, at.SCRATCH, mode, params, square(phi, n))
+        return
+    if along[FIELD] != 0:
+        y = address_of(s) + BYTES * n * at.SCRATCH
+        into = address_of(phi) + BYTES * n * n
+        field_along(along, t, y, n, mode, params, 0, into)
         return
     shifted = 3 * n
     values = 3 * n + at.PHI_VALUES
@@ -276,18 +293,40 @@ def tangent_code(tableau: Tableau) -> list[str]:
     slopes = tableau.slope_rows
     nodes = (0.0, *tableau.nodes)
     stages = ((), *tableau.stages)
-    lines = ["N = phi.width"]
+    lines = [
+        "N = phi.width",
+        "by_duals = jacobian == 0 and along[FIELD] != 0",
+        f"state = address_of(s) + BYTES * N * {at.SCRATCH}",
+        "first = address_of(phi)",
+        "of_state = first + BYTES * 2 * N * N",
+    ]
     for k, (node, weights) in enumerate(zip(nodes, stages, strict=True)):
         moved = f"dt * ({combination(weights, slopes)})"
+        target = f"3 * N + {at.PHI_ROWS} + {k} * N"
         lines += [
             "for i in range(N):",
             INDENT + f"s[{at.SCRATCH}, i] = s[{at.Y}, i] + {moved}",
             *_matrices("2 * N", weights),
             f"time = t + {node!r} * dt",
+        ]
+        through_derivative = [
             "stage_jacobian(",
-            INDENT + "time, dt, rtol, s, mode, params, atol, phi, field, jacobian",
+            INDENT + "time, dt, rtol, s, mode, params, atol, phi, field, jacobian,",
+            INDENT + "along,",
             ")",
-            f"multiply(phi, 3 * N + {at.PHI_ROWS} + {k} * N, N, 2 * N)",
+            f"multiply(phi, {target}, N, 2 * N)",
+        ]
+        if k == len(stages) - 1:  # the error is judged by the derivative there
+            lines += through_derivative
+            continue
+        lines += [
+            "if by_duals:",
+            INDENT + f"into = first + BYTES * N * ({target})",
+            INDENT + "field_along(",
+            2 * INDENT + "along, time, state, N, mode, params, of_state, into",
+            INDENT + ")",
+            "else:",
+            *(INDENT + line for line in through_derivative),
         ]
     return [*lines, *_error(tableau)]
 
@@ -330,6 +369,7 @@ def short_tangent(  # noqa: PLR0913 (the arguments of a tangent)
     phi: Any,
     field: int,
     jacobian: int,
+    along: Any,
 ) -> float:
     """Write the new Jacobian into the second block; return its error in tolerances."""
     n = phi.width
@@ -342,13 +382,17 @@ def short_tangent(  # noqa: PLR0913 (the arguments of a tangent)
     third = begin + 4 * n
     fourth = 2 * n
     first_point = t + at.GAUSS_1 * dt
-    stage_jacobian(first_point, dt, rtol, s, mode, params, atol, phi, field, jacobian)
+    stage_jacobian(
+        first_point, dt, rtol, s, mode, params, atol, phi, field, jacobian, along
+    )
     for e in range(n * n):
         phi[begin, e] = phi[n, e]
     for i in range(n):
         s[at.SCRATCH, i] = s[at.SLOPE, i]
     last_point = t + at.GAUSS_2 * dt
-    stage_jacobian(last_point, dt, rtol, s, mode, params, atol, phi, field, jacobian)
+    stage_jacobian(
+        last_point, dt, rtol, s, mode, params, atol, phi, field, jacobian, along
+    )
     for e in range(n * n):
         mean = 0.5 * (phi[begin, e] + phi[n, e])
         tilt = TILT * (phi[n, e] - phi[begin, e])

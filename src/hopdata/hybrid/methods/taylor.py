@@ -310,6 +310,7 @@ def tangent(  # noqa: PLR0913 (the arguments of a tangent)
     phi: Any,
     field: int,
     jacobian: int,
+    along: Any,
 ) -> float:
     """Write exp(A dt) Phi into the block after Phi, and return its error.
 

@@ -13,12 +13,17 @@ themselves as seeds, and for states that do not move with the time.
 import numpy as np
 from numba import types
 
-from hopdata.hybrid.compiled.kernel import MODE, STATE, kernel, kernel_apart
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.memory import (
+    FloatTable,
+    FloatVector,
     IntVector,
+    address_of,
     caller,
     float_vector,
     int_vector,
+    start_of,
 )
 
 BYTES = 8  # of a number
@@ -27,19 +32,23 @@ _INT = types.int64
 
 # Slots of the table of machine code and rooms: addresses of the code for field, guards
 # and handler (0: none), the directions that their duals carry, and the addresses of
-# rooms: for time, states, rates of states, guards, their rates, parameters and mode.
+# rooms: for time, states, rates of states, guards, their rates, parameters and mode. If
+# the duals of the field carry all directions at once, its code has a room of its own.
+# The last slot has the address of the identity, (n, n).
 FIELD, GUARD, HANDLER = np.arange(3, dtype=np.int64)
 FIELD_WIDTH, WIDTH = np.arange(3, 5, dtype=np.int64)
 MOMENT, STATES, RATES, VALUES, HDOTS, MEMORY, MODES = np.arange(5, 12, dtype=np.int64)
-ALONG_SLOTS = 12
+IDENTITY = np.int64(12)
+ALONG_SLOTS = 13
 
 # Signatures of the machine code, in which rows of duals are given by their addresses.
-# t, states, mode, params, rates
-FIELD_NATIVE = types.void(_FLOAT, _INT, MODE, STATE, _INT)
-# moment, states, dy, mode, params, k, h, hdot
-GUARD_NATIVE = types.void(_INT, _INT, STATE, MODE, STATE, _INT, _INT, _INT)
+# t, states, mode and its length, params and their number, rates; for few states instead
+# of rows of duals: the states, the results (n, n), and the seeds (n, n)
+FIELD_NATIVE = types.void(_FLOAT, _INT, _INT, _INT, _INT, _INT, _INT, _INT)
+# moment, states, dy, mode and its length, params and their number, k, h, hdot
+GUARD_NATIVE = types.void(*(10 * [_INT]))
 # moment, states, mode, params, number of parameters, guard, direction
-HANDLER_NATIVE = types.void(_INT, _INT, _INT, _INT, _INT, _INT, _INT)
+HANDLER_NATIVE = types.void(*(7 * [_INT]))
 
 call_field = caller(FIELD_NATIVE)
 call_guard = caller(GUARD_NATIVE)
@@ -98,24 +107,35 @@ def set_moment(room: int, width: int, t: float, first: int, n: int) -> None:
         moment[1 + j] = 1.0 if first + j == n else 0.0
 
 
-@kernel_apart
+@kernel
 def field_along(
     along: IntVector,
     t: float,
     y: int,
     n: int,
-    mode: object,
-    params: object,
+    mode: IntArray,
+    params: FloatArray,
     seeds: int,
     into: int,
 ) -> None:
     """Write the field's derivative at a fixed time, times the seeds, (n, n)."""
     width = along[FIELD_WIDTH]
+    if width >= n:
+        if seeds == 0:
+            seeds = along[IDENTITY]
+        call_field(
+            along[FIELD], t, y, start_of(mode), len(mode), start_of(params),
+            len(params), into, seeds,
+        )  # fmt: skip
+        return
     states = along[STATES]
     rates = along[RATES]
     for first in range(0, n, width):
         seed(states, n, width, y, first, seeds, 0)
-        call_field(along[FIELD], t, states, mode, params, rates)
+        call_field(
+            along[FIELD], t, states, start_of(mode), len(mode), start_of(params),
+            len(params), rates, 0,
+        )  # fmt: skip
         harvest(rates, n, width, first, into, 0)
 
 
@@ -125,13 +145,17 @@ def guard_gradient(  # noqa: PLR0913 (the guards' arguments)
     t: float,
     y: int,
     n: int,
-    dy: object,
-    mode: object,
-    params: object,
+    s: FloatTable,
+    dy: int,
+    mode: IntVector,
+    params: FloatVector,
     k: int,
     into: int,
 ) -> float:
-    """Write the derivatives of guard k by the states, (n,); return that by the time."""
+    """Write the derivatives of guard k by the states, (n,); return that by the time.
+
+    The rates of the states are in row `dy` of the table s.
+    """
     width = along[WIDTH]
     gradient = float_vector(into, 0)
     found = float_vector(along[VALUES], 0)
@@ -140,8 +164,9 @@ def guard_gradient(  # noqa: PLR0913 (the guards' arguments)
         seed(along[STATES], n, width, y, first, 0, 0)
         set_moment(along[MOMENT], width, t, first, n)
         call_guard(
-            along[GUARD], along[MOMENT], along[STATES], dy, mode, params, k,
-            along[VALUES], along[HDOTS],
+            along[GUARD], along[MOMENT], along[STATES],
+            address_of(s) + BYTES * n * dy, address_of(mode), mode.width,
+            address_of(params), params.width, k, along[VALUES], along[HDOTS],
         )  # fmt: skip
         count = min(width, n - first)
         slopes = k * (1 + width) + 1
@@ -159,7 +184,7 @@ def handler_along(  # noqa: PLR0913 (the handler's arguments, and the directions
     y: int,
     n: int,
     mode: IntVector,
-    params: object,
+    params: FloatVector,
     guard: int,
     direction: int,
     seeds: int,

@@ -139,6 +139,12 @@ class Builder:
         whole = self.llvm.insert_value(whole, value, 0)
         return self.llvm.insert_value(whole, slopes, 1)
 
+    def axis(self, lane: int) -> Value:
+        """Return the slopes of a number that is direction `lane` itself."""
+        slopes = [0.0] * self.vector.count
+        slopes[lane] = 1.0
+        return ir.Constant(self.vector, slopes)
+
     def number(self, value: float) -> Value:
         """Return a constant."""
         return ir.Constant(DOUBLE, value)
@@ -588,7 +594,7 @@ def _typed_power(*kinds: Any) -> Any:
     if len(plain) != 2 or width == 0:
         return None
     base = plain[0] if isinstance(plain[0], Dual) else FLOAT
-    exponent = FLOAT
+    exponent: Any = FLOAT
     if isinstance(plain[1], Dual):
         exponent = plain[1]
     elif isinstance(kinds[1], types.IntegerLiteral):
@@ -921,6 +927,94 @@ def _unpack(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 moving = built(1, lambda t: (Dual(1)(FLOAT), _moving))
 pack = built(3, lambda room, y, dy: (types.none(INT, y, dy), _pack))
 unpack = built(3, lambda room, h, hdot: (types.none(INT, h, hdot), _unpack))
+
+
+def seed_all(n: int, width: int) -> Any:
+    """Return a function that makes duals of n states, with seeds (n, n) for slopes.
+
+    It takes the addresses of room for them, of the states, and of the seeds. All is
+    written out, so that the duals of few states need no memory.
+    """
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        room, y, seeds = values
+        code = Builder(context, builder, width)
+        for i in range(n):
+            slopes = code.zeros
+            for j in range(n):
+                seed = builder.load(_place(builder, seeds, _index(i * n + j)))
+                slopes = builder.insert_element(slopes, seed, _lane(j))
+            value = builder.load(_place(builder, y, _index(i)))
+            row = i * (1 + width)
+            builder.store(value, _place(builder, room, _index(row)))
+            place = _place(builder, room, _index(row + 1), code.vector)
+            builder.store(slopes, place, align=BYTES)
+        return context.get_dummy_value()
+
+    return built(3, lambda room, y, seeds: (types.none(INT, INT, INT), generate))
+
+
+def each_alone(n: int, width: int) -> Any:
+    """Return a function that makes duals of n states, which are the directions.
+
+    It takes the addresses of room for them and of the states.
+    """
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        room, y = values
+        code = Builder(context, builder, width)
+        for i in range(n):
+            value = builder.load(_place(builder, y, _index(i)))
+            row = i * (1 + width)
+            builder.store(value, _place(builder, room, _index(row)))
+            place = _place(builder, room, _index(row + 1), code.vector)
+            builder.store(code.axis(i), place, align=BYTES)
+        return context.get_dummy_value()
+
+    return built(2, lambda room, y: (types.none(INT, INT), generate))
+
+
+def number_along(lane: int, width: int) -> Any:
+    """Return a function that makes a dual which is one of the directions."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        code = Builder(context, builder, width)
+        return code.dual(values[0], code.axis(lane))
+
+    return built(1, lambda value: (Dual(width)(FLOAT), generate))
+
+
+def harvest_all(n: int, width: int, *, timed: bool) -> Any:
+    """Return a function that writes the slopes of n duals as a matrix (n, n).
+
+    It takes the addresses of the duals, of the matrix, and of room for the slopes along
+    direction n, which are written if `timed`.
+    """
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        room, into, into_last = values
+        code = Builder(context, builder, width)
+        for i in range(n):
+            row = _index(i * (1 + width) + 1)
+            place = _place(builder, room, row, code.vector)
+            slopes = builder.load(place, align=BYTES)
+            for j in range(n):
+                slope = builder.extract_element(slopes, _lane(j))
+                builder.store(slope, _place(builder, into, _index(i * n + j)))
+            if timed:
+                slope = builder.extract_element(slopes, _lane(n))
+                builder.store(slope, _place(builder, into_last, _index(i)))
+        return context.get_dummy_value()
+
+    return built(3, lambda room, into, last: (types.none(INT, INT, INT), generate))
+
+
+def _index(number: int) -> Value:
+    return ir.Constant(LONG, number)
+
+
+def _lane(number: int) -> Value:
+    return ir.Constant(ir.IntType(32), number)
 
 
 def stack(count: int) -> Any:

@@ -21,6 +21,8 @@ from hopdata.landings.contacts.glides import (
     CLEAR_S,
     COMES_DOWN_M_S,
     GLIDED_M,
+    LEG_M_S2,
+    LEG_OR_FLOOR_M_S2,
     LOWEST_SIGMAS,
     ROLLS,
     SINKS_M,
@@ -30,6 +32,7 @@ from hopdata.landings.contacts.glides import (
     YIELDED_S,
     doubts,
     glides,
+    is_slowed_by_leg,
     last_descents,
 )
 from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
@@ -321,11 +324,12 @@ def _after_glides(
     least_m = np.where(without_kink, SLOWLY_SINKS_M, SINKS_M)
     noise_m = rough.noise_m
     least_m = np.maximum(least_m, SINKS_SIGMAS * noise_m)
-    may_glide = _are_gliding(trial, contacts, foot_of, least_m, noise_m)
+    lowered = _with_lowered(trial, contacts, noise_m)
+    may_glide, is_sure = _may_glide(trial, lowered, foot_of, least_m, noise_m)
     if not may_glide.any():
         return contacts
     glided_m = GLIDED_M + LOWEST_SIGMAS * noise_m
-    has_glided = _are_gliding(trial, contacts, foot_of, glided_m, noise_m)
+    has_glided = is_sure & _are_gliding(trial, lowered, foot_of, glided_m, noise_m)
     near, earliest = last_descents(
         trial.time, trial.heights, contacts.instant, may_glide, noise_m=noise_m
     )
@@ -346,7 +350,7 @@ def _after_glides(
     is_clear &= again.se < CLEAR_S
     comes_down = is_clear & (fits.velocity < -COMES_DOWN_M_S)
     comes_down |= without_kink & (se < UNDETERMINED_S)
-    is_down = may_glide & (has_glided | comes_down)
+    is_down = is_sure & (has_glided | comes_down)
     is_down &= again.status == descents.LANDED
     is_down &= again.instant > contacts.instant + YIELDED_S
     down = replace(contacts, instant=np.where(is_down, again.instant, np.nan))
@@ -367,18 +371,80 @@ def _after_glides(
     )
 
 
+def _with_lowered(trial: Trial, contacts: Contacts, noise_m: float) -> Contacts:
+    """Return contacts of which those that rise count as landed where a leg slowed them.
+
+    The kink of a foot that is lowered smoothly is anywhere, also where it rises.
+    """
+    rises = contacts.status == descents.RISES
+    lowered = _slowed_by_leg(trial, contacts, rises, noise_m)
+    return replace(contacts, status=np.where(lowered, descents.LANDED, contacts.status))
+
+
+def _slowed_by_leg(
+    trial: Trial,
+    contacts: Contacts,
+    asked: BoolArray,
+    noise_m: float,
+    *,
+    most_m_s2: float = LEG_M_S2,
+) -> BoolArray:
+    """Mark those of the contacts (L, n) asked for in which a leg slowed the foot."""
+    slowed = np.zeros(asked.shape, dtype=bool)
+    for landing, marker in np.argwhere(asked).tolist():
+        slowed[landing, marker] = is_slowed_by_leg(
+            trial.time,
+            trial.heights[:, marker],
+            float(contacts.instant[landing, marker]),
+            noise_m,
+            most_m_s2=most_m_s2,
+        )
+    return slowed
+
+
+def _may_glide(
+    trial: Trial,
+    contacts: Contacts,
+    foot_of: tuple[int, ...],
+    least_m: FloatArray,
+    noise_m: float,
+) -> tuple[BoolArray, BoolArray]:
+    """Mark the contacts (L, n) of feet that may have glided, and those sought again.
+
+    A foot that a leg slowed has no kink there, so it need not sink as far.
+    """
+    again = _are_gliding(trial, contacts, foot_of, least_m, noise_m)
+    slowly_m = SLOWLY_SINKS_M + LOWEST_SIGMAS * noise_m
+    sinks_slowly = _are_gliding(
+        trial, contacts, foot_of, slowly_m, noise_m, leg_m_s2=LEG_OR_FLOOR_M_S2
+    )
+    asked = sinks_slowly & ~again
+    may_glide = again | _slowed_by_leg(
+        trial, contacts, asked, noise_m, most_m_s2=LEG_OR_FLOOR_M_S2
+    )
+    again |= _slowed_by_leg(trial, contacts, asked, noise_m)
+    return may_glide, again
+
+
 def _are_gliding(
     trial: Trial,
     contacts: Contacts,
     foot_of: tuple[int, ...],
     least_m: FloatArray | float,
     noise_m: float,
+    leg_m_s2: float = LEG_M_S2,
 ) -> BoolArray:
     """Mark the contacts (L, n) of feet that sink on by more than `least_m`, m."""
     landed = contacts.status == descents.LANDED
     instant = np.where(landed, contacts.instant, np.nan)
     return glides(
-        trial.time, trial.heights, instant, foot_of, least_m=least_m, noise_m=noise_m
+        trial.time,
+        trial.heights,
+        instant,
+        foot_of,
+        least_m=least_m,
+        noise_m=noise_m,
+        leg_m_s2=leg_m_s2,
     )
 
 

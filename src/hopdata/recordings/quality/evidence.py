@@ -29,8 +29,7 @@ FALL_MISLEADS = 1e-6
 SELDOM_FALL_MISLEADS = 0.01
 
 #: Share of the frames in free fall below which a fall is seldom.
-#: Unit: 1. Origin: measured: people made up on a treadmill have up to 0.04, upwards;
-#: most of those who jump have 0.07 to 0.27 (benchmarks/guesses.py).
+#: Unit: 1. Origin: chosen. No benchmark prints the shares of those who run or jump.
 SELDOM = 0.06
 
 #: The same where only few markers fall, as limbs that swing do.

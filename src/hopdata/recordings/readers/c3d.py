@@ -393,6 +393,10 @@ def analogs_here(path: Path) -> Analogs:
     header, _ = head.settle_points(header, parameters, available)
     n_frames, _ = head.count_frames(header, parameters, available)
     per_frame = header.n_analog // n_channels
+    rate_hz = frame_rate(header, parameters)
+    if not rate_hz > 0:
+        place = parameters.place("POINT", "RATE")
+        raise RecordingError.at(place, "a rate above 0 Hz", f"{rate_hz:g} Hz")
     numbers = _numbers(path, header, parameters, n_frames)
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         stored = numbers[:, 4 * header.n_points :].astype(float)
@@ -419,7 +423,7 @@ def analogs_here(path: Path) -> Analogs:
         path,
         names=_texts(parameters, "LABELS", n_channels),
         units=_texts(parameters, "UNITS", n_channels),
-        time=samples / (frame_rate(header, parameters) * per_frame),
+        time=samples / (rate_hz * per_frame),
         values=values,
     )
 

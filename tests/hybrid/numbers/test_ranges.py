@@ -10,7 +10,8 @@ import pytest
 from numba import njit
 
 from hopdata.hybrid import guards
-from hopdata.hybrid.branches import code
+from hopdata.hybrid.numbers import answers
+from hopdata.hybrid.numbers.guards import guards_for_ranges
 
 N = 3  # states
 
@@ -79,20 +80,25 @@ def branching_guard(t, y, dy, mode, params, h, hdot):
 
 def ranged(declared, kind):
     """Return a function of the ends of the ranges: the range of h, and whether a branch is open."""
-    made = code.compiled_for_ranges(declared)
+    made = guards_for_ranges(declared)
     assert made.address > 0, made.reason
-    call = CFUNCTYPE(None, c_double, c_double, *(12 * [c_int64]))(made.address)
+    call = CFUNCTYPE(None, *(3 * [c_double]), *(12 * [c_int64]))(made.address)
 
     def evaluate(low, high):
-        states, slopes = np.array([low, high]), np.zeros((2, N))
+        states, slopes = np.array([low, high, low - low, low - low]), np.zeros((2, N))
         mode, params = np.zeros(1, np.int64), np.array([float(kind)])
-        room, listed, noted = np.zeros(2), np.zeros(1, np.int64), np.zeros(1, np.int64)
+        room, listed, told = (
+            np.zeros(4),
+            np.zeros(1, np.int64),
+            np.zeros(answers.N_SLOTS, np.int64),
+        )
         call(
-            low[2], high[2], states.ctypes.data, slopes.ctypes.data, N, mode.ctypes.data, 1,
-            params.ctypes.data, 1, room.ctypes.data, 1, listed.ctypes.data, 1, noted.ctypes.data,
+            low[2], high[2], 1.0, states.ctypes.data, slopes.ctypes.data, N, mode.ctypes.data, 1,
+            params.ctypes.data, 1, room.ctypes.data, 1, listed.ctypes.data, 1, told.ctypes.data,
         )  # fmt: skip
         assert made.code is not None
-        return room[0], room[1], bool(noted[0])
+        met = told[answers.OPENED] + told[answers.JUMPED] + told[answers.KINKED]
+        return room[0], room[1], bool(met)
 
     return evaluate
 

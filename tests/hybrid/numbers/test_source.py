@@ -22,8 +22,8 @@ from guard_sources import (
     wrapped,
 )
 
-from hopdata.hybrid.branches import source
-from hopdata.hybrid.branches.source import may_branch
+from hopdata.hybrid.numbers import source
+from hopdata.hybrid.numbers.source import may_branch
 
 
 def test_a_choice_by_mode_parameters_or_number_is_smooth():

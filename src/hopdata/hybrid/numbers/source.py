@@ -11,6 +11,7 @@ import math
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
+from tokenize import TokenError
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
@@ -94,7 +95,7 @@ def definition(function: FunctionType) -> ast.FunctionDef | None:
         return None
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    except (OSError, TypeError, SyntaxError, RecursionError):
+    except (OSError, TypeError, SyntaxError, RecursionError, TokenError):
         return None
     node = tree.body[0]
     if not isinstance(node, ast.FunctionDef):

@@ -1,1 +1,0 @@
-"""Where a guard's code takes another branch, found by ranges of values."""

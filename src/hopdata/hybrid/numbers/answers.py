@@ -1,0 +1,32 @@
+"""What the guards' code for ranges and its caller share: a signature, and some memory.
+
+The signature, in order: start and end of a piece (s), and the rate of time along it (1;
+0 to vary the state alone); addresses of the ranges of states and of slopes, and their
+number; address and length of the mode, and of the parameters; address of room for the
+guards' ranges, and the number of guards; address of a list of guards, and its length;
+address of the memory of answers.
+
+Ranges stand in four rows: least, most, least rate, most rate.
+
+The memory of answers has these slots of 8 bytes, integers first. A comparison that the
+ranges leave open is counted in OPENED and takes the next bit of ANSWERS. A jump within
+a range is counted in JUMPED, a kink in KINKED. LOST is set where no range can tell what
+the code does, so that nothing is known of any guard. The others hold the range and the
+rate of what changes sign at the first open comparison or jump.
+"""
+
+from numba import types
+
+_FLOAT, _INT = types.float64, types.int64
+
+RANGES_NATIVE = types.void(_FLOAT, _FLOAT, _FLOAT, *(12 * [_INT]))
+
+OPENED, ANSWERS, JUMPED, KINKED, LOST = range(5)
+N_INTEGERS = 5
+FIRST_LEAST, FIRST_MOST, FIRST_LEAST_RATE, FIRST_MOST_RATE = range(5, 9)
+N_SLOTS = 9
+
+#: Open comparisons along one path whose answers the caller chooses. Further ones are
+#: answered at random, so that a loop that waits for an answer ends.
+#: Unit: 1. Origin: derived: the answers are the bits of a positive integer.
+N_ANSWERS = 62
