@@ -22,7 +22,7 @@ PAGES = {
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "Understand": [
-        "dissertation", "printed_method", "c1", "gradient", "filter", "verdict",
+        "dissertation", "printed_method", "c1", "gradient", "gradients", "filter", "verdict",
         "verdict_method", "verdict_campaign",
         "unseen_order", "impacts", "contacts", "limits", "reliability", "integrator_choices",
         "architecture", "decisions",

@@ -788,6 +788,11 @@ class Mixed(Callback):
         raise TypeError("ranges do not follow the mix of fields of a guard that slides")
 
     @cached_property
+    def dual(self) -> Any:
+        """Nothing: the mix is computed in rooms for numbers, which have no slopes."""
+        raise TypeError("duals do not follow the mix of fields of a guard that slides")
+
+    @cached_property
     def constants(self) -> Constants:
         """Nothing of its own: the user's system looks at the user's functions."""
         return Constants()

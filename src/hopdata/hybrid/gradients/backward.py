@@ -630,6 +630,7 @@ def alone_back(  # noqa: PLR0913 (an instant: its flips, time and place)
     parts = room.losses
     weight = instant_s
     if goes_on:
+        weight = 0.0
         begin(room, all_of.params[last])
         field_value(code, room, t, flips.after[last - 1], all_of.mode[last], F_AFTER)
         for i in range(n):

@@ -6,7 +6,7 @@ numbers (`gradients.tape`).
 """
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ from numba import cfunc, types
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.errors import ArgumentError
 from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.memory import array_at, array_of, caller, int_vector
@@ -217,60 +218,70 @@ def recorders(
 def _of_callback(
     system: System, template: Any, native: Any, callback: Callback | None, sizes: Any
 ) -> int:
+    """Return the address of a template's machine code for one of its callbacks."""
     if callback is None:
         return 0
-    name = callback.signature.name
-    if not callback.compiled:
-        raise ArgumentError(
-            f"{name}: expected a function that Numba compiles, because its derivatives "
-            "come from its machine code, found one that runs as plain Python"
-        )
-    called = (name, callback.dual)
-    return _address(system, template, native, called, sizes, bool(callback.kept))
+    key = (template, callback)
+    if key not in system.made:
+        name = callback.signature.name
+        if not callback.compiled:
+            raise ArgumentError(
+                f"{name}: expected a function that Numba compiles, because its "
+                "derivatives come from its machine code, found one that runs as plain "
+                "Python"
+            )
+        called = (name, callback.dual)
+        system.made[key] = _compiled(template, native, called, sizes, callback.kept)
+    return int(system.made[key].address)
 
 
 def _of_function(
     system: System, template: Any, native: Any, function: Function | None, sizes: Any
 ) -> int:
+    """Return the address of a template's machine code for a loss.
+
+    It is compiled anew if a global name that the function uses has another value.
+    """
     if function is None:
         return 0
-    name = getattr(function, "__name__", "loss")
     plain = getattr(function, "py_func", function)
-    compiled = numba.njit(error_model="numpy")(with_digest(plain))
-    return _address(system, template, native, (name, compiled), sizes, True)
+    key = (template, plain)
+    known = system.made.get(key)
+    if known is None or not known[0].are_current():
+        constants = Constants([plain])
+        name = getattr(plain, "__name__", "loss")
+        compiled = numba.njit(error_model="numpy")(with_digest(plain))
+        code = _compiled(template, native, (name, compiled), sizes, True)
+        known = (constants, code)
+        system.made[key] = known
+    return int(known[1].address)
 
 
-def _address(
-    system: System,
-    template: Any,
-    native: Any,
-    called: tuple[str, Any],
-    sizes: dict[str, int],
-    kept: bool,
-) -> int:
-    """Return the address of a template's machine code, made once for a system."""
+def _compiled(
+    template: Any, native: Any, called: tuple[str, Any], sizes: Any, kept: bool
+) -> Any:
+    """Return a template's machine code; `kept` if other processes may use it."""
     name, dispatcher = called
     names = {"ROWS": _ROWS, "PLAIN": _PLAIN, **sizes}
     function = with_digest(template, **names, CALL=dispatcher)
     digest = f"{function_digest(function)}-{own_digest()}"
-    if digest not in system.made:
 
-        def compile_it(cached: bool) -> Any:
-            compiler = cfunc(native, cache=cached and kept, error_model="numpy")
-            return compiler(function)
+    def compile_it(cached: bool) -> Any:
+        compiler = cfunc(native, cache=cached and kept, error_model="numpy")
+        return compiler(function)
 
-        try:
-            system.made[digest] = compiled_in_cache(function, digest, compile_it)
-        # Numba's own exceptions, and others raised within it.
-        except Exception as error:
-            reason, _ = reason_and_advice(error)
-            raise ArgumentError(
-                f"{name}: expected a function whose derivative can be recorded, found "
-                f"one that does not compile for it: {reason}"
-            ) from error
-    return int(system.made[digest].address)
+    try:
+        return compiled_in_cache(function, digest, compile_it)
+    # Numba's own exceptions, and others raised within it.
+    except Exception as error:
+        reason, _ = reason_and_advice(error)
+        raise ArgumentError(
+            f"{name}: expected a function whose derivative can be recorded, found "
+            f"one that does not compile for it: {reason}"
+        ) from error
 
 
+@cache
 def own_digest() -> str:
     """Return a digest of the sources of this folder and of what they import."""
     return sources_digest(PACKAGE, "gradients")

@@ -154,13 +154,12 @@ def compiled(
         names["ROOM"] = duals.stack(n * (1 + width))
         names["SEED"] = duals.seed_all(n, width)
         names["HARVEST"] = duals.harvest_all(n, width, timed=False)
-    function = with_digest(template, **names, **sizes, CALL=callback.dual)
-    digest = f"{function_digest(function)}-{width}-{own_digest()}"
-
     def compile_it(cached: bool) -> Any:
         return cfunc(native, cache=cached and callback.kept, **ENTRY)(function)
 
     try:
+        function = with_digest(template, **names, **sizes, CALL=callback.dual)
+        digest = f"{function_digest(function)}-{width}-{own_digest()}"
         code = compiled_in_cache(function, digest, compile_it)
     # Numba's own exceptions, and others raised within it.
     except Exception as error:
