@@ -87,6 +87,11 @@ class Around(Callback):
         made = compose(kind.name, ", ".join(kind.arguments), self._ranged, names)
         return put_in(made)
 
+    @property
+    def no_dual(self) -> str:  # type: ignore[override]
+        """Why the user's function has no code for duals."""
+        return self.inner.no_dual
+
     @cached_property
     def dual(self) -> Any:
         """The code for duals, around that of the user's function."""
@@ -253,7 +258,8 @@ def with_parameters(system: System, n_params: int) -> System:
     key: tuple[Any, ...] = (WITH_PARAMS, n_params)
     shape = {"n_states": n + n_params, "n_shown": n}
     made = _made(system, key, around, **shape)
-    if made.derivatives.guards.reason:
+    # The mix of a guard that slides has no code for duals either.
+    if system.sliding or made.derivatives.guards.reason:
         key = (WITH_PARAMS, n_params, "by differences")
         made = _made(system, key, partial(around, by_differences=True), **shape)
     return made

@@ -763,6 +763,8 @@ class Mixed(Callback):
         What is inserted into the templates.
     """
 
+    no_dual = "duals do not follow the mix of fields of a guard that slides"
+
     def __init__(
         self,
         kind: str,
@@ -786,11 +788,6 @@ class Mixed(Callback):
     def ranged(self) -> Any:
         """Nothing: ranges know of no mix, so guards that may slide are sampled."""
         raise TypeError("ranges do not follow the mix of fields of a guard that slides")
-
-    @cached_property
-    def dual(self) -> Any:
-        """Nothing: the mix is computed in rooms for numbers, which have no slopes."""
-        raise TypeError("duals do not follow the mix of fields of a guard that slides")
 
     @cached_property
     def constants(self) -> Constants:

@@ -58,6 +58,7 @@ class Callback:
     """
 
     kept = True  # whether the machine code may be used in other processes
+    no_dual: str = ""  # why it has no meaning for duals, though it may compile for them
 
     def __init__(
         self,

@@ -296,7 +296,7 @@ def rosenbrock_method(scene: Scene) -> Method:
         evaluations = stiff.EVALUATIONS
     in_time = put_in(stiff.time_derivative, **names)
     by_differences = _rosenbrock(scene, fill, in_time, evaluations)
-    if not scene.field.compiled:
+    if not scene.field.compiled or scene.field.no_dual:
         return by_differences
     in_passes, at_once = _fills_by_duals(scene)
     if scene.jacobian is None:

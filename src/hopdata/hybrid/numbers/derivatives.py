@@ -148,12 +148,15 @@ def compiled(
         return Derivative()
     if not callback.compiled:
         return Derivative(reason="it runs as plain Python")
+    if callback.no_dual:
+        return Derivative(reason=callback.no_dual)
     names = {"ROWS": array_at(duals.Dual(width)), "DUAL": duals.dual_at(width)}
     if template is field_of_few:
         n = sizes["N"]
         names["ROOM"] = duals.stack(n * (1 + width))
         names["SEED"] = duals.seed_all(n, width)
         names["HARVEST"] = duals.harvest_all(n, width, timed=False)
+
     def compile_it(cached: bool) -> Any:
         return cfunc(native, cache=cached and callback.kept, **ENTRY)(function)
 
