@@ -333,7 +333,7 @@ def by_law(system: System) -> System:
         derived: System = system.made["law"]
         return derived
     assert system.together is not None
-    own = {"N_MODES": system.n_modes}
+    own: dict[str, Any] = {"N_MODES": system.n_modes}
 
     def shorter(inner: Callback) -> Around:
         call = ", ".join(inner.signature.arguments).replace("mode", "mode[:N_MODES]")

@@ -185,11 +185,11 @@ class System(Told):
         bounces = self.on_zeno == "stop" or self.on_event is not None
         expect(bounces, "on_zeno", "a handler, on_event, with 'rest'", "none")
         for name in self.sliding:
-            both = (self.directions or {}) and self.directions[
-                self.guard_names.index(name)
-            ]
+            if self.directions is None:
+                continue
+            only_one = self.directions[self.guard_names.index(name)]
             wanted = f"0 for {name!r}, which may slide"
-            expect(not both, "directions", wanted, self.directions)
+            expect(not only_one, "directions", wanted, self.directions)
 
     def _check_entry_for_each_guard(self, name: str, values: Any) -> None:
         if values is None:

@@ -461,7 +461,7 @@ class Workspace:
         log = self._log_bytes[: n_events * self._log_size]
         changes = self._change_bytes[: n_changes * CHANGE_BYTES].tobytes()
         if self._form.slides is not None:
-            status = int(self._form.slides.status(np.int64(status), self.mode))
+            status = int(self._form.slides.status(np.array(status), self.mode))
         solution = object.__new__(Solution)
         fields = solution.__dict__
         fields["status"] = status
