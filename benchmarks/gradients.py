@@ -3,16 +3,19 @@
 
 A ball bounces on a floor under a thrust that follows a table over time, whose entries
 are the parameters, after the restitution. The derivative of the final height is wanted.
-The table below is printed as Markdown; `benchmarks/peers/diffrax_gradient.py` does the
+`benchmarks/peers/diffrax_gradient.py` does the
 same with diffrax.
 
-    python benchmarks/gradients.py
+    python benchmarks/gradients.py --out gradients.csv
 """
 
+import argparse
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from hopdata.hybrid import System, field, guards, on_event, solve
 from hopdata.hybrid.gradients import gradient
@@ -73,31 +76,44 @@ def least_us(run: Any) -> float:
     return 1e6 * min(times)
 
 
+def row_of(count: int) -> dict[str, Any]:
+    """Return what the gradient costs with this number of parameters."""
+    options = {
+        "params": parameters(count),
+        "rtol": RTOL,
+        "atol": ATOL,
+        "method": "dop853",
+    }
+
+    def plain() -> Any:
+        return solve(BALL, SPAN, START, **options)
+
+    def forward() -> Any:
+        return solve(BALL, SPAN, START, jacobian="params", **options)
+
+    def backward() -> Any:
+        return gradient(BALL, SPAN, START, at_end=height, **options)
+
+    base_us = least_us(plain)
+    sensitivity = forward().sensitivity[0]
+    apart = np.abs(backward().by_params - sensitivity).max()
+    return {
+        "parameters": count,
+        "solve_us": base_us,
+        "forward": least_us(forward) / base_us,
+        "backward": least_us(backward) / base_us,
+        "largest_difference": apart / np.abs(sensitivity).max(),
+    }
+
+
 def main() -> None:
-    """Print the table."""
-    print("| parameters | solve, us | forward | backward | largest difference |")
-    print("|---|---|---|---|---|")
-    for count in COUNTS:
-        params = parameters(count)
-        options = {"params": params, "rtol": RTOL, "atol": ATOL, "method": "dop853"}
-
-        def plain(options: Any = options) -> Any:
-            return solve(BALL, SPAN, START, **options)
-
-        def forward(options: Any = options) -> Any:
-            return solve(BALL, SPAN, START, jacobian="params", **options)
-
-        def backward(options: Any = options) -> Any:
-            return gradient(BALL, SPAN, START, at_end=height, **options)
-
-        base = least_us(plain)
-        sensitivity = forward().sensitivity[0]
-        apart = np.abs(backward().by_params - sensitivity).max()
-        apart /= np.abs(sensitivity).max()
-        print(
-            f"| {count} | {base:.0f} | {least_us(forward) / base:.1f} | "
-            f"{least_us(backward) / base:.1f} | {apart:.0e} |"
-        )
+    """Write the table, and print it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True)
+    arguments = parser.parse_args()
+    table = pd.DataFrame([row_of(count) for count in COUNTS])
+    table.to_csv(arguments.out, index=False)
+    print(table.to_string(index=False, float_format="%.3g"))
 
 
 if __name__ == "__main__":

@@ -666,7 +666,9 @@ def test_aliases_that_unfold_to_very_much_are_refused(tmp_path):
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 7)]
     file = tmp_path / "config.yaml"
     file.write_text("\n".join(lines))
-    with pytest.raises(ConfigError, match=r"at most 100000 entries, found 1\d{7} once"):
+    with pytest.raises(
+        ConfigError, match=r"at most 100,000 keys and values, found 12,345,687 once"
+    ):
         load_config(file)
 
 

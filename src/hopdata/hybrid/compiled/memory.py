@@ -154,6 +154,12 @@ class FirstTried(AbstractTemplate):
     metadata = {"target": "cpu"}  # noqa: RUF012
 
 
+def ask_first(key: Any, template: Any) -> None:
+    """Let Numba ask a template (`FirstTried`) first for the meaning of an operator."""
+    template.key = key
+    infer_global(key)(template)
+
+
 def tried_first(key: Any, typed: Callable[..., Any], literal: bool = False) -> None:
     """Give an operator a meaning for our types.
 
@@ -167,8 +173,7 @@ def tried_first(key: Any, typed: Callable[..., Any], literal: bool = False) -> N
         def generic(self, args: Any, kws: Any) -> Any:
             return typed(*args)
 
-    Template.key = key  # type: ignore[attr-defined]
-    infer_global(key)(Template)
+    ask_first(key, Template)
 
 
 @infer_global(operator.getitem)

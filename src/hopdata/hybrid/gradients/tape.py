@@ -23,10 +23,9 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core.typing.templates import infer_global
 from numba.extending import lower_builtin, lower_cast, models, register_model
 
-from hopdata.hybrid.compiled.memory import FirstTried, NumberLike
+from hopdata.hybrid.compiled.memory import FirstTried, NumberLike, ask_first
 from hopdata.hybrid.numbers import duals
 
 FLOAT = types.float64
@@ -193,8 +192,7 @@ def _defined(key: Any, counts: tuple[int, ...], literal: bool = False) -> None:
 
             return traced(found.return_type)(*map(traced, found.args))
 
-    Template.key = key  # type: ignore[attr-defined]
-    infer_global(key)(Template)
+    ask_first(key, Template)
     for count in counts:
         for kinds in product((Traced, types.Any), repeat=count):
             if Traced in kinds:
