@@ -30,6 +30,7 @@ class Problem(NamedTuple):
     """What the code for ranges reads of a problem."""
 
     branches: int
+    guards: int
     rate_bound: int
     mode: object
     params: object
@@ -145,7 +146,7 @@ def rounding(p, m, k, b, box, part):
 @njit
 def compared(branches, scalar, k, box, parts, tables, params, mode, found):
     """Count, over all boxes, what samples find outside of the ranges of guard k."""
-    p = Problem(branches, 1, view(mode), view(params))
+    p = Problem(branches, 0, 1, view(mode), view(params))
     m = memory_of(tables)
     for b in range(len(box.t)):
         enclose(m.states, b, box)
@@ -239,5 +240,5 @@ class Ranged:
 
 @njit
 def once(branches, k, start, end, pace, tables, params, mode):
-    p = Problem(branches, 1, view(mode), view(params))
+    p = Problem(branches, 0, 1, view(mode), view(params))
     return evaluate(p, memory_of(tables), k, start, end, pace)
