@@ -10,8 +10,14 @@ from numba import njit
 from hopdata.hybrid import guard
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import call_guard
-from hopdata.hybrid.compiled.memory import address_of, view
-from hopdata.hybrid.driver.paths import evaluate, is_open
+from hopdata.hybrid.compiled.memory import view
+from hopdata.hybrid.driver.paths import (
+    answer_next,
+    forget_ranges,
+    join_all_runs,
+    run_once,
+)
+from hopdata.hybrid.numbers import answers
 from hopdata.hybrid.numbers.guards import guards_for_ranges
 
 N = 3  # states
@@ -21,20 +27,23 @@ COMPARED, OUTSIDE, RATES_OUTSIDE, UNKNOWN, OPEN, PATHS = range(6)  # what is cou
 
 
 class Problem(NamedTuple):
-    """What `evaluate` reads of a problem."""
+    """What the code for ranges reads of a problem."""
 
     branches: int
-    guard: int
+    guards: int
+    rate_bound: int
     mode: object
     params: object
 
 
 class Memory(NamedTuple):
-    """What `evaluate` reads and writes of the memory."""
+    """What the code for ranges reads and writes of the memory."""
 
     states: object
     guards: object
-    clock: object
+    flags: object
+    lists: object
+    counts: object
 
 
 class Box(NamedTuple):
@@ -58,6 +67,35 @@ def boxes(rng, count, least=-12.0, most=0.0, wide=4.0):
         slowest,
         slowest + spread,
     )
+
+
+@njit
+def memory_of(tables):
+    """Return the memory, in which one guard is awake."""
+    states, guards, flags, lists, counts = tables
+    return Memory(view(states), view(guards), view(flags), view(lists), view(counts))
+
+
+@njit
+def evaluate(p, m, k, start, end, t_rate):
+    """Write the ranges of guard k into rows H_LEAST to RATE_MOST; count the paths."""
+    m.lists[at.AWAKE, 0] = k
+    m.counts[at.N_AWAKE] = 1
+    m.counts[at.NGEV] = 0
+    answer_next(m, 0)
+    run_once(p, m, start, end, t_rate)
+    if not join_all_runs(p, m, start, end):
+        forget_ranges(m)
+    return m.counts[at.NGEV]
+
+
+@njit
+def is_open(m):
+    """Return whether a path was open or lost, or the last one met a jump."""
+    c = m.counts
+    met = c[at.NGEV] > 1 or c[at.ANSWERS + answers.OPENED] > 0
+    met = met or c[at.ANSWERS + answers.JUMPED] > 0
+    return met or c[at.ANSWERS + answers.LOST] > 0
 
 
 @njit
@@ -97,27 +135,23 @@ def sampled(scalar, p, m, k, b, box, parts, row):
 
 
 @njit
-def rounding(p, m, which, k, b, box, part):
+def rounding(p, m, k, b, box, part):
     """Return a bound on the rounding of a sample: the width of its own range."""
     t = place_on(m.states, b, box, part, at.LEAST)
     place_on(m.states, b, box, part, at.MOST)
-    evaluate(p, m, t, t, 1.0, address_of(which), 1)
+    evaluate(p, m, k, t, t, 1.0)
     return m.guards[at.H_MOST, k] - m.guards[at.H_LEAST, k]
 
 
 @njit
 def compared(branches, scalar, k, box, parts, tables, params, mode, found):
     """Count, over all boxes, what samples find outside of the ranges of guard k."""
-    states, guards, clock, listed = tables
-    p = Problem(branches, 1, view(mode), view(params))
-    m = Memory(view(states), view(guards), view(clock))
-    which = view(listed)
-    which[0] = k
+    p = Problem(branches, 0, 1, view(mode), view(params))
+    m = memory_of(tables)
     for b in range(len(box.t)):
         enclose(m.states, b, box)
-        found[b, PATHS] = evaluate(
-            p, m, box.t[b], box.t[b] + box.span[b], 1.0, address_of(which), 1
-        )
+        end = box.t[b] + box.span[b]
+        found[b, PATHS] = evaluate(p, m, k, box.t[b], end, 1.0)
         lo = m.guards[at.H_LEAST, k]
         hi = m.guards[at.H_MOST, k]
         dlo = m.guards[at.RATE_LEAST, k]
@@ -138,8 +172,8 @@ def compared(branches, scalar, k, box, parts, tables, params, mode, found):
                 found[b, COMPARED] += 1
                 is_inside = dlo - noise <= rate <= dhi + noise
                 if np.isfinite(rate) and not is_inside:
-                    blur = rounding(p, m, which, k, b, box, parts[j])
-                    blur += rounding(p, m, which, k, b, box, parts[j - 1])
+                    blur = rounding(p, m, k, b, box, parts[j])
+                    blur += rounding(p, m, k, b, box, parts[j - 1])
                     is_outside = (
                         rate < dlo - blur / passed or rate > dhi + blur / passed
                     )
@@ -162,8 +196,9 @@ class Ranged:
         self.tables = (
             np.zeros((at.W1, N)),
             np.zeros((at.GUARD_ROWS, n_guards)),
-            np.zeros(at.CLOCK_SLOTS),
-            np.zeros(1, dtype=np.int64),
+            np.zeros((at.FLAG_ROWS, n_guards), dtype=np.int64),
+            np.zeros((at.LIST_ROWS, n_guards), dtype=np.int64),
+            np.zeros(at.COUNT_SLOTS, dtype=np.int64),
         )
 
     def over(self, box, k, rng):
@@ -194,19 +229,16 @@ class Ranged:
     def told(self):
         """The integers in the memory of answers."""
         first = int(at.ANSWERS)
-        return self.tables[2][first : first + 5].view(np.int64)
+        return self.tables[-1][first : first + 5]
 
     @property
     def first(self):
         """What changes sign at the first open comparison or jump."""
         first = int(at.ANSWERS)
-        return self.tables[2][first + 5 : first + 9]
+        return self.tables[-1][first + 5 : first + 9].view(np.float64)
 
 
 @njit
 def once(branches, k, start, end, pace, tables, params, mode):
-    states, guards, clock, listed = tables
-    p = Problem(branches, 1, view(mode), view(params))
-    m = Memory(view(states), view(guards), view(clock))
-    listed[0] = k
-    return evaluate(p, m, start, end, pace, address_of(view(listed)), 1)
+    p = Problem(branches, 0, 1, view(mode), view(params))
+    return evaluate(p, memory_of(tables), k, start, end, pace)

@@ -23,16 +23,17 @@ def numbers(count: int, first: int = 0) -> Any:
 
 # Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of
 # states and slopes over a piece of the step (lower and upper ends) and their rounding,
-# coefficients of the interpolant in powers of theta, from the step's start and from
-# that of a piece, and those of a piece (see `enclosure`), the coefficients of the
-# interpolant from P1 on, and rows that belong to the method (the slopes of its stages,
-# for instance). A method reads Y and K1 and fills END and KEND; its interpolant fills
-# P1 and the rows after it. P0 is for a copy of Y, before the others.
+# the coefficients of the interpolant from P1 on, and rows that belong to the method
+# (the slopes of its stages, for instance). A method reads Y and K1 and fills END and
+# KEND; its interpolant fills P1 and the rows after it. P0 is for a copy of Y, before
+# the others. `enclosure` needs more rows for each coefficient: they are among those of
+# the interpolant that a method of low degree leaves free, else after its own rows.
 Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE = numbers(10)
 VALUE_GRAIN, SLOPE_GRAIN = numbers(2, 10)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
-POWERS, SHIFTED, OF_PIECE, P0 = 12 + (LARGEST_DEGREE + 1) * numbers(4)
-P1 = P0 + 1
+P0, P1 = numbers(2, 12)
+# Largest degree that leaves three free rows for each of its coefficients.
+LOW_DEGREE = (LARGEST_DEGREE + 1) // 4 - 1
 # Its first number is the address of the structure of a sparse Jacobian (0: none; see
 # `methods.sparsity`).
 STRUCTURE = P1 + LARGEST_DEGREE
@@ -103,7 +104,9 @@ ORDER, INTERPOLANT_ERROR, IN_POWERS = numbers(3, 10)
 SPARSER, DENSER, STIFFER, RELAXED = numbers(4, 13)
 # Row of the last stage's slope, and ten times the stability limit.
 LAST_SLOPE, STIFF_TENTHS = numbers(2, 17)
-METHOD_SLOTS = 19
+# First of the rows in which the interpolant is enclosed.
+ENCLOSED_AT = np.int64(19)
+METHOD_SLOTS = 20
 
 # Slots of `clock`: time, next step, logarithm of the last step's error, and its error
 # in units of the tolerance.
@@ -145,12 +148,13 @@ CHANGES = np.int64(29)
 # The proof of a step (see `proof`): steps whose budget of pieces did not suffice;
 # whether this step is not proven, whether only signs have decided the last pieces and
 # the last one, whether all pieces so far; whether the guards at the start of the piece
-# are known; whether one turns too close to tell; and where the interpolant in powers of
-# theta stands, from the start of the step and of the piece. Then the memory of answers
-# to comparisons in the guards' code for ranges (see `numbers.answers`).
+# are known; whether one turns too close to tell; where the interpolant in powers of
+# theta stands, from the start of the step and of the piece; and the first rows of its
+# coefficients in the piece, and of those from the start of a piece. Then the memory of
+# answers to comparisons in the guards' code for ranges (see `numbers.answers`).
 EXHAUSTED, UNSURE, PENDING, DOUBT, FROM_START, KNOWN, IS_CLOSE = numbers(7, 30)
-POWERS_AT, TERMS_AT, ANSWERS = numbers(3, 37)
-COUNT_SLOTS = 39 + answers.N_SLOTS
+POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ANSWERS = numbers(5, 37)
+COUNT_SLOTS = 41 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for

@@ -110,7 +110,7 @@ def search(monkeypatch):
         guards[[RATE0, RATE1]] = [[slope(0.0)], [slope(1.0)]]
         memory = memory_of(guards)
 
-        def probe(p, m, dt, theta):
+        def probe(p, m, dt, k, theta):
             guards[H] = margin(theta)
             guards[RATE] = slope(theta)
 
@@ -186,7 +186,7 @@ def interpreted(monkeypatch):
     memory = memory_of(guards)
     problem = SimpleNamespace(mode=np.array([-1]))
 
-    def probe(p, m, dt, theta):
+    def probe(p, m, dt, k, theta):
         margin = theta * (0.5 - theta)
         guards[H] = ROUNDING if theta < 2 * ROUNDING else -margin
         guards[RATE] = -(0.5 - 2.0 * theta)

@@ -37,11 +37,14 @@ def begin_enclosing(p: Problem, m: Memory) -> None:
     """
     s = m.states
     degree = m.counts[at.DEGREE]
+    free = p.methods[m.counts[at.METHOD], at.ENCLOSED_AT]
+    m.counts[at.PIECE_AT] = free
+    m.counts[at.SHIFTED_AT] = free + degree + 1
     for i in range(s.width):
         s[at.P0, i] = s[at.Y, i]
     m.counts[at.POWERS_AT] = at.P0
     if p.methods[m.counts[at.METHOD], at.IN_POWERS] == 0:
-        m.counts[at.POWERS_AT] = at.POWERS
+        m.counts[at.POWERS_AT] = free + 2 * (degree + 1)
         to_powers(m, degree)
     m.counts[at.TERMS_AT] = m.counts[at.POWERS_AT]
     row = m.counts[at.POWERS_AT]
@@ -62,9 +65,10 @@ def begin_enclosing(p: Problem, m: Memory) -> None:
 def to_powers(m: Memory, degree: int) -> None:
     """Write y = Y + x (P1 + r (P2 + x (P3 + ...))), r = 1 - x, in powers of x."""
     s = m.states
-    v = at.POWERS + 1  # first row of what is multiplied by x at last
+    constant = m.counts[at.POWERS_AT]
+    v = constant + 1  # first row of what is multiplied by x at last
     for i in range(s.width):
-        s[at.POWERS, i] = s[at.Y, i]
+        s[constant, i] = s[at.Y, i]
         s[v, i] = s[at.P1 + degree - 1, i]
         for k in range(1, degree):  # degree after this factor
             number = degree - k  # of the coefficient that is added: P1 is number 1
@@ -86,7 +90,7 @@ def shift_to(m: Memory, a: float) -> None:
     s = m.states
     degree = m.counts[at.DEGREE]
     row = m.counts[at.POWERS_AT]
-    into = at.SHIFTED
+    into = m.counts[at.SHIFTED_AT]
     m.counts[at.TERMS_AT] = into
     for j in range(degree + 1):
         for i in range(s.width):
@@ -101,7 +105,7 @@ def shift_to(m: Memory, a: float) -> None:
 def enclose_one(m: Memory, i: int, row: int, width: float, per_s: float) -> None:
     """Enclose state i and its slope over a piece of this width from `row` on."""
     s = m.states
-    c = at.OF_PIECE
+    c = m.counts[at.PIECE_AT]
     n = m.counts[at.DEGREE]
     power = 1.0
     slopes = 0.0

@@ -13,6 +13,7 @@ from hopdata.hybrid.driver.problem import (
     EPS,
     Problem,
     blur,
+    eval_guard,
     eval_listed,
     margin_of,
     time_resolution,
@@ -119,11 +120,18 @@ PATIENCE = 4
 
 
 @kernel_apart
-def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
-    """Evaluate the guards in NEAR on the interpolant at `theta`, into H and RATE."""
+def probe(p: Problem, m: Memory, dt: float, k: int, theta: float) -> None:
+    """Evaluate guard k on the interpolant at `theta`, into H and RATE.
+
+    If the system gives all guards at once, all are evaluated.
+    """
     interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
     t = m.clock[at.T] + theta * dt
-    eval_listed(p, m, at.NEAR, t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
+    if p.guards != 0:
+        eval_listed(p, m, at.NEAR, t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
+        return
+    m.counts[at.NGEV] += 1
+    eval_guard(p, m, t, at.SCRATCH, at.SLOPE, k, at.H, at.RATE)
 
 
 @kernel_apart
@@ -135,7 +143,7 @@ def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
     g = m.guards
     resolution = time_resolution(m.clock[at.T], dt)
     while low > LEAVING:
-        probe(p, m, dt, low)
+        probe(p, m, dt, k, low)
         noise = blur(g[at.SIZE, k], g[at.RATE, k], resolution)
         if margin_of(p, m, k, at.H) > noise:
             return low
@@ -155,7 +163,7 @@ def back(p: Problem, m: Memory, dt: float, k: int, end: float) -> float:
     x = 0.25 * LEAVING
     while rate > -SURELY_BACK * first_rate and x < end:
         x = min(4.0 * x, end)
-        probe(p, m, dt, x)
+        probe(p, m, dt, k, x)
         rate = margin_of(p, m, k, at.RATE)
     if rate < first_rate:
         return min(2.0 * x * first_rate / (first_rate - rate), end)
@@ -214,7 +222,7 @@ def guess_between(
     """
     left = at.H0
     if low > 0.0:
-        probe(p, m, dt, low)
+        probe(p, m, dt, k, low)
         left = at.H
     span = (high - low) * dt
     g0 = margin_of(p, m, k, left)
@@ -254,7 +262,7 @@ def crossing(  # noqa: C901 (one search, whose cases share its bracket)
             width = high - low
         if not low < x < high:
             x = 0.5 * (low + high)
-        probe(p, m, dt, x)
+        probe(p, m, dt, k, x)
         g = margin_of(p, m, k, at.H)
         d = margin_of(p, m, k, at.RATE) * dt
         if g > 0.0:
@@ -290,17 +298,21 @@ def first_root(
     """
     k = m.lists[at.NEAR, 0]
     theta = crossing(p, m, dt, k, low, high, right)
+    are_known = False  # all guards, evaluated together, at theta
     for a in range(1, m.counts[at.N_NEAR]):
         rival = m.lists[at.NEAR, a]
         if not low < theta:
             break
-        probe(p, m, dt, theta)
+        if not are_known:
+            probe(p, m, dt, rival, theta)
+            are_known = p.guards != 0
         if margin_of(p, m, rival, at.H) >= 0.0:
             continue
         # Copied, because the search overwrites the rows of `probe`.
         m.guards[at.H_RIGHT, rival] = m.guards[at.H, rival]
         m.guards[at.RATE_RIGHT, rival] = m.guards[at.RATE, rival]
         place = crossing(p, m, dt, rival, low, theta, at.H_RIGHT)
+        are_known = False
         if place < theta:
             k = rival
             theta = place

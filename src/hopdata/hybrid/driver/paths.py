@@ -34,7 +34,7 @@ def run_once(p: Problem, m: Memory, start: float, end: float, t_rate: float) -> 
     n = m.states.width
     n_guards = m.guards.width
     states = address_of(m.states)
-    m.counts[at.NGEV] += 1
+    m.counts[at.NGEV] += 1 if p.guards != 0 else m.counts[at.N_AWAKE]
     call_ranges(
         p.branches, start, end, t_rate,
         states + BYTES * n * at.LEAST, states + BYTES * n * at.LEAST_SLOPE, n,

@@ -143,12 +143,17 @@ class MethodTable:
         self.generic: set[int] = set()
         self.steps = 0
         self.work_rows = max(method.work_rows for method in self._methods)
+        enclosed_at = layout.P0 + layout.LOW_DEGREE + 1
         self.tangent_rows = max(method.tangent_rows for method in self._methods)
         self.degree = DOP853.degree
         if "taylor" in self._names:
             self.degree = layout.LARGEST_DEGREE
+            enclosed_at = layout.W1 + self.work_rows
+            # Its interpolant is in powers already.
+            self.work_rows += 2 * (self.degree + 1)
         shape = (len(self._names), layout.METHOD_SLOTS)
         self.rows: IntArray = np.zeros(shape, dtype=np.int64)
+        self.rows[:, layout.ENCLOSED_AT] = enclosed_at
         for number, method in enumerate(self._methods):
             self._describe(number, method)
         if self._names == ("taylor",):  # the driver calls its refresh from the start
