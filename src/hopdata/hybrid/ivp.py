@@ -62,8 +62,8 @@ KEPT_SYSTEMS = 64
 class OdeResult(dict[str, Any]):
     """What `solve_ivp` returns: a dictionary whose entries are attributes as well.
 
-    Entries
-    -------
+    Attributes
+    ----------
     t : (N,) array
         Times, s.
     y : (n, N) array
@@ -78,7 +78,9 @@ class OdeResult(dict[str, Any]):
     status : int
         0: reached the end; 1: ended by an event; -1: failed.
     message : str
+        How it ended, in words.
     success : bool
+        Whether it reached the end or an event that ends it.
     solution : Solution
         The result in this package's own form.
     """
