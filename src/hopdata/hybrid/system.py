@@ -351,9 +351,13 @@ class System(Told):
         )
         return Derivatives(functions)
 
-    @cached_property
+    @property
     def exact(self) -> Exact:
-        """Exact derivatives of its functions at one place."""
+        """Exact derivatives at one place, of its functions as globals are now."""
+        return self.current()._exact
+
+    @cached_property
+    def _exact(self) -> Exact:
         return Exact(self.derivatives, self.n_guards)
 
     @cached_property

@@ -166,6 +166,24 @@ def is_past(g: float, d: float, noise: float) -> bool:
 
 
 @kernel
+def is_past_at(
+    p: Problem, m: Memory, k: int, row: int, dt: float, resolution: float
+) -> bool:
+    """Return whether guard k is past its surface by the values in a row.
+
+    Inside a step of length `dt`, rates are the interpolant's: of a guard that has
+    flipped far from the origin they may be the rounding of its terms over the step.
+    What such a rate moves within the step is rounding, too.
+    """
+    g = facing(p.mode[k], m.guards[row, k])
+    d = facing(p.mode[k], m.guards[row + 1, k])
+    noise = blur(m.guards[at.SIZE, k], d, resolution)
+    if row != at.H1:
+        d += ROUNDING * m.guards[at.PARTS, k] / dt
+    return is_past(g, d, noise)
+
+
+@kernel
 def is_on(g: float, d: float, noise: float) -> bool:
     """Return whether a guard is on its surface by rounding, and does not pass it."""
     return g <= 0.0 or (g <= noise and d > 0.0)
@@ -209,7 +227,7 @@ def judge(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled loop)
     dz = facing(lock, g[right + 1, k])
     noise = blur(g[at.SIZE, k], da, resolution)
     on = is_on(ga, da, noise)
-    past = is_past(gz, dz, blur(g[at.SIZE, k], dz, resolution))
+    past = is_past_at(p, m, k, right, dt, resolution)
     if on:
         g[at.CLEARANCE, k] = inf
         past = past and not is_leaving(m, k, dz, z * dt, resolution)
@@ -258,7 +276,7 @@ def judge_by_signs(
     resolution = time_resolution(m.clock[at.T], dt)
     gz = facing(p.mode[k], g[right, k])
     dz = facing(p.mode[k], g[right + 1, k])
-    past = is_past(gz, dz, blur(g[at.SIZE, k], dz, resolution))
+    past = is_past_at(p, m, k, right, dt, resolution)
     if past and not (gz < 0.0 and is_leaving(m, k, dz, z * dt, resolution)):
         return FLIPS
     return CLEAR
