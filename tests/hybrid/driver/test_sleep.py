@@ -244,7 +244,10 @@ def test_a_memory_of_the_wrong_length_is_named():
 
 @pytest.mark.parametrize("tilt", [0.05, 1e-3, 1e-6])
 def test_a_flat_landing_looks_at_few_guards(tilt):
-    """However close the contacts are, a step is clipped to the first and wakes few guards."""
+    """However close the contacts are, a step is clipped to the first and wakes few guards.
+
+    A third of the evaluations are by ranges: one of each guard awake, in each step.
+    """
     plate = Plate(600)
     start = [0.0, 2.0, tilt, 0.0, 0.0, 0.0]
     solution = solve(
@@ -254,7 +257,7 @@ def test_a_flat_landing_looks_at_few_guards(tilt):
     assert len(events) >= 600
     assert sorted(events.guard[:600].tolist()) == list(range(600))
     assert solution.n_steps < 1.1 * len(events)
-    assert solution.n_guard_evaluations < 100 * len(events)
+    assert solution.n_guard_evaluations < 120 * len(events)
 
 
 # The heap of sleeping guards keeps the heap property.
