@@ -35,7 +35,7 @@ OF_FEET = {
     EXCHANGED: "landings.feet_exchanged",
 }
 _OF_EACH = {
-    BOUNCES: "{foot} ({landings} landings, some {ms:.2g} ms)",
+    BOUNCES: "{foot} ({landings} landings, some {ms:.0f} ms)",
     FILLED: "{foot} ({landings} landings, up to {ms:.0f} ms each)",
     EXCHANGED: "{foot} ({landings} landings, up to {ms:.0f} ms each)",
 }
