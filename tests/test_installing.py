@@ -118,7 +118,7 @@ def test_workflows_call_what_the_makefile_has(path):
 
 @pytest.mark.parametrize("config", ["config/config.yaml", "config/thesis.yaml"])
 def test_make_figures_says_what_it_makes_and_where_it_is(config):
-    asked = ["make", "--dry-run", "figures", f"CONFIG={config}"]
+    asked = ["make", "--no-print-directory", "--dry-run", "figures", f"CONFIG={config}"]
     commands = subprocess.run(
         asked, cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.splitlines()

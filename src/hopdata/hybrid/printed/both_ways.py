@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import check_shape, expect
 from hopdata.hybrid.layout import FINISHED, TERMINATED, TOO_MANY_EVENTS
 from hopdata.hybrid.printed.integrate import (
@@ -166,7 +167,7 @@ class Door:
         has_ended = False
         for number, one in enumerate(leg.crossings):
             direction = int(region.orientation[one.guard])
-            directions, _, _ = self.trail.system.rules
+            directions = self.trail.system.rules[at.DIRECTION]
             if directions[one.guard] not in (0, direction):
                 continue
             mode = region.mode(one.locks)
@@ -197,5 +198,5 @@ class Door:
                     "the printed method has no resets"
                 )
         self.counts[one.guard] += 1
-        _, terminal, _ = system.rules
+        terminal = system.rules[at.TERMINAL]
         return has_ended or bool(self.counts[one.guard] == terminal[one.guard])
