@@ -32,6 +32,18 @@ def sources_digest(package: Path, folder: str = "driver") -> str:
     return digest.hexdigest()[:DIGITS]
 
 
+def in_module_of(digest: str, callback: Any) -> str:
+    """Return a digest that also differs with the module of a user's function.
+
+    What is kept of code for other numbers names that module; where another program has
+    the same function, it could not be read.
+    """
+    while hasattr(callback, "inner"):  # derived from the user's
+        callback = callback.inner
+    whole = f"{digest} {callback.users.__module__}"
+    return hashlib.sha256(whole.encode()).hexdigest()[:DIGITS]
+
+
 def driver_sources(package: Path, folder: str = "driver") -> dict[str, bytes]:
     """Return the sources of the driver, or of another folder, by their paths."""
     found: dict[str, bytes] = {}

@@ -23,7 +23,7 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.declare import reason_and_advice
-from hopdata.hybrid.compiled.digest import sources_digest, with_digest
+from hopdata.hybrid.compiled.digest import in_module_of, sources_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_at, array_of, float_vector, int_vector
 from hopdata.hybrid.numbers import along, duals
@@ -162,7 +162,8 @@ def compiled(
 
     try:
         function = with_digest(template, **names, **sizes, CALL=callback.dual)
-        digest = f"{function_digest(function)}-{width}-{own_digest()}"
+        own = in_module_of(own_digest(), callback)
+        digest = f"{function_digest(function)}-{width}-{own}"
         code = compiled_in_cache(function, digest, compile_it)
     # Numba's own exceptions, and others raised within it.
     except Exception as error:

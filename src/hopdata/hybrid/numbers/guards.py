@@ -14,7 +14,7 @@ from numba import cfunc
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.declare import reason_and_advice
-from hopdata.hybrid.compiled.digest import with_digest
+from hopdata.hybrid.compiled.digest import in_module_of, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_of, float_vector, int_vector
 from hopdata.hybrid.numbers.answers import RANGES_NATIVE
@@ -91,7 +91,8 @@ def guards_for_ranges(guards: Callback | None) -> RangedGuards:
     library.symbol()  # before code that calls it is loaded
     try:
         function = with_digest(template, **inserted, CALL=guards.ranged)
-        digest = f"{function_digest(function)}-{ranges.DIGEST}"
+        own = in_module_of(ranges.DIGEST, guards)
+        digest = f"{function_digest(function)}-{own}"
 
         def compile_it(cached: bool) -> Any:
             return cfunc(RANGES_NATIVE, cache=cached and guards.kept, **ENTRY)(function)
