@@ -60,9 +60,12 @@ def brief_line(inspection: Inspection, file: str) -> str:
     file : str
         How the line names the file.
     """
+    duration = f"{inspection.duration_s:.1f} s"
+    if inspection.duration_s < 1.0:
+        duration = f"{inspection.duration_s:.2g} s"  # 0.0 s would be no recording
     facts = [
         f"{inspection.rate_hz:g} Hz",
-        f"{inspection.duration_s:.1f} s",
+        duration,
         counted(len(inspection.markers), "marker"),
         f"{inspection.up.value} up",
         inspection.unit.value,
