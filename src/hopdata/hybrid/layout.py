@@ -257,7 +257,8 @@ SENTENCES = {
     "guards; System(..., sliding=('{guard}',)) lets it slide (docs/sliding.md).",
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them "
     "falls below what floating-point numbers resolve (a Zeno sequence, chattering, or "
-    "handlers that push guards across without an end).",
+    "handlers that push guards across without an end, as one does that acts at rises "
+    "and falls alike: let it look at direction, or give System(directions=...)).",
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the "
     "field or the state, or one of them turns another back: the share of each guard, "
     "and therefore the Jacobian of the flow, is unknown.",

@@ -237,6 +237,23 @@ def test_handlers_that_change_the_state(handler):
     assert found.y_end.tolist() == own.y_end.tolist()
 
 
+def bounce_whatever_the_direction(t, y, p):
+    return y[0], -p[1] * y[1]
+
+
+def test_a_handler_that_acts_at_rises_and_falls_alike_is_told_what_to_do():
+    """It turns back what it has just turned, unless one direction alone is an event."""
+    for_ever = ball(bounce=bounce_whatever_the_direction)
+    found = solve(for_ever, (0, 2), [1.0, 0.0], params=PARAMS)
+    assert not found.success
+    assert "directions=" in found.message
+    once = ball(bounce=bounce_whatever_the_direction, directions=(1,))
+    found = solve(once, (0, 2), [1.0, 0.0], params=PARAMS)
+    own = solve(ball(), (0, 2), [1.0, 0.0], params=PARAMS)
+    assert found.success
+    assert found.y_end == pytest.approx(own.y_end, rel=1e-12)
+
+
 def test_a_handler_stops_by_true():
     found = solve(
         ball(bounce=handler_that_stops, directions=(0,)),
