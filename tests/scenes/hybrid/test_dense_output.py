@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import solve
-from hopdata.hybrid.methods.table import CHOICES
+from hopdata.hybrid.methods.table import choices
 from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 from hopdata.scenes.vertical_hopper import VerticalHopper
 
 
-@pytest.mark.parametrize("method", CHOICES)
+@pytest.mark.parametrize("method", choices())
 @pytest.mark.parametrize("backward", [False, True])
 def test_it_is_the_polynomial_of_the_samples(method, backward):
     hopper = VerticalHopper()
