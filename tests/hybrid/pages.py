@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import linecache
 import re
 from pathlib import Path
 
@@ -19,6 +20,8 @@ def run_page(name):
     assert blocks, page
     names = {"__name__": "__main__"}
     for number, block in enumerate(blocks):
-        # Functions are read from files, which the integrator needs as well.
-        exec(compile(block, f"{page}:{number}", "exec"), names)
+        # The integrator reads the source of functions, as in a notebook.
+        file = f"{page}:{number}"
+        linecache.cache[file] = (len(block), None, block.splitlines(True), file)
+        exec(compile(block, file, "exec"), names)
     return names

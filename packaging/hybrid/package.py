@@ -2,7 +2,7 @@
 
     from hopdata.hybrid import System, solve
 
-It is the package ``hopdata`` where the whole of hopdata is not installed.
+This is ``hopdata/__init__.py`` of the wheel that holds the integrator alone.
 """
 
 from importlib import import_module
@@ -10,7 +10,7 @@ from importlib.metadata import version
 
 _FROM_HYBRID = ("System", "solve")
 __version__ = version("hopdata-hybrid")
-__all__ = ["System", "solve"]
+__all__ = sorted(_FROM_HYBRID)  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> object:
