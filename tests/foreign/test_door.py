@@ -287,6 +287,7 @@ def test_no_process_and_no_pipe_is_left(way):
     assert n_children <= before[1]
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupted_call_ends_its_process(way):
     call("echo", 1)
     children = len(psutil.Process().children())
