@@ -21,12 +21,16 @@ from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods import stiff
-from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
+from hopdata.hybrid.methods.explicit import (
+    DOP853,
+    DOPRI5,
+    Tableau,
+    check_tableau,
+)
 from hopdata.hybrid.methods.method import Method, Scene, compiled_part
 
 TABLEAUS = {"dopri5": DOPRI5, "dop853": DOP853}
 MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
-CHOICES = ("auto", *TABLEAUS, *MAKERS)
 TANGENTS = ("tangent", "short_tangent")
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
 
@@ -52,6 +56,34 @@ COLUMNS = (
     "last_slope",
     "stiff_tenths",
 )
+
+
+def choices() -> tuple[str, ...]:
+    """Return the names by which a method can be chosen."""
+    return ("auto", *TABLEAUS, *MAKERS)
+
+
+def add_method(name: str, tableau: Tableau) -> None:
+    """Let ``method=name`` choose an explicit Runge-Kutta pair, in this process.
+
+    Its machine code, its interpolant, the proof along it, and its derivatives follow
+    from the coefficients. ``"auto"`` does not take it.
+
+    Parameters
+    ----------
+    name : str
+        A name that no method has yet.
+    tableau : Tableau
+        Coefficients of the pair and of its interpolant.
+
+    Raises
+    ------
+    ValueError
+        If the name is taken, or the coefficients are not those of a method.
+    """
+    expect(name not in choices(), "name", "one that no method has", repr(name))
+    check_tableau(tableau)
+    TABLEAUS[name] = tableau
 
 
 @cache
@@ -80,9 +112,9 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
     ValueError
         If no method has this name, or if it does not suit the scene.
     """
-    known = isinstance(name, str) and name in CHOICES
-    hint = "" if known else did_you_mean(str(name), CHOICES)
-    expect(known, "method", f"one of {', '.join(CHOICES)}", repr(name), hint)
+    known = isinstance(name, str) and name in choices()
+    hint = "" if known else did_you_mean(str(name), choices())
+    expect(known, "method", f"one of {', '.join(choices())}", repr(name), hint)
     suits = name != "taylor" or scene.affine is not None
     expect(suits, "method", "a System with an @affine function for 'taylor'", "none")
     carries = name != "rosenbrock" or not jacobian
@@ -103,7 +135,7 @@ class MethodTable:
     Parameters
     ----------
     choice : str
-        One of `CHOICES`.
+        One of `choices`.
     scene : Scene
         Scene for which the methods are made.
     jacobian : bool
