@@ -1,0 +1,160 @@
+"""Guards at rest: the reactions that keep their rates at zero."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hopdata.hybrid.methods import tangent
+from hopdata.hybrid.sliding.flags import RESTING, STUCK
+from hopdata.hybrid.sliding.mix import size_of, solve_small
+
+FIRST_STEP = tangent.FIFTH_ROOT_OF_EPS
+
+# Inserted into the templates (see `sliding.system`).
+GUARDS: Any = None
+HANDLER: Any = None
+SLIDE: Any = None
+APPROACH: Any = None
+BENDS: Any = None
+ALONG: Any = None
+M = 0
+OWN = 0
+N_GUARDS = 0
+N_MODES = 0
+SURFACES = (0,)
+
+
+def approach_template(t: float, y: Any, mode: Any, params: Any, values: Any) -> None:
+    """Fill `values` with the rates of the guards that rest; zero for the others."""
+    dy = np.empty(len(y))
+    shares = np.empty(M)
+    slopes = np.empty(M)
+    SLIDE(t, y, mode, params, dy, shares, slopes)
+    h = np.empty(N_GUARDS)
+    hdot = np.empty(N_GUARDS)
+    numbers = params[: len(params) - OWN]
+    GUARDS(t, y, dy, mode[M : M + N_MODES], numbers, h, hdot)
+    for j in range(M):
+        values[j] = 0.0
+        if mode[M + N_MODES + j] >= RESTING:
+            values[j] = hdot[SURFACES[j]]
+
+
+def along_template(
+    t: float, y: Any, mode: Any, params: Any, j: int, values: Any
+) -> None:
+    """Fill `values` with the change of all resting guards' rates by reaction j."""
+    n = len(y)
+    first = len(params) - OWN + j * n
+    step = FIRST_STEP * max(size_of(y), params[len(params) - M + j])
+    if step == 0.0:
+        step = FIRST_STEP
+    beside = np.empty(n)
+    above = np.empty(M)
+    for side in range(2):
+        for i in range(n):
+            beside[i] = y[i] + (1.0 - 2.0 * side) * step * params[first + i]
+        APPROACH(t, beside, mode, params, values if side == 1 else above)
+    for other in range(M):
+        values[other] = (above[other] - values[other]) / (2.0 * step)
+
+
+def mix_template(
+    t: float, y: Any, mode: Any, params: Any, dy: Any, shares: Any, slopes: Any
+) -> None:
+    """Fill `dy` with the field: mixed, and with the reactions of guards that rest.
+
+    A reaction acts along the change of the state by the guard's handler. It keeps the
+    guard's rate at zero. The guard's share is that reaction's cause, the bend of the
+    guard without it, which is positive while the field presses on the surface.
+    """
+    SLIDE(t, y, mode, params, dy, shares, slopes)
+    listed = np.empty(M, dtype=np.int64)
+    count = 0
+    for j in range(M):
+        if mode[M + N_MODES + j] == RESTING:
+            listed[count] = j
+            count += 1
+    if count == 0:
+        return
+    matrix = np.empty((count, count))
+    column = np.empty(M)
+    for b in range(count):
+        ALONG(t, y, mode, params, listed[b], column)
+        for a in range(count):
+            matrix[a, b] = column[listed[a]]
+    force = np.empty(count)
+    bends = np.empty(M)
+    # The second time, what rounding has left of the bend is taken away.
+    for turn in range(2):
+        bends[:] = 0.0
+        BENDS(t, y, dy, mode, params, True, bends)
+        BENDS(t, y, dy, mode, params, False, bends)
+        for b in range(count):
+            force[b] = -bends[listed[b]]
+            if turn == 0:
+                lock = mode[M + SURFACES[listed[b]]]
+                shares[listed[b]] = -lock * bends[listed[b]]
+        solve_small(matrix.copy(), force)
+        for b in range(count):
+            first = len(params) - OWN + listed[b] * len(y)
+            for i in range(len(y)):
+                dy[i] += force[b] * params[first + i]
+
+
+def rest_template(
+    t: float, y: Any, mode: Any, params: Any, j: int, direction: int
+) -> int:
+    """Bring guard j to rest, and return its flag, RESTING or STUCK.
+
+    Its reaction acts along what its handler would do to the state.
+    """
+    own = mode[M : M + N_MODES].copy()
+    numbers = params[: len(params) - OWN].copy()
+    after = y.copy()
+    own[SURFACES[j]] = direction
+    HANDLER(t, after, own, numbers, SURFACES[j], direction)
+    for i in range(len(y)):
+        after[i] -= y[i]
+    size = size_of(after)
+    if not size > 0.0:
+        return STUCK
+    first = len(params) - OWN + j * len(y)
+    for i in range(len(y)):
+        params[first + i] = after[i] / size
+    params[len(params) - M + j] = size_of(y)
+    mode[M + N_MODES + j] = RESTING
+    rates = np.empty(M)
+    slopes = np.empty(M)
+    APPROACH(t, y, mode, params, rates)
+    ALONG(t, y, mode, params, j, slopes)
+    if slopes[j] == 0.0:
+        return STUCK
+    for i in range(len(y)):
+        y[i] -= rates[j] / slopes[j] * params[first + i]
+    return RESTING
+
+
+def no_approach(
+    t: float,  # noqa: ARG001 (the arguments of `approach_template`)
+    y: Any,  # noqa: ARG001
+    mode: Any,  # noqa: ARG001
+    params: Any,  # noqa: ARG001
+    values: Any,
+) -> None:
+    """Fill `values` with zeros: no guard rests."""
+    values[:] = 0.0
+
+
+def no_rest(
+    t: float,  # noqa: ARG001 (the arguments of `rest_template`)
+    y: Any,  # noqa: ARG001
+    mode: Any,  # noqa: ARG001
+    params: Any,  # noqa: ARG001
+    j: int,  # noqa: ARG001
+    direction: int,  # noqa: ARG001
+) -> int:
+    """Return STUCK: the driver does not ask for rest."""
+    return STUCK
