@@ -1,4 +1,9 @@
-"""Guards by which sliding and rest end, and the user's guards beside them."""
+"""Guards by which sliding and rest end, and the user's guards beside them.
+
+Their rates are exact, because the shares are evaluated for numbers that move. Where the
+user's functions do not compile for these, they are differences. For ranges and duals,
+which have the rates themselves, there are guards of their own.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.hybrid.methods import tangent
+from hopdata.hybrid.numbers.moving import as_item, moving, room_like, room_moving
 from hopdata.hybrid.sliding.flags import RESTING, SLIDING
 from hopdata.hybrid.sliding.mix import size_of
 
@@ -39,32 +45,39 @@ settle = tangent.settle
 GUARDS: Any = None
 MIX: Any = None
 SHARES: Any = None
+MOVED_SHARES: Any = None
 RATE: Any = None
+ENDS: Any = None
+PART_OF_RESULTS: Any = None
+SINK: Any = None
+N = 0
 M = 0
 OWN = 0
+N_GUARDS = 0
 N_MODES = 0
 SURFACES = (0,)
 
 
-def shares_template(t: float, y: Any, mode: Any, params: Any, values: Any) -> None:
+def shares_template(t: Any, y: Any, mode: Any, params: Any, values: Any) -> None:
     """Fill `values` with the functions of the guards by which sliding ends.
 
     They are negative inside the interval of the shares, and positive outside or where
     the fields do not point at the surface.
     """
-    shares = np.empty(M)
-    slopes = np.empty(M)
-    dy = np.empty(len(y))
+    shares = room_like(y, M)
+    slopes = room_like(y, M)
+    dy = room_like(y, N)
     MIX(t, y, mode, params, dy, shares, slopes)
     for j in range(M):
-        if slopes[j] < 0.0:
+        flag = mode[M + N_MODES + j]
+        if flag == RESTING:
+            values[j] = -shares[j]
+        elif flag != SLIDING:
+            values[j] = -1.0
+        elif slopes[j] < 0.0:
             values[j] = shares[j] * (shares[j] - 1.0) - BEYOND
         else:
             values[j] = 1.0
-        if mode[M + N_MODES + j] == RESTING:
-            values[j] = -shares[j]
-        elif mode[M + N_MODES + j] != SLIDING:
-            values[j] = -1.0
 
 
 def rate_template(
@@ -103,27 +116,101 @@ def rate_template(
         hdot[j] += slopes[j, 0]
 
 
-def guards_template(
+def ends_template(
+    t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, hdot: Any
+) -> None:
+    """Fill `h` and `hdot` with the guards that end sliding, and their rates by `dy`.
+
+    They are evaluated for numbers that move.
+    """
+    place = room_moving(y, N)
+    values = room_moving(y, M)
+    for i in range(N):
+        place[i] = moving(y[i], dy[i])
+    MOVED_SHARES(moving(as_item(t, y), 1.0), place, mode, params, values)
+    for j in range(M):
+        h[j] = values[j].value
+        hdot[j] = values[j].rate
+
+
+def ends_by_differences(
     t: float, y: Any, dy: Any, mode: Any, params: Any, h: Any, hdot: Any
+) -> None:
+    """Fill `h` and `hdot` with the guards that end sliding, and their rates by `dy`.
+
+    The rate is that in time and that along dy: each has a step of its own, and where
+    the shares do not depend on the state, the second is exactly zero.
+    """
+    SHARES(t, y, mode, params, h)
+    for j in range(M):
+        hdot[j] = 0.0
+    RATE(t, y, dy, mode, params, True, hdot)
+    RATE(t, y, dy, mode, params, False, hdot)
+
+
+def ends_of_numbers(
+    t: Any,
+    y: Any,
+    dy: Any,  # noqa: ARG001 (the arguments of `ends_template`)
+    mode: Any,
+    params: Any,
+    h: Any,
+    hdot: Any,  # noqa: ARG001
+) -> None:
+    """Fill `h` with the guards that end sliding, for numbers that have rates."""
+    SHARES(t, y, mode, params, h)
+
+
+def guards_template(
+    t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, hdot: Any
 ) -> None:
     """Fill `h` and `hdot` with the guards that end sliding, and the user's."""
     numbers = params[: len(params) - OWN]
     GUARDS(t, y, dy, mode[M : M + N_MODES], numbers, h[M:], hdot[M:])
-    sliding = 0
+    held = 0
     for j in range(M):
         k = M + SURFACES[j]
         h[j] = -1.0
         hdot[j] = 0.0
         if mode[M + N_MODES + j] >= SLIDING:
-            sliding += 1
+            held += 1
             h[k] = mode[k] * MASK
             hdot[k] = 0.0
         else:
             h[k] -= params[len(params) - 2 * M + j]
-    if sliding == 0:
+    if held > 0:
+        ENDS(t, y, dy, mode, params, h[:M], hdot[:M])
+
+
+def guards_of_ranges(
+    t: Any,
+    y: Any,
+    dy: Any,
+    mode: Any,
+    params: Any,
+    h: Any,
+    hdot: Any,  # noqa: ARG001 (ranges have the rates)
+) -> None:
+    """Fill `h` with the ranges of the guards that end sliding, and of the user's."""
+    numbers = params[: len(params) - OWN]
+    own = mode[M : M + N_MODES]
+    users = PART_OF_RESULTS(h, M, M + N_GUARDS)
+    GUARDS(t, y, dy, own, numbers, users, SINK(N_GUARDS, t.at))
+    held = 0
+    for j in range(M):
+        k = M + SURFACES[j]
+        h[j] = -1.0
+        if mode[M + N_MODES + j] >= SLIDING:
+            held += 1
+            h[k] = mode[k] * MASK
+        else:
+            h[k] = h[k] - params[len(params) - 2 * M + j]
+    if held == 0:
         return
-    SHARES(t, y, mode, params, h[:M])
-    # The rate is that in time and that along dy: each has a step of its own, and where
-    # the shares do not depend on the state, the second is exactly zero.
-    RATE(t, y, dy, mode, params, True, hdot)
-    RATE(t, y, dy, mode, params, False, hdot)
+    place = room_like(t, N)
+    values = room_like(t, M)
+    for i in range(N):
+        place[i] = y[i]
+    SHARES(t, place, mode, params, values)
+    for j in range(M):
+        h[j] = values[j]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.hybrid.numbers.moving import plain
 from hopdata.hybrid.sliding.flags import (
     FREE,
     LEAVES,
@@ -47,6 +48,7 @@ TERMS: Any = None
 LEAVE: Any = None
 CALL: Any = None
 RELEASE: Any = None
+DECIDE: Any = None
 REST: Any = None
 M = 0
 OWN = 0
@@ -159,17 +161,17 @@ def no_handler(
 def leave_template(t: float, y: Any, mode: Any, params: Any, j: int) -> int:
     """Let guard j go, and return the direction that the handler is told."""
     rates = np.empty(2)
-    # Its function is counted from here on, so that what the steps have left of it is
-    # not taken for a crossing.
-    params[len(params) - 2 * M + j] = RATES(t, y, mode, params, j, rates)
+    left = RATES(t, y, mode, params, j, rates)
     way = -1
     if rates[0] + rates[1] > 0.0:
         way = 1
     if mode[M + N_MODES + j] == RESTING:
-        # It stays on its side, and its rate there is zero but for rounding.
         way = mode[M + SURFACES[j]]
-        off = NOISE * TERMS(t, y, mode, params, j)
-        params[len(params) - 2 * M + j] -= way * off
+    # Its function is counted from here on, so that what the steps have left of it is
+    # not taken for a crossing. Its rate is zero here but for rounding: a little more
+    # than rounding keeps it on its side.
+    off = NOISE * TERMS(t, y, mode, params, j)
+    params[len(params) - 2 * M + j] = left - way * off
     mode[j] = -1  # it waits again
     mode[M + N_MODES + j] = FREE
     mode[M + SURFACES[j]] = way
@@ -177,7 +179,7 @@ def leave_template(t: float, y: Any, mode: Any, params: Any, j: int) -> int:
 
 
 def call_template(
-    t: float, y: Any, mode: Any, params: Any, guard: int, direction: int
+    t: Any, y: Any, mode: Any, params: Any, guard: int, direction: int
 ) -> int:
     """Call the user's handler, which sees a lock of 0 where a guard slides.
 
@@ -229,31 +231,80 @@ def release_template(t: float, y: Any, mode: Any, params: Any, before: Any) -> N
             mode[M + SURFACES[j]] = 1 if now > 0.0 else -1
 
 
-def handler_template(
+def decide_template(
     t: float, y: Any, mode: Any, params: Any, guard: int, direction: int
 ) -> int:
-    """Begin to slide, leave, or cross; then call the user's handler."""
+    """Begin to slide or rest, leave, or cross.
+
+    Returns the direction that the handler is told; 0 if the run ends here.
+    """
     flags = mode[M + N_MODES :]
-    told = direction
-    k = guard - M
     if guard < M:
-        k = SURFACES[guard]
-        told = LEAVE(t, y, mode, params, guard)
+        return LEAVE(t, y, mode, params, guard)
+    told = direction
     for j in range(M):
-        if SURFACES[j] != k or guard < M:
+        if SURFACES[j] != guard - M:
             continue
         if abs(direction) == RESTS:
             flags[j] = REST(t, y, mode, params, j, direction // RESTS)
             if flags[j] == STUCK:
-                return 1
+                return 0
             continue
         flags[j] = BEGINS(t, y, mode, params, j)
         if flags[j] == UNCLEAR:
-            return 1
+            return 0
         if flags[j] == SLIDING:
             params[len(params) - M + j] = size_of(y)
             told = SLIDES * direction
+    return told
+
+
+def handler_template(
+    t: float, y: Any, mode: Any, params: Any, guard: int, direction: int
+) -> int:
+    """Begin to slide, leave, or cross; then call the user's handler."""
+    told = DECIDE(t, y, mode, params, guard, direction)
+    if told == 0:
+        return 1
+    k = guard - M
+    if guard < M:
+        k = SURFACES[guard]
     before = y.copy()
     stop = CALL(t, y, mode, params, k, told)
     RELEASE(t, y, mode, params, before)
+    return stop
+
+
+def handler_of_duals(
+    t: Any, y: Any, mode: Any, params: Any, guard: int, direction: int
+) -> int:
+    """Do what the handler does, with duals: their values decide.
+
+    A guard does not come to rest here: there is no derivative through the limit.
+    """
+    now = plain(t)
+    before = np.empty(len(y))
+    numbers = np.empty(len(params))
+    for i in range(len(y)):
+        before[i] = plain(y[i])
+    for i in range(len(params)):
+        numbers[i] = plain(params[i])
+    told = DECIDE(now, before, mode, numbers, guard, direction)
+    if told == 0:
+        return 1
+    first = len(params) - OWN
+    for i in range(first, len(params)):
+        params[i] = numbers[i]
+    k = guard - M
+    if guard < M:
+        k = SURFACES[guard]
+    stop = CALL(t, y, mode, params, k, told)
+    after = np.empty(len(y))
+    for i in range(len(y)):
+        after[i] = plain(y[i])
+    for i in range(len(params)):
+        numbers[i] = plain(params[i])
+    RELEASE(now, after, mode, numbers, before)
+    for i in range(first, len(params)):
+        params[i] = numbers[i]
     return stop

@@ -1,17 +1,27 @@
 """Filippov's mix of the fields on both sides of the surfaces.
 
 The templates of this room become functions of one system: the user's functions, the
-numbers of guards that may slide, of all guards and of modes, the guards that may slide,
-and other templates are inserted by their names in capitals (see `sliding.system`).
+numbers of states, of guards that may slide, of all guards and of modes, the guards that
+may slide, and other templates are inserted by their names in capitals (see
+`sliding.system`). They are written for any kind of number: floats, duals, ranges, and
+numbers of these kinds that move (`numbers.moving`).
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.numbers.moving import (
+    as_item,
+    moving,
+    plain,
+    room_like,
+    room_moving,
+)
 from hopdata.hybrid.sliding.flags import SLIDING
 
 #: Largest dependence of one lock's change of the field on another lock, relative to
@@ -19,58 +29,92 @@ from hopdata.hybrid.sliding.flags import SLIDING
 #: Unit: 1. Origin: rounding: some thousands of units in the last place.
 ADDITIVE = 1e-12
 
+UNKNOWN = math.nan  # rate of what has none
+
 # Inserted into the templates (see `sliding.system`).
 FIELD: Any = None
 GUARDS: Any = None
 CORNERS: Any = None
 DIFFER: Any = None
 MIX: Any = None
+RATED: Any = None
+N = 0
 M = 0
 OWN = 0
 N_GUARDS = 0
 N_MODES = 0
+N_FIELDS = 0
+N_RATES = 0
+N_MATRIX = 0
 SURFACES = (0,)
 
 
 @kernel
 def solve_small(matrix: Any, x: Any) -> None:
-    """Solve matrix x = x in place, by elimination with pivots; NaN if singular."""
+    """Solve matrix x = x in place, by elimination with pivots; NaN if singular.
+
+    The rows of the matrix follow each other.
+    """
     n = len(x)
     for i in range(n):
         pivot = i
         for j in range(i + 1, n):
-            if abs(matrix[j, i]) > abs(matrix[pivot, i]):
+            if abs(plain(matrix[j * n + i])) > abs(plain(matrix[pivot * n + i])):
                 pivot = j
         for j in range(n):
-            kept = matrix[i, j]
-            matrix[i, j] = matrix[pivot, j]
-            matrix[pivot, j] = kept
+            kept = matrix[i * n + j]
+            matrix[i * n + j] = matrix[pivot * n + j]
+            matrix[pivot * n + j] = kept
         kept = x[i]
         x[i] = x[pivot]
         x[pivot] = kept
         for j in range(i + 1, n):
-            factor = matrix[j, i] / matrix[i, i]
+            factor = matrix[j * n + i] / matrix[i * n + i]
             for c in range(i, n):
-                matrix[j, c] -= factor * matrix[i, c]
+                matrix[j * n + c] -= factor * matrix[i * n + c]
             x[j] -= factor * x[i]
     for a in range(n):
         i = n - 1 - a
         for c in range(i + 1, n):
-            x[i] -= matrix[i, c] * x[c]
-        x[i] /= matrix[i, i]
+            x[i] -= matrix[i * n + c] * x[c]
+        x[i] /= matrix[i * n + i]
 
 
 @kernel
-def size_of(values: Any) -> float:
+def size_of(values: Any) -> Any:
     """Return the sum of the sizes of some numbers."""
-    total = 0.0
-    for i in range(len(values)):
+    total = abs(values[0])
+    for i in range(1, len(values)):
         total += abs(values[i])
     return total
 
 
+# Templates. Each becomes a function of one system.
+
+
+def rated_template(
+    t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rates: Any
+) -> None:
+    """Fill `h` and `rates` with the guards, and their rates by a motion `dy`.
+
+    The guards run on numbers that move.
+    """
+    place = room_moving(y, N)
+    motion = room_moving(y, N)
+    values = room_moving(y, N_GUARDS)
+    given = room_moving(y, N_GUARDS)
+    for i in range(N):
+        place[i] = moving(y[i], dy[i])
+        motion[i] = moving(dy[i], UNKNOWN)
+    now = moving(as_item(t, y), 1.0)
+    GUARDS(now, place, motion, mode, params, values, given)
+    for k in range(N_GUARDS):
+        h[k] = values[k].value
+        rates[k] = values[k].rate
+
+
 def corners_template(
-    t: float,
+    t: Any,
     y: Any,
     mode: Any,
     params: Any,
@@ -82,7 +126,7 @@ def corners_template(
     """Fill `fields` and `rates` with those for each lock of the guards that slide.
 
     Row a belongs to the lock of guard ``which[a]`` at +1 and the others at -1, and the
-    last row to all at -1. `h` receives the guards' values.
+    last row to all at -1; the rows follow each other. `h` receives the guards' values.
     """
     own = mode[M : M + N_MODES]
     numbers = params[: len(params) - OWN]
@@ -94,8 +138,9 @@ def corners_template(
     for a in range(count + 1):
         if a < count:
             own[SURFACES[which[a]]] = 1
-        FIELD(t, y, own, numbers, fields[a])
-        GUARDS(t, y, fields[a], own, numbers, h, rates[a])
+        field = fields[a * N : (a + 1) * N]
+        FIELD(t, y, own, numbers, field)
+        RATED(t, y, field, own, numbers, h, rates[a * N_GUARDS : (a + 1) * N_GUARDS])
         if a < count:
             own[SURFACES[which[a]]] = -1
     for a in range(count):
@@ -103,16 +148,17 @@ def corners_template(
 
 
 @kernel
-def add_mix(dy: Any, fields: Any, share: Any, factor: float) -> None:
+def add_mix(dy: Any, fields: Any, share: Any, factor: Any) -> None:
     """Add the shares of the upper fields' changes of the lowest, times a factor."""
     count = len(share)
+    n = len(dy)
     for a in range(count):
-        for i in range(len(dy)):
-            dy[i] += factor * share[a] * (fields[a, i] - fields[count, i])
+        for i in range(n):
+            dy[i] += factor * share[a] * (fields[a * n + i] - fields[count * n + i])
 
 
 def differs_template(
-    t: float, y: Any, mode: Any, params: Any, which: Any, fields: Any
+    t: Any, y: Any, mode: Any, params: Any, which: Any, fields: Any
 ) -> bool:
     """Return whether the changes of the field by several guards do not add up."""
     own = mode[M : M + N_MODES]
@@ -121,23 +167,36 @@ def differs_template(
     for a in range(count):
         locks[a] = own[SURFACES[which[a]]]
         own[SURFACES[which[a]]] = 1
-    together = np.empty(len(y))
+    together = room_like(y, N)
     FIELD(t, y, own, params[: len(params) - OWN], together)
     for a in range(count):
         own[SURFACES[which[a]]] = locks[a]
-    for i in range(len(y)):
-        off = together[i] - fields[count, i]
-        size = abs(together[i]) + abs(fields[count, i])
+    for i in range(N):
+        lowest = fields[count * N + i]
+        off = together[i] - lowest
+        size = abs(together[i]) + abs(lowest)
         for a in range(count):
-            off -= fields[a, i] - fields[count, i]
-            size += abs(fields[a, i])
+            off -= fields[a * N + i] - lowest
+            size += abs(fields[a * N + i])
         if not abs(off) <= ADDITIVE * size:
             return True
     return False
 
 
-def mix(
-    t: float, y: Any, mode: Any, params: Any, dy: Any, shares: Any, slopes: Any
+def never_differs(
+    t: Any,  # noqa: ARG001 (the arguments of `differs_template`)
+    y: Any,  # noqa: ARG001
+    mode: Any,  # noqa: ARG001
+    params: Any,  # noqa: ARG001
+    which: Any,  # noqa: ARG001
+    fields: Any,  # noqa: ARG001
+) -> bool:
+    """Return False: the field itself, of floats, tells where the mix is not unique."""
+    return False
+
+
+def slide_template(
+    t: Any, y: Any, mode: Any, params: Any, dy: Any, shares: Any, slopes: Any
 ) -> None:
     """Fill `dy` with the field, mixed for the guards that slide.
 
@@ -157,29 +216,32 @@ def mix(
         FIELD(t, y, mode[M : M + N_MODES], params[: len(params) - OWN], dy)
         return
     which = listed[:count]
-    h = np.empty(N_GUARDS)
-    rates = np.empty((count + 1, N_GUARDS))
-    fields = np.empty((count + 1, len(y)))
+    h = room_like(y, N_GUARDS)
+    rates = room_like(y, N_RATES)
+    fields = room_like(y, N_FIELDS)
     CORNERS(t, y, mode, params, which, fields, rates, h)
     if count > 1 and DIFFER(t, y, mode, params, which, fields):
-        dy[:] = np.nan
+        for i in range(N):
+            dy[i] = np.nan
         return
-    matrix = np.empty((count, count))
-    share = np.empty(count)
-    back = np.empty(count)
+    matrix = room_like(y, N_MATRIX)[: count * count]
+    again = room_like(y, N_MATRIX)[: count * count]
+    share = room_like(y, M)[:count]
+    back = room_like(y, M)[:count]
     scale = size_of(y)
     for a in range(count):
         k = SURFACES[which[a]]
+        lowest = rates[count * N_GUARDS + k]
         for b in range(count):
-            matrix[a, b] = rates[b, k] - rates[count, k]
-        slopes[which[a]] = matrix[a, a]
-        share[a] = -rates[count, k]
+            matrix[a * count + b] = rates[b * N_GUARDS + k] - lowest
+            again[a * count + b] = matrix[a * count + b]
+        slopes[which[a]] = matrix[a * count + a]
+        share[a] = -lowest
         back[a] = -h[k]
         scale = max(scale, params[len(params) - M + which[a]])
-    again = matrix.copy()
     solve_small(matrix, share)
-    for i in range(len(y)):
-        dy[i] = fields[count, i]
+    for i in range(N):
+        dy[i] = fields[count * N + i]
     add_mix(dy, fields, share, 1.0)
     for a in range(count):
         shares[which[a]] = share[a]
@@ -190,8 +252,8 @@ def mix(
         add_mix(dy, fields, back, speed / scale)
 
 
-def field_template(t: float, y: Any, mode: Any, params: Any, dy: Any) -> None:
+def field_template(t: Any, y: Any, mode: Any, params: Any, dy: Any) -> None:
     """Fill `dy` with the field of the derived system."""
-    shares = np.empty(M)
-    slopes = np.empty(M)
+    shares = room_like(y, M)
+    slopes = room_like(y, M)
     MIX(t, y, mode, params, dy, shares, slopes)

@@ -1,4 +1,9 @@
-"""Guards at rest: the reactions that keep their rates at zero."""
+"""Guards at rest: the reactions that keep their rates at zero.
+
+A reaction's size follows from the second time derivative of its guard, the bend. The
+guard's rate is evaluated for numbers that move, which gives the bend exactly; functions
+that do not compile for them have it by differences.
+"""
 
 from __future__ import annotations
 
@@ -7,42 +12,87 @@ from typing import Any
 import numpy as np
 
 from hopdata.hybrid.methods import tangent
+from hopdata.hybrid.numbers.moving import (
+    as_item,
+    moving,
+    room_like,
+    room_moving,
+)
 from hopdata.hybrid.sliding.flags import RESTING, STUCK
 from hopdata.hybrid.sliding.mix import size_of, solve_small
 
 FIRST_STEP = tangent.FIFTH_ROOT_OF_EPS
 
 # Inserted into the templates (see `sliding.system`).
-GUARDS: Any = None
 HANDLER: Any = None
 SLIDE: Any = None
+RATED: Any = None
 APPROACH: Any = None
+MOVED_APPROACH: Any = None
+RATE: Any = None
 BENDS: Any = None
 ALONG: Any = None
+N = 0
 M = 0
 OWN = 0
 N_GUARDS = 0
 N_MODES = 0
+N_MATRIX = 0
 SURFACES = (0,)
 
 
-def approach_template(t: float, y: Any, mode: Any, params: Any, values: Any) -> None:
+def approach_template(t: Any, y: Any, mode: Any, params: Any, values: Any) -> None:
     """Fill `values` with the rates of the guards that rest; zero for the others."""
-    dy = np.empty(len(y))
-    shares = np.empty(M)
-    slopes = np.empty(M)
+    dy = room_like(y, N)
+    shares = room_like(y, M)
+    slopes = room_like(y, M)
     SLIDE(t, y, mode, params, dy, shares, slopes)
-    h = np.empty(N_GUARDS)
-    hdot = np.empty(N_GUARDS)
+    h = room_like(y, N_GUARDS)
+    hdot = room_like(y, N_GUARDS)
     numbers = params[: len(params) - OWN]
-    GUARDS(t, y, dy, mode[M : M + N_MODES], numbers, h, hdot)
+    RATED(t, y, dy, mode[M : M + N_MODES], numbers, h, hdot)
     for j in range(M):
         values[j] = 0.0
         if mode[M + N_MODES + j] >= RESTING:
             values[j] = hdot[SURFACES[j]]
 
 
-def along_template(
+def bends_template(
+    t: Any, y: Any, dy: Any, mode: Any, params: Any, values: Any
+) -> None:
+    """Fill `values` with the change of the resting guards' rates by a motion `dy`."""
+    place = room_moving(y, N)
+    rates = room_moving(y, M)
+    for i in range(N):
+        place[i] = moving(y[i], dy[i])
+    MOVED_APPROACH(moving(as_item(t, y), 1.0), place, mode, params, rates)
+    for j in range(M):
+        values[j] = rates[j].rate
+
+
+def bends_by_differences(
+    t: Any, y: Any, dy: Any, mode: Any, params: Any, values: Any
+) -> None:
+    """Fill `values` with the change of the resting guards' rates by a motion `dy`."""
+    for j in range(M):
+        values[j] = 0.0
+    RATE(t, y, dy, mode, params, True, values)
+    RATE(t, y, dy, mode, params, False, values)
+
+
+def along_template(t: Any, y: Any, mode: Any, params: Any, j: int, values: Any) -> None:
+    """Fill `values` with the change of all resting guards' rates by reaction j."""
+    first = len(params) - OWN + j * N
+    place = room_moving(y, N)
+    rates = room_moving(y, M)
+    for i in range(N):
+        place[i] = moving(y[i], params[first + i])
+    MOVED_APPROACH(moving(as_item(t, y), 0.0), place, mode, params, rates)
+    for other in range(M):
+        values[other] = rates[other].rate
+
+
+def along_by_differences(
     t: float, y: Any, mode: Any, params: Any, j: int, values: Any
 ) -> None:
     """Fill `values` with the change of all resting guards' rates by reaction j."""
@@ -62,7 +112,7 @@ def along_template(
 
 
 def mix_template(
-    t: float, y: Any, mode: Any, params: Any, dy: Any, shares: Any, slopes: Any
+    t: Any, y: Any, mode: Any, params: Any, dy: Any, shares: Any, slopes: Any
 ) -> None:
     """Fill `dy` with the field: mixed, and with the reactions of guards that rest.
 
@@ -79,28 +129,29 @@ def mix_template(
             count += 1
     if count == 0:
         return
-    matrix = np.empty((count, count))
-    column = np.empty(M)
+    matrix = room_like(y, N_MATRIX)[: count * count]
+    again = room_like(y, N_MATRIX)[: count * count]
+    column = room_like(y, M)
     for b in range(count):
         ALONG(t, y, mode, params, listed[b], column)
         for a in range(count):
-            matrix[a, b] = column[listed[a]]
-    force = np.empty(count)
-    bends = np.empty(M)
+            matrix[a * count + b] = column[listed[a]]
+    force = room_like(y, M)[:count]
+    bends = room_like(y, M)
     # The second time, what rounding has left of the bend is taken away.
     for turn in range(2):
-        bends[:] = 0.0
-        BENDS(t, y, dy, mode, params, True, bends)
-        BENDS(t, y, dy, mode, params, False, bends)
+        BENDS(t, y, dy, mode, params, bends)
         for b in range(count):
             force[b] = -bends[listed[b]]
             if turn == 0:
                 lock = mode[M + SURFACES[listed[b]]]
                 shares[listed[b]] = -lock * bends[listed[b]]
-        solve_small(matrix.copy(), force)
+        for e in range(count * count):
+            again[e] = matrix[e]
+        solve_small(again, force)
         for b in range(count):
-            first = len(params) - OWN + listed[b] * len(y)
-            for i in range(len(y)):
+            first = len(params) - OWN + listed[b] * N
+            for i in range(N):
                 dy[i] += force[b] * params[first + i]
 
 

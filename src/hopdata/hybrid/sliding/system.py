@@ -7,72 +7,138 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+import numba
+
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import SIGNATURES, kernel_apart
 from hopdata.hybrid.methods.method import put_in
-from hopdata.hybrid.sliding.guards import (
-    guards_template,
-    rate_template,
-    shares_template,
-)
-from hopdata.hybrid.sliding.handler import (
-    begins_template,
-    call_template,
-    depends_template,
-    handler_template,
-    leave_template,
-    no_handler,
-    rates_template,
-    release_template,
-    terms_template,
-)
-from hopdata.hybrid.sliding.mix import (
-    corners_template,
-    differs_template,
-    field_template,
-    mix,
-)
-from hopdata.hybrid.sliding.reactions import (
-    along_template,
-    approach_template,
-    mix_template,
-    no_approach,
-    no_rest,
-    rest_template,
-)
+from hopdata.hybrid.numbers.ranges import part_of_results, sink
+from hopdata.hybrid.sliding import guards, handler, mix, reactions
 from hopdata.hybrid.sliding.records import Slides
 
+Names = dict[str, Any]
+
+# The templates, by the names under which others call them. Each may call those before
+# it.
+TEMPLATES: Names = {
+    "CORNERS": mix.corners_template,
+    "DIFFER": mix.differs_template,
+    "SLIDE": mix.slide_template,
+    "APPROACH": reactions.approach_template,
+    "ALONG": reactions.along_template,
+    "BENDS": reactions.bends_template,
+    "MIX": reactions.mix_template,
+    "SHARES": guards.shares_template,
+    "ENDS": guards.ends_template,
+    "RATES": handler.rates_template,
+    "LOSES": handler.depends_template,
+    "TERMS": handler.terms_template,
+    "BEGINS": handler.begins_template,
+    "LEAVE": handler.leave_template,
+    "CALL": handler.call_template,
+    "RELEASE": handler.release_template,
+    "REST": reactions.rest_template,
+    "DECIDE": handler.decide_template,
+}
+
 # What takes the place of a template where no guard may rest; None: nothing.
-WITHOUT_REST: dict[str, Any] = {
-    "APPROACH": no_approach,
+WITHOUT_REST: Names = {
+    "APPROACH": reactions.no_approach,
     "ALONG": None,
     "BENDS": None,
     "MIX": None,
-    "REST": no_rest,
+    "REST": reactions.no_rest,
 }
 
-# Each may call those before it.
-TEMPLATES = {
-    "CORNERS": corners_template,
-    "DIFFER": differs_template,
-    "SLIDE": mix,
-    "APPROACH": approach_template,
-    "ALONG": along_template,
-    "BENDS": rate_template,
-    "MIX": mix_template,
-    "SHARES": shares_template,
-    "RATE": rate_template,
-    "RATES": rates_template,
-    "LOSES": depends_template,
-    "TERMS": terms_template,
-    "BEGINS": begins_template,
-    "LEAVE": leave_template,
-    "CALL": call_template,
-    "RELEASE": release_template,
-    "REST": rest_template,
+# What takes their place where the user's functions do not compile for numbers that
+# move.
+BY_DIFFERENCES: Names = {
+    "ALONG": reactions.along_by_differences,
+    "BENDS": reactions.bends_by_differences,
+    "ENDS": guards.ends_by_differences,
 }
+
+# Those for other numbers: duals, ranges, and numbers of any kind that move.
+OF_NUMBERS: Names = {
+    "RATED": mix.rated_template,
+    "CORNERS": mix.corners_template,
+    "DIFFER": mix.never_differs,
+    "SLIDE": mix.slide_template,
+    "APPROACH": reactions.approach_template,
+    "MOVED_APPROACH": None,
+    "ALONG": reactions.along_template,
+    "BENDS": reactions.bends_template,
+    "MIX": reactions.mix_template,
+    "SHARES": guards.shares_template,
+    "ENDS": guards.ends_of_numbers,
+    "CALL": handler.call_template,
+}
+ONLY_FOR_REST = ("APPROACH", "MOVED_APPROACH", "ALONG", "BENDS", "MIX")
+
+
+def for_numbers(template: Callable[..., Any], **names: Any) -> Any:
+    """Return a function made from a template, callable with any kind of number."""
+    # Python never calls it, and could not give it such numbers.
+    options: Names = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    compiler: Any = numba.njit(error_model="numpy", **options)
+    return compiler(with_digest(template, **names))
+
+
+def names_of_numbers(system: Any, sizes: Names, *, rests: bool) -> Names:
+    """Return what is inserted into the templates for other numbers than floats."""
+    names = dict(sizes)
+    names["FIELD"] = system.field.dual
+    names["GUARDS"] = system.guards.dual
+    names["HANDLER"] = put_in(handler.no_handler)
+    if system.on_event is not None:
+        names["HANDLER"] = system.on_event.dual
+    for name, template in OF_NUMBERS.items():
+        if rests or name not in ONLY_FOR_REST:
+            if name == "MOVED_APPROACH":
+                names[name] = names["APPROACH"]
+            else:
+                names[name] = for_numbers(template, **names)
+        elif name == "MIX":
+            names[name] = names["SLIDE"]
+    return names
+
+
+def names_of_floats(
+    system: Any, sizes: Names, of_numbers: Names | None, *, rests: bool
+) -> Names:
+    """Return what is inserted into the templates for floats.
+
+    Without rest, its parts are left out, which halves the time of compilation. Without
+    functions for other numbers, rates are differences.
+    """
+    names = dict(sizes)
+    names["FIELD"] = system.field.dispatcher
+    names["GUARDS"] = system.guards.dispatcher
+    names["RATED"] = names["GUARDS"]
+    names["HANDLER"] = put_in(handler.no_handler)
+    if system.on_event is not None:
+        names["HANDLER"] = system.on_event.dispatcher
+    chosen = dict(TEMPLATES)
+    if of_numbers is None:
+        chosen |= BY_DIFFERENCES
+    else:
+        names["MOVED_APPROACH"] = of_numbers.get("APPROACH")
+        names["MOVED_SHARES"] = of_numbers["SHARES"]
+    if not rests:
+        chosen |= WITHOUT_REST
+    for name, template in chosen.items():
+        if name in ("BENDS", "ENDS") and of_numbers is None:
+            known = names
+            if name == "BENDS":  # the rates of what APPROACH gives
+                known = {**names, "SHARES": names.get("APPROACH")}
+            names["RATE"] = kernel_apart(with_digest(guards.rate_template, **known))
+        if template is not None:
+            names[name] = kernel_apart(with_digest(template, **names))
+        elif name == "MIX":
+            names[name] = names["SLIDE"]
+    return names
 
 
 class Mixed(Callback):
@@ -88,11 +154,12 @@ class Mixed(Callback):
         The user's function of this kind; the field where there is none.
     users : tuple of Callback
         All of the user's functions that it calls.
-    **names : object
-        What is inserted into the templates.
+    floats, by_differences : dict
+        What is inserted into the template; the second, where the first does not
+        compile.
+    dual, ranged : callable, optional
+        The function for duals and for ranges, for compiled code.
     """
-
-    no_dual = "duals do not follow the mix of fields of a guard that slides"
 
     def __init__(
         self,
@@ -100,23 +167,45 @@ class Mixed(Callback):
         template: Callable[..., Any],
         inner: Callback,
         users: tuple[Callback, ...],
-        **names: Any,
+        *,
+        floats: Names,
+        by_differences: Names,
+        dual: Any,
+        ranged: Any = None,
     ) -> None:
-        super().__init__(with_digest(template, **names), SIGNATURES[kind])
+        super().__init__(with_digest(template, **floats), SIGNATURES[kind])
         self.inner = inner
         self._users = users
+        self._otherwise = with_digest(template, **by_differences)
+        self._dual = dual
+        self._ranged = ranged
         # Otherwise the code contains the address of a Python function.
         self.kept = self.compiled
+
+    def _made(self) -> Any:
+        """Return the machine code; where rates are not exact, by differences."""
+        try:
+            return self._compiled_now()
+        # Numba's own exceptions, and others raised within it.
+        except Exception:
+            self.function = self._otherwise
+            return self._compiled_now()
 
     @cached_property
     def dispatcher(self) -> Any:
         """The function, callable from other code in Numba."""
+        _ = self._compiled  # decides which of the two it is
         return put_in(self.function)
 
-    @cached_property
-    def ranged(self) -> Any:
-        """Nothing: ranges know of no mix, so guards that may slide are sampled."""
-        raise TypeError("ranges do not follow the mix of fields of a guard that slides")
+    @property
+    def dual(self) -> Any:  # type: ignore[override]
+        """The function, callable from code in Numba with duals."""
+        return self._dual
+
+    @property
+    def ranged(self) -> Any:  # type: ignore[override]
+        """The function, callable from code in Numba with ranges."""
+        return self._ranged
 
     @cached_property
     def constants(self) -> Constants:
@@ -137,22 +226,38 @@ class Mixed(Callback):
         """Check nothing: the user's system has checked the user's functions."""
 
 
-def insert_templates(names: dict[str, Any], *, rests: bool) -> None:
-    """Add the functions made from the templates to the names.
-
-    Without rest, its parts are left out, which halves the time of compilation.
-    """
-    for name, template in TEMPLATES.items():
-        known = names
-        if name == "BENDS":  # the rates of what APPROACH gives
-            known = {**names, "SHARES": names["APPROACH"]}
-        made = template
-        if not rests:
-            made = WITHOUT_REST.get(name, template)
-        if made is not None:
-            names[name] = kernel_apart(with_digest(made, **known))
-        elif name == "MIX":
-            names[name] = names["SLIDE"]
+def _functions(system: Any, sizes: Names, *, rests: bool) -> tuple[Mixed, Mixed, Mixed]:
+    """Return field, guards and handler of the derived system."""
+    users: tuple[Callback, ...] = (system.field, system.guards)
+    inner = system.field
+    if system.on_event is not None:
+        inner = system.on_event
+        users = (*users, inner)
+    of_numbers: Names | None = None
+    by_differences = names_of_floats(system, sizes, None, rests=rests)
+    floats = by_differences
+    if system.field.compiled and system.guards.compiled:
+        of_numbers = names_of_numbers(system, sizes, rests=rests)
+        floats = names_of_floats(system, sizes, of_numbers, rests=rests)
+    kinds = {
+        "field": (mix.field_template, mix.field_template, system.field),
+        "guards": (guards.guards_template, guards.guards_template, system.guards),
+        "on_event": (handler.handler_template, handler.handler_of_duals, inner),
+    }
+    made = []
+    for kind, (template, of_duals, own) in kinds.items():
+        dual = None
+        ranged = None
+        if of_numbers is not None:
+            decides = {"DECIDE": floats["DECIDE"], "RELEASE": floats["RELEASE"]}
+            dual = for_numbers(of_duals, **of_numbers, **decides)
+            parts = {"PART_OF_RESULTS": part_of_results, "SINK": sink}
+            names = {**of_numbers, **parts, "GUARDS": system.guards.ranged}
+            ranged = for_numbers(guards.guards_of_ranges, **names)
+        callbacks = {"floats": floats, "by_differences": by_differences}
+        one = Mixed(kind, template, own, users, dual=dual, ranged=ranged, **callbacks)
+        made.append(one)
+    return made[0], made[1], made[2]
 
 
 def sliding_system(system: Any) -> Any:
@@ -162,36 +267,29 @@ def sliding_system(system: Any) -> Any:
     surfaces = tuple(system.guard_names.index(one) for one in system.sliding)
     count = len(surfaces)
     slides = Slides(surfaces, system.n_guards, system.n_modes)
+    rests = system.on_zeno == "rest"
     n_memory = 2 * count
-    if system.on_zeno == "rest":
+    if rests:
         n_memory += count * system.n_states
-    names: dict[str, Any] = {
+    sizes: Names = {
+        "N": system.n_states,
         "M": count,
         "OWN": n_memory,
         "N_GUARDS": system.n_guards,
         "N_MODES": system.n_modes,
+        "N_FIELDS": (count + 1) * system.n_states,
+        "N_RATES": (count + 1) * system.n_guards,
+        "N_MATRIX": count * count,
         "SURFACES": surfaces,
-        "FIELD": system.field.dispatcher,
-        "GUARDS": system.guards.dispatcher,
     }
-    users: tuple[Callback, ...] = (system.field, system.guards)
-    inner = system.field
-    names["HANDLER"] = put_in(no_handler)
-    if system.on_event is not None:
-        names["HANDLER"] = system.on_event.dispatcher
-        inner = system.on_event
-        users = (*users, inner)
-    insert_templates(names, rests=system.on_zeno == "rest")
-    field = Mixed("field", field_template, system.field, users, **names)
-    guards = Mixed("guards", guards_template, system.guards, users, **names)
-    handler = Mixed("on_event", handler_template, inner, users, **names)
+    field, events, handles = _functions(system, sizes, rests=rests)
     none = (0,) * system.n_guards
     ending = [f"{one} lets go" for one in system.sliding]
     made = replace(
         system,
         field=field,
-        guards=guards,
-        on_event=handler,
+        guards=events,
+        on_event=handles,
         undo=None,
         jacobian=None,
         affine=None,
