@@ -10,7 +10,6 @@ the surface.
 """
 
 import argparse
-from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import solve_ivp as reference_solve
