@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 PAGES = {
     "Learn": [
         "first_study", "notebook", "own_recording", "plan", "steering", "integrator", "sliding",
-        "new_scene",
+        "known_instants", "new_scene",
     ],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
