@@ -49,6 +49,7 @@ from hopdata.hybrid.compiled.callbacks import (
 )
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
 from hopdata.hybrid.ivp import OdeResult, solve_ivp
+from hopdata.hybrid.known_instants import Every, every
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
@@ -57,11 +58,13 @@ __all__ = [
     "BatchSolution",
     "Callback",
     "EventLog",
+    "Every",
     "OdeResult",
     "SlowCallbackWarning",
     "Solution",
     "System",
     "affine",
+    "every",
     "field",
     "guard",
     "guards",
