@@ -131,7 +131,11 @@ STIFF_SCORE, MOTION = numbers(2, 16)
 # Start and end of the time for which the ranges over several steps hold, and how many
 # of the expected steps they reach ahead (see `ahead`).
 BOX_FROM, BOX_TO, REACH = numbers(3, 18)
-CLOCK_SLOTS = 21
+# Known instants (see `known`): the next one (infinite: none), the last time before it
+# and the first time after it at which the field is as on that side; up to where the
+# field's own are sought, and how far ahead of there it is looked at first.
+STOP, BEFORE_STOP, AFTER_STOP, SOUGHT, LOOK_LENGTH = numbers(5, 21)
+CLOCK_SLOTS = 26
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
@@ -158,28 +162,31 @@ CHANGES = np.int64(29)
 # are known; whether one turns too close to tell; where the interpolant in powers of
 # theta stands, from the start of the step and of the piece (0: nowhere); the first rows
 # of its coefficients in the piece, and of those from the start of a piece; whether it
-# is in powers as it comes, and whether the ranges are those of the whole step. Then the
-# memory of answers to comparisons in the guards' code for ranges (see
-# `numbers.answers`).
+# is in powers as it comes, and whether the ranges are those of the whole step. Known
+# instants that were passed, place of the next single one, and stretches of time in
+# which those of the field could not be told apart. Then the memory of answers to
+# comparisons in the code for ranges (see `numbers.answers`).
 EXHAUSTED, UNSURE, PENDING, DOUBT, FROM_START, KNOWN, IS_CLOSE = numbers(7, 30)
 POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ARE_POWERS, ARE_WHOLE = numbers(6, 37)
-ANSWERS = np.int64(43)
-COUNT_SLOTS = 43 + answers.N_SLOTS
+N_STOPS, NEXT_SINGLE, UNSOUGHT, ANSWERS = numbers(4, 43)
+COUNT_SLOTS = 46 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for
 # rows and events, steps until control returns to Python, addresses of the code for
 # Jacobians (0: not wanted) and of the argument block itself, address of the guards'
-# code for ranges (see `numbers`), room for changes of the mode, and whether the end of
-# the time span is infinite. Then address and width of each array, and the request
-# (floats stored in the memory of integers; its last entries are the number of rows
-# written per step, and whether events are kept). The initial state and the parameters
-# follow, so a caller writes its whole request at once.
+# code for ranges (see `numbers`), room for changes of the mode, whether the end of the
+# time span is infinite; of known instants, the address of the field's code for ranges,
+# whether there may be any, and the number of states that vary. Then address and width
+# of each array, and the request (floats stored in the memory of integers; its last
+# entries are the number of rows written per step, and whether events are kept). The
+# initial state and the parameters follow, so a caller writes its whole request at once.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN = numbers(6)
 N_ROWS, N_LOG_ROWS, PATIENCE = numbers(3, 6)
 FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
-BLOCK_ARRAYS = 14  # slot of the first array
-N_BLOCK_ARRAYS = 22
+SWITCHES, HAS_STOPS, N_VARYING = numbers(3, 14)
+BLOCK_ARRAYS = 17  # slot of the first array
+N_BLOCK_ARRAYS = 24
 N_BLOCK_ASKED = 9
 BLOCK_ASKED = BLOCK_ARRAYS + 2 * N_BLOCK_ARRAYS
 T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, BLOCK_ASKED)
@@ -193,6 +200,8 @@ TANGENT_TABLE, WANTED, SAMPLE_TABLE = BLOCK_PLACES[12:15]
 ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = BLOCK_PLACES[15:21]
 # Machine code and rooms for duals (see `numbers.along`); only for Jacobians.
 DUAL_TABLE = BLOCK_PLACES[21]
+# Known instants: single ones, increasing, and the first and the period of others.
+SINGLES, PERIODS = BLOCK_PLACES[22:24]
 
 # The log (see `driver.log`). Each row of its table of events is an event: time, guard,
 # direction, number of changes of the mode up to and including it, state before and
