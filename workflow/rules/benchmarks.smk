@@ -5,6 +5,12 @@ BENCHMARK_TABLES = {
     "order": ["order.csv", "dense.csv"],
     "integrator": ["integrator.csv"],
     "work_precision": ["work_precision.csv", "ratios.csv", "head_to_head.csv", "batches.csv"],
+    "side_by_side": [
+        "side_by_side.csv",
+        "side_by_side_ratios.csv",
+        "side_by_side_starts.csv",
+        "side_by_side_lines.csv",
+    ],
     "calibration": ["calibration.csv", "calibration_table.csv"],
     "plate": ["plate.csv", "plate_scaling.csv"],
     "large": ["large.csv"],
@@ -70,9 +76,10 @@ BENCHMARK_ARGUMENTS = {
     "order": "--runs 32",
     "plate": "--starts 50",
     "pose": "--hops 125 --frames 12000",
-    "proofs": "--members 3",
+    "proofs": "--members 3 --peers",
     "reading": "--files 2100 --rounds 3",
     "recording_faults": "--recordings 6 --floor-seeds 3 --filled-hops 300",
+    "side_by_side": "--turns 3",
     "stress": "--hops 20000 --systems 100",
     "study_cost": "--base 0.07",
     "velocities": "--draws 10",
@@ -99,6 +106,7 @@ UNTIMED = {
 # Each figure that `benchmark_figures.py` draws, and the tables that it is drawn from.
 BENCHMARK_FIGURES = {
     "work_precision": ["work_precision.csv", "ratios.csv"],
+    "side_by_side": ["side_by_side.csv", "side_by_side_ratios.csv"],
     "map_error": ["map_error.csv"],
     "learning_curve": ["frame_change_learning.csv"],
     "kernel_smoothness": ["frame_change_kernels.csv"],

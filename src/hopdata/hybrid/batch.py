@@ -282,14 +282,16 @@ class _Batch:
             starts = Starts(self.states, self.numbers, self.modes, *self.known)
             results = Results(*self.output.arrays)
             request = Request(*self.options)
+            enter = _entry()
             with Caught() as caught:
                 while done < last and not caught:
-                    done = _entry()(work.block, done, last, starts, results, request)
+                    before = time.thread_time()
+                    done = enter(work.block, done, last, starts, results, request)
+                    methods.seconds += time.thread_time() - before
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))
             if caught:
                 raise caught[0]
-            methods.steps += int(self.output.counts[first:last, at.STEPS].sum())
         finally:
             work.forget_samples()
             work.set_instants(NONE)
@@ -476,10 +478,11 @@ def _run_one_by_one(
     chunk = CHUNK
     if len(remaining) > 0:
         # The first runs alone, because it compiles what is not compiled yet.
+        methods = batch.system.methods(batch.method, batch.jacobian)
+        before = methods.seconds
         done += run(done, done + 1)
         steps = int(batch.output.counts[remaining[0], at.STEPS])
-        methods = batch.system.methods(batch.method, batch.jacobian)
-        methods.specialise(steps * len(remaining))
+        methods.specialise((methods.seconds - before) * len(remaining))
         chunk = min(STEPS_AT_A_TIME // (steps + 1) + 1, CHUNK)
     if done < total or progress:
         run_in_threads(run, done, total, workers, progress, chunk)

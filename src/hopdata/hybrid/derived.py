@@ -274,8 +274,10 @@ def with_parameters(system: System, n_params: int) -> System:
         raise ArgumentError(NO_MOVING_INSTANTS)
     shape = {"n_states": n + n_params, "n_shown": n}
     made = _made(system, key, around, **shape)
-    # The mix of a guard that slides has no code for duals either.
-    if system.sliding or made.derivatives.guards.reason:
+    needed = made
+    if system.sliding:  # the guards by which sliding ends need second derivatives
+        needed = sliding_system(made)
+    if needed.derivatives.guards.reason:
         key = (WITH_PARAMS, n_params, "by differences")
         made = _made(system, key, partial(around, by_differences=True), **shape)
     return made

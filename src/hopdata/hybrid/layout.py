@@ -23,15 +23,18 @@ def numbers(count: int, first: int = 0) -> Any:
 
 # Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of
 # states and slopes over a piece of the step (lower and upper ends) and their rounding,
-# the coefficients of the interpolant from P1 on, and rows that belong to the method
-# (the slopes of its stages, for instance). A method reads Y and K1 and fills END and
-# KEND; its interpolant fills P1 and the rows after it. P0 is for a copy of Y, before
-# the others. `enclosure` needs more rows for each coefficient: they are among those of
-# the interpolant that a method of low degree leaves free, else after its own rows.
+# how many terms of a piece are known (see `enclosure`), ranges of states and slopes
+# over several steps (see `ahead`), the coefficients of the interpolant from P1 on, and
+# rows that belong to the method (the slopes of its stages, for instance). A method
+# reads Y and K1 and fills END and KEND; its interpolant fills P1 and the rows after it.
+# P0 is for a copy of Y, before the others. `enclosure` needs more rows for each
+# coefficient: they are among those of the interpolant that a method of low degree
+# leaves free, else after its own rows.
 Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE = numbers(10)
-VALUE_GRAIN, SLOPE_GRAIN = numbers(2, 10)
+VALUE_GRAIN, SLOPE_GRAIN, PASSES = numbers(3, 10)
+BOX_LEAST, BOX_MOST, BOX_LEAST_SLOPE, BOX_MOST_SLOPE = numbers(4, 13)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
-P0, P1 = numbers(2, 12)
+P0, P1 = numbers(2, 17)
 # Largest degree that leaves three free rows for each of its coefficients.
 LOW_DEGREE = (LARGEST_DEGREE + 1) // 4 - 1
 # Its first number is the address of the structure of a sparse Jacobian (0: none; see
@@ -62,13 +65,14 @@ GAUSS_2 = 0.5 + 3.0**0.5 / 6.0
 # the step, which is the scale of its rounding error; second derivatives; how far a
 # guard is from its surface; and the size of the terms whose sum was h at its last flip.
 # Then ranges of values and rates over a piece of the step, as one run of the guards'
-# code gives them, and over all answers to its comparisons; and what a guard of this
-# size of terms may be by rounding alone.
+# code gives them, and over all answers to its comparisons; what a guard of this size of
+# terms may be by rounding alone; and ranges over several steps (see `ahead`).
 H0, RATE0, H_LEFT, RATE_LEFT, H_RIGHT, RATE_RIGHT, H1, RATE1 = numbers(8)
 H, RATE, SIZE, BEND, CLEARANCE, PARTS = numbers(6, 8)
 RANGES = np.int64(14)
 H_LEAST, H_MOST, RATE_LEAST, RATE_MOST, GRAIN = numbers(5, 18)
-GUARD_ROWS = 23
+BOX_RANGES = np.int64(23)
+GUARD_ROWS = 27
 
 # Rows of `flags`: number of the instant at which a guard last flipped or was due, its
 # flips at that instant since the state last jumped (0: it was due, but has not
@@ -124,11 +128,14 @@ TRAVEL, SPEED = numbers(2, 14)
 # Number of steps limited by stability, and squared fastest motion in the last step's
 # Jacobian.
 STIFF_SCORE, MOTION = numbers(2, 16)
+# Start and end of the time for which the ranges over several steps hold, and how many
+# of the expected steps they reach ahead (see `ahead`).
+BOX_FROM, BOX_TO, REACH = numbers(3, 18)
 # Known instants (see `known`): the next one (infinite: none), the last time before it
 # and the first time after it at which the field is as on that side; up to where the
 # field's own are sought, and how far ahead of there it is looked at first.
-STOP, BEFORE_STOP, AFTER_STOP, SOUGHT, LOOK_LENGTH = numbers(5, 18)
-CLOCK_SLOTS = 23
+STOP, BEFORE_STOP, AFTER_STOP, SOUGHT, LOOK_LENGTH = numbers(5, 21)
+CLOCK_SLOTS = 26
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
@@ -153,15 +160,16 @@ CHANGES = np.int64(29)
 # whether this step is not proven, whether only signs have decided the last pieces and
 # the last one, whether all pieces so far; whether the guards at the start of the piece
 # are known; whether one turns too close to tell; where the interpolant in powers of
-# theta stands, from the start of the step and of the piece; and the first rows of its
-# coefficients in the piece, and of those from the start of a piece. Known instants that
-# were passed, place of the next single one, and stretches of time in which those of the
-# field could not be told apart. Then the memory of answers to comparisons in the code
-# for ranges (see `numbers.answers`).
+# theta stands, from the start of the step and of the piece (0: nowhere); the first rows
+# of its coefficients in the piece, and of those from the start of a piece; whether it
+# is in powers as it comes, and whether the ranges are those of the whole step. Known
+# instants that were passed, place of the next single one, and stretches of time in
+# which those of the field could not be told apart. Then the memory of answers to
+# comparisons in the code for ranges (see `numbers.answers`).
 EXHAUSTED, UNSURE, PENDING, DOUBT, FROM_START, KNOWN, IS_CLOSE = numbers(7, 30)
-POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT = numbers(4, 37)
-N_STOPS, NEXT_SINGLE, UNSOUGHT, ANSWERS = numbers(4, 41)
-COUNT_SLOTS = 44 + answers.N_SLOTS
+POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ARE_POWERS, ARE_WHOLE = numbers(6, 37)
+N_STOPS, NEXT_SINGLE, UNSOUGHT, ANSWERS = numbers(4, 43)
+COUNT_SLOTS = 46 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for

@@ -26,6 +26,7 @@ from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
 from hopdata.hybrid.driver import dense, jacobian, known, problem, stepping
+from hopdata.hybrid.driver.ahead import forget_box
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import fire_all, refresh, settle_locks
 from hopdata.hybrid.driver.log import Log, forget_mode
@@ -87,6 +88,7 @@ def fire(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     If the log is full before the last of them, the instant goes on when there is room.
     """
     status = fire_all(p, m, log)
+    forget_box(m)
     if status == at.NEEDS_ROOM:
         dense.take_back_row(m, out)
         return status
@@ -182,6 +184,7 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
     m.clock[at.INSTANT] = -inf
     m.clock[at.MOTION] = inf
     m.clock[at.PIECE] = inf
+    m.clock[at.REACH] = 1.0
     m.clock[at.NEXT_DT] = p.first_step
     m.clock[at.LAST_LOG_ERROR] = stepping.LOG_ERROR_FLOOR
     known.begin(p, m)

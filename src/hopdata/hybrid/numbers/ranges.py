@@ -400,3 +400,4 @@ def _turned(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 
 part = built(3, lambda *_: (ROWS(ROWS, INT, INT), _part))
 turned = built(1, lambda *_: (ROWS(ROWS), _turned))
+part_of_results = built(3, lambda *_: (RESULTS(RESULTS, INT, INT), _part))
