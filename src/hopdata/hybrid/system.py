@@ -440,10 +440,6 @@ class System(Told):
         if check_flag("jacobian", jacobian):
             compiled_first_order()
         latest = self.current()
-        if latest.has_instants:
-            from hopdata.hybrid.derived import with_instants
-
-            latest = with_instants(latest, latest.field.compiled)
         methods = latest.methods(method, jacobian)
         methods.compile_all()
         if jacobian:

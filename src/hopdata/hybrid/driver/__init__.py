@@ -1,6 +1,7 @@
 """The loop shared by all integrations: step, localise, land, flip, continue.
 
 - `loop`: the integration, and Python's entry into it
+- `known`: instants at which the field jumps: a step ends there, the next begins anew
 - `stepping`: one step that meets the tolerance; the size and the method of the next
 - `enclosure`, `paths`: ranges of the states and of the guards over a piece of it
 - `ahead`: ranges of the guards that serve several steps
