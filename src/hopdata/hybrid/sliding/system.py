@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-import numba
 
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
@@ -80,10 +79,7 @@ ONLY_FOR_REST = ("APPROACH", "MOVED_APPROACH", "ALONG", "BENDS", "MIX")
 
 def for_numbers(template: Callable[..., Any], **names: Any) -> Any:
     """Return a function made from a template, callable with any kind of number."""
-    # Python never calls it, and could not give it such numbers.
-    options: Names = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    compiler: Any = numba.njit(error_model="numpy", **options)
-    return compiler(with_digest(template, **names))
+    return kernel_apart(with_digest(template, **names))
 
 
 def names_of_numbers(system: Any, sizes: Names, *, rests: bool) -> Names:
@@ -121,6 +117,10 @@ def names_of_floats(
     if system.on_event is not None:
         names["HANDLER"] = system.on_event.dispatcher
     chosen = dict(TEMPLATES)
+    chosen["TIES"] = handler.no_ties
+    if system.together is not None:
+        names["LAW"] = system.together.dispatcher
+        chosen["TIES"] = handler.ties_template
     if of_numbers is None:
         chosen |= BY_DIFFERENCES
     else:
@@ -233,6 +233,8 @@ def _functions(system: Any, sizes: Names, *, rests: bool) -> tuple[Mixed, Mixed,
     if system.on_event is not None:
         inner = system.on_event
         users = (*users, inner)
+    if system.together is not None:
+        users = (*users, system.together)
     of_numbers: Names | None = None
     by_differences = names_of_floats(system, sizes, None, rests=rests)
     floats = by_differences
@@ -266,7 +268,10 @@ def sliding_system(system: Any) -> Any:
         return system.made["sliding"]
     surfaces = tuple(system.guard_names.index(one) for one in system.sliding)
     count = len(surfaces)
-    slides = Slides(surfaces, system.n_guards, system.n_modes)
+    n_due = 0
+    if system.together is not None:  # directions of all guards that are due
+        n_due = count + system.n_guards
+    slides = Slides(surfaces, system.n_guards, system.n_modes, n_due)
     rests = system.on_zeno == "rest"
     n_memory = 2 * count
     if rests:
@@ -297,12 +302,14 @@ def sliding_system(system: Any) -> Any:
         guard_names=(*ending, *system.guard_names),
         directions=(*((1,) * count), *(system.directions or none)),
         terminal=(*((0,) * count), *(system.terminal or none)),
-        n_extra_modes=system.n_extra_modes + count,
+        n_extra_modes=system.n_extra_modes + count + n_due,
+        together=None,
         n_memory=system.n_memory + n_memory,
         sliding=(),
         on_zeno="stop",
     )
     vars(made).update(way=system.way, n_shown=system.n_shown, slides=slides)
+    vars(made)["by_law"] = system.together is not None
     if system.on_zeno == "rest":
         vars(made)["rests"] = tuple(count + k for k in surfaces)
     system.made["sliding"] = made
