@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.digest import with_digest
