@@ -253,8 +253,12 @@ def _functions(system: Any, sizes: Names, *, rests: bool) -> tuple[Mixed, Mixed,
             decides = {"DECIDE": floats["DECIDE"], "RELEASE": floats["RELEASE"]}
             dual = for_numbers(of_duals, **of_numbers, **decides)
             parts = {"PART_OF_RESULTS": part_of_results, "SINK": sink}
-            names = {**of_numbers, **parts, "GUARDS": system.guards.ranged}
-            ranged = for_numbers(guards.guards_of_ranges, **names)
+            names = {**of_numbers, **parts}
+            if kind == "field":
+                ranged = for_numbers(mix.field_of_ranges, **names)
+            if kind == "guards":
+                names["GUARDS"] = system.guards.ranged
+                ranged = for_numbers(guards.guards_of_ranges, **names)
         callbacks = {"floats": floats, "by_differences": by_differences}
         one = Mixed(kind, template, own, users, dual=dual, ranged=ranged, **callbacks)
         made.append(one)
