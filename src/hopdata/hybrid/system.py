@@ -189,8 +189,6 @@ class System(Told):
         expect(differ, "sliding", "different guards", self.sliding)
         together = not self.sliding or self.guard is None
         expect(together, "sliding", "guards declared together, by @guards", "@guard")
-        alone = not self.sliding or self.together is None
-        expect(alone, "together", "no law where guards may slide", self.sliding)
         together = self.together is None or self.guard is None
         expect(together, "together", "guards declared together, by @guards", "@guard")
         known = self.on_zeno in ("stop", "rest")
