@@ -19,8 +19,8 @@ PAGES = {
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "The integrator": [
-        "integrator", "integrator_choices", "sliding", "gradients", "integrator_step",
-        "integrator_proof", "integrator_method", "printed_method",
+        "integrator", "integrator_choices", "sliding", "known_instants", "gradients",
+        "integrator_step", "integrator_proof", "integrator_method", "printed_method",
     ],
     "Understand": [
         "dissertation", "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign",

@@ -240,8 +240,7 @@ def test_the_rooms_of_the_integrator_are_those_that_its_documents_name():
     page = (PACKAGE.parents[1] / "docs" / "architecture.md").read_text()
     listed = set(re.findall(r"^\| `hybrid/(\w+)/` \|", page, re.MULTILINE))
     assert len(folders) >= 8
-    # A wrapper of systems may be a module or a folder.
-    assert named == listed == folders - {"sliding"}
+    assert named == listed == folders
 
 
 def test_no_module_imports_one_that_imports_it():

@@ -115,7 +115,7 @@ def draw_labels(axes: Axes, flip: float) -> None:
         ),
         (
             "6  event: the lock turns,\nanother field",
-            (1.13, 0.20), (event, AFTER(event - flip)), INK,
+            (1.15, 0.20), (event, AFTER(event - flip)), INK,
         ),
     ]  # fmt: skip
     for text, at, to, colour in labels:
@@ -142,7 +142,7 @@ def step_figure() -> Figure:
     draw_path(axes, flip)
     draw_labels(axes, flip)
     draw_lock(axes, flip)
-    axes.set(xlim=(-0.03, 1.27), ylim=(-0.98, 1.0), xticks=[], yticks=[])
+    axes.set(xlim=(-0.03, 1.29), ylim=(-0.98, 1.0), xticks=[], yticks=[])
     axes.set_xlabel("time", loc="right")
     axes.set_ylabel("guard h(t, y)")
     axes.spines[["top", "right", "left", "bottom"]].set_visible(False)

@@ -5,8 +5,8 @@
 The modules of this folder are what a user calls, and what stands directly beneath it:
 `system` and `arguments` check what is given, `solve`, `batch` and `ivp` run it, and
 `solution` and `zeno` hold what comes back. `workspace` and `layout` are the memory of a
-run. `derived`, `sliding` and `filtering` make another system of a system: backward in
-time, with parameters as states, sliding along surfaces, or estimated from data.
+run. `derived` makes another system of a system: backward in time, or with parameters
+as states. `filtering` estimates states from measurements, through events.
 
 The rooms:
 
@@ -19,6 +19,8 @@ The rooms:
     guards are proven, and dual numbers, by which derivatives are exact.
 ``compiled``
     From Python functions to machine code.
+``sliding``
+    Another system of a system: one that slides along surfaces (Filippov).
 ``lanes``
     Many systems at a time, in the lanes of the vector unit.
 ``gradients``
@@ -47,6 +49,7 @@ from hopdata.hybrid.compiled.callbacks import (
 )
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
 from hopdata.hybrid.ivp import OdeResult, solve_ivp
+from hopdata.hybrid.known_instants import Every, every
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
@@ -55,11 +58,13 @@ __all__ = [
     "BatchSolution",
     "Callback",
     "EventLog",
+    "Every",
     "OdeResult",
     "SlowCallbackWarning",
     "Solution",
     "System",
     "affine",
+    "every",
     "field",
     "guard",
     "guards",
