@@ -97,17 +97,18 @@ def test_bytes_depend_on_no_neighbour(workers):
 
 def test_a_system_alone_and_in_a_batch_have_the_same_bytes():
     """So have those that leave their lanes, whatever the driver's threads."""
-    y0, params, *_ = swings()
-    plain = swung(lanes=False)
-    gone = np.flatnonzero(~in_lanes().lanes)
-    assert len(gone) > 0
-    for row in (0, 1, *gone):
-        one = solve(bent(3), SPAN, y0[row], params=params[row], method="dop853")
-        batches = [plain, in_lanes()] if row in gone else [plain]
-        for batch in batches:
+    y0, params, sliding, their_params = swings()
+    asked = [(y0[:2], params[:2], False), (sliding[:2], their_params[:2], True)]
+    for starts, numbers, lanes in asked:
+        batch = solve_batch(
+            bent(3), SPAN, starts, params=numbers, lanes=lanes, **OPTIONS
+        )
+        assert not batch.lanes.any()
+        for row, (start, own) in enumerate(zip(starts, numbers, strict=True)):
+            one = solve(bent(3), SPAN, start, params=own, method="dop853")
             assert one.y_end.tobytes() == batch.y_end[row].tobytes()
-            assert one.n_steps == batch.n_steps[row]
             assert one.mode.tobytes() == batch.mode[row].tobytes()
+            assert one.n_steps == batch.n_steps[row]
 
 
 def test_wanted_times():

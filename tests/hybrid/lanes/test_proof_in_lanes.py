@@ -62,7 +62,7 @@ def height(t, y, kind):
     if kind == 5:
         return np.exp(y[0]) - np.log(x) - np.tan(0.5 * y[1]) - 1.2
     if kind == 6:
-        return max(y[0], min(y[1], 0.8)) - np.hypot(0.3, y[1])
+        return np.maximum(y[0], np.minimum(y[1], 0.8)) - np.sqrt(0.2 + y[1] ** 2)
     return -(y[0] / x) / 2.0 + (0.3 - t / 9.0)
 
 
