@@ -398,6 +398,13 @@ def _turned(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return rows.packed()
 
 
+def _typed_turned(rows: Any) -> Any:
+    if getattr(rows, "known", True):
+        return ROWS(ROWS), _turned
+    # Rows of lanes of which nothing is known (`lanes.ranges`).
+    return rows(rows), lambda context, builder, sign, values: values[0]
+
+
 part = built(3, lambda *_: (ROWS(ROWS, INT, INT), _part))
-turned = built(1, lambda *_: (ROWS(ROWS), _turned))
+turned = built(1, _typed_turned)
 part_of_results = built(3, lambda *_: (RESULTS(RESULTS, INT, INT), _part))
