@@ -223,6 +223,11 @@ class Factors:
         return len(self.columns) == 0
 
     @property
+    def is_narrow(self) -> bool:
+        """Whether it is a band for which no other way is tried."""
+        return self.is_band and self.below + self.above + 1 <= NARROW
+
+    @property
     def width(self) -> int:
         """Entries of a row of the band, with room for row exchanges."""
         return 2 * self.below + self.above + 1
@@ -258,7 +263,7 @@ def factors_of(pattern: Pattern) -> Factors:
     order = np.arange(n)
     below, above = bandwidths_in(order, pattern)
     band = Factors(order, below, above, nothing, nothing, nothing)
-    if below + above + 1 <= NARROW:
+    if band.is_narrow:
         return band
     try:
         from hopdata.hybrid.methods import ordering
@@ -269,7 +274,7 @@ def factors_of(pattern: Pattern) -> Factors:
     below, above = bandwidths_in(narrow, pattern)
     if band_operations(below, above, n) < band_operations(band.below, band.above, n):
         band = Factors(narrow, below, above, nothing, nothing, nothing)
-    if band.below + band.above + 1 <= NARROW:
+    if band.is_narrow:
         return band
     order = ordering.sparse_order(n, pattern.rows, pattern.columns)
     starts, columns, diagonal = ordering.symbolic(
@@ -337,6 +342,7 @@ class Structure:
         self.entry_rows = -(-n_entries // n)
         self.matrix_rows = -(-largest // n)
         self._arrays = {
+            "colour_of": colours,
             "columns": np.argsort(colours, kind="stable"),
             "first_column": starts_of(colours, self.n_colours),
             "entry": by_colour,
@@ -386,7 +392,12 @@ class Structure:
         """
         matrix = first + self.entry_rows
         right = matrix + self.matrix_rows
-        rows = {"matrix": matrix, "right": right, "work": right + 1}
+        rows = {
+            "matrix": matrix,
+            "right": right,
+            "work": right + 1,
+            "duals": right + 2,
+        }
         if "directory" not in vars(self):
             directory = np.zeros(DIRECTORY_SLOTS, dtype=np.int64)
             for name, number in (self._numbers | rows).items():

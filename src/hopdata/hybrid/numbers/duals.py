@@ -41,6 +41,7 @@ from hopdata.hybrid.compiled.memory import (
     is_number,
     tried_first,
 )
+from hopdata.hybrid.numbers.new_arrays import make_arrays_of
 
 FLOAT = types.float64
 INT = types.int64
@@ -838,6 +839,10 @@ def _typed_interpolation(*kinds: Any) -> Any:
 
 tried_first(np.interp, _typed_interpolation)
 lower_builtin(np.interp, Dual, types.Array, types.Array)(_interpolate)
+
+
+for _width in WIDTHS:
+    make_arrays_of(Dual(_width))
 
 
 # Duals from rows of numbers: a value and its slopes, side by side.
