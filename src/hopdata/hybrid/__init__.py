@@ -14,6 +14,7 @@ from hopdata.hybrid.compiled.callbacks import (
 )
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
 from hopdata.hybrid.ivp import OdeResult, solve_ivp
+from hopdata.hybrid.methods.sparsity import find_sparsity
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
@@ -28,6 +29,7 @@ __all__ = [
     "System",
     "affine",
     "field",
+    "find_sparsity",
     "guard",
     "guards",
     "jacobian",

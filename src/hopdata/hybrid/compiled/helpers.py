@@ -74,9 +74,7 @@ def with_helpers(
     return made
 
 
-def _compiled(
-    helper: FunctionType, above: frozenset[CodeType], decorated: bool
-) -> Any:
+def _compiled(helper: FunctionType, above: frozenset[CodeType], decorated: bool) -> Any:
     # Only compiled code calls it.
     options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     made = with_digest(with_helpers(helper, above, decorated=decorated))

@@ -179,7 +179,7 @@ def tried_first(key: Any, typed: Callable[..., Any], literal: bool = False) -> N
 def method_first(
     kind: Any, name: str, fits: Callable[[Any], bool], typed: Callable[..., Any]
 ) -> Any:
-    """Give a method a meaning for types of a class that fit; return the key of its code.
+    """Give a method a meaning for types that fit; return the key of its code.
 
     `typed(context, owner, arguments)` returns the type of its result, or None.
     """
@@ -187,6 +187,7 @@ def method_first(
 
     class Method(AbstractTemplate):
         key = code
+        this: Any = None  # the owner, which Numba sets
 
         def generic(self, args: Any, kws: Any) -> Any:
             found = None if kws else typed(self.context, self.this, args)

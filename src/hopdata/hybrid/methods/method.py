@@ -327,6 +327,7 @@ def _rosenbrock(scene: Scene, fill: Any, in_time: Any, evaluations: int) -> Meth
     """Return the Rosenbrock method with these functions for the field's derivatives."""
     names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
     made = {"FILL_JACOBIAN": fill, "TIME_DERIVATIVE": in_time}
+    made |= {"PREPARE": stiff.prepare_dense, "SOLVE": stiff.solve_dense}
     return Method(
         order=stiff.ORDER,
         step=with_digest(stiff.step, **names, **made),
@@ -358,7 +359,9 @@ def sparse_rosenbrock_method(scene: Scene, pattern: Pattern) -> Method:
     fill = put_in(sparse.jacobian_by_duals, **names)
     in_time = put_in(stiff.no_time_derivative)
     exact = _sparse_rosenbrock(scene, pattern, fill, in_time)
-    return replace(exact, otherwise=by_differences, digest=own_digest())
+    rows = exact.work_rows + sparse.dual_rows(scene.n_states, n_colours)
+    digest = own_digest()
+    return replace(exact, work_rows=rows, otherwise=by_differences, digest=digest)
 
 
 def _sparse_rosenbrock(
@@ -369,22 +372,22 @@ def _sparse_rosenbrock(
     factors = structure.factors
     names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
     made = {"FILL_JACOBIAN": fill, "TIME_DERIVATIVE": in_time}
+    factorise: Any = sparse.factorise_band
     solve_band: Any = sparse.solve_band
-    made["FACTORISE"] = sparse.factorise_band
     if factors.is_narrow:
         widths = {"BELOW": factors.below, "ABOVE": factors.above}
-        made["FACTORISE"] = put_in(sparse.factorise_narrow, **widths)
+        factorise = put_in(sparse.factorise_narrow, **widths)
         solve_band = put_in(sparse.solve_narrow, **widths)
     made["SOLVE"] = put_in(sparse.solve_pivoted, SOLVE_BAND=solve_band)
     if not factors.is_band:
-        made["FACTORISE"] = sparse.factorise_sparse
+        factorise = sparse.factorise_sparse
         made["SOLVE"] = put_in(sparse.solve_corrected)
-    rows = int(stiff.JAC - W1) + structure.work_rows
+    made["PREPARE"] = put_in(sparse.prepare, FACTORISE=factorise, N=scene.n_states)
     return Method(
         order=stiff.ORDER,
-        step=with_digest(sparse.step, **names, **made),
+        step=with_digest(stiff.step, **names, **made),
         interpolant=with_digest(stiff.interpolant, **names),
         evaluations=stiff.EVALUATIONS - 1,
         interpolant_error=stiff.DENSE_ERROR,
-        work_rows=rows + sparse.dual_rows(scene.n_states, structure.n_colours),
+        work_rows=int(stiff.JAC - W1) + structure.work_rows,
     )

@@ -6,7 +6,7 @@ p, also beyond the first of these rows. The matrix 1 / (GAMMA dt) - J and its fa
 follow. What is where stands in the directory (see `sparsity`).
 """
 
-from math import ceil, nan
+from math import ceil
 from typing import Any
 
 from hopdata.hybrid.compiled.kernel import copy, kernel
@@ -21,7 +21,7 @@ from hopdata.hybrid.compiled.memory import (
     matrix_at,
     row,
 )
-from hopdata.hybrid.layout import END, K1, KEND, SCRATCH, SLOPE, STRUCTURE, Y
+from hopdata.hybrid.layout import K1, KEND, SCRATCH, SLOPE, STRUCTURE, Y
 from hopdata.hybrid.methods.directory import (
     DIRECTORY_SLOTS,
     Directory,
@@ -29,22 +29,20 @@ from hopdata.hybrid.methods.directory import (
 )
 from hopdata.hybrid.methods.stiff import (
     CUBE_ROOT_OF_EPS,
-    GAMMA,
-    INFO,
     JAC,
     PIVOTS,
-    STAGES,
-    TIME,
     TINY,
-    A,
-    C,
-    D,
-    U,
-    tolerance,
 )
 from hopdata.hybrid.numbers import along, duals
 from hopdata.hybrid.numbers.along import BYTES
 from hopdata.hybrid.numbers.duals import width_for
+
+
+@kernel
+def directory_in(s: FloatTable) -> Directory:
+    """Return the directory whose address is among the states."""
+    return directory_of(int_vector(int(s[STRUCTURE, 0]), DIRECTORY_SLOTS))
+
 
 # Linear systems. The unknowns are in row `work`, in the order of elimination.
 
@@ -355,8 +353,9 @@ def into_order(s: FloatTable, d: Directory, x: int) -> None:
 SOLVE_BAND: Any = None  # inserted: for a narrow band, or for any
 
 
-def solve_pivoted(s: FloatTable, d: Directory, shift: float, x: int) -> bool:
+def solve_pivoted(s: FloatTable, shift: float, x: int) -> bool:
     """Solve with a band, whose pivots are chosen; return True."""
+    d = directory_in(s)
     if d.is_natural != 0:
         SOLVE_BAND(s, d, x)
         return True
@@ -367,11 +366,12 @@ def solve_pivoted(s: FloatTable, d: Directory, shift: float, x: int) -> bool:
     return True
 
 
-def solve_corrected(s: FloatTable, d: Directory, shift: float, x: int) -> bool:
+def solve_corrected(s: FloatTable, shift: float, x: int) -> bool:
     """Solve without chosen pivots; return whether the solution is exact.
 
     It is corrected by its residual where it is not exact at once.
     """
+    d = directory_in(s)
     copy(row(s, x), row(s, d.right))
     into_order(s, d, x)
     solve_sparse(s, d)
@@ -391,22 +391,30 @@ def solve_corrected(s: FloatTable, d: Directory, shift: float, x: int) -> bool:
 FIELD: Any = None
 JACOBIAN: Any = None
 N: int = 0
-FILL_JACOBIAN: Any = None
-TIME_DERIVATIVE: Any = None
 FACTORISE: Any = None
-SOLVE: Any = None
+
+
+def prepare(s: FloatTable, shift: float) -> None:
+    """Factorise shift - J."""
+    d = directory_in(s)
+    size = d.factor_columns.width
+    if size == 0:
+        size = N * (2 * d.below + d.above + 1)
+    assemble(s, d, shift, size)
+    FACTORISE(s, d)
 
 
 def jacobian_by_user(
     t: float,
     dt: float,
     s: FloatTable,
-    d: Directory,
     mode: Any,
     params: Any,
     atol: FloatVector,
+    first: int,
 ) -> int:
     """Get the user's derivative in sparse form; return 0, the field evaluations."""
+    d = directory_in(s)
     address = address_of(s) + BYTES * d.matrix * N
     given = matrix_at(address, d.given_rows, d.given_columns)
     given[:] = 0.0
@@ -430,15 +438,16 @@ def jacobian_by_differences(
     t: float,
     dt: float,
     s: FloatTable,
-    d: Directory,
     mode: Any,
     params: Any,
     atol: FloatVector,
+    first: int,
 ) -> int:
     """Take central differences, all columns of a colour at once.
 
     Returns the number of field evaluations, two for each colour.
     """
+    d = directory_in(s)
     copy(row(s, Y), row(s, SCRATCH))
     for colour in range(d.n_colours):
         columns = d.first_column[colour], d.first_column[colour + 1]
@@ -477,38 +486,39 @@ def jacobian_by_duals(
     t: float,
     dt: float,
     s: FloatTable,
-    d: Directory,
     mode: Any,
     params: Any,
     atol: FloatVector,
+    first: int,
 ) -> int:
     """Get exact derivatives, all columns of a colour along one direction.
 
     The derivative in time is written to row KEND. Returns 0, the field evaluations with
     numbers.
     """
+    d = directory_in(s)
     row_bytes = BYTES * N
     states = address_of(s) + row_bytes * d.duals
     rates = states + row_bytes * (1 + WIDTH)
     moment = rates + row_bytes * (1 + WIDTH)
     given = float_vector(states, 0)
     found = float_vector(rates, 0)
-    for first in range(0, N_COLOURS + 1, WIDTH):
+    for number in range(0, N_COLOURS + 1, WIDTH):
         for i in range(N):
             place = i * (1 + WIDTH)
             given[place] = s[Y, i]
             for j in range(WIDTH):
-                given[place + 1 + j] = 1.0 if d.colour_of[i] == first + j else 0.0
-        SET_MOMENT(moment, WIDTH, t, first, N_COLOURS)
+                given[place + 1 + j] = 1.0 if d.colour_of[i] == number + j else 0.0
+        SET_MOMENT(moment, WIDTH, t, number, N_COLOURS)
         CALL(DUAL(moment), ROWS(states, N), mode, params, ROWS(rates, N))
         for i in range(N):
             slopes = i * (1 + WIDTH) + 1
             for p in range(d.row_starts[i], d.row_starts[i + 1]):
-                place = d.colour_of[d.entry_columns[p]] - first
+                place = d.colour_of[d.entry_columns[p]] - number
                 if 0 <= place < WIDTH:
                     s[JAC, p] = found[slopes + place]
-            if N_COLOURS - first < WIDTH:
-                s[KEND, i] = found[slopes + N_COLOURS - first]
+            if N_COLOURS - number < WIDTH:
+                s[KEND, i] = found[slopes + N_COLOURS - number]
     return 0
 
 
@@ -530,54 +540,3 @@ def dual_rows(n_states: int, n_colours: int) -> int:
     """Return the rows of states that duals of states, rates and time take."""
     row_of_duals = 1 + width_for(n_colours + 1)
     return 2 * row_of_duals + ceil(row_of_duals / n_states)
-
-
-def step(
-    t: float,
-    dt: float,
-    rtol: float,
-    s: FloatTable,
-    mode: Any,
-    params: Any,
-    atol: FloatVector,
-    field: int,
-) -> float:
-    """Take one step; return the embedded error in tolerances (root mean square).
-
-    It is NaN, which shortens the step, if a linear system was not solved exactly.
-    """
-    d = directory_of(int_vector(int(s[STRUCTURE, 0]), DIRECTORY_SLOTS))
-    s[INFO, 0] = FILL_JACOBIAN(t, dt, s, d, mode, params, atol)
-    s[INFO, 0] += TIME_DERIVATIVE(t, dt, s, mode, params, KEND) + STAGES
-    shift = 1.0 / (GAMMA * dt)
-    size = d.factor_columns.width
-    if size == 0:
-        size = N * (2 * d.below + d.above + 1)
-    assemble(s, d, shift, size)
-    FACTORISE(s, d)
-    exact = True
-    for k in range(STAGES):
-        for i in range(N):
-            state = s[Y, i]
-            bend = 0.0
-            for m in range(k):
-                state += A[k, m] * s[U + m, i]
-                bend += C[k, m] * s[U + m, i]
-            s[SCRATCH, i] = state
-            s[U + k, i] = bend / dt + D[k] * dt * s[KEND, i]
-        if k == 0:
-            copy(row(s, K1), row(s, SLOPE))
-        else:
-            FIELD(t + TIME[k] * dt, row(s, SCRATCH), mode, params, row(s, SLOPE))
-        for i in range(N):
-            s[U + k, i] += s[SLOPE, i]
-        exact = SOLVE(s, d, shift, U + k) and exact
-    total = 0.0
-    for i in range(N):
-        error = s[U + STAGES - 1, i]
-        s[END, i] = s[SCRATCH, i] + error
-        total += (error / tolerance(s, i, rtol, atol)) ** 2
-    FIELD(t + dt, row(s, END), mode, params, row(s, KEND))
-    if not exact:
-        return nan
-    return (total / N) ** 0.5

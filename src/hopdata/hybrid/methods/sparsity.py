@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import IntArray
 from hopdata.hybrid.arguments import expect
@@ -21,7 +22,7 @@ from hopdata.hybrid.methods.directory import DIRECTORY_SLOTS, SLOTS
 
 WANTED = (
     "a matrix (n, n) that is not zero where dy[i] depends on y[j] (SciPy's sparse or "
-    "an array), or the bandwidths (lower, upper)"
+    "an array), the bandwidths (lower, upper), or 'auto'"
 )
 
 
@@ -36,6 +37,8 @@ class Pattern:
         The places, in any order.
     bandwidths : tuple of int, optional
         Diagonals below and above the main one, if the pattern was given by them.
+    is_proven : bool
+        Whether it follows from the field's code for all states, modes and parameters.
     """
 
     def __init__(
@@ -44,12 +47,14 @@ class Pattern:
         rows: IntArray,
         columns: IntArray,
         bandwidths: tuple[int, int] | None = None,
+        is_proven: bool = False,
     ) -> None:
         places = np.unique(rows.astype(np.int64) * n_states + columns)
         self.n_states = n_states
         self.rows = places // n_states
         self.columns = places % n_states
         self.bandwidths = bandwidths
+        self.is_proven = is_proven
 
     def __repr__(self) -> str:
         return f"<pattern of {len(self.rows)} of {self.n_states}^2 derivatives>"
@@ -66,7 +71,8 @@ class Pattern:
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Pattern, (self.n_states, self.rows, self.columns, self.bandwidths)
+        given = self.n_states, self.rows, self.columns, self.bandwidths
+        return Pattern, (*given, self.is_proven)
 
     @property
     def given_shape(self) -> tuple[int, int]:
@@ -156,6 +162,50 @@ def pattern_of(given: Any, n_states: int) -> Pattern | None:
     wanted = f"a matrix of shape ({n_states}, {n_states})"
     expect(shape == (n_states, n_states), "sparsity", wanted, f"shape {shape}")
     return Pattern(n_states, rows, columns)
+
+
+def find_sparsity(
+    field: Any, n_states: int, *, params: ArrayLike | None = None, n_modes: int = 0
+) -> Pattern:
+    """Return on which states each rate of a field depends, as the field's code tells.
+
+    The code is run with numbers that remember from which states they were made, once
+    along every path that its comparisons allow. So nothing that matters is missing,
+    whatever the states, the time and the mode are.
+
+    Parameters
+    ----------
+    field : callable
+        The vector field, plain or declared by `hopdata.hybrid.field`.
+    n_states : int
+        Number of states.
+    params : (p,) array, optional
+        Parameters of the field, if they decide sizes, indices or branches. The pattern
+        then holds for these. By default they may have any values.
+    n_modes : int
+        Number of modes: of guards, and the system's further ones.
+
+    Returns
+    -------
+    Pattern
+        For `System`'s `sparsity`.
+
+    Raises
+    ------
+    ArgumentError
+        If the code does not tell: if it does not compile, if the state, the time or the
+        mode decides an index or the end of a loop, or if it branches too often.
+    """
+    from hopdata.hybrid.compiled.callbacks import Callback
+    from hopdata.hybrid.compiled.kernel import SIGNATURES
+    from hopdata.hybrid.methods.traced_pattern import traced_pattern
+
+    if not isinstance(field, Callback):
+        field = Callback(field, SIGNATURES["field"])
+    known = None
+    if params is not None:
+        known = np.array(params, dtype=float).reshape(-1)
+    return traced_pattern(field, int(n_states), int(n_modes), known)
 
 
 def _banded(given: Any, n_states: int) -> Pattern:

@@ -12,6 +12,7 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
+
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import did_you_mean
 from hopdata.hybrid import layout
@@ -140,7 +141,7 @@ class MethodTable:
         self._kept_alive: list[Any] = []
         self._methods = [method_for(name, scene) for name in self._names]
         self.pattern = scene.sparsity if "rosenbrock" in self._names else None
-        self.unchecked = self.pattern is not None
+        self.unchecked = self.pattern is not None and not self.pattern.is_proven
         self.by_differences = ""
         self.generic: set[int] = set()
         self.steps = 0

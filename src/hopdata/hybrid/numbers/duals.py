@@ -260,6 +260,10 @@ def width_among(kinds: Any) -> int:
     return width
 
 
+# The functions defined so, with their numbers of arguments and what they return.
+OPERATIONS: list[tuple[Any, int, Any]] = []
+
+
 def defined(
     key: Any,
     count: int,
@@ -285,6 +289,7 @@ def defined(
         pairs = zip(sign.args, values, strict=True)
         return build(code, key, *(code.parts(kind, value) for kind, value in pairs))
 
+    OPERATIONS.append((key, count, returned))
     tried_first(key, typed)
     for kinds in product((Dual, types.Float), repeat=count):
         if Dual in kinds:
@@ -605,7 +610,8 @@ def _typed_power(*kinds: Any) -> Any:
     return Dual(width)(base, exponent)
 
 
-for _key in (operator.pow, operator.ipow, pow, math.pow, np.power):
+POWERS = (operator.pow, operator.ipow, pow, math.pow, np.power)
+for _key in POWERS:
     tried_first(_key, _typed_power, literal=True)
     for _kinds in (
         (Dual, Dual), (Dual, types.Float), (Dual, types.Integer), (types.Float, Dual)

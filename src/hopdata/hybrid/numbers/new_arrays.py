@@ -24,7 +24,7 @@ from hopdata.hybrid.compiled.memory import (
     built,
     is_number,
 )
-from hopdata.hybrid.numbers.vectors import FIRST, bare, is_array, ours_among
+from hopdata.hybrid.numbers.vectors import is_array, ours_among, overload_first
 
 Function = Callable[..., Any]
 SEQUENCES = (types.Array, types.List, types.BaseTuple)
@@ -137,9 +137,11 @@ def _is_shape(kind: Any) -> bool:
 
 
 def _is_table(kind: Any) -> bool:
-    """Return whether a type is that of a sequence of numbers, some of them no integers."""
-    return isinstance(kind, SEQUENCES) and bool(_holds(kind, all, _is_any_number)) and (
-        _holds(kind, any, _is_no_integer)
+    """Return whether a type is that of a sequence of numbers, not all integers."""
+    return (
+        isinstance(kind, SEQUENCES)
+        and bool(_holds(kind, all, _is_any_number))
+        and (_holds(kind, any, _is_no_integer))
     )
 
 
@@ -147,7 +149,8 @@ def _holds(kind: Any, how: Function, test: Function) -> bool:
     if isinstance(kind, types.Array | types.List):
         return _holds(kind.dtype, how, test)
     if isinstance(kind, types.BaseTuple):
-        return len(kind) > 0 and bool(how(_holds(one, how, test) for one in kind))
+        items: Any = kind
+        return len(kind) > 0 and bool(how(_holds(one, how, test) for one in items))
     return bool(test(kind))
 
 
@@ -253,6 +256,6 @@ def _like(name: str, value: float) -> Function:
     return _written(text, code=code, is_array=is_array)
 
 
-overload(np.zeros_like, **FIRST)(_like("a", 0.0))
-overload(np.empty_like, **FIRST)(_like("a", 0.0))
-overload(np.ones_like, **FIRST)(_like("a", 1.0))
+overload_first(np.zeros_like)(_like("a", 0.0))
+overload_first(np.empty_like)(_like("a", 0.0))
+overload_first(np.ones_like)(_like("a", 1.0))

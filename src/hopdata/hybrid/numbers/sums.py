@@ -204,7 +204,11 @@ make_arrays_of(RANGE)
 vectors.ROUNDED[RANGE] = vectors.bare(_dot.py_func)
 
 
-@njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+# Python could not take an array of ranges.
+ONLY_COMPILED: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+@njit(**ONLY_COMPILED)
 def as_array(rows: Any) -> Any:
     """Return an array of the ranges that stand in rows."""
     made = np.zeros(len(rows))  # of ranges, as the rows are

@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (Numba prescribes signatures)
 """Arrays of ranges and of duals: what NumPy's functions and operators mean for them.
 
 Arithmetic of whole arrays and NumPy's functions of each element are those of single
@@ -27,7 +28,12 @@ from hopdata.hybrid.compiled.memory import (
 )
 
 Function = Callable[..., Any]
-FIRST = {"target": "cpu"}  # asked before what Numba defines for every target
+
+
+def overload_first(key: Any) -> Any:
+    """Return Numba's `overload`, asked before what Numba defines for every target."""
+    options: dict[str, Any] = {"target": "cpu"}
+    return overload(key, **options)
 
 
 def bare(function: Function) -> Function:
@@ -131,7 +137,7 @@ def _with_number(key: Any, sign: str) -> None:
             return scope["right"]
         return None
 
-    overload(key, **FIRST)(typed)
+    overload_first(key)(typed)
 
 
 for _key, _sign in OPERATORS.items():
@@ -146,7 +152,7 @@ def _in_place(key: Any, sign: str) -> None:
     def typed(a: Any, b: Any) -> Any:
         return scope["changed"] if is_array(a) else None
 
-    overload(key, **FIRST)(typed)
+    overload_first(key)(typed)
 
 
 for _key, _sign in (
@@ -183,8 +189,8 @@ def _clip(a: Any, a_min: Any, a_max: Any) -> Any:
     return None
 
 
-overload(np.where, **FIRST)(bare(_where))
-overload(np.clip, **FIRST)(bare(_clip))
+overload_first(np.where)(bare(_where))
+overload_first(np.clip)(bare(_clip))
 
 
 # Sums and extremes.
@@ -262,12 +268,12 @@ for _key, _function in (
     (np.sum, _total), (np.min, _least), (np.max, _largest), (np.prod, _all_times),
     (np.mean, _mean), (np.linalg.norm, _norm),
 ):  # fmt: skip
-    overload(_key, **FIRST)(_of_array(_function))
+    overload_first(_key)(_of_array(_function))
 for _key, _function in (
     (np.cumsum, _running), (np.diff, _steps), (builtins.sum, _total),
     (builtins.min, _least), (builtins.max, _largest),
 ):  # fmt: skip
-    overload(_key, **FIRST)(_of_array(_function, ndim=1))
+    overload_first(_key)(_of_array(_function, ndim=1))
 
 
 # Products. `inner` of two rows may add in any order, as NumPy does.
@@ -368,11 +374,11 @@ def _cross(a: Any, b: Any) -> Any:
     return cross
 
 
-overload(inner, **FIRST)(_typed_inner)
-overload(np.dot, **FIRST)(_product)
-overload(operator.matmul, **FIRST)(_product)
-overload(np.outer, **FIRST)(_outer)
-overload(np.cross, **FIRST)(_cross)
+overload_first(inner)(_typed_inner)
+overload_first(np.dot)(_product)
+overload_first(operator.matmul)(_product)
+overload_first(np.outer)(_outer)
+overload_first(np.cross)(_cross)
 
 
 # Linear systems, by elimination. Ranges have none: the choice of a pivot would be open.
@@ -427,8 +433,8 @@ def _inv(a: Any) -> Any:
     return _inverse
 
 
-overload(np.linalg.solve, **FIRST)(_solve)
-overload(np.linalg.inv, **FIRST)(_inv)
+overload_first(np.linalg.solve)(_solve)
+overload_first(np.linalg.inv)(_inv)
 
 
 # Methods, which are NumPy's functions of the same names.
