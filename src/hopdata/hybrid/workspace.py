@@ -469,6 +469,8 @@ class Workspace:
         fields["form"] = self._form
         if self.ready_for is not NOTHING and self.tangent is None:
             fields["jacobian"] = None
+            if self.methods.by_differences:
+                fields["by_differences"] = self.methods.by_differences
             fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
             return solution
         trajectory: bytes | None = b"".join([*self._kept_rows, rows])
