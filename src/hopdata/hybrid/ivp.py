@@ -140,6 +140,7 @@ def solve_ivp(  # noqa: PLR0913 (the options are SciPy's)
     max_step: float = np.inf,
     first_step: float | None = None,
     jac: Function | ArrayLike | None = None,
+    tstops: Any = None,
     **options: Any,
 ) -> OdeResult:
     """Integrate an initial value problem, with the call of SciPy's `solve_ivp`.
@@ -177,6 +178,8 @@ def solve_ivp(  # noqa: PLR0913 (the options are SciPy's)
         Largest and first step.
     jac : callable or (n, n) array_like, optional
         ``jac(t, y, *args)`` returns the derivative of the rates; or a constant matrix.
+    tstops : array_like, Every or list, optional
+        Instants at which `fun` jumps, as in `hopdata.hybrid.solve`; SciPy has none.
     **options
         Options of SciPy's that do not exist here are refused by one sentence.
 
@@ -229,6 +232,7 @@ def solve_ivp(  # noqa: PLR0913 (the options are SciPy's)
         t_eval=t_eval,
         method=METHODS[method],
         dense_output=dense_output,
+        tstops=tstops,
     )
     return _result(solution, METHODS[method], events is not None)
 

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from time import monotonic
+from time import monotonic, thread_time
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.compiled.caught import catch, stop_catching
 from hopdata.hybrid.derived import ask_derived, goes_back
+from hopdata.hybrid.known_instants import Instants
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import PLAIN, Sink, Workspace
@@ -49,6 +50,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     dense_output: bool = False,
     events: str | Sink = "all",
     debug: bool = False,
+    tstops: Any = None,
 ) -> Solution:
     """Integrate an event-selected system from t_span[0] to t_span[1].
 
@@ -106,6 +108,10 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         Whether to run all functions as plain Python, which checks every index and
         allows breakpoints in a debugger. This is many times slower and gives the same
         results.
+    tstops : array_like, Every or list, optional
+        Instants at which the field, or a derivative of it, jumps: times,
+        `hopdata.hybrid.every` for periodic ones, or a list of both, besides those of
+        the system. A step ends at each, and the next one begins anew.
 
     Returns
     -------
@@ -146,7 +152,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         # The usual request has nothing but numbers, which are written unchecked.
         usual = dense_output is debug is False and memory is first_step is None
         usual = usual and type(jacobian) is bool and (keep_events or events == "count")
-        usual = usual and system.is_plain
+        usual = usual and _is_plain(system, work, tstops)
         rows_per_step = 1
         if t_eval is not None:
             rows_per_step = 0
@@ -156,7 +162,8 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             jacobian, rows_per_step, keep_events,
         ):  # fmt: skip
             derived = debug is not False or isinstance(jacobian, str)
-            if goes_back(t_span) or derived or not system.is_plain:
+            derived = derived or not _is_plain(system, work, tstops)
+            if goes_back(t_span) or derived:
                 return ask_derived(
                     solve,
                     system,
@@ -177,6 +184,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
                     memory=memory,
                     dense_output=dense_output,
                     events=events,
+                    tstops=tstops,
                 )
             work.sink = _sink(events, dense_output)
             limits = rtol, max_step, first_step, max_steps, max_events
@@ -199,7 +207,10 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         caught.clear()
         token = catch(caught)
         try:
+            before = monotonic()  # in a tenth of the time of `thread_time`
             status = work.drive(work.block_address, flags)
+            if work.methods.generic:
+                work.methods.seconds += monotonic() - before
             if status > at.TERMINATED:
                 status = _go_on(work, flags | at.RESUMED, status)
         # An interrupt, no memory, or what the sink has raised.
@@ -207,8 +218,6 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             caught.append(error)
         finally:
             stop_catching(token)
-        if work.methods.generic:
-            work.methods.steps += work.counts.item(at.STEPS)
         if caught:
             first = caught[0]
             caught.clear()
@@ -224,6 +233,17 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     finally:
         work.sink = None
         system.idle.append(work)
+
+
+def _is_plain(system: System, work: Workspace, tstops: Any) -> bool:
+    """Return whether the driver takes a system as it is, without a derived one.
+
+    The known instants of a derived system are laid out.
+    """
+    if type(tstops) is Instants:
+        work.set_instants(tstops)
+        return system.is_plain
+    return tstops is None and system.is_plain and not system.has_instants
 
 
 def _set_mode(system: System, work: Workspace, mode: Any) -> int:
@@ -308,10 +328,13 @@ def _go_on(work: Workspace, flags: int, status: int) -> int:
             work.enlarge()
         elif status == at.NEEDS_METHOD:
             methods.provide(int(work.counts[at.METHOD]))
-        methods.specialise(int(work.counts[at.STEPS]))
+        methods.specialise()
         before = monotonic()
+        spent_before = thread_time()
         status = work.drive(work.block_address, flags)
         now = monotonic()
+        if methods.generic:
+            methods.seconds += thread_time() - spent_before
         if status == at.PAUSED:
             work.be_patient(now - before)
         if now > next_message and sys.stderr.isatty():

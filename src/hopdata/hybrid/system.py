@@ -20,11 +20,13 @@ from hopdata.hybrid.driver.loop import (
     driver_entry,
     many_entry,
 )
+from hopdata.hybrid.known_instants import instants_of
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.sparsity import Pattern, find_sparsity, pattern_of
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
 from hopdata.hybrid.numbers.guards import RangedGuards, guards_for_ranges
+from hopdata.hybrid.numbers.switches import may_switch
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -94,6 +96,14 @@ class System(Told):
     on_zeno : str
         What happens where the events of a guard that may slide pile up: "stop" ends the
         integration with a status, "rest" lets the state go on with the guard at rest.
+    tstops : array_like, Every, list or callable, optional
+        Instants at which the field, or a derivative of it, jumps: times,
+        `hopdata.hybrid.every` for periodic ones, or a list of both; or a function of
+        the parameters that returns them. A step ends at each, and the next one begins
+        anew.
+    find_tstops : bool
+        Whether instants at which the field's own code compares the time, or jumps in
+        it, are found without being declared.
     """
 
     field: Callback
@@ -114,6 +124,8 @@ class System(Told):
     sliding: tuple[str, ...] = ()
     together: Callback | None = None
     on_zeno: str = "stop"
+    tstops: Any = None
+    find_tstops: bool = True
 
     def __post_init__(self) -> None:
         self._declare_plain_functions()
@@ -138,6 +150,9 @@ class System(Told):
         known = set(self.directions or ()) <= {-1, 0, 1}
         expect(known, "directions", "-1, 0 or +1", self.directions)
         self._check_sliding()
+        check_flag("find_tstops", self.find_tstops)
+        if not callable(self.tstops):
+            instants_of(self, None, ())
         counts = all(
             one in (True, False) or int(one) == one > 0 for one in self.terminal or ()
         )
@@ -262,6 +277,23 @@ class System(Told):
     def is_plain(self) -> bool:
         """Whether the driver takes it as it is, without a derived system."""
         return not self.sliding and self.together is None
+
+    @cached_property
+    def has_instants(self) -> bool:
+        """Whether instants are declared, or sought in the field's code."""
+        if self.tstops is not None:
+            return True
+        return bool(self.find_tstops) and may_switch(self.field)
+
+    @cached_property
+    def takes_instants(self) -> bool:
+        """Whether the driver looks at known instants, in a derived system."""
+        return False
+
+    @cached_property
+    def switches(self) -> RangedGuards:
+        """Code of the field for ranges, to find its jumps, in a derived system."""
+        return RangedGuards()
 
     @cached_property
     def slides(self) -> Any:
@@ -413,6 +445,10 @@ class System(Told):
         if check_flag("jacobian", jacobian):
             compiled_first_order()
         latest = self.current()
+        if latest.has_instants:
+            from hopdata.hybrid.derived import with_instants
+
+            latest = with_instants(latest, latest.field.compiled)
         methods = latest.methods(method, jacobian)
         methods.compile_all()
         if jacobian:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from time import process_time
+
 import numpy as np
 import pytest
 from hybrid_systems import ladder
@@ -9,7 +11,7 @@ from hybrid_systems import ladder
 from hopdata.hybrid import System, field, guards, on_event, solve, solve_batch
 from hopdata.hybrid.driver.loop import compiled_first_order
 from hopdata.hybrid.methods import table
-from hopdata.hybrid.methods.table import CHOICES, generic_code
+from hopdata.hybrid.methods.table import choices, generic_code
 
 OPTIONS = {"params": (0.5, 1.0)}
 
@@ -35,7 +37,7 @@ def test_a_name_like_no_other(name):
     with pytest.raises(ValueError, match=r"method: expected one of auto, ") as caught:
         solve(ladder(1), (0, 1), [0.0, 0.0], method=name, **OPTIONS)
     assert "did you mean" not in str(caught.value)
-    assert all(choice in str(caught.value) for choice in CHOICES)
+    assert all(choice in str(caught.value) for choice in choices())
 
 
 def test_taylor_needs_an_affine_form():
@@ -52,13 +54,14 @@ def test_an_error_leaves_the_system_usable():
     assert solve(system, (0, 1), [0.0, 0.0], **OPTIONS).y_end[0] == pytest.approx(1.5)
 
 
-# Generic code and a scene's own code give the same bytes; the number of steps decides
-# which runs.
+# Generic code and a scene's own code give the same bytes; the time spent decides which
+# runs.
 
 
 @pytest.fixture(autouse=True)
 def empty_cache(tmp_path, monkeypatch):
-    """Make scenes new to the cache, and leave nothing in it."""
+    """Make scenes new to the cache, leave nothing in it, and let them stay generic."""
+    monkeypatch.setattr(table, "WORTH_COMPILING", np.inf)
     for name in table.TABLEAUS:
         generic_code(name)
     solve(ring(1), (0.0, 0.1), [1.0])  # the driver comes from the cache of the install
@@ -129,7 +132,7 @@ def test_same_bytes(monkeypatch, method, n):
     system = ring(n)
     generic = outcome(system, method)
     assert tiers(system, method)
-    monkeypatch.setattr(table, "WORTH_COMPILING", 1)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 0.0)
     own = outcome(system, method)
     assert not tiers(system, method)
     assert len(generic.events) > 5
@@ -143,7 +146,7 @@ def test_same_bytes_with_tolerances_of_zero_and_dense_output(monkeypatch):
     system = ring(3)
     options = {"atol": 0.0, "rtol": 1e-5, "t_eval": np.linspace(0.0, 6.0, 77)}
     generic = outcome(system, "auto", **options)
-    monkeypatch.setattr(table, "WORTH_COMPILING", 1)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 0.0)
     assert outcome(system, "auto", **options).y.tobytes() == generic.y.tobytes()
     assert not tiers(system, "auto")
 
@@ -151,7 +154,7 @@ def test_same_bytes_with_tolerances_of_zero_and_dense_output(monkeypatch):
 def test_a_field_in_python_never_has_code_of_its_own(monkeypatch):
     plain = ring(2, compiled=False)
     compiled = ring(2)
-    monkeypatch.setattr(table, "WORTH_COMPILING", 1)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 0.0)
     first = outcome(plain, "dopri5")
     second = outcome(plain, "dopri5")
     assert tiers(plain, "dopri5") == {0}
@@ -164,20 +167,33 @@ def test_changes_within_an_integration(monkeypatch):
     """The driver returns for more room, and continues with the scene's own code."""
     system = ring(2)
     whole = outcome(ring(2), "dopri5", max_step=0.01)
-    monkeypatch.setattr(table, "WORTH_COMPILING", 100)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 1e-7)
     changed = outcome(system, "dopri5", max_step=0.01)
     assert not tiers(system, "dopri5")
     assert changed.y.tobytes() == whole.y.tobytes()
 
 
-def test_counts_the_steps_of_all_integrations(monkeypatch):
+def test_counts_the_time_of_all_integrations(monkeypatch):
     system = ring(2)
-    steps = outcome(system, "dopri5").n_steps
-    monkeypatch.setattr(table, "WORTH_COMPILING", 2 * steps)
     outcome(system, "dopri5")
-    assert tiers(system, "dopri5") == {0}  # still generic when the second began
+    methods = system.methods("dopri5", False)
+    first = methods.seconds
+    outcome(system, "dopri5")
+    both = methods.seconds
+    assert 0.0 < first < both
+    assert tiers(system, "dopri5") == {0}
+    monkeypatch.setattr(table, "WORTH_COMPILING", both)
     outcome(system, "dopri5")
     assert not tiers(system, "dopri5")
+    assert methods.seconds == both  # counted only while it is generic
+
+
+def test_the_time_to_compile_does_not_count():
+    system = ring(2)
+    start = process_time()
+    outcome(system, "dopri5")
+    whole = process_time() - start  # with the machine code of field and guards
+    assert system.methods("dopri5", False).seconds < 0.2 * whole
 
 
 def test_a_new_process_begins_with_what_is_in_the_cache(monkeypatch):
@@ -203,7 +219,8 @@ def test_a_large_batch_is_worth_compiling_a_small_one_is_not(monkeypatch):
     y0 = np.array([[0.3, 1.0 + 0.01 * k] for k in range(70)])
     small = solve_batch(system, (0.0, 6.0), y0, mode=[1], method="dopri5")
     assert tiers(system, "dopri5") == {0}
-    monkeypatch.setattr(table, "WORTH_COMPILING", 1 + 2 * int(small.n_steps.sum()))
+    spent = system.methods("dopri5", False).seconds
+    monkeypatch.setattr(table, "WORTH_COMPILING", 1.5 * spent)
     large = solve_batch(
         system, (0.0, 6.0), np.tile(y0, (2, 1)), mode=[1], method="dopri5"
     )
@@ -215,7 +232,7 @@ def test_an_empty_batch():
     assert len(solve_batch(ring(2), (0.0, 1.0), np.empty((0, 2)), mode=[1])) == 0
 
 
-@pytest.mark.parametrize("limit", [0, 10**9])
+@pytest.mark.parametrize("limit", [0.0, np.inf])
 def test_what_the_field_raises_reaches_the_caller(monkeypatch, limit):
     @field
     def breaks(t, y, mode, params, dy):
@@ -228,7 +245,7 @@ def test_what_the_field_raises_reaches_the_caller(monkeypatch, limit):
     monkeypatch.setattr(table, "WORTH_COMPILING", limit)
     with pytest.raises(ZeroDivisionError, match="too late"):
         solve(system, (0.0, 1.0), [0.0, 0.0], method="dopri5")
-    assert len(tiers(system, "dopri5")) == (limit > 0)
+    assert len(tiers(system, "dopri5")) == (limit > 0.0)
 
 
 @pytest.mark.parametrize("name", table.TABLEAUS)
@@ -236,7 +253,7 @@ def test_jacobians_have_the_same_bytes_by_either_code(name, monkeypatch):
     system = ring(3)
     generic = outcome(system, name, jacobian=True)
     assert system.methods(name, True).generic  # nothing is compiled for a new scene
-    monkeypatch.setattr(table, "WORTH_COMPILING", 1)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 0.0)
     own = outcome(system, name, jacobian=True)
     assert not system.methods(name, True).generic
     assert generic.jacobian.tobytes() == own.jacobian.tobytes()

@@ -295,27 +295,6 @@ class _Unpacking(ast.NodeTransformer):
         return ast.copy_location(ast.Assign(targets=node.targets, value=value), node)
 
 
-def with_items(function: FunctionType, form: Form) -> FunctionType:
-    """Return a function that takes elements of what it unpacks, or itself."""
-    node = source_of(function)
-    if node is None:
-        return function
-    _Unpacking(form).visit(node)
-    code = _compiled(node, function)
-    cells = dict(cells_of(function))
-    made = FunctionType(
-        code,
-        function.__globals__,
-        function.__name__,
-        function.__defaults__,
-        tuple(cells[name] for name in code.co_freevars),
-    )
-    made.__kwdefaults__ = function.__kwdefaults__
-    made.__module__ = function.__module__
-    made.__qualname__ = function.__qualname__
-    return made
-
-
 # Returns.
 
 

@@ -28,16 +28,24 @@ MOST_RUNS = 16
 call_ranges = caller(RANGES_NATIVE)
 
 
-@kernel_apart
+@kernel
 def run_once(p: Problem, m: Memory, start: float, end: float, t_rate: float) -> None:
     """Run the guards' code for the ranges of states and slopes, into rows RANGES."""
+    run_on(p, m, at.LEAST, start, end, t_rate)
+
+
+@kernel_apart
+def run_on(
+    p: Problem, m: Memory, least: int, start: float, end: float, t_rate: float
+) -> None:
+    """Run the guards' code for the four rows of ranges from row `least` on."""
     n = m.states.width
     n_guards = m.guards.width
     states = address_of(m.states)
     m.counts[at.NGEV] += 1 if p.guards != 0 else m.counts[at.N_AWAKE]
     call_ranges(
         p.branches, start, end, t_rate,
-        states + BYTES * n * at.LEAST, states + BYTES * n * at.LEAST_SLOPE, n,
+        states + BYTES * n * least, states + BYTES * n * (least + 2), n,
         address_of(p.mode), p.mode.width, address_of(p.params), p.params.width,
         address_of(m.guards) + BYTES * n_guards * at.RANGES, n_guards,
         address_of(m.lists) + BYTES * n_guards * at.AWAKE, m.counts[at.N_AWAKE],

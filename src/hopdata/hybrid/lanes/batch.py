@@ -86,6 +86,11 @@ def _reason_of_declarations(system: System) -> str:
     """Return why lanes cannot follow what the system declares beside its guards."""
     if system.by_law:
         return "a law decides about several guards at once, which only the driver asks"
+    if system.takes_instants:
+        return (
+            "instants are known, or sought, at which the field jumps, and only the "
+            "driver ends its steps there"
+        )
     if system.slides is not None:
         return "guards may slide, and only the driver follows that"
     return ""

@@ -4,8 +4,10 @@ An explicit method has machine code of two kinds. Generic code (`generic_code`) 
 same for all scenes and available at once. Code made for the scene is faster and takes a
 second or two to compile. Results have the same bytes. A scene starts with its own code
 if that is in the cache, and otherwise with generic code. Its own code is then made once
-the scene has taken `WORTH_COMPILING` steps in this process, a batch is going to take
-that many, or the caller requests it.
+generic code has run for `WORTH_COMPILING` in this process, a batch is going to take
+that long, or the caller requests it. It is compiled at once, by the caller's thread:
+beside another one that compiles, short solves are a third as fast, because both need
+Python's lock, and a fork meanwhile would inherit the compiler's.
 """
 
 from functools import cache, lru_cache
@@ -21,12 +23,16 @@ from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods import stiff
-from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
+from hopdata.hybrid.methods.explicit import (
+    DOP853,
+    DOPRI5,
+    Tableau,
+    check_tableau,
+)
 from hopdata.hybrid.methods.method import Method, Scene, compiled_part
 
 TABLEAUS = {"dopri5": DOPRI5, "dop853": DOP853}
 MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
-CHOICES = ("auto", *TABLEAUS, *MAKERS)
 TANGENTS = ("tangent", "short_tangent")
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
 
@@ -35,10 +41,12 @@ AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then
 #: Unit: 1. Origin: chosen.
 LARGEST_STIFF = 200
 
-#: Steps in a process after which a scene gets its own code: compiling takes 0.4 to 2.5
-#: s, saves 0.02 to 0.15 us per step, and is cached for the next process.
-#: Unit: 1. Origin: chosen.
-WORTH_COMPILING = 5_000_000
+#: Time for which a scene's generic code runs in a process before the scene gets its
+#: own. Compiling takes 0.5 to 2 s and saves 13 to 29 % of the time from then on (seven
+#: small systems): it is won back within 4 to 12 s, in this process or in later ones,
+#: which load the code.
+#: Unit: s. Origin: chosen.
+WORTH_COMPILING = 1.0
 
 # Attributes of a method that the driver's table holds, in columns of these names.
 COLUMNS = (
@@ -52,6 +60,34 @@ COLUMNS = (
     "last_slope",
     "stiff_tenths",
 )
+
+
+def choices() -> tuple[str, ...]:
+    """Return the names by which a method can be chosen."""
+    return ("auto", *TABLEAUS, *MAKERS)
+
+
+def add_method(name: str, tableau: Tableau) -> None:
+    """Let ``method=name`` choose an explicit Runge-Kutta pair, in this process.
+
+    Its machine code, its interpolant, the proof along it, and its derivatives follow
+    from the coefficients. ``"auto"`` does not take it.
+
+    Parameters
+    ----------
+    name : str
+        A name that no method has yet.
+    tableau : Tableau
+        Coefficients of the pair and of its interpolant.
+
+    Raises
+    ------
+    ValueError
+        If the name is taken, or the coefficients are not those of a method.
+    """
+    expect(name not in choices(), "name", "one that no method has", repr(name))
+    check_tableau(tableau)
+    TABLEAUS[name] = tableau
 
 
 @cache
@@ -80,9 +116,9 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
     ValueError
         If no method has this name, or if it does not suit the scene.
     """
-    known = isinstance(name, str) and name in CHOICES
-    hint = "" if known else did_you_mean(str(name), CHOICES)
-    expect(known, "method", f"one of {', '.join(CHOICES)}", repr(name), hint)
+    known = isinstance(name, str) and name in choices()
+    hint = "" if known else did_you_mean(str(name), choices())
+    expect(known, "method", f"one of {', '.join(choices())}", repr(name), hint)
     suits = name != "taylor" or scene.affine is not None
     expect(suits, "method", "a System with an @affine function for 'taylor'", "none")
     carries = name != "rosenbrock" or not jacobian
@@ -103,7 +139,7 @@ class MethodTable:
     Parameters
     ----------
     choice : str
-        One of `CHOICES`.
+        One of `choices`.
     scene : Scene
         Scene for which the methods are made.
     jacobian : bool
@@ -115,9 +151,8 @@ class MethodTable:
         Choice of methods.
     generic : set of int
         Numbers of the methods whose code is generic at present.
-    steps : int
-        Steps of finished integrations, counted by the caller while any method is
-        generic.
+    seconds : float
+        Time spent in the driver while any method is generic, s, counted by the caller.
     scene : Scene
         Scene for which the methods are made.
     degree : int
@@ -144,7 +179,7 @@ class MethodTable:
         self.unchecked = self.pattern is not None and not self.pattern.is_proven
         self.by_differences = ""
         self.generic: set[int] = set()
-        self.steps = 0
+        self.seconds = 0.0
         self.work_rows = max(method.work_rows for method in self._methods)
         enclosed_at = layout.P0 + layout.LOW_DEGREE + 1
         self.tangent_rows = max(method.tangent_rows for method in self._methods)
@@ -217,19 +252,20 @@ class MethodTable:
             return False
         if not self.scene.field.compiled:
             return True
-        few = self.steps < WORTH_COMPILING
-        return few and not made.is_compiled(self._methods[number], self.scene.n_states)
+        if self.seconds >= WORTH_COMPILING:
+            return False
+        return not made.is_compiled(self._methods[number], self.scene.n_states)
 
-    def wants_own_code(self, steps: int = 0) -> bool:
-        """Return whether the scene's steps, with these more, warrant its own code."""
-        return self.steps + steps >= WORTH_COMPILING and self.scene.field.compiled
+    def wants_own_code(self, seconds: float = 0.0) -> bool:
+        """Return whether the time spent, with `seconds` more, warrants own code."""
+        return self.seconds + seconds >= WORTH_COMPILING and self.scene.field.compiled
 
-    def specialise(self, steps: int = 0) -> None:
-        """Compile generic methods for the scene if its total of steps warrants it.
+    def specialise(self, seconds: float = 0.0) -> None:
+        """Compile generic methods for the scene if the time spent warrants it.
 
-        `steps` are about to be added to the total.
+        `seconds` are about to be added to this time.
         """
-        if self.generic and self.wants_own_code(steps):
+        if self.generic and self.wants_own_code(seconds):
             generic = self.generic
             self.generic = set()
             for number in generic:

@@ -430,3 +430,21 @@ def _typed_turned(rows: Any) -> Any:
 
 overload(part)(lambda rows, first, last: _typed_part(rows, first, last))
 overload(turned)(lambda rows: _typed_turned(rows))
+
+
+def part_of_results(rows: Any, first: Any, last: Any) -> Any:
+    """Return the results from one index on, up to another, for compiled code."""
+
+
+_part_of_results = built(3, lambda *_: (RESULTS(RESULTS, INT, INT), _part))
+
+
+def _typed_part_of_results(rows: Any, first: Any, last: Any) -> Any:
+    if rows == RESULTS:
+        return lambda rows, first, last: _part_of_results(rows, first, last)
+    return lambda rows, first, last: rows[first:last]
+
+
+overload(part_of_results)(
+    lambda rows, first, last: _typed_part_of_results(rows, first, last)
+)
