@@ -50,6 +50,7 @@ from hopdata.hybrid.compiled.callbacks import (
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
 from hopdata.hybrid.ivp import OdeResult, solve_ivp
 from hopdata.hybrid.known_instants import Every, every
+from hopdata.hybrid.methods.sparsity import find_sparsity
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
@@ -66,6 +67,7 @@ __all__ = [
     "affine",
     "every",
     "field",
+    "find_sparsity",
     "guard",
     "guards",
     "jacobian",

@@ -22,7 +22,7 @@ from hopdata.hybrid.driver.loop import (
 )
 from hopdata.hybrid.known_instants import instants_of
 from hopdata.hybrid.methods.method import Scene
-from hopdata.hybrid.methods.sparsity import pattern_of
+from hopdata.hybrid.methods.sparsity import Pattern, find_sparsity, pattern_of
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
 from hopdata.hybrid.numbers.guards import RangedGuards, guards_for_ranges
@@ -52,8 +52,9 @@ class System(Told):
         effect of `on_event` when the same guard is crossed from the other side.
     sparsity : matrix or (int, int), optional
         Where dy[i] may depend on y[j]: a matrix (n, n), SciPy's sparse or an array,
-        that is not zero there, or the bandwidths (lower, upper). The Rosenbrock method
-        then needs memory for these derivatives only. `jacobian` fills them in sparse
+        that is not zero there, the bandwidths (lower, upper), what `find_sparsity`
+        returns, or "auto": then it is found from the field's code. The Rosenbrock
+        method needs memory for these derivatives only. `jacobian` fills them in sparse
         form (see `hopdata.hybrid.jacobian`).
     guard : Callback, optional
         Alternative to `guards`: one event function at a time, declared by
@@ -138,7 +139,11 @@ class System(Told):
             found = getattr(self, name)
             fits = isinstance(found, int | np.integer) and found >= least
             expect(fits, name, f"a whole number, at least {least}", repr(found))
-        pattern = pattern_of(self.sparsity, int(self.n_states))
+        pattern: Pattern | None
+        if isinstance(self.sparsity, str) and self.sparsity == "auto":
+            pattern = find_sparsity(self.field, self.n_states, n_modes=self.n_modes)
+        else:
+            pattern = pattern_of(self.sparsity, int(self.n_states))
         object.__setattr__(self, "sparsity", pattern)
         self._check_entry_for_each_guard("directions", self.directions)
         self._check_entry_for_each_guard("terminal", self.terminal)

@@ -479,6 +479,8 @@ class Workspace:
         fields["form"] = self._form
         if self.ready_for is not NOTHING and self.tangent is None:
             fields["jacobian"] = None
+            if self.methods.by_differences:
+                fields["by_differences"] = self.methods.by_differences
             fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
             return solution
         trajectory: bytes | None = b"".join([*self._kept_rows, rows])
@@ -490,13 +492,15 @@ class Workspace:
             taken = [self._wanted[:count], self._samples[:count]]
             trajectory = np.column_stack(taken).tobytes()
         fields["jacobian"] = None
+        told = [self.methods.by_differences]
         if self.tangent is not None:
             shown = self._n_shown
             fields["jacobian"] = self.tangent[:shown, :shown].copy()
             if shown < self._n_states:
                 fields["sensitivity"] = self.tangent[:shown, shown:].copy()
             assert self._along is not None
-            fields["by_differences"] = self._along.told
+            told.append(self._along.told)
+        fields["by_differences"] = "; ".join(one for one in told if one)
         fields["parts"] = end, trajectory, b"".join([*self._kept_events, log]), changes
         return solution
 

@@ -284,9 +284,12 @@ class Callback:
     @property
     def _of_other_numbers(self) -> Function:
         """The function for ranges or duals; guards without rates fill only `h`."""
+        function = self._to_compile
         if self._written is not None and self.signature.name == "guards":
-            return values_only(self._written.function)
-        return self._to_compile
+            function = values_only(self._written.function)
+        if isinstance(function, FunctionType):
+            return with_helpers(function, decorated=True)
+        return function
 
     @cached_property
     def ranged(self) -> Any:

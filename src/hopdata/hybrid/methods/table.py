@@ -14,12 +14,12 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
-from numba import NumbaError
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import did_you_mean
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
+from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods import stiff
@@ -161,6 +161,8 @@ class MethodTable:
         Pattern of a sparse Jacobian, if one of the methods uses it.
     unchecked : bool
         Whether the field must still be compared with it.
+    by_differences : str
+        Why an implicit method takes differences of the field, if it does.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
@@ -174,7 +176,8 @@ class MethodTable:
         self._kept_alive: list[Any] = []
         self._methods = [method_for(name, scene) for name in self._names]
         self.pattern = scene.sparsity if "rosenbrock" in self._names else None
-        self.unchecked = self.pattern is not None
+        self.unchecked = self.pattern is not None and not self.pattern.is_proven
+        self.by_differences = ""
         self.generic: set[int] = set()
         self.seconds = 0.0
         self.work_rows = max(method.work_rows for method in self._methods)
@@ -314,9 +317,14 @@ class MethodTable:
                 continue
             try:
                 code = compiled_part(part, method, n_states, cache=kept)
-            except NumbaError:
+            # Numba's own exceptions, and others raised within it.
+            except Exception as error:
                 if method.otherwise is None:
                     raise
+                users = self.scene.field.users
+                self.by_differences = (
+                    f"field, of the stiff method: {reason_and_advice(error, users)[0]}"
+                )
                 method = method.otherwise
                 self._methods[number] = method
                 self._describe(number, method)
