@@ -37,7 +37,10 @@ LOW_DEGREE = (LARGEST_DEGREE + 1) // 4 - 1
 # Its first number is the address of the structure of a sparse Jacobian (0: none; see
 # `methods.sparsity`).
 STRUCTURE = P1 + LARGEST_DEGREE
-W1 = STRUCTURE + 1
+# Ranges of states in which guards are left out of evaluations (see `sleep`), and of
+# their slopes.
+BOX_LEAST, BOX_MOST, BOX_LEAST_SLOPE, BOX_MOST_SLOPE = numbers(4, STRUCTURE + 1)
+W1 = STRUCTURE + 5
 
 # Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows),
 # two blocks of n rows for the method, the single rows below, and the method's own rows.
@@ -74,10 +77,12 @@ GUARD_ROWS = 23
 # flips at that instant since the state last jumped (0: it was due, but has not
 # flipped), whether its lock was left open at the start, whether it branches within the
 # piece of the step, its event count, the number of jumps of the state at its last flip,
-# and the number of the instant at which its handler last turned it back. The last is
-# the direction of its event that a law decides about, 0 if it has none.
+# and the number of the instant at which its handler last turned it back. Then the
+# direction of its event that a law decides about, 0 if it has none; and 0 if its ranges
+# are those of a larger piece (see `sleep`).
 LAST_FLIP, FLIPS, OPEN, BRANCHED, FIRED, AT_JUMP, BOUNCED, DECIDED = numbers(8)
-FLAG_ROWS = 8
+RANGED = np.int64(8)
+FLAG_ROWS = 9
 
 # Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the
 # few that the step may concern (see `watch`), and the guards that flip now.
@@ -86,9 +91,9 @@ LIST_ROWS = 4
 
 # Rows of `rules`: which crossings are events, the number of events after which the
 # integration ends (0: none), the direction of time, -1 for backward; whether a law
-# decides where several guards are due; and whether the guard comes to rest where its
-# events pile up.
-DIRECTION, TERMINAL, WAY, BY_LAW, RESTS = numbers(5)
+# decides where several guards are due; whether the guard comes to rest where its events
+# pile up; and whether guards may be left out of an evaluation for ranges.
+DIRECTION, TERMINAL, WAY, BY_LAW, RESTS, LEAVES_OUT = numbers(6)
 
 # Columns of `methods`. Addresses first (0: none). The short tangent is the one for
 # short steps, the derivative is the user's.
@@ -124,7 +129,10 @@ TRAVEL, SPEED = numbers(2, 14)
 # Number of steps limited by stability, and squared fastest motion in the last step's
 # Jacobian.
 STIFF_SCORE, MOTION = numbers(2, 16)
-CLOCK_SLOTS = 18
+# Times between which guards may be left out, and how far the next box reaches beyond
+# its piece, in pieces (see `sleep`).
+BOX_START, BOX_END, BOX_REACH = numbers(3, 18)
+CLOCK_SLOTS = 21
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
@@ -153,8 +161,11 @@ CHANGES = np.int64(29)
 # coefficients in the piece, and of those from the start of a piece. Then the memory of
 # answers to comparisons in the guards' code for ranges (see `numbers.answers`).
 EXHAUSTED, UNSURE, PENDING, DOUBT, FROM_START, KNOWN, IS_CLOSE = numbers(7, 30)
-POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ANSWERS = numbers(5, 37)
-COUNT_SLOTS = 41 + answers.N_SLOTS
+POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT = numbers(4, 37)
+# Guards that are left out of evaluations for ranges; pieces for which they have been;
+# pieces until this is tried again, and the last number of these.
+LEFT_OUT, BOX_USES, BOX_WAIT, BOX_PAUSE, ANSWERS = numbers(5, 41)
+COUNT_SLOTS = 45 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for

@@ -29,7 +29,7 @@ from hopdata.hybrid.driver import dense, jacobian, problem, stepping
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import fire_all, settle_locks
 from hopdata.hybrid.driver.log import Log, forget_mode
-from hopdata.hybrid.driver.sleep import travel_on
+from hopdata.hybrid.driver.sleep import REACH, travel_on
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
 from hopdata.hybrid.layout import Memory
 
@@ -154,6 +154,7 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
     m.clock[at.INSTANT] = -inf
     m.clock[at.MOTION] = inf
     m.clock[at.PIECE] = inf
+    m.clock[at.BOX_REACH] = REACH
     m.clock[at.NEXT_DT] = p.first_step
     m.clock[at.LAST_LOG_ERROR] = stepping.LOG_ERROR_FLOOR
     forget_mode(log)

@@ -18,11 +18,17 @@ from hopdata.hybrid.compiled.digest import in_module_of, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_of, float_vector, int_vector
 from hopdata.hybrid.numbers.answers import RANGES_NATIVE
+from hopdata.hybrid.numbers.choice import may_be_left_out
 from hopdata.hybrid.numbers.source import may_branch
 
 # Arguments of guards that vary within a step. Their other arguments do not.
 VARIES = frozenset(("t", "y", "dy", "h", "hdot"))
 NO_CODE = -1  # address where no code for ranges can be made
+CHOSEN = -1  # count: some of all guards
+
+#: Guards from which on they may be left out of an evaluation one by one.
+#: Unit: 1. Origin: chosen.
+MANY_GUARDS = 100
 
 
 @dataclass(frozen=True)
@@ -38,11 +44,15 @@ class RangedGuards:
         Why there is no code.
     code : object
         What holds the machine code.
+    leaves_out : bool
+        Whether the code evaluates only chosen guards if the count of them is CHOSEN.
+        The list then has a number for each guard, 0 for those that are left out.
     """
 
     address: int = 0
     reason: str = ""
     code: Any = None
+    leaves_out: bool = False
 
 
 def branches_of(guards: Callback | None) -> RangedGuards:
@@ -64,21 +74,29 @@ def branches_of(guards: Callback | None) -> RangedGuards:
     return guards_for_ranges(guards)
 
 
-def guards_for_ranges(guards: Callback | None) -> RangedGuards:
+def guards_for_ranges(guards: Callback | None, count: int = 0) -> RangedGuards:
     """Return the code of guards for ranges, or why there is none.
 
     Parameters
     ----------
     guards : Callback, optional
         The guards, together (`@guards`) or one by one (`@guard`).
+    count : int
+        Number of guards, if many of them may be left out of an evaluation.
     """
     if guards is None:
         return RangedGuards()
     from hopdata.hybrid.numbers import library, ranges, sums
 
     one_by_one = "k" in guards.signature.arguments
-    template = _each if one_by_one else _all
+    leaves_out = count >= MANY_GUARDS and may_be_left_out(guards)
+    template = _all
+    if one_by_one:
+        template = _each
+    elif leaves_out:
+        template = _all_or_chosen
     inserted = {
+        "chosen_at": ranges.chosen_at,
         "make": ranges.make,
         "rows_at": ranges.rows_at,
         "results_at": ranges.results_at,
@@ -102,11 +120,11 @@ def guards_for_ranges(guards: Callback | None) -> RangedGuards:
     except Exception as error:
         reason, _ = reason_and_advice(error)
         return RangedGuards(NO_CODE, reason)
-    return RangedGuards(code.address, code=code)
+    return RangedGuards(code.address, code=code, leaves_out=leaves_out)
 
 
 CALL: Any = None  # inserted, as are the functions that it takes
-make = rows_at = results_at = sink = CALL
+make = rows_at = results_at = chosen_at = sink = CALL
 
 
 def _all(  # noqa: PLR0913 (the signature of machine code)
@@ -123,6 +141,26 @@ def _all(  # noqa: PLR0913 (the signature of machine code)
     modes = array_of(int_vector(mode, n_modes))
     numbers = array_of(float_vector(params, n_params))
     CALL(t, y, dy, modes, numbers, h, hdot)
+
+
+def _all_or_chosen(  # noqa: PLR0913 (the signature of machine code)
+    start: float, end: float, pace: float, states: int, slopes: int, n: int, mode: int,
+    n_modes: int, params: int, n_params: int, room: int, n_guards: int, listed: int,
+    count: int, at: int,
+) -> None:  # fmt: skip
+    """Evaluate the guards, declared together, for ranges: all, or those chosen."""
+    t = make(start, end, pace, pace, at)
+    y = rows_at(states, n, n, 1, at)
+    dy = rows_at(slopes, n, n, 0, at)
+    hdot = sink(n_guards, at)
+    modes = array_of(int_vector(mode, n_modes))
+    numbers = array_of(float_vector(params, n_params))
+    if count == CHOSEN:
+        h = chosen_at(room, n_guards, n_guards, listed, at)
+        CALL(t, y, dy, modes, numbers, h, hdot)
+    else:
+        all_h = results_at(room, n_guards, n_guards, 1, at)
+        CALL(t, y, dy, modes, numbers, all_h, hdot)
 
 
 def _each(  # noqa: PLR0913 (the signature of machine code)
