@@ -24,12 +24,12 @@ def numbers(count: int, first: int = 0) -> Any:
 # Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of
 # states and slopes over a piece of the step (lower and upper ends) and their rounding,
 # how many terms of a piece are known (see `enclosure`), ranges of states and slopes
-# over several steps (see `ahead`), the coefficients of the interpolant from P1 on, and
-# rows that belong to the method (the slopes of its stages, for instance). A method
-# reads Y and K1 and fills END and KEND; its interpolant fills P1 and the rows after it.
-# P0 is for a copy of Y, before the others. `enclosure` needs more rows for each
-# coefficient: they are among those of the interpolant that a method of low degree
-# leaves free, else after its own rows.
+# over several steps (see `ahead`) or in which guards are left out (see `sleep`), the
+# coefficients of the interpolant from P1 on, and rows that belong to the method (the
+# slopes of its stages, for instance). A method reads Y and K1 and fills END and KEND;
+# its interpolant fills P1 and the rows after it. P0 is for a copy of Y, before the
+# others. `enclosure` needs more rows for each coefficient: they are among those of the
+# interpolant that a method of low degree leaves free, else after its own rows.
 Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE = numbers(10)
 VALUE_GRAIN, SLOPE_GRAIN, PASSES = numbers(3, 10)
 BOX_LEAST, BOX_MOST, BOX_LEAST_SLOPE, BOX_MOST_SLOPE = numbers(4, 13)
@@ -78,10 +78,12 @@ GUARD_ROWS = 27
 # flips at that instant since the state last jumped (0: it was due, but has not
 # flipped), whether its lock was left open at the start, whether it branches within the
 # piece of the step, its event count, the number of jumps of the state at its last flip,
-# and the number of the instant at which its handler last turned it back. The last is
-# the direction of its event that a law decides about, 0 if it has none.
+# and the number of the instant at which its handler last turned it back. Then the
+# direction of its event that a law decides about, 0 if it has none; and 0 if its ranges
+# are those of a larger piece (see `sleep`).
 LAST_FLIP, FLIPS, OPEN, BRANCHED, FIRED, AT_JUMP, BOUNCED, DECIDED = numbers(8)
-FLAG_ROWS = 8
+RANGED = np.int64(8)
+FLAG_ROWS = 9
 
 # Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the
 # few that the step may concern (see `watch`), and the guards that flip now.
@@ -90,9 +92,9 @@ LIST_ROWS = 4
 
 # Rows of `rules`: which crossings are events, the number of events after which the
 # integration ends (0: none), the direction of time, -1 for backward; whether a law
-# decides where several guards are due; and whether the guard comes to rest where its
-# events pile up.
-DIRECTION, TERMINAL, WAY, BY_LAW, RESTS = numbers(5)
+# decides where several guards are due; whether the guard comes to rest where its events
+# pile up; and whether guards may be left out of an evaluation for ranges.
+DIRECTION, TERMINAL, WAY, BY_LAW, RESTS, LEAVES_OUT = numbers(6)
 
 # Columns of `methods`. Addresses first (0: none). The short tangent is the one for
 # short steps, the derivative is the user's.
@@ -135,7 +137,10 @@ BOX_FROM, BOX_TO, REACH = numbers(3, 18)
 # and the first time after it at which the field is as on that side; up to where the
 # field's own are sought, and how far ahead of there it is looked at first.
 STOP, BEFORE_STOP, AFTER_STOP, SOUGHT, LOOK_LENGTH = numbers(5, 21)
-CLOCK_SLOTS = 26
+# Times between which guards may be left out, and how far the next box for this reaches
+# beyond its piece, in pieces (see `sleep`).
+LEFT_FROM, LEFT_TO, LEFT_REACH = numbers(3, 26)
+CLOCK_SLOTS = 29
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
@@ -168,8 +173,11 @@ CHANGES = np.int64(29)
 # comparisons in the code for ranges (see `numbers.answers`).
 EXHAUSTED, UNSURE, PENDING, DOUBT, FROM_START, KNOWN, IS_CLOSE = numbers(7, 30)
 POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ARE_POWERS, ARE_WHOLE = numbers(6, 37)
-N_STOPS, NEXT_SINGLE, UNSOUGHT, ANSWERS = numbers(4, 43)
-COUNT_SLOTS = 46 + answers.N_SLOTS
+N_STOPS, NEXT_SINGLE, UNSOUGHT = numbers(3, 43)
+# Guards that are left out of evaluations for ranges; pieces for which they have been;
+# pieces until this is tried again, and the last number of these.
+LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE, ANSWERS = numbers(5, 46)
+COUNT_SLOTS = 50 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for

@@ -305,14 +305,16 @@ class System(Told):
 
     @cached_property
     def rules(self) -> NDArray[np.int64]:
-        """What the driver knows of each guard, (5, n_guards): see `layout`."""
+        """What the driver knows of each guard, (6, n_guards): see `layout`."""
         none = (0,) * self.n_guards
         directions = self.directions or none
         terminal = self.terminal or none
         ways = (self.way,) * self.n_guards
         by_law = (int(self.by_law),) * self.n_guards
         rests = [int(k in self.rests) for k in range(self.n_guards)]
-        return np.array([directions, terminal, ways, by_law, rests], dtype=np.int64)
+        leaves_out = (int(self.branches.leaves_out),) * self.n_guards
+        rows = [directions, terminal, ways, by_law, rests, leaves_out]
+        return np.array(rows, dtype=np.int64)
 
     @property
     def callbacks(self) -> tuple[Callback, ...]:
@@ -371,7 +373,7 @@ class System(Told):
     @cached_property
     def branches(self) -> RangedGuards:
         """Code of the guards for ranges, by which the driver proves where they flip."""
-        return guards_for_ranges(self.guards or self.guard)
+        return guards_for_ranges(self.guards or self.guard, self.n_guards)
 
     @cached_property
     def derivatives(self) -> Derivatives:

@@ -179,7 +179,9 @@ class Workspace:
         n_slots = layout.BLOCK_SLOTS
         n_constants = n_params + self._n_memory
         numbers = np.zeros(n_slots + self._n_states + n_constants)
-        self._before_and_after = np.zeros(2 * (self._n_modes + n_constants))
+        # And the parameters with which guards are left out (see `driver.sleep`).
+        kept = 2 * (self._n_modes + n_constants) + n_constants
+        self._before_and_after = np.zeros(kept)
         slots = numbers[:n_slots].view(np.int64)
         slots[: len(self.block)] = self.block
         self.block = slots

@@ -30,7 +30,7 @@ from hopdata.hybrid.driver.ahead import forget_box
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import fire_all, refresh, settle_locks
 from hopdata.hybrid.driver.log import Log, forget_mode
-from hopdata.hybrid.driver.sleep import travel_on
+from hopdata.hybrid.driver.sleep import REACH, travel_on
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
 from hopdata.hybrid.layout import Memory
 
@@ -186,6 +186,7 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
     m.clock[at.MOTION] = inf
     m.clock[at.PIECE] = inf
     m.clock[at.REACH] = 1.0
+    m.clock[at.LEFT_REACH] = REACH
     m.clock[at.NEXT_DT] = p.first_step
     m.clock[at.LAST_LOG_ERROR] = stepping.LOG_ERROR_FLOOR
     known.begin(p, m)

@@ -15,9 +15,11 @@ from hopdata.hybrid.compiled.kernel import caller, kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import address_of
 from hopdata.hybrid.driver.enclosure import enclose
 from hopdata.hybrid.driver.problem import Problem, awake, fill_row
+from hopdata.hybrid.driver.sleep import choose_ranged, is_inside, waits, widen
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.numbers import answers
 from hopdata.hybrid.numbers.answers import RANGES_NATIVE
+from hopdata.hybrid.numbers.guards import CHOSEN
 
 BYTES = 8  # of a number
 
@@ -30,7 +32,10 @@ call_ranges = caller(RANGES_NATIVE)
 
 @kernel
 def run_once(p: Problem, m: Memory, start: float, end: float, t_rate: float) -> None:
-    """Run the guards' code for the ranges of states and slopes, into rows RANGES."""
+    """Run the guards' code for the ranges of states and slopes, into rows RANGES.
+
+    Of guards that are left out these are the ranges over a larger piece.
+    """
     run_on(p, m, at.LEAST, start, end, t_rate)
 
 
@@ -43,13 +48,17 @@ def run_on(
     n_guards = m.guards.width
     states = address_of(m.states)
     m.counts[at.NGEV] += 1 if p.guards != 0 else m.counts[at.N_AWAKE]
+    listed = address_of(m.lists) + BYTES * n_guards * at.AWAKE
+    count = m.counts[at.N_AWAKE]
+    if m.counts[at.LEFT_OUT] > 0:
+        listed = address_of(m.flags) + BYTES * n_guards * at.RANGED
+        count = CHOSEN
     call_ranges(
         p.branches, start, end, t_rate,
         states + BYTES * n * least, states + BYTES * n * (least + 2), n,
         address_of(p.mode), p.mode.width, address_of(p.params), p.params.width,
         address_of(m.guards) + BYTES * n_guards * at.RANGES, n_guards,
-        address_of(m.lists) + BYTES * n_guards * at.AWAKE, m.counts[at.N_AWAKE],
-        address_of(m.counts) + BYTES * at.ANSWERS,
+        listed, count, address_of(m.counts) + BYTES * at.ANSWERS,
     )  # fmt: skip
 
 
@@ -116,6 +125,21 @@ def join_all_runs(p: Problem, m: Memory, start: float, end: float) -> bool:
 
 
 @kernel_apart
+def leave_out(p: Problem, m: Memory, start: float, end: float) -> None:
+    """Leave out guards that are clear of their surfaces in a box around a piece."""
+    if is_inside(p, m, start, end):
+        m.counts[at.LEFT_USES] += 1
+        return
+    if waits(m):
+        return
+    end = widen(p, m, start, end)
+    answer_next(m, 0)
+    run_on(p, m, at.BOX_LEAST, start, end, 1.0)
+    if m.counts[at.ANSWERS + answers.LOST] == 0:
+        choose_ranged(p, m)
+
+
+@kernel_apart
 def forget_ranges(m: Memory) -> None:
     """Let the ranges be all numbers."""
     fill_row(m.guards, at.H_LEAST, -inf)
@@ -130,6 +154,8 @@ def look_over(p: Problem, m: Memory, dt: float, a: float, z: float) -> int:
     enclose(m, dt, a, z)
     start = m.clock[at.T] + a * dt
     end = m.clock[at.T] + z * dt
+    if p.rules[at.LEAVES_OUT, 0] != 0:
+        leave_out(p, m, start, end)
     answer_next(m, 0)
     run_once(p, m, start, end, 1.0)
     c = m.counts

@@ -712,8 +712,10 @@ def first_flip(p: Problem, m: Memory, dt: float) -> Found:
         return sampled_flip(p, m, dt, 0.0)
     prepare_interpolant(p, m, dt)
     begin_enclosing(p, m)
+    # Guards that are asleep or left out have ranges over other boxes.
+    all_are_asked = p.rate_bound == 0 and p.rules[at.LEAVES_OUT, 0] == 0
     # Where pieces of this length were divided, longer ones will be.
-    if p.rate_bound == 0 and first_piece(p, m, dt, 0.0) == 1.0:
+    if all_are_asked and first_piece(p, m, dt, 0.0) == 1.0:
         verdict = verdict_ahead(p, m, dt)
         if verdict != DIVIDE:
             m.clock[at.PIECE] = GROW * dt

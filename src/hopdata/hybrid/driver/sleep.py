@@ -4,10 +4,15 @@ No event function changes faster than the scene's rate bound. A guard can theref
 sleep until the travel, the integral of the bound over time, has used up its distance
 from the surface. The sleeping guards form a heap, ordered by the travel at which they
 must wake.
+
+Many guards that are declared together have no such bound and are always evaluated, but
+their ranges, which cost far more, are not: where a guard is clear of its surface in a
+box around the present piece of a step, it is left out until the trajectory leaves the
+box. Its ranges are those over the box, which are wider and as true.
 """
 
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import call_rate_bound, kernel
+from hopdata.hybrid.compiled.kernel import call_rate_bound, kernel, kernel_apart
 from hopdata.hybrid.driver.problem import Problem, eval_guard
 from hopdata.hybrid.layout import Memory
 
@@ -197,3 +202,135 @@ def wake_all(m: Memory) -> None:
     m.counts[at.N_AWAKE] = m.guards.width
     for k in range(m.guards.width):
         m.lists[at.AWAKE, k] = k
+
+
+# Guards that are left out of the evaluations for ranges.
+
+#: Way from a piece of a step to the end of the box around it, either way, at first.
+#: Unit: pieces. Origin: chosen.
+REACH = 32.0
+
+#: Factor by which it becomes shorter where too few guards are left out, and longer
+#: again after a box that has not served for long.
+#: Unit: 1. Origin: chosen.
+SHORTER = 0.25
+LONGER = 4.0
+
+#: Least reach; where even such a box leaves out too few guards, the next is put off.
+#: Unit: pieces. Origin: chosen.
+LEAST_REACH = 0.5
+
+#: Share of the guards that a box must leave out.
+#: Unit: 1. Origin: chosen.
+LEAST_SHARE = 0.5
+
+#: Least distance from its surface, over its range within the box, of a guard that is
+#: left out. It is at least `proof.NEARLY`: then the proof never asks for more of it.
+#: Unit: 1. Origin: chosen.
+CLEAR = 1.0
+
+#: Pieces for which a box must have served, or else the next one is put off.
+#: Unit: 1. Origin: chosen.
+FEW_USES = 3
+
+#: Most pieces for which it is put off.
+#: Unit: 1. Origin: chosen.
+LONGEST_PAUSE = 64
+
+
+@kernel
+def put_off(m: Memory) -> None:
+    """Make no box for some pieces, twice as many as the last time."""
+    c = m.counts
+    c[at.LEFT_PAUSE] = min(2 * c[at.LEFT_PAUSE] + 1, LONGEST_PAUSE)
+    c[at.LEFT_WAIT] = c[at.LEFT_PAUSE]
+
+
+@kernel
+def waits(m: Memory) -> bool:
+    """Return whether no box is made yet, because the last ones did not serve."""
+    c = m.counts
+    if c[at.LEFT_OUT] > 0:  # the trajectory has left the last box
+        c[at.LEFT_OUT] = 0
+        if c[at.LEFT_USES] >= FEW_USES:
+            c[at.LEFT_PAUSE] = 0
+        elif m.clock[at.LEFT_REACH] < REACH:
+            m.clock[at.LEFT_REACH] *= LONGER
+        else:
+            put_off(m)
+    c[at.LEFT_USES] = 0
+    if c[at.LEFT_WAIT] > 0:
+        c[at.LEFT_WAIT] -= 1
+        return True
+    return False
+
+
+@kernel_apart
+def widen(p: Problem, m: Memory, start: float, end: float) -> float:
+    """Write a box around the ranges of the states, and return until when it holds."""
+    s = m.states
+    reach = m.clock[at.LEFT_REACH]
+    for i in range(s.width):
+        way = reach * (s[at.MOST, i] - s[at.LEAST, i])
+        s[at.BOX_LEAST, i] = s[at.LEAST, i] - way
+        s[at.BOX_MOST, i] = s[at.MOST, i] + way
+        s[at.BOX_LEAST_SLOPE, i] = s[at.LEAST_SLOPE, i]
+        s[at.BOX_MOST_SLOPE, i] = s[at.MOST_SLOPE, i]
+    m.clock[at.LEFT_FROM] = start
+    m.clock[at.LEFT_TO] = end + reach * (end - start)
+    first = 2 * (p.mode.width + p.params.width)
+    for i in range(p.params.width):
+        p.kept[first + i] = p.params[i]
+    return m.clock[at.LEFT_TO]
+
+
+@kernel_apart
+def choose_ranged(p: Problem, m: Memory) -> None:
+    """Leave out the guards whose ranges over the box are clear of zero by far."""
+    g = m.guards
+    left_out = 0
+    for k in range(g.width):
+        low = g[at.RANGES, k]
+        high = g[at.RANGES + 1, k]
+        least = low if p.mode[k] > 0 else -high
+        is_clear = least > CLEAR * (high - low)
+        m.flags[at.RANGED, k] = 0 if is_clear else 1
+        left_out += 1 if is_clear else 0
+    if left_out > LEAST_SHARE * g.width:
+        m.counts[at.LEFT_OUT] = left_out
+        return
+    m.clock[at.LEFT_REACH] *= SHORTER
+    if m.clock[at.LEFT_REACH] < LEAST_REACH:
+        m.clock[at.LEFT_REACH] = REACH
+        put_off(m)
+
+
+@kernel_apart
+def is_inside(p: Problem, m: Memory, start: float, end: float) -> bool:
+    """Return whether what is known of guards that are left out holds for a piece.
+
+    Its states and times must be in the box, the parameters be the same, and no handler
+    have set the lock of such a guard.
+    """
+    if m.counts[at.LEFT_OUT] == 0:
+        return False
+    if not (m.clock[at.LEFT_FROM] <= start and end <= m.clock[at.LEFT_TO]):
+        return False
+    s = m.states
+    beyond = 0
+    for i in range(s.width):
+        inside = (s[at.BOX_LEAST, i] <= s[at.LEAST, i]) & (
+            s[at.MOST, i] <= s[at.BOX_MOST, i]
+        )
+        beyond += 0 if inside else 1
+    first = 2 * (p.mode.width + p.params.width)
+    for i in range(p.params.width):
+        beyond += 0 if p.kept[first + i] == p.params[i] else 1
+    if beyond > 0:
+        return False
+    g = m.guards
+    turned = 0
+    for k in range(g.width):
+        least = g[at.RANGES, k] if p.mode[k] > 0 else -g[at.RANGES + 1, k]
+        turned += 0 if (m.flags[at.RANGED, k] != 0) | (least > 0.0) else 1
+    return turned == 0

@@ -18,8 +18,14 @@ from hopdata.hybrid.compiled.digest import in_module_of, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_of, float_vector, int_vector
 from hopdata.hybrid.numbers.answers import RANGES_NATIVE
+from hopdata.hybrid.numbers.choice import may_be_left_out
 
 NO_CODE = -1  # address where no code for ranges can be made
+CHOSEN = -1  # count: some of all guards
+
+#: Guards from which on they may be left out of an evaluation one by one.
+#: Unit: 1. Origin: chosen.
+MANY_GUARDS = 100
 
 
 @dataclass(frozen=True)
@@ -35,11 +41,15 @@ class RangedGuards:
         Why there is no code.
     code : object
         What holds the machine code.
+    leaves_out : bool
+        Whether the code evaluates only chosen guards if the count of them is CHOSEN.
+        The list then has a number for each guard, 0 for those that are left out.
     """
 
     address: int = 0
     reason: str = ""
     code: Any = None
+    leaves_out: bool = False
 
 
 def users_own(callback: Callback) -> Callback:
@@ -49,21 +59,29 @@ def users_own(callback: Callback) -> Callback:
     return callback
 
 
-def guards_for_ranges(guards: Callback | None) -> RangedGuards:
+def guards_for_ranges(guards: Callback | None, count: int = 0) -> RangedGuards:
     """Return the code of guards for ranges, or why there is none.
 
     Parameters
     ----------
     guards : Callback, optional
         The guards, together (`@guards`) or one by one (`@guard`).
+    count : int
+        Number of guards, if many of them may be left out of an evaluation.
     """
     if guards is None:
         return RangedGuards()
     from hopdata.hybrid.numbers import library, ranges, sums
 
     one_by_one = "k" in guards.signature.arguments
-    templates = (_each, _each_by_arrays) if one_by_one else (_all, _all_by_arrays)
+    leaves_out = count >= MANY_GUARDS and may_be_left_out(guards)
+    templates = (_all, _all_by_arrays)
+    if one_by_one:
+        templates = (_each, _each_by_arrays)
+    elif leaves_out:
+        templates = (_all_or_chosen,)
     inserted = {
+        "chosen_at": ranges.chosen_at,
         "make": ranges.make,
         "rows_at": ranges.rows_at,
         "results_at": ranges.results_at,
@@ -81,7 +99,7 @@ def guards_for_ranges(guards: Callback | None) -> RangedGuards:
     except Exception as error:
         reason, _ = reason_and_advice(error, users_own(guards).users)
         return RangedGuards(NO_CODE, reason)
-    return RangedGuards(code.address, code=code)
+    return RangedGuards(code.address, code=code, leaves_out=leaves_out)
 
 
 def _entries(
@@ -125,7 +143,7 @@ def _code_of(function: Any, digest: str, guards: Callback) -> Any:
 # that computes with whole arrays gets arrays, into which the ranges are copied.
 
 CALL: Any = None  # inserted, as are the functions that it takes
-make = rows_at = results_at = sink = as_array = CALL
+make = rows_at = results_at = chosen_at = sink = as_array = CALL
 
 
 def _all(  # noqa: PLR0913 (the signature of machine code)
@@ -142,6 +160,26 @@ def _all(  # noqa: PLR0913 (the signature of machine code)
     modes = array_of(int_vector(mode, n_modes))
     numbers = array_of(float_vector(params, n_params))
     CALL(t, y, dy, modes, numbers, h, hdot)
+
+
+def _all_or_chosen(  # noqa: PLR0913 (the signature of machine code)
+    start: float, end: float, pace: float, states: int, slopes: int, n: int, mode: int,
+    n_modes: int, params: int, n_params: int, room: int, n_guards: int, listed: int,
+    count: int, at: int,
+) -> None:  # fmt: skip
+    """Evaluate the guards, declared together, for ranges: all, or those chosen."""
+    t = make(start, end, pace, pace, at)
+    y = rows_at(states, n, n, 1, at)
+    dy = rows_at(slopes, n, n, 0, at)
+    hdot = sink(n_guards, at)
+    modes = array_of(int_vector(mode, n_modes))
+    numbers = array_of(float_vector(params, n_params))
+    if count == CHOSEN:
+        h = chosen_at(room, n_guards, n_guards, listed, at)
+        CALL(t, y, dy, modes, numbers, h, hdot)
+    else:
+        all_h = results_at(room, n_guards, n_guards, 1, at)
+        CALL(t, y, dy, modes, numbers, all_h, hdot)
 
 
 def _each(  # noqa: PLR0913 (the signature of machine code)

@@ -94,10 +94,19 @@ class _Sink(_OfSources):
 RANGE = _Range("Range")
 ROWS = _Rows("RangeRows")  # are only read
 RESULTS = _Rows("RangeResults")
+# The same, only written. Instead of `rated` it has the address of a number for each of
+# them; where that is 0, nothing is written. The compiler then moves what computes it to
+# where it is written.
+CHOSEN = _Rows("RangeChosen")
 SINK = _Sink("RangeSink")
-ARRAYS = (ROWS, RESULTS, SINK)
+ARRAYS = (ROWS, RESULTS, CHOSEN, SINK)
 ROW_MEMBERS = ("data", "n", "stride", "rated", "at")
-MEMBERS = {ROWS: ROW_MEMBERS, RESULTS: ROW_MEMBERS, SINK: ("n", "at")}
+MEMBERS = {
+    ROWS: ROW_MEMBERS,
+    RESULTS: ROW_MEMBERS,
+    CHOSEN: ROW_MEMBERS,
+    SINK: ("n", "at"),
+}
 
 
 @register_model(_Range)
@@ -288,6 +297,7 @@ def _maker(kind: Any) -> Any:
 
 rows_at = _maker(ROWS)
 results_at = _maker(RESULTS)
+chosen_at = _maker(CHOSEN)
 sink = _maker(SINK)
 
 
@@ -296,7 +306,7 @@ def _is_index(kind: Any) -> bool:
 
 
 def _typed_get(owner: Any, i: Any) -> Any:
-    if owner in ARRAYS and _is_index(i):
+    if owner in ARRAYS and owner != CHOSEN and _is_index(i):
         return RANGE(owner, INT)
     return None
 
@@ -305,7 +315,8 @@ def _typed_set(owner: Any, i: Any, x: Any) -> Any:
     kind = types.unliteral(x)
     if owner == SINK:
         return types.none(owner, types.unliteral(i), kind)
-    if owner == RESULTS and _is_index(i) and (kind == RANGE or is_scalar(kind)):
+    is_written = owner in (RESULTS, CHOSEN)
+    if is_written and _is_index(i) and (kind == RANGE or is_scalar(kind)):
         return types.none(owner, INT, kind)
     return None
 
@@ -342,12 +353,26 @@ def _item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return joined(builder, four, rows.at)
 
 
+def _store(builder: Any, rows: Any, i: Any, four: Any) -> None:
+    """Build what writes four ends as range i of the rows."""
+    for name, step in zip(ENDS, _steps(builder, rows, ir.IntType(1)(1)), strict=True):
+        pointer = _pointer(builder, rows, i, step)
+        builder.store(end(builder, four, name), pointer)
+
+
 def _put(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     rows = Members(builder, values[0])
+    i = values[1]
     four, _ = parts(builder, as_range(context, builder, sign.args[2], values[2]))
-    for name, step in zip(ENDS, _steps(builder, rows, ir.IntType(1)(1)), strict=True):
-        pointer = _pointer(builder, rows, values[1], step)
-        builder.store(end(builder, four, name), pointer)
+    if sign.args[0] != CHOSEN:
+        _store(builder, rows, i, four)
+        return context.get_dummy_value()
+    from_end = builder.icmp_signed("<", i, LONG(0))
+    place = builder.select(from_end, builder.add(i, rows.n), i)
+    where = builder.add(rows.rated, builder.mul(place, LONG(BYTES)))
+    chosen = builder.load(builder.inttoptr(where, LONG.as_pointer()))
+    with builder.if_then(builder.icmp_signed("!=", chosen, LONG(0))):
+        _store(builder, rows, i, four)
     return context.get_dummy_value()
 
 
