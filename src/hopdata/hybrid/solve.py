@@ -162,8 +162,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             jacobian, rows_per_step, keep_events,
         ):  # fmt: skip
             derived = debug is not False or isinstance(jacobian, str)
-            derived = derived or not _is_plain(system, work, tstops)
-            if goes_back(t_span) or derived:
+            if goes_back(t_span) or derived or not _is_plain(system, work, tstops):
                 return ask_derived(
                     solve,
                     system,
