@@ -205,6 +205,16 @@ class Callback:
         """Return a callback of the same function that Python runs."""
         return Callback(self.users, self.signature, False, self.form)
 
+    def source_and_places(
+        self, names: frozenset[str]
+    ) -> tuple[Function, tuple[int, ...]]:
+        """Return the user's function, and the positions of arguments of these names."""
+        given = self.signature.arguments
+        if self.form is not None:
+            given = self.form.arguments
+        places = [place for place, name in enumerate(given) if name in names]
+        return self.users, tuple(places)
+
     @cached_property
     def n_params(self) -> int:
         """Smallest number of parameters that the function's code requires."""

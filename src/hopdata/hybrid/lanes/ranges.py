@@ -582,7 +582,7 @@ def _give_two(key: Any, both: Any) -> None:
     _give(key, _of_two(both, first, second))
 
 
-for _key, _pair in (
+for _of_both, _pair in (
     (builtins.max, larger),
     (np.maximum, larger),
     (builtins.min, smaller),
@@ -590,7 +590,7 @@ for _key, _pair in (
     (math.hypot, length),
     (np.hypot, length),
 ):
-    _give_two(_key, _pair)
+    _give_two(_of_both, _pair)
 
 
 def _give_one(key: Any, made: Any) -> None:
