@@ -135,7 +135,7 @@ class BatchSolution:
         Events, accepted steps, field evaluations.
     n_unproven, n_close : (B,) array of int
         Steps in which it is not proven that no guard flips unseen, and those in which
-        one turned too close to tell, as in `Solution`. Lanes prove nothing yet.
+        one turned too close to tell, as in `Solution`.
     culprit : (B,) array of int
         Index of the guard that the status is about, -1 if none.
     rates : (B, 2) array
@@ -193,7 +193,7 @@ class BatchSolution:
     @property
     def proven(self) -> BoolArray:
         """Of which integrations it is proven that no guard flips unseen; (B,)."""
-        return (self.n_unproven == 0) & ~self.lanes
+        return self.n_unproven == 0
 
     @property
     def message(self) -> str:

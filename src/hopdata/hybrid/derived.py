@@ -341,10 +341,10 @@ def ask_derived(
                 wanted = f"decreasing times within {t_span}"
                 arguments.expect(False, "t_eval", wanted, t_eval)
         t_span = turned
-    if system.together is not None:
-        system, others = _by_law(system, others)
     if system.sliding:
         system, others = _sliding(system, others)
+    elif system.together is not None:
+        system, others = _by_law(system, others)
     if known is not None:
         system, others = _with_known(system, others, known, seeks)
     return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)

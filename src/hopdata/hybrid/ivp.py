@@ -446,16 +446,6 @@ class _Events(Callback):
         """Return the same guards, run by Python."""
         return _Events(self._functions, self._forms, False)
 
-    def source_and_places(
-        self, names: frozenset[str]
-    ) -> tuple[Function, tuple[int, ...]]:
-        """Return the only function, or one that is not followed."""
-        if len(self._functions) == 1:
-            form = self._forms[0]
-            places = [k for k, one in enumerate(form.arguments) if one in names]
-            return self._functions[0], tuple(places)
-        return self.users, (0, 1)
-
 
 class _Together:
     """Several event functions as they are compiled; named as in `Written`."""

@@ -194,8 +194,6 @@ class System(Told):
         expect(differ, "sliding", "different guards", self.sliding)
         together = not self.sliding or self.guard is None
         expect(together, "sliding", "guards declared together, by @guards", "@guard")
-        alone = not self.sliding or self.together is None
-        expect(alone, "together", "no law where guards may slide", self.sliding)
         together = self.together is None or self.guard is None
         expect(together, "together", "guards declared together, by @guards", "@guard")
         known = self.on_zeno in ("stop", "rest")
@@ -445,10 +443,6 @@ class System(Told):
         if check_flag("jacobian", jacobian):
             compiled_first_order()
         latest = self.current()
-        if latest.has_instants:
-            from hopdata.hybrid.derived import with_instants
-
-            latest = with_instants(latest, latest.field.compiled)
         methods = latest.methods(method, jacobian)
         methods.compile_all()
         if jacobian:

@@ -16,13 +16,12 @@ from collections.abc import Callable, Iterator
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
-import numba
 import numpy as np
 
 from hopdata.hybrid.compiled import stored
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.forms import Form, cells_of, same_code
-from hopdata.hybrid.compiled.helpers import with_helpers
+from hopdata.hybrid.compiled.helpers import with_helpers, within
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 
 Function = Callable[..., Any]
@@ -163,7 +162,7 @@ def _around(function: FunctionType, form: Form) -> FunctionType:
     source = f"def {function.__name__}({', '.join(arguments)}): {line}\n"
     if not function.__name__.isidentifier():  # a lambda
         source = f"def plain({', '.join(arguments)}): {line}\n"
-    inner = numba.njit(error_model="numpy")(with_digest(with_helpers(function)))
+    inner = within(with_digest(with_helpers(function)))
     names: dict[str, Any] = {
         "__name__": function.__module__,
         f"{PREFIX}inner": inner,

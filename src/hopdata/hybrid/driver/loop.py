@@ -117,6 +117,7 @@ def meet_instants(p: problem.Problem, m: Memory, out: dense.Output, log: Log) ->
         passed = True
     if not passed:
         return at.RUNNING
+    forget_box(m)
     status = refresh(p, m)
     if status != at.RUNNING:
         return status

@@ -18,10 +18,7 @@ from hopdata.hybrid.compiled.digest import in_module_of, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_of, float_vector, int_vector
 from hopdata.hybrid.numbers.answers import RANGES_NATIVE
-from hopdata.hybrid.numbers.source import may_branch
 
-# Arguments of guards that vary within a step. Their other arguments do not.
-VARIES = frozenset(("t", "y", "dy", "h", "hdot"))
 NO_CODE = -1  # address where no code for ranges can be made
 
 
@@ -50,23 +47,6 @@ def users_own(callback: Callback) -> Callback:
     while hasattr(callback, "inner"):
         callback = callback.inner
     return callback
-
-
-def branches_of(guards: Callback | None) -> RangedGuards:
-    """Return the code for ranges of guards that may branch; others need none.
-
-    Parameters
-    ----------
-    guards : Callback, optional
-        The guards, together (`@guards`) or one by one (`@guard`).
-    """
-    if guards is None:
-        return RangedGuards()
-    users = users_own(guards)
-    function, places = users.source_and_places(VARIES)
-    if not may_branch(function, places):
-        return RangedGuards()
-    return guards_for_ranges(guards)
 
 
 def guards_for_ranges(guards: Callback | None) -> RangedGuards:

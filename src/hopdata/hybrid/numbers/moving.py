@@ -18,7 +18,6 @@ from collections.abc import Callable
 from itertools import product
 from typing import Any
 
-import numba
 import numpy as np
 from numba import types
 from numba.core import cgutils
@@ -185,7 +184,103 @@ def _plain(x: Any) -> Any:
 overload(plain)(lambda x: _plain(x))  # Numba compares annotations, too
 
 
-# How an operation is defined.
+# How an operation is defined: by a formula that Python runs once, on numbers of the
+# code that is being generated. So it costs next to no time to compile.
+
+
+class Traced:
+    """A number of the generated code; Python's operators build their code.
+
+    Parameters
+    ----------
+    context, builder
+        Numba's context, and LLVM's builder.
+    kind : Numba type
+        Its type.
+    built : LLVM value
+        Its value.
+    """
+
+    def __init__(self, context: Any, builder: Any, kind: Any, built: Any) -> None:
+        self.context = context
+        self.builder = builder
+        self.kind = kind
+        self.built = built
+
+    def _part(self, name: str) -> "Traced":
+        proxy = cgutils.create_struct_proxy(self.kind)
+        held = proxy(self.context, self.builder, self.built)
+        return self._like(self.kind.inner, getattr(held, name))
+
+    def _like(self, kind: Any, built: Any) -> "Traced":
+        return Traced(self.context, self.builder, kind, built)
+
+    @property
+    def value(self) -> "Traced":
+        """The value of a number that moves."""
+        return self._part("value")
+
+    @property
+    def rate(self) -> "Traced":
+        """Its rate."""
+        return self._part("rate")
+
+    def cast(self, kind: Any) -> Any:
+        """Build the number as one of another type."""
+        return self.context.cast(self.builder, self.built, self.kind, kind)
+
+    def traced(self, other: Any) -> "Traced":
+        """Return a number of Python as a constant of the code; others as they are."""
+        if isinstance(other, Traced):
+            return other
+        constant = self.context.get_constant(types.float64, float(other))
+        return self._like(types.float64, constant)
+
+    def __add__(self, other: Any) -> "Traced":
+        return of(operator.add, self, other)
+
+    def __radd__(self, other: Any) -> "Traced":
+        return of(operator.add, self.traced(other), self)
+
+    def __sub__(self, other: Any) -> "Traced":
+        return of(operator.sub, self, other)
+
+    def __rsub__(self, other: Any) -> "Traced":
+        return of(operator.sub, self.traced(other), self)
+
+    def __mul__(self, other: Any) -> "Traced":
+        return of(operator.mul, self, other)
+
+    def __rmul__(self, other: Any) -> "Traced":
+        return of(operator.mul, self.traced(other), self)
+
+    def __truediv__(self, other: Any) -> "Traced":
+        return of(operator.truediv, self, other)
+
+    def __rtruediv__(self, other: Any) -> "Traced":
+        return of(operator.truediv, self.traced(other), self)
+
+    def __mod__(self, other: Any) -> "Traced":
+        return of(operator.mod, self, other)
+
+    def __neg__(self) -> "Traced":
+        return of(operator.neg, self)
+
+
+def of(key: Any, *numbers: Any) -> Traced:
+    """Build what Numba knows by a key, of numbers of the generated code."""
+    first = numbers[0]
+    given = [first.traced(one) for one in numbers]
+    typing = first.context.typing_context
+    function = typing.resolve_value_type(key)
+    sign = typing.resolve_function_type(function, tuple(one.kind for one in given), {})
+    made = first.context.get_function(function, sign)
+    values = []
+    for one, wanted in zip(given, sign.args, strict=True):
+        values.append(one.built if one.kind == wanted else one.cast(wanted))
+    result = made(first.builder, values)
+    first.context.add_linking_libs(getattr(made, "libs", ()))
+    return Traced(first.context, first.builder, sign.return_type, result)
 
 
 def _kind_among(kinds: Any) -> Any:
@@ -215,7 +310,7 @@ def _is_within(kind: Any, outer: Any) -> bool:
 def defined(
     key: Any,
     count: int,
-    function: Function,
+    formula: Function,
     *,
     numbers: dict[int, Function] | None = None,
     returns: Function | None = None,
@@ -228,12 +323,12 @@ def defined(
         What is called.
     count : int
         Number of arguments.
-    function : callable
-        What it means, in terms of moving numbers.
+    formula : callable
+        Its value and rate, or what it returns, of numbers of the generated code.
     numbers : dict, optional
-        What it means where the argument of this position is a plain number.
+        The same where the argument of this position is a plain number.
     returns : callable, optional
-        The type of the result, of that of the values; by default it moves.
+        The type of the result, of that of the arguments; by default it moves.
     """
     shorter = numbers or {}
 
@@ -250,11 +345,35 @@ def defined(
         return result(*taken)
 
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        chosen = function
+        chosen = formula
+        given = []
         for place, kind in enumerate(sign.args):
+            given.append(Traced(context, builder, kind, values[place]))
             if is_number(kind):
                 chosen = shorter[place]
-        return context.compile_internal(builder, chosen, sign, values)
+        found = chosen(*given)
+        if isinstance(found, Traced):
+            return found.cast(sign.return_type)
+        inner = sign.return_type.inner
+        parts = [given[0].traced(one).cast(inner) for one in found]
+        return _pair(context, builder, sign.return_type, *parts)
+
+    tried_first(key, typed)
+    _lower_all(key, count, lower)
+
+
+def branching(key: Any, count: int, function: Function) -> None:
+    """Define a function of `count` numbers by one for Numba, as it branches."""
+
+    def typed(*kinds: Any) -> Any:
+        kinds = tuple(map(types.unliteral, kinds))
+        found = _kind_among(kinds)
+        if len(kinds) != count or found is None:
+            return None
+        return found(*[found] * count)
+
+    def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        return context.compile_internal(builder, function, sign, values)
 
     tried_first(key, typed)
     _lower_all(key, count, lower)
@@ -266,10 +385,6 @@ def _lower_all(key: Any, count: int, lower: Function) -> None:
             lower_builtin(key, *kinds)(lower)
 
 
-def _jitted(function: Function) -> Any:
-    return numba.njit(error_model="numpy")(function)
-
-
 # Functions of one number, by their derivatives: of the argument x and the value v.
 
 PER_TURN = 2.0 / math.sqrt(math.pi)
@@ -279,17 +394,17 @@ DEGREES = 180.0 / math.pi
 RADIANS = math.pi / 180.0
 
 DERIVATIVES: dict[str, Function] = {
-    "sin": lambda x, v: math.cos(x),
-    "cos": lambda x, v: -math.sin(x),
+    "sin": lambda x, v: of(math.cos, x),
+    "cos": lambda x, v: -of(math.sin, x),
     "tan": lambda x, v: 1.0 + v * v,
-    "asin": lambda x, v: 1.0 / math.sqrt((1.0 - x) * (1.0 + x)),
-    "acos": lambda x, v: -1.0 / math.sqrt((1.0 - x) * (1.0 + x)),
+    "asin": lambda x, v: 1.0 / of(math.sqrt, (1.0 - x) * (1.0 + x)),
+    "acos": lambda x, v: -1.0 / of(math.sqrt, (1.0 - x) * (1.0 + x)),
     "atan": lambda x, v: 1.0 / (1.0 + x * x),
-    "sinh": lambda x, v: math.cosh(x),
-    "cosh": lambda x, v: math.sinh(x),
+    "sinh": lambda x, v: of(math.cosh, x),
+    "cosh": lambda x, v: of(math.sinh, x),
     "tanh": lambda x, v: 1.0 - v * v,
-    "asinh": lambda x, v: 1.0 / math.sqrt(1.0 + x * x),
-    "acosh": lambda x, v: 1.0 / math.sqrt((x - 1.0) * (x + 1.0)),
+    "asinh": lambda x, v: 1.0 / of(math.sqrt, 1.0 + x * x),
+    "acosh": lambda x, v: 1.0 / of(math.sqrt, (x - 1.0) * (x + 1.0)),
     "atanh": lambda x, v: 1.0 / ((1.0 - x) * (1.0 + x)),
     "exp": lambda x, v: v,
     "exp2": lambda x, v: LOG_2 * v,
@@ -300,11 +415,11 @@ DERIVATIVES: dict[str, Function] = {
     "log1p": lambda x, v: 1.0 / (1.0 + x),
     "sqrt": lambda x, v: 0.5 / v,
     "cbrt": lambda x, v: 1.0 / (3.0 * v * v),
-    "erf": lambda x, v: PER_TURN * math.exp(-x * x),
-    "erfc": lambda x, v: -PER_TURN * math.exp(-x * x),
+    "erf": lambda x, v: PER_TURN * of(math.exp, -x * x),
+    "erfc": lambda x, v: -PER_TURN * of(math.exp, -x * x),
     "square": lambda x, v: 2.0 * x,
-    "degrees": lambda x, v: DEGREES + 0.0 * v,
-    "radians": lambda x, v: RADIANS + 0.0 * v,
+    "degrees": lambda x, v: x.traced(DEGREES),
+    "radians": lambda x, v: x.traced(RADIANS),
 }
 IN_NUMPY = {
     "asin": ("arcsin",),
@@ -319,15 +434,13 @@ IN_NUMPY = {
 
 
 def _one(key: Any, derivative: Function) -> Function:
-    """Return what a function of one number means, by its derivative."""
-    of_value = _jitted(lambda x: key(x))
-    slope = _jitted(derivative)
+    """Return the formula of a function of one number, by its derivative."""
 
-    def function(x: Any) -> Any:
-        v = of_value(x.value)
-        return moving(v, slope(x.value, v) * x.rate)
+    def formula(x: Traced) -> Any:
+        v = of(key, x.value)
+        return v, derivative(x.value, v) * x.rate
 
-    return function
+    return formula
 
 
 for _name, _derivative in DERIVATIVES.items():
@@ -343,75 +456,75 @@ for _name, _derivative in DERIVATIVES.items():
 
 
 def _add(x: Any, y: Any) -> Any:
-    return moving(x.value + y.value, x.rate + y.rate)
+    return x.value + y.value, x.rate + y.rate
 
 
 def _add_to_number(x: Any, y: Any) -> Any:
-    return moving(x + y.value, y.rate)
+    return x + y.value, y.rate
 
 
 def _add_number(x: Any, y: Any) -> Any:
-    return moving(x.value + y, x.rate)
+    return x.value + y, x.rate
 
 
 def _subtract(x: Any, y: Any) -> Any:
-    return moving(x.value - y.value, x.rate - y.rate)
+    return x.value - y.value, x.rate - y.rate
 
 
 def _subtract_from_number(x: Any, y: Any) -> Any:
-    return moving(x - y.value, -y.rate)
+    return x - y.value, -y.rate
 
 
 def _subtract_number(x: Any, y: Any) -> Any:
-    return moving(x.value - y, x.rate)
+    return x.value - y, x.rate
 
 
 def _multiply(x: Any, y: Any) -> Any:
-    return moving(x.value * y.value, x.rate * y.value + x.value * y.rate)
+    return x.value * y.value, x.rate * y.value + x.value * y.rate
 
 
 def _times_number(x: Any, y: Any) -> Any:
-    return moving(x.value * y, x.rate * y)
+    return x.value * y, x.rate * y
 
 
 def _number_times(x: Any, y: Any) -> Any:
-    return moving(x * y.value, x * y.rate)
+    return x * y.value, x * y.rate
 
 
 def _divide(x: Any, y: Any) -> Any:
     v = x.value / y.value
-    return moving(v, (x.rate - v * y.rate) / y.value)
+    return v, (x.rate - v * y.rate) / y.value
 
 
 def _number_over(x: Any, y: Any) -> Any:
     v = x / y.value
-    return moving(v, -v * y.rate / y.value)
+    return v, -v * y.rate / y.value
 
 
 def _over_number(x: Any, y: Any) -> Any:
-    return moving(x.value / y, x.rate / y)
+    return x.value / y, x.rate / y
 
 
 def _rest(x: Any, y: Any) -> Any:
-    whole = np.floor(x.value / y.value)
-    return moving(x.value % y.value, x.rate - whole * y.rate)
+    whole = of(np.floor, x.value / y.value)
+    return x.value % y.value, x.rate - whole * y.rate
 
 
 def _rest_of_number(x: Any, y: Any) -> Any:
-    return moving(x.value % y, x.rate)
+    return x.value % y, x.rate
 
 
 def _rest_like_x(x: Any, y: Any) -> Any:
-    whole = np.trunc(x.value / y.value)
-    return moving(np.fmod(x.value, y.value), x.rate - whole * y.rate)
+    whole = of(np.trunc, x.value / y.value)
+    return of(np.fmod, x.value, y.value), x.rate - whole * y.rate
 
 
 def _rest_like_x_of_number(x: Any, y: Any) -> Any:
-    return moving(np.fmod(x.value, y), x.rate)
+    return of(np.fmod, x.value, y), x.rate
 
 
 def _negative(x: Any) -> Any:
-    return moving(-x.value, -x.rate)
+    return -x.value, -x.rate
 
 
 def _same(x: Any) -> Any:
@@ -508,7 +621,7 @@ for _key in (operator.pow, operator.ipow, pow, math.pow, np.power):
 
 
 def _absolute(x: Any) -> Any:
-    return moving(abs(x.value), np.sign(x.value) * x.rate)
+    return of(abs, x.value), of(np.sign, x.value) * x.rate
 
 
 def _least(x: Any, y: Any) -> Any:
@@ -524,27 +637,27 @@ def _largest(x: Any, y: Any) -> Any:
 
 
 def _hypotenuse(x: Any, y: Any) -> Any:
-    v = math.hypot(x.value, y.value)
-    return moving(v, (x.value * x.rate + y.value * y.rate) / v)
+    v = of(math.hypot, x.value, y.value)
+    return v, (x.value * x.rate + y.value * y.rate) / v
 
 
 def _angle(y: Any, x: Any) -> Any:
     size = x.value * x.value + y.value * y.value
     turning = x.value * y.rate - y.value * x.rate
-    return moving(math.atan2(y.value, x.value), turning / size)
+    return of(math.atan2, y.value, x.value), turning / size
 
 
 def _copy_sign(x: Any, y: Any) -> Any:
-    signs = np.sign(x.value) * np.sign(y.value)
-    return moving(math.copysign(x.value, y.value), signs * x.rate)
+    signs = of(np.sign, x.value) * of(np.sign, y.value)
+    return of(math.copysign, x.value, y.value), signs * x.rate
 
 
 for _key in (abs, np.abs, math.fabs, np.fabs):
     defined(_key, 1, _absolute)
 for _key in (builtins.min, np.minimum, np.fmin):
-    defined(_key, 2, _least)
+    branching(_key, 2, _least)
 for _key in (builtins.max, np.maximum, np.fmax):
-    defined(_key, 2, _largest)
+    branching(_key, 2, _largest)
 for _key in (math.hypot, np.hypot):
     defined(_key, 2, _hypotenuse)
 for _key in (math.atan2, np.arctan2):
@@ -556,18 +669,9 @@ for _key in (math.copysign, np.copysign):
 # What depends on the value alone.
 
 
-def _of_values(key: Any, count: int) -> Function:
-    """Return a function of the values of its arguments."""
-    of_value = _jitted(_forwarded(key, count))
-    if count == 1:
-        return lambda x: of_value(x.value)
-    return lambda x, y: of_value(x.value, y.value)
-
-
-def _forwarded(key: Any, count: int) -> Function:
-    if count == 1:
-        return lambda x: key(x)
-    return lambda x, y: key(x, y)
+def _of_values(key: Any) -> Function:
+    """Return the formula of a function of the values of its arguments."""
+    return lambda *numbers: of(key, *(one.value for one in numbers))
 
 
 def _flat(kind: Any) -> Any:
@@ -595,20 +699,20 @@ def _flat_or_whole(kind: Any) -> Any:
 for _key in (
     operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne
 ):  # fmt: skip
-    defined(_key, 2, _of_values(_key, 2), returns=_truth)
+    defined(_key, 2, _of_values(_key), returns=_truth)
 for _key in (math.isnan, math.isinf, math.isfinite, np.isnan, np.isinf, np.isfinite):
-    defined(_key, 1, _of_values(_key, 1), returns=_truth)
+    defined(_key, 1, _of_values(_key), returns=_truth)
 for _key in (math.floor, math.ceil, math.trunc):
-    defined(_key, 1, _of_values(_key, 1), returns=_flat_or_whole)
+    defined(_key, 1, _of_values(_key), returns=_flat_or_whole)
 for _key in (int, round):
-    defined(_key, 1, _of_values(_key, 1), returns=_whole)
+    defined(_key, 1, _of_values(_key), returns=_whole)
 for _key in (np.floor, np.ceil, np.trunc, np.rint, np.sign):
-    defined(_key, 1, _of_values(_key, 1), returns=_flat)
+    defined(_key, 1, _of_values(_key), returns=_flat)
 for _key in (operator.floordiv, operator.ifloordiv, np.floor_divide):
-    defined(_key, 2, _of_values(operator.floordiv, 2), returns=_flat)
-defined(bool, 1, lambda x: x.value != 0.0, returns=_truth)
-defined(operator.truth, 1, lambda x: x.value != 0.0, returns=_truth)
-defined(operator.not_, 1, lambda x: x.value == 0.0, returns=_truth)
+    defined(_key, 2, _of_values(operator.floordiv), returns=_flat)
+defined(bool, 1, lambda x: of(operator.ne, x.value, 0.0), returns=_truth)
+defined(operator.truth, 1, lambda x: of(operator.ne, x.value, 0.0), returns=_truth)
+defined(operator.not_, 1, lambda x: of(operator.eq, x.value, 0.0), returns=_truth)
 
 
 # Choices, more than two numbers, tables.

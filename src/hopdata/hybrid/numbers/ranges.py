@@ -425,6 +425,9 @@ def _typed_part(rows: Any, first: Any, last: Any) -> Any:
 def _typed_turned(rows: Any) -> Any:
     if rows == ROWS:
         return lambda rows: _turned_rows(rows)
+    if not getattr(rows, "known", True):
+        # Rows of lanes of which nothing is known (`lanes.ranges`).
+        return lambda rows: rows
     return lambda rows: -rows
 
 

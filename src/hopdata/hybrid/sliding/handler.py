@@ -49,6 +49,8 @@ LEAVE: Any = None
 CALL: Any = None
 RELEASE: Any = None
 DECIDE: Any = None
+LAW: Any = None
+TIES: Any = None
 REST: Any = None
 M = 0
 OWN = 0
@@ -259,10 +261,56 @@ def decide_template(
     return told
 
 
+def ties_template(t: float, y: Any, mode: Any, params: Any) -> int:
+    """Let the law decide, where several guards are due at once.
+
+    The directions of their flips are behind the flags. The law is told what a handler
+    would be: which guards begin to slide, and which have let go.
+    """
+    flags = mode[M + N_MODES :]
+    given = mode[M + N_MODES + M :]
+    due = np.empty(N_GUARDS, dtype=np.int64)
+    for k in range(N_GUARDS):
+        due[k] = given[M + k]
+    for guard in range(M):
+        if given[guard] != 0:
+            due[SURFACES[guard]] = LEAVE(t, y, mode, params, guard)
+    for j in range(M):
+        k = SURFACES[j]
+        if given[M + k] == 0:
+            continue
+        flags[j] = BEGINS(t, y, mode, params, j)
+        if flags[j] == UNCLEAR:
+            return 1
+        if flags[j] == SLIDING:
+            params[len(params) - M + j] = size_of(y)
+            due[k] = SLIDES * given[M + k]
+    before = y.copy()
+    own = mode[M : M + N_MODES]
+    stop = LAW(t, y, own, params[: len(params) - OWN], due)
+    RELEASE(t, y, mode, params, before)
+    return stop
+
+
+def no_ties(
+    t: float,  # noqa: ARG001 (the arguments of `ties_template`)
+    y: Any,  # noqa: ARG001
+    mode: Any,  # noqa: ARG001
+    params: Any,  # noqa: ARG001
+) -> int:
+    """Do nothing: without a law the driver does not ask."""
+    return 0
+
+
 def handler_template(
     t: float, y: Any, mode: Any, params: Any, guard: int, direction: int
 ) -> int:
-    """Begin to slide, leave, or cross; then call the user's handler."""
+    """Begin to slide, leave, or cross; then call the user's handler.
+
+    Guard -1 stands for all that are due at once, about which a law decides.
+    """
+    if guard < 0:
+        return TIES(t, y, mode, params)
     told = DECIDE(t, y, mode, params, guard, direction)
     if told == 0:
         return 1

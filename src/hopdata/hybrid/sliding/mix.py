@@ -257,3 +257,16 @@ def field_template(t: Any, y: Any, mode: Any, params: Any, dy: Any) -> None:
     shares = room_like(y, M)
     slopes = room_like(y, M)
     MIX(t, y, mode, params, dy, shares, slopes)
+
+
+def field_of_ranges(t: Any, y: Any, mode: Any, params: Any, dy: Any) -> None:
+    """Fill `dy` with the field's ranges, of states that are given as ranges."""
+    place = room_like(t, N)
+    rates = room_like(t, N)
+    shares = room_like(t, M)
+    slopes = room_like(t, M)
+    for i in range(N):
+        place[i] = y[i]
+    MIX(t, place, mode, params, rates, shares, slopes)
+    for i in range(N):
+        dy[i] = rates[i]

@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-import numba
-
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.digest import with_digest
@@ -80,10 +78,7 @@ ONLY_FOR_REST = ("APPROACH", "MOVED_APPROACH", "ALONG", "BENDS", "MIX")
 
 def for_numbers(template: Callable[..., Any], **names: Any) -> Any:
     """Return a function made from a template, callable with any kind of number."""
-    # Python never calls it, and could not give it such numbers.
-    options: Names = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    compiler: Any = numba.njit(error_model="numpy", **options)
-    return compiler(with_digest(template, **names))
+    return kernel_apart(with_digest(template, **names))
 
 
 def names_of_numbers(system: Any, sizes: Names, *, rests: bool) -> Names:
@@ -121,6 +116,10 @@ def names_of_floats(
     if system.on_event is not None:
         names["HANDLER"] = system.on_event.dispatcher
     chosen = dict(TEMPLATES)
+    chosen["TIES"] = handler.no_ties
+    if system.together is not None:
+        names["LAW"] = system.together.dispatcher
+        chosen["TIES"] = handler.ties_template
     if of_numbers is None:
         chosen |= BY_DIFFERENCES
     else:
@@ -233,6 +232,8 @@ def _functions(system: Any, sizes: Names, *, rests: bool) -> tuple[Mixed, Mixed,
     if system.on_event is not None:
         inner = system.on_event
         users = (*users, inner)
+    if system.together is not None:
+        users = (*users, system.together)
     of_numbers: Names | None = None
     by_differences = names_of_floats(system, sizes, None, rests=rests)
     floats = by_differences
@@ -252,8 +253,12 @@ def _functions(system: Any, sizes: Names, *, rests: bool) -> tuple[Mixed, Mixed,
             decides = {"DECIDE": floats["DECIDE"], "RELEASE": floats["RELEASE"]}
             dual = for_numbers(of_duals, **of_numbers, **decides)
             parts = {"PART_OF_RESULTS": part_of_results, "SINK": sink}
-            names = {**of_numbers, **parts, "GUARDS": system.guards.ranged}
-            ranged = for_numbers(guards.guards_of_ranges, **names)
+            names = {**of_numbers, **parts}
+            if kind == "field":
+                ranged = for_numbers(mix.field_of_ranges, **names)
+            if kind == "guards":
+                names["GUARDS"] = system.guards.ranged
+                ranged = for_numbers(guards.guards_of_ranges, **names)
         callbacks = {"floats": floats, "by_differences": by_differences}
         one = Mixed(kind, template, own, users, dual=dual, ranged=ranged, **callbacks)
         made.append(one)
@@ -266,7 +271,10 @@ def sliding_system(system: Any) -> Any:
         return system.made["sliding"]
     surfaces = tuple(system.guard_names.index(one) for one in system.sliding)
     count = len(surfaces)
-    slides = Slides(surfaces, system.n_guards, system.n_modes)
+    n_due = 0
+    if system.together is not None:  # directions of all guards that are due
+        n_due = count + system.n_guards
+    slides = Slides(surfaces, system.n_guards, system.n_modes, n_due)
     rests = system.on_zeno == "rest"
     n_memory = 2 * count
     if rests:
@@ -297,12 +305,14 @@ def sliding_system(system: Any) -> Any:
         guard_names=(*ending, *system.guard_names),
         directions=(*((1,) * count), *(system.directions or none)),
         terminal=(*((0,) * count), *(system.terminal or none)),
-        n_extra_modes=system.n_extra_modes + count,
+        n_extra_modes=system.n_extra_modes + count + n_due,
+        together=None,
         n_memory=system.n_memory + n_memory,
         sliding=(),
         on_zeno="stop",
     )
     vars(made).update(way=system.way, n_shown=system.n_shown, slides=slides)
+    vars(made)["by_law"] = system.together is not None
     if system.on_zeno == "rest":
         vars(made)["rests"] = tuple(count + k for k in surfaces)
     system.made["sliding"] = made
