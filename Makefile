@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures figures-told dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks lint format rules docs site sample lock release clean help
+.PHONY: figures figures-told dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks integrator lint format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -29,6 +29,7 @@ help:
 	@echo "make mutants    make small wrong changes and see which of them the tests miss (takes hours; can be interrupted)"
 	@echo "make both-sides run the study of the dissertation's size: C1, not C1, half the spread, then compare them"
 	@echo "make benchmarks measure error and run time against other libraries, into results/benchmarks"
+	@echo "make integrator  build the wheel of the integrator, and run its tests, pages and benchmarks where nothing else is"
 	@echo "make lint       run ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     reformat the files with ruff and snakefmt"
 	@echo "make rules      write workflow/rules/line.smk, two tables and a picture from src/hopdata/stages.py"
@@ -105,6 +106,9 @@ both-sides: $(VENV)/.run
 
 benchmarks: $(VENV)/.bench
 	$(BIN)/snakemake --cores $(CORES) --keep-going benchmarks
+
+integrator: $(VENV)/.dev
+	$(BIN)/python packaging/hybrid/alone.py dist --cores $(CORES)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -222,6 +226,7 @@ release: $(VENV)/.dev
 	  $(BIN)/python packaging/machine_code.py src/hopdata/_machine_code && \
 	  for to in dist dist/again; do $(BIN)/python -m hatchling build -d $$to || exit 1; done
 	for file in dist/hopdata-*; do cmp $$file dist/again/$${file##*/} || exit 1; done
+	$(BIN)/python packaging/hybrid/alone.py dist --cores $(CORES)
 	rm -r dist/again && $(BIN)/python packaging/sbom.py dist/hopdata.cdx.json
 	cd dist && sha256sum hopdata* > SHA256SUMS && cat SHA256SUMS
 # The package index refuses invalid metadata. The changelog's entry becomes the text of the release.

@@ -41,6 +41,7 @@ WAYS: dict[str, tuple[str, Any, str]] = {
     "hopdata, call": (style.BLUE, "-", "o"),
     "hopdata, batch": (style.BLUE, (0, (4, 1.5)), "o"),
     "heyoka": (style.VERMILION, "-", "s"),
+    "heyoka, batch": (style.VERMILION, (0, (4, 1.5)), "s"),
     "CVODE, C": (style.GREEN, "-", "^"),
     "CVODE, scikit-sundae": (style.GREEN, (0, (4, 1.5)), "^"),
     "diffrax": (style.PURPLE, "-", "D"),
@@ -58,6 +59,14 @@ SCENE_NAMES = {
     "chua": "Chua's circuit",
     "buck_converter": "buck converter",
     "gears": "gears with backlash",
+    "bouncing_ball": "bouncing ball",
+    "shaken_ball": "ball on a shaken table",
+    "spiking_neuron": "neuron (Izhikevich)",
+    "boost_converter": "boost converter",
+    "wall_pendulum": "pendulum with a wall",
+    "three_body": "three bodies (Arenstorf)",
+    "rimless_wheel": "rimless wheel",
+    "stick_slip": "mass that sticks and slips",
 }
 MOST_ACROSS = 3  # panels in a row
 
@@ -502,6 +511,7 @@ def kernel_smoothness(scores: pd.DataFrame) -> Figure:
 
 FIGURES: dict[str, Callable[..., Figure]] = {
     "work_precision": work_precision_figure,
+    "side_by_side": work_precision_figure,
     "map_error": map_error_figure,
     "learning_curve": learning_curve,
     "kernel_smoothness": kernel_smoothness,

@@ -15,17 +15,16 @@ sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 
 #: The contents at the side: the pages by their use.
 PAGES = {
-    "Learn": [
-        "first_study", "notebook", "own_recording", "plan", "steering", "integrator", "sliding",
-        "new_scene",
-    ],
+    "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "new_scene"],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
+    "The integrator": [
+        "integrator", "integrator_choices", "sliding", "known_instants", "gradients",
+        "integrator_step", "integrator_proof", "integrator_method", "printed_method",
+    ],
     "Understand": [
-        "dissertation", "printed_method", "c1", "gradient", "gradients", "filter", "verdict",
-        "verdict_method", "verdict_campaign",
-        "unseen_order", "impacts", "contacts", "limits", "reliability", "integrator_choices",
-        "architecture", "decisions",
+        "dissertation", "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign",
+        "unseen_order", "impacts", "contacts", "limits", "reliability", "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,14 @@ EXTERNAL_FOLDERS = (
     ROOT / "data/external",
     ROOT.parent / "shared/recordings/treadmill_running",
 )
+
+
+@pytest.fixture
+def interruptible():
+    """Enable SIGINT as in a terminal; tests in the background inherit that it is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

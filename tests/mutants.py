@@ -148,6 +148,8 @@ def paths_of_tests(module: Path, checkout: Path) -> tuple[list[Path], list[Path]
         folder / f"test_{module.stem}.py",
         *sorted((folder / module.stem).glob("test_*.py")),
     ]
+    if module.parts[0] == "hybrid":  # its tests that need scenes
+        same.append(checkout / "tests/scenes/hybrid" / f"test_{module.stem}.py")
     own = [path for path in same if path.is_file()]
 
     def is_distant(path: Path) -> bool:

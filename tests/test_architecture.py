@@ -233,6 +233,16 @@ def test_every_room_and_every_module_beside_them_is_listed():
     assert beside == SHARED | set(ABOVE)
 
 
+def test_the_rooms_of_the_integrator_are_those_that_its_documents_name():
+    folders = {path.parent.name for path in (PACKAGE / "hybrid").glob("*/__init__.py")}
+    own = ast.get_docstring(walked(PACKAGE / "hybrid" / "__init__.py")[0])
+    named = set(re.findall(r"^``(\w+)``$", own, re.MULTILINE))
+    page = (PACKAGE.parents[1] / "docs" / "architecture.md").read_text()
+    listed = set(re.findall(r"^\| `hybrid/(\w+)/` \|", page, re.MULTILINE))
+    assert len(folders) >= 8
+    assert named == listed == folders
+
+
 def test_no_module_imports_one_that_imports_it():
     assert circles(module_graph(PACKAGE)) == set()
 

@@ -338,3 +338,18 @@ def test_what_draws_on_a_terminal_is_not_loaded_for_a_pipe(short_sample):
     )
     assert result.returncode == 0, result.stderr
     assert "\x1b" not in result.stdout + result.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a folder in use stays")
+def test_a_current_folder_that_is_gone_is_told_in_one_line(
+    monkeypatch, tmp_path, capsys
+):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert main(["run", "study.yaml"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(
+        "found that it has been removed; change to one that exists (cd)"
+    )

@@ -64,6 +64,7 @@ def _command(given: list[str]) -> int:
     for fault in products.faults().values():
         print(f"hopdata: note: {fault}", file=sys.stderr)
     try:
+        _check_folder()
         with _blamed(options.run):
             code: int = resolve_name(options.run)(options)
         sys.stdout.flush()
@@ -78,6 +79,15 @@ def _command(given: list[str]) -> int:
     except KeyboardInterrupt:
         print("hopdata: interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+def _check_folder() -> None:
+    """Check that the current folder, from which paths count, still exists."""
+    try:
+        os.getcwd()
+    except OSError:
+        message = "expected a current folder, found that it has been removed"
+        raise HopdataError(f"{message}; change to one that exists (cd)") from None
 
 
 def _blamed(run: str) -> AbstractContextManager[None]:

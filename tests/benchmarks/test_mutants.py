@@ -130,3 +130,12 @@ def test_changes_and_tests_of_a_module(tmp_path):
     own, others = paths_of_tests(Path("maps/verdict/judge_limits.py"), tmp_path)
     assert own == []
     assert [path.name for path in others] == ["test_judge.py", "test_group.py"]
+
+
+def test_tests_of_the_integrator_on_scenes_belong_to_its_modules(tmp_path):
+    for folder in ("tests/hybrid/driver", "tests/scenes/hybrid"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "test_sleep.py").write_text("", encoding="utf-8")
+    own, others = paths_of_tests(Path("hybrid/driver/sleep.py"), tmp_path)
+    assert [path.parent.name for path in own] == ["driver", "hybrid"]
+    assert others == []

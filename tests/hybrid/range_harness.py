@@ -229,13 +229,14 @@ class Ranged:
     def told(self):
         """The integers in the memory of answers."""
         first = int(at.ANSWERS)
-        return self.tables[-1][first : first + 5]
+        return self.tables[-1][first : first + answers.N_INTEGERS]
 
     @property
     def first(self):
         """What changes sign at the first open comparison or jump."""
         first = int(at.ANSWERS)
-        return self.tables[-1][first + 5 : first + 9].view(np.float64)
+        last = first + answers.FIRST_MOST_RATE + 1
+        return self.tables[-1][first + answers.FIRST_LEAST : last].view(np.float64)
 
 
 @njit

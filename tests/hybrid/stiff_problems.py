@@ -82,6 +82,7 @@ def made(given):
         stiff, field, 2,
         FILL_JACOBIAN=specialised(template, **names),
         TIME_DERIVATIVE=specialised(stiff.time_derivative, **names),
+        PREPARE=stiff.prepare_dense, SOLVE=stiff.solve_dense,
     )  # fmt: skip
 
 

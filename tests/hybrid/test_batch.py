@@ -11,12 +11,12 @@ import time
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params
+from equal_runs import assert_same_row
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
 
 from hopdata.hybrid import batch as batches
 from hopdata.hybrid import solve, solve_batch
 from hopdata.hybrid.batch import CHUNK, run_in_threads
-from hopdata.scenes.plate import Plate
 
 PARAMS = bent_params(
     [0.5, 0.7, 1.0],
@@ -32,22 +32,6 @@ def starts(count, seed=0):
     return np.random.default_rng(seed).uniform(-1, 1, (count, 2))
 
 
-def assert_same(batch, place, single):
-    """Assert that the row of a batch has the bytes of a single solution."""
-    assert batch.status[place] == single.status
-    assert batch.t_end[place] == single.t_end
-    assert batch.y_end[place].tobytes() == single.y_end.tobytes()
-    assert batch.mode[place].tolist() == single.mode.tolist()
-    counts = (batch.n_events[place], batch.n_steps[place], batch.nfev[place])
-    assert counts == (len(single.events), single.n_steps, single.nfev)
-    if batch.jacobian is not None:
-        assert batch.jacobian[place].tobytes() == single.jacobian.tobytes()
-    if batch.y is not None:
-        reached = single.y.shape[1]
-        assert np.array_equal(batch.y[place, :, :reached], single.y)
-        assert np.isnan(batch.y[place, :, reached:]).all()
-
-
 @pytest.mark.parametrize("jacobian", [False, True])
 @pytest.mark.parametrize("t_eval", [None, TIMES])
 def test_the_bytes_of_solve(t_eval, jacobian):
@@ -57,7 +41,7 @@ def test_the_bytes_of_solve(t_eval, jacobian):
     assert batch.success
     assert batch.n_events.max() > 4
     for place in range(len(y0)):
-        assert_same(batch, place, solve(system, (0, 2), y0[place], **options))
+        assert_same_row(batch, place, solve(system, (0, 2), y0[place], **options))
 
 
 @pytest.mark.parametrize("workers", [1, 2, 7, None])
@@ -78,7 +62,7 @@ def test_each_method(method):
     system, y0 = bent(3), starts(5)
     batch = solve_batch(system, (0, 2), y0, params=PARAMS, method=method)
     for place in range(5):
-        assert_same(
+        assert_same_row(
             batch, place, solve(system, (0, 2), y0[place], params=PARAMS, method=method)
         )
 
@@ -88,39 +72,17 @@ def test_parameters_of_each():
     params = np.column_stack([np.linspace(1, 3, 70), np.linspace(0.2, 0.8, 70)])
     batch = solve_batch(system, (0, 2), y0, params=params)
     for place in range(70):
-        assert_same(
+        assert_same_row(
             batch, place, solve(system, (0, 2), y0[place], params=params[place])
         )
     assert len(np.unique(batch.y_end[:, 0])) == 70
-
-
-def test_parameters_and_states_are_not_changed():
-    plate = Plate(12)
-    y0, params = plate.initial_states(3, 0), np.tile(plate.params, (3, 1))
-    y0_before, params_before = y0.copy(), params.copy()
-    solve_batch(plate.system(sums=True), (0, 1), y0, params=params)
-    assert np.array_equal(y0, y0_before)
-    assert np.array_equal(params, params_before)
-
-
-def test_each_has_a_memory_of_its_own():
-    plate = Plate(12)
-    system, y0 = (
-        plate.system(sums=True),
-        np.tile([0.1, 0.97, 0.05, 0.2, -1.0, 0.3], (3, 1)),
-    )
-    options = {"params": plate.params, "memory": plate.memory(y0[0])}
-    batch = solve_batch(system, (0, 0.3), y0, **options)
-    assert batch.n_events.min() > 0
-    for place in range(3):
-        assert_same(batch, place, solve(system, (0, 0.3), y0[place], **options))
 
 
 def test_an_initial_mode():
     """A given lock is not decided by h: guard 0 of the ladder fires at once."""
     options = {"params": (1.0, 2.0, 0.5, 0.25), "mode": [1, -1]}
     batch = solve_batch(ladder(2), (0, 3), np.zeros((3, 2)), **options)
-    assert_same(batch, 2, solve(ladder(2), (0, 3), [0, 0], **options))
+    assert_same_row(batch, 2, solve(ladder(2), (0, 3), [0, 0], **options))
 
 
 def test_terminal_events_end_each_at_its_own_time():
@@ -139,7 +101,7 @@ def test_terminal_events_end_each_at_its_own_time():
     ]
     for place in range(9):
         single = solve(system, (0, 1), y0[place], params=(0.5, 0.0), t_eval=batch.t)
-        assert_same(batch, place, single)
+        assert_same_row(batch, place, single)
 
 
 def test_rows_that_fail_do_not_disturb_the_others():
@@ -186,7 +148,7 @@ def test_more_events_than_there_is_room_for():
     single = solve(system, (0, 1201), [1.0, 0.0], **options)
     assert len(single.events) == 600
     for place in range(3):
-        assert_same(batch, place, single)
+        assert_same_row(batch, place, single)
 
 
 def test_more_steps_than_the_driver_takes_in_one_call():
@@ -196,7 +158,9 @@ def test_more_steps_than_the_driver_takes_in_one_call():
     )
     batch = solve_batch(system, (0, 1.1), np.tile([1.0, 0.0], (2, 1)), **options)
     assert batch.n_steps.min() > 200_000
-    assert_same(batch, 1, solve(system, (0, 1.1), [1.0, 0.0], t_eval=[1.0], **options))
+    assert_same_row(
+        batch, 1, solve(system, (0, 1.1), [1.0, 0.0], t_eval=[1.0], **options)
+    )
 
 
 @pytest.mark.parametrize("count", [0, 1, 64, 65, 66])

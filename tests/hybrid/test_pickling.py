@@ -15,7 +15,6 @@ from hybrid_systems import ball, fall_field, rebound
 
 from hopdata.errors import ArgumentError, NotPicklableError
 from hopdata.hybrid import System, field, solve
-from hopdata.scenes import SCENES, scene_class
 
 MODEL = """
 import numba
@@ -129,12 +128,6 @@ def test_a_system_in_the_same_process(duplicate, solved_before):
     first = first or solve(system, (0, 9), [1.0, 0.0], **options)
     assert solution.t.tobytes() == first.t.tobytes()
     assert solution.status == first.status == 1
-
-
-@pytest.mark.parametrize("name", sorted(SCENES))
-def test_systems_of_scenes(name):
-    system = scene_class(name)().system()
-    assert pickle.loads(pickle.dumps(system)) == system
 
 
 def plain(t, y, mode, params, dy):

@@ -119,8 +119,6 @@ def breaks(t, y, mode, params, due):
 
 def test_wrong_laws():
     assert solve(replace(row, together=breaks), (0.0, 2.0), START).status == NO_LOCK
-    with pytest.raises(ValueError, match="together"):
-        replace(row, sliding=("left",))
     with pytest.raises(ArgumentError, match="backward"):
         solve(replace(row, undo=swap), (1.0, 0.0), START)
 
@@ -182,3 +180,54 @@ def test_more_guards_at_once_than_the_log_has_room_for(n):
         np.testing.assert_array_equal(log.mode[:, -1], n)
         assert solution.mode[-1] == n
         assert solution.n_events == n
+
+
+def free_and_relay(t, y, mode):
+    return y[3], y[4], y[5], 0.0, 0.0, 0.0, -1.0 * mode[2]
+
+
+def gaps_and_relay(t, y):
+    return y[1] - y[0], y[2] - y[1], y[6]
+
+
+@together
+def law_with_relay(t, y, mode, params, due):
+    """As `at_once`; mode[3] notes what is told of the relay."""
+    mode[3] = due[2]
+    velocities = y[3:6]
+    impulses = np.zeros(2)
+    before = velocities[1:] - velocities[:-1]
+    for _ in range(300):
+        for i in range(2):
+            if due[i] < 0:
+                off = velocities[i + 1] - velocities[i] + before[i]
+                change = max(-0.5 * off, -impulses[i])
+                impulses[i] += change
+                velocities[i] -= change
+                velocities[i + 1] += change
+    return 0
+
+
+@pytest.mark.parametrize(("relay", "told"), [(0.5, 0), (1.0, -2)])
+def test_a_law_beside_a_guard_that_slides(relay, told):
+    system = System(
+        free_and_relay,
+        gaps_and_relay,
+        n_states=7,
+        guard_names=("left", "right", "relay"),
+        n_extra_modes=1,
+        sliding=("relay",),
+        together=law_with_relay,
+    )
+    # The relay reaches zero before the balls meet, or at the same instant.
+    solution = solve(system, (0.0, 1.5), [*START, relay], mode=[1, 1, 1, 0])
+    log = solution.events
+    first = log.time < 1.0 + 1e-9
+    met = log.mode[first & (log.guard < 2)]
+    assert solution.success
+    np.testing.assert_array_equal(log.direction[log.guard == 2], [-2])
+    np.testing.assert_allclose(log.time[log.guard == 2], relay, rtol=1e-12)
+    np.testing.assert_array_equal(met[:2, 3], [told, told])
+    np.testing.assert_allclose(solution.y_end[3:6], np.array([-4, -1, 8]) / 3)
+    np.testing.assert_allclose(solution.y_end[6], 0.0, atol=1e-14)
+    np.testing.assert_array_equal(solution.mode[2:3], [0])

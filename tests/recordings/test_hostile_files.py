@@ -203,8 +203,10 @@ def plugin(tmp_path, monkeypatch, forked):
 def test_a_reader_that_does_harm_is_named_in_one_line(
     plugin, monkeypatch, tmp_path, code, said
 ):
-    monkeypatch.setattr(budget, "LEAST_S", 0.5)
-    monkeypatch.setattr(watch, "LONGEST_SLEEP_S", 0.5)
+    # Only where time is what ends it: on a busy computer memory takes long to fill.
+    if said in ("goes on and on", "waits for something"):
+        monkeypatch.setattr(budget, "LEAST_S", 0.5)
+        monkeypatch.setattr(watch, "LONGEST_SLEEP_S", 0.5)
     with pytest.raises(RecordingError) as caught:
         plugin(code)
     message = str(caught.value)

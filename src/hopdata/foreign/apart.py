@@ -102,7 +102,8 @@ class Failure:
     Attributes
     ----------
     name
-        The name of the message: memory, time, waits, ended, failed, reply or start.
+        The name of the message: memory, time, waits, ended, failed, reply, folder or
+        start.
     words
         What was found, if the message tells more.
     """
@@ -135,7 +136,7 @@ def call(request: Request) -> Answer:
     try:
         os.getcwd()
     except OSError:
-        return Answer(failure=Failure("start", "the current folder has been removed"))
+        return Answer(failure=Failure("folder"))
     if may_fork():
         request.import_libraries()  # so that the fork has them
         return _call_fork(request)

@@ -29,7 +29,7 @@ unchanged. Then call it by its name::
 
 The message of a failure has the code ``foreign.memory``, ``foreign.free_memory``,
 ``foreign.time``, ``foreign.waits``, ``foreign.ended``, ``foreign.failed`` (a traceback,
-in one line), ``foreign.reply`` or ``foreign.start``.
+in one line), ``foreign.reply``, ``foreign.folder`` or ``foreign.start``.
 
 A call costs some hundredths of a second where the process can fork (`apart.may_fork`),
 since libraries that this process has imported are there at once: name what the
@@ -165,6 +165,8 @@ def _message(
         values["how"] = failure.words
     elif name == "reply":
         values["found"] = failure.words
+    elif name == "folder":
+        del values["reader"], values["size"]
     else:
         values["error"] = failure.words
     return Message(f"foreign.{name}", values)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +26,7 @@ from hopdata.hybrid.driver.loop import (
     Starts,
     many_entry,
 )
+from hopdata.hybrid.known_instants import NONE, Instants
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
@@ -133,7 +135,7 @@ class BatchSolution:
         Events, accepted steps, field evaluations.
     n_unproven, n_close : (B,) array of int
         Steps in which it is not proven that no guard flips unseen, and those in which
-        one turned too close to tell, as in `Solution`. Lanes prove nothing yet.
+        one turned too close to tell, as in `Solution`.
     culprit : (B,) array of int
         Index of the guard that the status is about, -1 if none.
     rates : (B, 2) array
@@ -191,7 +193,7 @@ class BatchSolution:
     @property
     def proven(self) -> BoolArray:
         """Of which integrations it is proven that no guard flips unseen; (B,)."""
-        return (self.n_unproven == 0) & ~self.lanes
+        return self.n_unproven == 0
 
     @property
     def message(self) -> str:
@@ -250,6 +252,7 @@ class _Batch:
     atol: ArrayLike
     options: tuple[float, float, float, float, float, int, int]
     output: _Output
+    known: Instants = NONE
 
     def in_lanes(self) -> tuple[Callable[[int, int], int] | None, str]:
         """Return what integrates in lanes, or None and the reason."""
@@ -276,7 +279,7 @@ class _Batch:
             if methods.unchecked:
                 self._check_pattern(methods, first)
             work.block[at.PATIENCE] = np.iinfo(np.int64).max // 2  # it never pauses
-            starts = Starts(self.states, self.numbers, self.modes)
+            starts = Starts(self.states, self.numbers, self.modes, *self.known)
             results = Results(*self.output.arrays)
             request = Request(*self.options)
             enter = _entry()
@@ -291,6 +294,7 @@ class _Batch:
                 raise caught[0]
         finally:
             work.forget_samples()
+            work.set_instants(NONE)
             work.block[at.PATIENCE] = FIRST_PATIENCE
             self.system.idle.append(work)
         return last - first
@@ -335,6 +339,7 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     workers: int | None = None,
     progress: bool = False,
     lanes: bool | None = None,
+    tstops: Any = None,
 ) -> BatchSolution:
     """Integrate a system from many initial states; options as in `solve`.
 
@@ -356,6 +361,9 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
         Whether to integrate many systems at a time in the lanes of the processor's
         vectors where possible (see `BatchSolution.lanes_reason`). By default from
         `LARGE` systems on.
+    tstops
+        As in `solve`: shared by all integrations. A system's own, if they are a
+        function of the parameters, are those of each.
 
     Returns
     -------
@@ -370,7 +378,13 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     """
     system = system.current()
     states = _states(y0, system.n_states)
-    if goes_back(t_span) or isinstance(jacobian, str) or not system.is_plain:
+    known = NONE
+    has_more = not system.is_plain
+    if type(tstops) is Instants:  # those of a derived system
+        known = tstops
+    else:
+        has_more = has_more or tstops is not None or system.has_instants
+    if goes_back(t_span) or isinstance(jacobian, str) or has_more:
         return ask_derived(
             solve_batch,
             system,
@@ -391,6 +405,7 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
             workers=workers,
             progress=progress,
             lanes=lanes,
+            tstops=tstops,
         )
     options = arguments.check_numbers(
         t_span, rtol, max_step, first_step, max_steps, max_events
@@ -423,6 +438,7 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
         atol=atol,
         options=options,
         output=_Output(len(states), system, len(times), jacobian),
+        known=known,
     )
     remaining = np.arange(len(states))
     reason = "they were not requested"

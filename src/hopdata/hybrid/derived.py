@@ -19,9 +19,16 @@ from hopdata.hybrid import arguments
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
+from hopdata.hybrid.known_instants import (
+    Instants,
+    backward_instants,
+    instants_of,
+)
 from hopdata.hybrid.methods import tangent
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
+from hopdata.hybrid.numbers.switches import field_for_ranges, may_switch
+from hopdata.hybrid.numbers.values import value_of
 from hopdata.hybrid.sliding import Slides, no_handler, sliding_system
 from hopdata.hybrid.system import System
 
@@ -34,6 +41,10 @@ NO_PAST = (
 NO_LAW_BACK = (
     "t_span: expected the end not before the start, because the effect of the law for "
     "several guards at once (System(together=...)) is not known backward"
+)
+NO_MOVING_INSTANTS = (
+    "jacobian: expected True or False, because System(tstops=...) is a function of the "
+    "parameters: how the end state depends on instants that move is not known"
 )
 WITH_PARAMS = "params"  # choice of `jacobian` that includes the parameters
 
@@ -165,7 +176,9 @@ def _backward(inner: Callback) -> Around:
     call = ", ".join("-t" if name == "t" else name for name in kind.arguments)
     before = [line for name, line in turned.items() if name not in kind.fills]
     body = [*before, f"result = INNER({call})", *turned.values(), "return result"]
-    turned_around = {"t": "-t", "dy": "TURNED(dy)"}  # rates of ranges follow -t
+    turned_around = {"t": "-t"}
+    if "dy" not in kind.fills:
+        turned_around["dy"] = "TURNED(dy)"  # rates of ranges follow -t
     call = ", ".join(turned_around.get(name, name) for name in kind.arguments)
     return Around(inner, body, inner.n_params, ranged=[f"return INNER({call})"])
 
@@ -239,6 +252,7 @@ def with_parameters(system: System, n_params: int) -> System:
         ranged = None
         if kind.name == "field":
             body.append("dy[N:] = 0.0")
+            ranged = ["return INNER(t, PART(y, 0, N), mode, PART(y, N, len(y)), dy)"]
         if "hdot" in kind.arguments:
             guards = "range(k, k + 1)" if "k" in kind.arguments else "range(n)"
             parts = {
@@ -256,10 +270,14 @@ def with_parameters(system: System, n_params: int) -> System:
         return Around(inner, body, 0, ranged, plain, N=n, **KNOWN)
 
     key: tuple[Any, ...] = (WITH_PARAMS, n_params)
+    if callable(system.tstops):
+        raise ArgumentError(NO_MOVING_INSTANTS)
     shape = {"n_states": n + n_params, "n_shown": n}
     made = _made(system, key, around, **shape)
-    # The mix of a guard that slides has no code for duals either.
-    if system.sliding or made.derivatives.guards.reason:
+    needed = made
+    if system.sliding:  # the guards by which sliding ends need second derivatives
+        needed = sliding_system(made)
+    if needed.derivatives.guards.reason:
         key = (WITH_PARAMS, n_params, "by differences")
         made = _made(system, key, partial(around, by_differences=True), **shape)
     return made
@@ -291,9 +309,15 @@ def ask_derived(
     t_eval: Any,
     jacobian: Any,
     debug: Any = False,
+    tstops: Any = None,
     **others: Any,
 ) -> Answer:
     """Solve with the derived system that the options require, and return the answer."""
+    known = None
+    seeks = False
+    if tstops is not None or system.has_instants:
+        known = instants_of(system, tstops, others["params"])
+        seeks = bool(system.find_tstops) and system.field.compiled
     if arguments.check_flag("debug", debug):
         system = in_python(system)
     if isinstance(jacobian, str):
@@ -307,6 +331,7 @@ def ask_derived(
         if system.together is not None:
             raise ArgumentError(NO_LAW_BACK)
         system = backward(system)
+        known = backward_instants(known)
         turned = tuple(-float(one) for one in t_span)
         if t_eval is not None:
             times = -arguments.numbers_of("t_eval", t_eval)
@@ -316,11 +341,90 @@ def ask_derived(
                 wanted = f"decreasing times within {t_span}"
                 arguments.expect(False, "t_eval", wanted, t_eval)
         t_span = turned
-    if system.together is not None:
-        system, others = _by_law(system, others)
     if system.sliding:
         system, others = _sliding(system, others)
+    elif system.together is not None:
+        system, others = _by_law(system, others)
+    if known is not None:
+        system, others = _with_known(system, others, known, seeks)
     return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)
+
+
+def _with_known(
+    system: System, options: dict[str, Any], known: Instants, seeks: bool
+) -> tuple[System, dict[str, Any]]:
+    """Return the system that ends steps at known instants, and the options for it."""
+    derived = with_instants(system, seeks)
+    own = system.n_memory
+    changed: dict[str, Any] = {"tstops": known}
+    if options["memory"] is not None or system.sparsity is not None:
+        given = np.zeros(own)
+        if options["memory"] is not None:
+            given = arguments.numbers_of("memory", options["memory"]).ravel()
+            wanted = f"{own} numbers"
+            arguments.expect(len(given) == own, "memory", wanted, len(given))
+        changed["memory"] = np.append(given, [-np.inf, np.inf])
+    return derived, options | changed
+
+
+# The field sees the time within limits, the last two parameters (see `driver.known`).
+HELD = "min(max(t, params[len(params) - 2]), params[len(params) - 1])"
+# The same for a dual, whose slope is that of the time.
+HELD_DUAL = (
+    "t + (min(max(VALUE(t), params[len(params) - 2]), params[len(params) - 1])"
+    " - VALUE(t))"
+)
+USERS = {"params": "params[: len(params) - 2]"}
+
+
+def with_instants(system: System, seeks: bool) -> System:
+    """Return the system whose field sees only times between two known instants.
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    seeks : bool
+        Whether jumps of its field in time are sought.
+    """
+    key = ("instants", seeks)
+    if key in system.made:
+        derived: System = system.made[key]
+        return derived
+
+    def around(inner: Callback) -> Around:
+        taken = inner.signature.arguments
+        plain = ", ".join(USERS.get(name, name) for name in taken)
+        ranged = [f"return INNER({plain})"]
+        body = ranged
+        for_duals = ranged
+        if inner.signature.name in ("field", "jacobian"):
+            held = USERS | {"t": HELD}
+            body = [f"return INNER({', '.join(held.get(one, one) for one in taken)})"]
+            held = USERS | {"t": HELD_DUAL}
+            call = ", ".join(held.get(one, one) for one in taken)
+            for_duals = [f"return INNER({call})"]
+        return Around(inner, body, inner.n_params, ranged, for_duals, VALUE=value_of)
+
+    functions: dict[str, Any] = {}
+    for name in (*SIGNATURES, "undo"):
+        given = getattr(system, name)
+        if given is not None:
+            functions[name] = around(given)
+    made = replace(
+        system,
+        **functions,
+        n_memory=system.n_memory + 2,
+        tstops=None,
+        find_tstops=False,
+    )
+    for name in ("way", "n_shown", "slides", "by_law", "rests"):
+        vars(made)[name] = getattr(system, name)
+    vars(made).update(takes_instants=True, has_instants=False)
+    if seeks and may_switch(system.field):
+        vars(made)["switches"] = field_for_ranges(system.field)
+    system.made[key] = made
+    return made
 
 
 def by_law(system: System) -> System:

@@ -140,6 +140,7 @@ def solve_ivp(  # noqa: PLR0913 (the options are SciPy's)
     max_step: float = np.inf,
     first_step: float | None = None,
     jac: Function | ArrayLike | None = None,
+    tstops: Any = None,
     **options: Any,
 ) -> OdeResult:
     """Integrate an initial value problem, with the call of SciPy's `solve_ivp`.
@@ -177,6 +178,8 @@ def solve_ivp(  # noqa: PLR0913 (the options are SciPy's)
         Largest and first step.
     jac : callable or (n, n) array_like, optional
         ``jac(t, y, *args)`` returns the derivative of the rates; or a constant matrix.
+    tstops : array_like, Every or list, optional
+        Instants at which `fun` jumps, as in `hopdata.hybrid.solve`; SciPy has none.
     **options
         Options of SciPy's that do not exist here are refused by one sentence.
 
@@ -229,6 +232,7 @@ def solve_ivp(  # noqa: PLR0913 (the options are SciPy's)
         t_eval=t_eval,
         method=METHODS[method],
         dense_output=dense_output,
+        tstops=tstops,
     )
     return _result(solution, METHODS[method], events is not None)
 
@@ -441,16 +445,6 @@ class _Events(Callback):
     def uncompiled(self) -> Callback:
         """Return the same guards, run by Python."""
         return _Events(self._functions, self._forms, False)
-
-    def source_and_places(
-        self, names: frozenset[str]
-    ) -> tuple[Function, tuple[int, ...]]:
-        """Return the only function, or one that is not followed."""
-        if len(self._functions) == 1:
-            form = self._forms[0]
-            places = [k for k, one in enumerate(form.arguments) if one in names]
-            return self._functions[0], tuple(places)
-        return self.users, (0, 1)
 
 
 class _Together:

@@ -23,24 +23,24 @@ def numbers(count: int, first: int = 0) -> Any:
 
 # Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of
 # states and slopes over a piece of the step (lower and upper ends) and their rounding,
-# the coefficients of the interpolant from P1 on, and rows that belong to the method
-# (the slopes of its stages, for instance). A method reads Y and K1 and fills END and
-# KEND; its interpolant fills P1 and the rows after it. P0 is for a copy of Y, before
-# the others. `enclosure` needs more rows for each coefficient: they are among those of
-# the interpolant that a method of low degree leaves free, else after its own rows.
+# how many terms of a piece are known (see `enclosure`), ranges of states and slopes
+# over several steps (see `ahead`) or in which guards are left out (see `sleep`), the
+# coefficients of the interpolant from P1 on, and rows that belong to the method (the
+# slopes of its stages, for instance). A method reads Y and K1 and fills END and KEND;
+# its interpolant fills P1 and the rows after it. P0 is for a copy of Y, before the
+# others. `enclosure` needs more rows for each coefficient: they are among those of the
+# interpolant that a method of low degree leaves free, else after its own rows.
 Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE = numbers(10)
-VALUE_GRAIN, SLOPE_GRAIN = numbers(2, 10)
+VALUE_GRAIN, SLOPE_GRAIN, PASSES = numbers(3, 10)
+BOX_LEAST, BOX_MOST, BOX_LEAST_SLOPE, BOX_MOST_SLOPE = numbers(4, 13)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
-P0, P1 = numbers(2, 12)
+P0, P1 = numbers(2, 17)
 # Largest degree that leaves three free rows for each of its coefficients.
 LOW_DEGREE = (LARGEST_DEGREE + 1) // 4 - 1
 # Its first number is the address of the structure of a sparse Jacobian (0: none; see
 # `methods.sparsity`).
 STRUCTURE = P1 + LARGEST_DEGREE
-# Ranges of states in which guards are left out of evaluations (see `sleep`), and of
-# their slopes.
-BOX_LEAST, BOX_MOST, BOX_LEAST_SLOPE, BOX_MOST_SLOPE = numbers(4, STRUCTURE + 1)
-W1 = STRUCTURE + 5
+W1 = STRUCTURE + 1
 
 # Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows),
 # two blocks of n rows for the method, the single rows below, and the method's own rows.
@@ -65,13 +65,14 @@ GAUSS_2 = 0.5 + 3.0**0.5 / 6.0
 # the step, which is the scale of its rounding error; second derivatives; how far a
 # guard is from its surface; and the size of the terms whose sum was h at its last flip.
 # Then ranges of values and rates over a piece of the step, as one run of the guards'
-# code gives them, and over all answers to its comparisons; and what a guard of this
-# size of terms may be by rounding alone.
+# code gives them, and over all answers to its comparisons; what a guard of this size of
+# terms may be by rounding alone; and ranges over several steps (see `ahead`).
 H0, RATE0, H_LEFT, RATE_LEFT, H_RIGHT, RATE_RIGHT, H1, RATE1 = numbers(8)
 H, RATE, SIZE, BEND, CLEARANCE, PARTS = numbers(6, 8)
 RANGES = np.int64(14)
 H_LEAST, H_MOST, RATE_LEAST, RATE_MOST, GRAIN = numbers(5, 18)
-GUARD_ROWS = 23
+BOX_RANGES = np.int64(23)
+GUARD_ROWS = 27
 
 # Rows of `flags`: number of the instant at which a guard last flipped or was due, its
 # flips at that instant since the state last jumped (0: it was due, but has not
@@ -129,10 +130,17 @@ TRAVEL, SPEED = numbers(2, 14)
 # Number of steps limited by stability, and squared fastest motion in the last step's
 # Jacobian.
 STIFF_SCORE, MOTION = numbers(2, 16)
-# Times between which guards may be left out, and how far the next box reaches beyond
-# its piece, in pieces (see `sleep`).
-BOX_START, BOX_END, BOX_REACH = numbers(3, 18)
-CLOCK_SLOTS = 21
+# Start and end of the time for which the ranges over several steps hold, and how many
+# of the expected steps they reach ahead (see `ahead`).
+BOX_FROM, BOX_TO, REACH = numbers(3, 18)
+# Known instants (see `known`): the next one (infinite: none), the last time before it
+# and the first time after it at which the field is as on that side; up to where the
+# field's own are sought, and how far ahead of there it is looked at first.
+STOP, BEFORE_STOP, AFTER_STOP, SOUGHT, LOOK_LENGTH = numbers(5, 21)
+# Times between which guards may be left out, and how far the next box for this reaches
+# beyond its piece, in pieces (see `sleep`).
+LEFT_FROM, LEFT_TO, LEFT_REACH = numbers(3, 26)
+CLOCK_SLOTS = 29
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
@@ -157,30 +165,36 @@ CHANGES = np.int64(29)
 # whether this step is not proven, whether only signs have decided the last pieces and
 # the last one, whether all pieces so far; whether the guards at the start of the piece
 # are known; whether one turns too close to tell; where the interpolant in powers of
-# theta stands, from the start of the step and of the piece; and the first rows of its
-# coefficients in the piece, and of those from the start of a piece. Then the memory of
-# answers to comparisons in the guards' code for ranges (see `numbers.answers`).
+# theta stands, from the start of the step and of the piece (0: nowhere); the first rows
+# of its coefficients in the piece, and of those from the start of a piece; whether it
+# is in powers as it comes, and whether the ranges are those of the whole step. Known
+# instants that were passed, place of the next single one, and stretches of time in
+# which those of the field could not be told apart. Then the memory of answers to
+# comparisons in the code for ranges (see `numbers.answers`).
 EXHAUSTED, UNSURE, PENDING, DOUBT, FROM_START, KNOWN, IS_CLOSE = numbers(7, 30)
-POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT = numbers(4, 37)
+POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ARE_POWERS, ARE_WHOLE = numbers(6, 37)
+N_STOPS, NEXT_SINGLE, UNSOUGHT = numbers(3, 43)
 # Guards that are left out of evaluations for ranges; pieces for which they have been;
 # pieces until this is tried again, and the last number of these.
-LEFT_OUT, BOX_USES, BOX_WAIT, BOX_PAUSE, ANSWERS = numbers(5, 41)
-COUNT_SLOTS = 45 + answers.N_SLOTS
+LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE, ANSWERS = numbers(5, 46)
+COUNT_SLOTS = 50 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for
 # rows and events, steps until control returns to Python, addresses of the code for
 # Jacobians (0: not wanted) and of the argument block itself, address of the guards'
-# code for ranges (see `numbers`), room for changes of the mode, and whether the end of
-# the time span is infinite. Then address and width of each array, and the request
-# (floats stored in the memory of integers; its last entries are the number of rows
-# written per step, and whether events are kept). The initial state and the parameters
-# follow, so a caller writes its whole request at once.
+# code for ranges (see `numbers`), room for changes of the mode, whether the end of the
+# time span is infinite; of known instants, the address of the field's code for ranges,
+# whether there may be any, and the number of states that vary. Then address and width
+# of each array, and the request (floats stored in the memory of integers; its last
+# entries are the number of rows written per step, and whether events are kept). The
+# initial state and the parameters follow, so a caller writes its whole request at once.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN = numbers(6)
 N_ROWS, N_LOG_ROWS, PATIENCE = numbers(3, 6)
 FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
-BLOCK_ARRAYS = 14  # slot of the first array
-N_BLOCK_ARRAYS = 22
+SWITCHES, HAS_STOPS, N_VARYING = numbers(3, 14)
+BLOCK_ARRAYS = 17  # slot of the first array
+N_BLOCK_ARRAYS = 24
 N_BLOCK_ASKED = 9
 BLOCK_ASKED = BLOCK_ARRAYS + 2 * N_BLOCK_ARRAYS
 T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, BLOCK_ASKED)
@@ -194,6 +208,8 @@ TANGENT_TABLE, WANTED, SAMPLE_TABLE = BLOCK_PLACES[12:15]
 ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = BLOCK_PLACES[15:21]
 # Machine code and rooms for duals (see `numbers.along`); only for Jacobians.
 DUAL_TABLE = BLOCK_PLACES[21]
+# Known instants: single ones, increasing, and the first and the period of others.
+SINGLES, PERIODS = BLOCK_PLACES[22:24]
 
 # The log (see `driver.log`). Each row of its table of events is an event: time, guard,
 # direction, number of changes of the mode up to and including it, state before and

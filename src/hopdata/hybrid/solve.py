@@ -15,6 +15,7 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.compiled.caught import catch, stop_catching
 from hopdata.hybrid.derived import ask_derived, goes_back
+from hopdata.hybrid.known_instants import Instants
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import PLAIN, Sink, Workspace
@@ -49,6 +50,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     dense_output: bool = False,
     events: str | Sink = "all",
     debug: bool = False,
+    tstops: Any = None,
 ) -> Solution:
     """Integrate an event-selected system from t_span[0] to t_span[1].
 
@@ -106,6 +108,10 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         Whether to run all functions as plain Python, which checks every index and
         allows breakpoints in a debugger. This is many times slower and gives the same
         results.
+    tstops : array_like, Every or list, optional
+        Instants at which the field, or a derivative of it, jumps: times,
+        `hopdata.hybrid.every` for periodic ones, or a list of both, besides those of
+        the system. A step ends at each, and the next one begins anew.
 
     Returns
     -------
@@ -146,7 +152,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
         # The usual request has nothing but numbers, which are written unchecked.
         usual = dense_output is debug is False and memory is first_step is None
         usual = usual and type(jacobian) is bool and (keep_events or events == "count")
-        usual = usual and system.is_plain
+        usual = usual and _is_plain(system, work, tstops)
         rows_per_step = 1
         if t_eval is not None:
             rows_per_step = 0
@@ -156,7 +162,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             jacobian, rows_per_step, keep_events,
         ):  # fmt: skip
             derived = debug is not False or isinstance(jacobian, str)
-            if goes_back(t_span) or derived or not system.is_plain:
+            if goes_back(t_span) or derived or not _is_plain(system, work, tstops):
                 return ask_derived(
                     solve,
                     system,
@@ -177,6 +183,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
                     memory=memory,
                     dense_output=dense_output,
                     events=events,
+                    tstops=tstops,
                 )
             work.sink = _sink(events, dense_output)
             limits = rtol, max_step, first_step, max_steps, max_events
@@ -225,6 +232,17 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     finally:
         work.sink = None
         system.idle.append(work)
+
+
+def _is_plain(system: System, work: Workspace, tstops: Any) -> bool:
+    """Return whether the driver takes a system as it is, without a derived one.
+
+    The known instants of a derived system are laid out.
+    """
+    if type(tstops) is Instants:
+        work.set_instants(tstops)
+        return system.is_plain
+    return tstops is None and system.is_plain and not system.has_instants
 
 
 def _set_mode(system: System, work: Workspace, mode: Any) -> int:

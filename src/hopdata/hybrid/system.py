@@ -20,11 +20,13 @@ from hopdata.hybrid.driver.loop import (
     driver_entry,
     many_entry,
 )
+from hopdata.hybrid.known_instants import instants_of
 from hopdata.hybrid.methods.method import Scene
-from hopdata.hybrid.methods.sparsity import pattern_of
+from hopdata.hybrid.methods.sparsity import Pattern, find_sparsity, pattern_of
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
 from hopdata.hybrid.numbers.guards import RangedGuards, guards_for_ranges
+from hopdata.hybrid.numbers.switches import may_switch
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -50,8 +52,9 @@ class System(Told):
         effect of `on_event` when the same guard is crossed from the other side.
     sparsity : matrix or (int, int), optional
         Where dy[i] may depend on y[j]: a matrix (n, n), SciPy's sparse or an array,
-        that is not zero there, or the bandwidths (lower, upper). The Rosenbrock method
-        then needs memory for these derivatives only. `jacobian` fills them in sparse
+        that is not zero there, the bandwidths (lower, upper), what `find_sparsity`
+        returns, or "auto": then it is found from the field's code. The Rosenbrock
+        method needs memory for these derivatives only. `jacobian` fills them in sparse
         form (see `hopdata.hybrid.jacobian`).
     guard : Callback, optional
         Alternative to `guards`: one event function at a time, declared by
@@ -93,6 +96,14 @@ class System(Told):
     on_zeno : str
         What happens where the events of a guard that may slide pile up: "stop" ends the
         integration with a status, "rest" lets the state go on with the guard at rest.
+    tstops : array_like, Every, list or callable, optional
+        Instants at which the field, or a derivative of it, jumps: times,
+        `hopdata.hybrid.every` for periodic ones, or a list of both; or a function of
+        the parameters that returns them. A step ends at each, and the next one begins
+        anew.
+    find_tstops : bool
+        Whether instants at which the field's own code compares the time, or jumps in
+        it, are found without being declared.
     """
 
     field: Callback
@@ -113,6 +124,8 @@ class System(Told):
     sliding: tuple[str, ...] = ()
     together: Callback | None = None
     on_zeno: str = "stop"
+    tstops: Any = None
+    find_tstops: bool = True
 
     def __post_init__(self) -> None:
         self._declare_plain_functions()
@@ -126,13 +139,20 @@ class System(Told):
             found = getattr(self, name)
             fits = isinstance(found, int | np.integer) and found >= least
             expect(fits, name, f"a whole number, at least {least}", repr(found))
-        pattern = pattern_of(self.sparsity, int(self.n_states))
+        pattern: Pattern | None
+        if isinstance(self.sparsity, str) and self.sparsity == "auto":
+            pattern = find_sparsity(self.field, self.n_states, n_modes=self.n_modes)
+        else:
+            pattern = pattern_of(self.sparsity, int(self.n_states))
         object.__setattr__(self, "sparsity", pattern)
         self._check_entry_for_each_guard("directions", self.directions)
         self._check_entry_for_each_guard("terminal", self.terminal)
         known = set(self.directions or ()) <= {-1, 0, 1}
         expect(known, "directions", "-1, 0 or +1", self.directions)
         self._check_sliding()
+        check_flag("find_tstops", self.find_tstops)
+        if not callable(self.tstops):
+            instants_of(self, None, ())
         counts = all(
             one in (True, False) or int(one) == one > 0 for one in self.terminal or ()
         )
@@ -174,8 +194,6 @@ class System(Told):
         expect(differ, "sliding", "different guards", self.sliding)
         together = not self.sliding or self.guard is None
         expect(together, "sliding", "guards declared together, by @guards", "@guard")
-        alone = not self.sliding or self.together is None
-        expect(alone, "together", "no law where guards may slide", self.sliding)
         together = self.together is None or self.guard is None
         expect(together, "together", "guards declared together, by @guards", "@guard")
         known = self.on_zeno in ("stop", "rest")
@@ -257,6 +275,23 @@ class System(Told):
     def is_plain(self) -> bool:
         """Whether the driver takes it as it is, without a derived system."""
         return not self.sliding and self.together is None
+
+    @cached_property
+    def has_instants(self) -> bool:
+        """Whether instants are declared, or sought in the field's code."""
+        if self.tstops is not None:
+            return True
+        return bool(self.find_tstops) and may_switch(self.field)
+
+    @cached_property
+    def takes_instants(self) -> bool:
+        """Whether the driver looks at known instants, in a derived system."""
+        return False
+
+    @cached_property
+    def switches(self) -> RangedGuards:
+        """Code of the field for ranges, to find its jumps, in a derived system."""
+        return RangedGuards()
 
     @cached_property
     def slides(self) -> Any:

@@ -21,6 +21,7 @@ from hopdata.hybrid import arguments, layout
 from hopdata.hybrid.arguments import Limits
 from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry
+from hopdata.hybrid.known_instants import NONE, Instants
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.numbers.derivatives import Table
 from hopdata.hybrid.solution import EventLog, Form, Solution, event_log
@@ -108,6 +109,9 @@ class Workspace:
         self._make_argument_block(0)
         self.block[layout.PATIENCE] = FIRST_PATIENCE
         self.block[layout.BRANCHES] = system.branches.address
+        self.block[layout.SWITCHES] = system.switches.address
+        self.block[layout.HAS_STOPS] = int(system.takes_instants)
+        self.block[layout.N_VARYING] = system.n_shown
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
         self._atol = np.zeros(n_states)
@@ -145,6 +149,12 @@ class Workspace:
             layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at
         )
         self._lay_out(layout.WANTED, self._wanted, self._samples)
+        self.set_instants(NONE)
+
+    def set_instants(self, known: Instants) -> None:
+        """Lay out the known instants of one integration."""
+        self._known = known
+        self._lay_out(layout.SINGLES, known.singles, known.periods)
 
     def _make_clockwork(self, n_modes: int) -> None:
         """Make times, counters and mode side by side: they are copied out together."""
@@ -471,6 +481,8 @@ class Workspace:
         fields["form"] = self._form
         if self.ready_for is not NOTHING and self.tangent is None:
             fields["jacobian"] = None
+            if self.methods.by_differences:
+                fields["by_differences"] = self.methods.by_differences
             fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
             return solution
         trajectory: bytes | None = b"".join([*self._kept_rows, rows])
@@ -482,13 +494,15 @@ class Workspace:
             taken = [self._wanted[:count], self._samples[:count]]
             trajectory = np.column_stack(taken).tobytes()
         fields["jacobian"] = None
+        told = [self.methods.by_differences]
         if self.tangent is not None:
             shown = self._n_shown
             fields["jacobian"] = self.tangent[:shown, :shown].copy()
             if shown < self._n_states:
                 fields["sensitivity"] = self.tangent[:shown, shown:].copy()
             assert self._along is not None
-            fields["by_differences"] = self._along.told
+            told.append(self._along.told)
+        fields["by_differences"] = "; ".join(one for one in told if one)
         fields["parts"] = end, trajectory, b"".join([*self._kept_events, log]), changes
         return solution
 

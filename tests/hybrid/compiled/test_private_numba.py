@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numba
 import pytest
+from hybrid_systems import throw
 from packaging.version import Version
 
 import hopdata
 from hopdata.hybrid.compiled import kernel, linking
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 LIBRARY = Path(hopdata.__file__).parent
 PUBLIC = {"numba", "numba.extending", "numba.types", "numba.typed", "numba.errors"}
@@ -75,4 +75,4 @@ def test_kernels_are_linked_and_not_compiled_one_by_one():
 def test_what_is_made_of_it_integrates():
     from hopdata.hybrid import solve
 
-    assert solve(octant(), T_SPAN, INITIAL_STATE).success
+    assert solve(throw(), (0.0, 3.0), [0.0, 2.5], params=(2.0, 1.0)).success

@@ -9,7 +9,6 @@ from hybrid_systems import ball, growth
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.methods.table import TABLEAUS
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 
 def error_between_mesh_points(step, *, where):
@@ -99,18 +98,6 @@ def test_which_other_times_are_wanted_does_not_matter(method):
     every = swing(method=method, t_eval=TIMES).y
     some = swing(method=method, t_eval=TIMES[3::7]).y
     assert some.tobytes() == np.ascontiguousarray(every[:, 3::7]).tobytes()
-
-
-@pytest.mark.parametrize("method", ["auto", "taylor", "dop853"])
-def test_octants(method):
-    """Taylor's series takes one step from event to event and is exact to rounding."""
-    times = np.linspace(*T_SPAN, 401)
-    found = solve(octant(), T_SPAN, INITIAL_STATE, method=method, t_eval=times)
-    truth = solve(
-        octant(), T_SPAN, INITIAL_STATE, method="dop853", rtol=1e-14, atol=1e-16,
-        max_step=0.01, t_eval=times,
-    )  # fmt: skip
-    assert np.abs(found.y - truth.y).max() < (1e-8 if method == "dop853" else 1e-13)
 
 
 def test_a_swing_by_taylor():

@@ -24,7 +24,6 @@ from hopdata.hybrid.layout import (
     ZENO,
     H,
 )
-from hopdata.scenes.plate import Plate
 
 
 def ends(polynomial):
@@ -64,17 +63,6 @@ def test_root_past_a_top_that_the_search_begins_before():
 # rounding.
 
 ROUNDING = 1e-16
-# Landings where a spring lets go and soon touches again, by number of springs and of
-# the start.
-NEARLY_GRAZING = [
-    (27, 12),
-    (27, 37),
-    (27, 147),
-    (29, 111),
-    (30, 33),
-    (33, 100),
-    (35, 7),
-]
 
 
 def memory_of(guards):
@@ -235,28 +223,6 @@ def test_where_the_cubic_turns_newton_shows_the_way():
     g = 0.1
     d = -0.1
     assert way_to_root(x, g, d, 0.6, 0.2, 1.0) == (pytest.approx(1.0), False)
-
-
-@pytest.mark.parametrize("form", [{}, {"sums": True}, {"sparse": True}])
-@pytest.mark.parametrize(("contacts", "start"), NEARLY_GRAZING)
-@pytest.mark.parametrize("jacobian", [False, True])
-def test_a_spring_that_is_met_again_soon_is_no_zeno_sequence(
-    contacts, start, form, jacobian
-):
-    plate = Plate(contacts)
-    y0 = plate.initial_states(150, 444)[start]
-
-    def events_of(**options):
-        solution = solve(
-            plate.system(**form), (0, 2), y0, params=plate.params, **options
-        )
-        assert solution.status == 0
-        log = solution.events
-        return list(zip(log.guard.tolist(), log.direction.tolist(), strict=True))
-
-    coarse = events_of(rtol=1e-6, atol=1e-7, jacobian=jacobian)
-    assert len(set(coarse)) >= 2 * contacts - 2
-    assert sorted(coarse) == sorted(events_of(rtol=1e-10, atol=1e-11))
 
 
 @pytest.mark.parametrize("seed", range(4))

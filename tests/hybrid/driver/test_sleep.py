@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params, bent_sparse, turn_back
+from equal_runs import assert_same_events
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,7 +29,6 @@ from hopdata.hybrid.compiled.memory import (
     int_vector,
 )
 from hopdata.hybrid.driver import sleep as heap
-from hopdata.scenes.plate import Plate
 
 FROM = [-1.2, 1.0]
 GAINS = 0.01 * np.sin(np.arange(300))
@@ -45,19 +45,10 @@ def both(params, *, start=FROM, until=20.0, **options):
     )
 
 
-def assert_same(plain, sparse, tolerance=1e-9):
-    assert sparse.status == plain.status == 0
-    assert sparse.events.guard.tolist() == plain.events.guard.tolist()
-    assert sparse.events.direction.tolist() == plain.events.direction.tolist()
-    assert sparse.mode.tolist() == plain.mode.tolist()
-    assert np.abs(sparse.events.time - plain.events.time).max() < tolerance
-    assert np.abs(sparse.y_end - plain.y_end).max() < tolerance
-
-
 def test_back_and_forth_over_300_guards():
     params = bent_params(np.linspace(-1, 1, 300), gains=GAINS)
     plain, sparse = both(params)
-    assert_same(plain, sparse)
+    assert_same_events(plain, sparse)
     assert len(plain.events) > 1200
     assert sparse.n_guard_evaluations < 300 * plain.n_guard_evaluations / 10
     assert sparse.n_steps == plain.n_steps
@@ -93,14 +84,16 @@ def test_an_invalid_lock_of_a_sleeping_guard_is_refused():
 
 def test_guards_that_move_with_time():
     sways = np.linspace(-0.5, 0.5, 50)
-    assert_same(*both(bent_params(np.linspace(-1, 1, 50), sways=sways, tilts=0.1)))
+    assert_same_events(
+        *both(bent_params(np.linspace(-1, 1, 50), sways=sways, tilts=0.1))
+    )
 
 
 def test_guards_that_only_time_moves():
     """The point rests while guards sway across it."""
     params = bent_params(np.linspace(-0.5, 0.5, 21) + 1e-3, sways=1.0)
     plain, sparse = both(params, start=[0.0, 0.0])
-    assert_same(plain, sparse, tolerance=1e-12)
+    assert_same_events(plain, sparse, tolerance=1e-12)
     assert len(plain.events) > 100
 
 
@@ -111,7 +104,7 @@ def test_each_method(method):
         solve(make(50), (0, 10), FROM, params=params, method=method)
         for make in (bent, bent_sparse)
     )
-    assert_same(plain, sparse)
+    assert_same_events(plain, sparse)
 
 
 def test_a_jump_of_the_state_wakes_all():
@@ -119,7 +112,7 @@ def test_a_jump_of_the_state_wakes_all():
     plain, sparse = both(
         bent_params(np.linspace(-1, 1, 50), tilts=tilts), on_event=turn_back
     )
-    assert_same(plain, sparse, tolerance=1e-8)
+    assert_same_events(plain, sparse, tolerance=1e-8)
     jumps = (plain.events.before != plain.events.after).any(axis=1)
     assert jumps.sum() > 2
 
@@ -154,7 +147,7 @@ def test_odd_bounds(drive):
     """The sign does not matter; without a finite bound no guard sleeps."""
     params = bent_params(np.linspace(-1, 1, 50), drive=drive)
     plain, sparse = both(params, rate_bound=odd_bound)
-    assert_same(plain, sparse)
+    assert_same_events(plain, sparse)
     evaluations = (sparse.n_guard_evaluations, 50 * plain.n_guard_evaluations)
     assert (evaluations[0] < evaluations[1] / 2) == (drive == 0.0)
 
@@ -206,58 +199,6 @@ def test_a_burst_of_speed_within_a_step():
         )
     )
     assert sparse.events.time == pytest.approx(plain.events.time, abs=1e-9)
-
-
-def test_a_plate_on_fifty_springs():
-    plate = Plate(50)
-    start = np.array([0.0, 2.4, 0.06, 0.0, 0.0, 0.0])
-    plain = solve(plate.system(), (0, 2), start, params=plate.params)
-    sparse = solve(plate.system(sparse=True), (0, 2), start, params=plate.params)
-    assert_same(plain, sparse, tolerance=1e-7)
-    assert len(plain.events) >= 50
-    assert sparse.n_guard_evaluations < 50 * plain.n_guard_evaluations / 2
-
-
-@pytest.mark.parametrize("form", ["sums", "sparse"])
-def test_two_runs_begin_with_the_same_memory(form):
-    plate = Plate(12)
-    start = np.array([0.0, 1.4, 0.06, 0.0, 0.0, 0.0])
-    system = plate.system(**{form: True})
-    first, second = (
-        solve(system, (0, 1), start, params=plate.params) for _ in range(2)
-    )
-    assert len(first.events) > 0
-    assert first.y_end.tobytes() == second.y_end.tobytes()
-    zeros = solve(system, (0, 1), start, params=plate.params, memory=np.zeros(3))
-    assert zeros.y_end.tobytes() == first.y_end.tobytes()
-
-
-def test_a_memory_of_the_wrong_length_is_named():
-    plate = Plate(12)
-    system = plate.system(sums=True)
-    start = np.zeros(6)
-    with pytest.raises(ValueError, match="memory: expected 3 numbers, found 2"):
-        solve(system, (0, 1), start, params=plate.params, memory=[0.0, 0.0])
-    with pytest.raises(ValueError, match="memory: expected 0 numbers, found 1"):
-        solve(plate.system(), (0, 1), start, params=plate.params, memory=[0.0])
-
-
-@pytest.mark.parametrize("tilt", [0.05, 1e-3, 1e-6])
-def test_a_flat_landing_looks_at_few_guards(tilt):
-    """However close the contacts are, a step is clipped to the first and wakes few guards.
-
-    A third of the evaluations are by ranges: one of each guard awake, in each step.
-    """
-    plate = Plate(600)
-    start = [0.0, 2.0, tilt, 0.0, 0.0, 0.0]
-    solution = solve(
-        plate.system(sparse=True), (0, 0.6), start, params=plate.params, rtol=1e-6
-    )
-    events = solution.events
-    assert len(events) >= 600
-    assert sorted(events.guard[:600].tolist()) == list(range(600))
-    assert solution.n_steps < 1.1 * len(events)
-    assert solution.n_guard_evaluations < 120 * len(events)
 
 
 # The heap of sleeping guards keeps the heap property.

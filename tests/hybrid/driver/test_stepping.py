@@ -10,7 +10,6 @@ from stiff_problems import damped_contact
 from hopdata.hybrid import System, field, solve, solve_batch
 from hopdata.hybrid.layout import METHOD
 from hopdata.hybrid.methods.table import AUTOMATIC
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 CHEAP, HIGH_ORDER, STIFF = range(3)
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
@@ -122,26 +121,6 @@ def test_each_of_a_batch_begins_with_the_same_method():
 
 
 AFFINE = (5.0, 300.0, 1.0, 0.0)
-
-
-@pytest.mark.parametrize("rtol", [1e-3, 1e-9, 1e-13])
-def test_taylor_is_exact_to_rounding_where_modes_are_affine(rtol):
-    """At any tolerance, for a pendulum without its sine, and for the octants against DOP853."""
-    found = solve(octant(), T_SPAN, INITIAL_STATE, rtol=rtol, atol=rtol)
-    other = solve(
-        octant(), T_SPAN, INITIAL_STATE, method="dop853", rtol=2.3e-15, atol=1e-17
-    )
-    assert found.events.time == pytest.approx(other.events.time, abs=1e-14)
-    assert found.y_end == pytest.approx(other.y_end, abs=2e-14)
-    assert found.n_steps == 4
-    free = (0.0, 0.0, -1.0, 0.0)  # has the spring after the release from the start
-    swing = solve(
-        affine_landing(), (0, 1.0), [1.0, 0.0], params=free, rtol=rtol, atol=rtol
-    )
-    rest = -9.81 / 400.0
-    amplitude = 1.0 - rest
-    exact = [rest + amplitude * np.cos(20.0), -20.0 * amplitude * np.sin(20.0)]
-    assert swing.y_end == pytest.approx(exact, rel=1e-12)
 
 
 @pytest.mark.parametrize("method", ["auto", "taylor"])

@@ -10,12 +10,6 @@ from hopdata.hybrid import System, field, guards, on_event
 from hopdata.hybrid.first_order import check_c1
 from hopdata.hybrid.first_order.second_order import ADDITIVE, BY_POSITION, GROUPED
 from hopdata.hybrid.first_order.smoothness import IS_SELECTED
-from hopdata.scenes.body import flight_mode
-from hopdata.scenes.hopper import hopper_system
-from hopdata.scenes.hopper_control import control_system
-from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.octant import octant
-from hopdata.scenes.scene import Control
 
 FEET = ("left", "middle", "right")
 # Strengths of what breaks the form, by their places in the parameters.
@@ -121,31 +115,6 @@ def test_the_form_is_not_necessary():
     assert not found.is_fopas
 
 
-def test_a_system_of_first_order():
-    found = check_c1(octant(), [0, 0, 0], mode=[-1, -1, -1])
-    assert missing(found)[:2] == [GROUPED, BY_POSITION]
-    assert found.fopas[1].value == 0
-    assert np.isnan(found.fopas[2].value)
-
-
-def landing(n_legs=3, control=None):
-    """Return the report on a hopper all of whose feet touch the floor."""
-    hopper = HopperParameters(n_legs=n_legs)
-    system, params = hopper_system(n_legs), hopper.vector()
-    if control is not None:
-        system, params = control_system(n_legs), hopper.vector(variant=control)
-    y = np.zeros(12)
-    y[2], y[6:] = 0.27, [0.05, -0.03, -2.1, 0.1, -0.2, 0.05]
-    names = [f"foot{leg + 1}" for leg in range(n_legs)]
-    return check_c1(
-        system,
-        y,
-        params=params,
-        mode=flight_mode(hopper_system(n_legs), -1.0),
-        guards=names,
-    )
-
-
 @field
 def turned(t, y, mode, params, dy):
     """The same body with its coordinates in another order, and other units of its speeds."""
@@ -175,13 +144,6 @@ def test_positions_may_be_given():
     assert check_c1(system, state, positions=[3, 1], **options).is_fopas
     for wrong in ([3], [3, 1, 0], [0, 2], [3, 3]):
         assert GROUPED in missing(check_c1(system, state, positions=wrong, **options))
-
-
-@pytest.mark.parametrize("n_legs", [2, 3, 4])
-def test_the_hopper_has_the_form(n_legs):
-    found = landing(n_legs)
-    assert missing(found) == []
-    assert found.is_fopas
 
 
 @field
@@ -223,25 +185,3 @@ def test_massless_feet_with_dampers_lift_off_by_velocity(damping, broken):
     assert missing(found) == broken
     share = next(f.value for f in found.fopas if f.condition == BY_POSITION)
     assert share == pytest.approx(damping / (400.0 + damping))
-
-
-def test_forces_of_velocity_add_like_any_others():
-    """Dampers and friction leave all lines standing: they are no matter of the table."""
-    assert missing(landing()) == []
-    damped = HopperParameters(damping_n_s_m=48.0, friction=1.0)
-    y = np.zeros(12)
-    y[2], y[6:] = 0.27, [0.5, -0.3, -2.1, 0.1, -0.2, 0.05]
-    found = check_c1(
-        hopper_system(),
-        y,
-        params=damped.vector(),
-        mode=flight_mode(hopper_system(), -1.0),
-        guards=("foot1", "foot2", "foot3"),
-    )
-    assert missing(found) == []
-    assert found.products.value < 1e-12
-
-
-def test_a_control_that_couples_the_feet_has_not():
-    assert missing(landing(control=Control(coupling=0.1))) == [ADDITIVE]
-    assert missing(landing(control=Control())) == []

@@ -19,8 +19,6 @@ from hopdata.hybrid.methods.explicit import Tableau
 from hopdata.hybrid.methods.method import explicit_method
 from hopdata.hybrid.methods.table import TABLEAUS
 from hopdata.hybrid.methods.tangent import LOOSER
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
-from hopdata.scenes.plate import Plate
 
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
 METHODS = pytest.mark.parametrize("method", ["auto", *TABLEAUS])
@@ -79,16 +77,6 @@ def test_a_given_derivative_duals_and_differences_agree(method):
     assert given.nfev < by_differences.nfev
     assert by_differences.by_differences == "field: it runs as plain Python"
     assert by_differences.by_differences in by_differences.message
-
-
-@pytest.mark.parametrize("method", ["auto", "taylor", *TABLEAUS])
-def test_methods_agree_where_modes_are_affine(method):
-    found = carried(octant(), T_SPAN, INITIAL_STATE, method=method)
-    assert (
-        gap(found.jacobian, carried(octant(), T_SPAN, INITIAL_STATE).jacobian) < 1e-11
-    )
-    reference = differences(octant(), T_SPAN, INITIAL_STATE, step=1e-4)
-    assert gap(found.jacobian, reference) < 1e-10
 
 
 @pytest.mark.parametrize("angle", [1e-3, 1e-6, 0.0])
@@ -328,22 +316,6 @@ def test_its_table_has_room_for_the_blocks_of_the_stages_and_of_short_steps(n_st
 def test_short_steps_need_all_of_their_blocks():
     with pytest.raises(IndexError):
         short_flow(0.1, rows=ROWS - 1)
-
-
-@pytest.mark.parametrize("form", [{}, {"sums": True}])
-def test_dense_events_need_few_more_evaluations_of_the_field(form):
-    """If steps were repeated for their Jacobian, evaluations would double."""
-    plate = Plate(20)
-    start = [0.0, 2.2, 0.07, 0.0, 0.0, 0.0]
-    options = {"params": plate.params, "rtol": 1e-6, "atol": 1e-6, "method": "dopri5"}
-    state = solve(plate.system(**form), (0, 1), start, **options)
-    both = solve(plate.system(**form), (0, 1), start, jacobian=True, **options)
-    assert len(both.events) == len(state.events) > 20
-    assert both.nfev < 1.5 * state.nfev
-    exact = carried(
-        plate.system(**form), (0, 1), start, params=plate.params, method="dopri5"
-    )
-    assert gap(both.jacobian, exact.jacobian) < 1e-5
 
 
 @field

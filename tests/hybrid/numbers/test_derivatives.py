@@ -124,20 +124,19 @@ def test_the_handler(n):
 
 
 @field
-def with_whole_arrays(t, y, mode, params, dy):
-    force = np.zeros(2)
-    force[0] = -y[0]
+def with_a_determinant(t, y, mode, params, dy):
     dy[0] = y[1]
-    dy[1] = force[0]
+    dy[1] = np.linalg.det(np.diag(np.array([-y[0], 1.0])))
 
 
 def test_what_has_no_code_for_duals_is_told_and_differentiated_all_the_same():
-    system = System(with_whole_arrays, n_states=2)
+    system = System(with_a_determinant, n_states=2)
     assert system.exact.field(*place(2)) is None
     found = solve(system, (0.0, 2.0), (1.0, 0.5), jacobian=True)
     exact = [[np.cos(2.0), np.sin(2.0)], [-np.sin(2.0), np.cos(2.0)]]
     np.testing.assert_allclose(found.jacobian, exact, rtol=0.0, atol=1e-8)
     assert found.by_differences.startswith("field: ")
+    assert "dy[1] = np.linalg.det(" in found.by_differences
     assert found.by_differences in found.message
     batch = solve_batch(system, (0.0, 2.0), [[1.0, 0.5]], jacobian=True)
     assert batch.by_differences == found.by_differences
@@ -192,10 +191,16 @@ def of_pursuit(t, y, mode, params, jac):
 def pursuit_in_an_array(t, y, mode, params, dy):
     ahead = np.zeros(len(y))
     ahead[0] = np.sin(3.0 * t)
+    ahead[1:] = y[:-1]
+    dy[:] = params[0] * np.arange(1, len(y) + 1) * (ahead - y**3)
+
+
+@field
+def pursuit_with_a_determinant(t, y, mode, params, dy):
+    ahead = np.sin(3.0 * t)
     for i in range(len(y)):
-        if i > 0:
-            ahead[i] = y[i - 1]
-        dy[i] = params[0] * (i + 1) * (ahead[i] - y[i] ** 3)
+        dy[i] = params[0] * (i + 1) * (ahead - y[i] ** 3)
+        ahead = np.linalg.det(np.diag(np.array([y[i], 1.0])))
 
 
 @pytest.mark.parametrize("n", [2, 9])
@@ -208,13 +213,21 @@ def test_stiff_steps_take_the_exact_derivative(n):
     assert by_duals.success
     np.testing.assert_allclose(by_duals.y_end, given.y_end, rtol=1e-12)
     assert by_duals.nfev == given.nfev  # differences would count
+    of_arrays = System(pursuit_in_an_array, n_states=n)
+    in_arrays = solve(of_arrays, (0.0, 1.0), start, **request)
+    np.testing.assert_allclose(in_arrays.y_end, given.y_end, rtol=1e-12)
+    assert in_arrays.nfev == given.nfev
+    assert in_arrays.by_differences == ""
 
 
 def test_stiff_steps_by_differences_where_a_field_has_no_code_for_duals():
     request = {"params": (300.0,), "method": "rosenbrock", "rtol": 1e-8, "atol": 1e-8}
     start = np.linspace(0.5, 1.0, 2)
     by_duals = solve(System(pursuit, n_states=2), (0.0, 1.0), start, **request)
-    other = System(pursuit_in_an_array, n_states=2)
+    other = System(pursuit_with_a_determinant, n_states=2)
     by_differences = solve(other, (0.0, 1.0), start, **request)
     np.testing.assert_allclose(by_differences.y_end, by_duals.y_end, rtol=1e-6)
     assert by_differences.nfev > by_duals.nfev
+    assert by_differences.by_differences.startswith("field, of the stiff method: ")
+    assert by_differences.by_differences in by_differences.message
+    assert by_duals.by_differences == ""

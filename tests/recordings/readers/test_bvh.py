@@ -141,6 +141,10 @@ MISTAKES = {
         lambda t: t.replace("CHANNELS 6", "CHANNELS 5"),
         "line 5: expected 6 after CHANNELS, found '5'",
     ),
+    "channels named twice": (
+        lambda t: t.replace("OFFSET 10 -5 0", "CHANNELS 1 Xrotation"),
+        "line 8: expected one CHANNELS a joint, found another in the joint of line 6",
+    ),
     "a short row": (
         lambda t: t.replace(" 0.000000\n", "\n", 1),
         "expected 12 columns, found 11",

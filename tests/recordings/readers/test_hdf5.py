@@ -337,6 +337,30 @@ def test_a_rate_of_no_camera_is_refused(tmp_path, recording, rate):
         read_recording(path)
 
 
+@pytest.mark.parametrize(
+    ("dataset", "value", "said"),
+    [
+        (
+            "time",
+            0.0,
+            "time: expected finite times that increase, found 0 s after 0.01 s",
+        ),
+        ("time", np.nan, "time: expected finite times that increase, found nan s"),
+        ("time", np.inf, "time: expected finite times that increase, found inf s"),
+        ("positions", np.inf, "positions: expected finite or missing ones"),
+    ],
+)
+def test_times_and_coordinates_that_cannot_be_are_refused(
+    tmp_path, recording, dataset, value, said
+):
+    path = tmp_path / "a.h5"
+    write_recording(path, recording)
+    with h5py.File(path, "r+") as file:
+        file[dataset][2] = value
+    with pytest.raises(RecordingError, match=said):
+        read_recording(path)
+
+
 def nested(file, depth):
     for _ in range(depth):
         file = file.create_group("g")

@@ -95,6 +95,13 @@ def test_mistakes_are_told(tmp_path, mistake):
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize("first_s", [np.inf, np.nan])
+def test_a_rate_of_zero_is_told_whenever_the_file_begins(tmp_path, first_s):
+    path = written(tmp_path, trb(places(), NAMES, rate=0.0, first_s=first_s))
+    with pytest.raises(RecordingError, match=r"expected .* Hz, found 0"):
+        read_raw(path)
+
+
 def test_many_names_in_few_bytes_take_no_memory(tmp_path):
     names = tuple(f"m{k}" for k in range(15_000))
     empty = np.full((9000, len(names), 3), np.nan)

@@ -167,14 +167,6 @@ def test_at_the_end_the_boom_is_told_to_stay():
     assert told[-1] == 0.0
 
 
-@pytest.fixture
-def interruptible():
-    """Enable SIGINT as in a terminal; tests in the background inherit that it is ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 @pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize(("told", "code"), [("SIGTERM", 143), ("SIGINT", 130)])
 def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(

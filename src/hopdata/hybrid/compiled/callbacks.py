@@ -18,7 +18,7 @@ from hopdata.hybrid.compiled import declare, naming
 from hopdata.hybrid.compiled.constants import Constants, renew_called
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.forms import Form, form_of
-from hopdata.hybrid.compiled.helpers import with_helpers
+from hopdata.hybrid.compiled.helpers import with_helpers, within
 from hopdata.hybrid.compiled.in_python import in_own_form, protected, trampoline
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
 from hopdata.hybrid.compiled.rates import values_only, with_rates
@@ -205,16 +205,6 @@ class Callback:
         """Return a callback of the same function that Python runs."""
         return Callback(self.users, self.signature, False, self.form)
 
-    def source_and_places(
-        self, names: frozenset[str]
-    ) -> tuple[Function, tuple[int, ...]]:
-        """Return the user's function, and the positions of arguments of these names."""
-        given = self.signature.arguments
-        if self.form is not None:
-            given = self.form.arguments
-        places = [place for place, name in enumerate(given) if name in names]
-        return self.users, tuple(places)
-
     @cached_property
     def n_params(self) -> int:
         """Smallest number of parameters that the function's code requires."""
@@ -294,22 +284,22 @@ class Callback:
     @property
     def _of_other_numbers(self) -> Function:
         """The function for ranges or duals; guards without rates fill only `h`."""
+        function = self._to_compile
         if self._written is not None and self.signature.name == "guards":
-            return values_only(self._written.function)
-        return self._to_compile
+            function = values_only(self._written.function)
+        if isinstance(function, FunctionType):
+            return with_helpers(function, decorated=True)
+        return function
 
     @cached_property
     def ranged(self) -> Any:
         """The function, callable from code in Numba with ranges for states and time."""
-        return numba.njit(error_model="numpy")(with_digest(self._of_other_numbers))
+        return within(with_digest(self._of_other_numbers))
 
     @cached_property
     def dual(self) -> Any:
         """The function, callable from code in Numba with duals (`numbers.duals`)."""
-        # Python never calls it, and could not give it duals.
-        options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        compiler: Any = numba.njit(error_model="numpy", **options)
-        return compiler(with_digest(self._of_other_numbers))
+        return within(with_digest(self._of_other_numbers))
 
     @cached_property
     def address(self) -> int:

@@ -8,8 +8,10 @@ once a step. It is inlined into its callers, because a call costs as much as sev
 field evaluations: the views of all arrays are passed as individual numbers.
 `kernel_apart` is never inlined. It is for long work done once an event, which would
 otherwise be optimised in many copies, and for loops over guards, which vectorise only
-in a function of their own. `ENTRY` holds the options of functions called from outside,
-by Python or by address.
+in a function of their own. `kernel_into_other` is one that writes to no place that it
+reads through another argument, though both may be in one table: so its loops become
+vector instructions without a check. `ENTRY` holds the options of functions called from
+outside, by Python or by address.
 """
 
 from dataclasses import dataclass
@@ -208,16 +210,18 @@ call_refresh = PARTS["refresh"].call
 ENTRY: dict[str, Any] = {"error_model": "numpy"}
 
 try:
-    from hopdata.hybrid.compiled.linking import Apart, Entry, Kernel, linked
+    from hopdata.hybrid.compiled.linking import Apart, Entry, IntoOther, Kernel, linked
 # Another Numba version: the result is the same, in five times as long.
 except ImportError:
     kernel: Any = njit(error_model="numpy")
     kernel_apart: Any = kernel
+    kernel_into_other: Any = kernel
     kernel_in_loop: Any = njit(error_model="numpy", forceinline=True)
 else:
     ENTRY["pipeline_class"] = Entry
     kernel = partial(linked, Kernel)
     kernel_apart = partial(linked, Apart)
+    kernel_into_other = partial(linked, IntoOther)
     kernel_in_loop = partial(linked, Kernel, forceinline=True)
 
 

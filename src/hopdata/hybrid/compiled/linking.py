@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
+from llvmlite import ir
 from numba import _dynfunc, njit, types  # type: ignore[attr-defined]
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -137,6 +138,20 @@ class _LowerApart(_LowerKernel):
     lowering_class = _Apart
 
 
+class _IntoOther(_Apart):
+    def setup_function(self, fndesc: Any) -> None:
+        super().setup_function(fndesc)
+        for argument in self.function.args:
+            if isinstance(argument.type, ir.PointerType):
+                argument.add_attribute("noalias")
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerIntoOther(_LowerKernel):
+    _name = "kernel_into_other"
+    lowering_class = _IntoOther
+
+
 class Entry(CompilerBase):
     """Compiler of functions that are called from outside."""
 
@@ -164,6 +179,12 @@ class Apart(Entry):
     """Compiler of functions that are never inlined into their callers."""
 
     lowering = _LowerApart
+
+
+class IntoOther(Entry):
+    """The same, of functions that write to no place that another argument reads."""
+
+    lowering = _LowerIntoOther
 
 
 class _KernelDispatcher(CPUDispatcher):

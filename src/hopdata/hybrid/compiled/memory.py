@@ -176,6 +176,36 @@ def tried_first(key: Any, typed: Callable[..., Any], literal: bool = False) -> N
     ask_first(key, Template)
 
 
+def method_first(
+    kind: Any, name: str, fits: Callable[[Any], bool], typed: Callable[..., Any]
+) -> Any:
+    """Give a method a meaning for types that fit; return the key of its code.
+
+    `typed(context, owner, arguments)` returns the type of its result, or None.
+    """
+    code = (kind, f"hopdata.{name}")
+
+    class Method(AbstractTemplate):
+        key = code
+        this: Any = None  # the owner, which Numba sets
+
+        def generic(self, args: Any, kws: Any) -> Any:
+            found = None if kws else typed(self.context, self.this, args)
+            return None if found is None else signature(found, *args, recvr=self.this)
+
+    class Methods(AttributeTemplate):
+        key = kind
+        metadata = {"target": "cpu"}  # noqa: RUF012
+
+        def generic_resolve(self, owner: Any, attribute: str) -> Any:  # type: ignore[override]
+            if attribute != name or not fits(owner):
+                return None
+            return types.BoundFunction(Method, owner)
+
+    infer_getattr(Methods)
+    return code
+
+
 @infer_global(operator.getitem)
 class _GetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid.compiled.digest import with_digest
-from hopdata.hybrid.compiled.helpers import with_helpers
+from hopdata.hybrid.compiled.helpers import with_helpers, within
 
 Function = Callable[..., Any]
 
@@ -95,7 +95,7 @@ def values_only(values: Function) -> FunctionType:
 
 
 def _dispatcher(values: FunctionType) -> Any:
-    return numba.njit(error_model="numpy")(with_digest(with_helpers(values)))
+    return within(with_digest(with_helpers(values)))
 
 
 def _composed(values: FunctionType, template: str) -> FunctionType:

@@ -16,13 +16,12 @@ from collections.abc import Callable, Iterator
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
-import numba
 import numpy as np
 
 from hopdata.hybrid.compiled import stored
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.forms import Form, cells_of, same_code
-from hopdata.hybrid.compiled.helpers import with_helpers
+from hopdata.hybrid.compiled.helpers import with_helpers, within
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 
 Function = Callable[..., Any]
@@ -163,7 +162,7 @@ def _around(function: FunctionType, form: Form) -> FunctionType:
     source = f"def {function.__name__}({', '.join(arguments)}): {line}\n"
     if not function.__name__.isidentifier():  # a lambda
         source = f"def plain({', '.join(arguments)}): {line}\n"
-    inner = numba.njit(error_model="numpy")(with_digest(with_helpers(function)))
+    inner = within(with_digest(with_helpers(function)))
     names: dict[str, Any] = {
         "__name__": function.__module__,
         f"{PREFIX}inner": inner,
@@ -293,27 +292,6 @@ class _Unpacking(ast.NodeTransformer):
         made = ast.Tuple(elts=items, ctx=ast.Load())
         value = ast.copy_location(made, value)
         return ast.copy_location(ast.Assign(targets=node.targets, value=value), node)
-
-
-def with_items(function: FunctionType, form: Form) -> FunctionType:
-    """Return a function that takes elements of what it unpacks, or itself."""
-    node = source_of(function)
-    if node is None:
-        return function
-    _Unpacking(form).visit(node)
-    code = _compiled(node, function)
-    cells = dict(cells_of(function))
-    made = FunctionType(
-        code,
-        function.__globals__,
-        function.__name__,
-        function.__defaults__,
-        tuple(cells[name] for name in code.co_freevars),
-    )
-    made.__kwdefaults__ = function.__kwdefaults__
-    made.__module__ = function.__module__
-    made.__qualname__ = function.__qualname__
-    return made
 
 
 # Returns.

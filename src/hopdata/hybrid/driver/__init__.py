@@ -1,8 +1,10 @@
 """The loop shared by all integrations: step, localise, land, flip, continue.
 
 - `loop`: the integration, and Python's entry into it
+- `known`: instants at which the field jumps: a step ends there, the next begins anew
 - `stepping`: one step that meets the tolerance; the size and the method of the next
 - `enclosure`, `paths`: ranges of the states and of the guards over a piece of it
+- `ahead`: ranges of the guards that serve several steps
 - `proof`: prove that no guard flips in it, or find the first that does
 - `localise`, `end_step`: find where, and make the step end there
 - `watch`: guards at their surfaces, and those that will soon reach theirs

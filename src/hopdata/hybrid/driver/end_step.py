@@ -151,7 +151,7 @@ def end_behind_jump(
         if past:
             there = span - reach
         else:
-            there = min(span + reach, p.t_end - m.clock[at.T])
+            there = min(span + reach, problem.next_end(p, m) - m.clock[at.T])
         if (end_at(p, m, there, on_interpolant, resolution, k) <= 0.0) != past:
             if past:
                 clear = there

@@ -25,9 +25,10 @@ from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
-from hopdata.hybrid.driver import dense, jacobian, problem, stepping
+from hopdata.hybrid.driver import dense, jacobian, known, problem, stepping
+from hopdata.hybrid.driver.ahead import forget_box
 from hopdata.hybrid.driver.end_step import end_at_first_flip
-from hopdata.hybrid.driver.instant import fire_all, settle_locks
+from hopdata.hybrid.driver.instant import fire_all, refresh, settle_locks
 from hopdata.hybrid.driver.log import Log, forget_mode
 from hopdata.hybrid.driver.sleep import REACH, travel_on
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
@@ -66,8 +67,9 @@ log_of = reader(
 def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None:
     """Make the end of the step the start of the next, and record it."""
     t_new = m.clock[at.T] + dt
-    if dt >= p.t_end - m.clock[at.T]:
-        t_new = p.t_end
+    end = problem.next_end(p, m)
+    if dt >= end - m.clock[at.T]:
+        t_new = end
     dense.sample_step(p, m, out, t_new, dt)
     if out.per_step > 1:
         dense.write_inside(p, m, out, dt)
@@ -86,12 +88,41 @@ def fire(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     If the log is full before the last of them, the instant goes on when there is room.
     """
     status = fire_all(p, m, log)
+    forget_box(m)
     if status == at.NEEDS_ROOM:
         dense.take_back_row(m, out)
         return status
     dense.rewrite_row(m, out)
     stepping.choose_after_event(p, m)
+    if p.has_stops != 0:
+        known.seek_anew(p, m)  # the mode may have changed
     return status
+
+
+@kernel
+def fire_at_start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
+    """Fire the guards that are past their surface, by their values in H0."""
+    resolution = problem.time_resolution(m.clock[at.T], 0.0)
+    gather_reached(p, m, at.H0, at.RATE0, resolution)
+    if problem.mark_due(p, m, at.H0, at.RATE0, resolution) > 0:
+        return fire(p, m, out, log)
+    return at.RUNNING
+
+
+@kernel_apart
+def meet_instants(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
+    """Begin anew behind a known instant that is reached, and look for the next."""
+    passed = False
+    while known.meet(p, m):
+        passed = True
+    if not passed:
+        return at.RUNNING
+    forget_box(m)
+    status = refresh(p, m)
+    if status != at.RUNNING:
+        return status
+    stepping.choose_after_event(p, m)
+    return fire_at_start(p, m, out, log)
 
 
 @kernel
@@ -154,9 +185,11 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
     m.clock[at.INSTANT] = -inf
     m.clock[at.MOTION] = inf
     m.clock[at.PIECE] = inf
-    m.clock[at.BOX_REACH] = REACH
+    m.clock[at.REACH] = 1.0
+    m.clock[at.LEFT_REACH] = REACH
     m.clock[at.NEXT_DT] = p.first_step
     m.clock[at.LAST_LOG_ERROR] = stepping.LOG_ERROR_FLOOR
+    known.begin(p, m)
     forget_mode(log)
     for i in range(m.states.width):
         m.states[at.Y, i] = p.start_state[i]
@@ -178,11 +211,7 @@ def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     dense.write_row(m, out, m.clock[at.T], at.Y)
     for k in range(m.guards.width):
         m.guards[at.SIZE, k] = abs(m.guards[at.H0, k])
-    resolution = problem.time_resolution(m.clock[at.T], 0.0)
-    gather_reached(p, m, at.H0, at.RATE0, resolution)
-    if problem.mark_due(p, m, at.H0, at.RATE0, resolution) > 0:
-        status = fire(p, m, out, log)
-    return status
+    return fire_at_start(p, m, out, log)
 
 
 @kernel
@@ -215,6 +244,10 @@ def run(block: IntVector, flags: int) -> int:
     while status == at.RUNNING:
         if m.clock[at.T] >= p.t_end:
             return at.FINISHED
+        if p.has_stops != 0:  # before the method is known, which it may change
+            status = meet_instants(p, m, out, log)
+            if status != at.RUNNING:
+                return status
         if m.counts[at.ROWS] + out.per_step > out.n_rows:
             return at.NEEDS_ROOM
         if p.methods[m.counts[at.METHOD], at.STEP] == 0:
@@ -398,12 +431,15 @@ END_STATE = 3  # first column of the state in `ends`, after time and the culprit
 class Starts(NamedTuple):
     """Where many integrations start.
 
-    Their rows are taken in turn; a single row serves all.
+    Their rows are taken in turn; a single row serves all. The last two are known
+    instants (see `known_instants`).
     """
 
     y0: FloatArray
     params: FloatArray
     modes: IntArray
+    singles: FloatArray
+    periods: FloatArray
 
 
 class Results(NamedTuple):
@@ -432,7 +468,7 @@ class Request(NamedTuple):
 _INTS = types.int64[:, ::1]
 _FLOATS = types.float64[:, ::1]
 _MATRICES = types.float64[:, :, ::1]
-STARTS_NATIVE = types.NamedTuple((_FLOATS, _FLOATS, _INTS), Starts)
+STARTS_NATIVE = types.NamedTuple((_FLOATS, _FLOATS, _INTS, _FLOATS, _FLOATS), Starts)
 RESULTS_NATIVE = types.NamedTuple(
     (_INTS, _FLOATS, _INTS, _INTS, _MATRICES, _MATRICES), Results
 )
@@ -473,6 +509,16 @@ def write_start(block: Any, number: int, starts: Any) -> None:
     copy(starts.params[number % len(starts.params)], params)
     copy(starts.modes[number % len(starts.modes)], mode)
     copy(starts.y0[number], state)
+    write_instants(block, at.SINGLES, number, starts.singles)
+    write_instants(block, at.PERIODS, number, starts.periods)
+
+
+@kernel
+def write_instants(block: Any, place: int, number: int, rows: Any) -> None:
+    """Write address and length of one integration's known instants to the block."""
+    width = rows.shape[1]
+    block[place] = address_of(view(rows)) + number % len(rows) * width * BYTES
+    block[place + 1] = width
 
 
 @kernel

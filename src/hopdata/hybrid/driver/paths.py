@@ -30,7 +30,7 @@ MOST_RUNS = 16
 call_ranges = caller(RANGES_NATIVE)
 
 
-@kernel_apart
+@kernel
 def run_once(p: Problem, m: Memory, start: float, end: float, t_rate: float) -> None:
     """Run the guards' code for the ranges of states and slopes, into rows RANGES.
 
@@ -39,11 +39,11 @@ def run_once(p: Problem, m: Memory, start: float, end: float, t_rate: float) -> 
     run_on(p, m, at.LEAST, start, end, t_rate)
 
 
-@kernel
+@kernel_apart
 def run_on(
-    p: Problem, m: Memory, rows: int, start: float, end: float, t_rate: float
+    p: Problem, m: Memory, least: int, start: float, end: float, t_rate: float
 ) -> None:
-    """Run the guards' code for the ranges in four rows of the states."""
+    """Run the guards' code for the four rows of ranges from row `least` on."""
     n = m.states.width
     n_guards = m.guards.width
     states = address_of(m.states)
@@ -55,7 +55,7 @@ def run_on(
         count = CHOSEN
     call_ranges(
         p.branches, start, end, t_rate,
-        states + BYTES * n * rows, states + BYTES * n * (rows + 2), n,
+        states + BYTES * n * least, states + BYTES * n * (least + 2), n,
         address_of(p.mode), p.mode.width, address_of(p.params), p.params.width,
         address_of(m.guards) + BYTES * n_guards * at.RANGES, n_guards,
         listed, count, address_of(m.counts) + BYTES * at.ANSWERS,
@@ -128,7 +128,7 @@ def join_all_runs(p: Problem, m: Memory, start: float, end: float) -> bool:
 def leave_out(p: Problem, m: Memory, start: float, end: float) -> None:
     """Leave out guards that are clear of their surfaces in a box around a piece."""
     if is_inside(p, m, start, end):
-        m.counts[at.BOX_USES] += 1
+        m.counts[at.LEFT_USES] += 1
         return
     if waits(m):
         return

@@ -51,6 +51,13 @@ class Problem(NamedTuple):
     # Address of the guards' code for ranges; 0: no guards, -1: none could be made
     branches: int
     along: IntVector  # machine code and rooms for duals; see `numbers.along`
+    # Known instants (see `known`): address of the field's code for ranges (0: none is
+    # sought), whether there may be any, and the number of states that vary.
+    switches: int
+    has_stops: int
+    n_varying: int
+    singles: FloatVector
+    periods: FloatVector
 
 
 @kernel
@@ -61,6 +68,12 @@ def awake(p: Problem, m: Memory, a: int) -> int:
     the list, into vector instructions.
     """
     return a if p.rate_bound == 0 else m.lists[at.AWAKE, a]
+
+
+@kernel
+def next_end(p: Problem, m: Memory) -> float:
+    """Return when the next step ends at the latest: a known instant, or the end."""
+    return min(p.t_end, m.clock[at.STOP])
 
 
 @kernel

@@ -23,8 +23,9 @@ from math import inf
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import address_of, float_vector
+from hopdata.hybrid.driver.ahead import knows_box, reach_less
 from hopdata.hybrid.driver.dense import prepare_interpolant
-from hopdata.hybrid.driver.enclosure import GRAIN, begin_enclosing, shift_to
+from hopdata.hybrid.driver.enclosure import GRAIN, begin_enclosing, begin_pieces
 from hopdata.hybrid.driver.localise import FALLS, NONE, first_root
 from hopdata.hybrid.driver.paths import BYTES, answer_next, look_over, run_once
 from hopdata.hybrid.driver.problem import (
@@ -347,6 +348,7 @@ def vary(
     its size, too. The slopes of the states are overwritten.
     """
     s = m.states
+    m.counts[at.ARE_WHOLE] = 0
     for i in range(s.width):
         size = max(abs(s[at.LEAST, i]), abs(s[at.MOST, i]))
         reach = size
@@ -383,6 +385,17 @@ def forget_grains(p: Problem, m: Memory) -> None:
         m.guards[at.GRAIN, awake(p, m, i)] = 0.0
 
 
+@kernel
+def any_turns_near(m: Memory) -> bool:
+    """Return whether a clear guard in NEAR turns, and not far from its surface."""
+    candidates = 0
+    for i in range(m.counts[at.N_NEAR]):
+        k = m.lists[at.NEAR, i]
+        is_near = m.guards[at.CLEARANCE, k] <= NEARLY * m.guards[at.H, k]
+        candidates += 1 if is_near else 0
+    return candidates > 0
+
+
 @kernel_apart
 def any_close(
     p: Problem, m: Memory, dt: float, a: float, z: float, may_divide: bool
@@ -393,11 +406,7 @@ def any_close(
     well enough.
     """
     g = m.guards
-    candidates = 0
-    for i in range(m.counts[at.N_NEAR]):
-        k = m.lists[at.NEAR, i]
-        candidates += 1 if g[at.CLEARANCE, k] <= NEARLY * g[at.H, k] else 0
-    if candidates == 0:
+    if not any_turns_near(m):
         return False
     vary(p, m, dt, a, z, True)
     found = 0
@@ -500,10 +509,30 @@ def examine(
 
 
 @kernel
-def first_piece(m: Memory, dt: float, shortest: float) -> float:
+def any_comes_back(p: Problem, m: Memory) -> bool:
+    """Return whether a guard leaves its surface at the start of a step, and returns.
+
+    Its rate has both signs in the step, and its value is near zero where it starts: so
+    nothing can be shown over the whole step.
+    """
+    if m.clock[at.T] != m.clock[at.INSTANT]:
+        return False
+    back = 0
+    for a in range(m.counts[at.N_AWAKE]):
+        k = awake(p, m, a)
+        lock = p.mode[k]
+        starts = facing(lock, m.guards[at.H0, k]) <= 0.0
+        leaves = facing(lock, m.guards[at.RATE0, k]) > 0.0
+        returns = facing(lock, m.guards[at.RATE1, k]) < 0.0
+        back += 1 if starts & leaves & returns else 0
+    return back > 0
+
+
+@kernel
+def first_piece(p: Problem, m: Memory, dt: float, shortest: float) -> float:
     """Return the part of the step that is judged first: what could be judged last."""
     if 2.0 * m.clock[at.PIECE] > dt:
-        return 1.0
+        return LEAVING if any_comes_back(p, m) else 1.0
     return max(m.clock[at.PIECE] / dt, shortest)
 
 
@@ -556,13 +585,11 @@ def begin_proof(m: Memory) -> None:
 @kernel_apart
 def proven_flip(p: Problem, m: Memory, dt: float) -> Found:
     """Return the first flip within the step, by proof as far as the budget goes."""
-    prepare_interpolant(p, m, dt)
-    begin_enclosing(p, m)
     begin_proof(m)
     shortest = max(SHORTEST * time_resolution(m.clock[at.T], dt) / dt, FINEST)
     least = shortest  # length of a piece that is not divided
     a = 0.0
-    z = first_piece(m, dt, shortest)
+    z = first_piece(p, m, dt, shortest)
     left = at.H0
     around = 0.0  # length of the next piece, around an expected change; 0: none
     halve = False  # this piece is beside an expected change: it is not cut around one
@@ -594,7 +621,7 @@ def proven_flip(p: Problem, m: Memory, dt: float) -> Found:
         left = spare(left) if right < 0 else right
         m.counts[at.KNOWN] = 1 if right >= 0 else 0
         a = z
-        shift_to(m, a)
+        begin_pieces(m)
         halve = has_passed
         has_passed = around > 0.0
         z = next_piece(a, width, around, m.counts[at.DOUBT] != 0)
@@ -654,6 +681,26 @@ def sampled_flip(p: Problem, m: Memory, dt: float, begin: float) -> Found:
     return NONE, 1.0, False
 
 
+@kernel_apart
+def verdict_ahead(p: Problem, m: Memory, dt: float) -> int:
+    """Judge the whole step by ranges over several steps; DIVIDE if they do not tell.
+
+    What wider ranges show, those of the step show as well. So the verdict is that of
+    `examine` wherever there is one.
+    """
+    if not knows_box(p, m, dt):
+        return DIVIDE
+    if gather_near(p, m, at.BOX_RANGES) == 0:
+        return CLEAR
+    verdict = judge_near(
+        p, m, at.BOX_RANGES, at.H0, at.H1, dt, 0.0, 1.0, False, False
+    )  # fmt: skip
+    if verdict == FLIPS or (verdict == CLEAR and not any_turns_near(m)):
+        return verdict
+    reach_less(m)
+    return DIVIDE
+
+
 @kernel_in_loop
 def first_flip(p: Problem, m: Memory, dt: float) -> Found:
     """Return the first flip within the step."""
@@ -663,4 +710,18 @@ def first_flip(p: Problem, m: Memory, dt: float) -> Found:
         prepare_interpolant(p, m, dt)
         m.counts[at.UNPROVEN] += 1
         return sampled_flip(p, m, dt, 0.0)
+    prepare_interpolant(p, m, dt)
+    begin_enclosing(p, m)
+    # Guards that are asleep or left out have ranges over other boxes.
+    all_are_asked = p.rate_bound == 0 and p.rules[at.LEAVES_OUT, 0] == 0
+    # Where pieces of this length were divided, longer ones will be.
+    if all_are_asked and first_piece(p, m, dt, 0.0) == 1.0:
+        verdict = verdict_ahead(p, m, dt)
+        if verdict != DIVIDE:
+            m.clock[at.PIECE] = GROW * dt
+            if verdict == CLEAR:
+                return NONE, 1.0, False
+            k, theta = first_root(p, m, dt, 0.0, 1.0, at.H1)
+            set_sizes(p, m, at.H0, at.H1)
+            return k, theta, False
     return proven_flip(p, m, dt)

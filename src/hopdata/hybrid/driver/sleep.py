@@ -242,8 +242,8 @@ LONGEST_PAUSE = 64
 def put_off(m: Memory) -> None:
     """Make no box for some pieces, twice as many as the last time."""
     c = m.counts
-    c[at.BOX_PAUSE] = min(2 * c[at.BOX_PAUSE] + 1, LONGEST_PAUSE)
-    c[at.BOX_WAIT] = c[at.BOX_PAUSE]
+    c[at.LEFT_PAUSE] = min(2 * c[at.LEFT_PAUSE] + 1, LONGEST_PAUSE)
+    c[at.LEFT_WAIT] = c[at.LEFT_PAUSE]
 
 
 @kernel
@@ -252,15 +252,15 @@ def waits(m: Memory) -> bool:
     c = m.counts
     if c[at.LEFT_OUT] > 0:  # the trajectory has left the last box
         c[at.LEFT_OUT] = 0
-        if c[at.BOX_USES] >= FEW_USES:
-            c[at.BOX_PAUSE] = 0
-        elif m.clock[at.BOX_REACH] < REACH:
-            m.clock[at.BOX_REACH] *= LONGER
+        if c[at.LEFT_USES] >= FEW_USES:
+            c[at.LEFT_PAUSE] = 0
+        elif m.clock[at.LEFT_REACH] < REACH:
+            m.clock[at.LEFT_REACH] *= LONGER
         else:
             put_off(m)
-    c[at.BOX_USES] = 0
-    if c[at.BOX_WAIT] > 0:
-        c[at.BOX_WAIT] -= 1
+    c[at.LEFT_USES] = 0
+    if c[at.LEFT_WAIT] > 0:
+        c[at.LEFT_WAIT] -= 1
         return True
     return False
 
@@ -269,19 +269,19 @@ def waits(m: Memory) -> bool:
 def widen(p: Problem, m: Memory, start: float, end: float) -> float:
     """Write a box around the ranges of the states, and return until when it holds."""
     s = m.states
-    reach = m.clock[at.BOX_REACH]
+    reach = m.clock[at.LEFT_REACH]
     for i in range(s.width):
         way = reach * (s[at.MOST, i] - s[at.LEAST, i])
         s[at.BOX_LEAST, i] = s[at.LEAST, i] - way
         s[at.BOX_MOST, i] = s[at.MOST, i] + way
         s[at.BOX_LEAST_SLOPE, i] = s[at.LEAST_SLOPE, i]
         s[at.BOX_MOST_SLOPE, i] = s[at.MOST_SLOPE, i]
-    m.clock[at.BOX_START] = start
-    m.clock[at.BOX_END] = end + reach * (end - start)
+    m.clock[at.LEFT_FROM] = start
+    m.clock[at.LEFT_TO] = end + reach * (end - start)
     first = 2 * (p.mode.width + p.params.width)
     for i in range(p.params.width):
         p.kept[first + i] = p.params[i]
-    return m.clock[at.BOX_END]
+    return m.clock[at.LEFT_TO]
 
 
 @kernel_apart
@@ -299,9 +299,9 @@ def choose_ranged(p: Problem, m: Memory) -> None:
     if left_out > LEAST_SHARE * g.width:
         m.counts[at.LEFT_OUT] = left_out
         return
-    m.clock[at.BOX_REACH] *= SHORTER
-    if m.clock[at.BOX_REACH] < LEAST_REACH:
-        m.clock[at.BOX_REACH] = REACH
+    m.clock[at.LEFT_REACH] *= SHORTER
+    if m.clock[at.LEFT_REACH] < LEAST_REACH:
+        m.clock[at.LEFT_REACH] = REACH
         put_off(m)
 
 
@@ -314,7 +314,7 @@ def is_inside(p: Problem, m: Memory, start: float, end: float) -> bool:
     """
     if m.counts[at.LEFT_OUT] == 0:
         return False
-    if not (m.clock[at.BOX_START] <= start and end <= m.clock[at.BOX_END]):
+    if not (m.clock[at.LEFT_FROM] <= start and end <= m.clock[at.LEFT_TO]):
         return False
     s = m.states
     beyond = 0

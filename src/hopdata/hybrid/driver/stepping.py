@@ -11,6 +11,7 @@ from hopdata.hybrid.driver.problem import (
     eval_field,
     first_not_finite,
     guards_at_end,
+    next_end,
     time_resolution,
 )
 from hopdata.hybrid.driver.sleep import wake
@@ -137,7 +138,7 @@ def choose_after_step(p: Problem, m: Memory) -> None:
 @kernel
 def affine_step(p: Problem, m: Memory) -> float:
     """Return the first step in an affine mode: to the end, if its motion allows."""
-    remaining = p.t_end - m.clock[at.T]
+    remaining = next_end(p, m) - m.clock[at.T]
     shortest = MANY * time_resolution(m.clock[at.T], 0.0)
     return min(remaining, max(m.states[LONGEST, 0], shortest))
 
@@ -278,7 +279,7 @@ def accepted_step(p: Problem, m: Memory) -> float:
     NEXT_DT. Returns the size of the step, or a negative status on failure.
     """
     t = m.clock[at.T]
-    remaining = p.t_end - t
+    remaining = next_end(p, m) - t
     order = float(p.methods[m.counts[at.METHOD], at.ORDER])
     proposed = min(m.clock[at.NEXT_DT], p.max_step)
     dt = clipped(p, m, proposed)
@@ -316,7 +317,7 @@ def first_step(p: Problem, m: Memory) -> float:
 
     At a very high order, a step that is too long costs less than this estimate.
     """
-    longest = min(p.t_end - m.clock[at.T], p.max_step)
+    longest = min(next_end(p, m) - m.clock[at.T], p.max_step)
     if p.methods[m.counts[at.METHOD], at.ORDER] >= VERY_HIGH_ORDER:
         return min(longest, affine_step(p, m))
     s = m.states

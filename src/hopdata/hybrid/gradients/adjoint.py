@@ -15,7 +15,11 @@ from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.derived import goes_back
 from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at
 from hopdata.hybrid.gradients import backward as passed
-from hopdata.hybrid.gradients.extended import with_all_crossings, with_integral
+from hopdata.hybrid.gradients.extended import (
+    with_all_crossings,
+    with_integral,
+    without_search,
+)
 from hopdata.hybrid.gradients.recorders import Recorders, recorders
 from hopdata.hybrid.gradients.tape import CELLS, HEAD, RECORD
 from hopdata.hybrid.methods.explicit import Tableau
@@ -166,6 +170,8 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     expect(isinstance(system, System), "system", "a System", system)
     wanted = "a system without sliding= or together=, which it does not differentiate"
     expect(system.is_plain, "system", wanted, system)
+    wanted = "a system without tstops=, at which it does not begin anew"
+    expect(system.tstops is None, "system", wanted, system.tstops)
     given = any(one is not None for one in (at_end, at_event, along))
     expect(given, "at_end, at_event, along", "at least one of them", "none")
     known = isinstance(method, str) and method in TABLEAUS
@@ -178,7 +184,7 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     tolerance = np.zeros(system.n_states)
     arguments.set_tolerance(tolerance, atol)
     given_atol = atol
-    whole = with_all_crossings(system)
+    whole = with_all_crossings(without_search(system))
     if along is not None:
         whole = with_integral(whole, along)
         start = np.append(start, 0.0)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba import NumbaError, cfunc, types
 
-from hopdata.arrays import IntArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.caught import Caught
@@ -21,11 +21,22 @@ from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import row
 from hopdata.hybrid.lanes import room as layout
 from hopdata.hybrid.lanes import step as code
-from hopdata.hybrid.lanes.vectors import WIDTH, Rows, aligned, mask_of, part, where
+from hopdata.hybrid.lanes.ranges import make, nothing_of, ranges_of
+from hopdata.hybrid.lanes.vectors import (
+    WIDTH,
+    Rows,
+    aligned,
+    largest,
+    least,
+    mask_of,
+    part,
+    spread,
+    where,
+)
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
-from hopdata.hybrid.numbers.guards import branches_of
 from hopdata.hybrid.system import System
+from hopdata.hybrid.workspace import Workspace
 
 MOST_GUARDS = 62  # their indices are bits of an integer
 
@@ -65,20 +76,12 @@ def _reason_of_the_rest(system: System, method: str, jacobian: bool) -> str:
     n_read = len(read_modes(system))
     if n_read > MOST_READ:
         return f"they read {n_read} integers of the mode: few lanes would agree"
-    if branches_of(system.guards or system.guard).address != 0:
-        return (
-            "the guards branch on the state or the time, and only the driver finds "
-            "where"
-        )
-    guards: Any = system.guards
-    while hasattr(guards, "inner"):  # derived from the user's
-        guards = guards.inner
-    if guards is not None and guards.form is not None:
-        return "the guards return no rates, and lanes do not take those of dual numbers"
     for one in (system.field, system.guards, system.guard, system.on_event):
         if one is not None and not (one.address and one.compiled):
             kind = one.signature.name
             return f"{kind} {function_name(one.function)!r} runs as plain Python"
+    if system.branches.address < 0:
+        return f"the guards have no code for ranges: {system.branches.reason}"
     return ""
 
 
@@ -86,6 +89,11 @@ def _reason_of_declarations(system: System) -> str:
     """Return why lanes cannot follow what the system declares beside its guards."""
     if system.by_law:
         return "a law decides about several guards at once, which only the driver asks"
+    if system.takes_instants:
+        return (
+            "instants are known, or sought, at which the field jumps, and only the "
+            "driver ends its steps there"
+        )
     if system.slides is not None:
         return "guards may slide, and only the driver follows that"
     return ""
@@ -126,10 +134,16 @@ def lane_runner(
         return None, reason
     integrate = CFUNCTYPE(c_int64, c_int64, c_int64, c_int64)(compiled_loop().address)
 
+    idle = system.made.setdefault((_new_workspaces,), [])
+
     def run(first: int, last: int) -> int:
-        block, _kept = _argument_block(system, arrays, options, in_lanes, functions)
+        works = idle.pop() if idle else _new_workspaces(system)
+        block, _kept = _argument_block(
+            system, arrays, options, in_lanes, functions, works
+        )
         with Caught() as caught:
             integrate(first, last, block.ctypes.data)
+        idle.append(works)
         if caught:
             raise caught[0]
         return last - first
@@ -144,6 +158,10 @@ CALL: Any = None
 states: Any = None
 margins: Any = None
 params_of: Any = None
+ranges: Any = None
+unknown: Any = None
+results: Any = None
+nothing: Any = None
 
 
 def field_of_groups(t: Any, y: Any, r: Any, dy: Any) -> None:
@@ -173,12 +191,61 @@ def guards_of_groups(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None
             rate[g] = where(mine, other_rate[g], rate[g])
 
 
+def values_and_rates_of_groups(
+    t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any
+) -> None:
+    """Evaluate guards that return only values; their rates are those of points."""
+    one = spread(1.0)
+    time = make(t, t, one, one)
+    for i in range(len(y)):
+        k = layout.RANGE * i
+        r.ranges[k] = y[i]
+        r.ranges[k + 1] = y[i]
+        r.ranges[k + 2] = dy[i]
+        r.ranges[k + 3] = dy[i]
+    other_h = margins(r.other_h, 0)
+    params = params_of(r)
+    points = ranges(states(r.ranges, 0))
+    none = unknown(states(r.ranges, 0))
+    limits = results(margins(r.limits, 0))
+    hdot = nothing(0)
+    for group in range(r.book[layout.N_GROUPS, 0]):
+        mode = row(r.modes, r.book[layout.LEAD, group])
+        mine = mask_of(r.book[layout.MEMBERS, group])
+        CALL(t, y, none, mode, params, other_h, hdot)
+        CALL(time, points, none, mode, params, limits, hdot)
+        for g in range(len(h)):
+            k = layout.RANGE * g
+            middle = 0.5 * (r.limits[k + 2] + r.limits[k + 3])
+            h[g] = where(mine, other_h[g], h[g])
+            rate[g] = where(mine, middle, rate[g])
+
+
 def guards_one_by_one(
     t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any
 ) -> None:
     """Evaluate guards that are declared one by one."""
     for g in range(len(h)):
         CALL(t, y, dy, mode, params, g, h, rate)
+
+
+def ranged_guards_of_groups(t: Any, t_end: Any, r: Any) -> None:
+    """Evaluate the guards for ranges over the steps, for each group of lanes."""
+    one = spread(1.0)
+    time = make(least(t, t_end), largest(t, t_end), one, one)
+    params = params_of(r)
+    y = ranges(states(r.ranges, 0))
+    dy = unknown(states(r.ranges, 0))
+    limits = results(margins(r.limits, 0))
+    other = results(margins(r.other_limits, 0))
+    hdot = nothing(0)
+    CALL(time, y, dy, row(r.modes, r.book[layout.LEAD, 0]), params, limits, hdot)
+    for group in range(1, r.book[layout.N_GROUPS, 0]):
+        mode = row(r.modes, r.book[layout.LEAD, group])
+        CALL(time, y, dy, mode, params, other, hdot)
+        mine = mask_of(r.book[layout.MEMBERS, group])
+        for q in range(layout.RANGE * r.n_guards):
+            r.limits[q] = where(mine, r.other_limits[q], r.limits[q])
 
 
 def no_guards(
@@ -208,15 +275,39 @@ def lane_functions(
         "margins": margins,
         "params_of": _params_of(n_params, in_lanes),
     }
+    ranged = {
+        "ranges": ranges_of(system.n_states),
+        "unknown": ranges_of(system.n_states, False),
+        "results": ranges_of(system.n_guards),
+        "nothing": nothing_of(system.n_guards),
+    }
     field = with_digest(field_of_groups, **names, CALL=system.field.dispatcher)
     guards = with_digest(guards_of_groups, **names, CALL=_guards_of(system))
+    values = _values_of(system)
+    if _has_no_rates(system):
+        guards = with_digest(values_and_rates_of_groups, **names, **ranged, CALL=values)
     field_native, guards_native = layout.natives(
         Rows(system.n_states), Rows(system.n_guards)
     )
     try:
-        return [_compiled(field, field_native), _compiled(guards, guards_native)], ""
+        code = [_compiled(field, field_native), _compiled(guards, guards_native)]
     except NumbaError as error:
         return [], _sentence(error)
+    if system.n_guards == 0:
+        return [*code, None], ""
+    over_steps = with_digest(ranged_guards_of_groups, **names, **ranged, CALL=values)
+    try:
+        return [*code, _compiled(over_steps, layout.RANGED)], ""
+    except NumbaError:  # operations that ranges of lanes do not have
+        return [*code, None], ""
+
+
+def _has_no_rates(system: System) -> bool:
+    """Return whether the user's guards return only values."""
+    guards: Any = system.guards
+    while hasattr(guards, "inner"):  # derived from the user's
+        guards = guards.inner
+    return guards is not None and guards.form is not None
 
 
 def _params_of(n_params: int, in_lanes: bool) -> Any:
@@ -238,12 +329,22 @@ def _guards_of(system: System) -> Any:
     return system.guards.dispatcher
 
 
+def _values_of(system: System) -> Any:
+    """Return the guards' code for ranges, which leave their rates as they are."""
+    if system.guard is not None:
+        return put_in(guards_one_by_one, CALL=system.guard.ranged)
+    if system.guards is None:
+        return put_in(no_guards)
+    return system.guards.ranged
+
+
 def _argument_block(
     system: System,
     arrays: tuple[Any, ...],
     options: tuple[Any, ...],
     in_lanes: bool,
     functions: list[Any],
+    works: list[Workspace],
 ) -> tuple[IntArray, tuple[Any, ...]]:
     """Return the argument block of one thread, and the arrays to which it points.
 
@@ -255,14 +356,18 @@ def _argument_block(
     n_own = params.shape[1] if in_lanes else 0
     first = layout.first_rows(n, n_guards)
     table = np.asarray(aligned(first["params"] + n_own).reshape(-1, WIDTH))
+    own_params = np.empty((WIDTH, params.shape[1]))
+    modes = np.zeros((WIDTH, system.n_modes), dtype=np.int64)
+    _ask_for_proofs(works, own_params, modes, arrays[-1], options)
     views = (
         table,
         table[first["lock"] :],
         table[first["params"] :] if in_lanes else params,
-        np.empty(n),  # state and parameters of one lane, for the handler
-        np.empty_like(params[0]),
-        np.zeros((WIDTH, system.n_modes), dtype=np.int64),
+        np.empty(n),  # state of one lane, for the handler
+        own_params,
+        modes,
         np.zeros((layout.BOOK_ROWS, WIDTH), dtype=np.int64),
+        np.array([[work.block_address for work in works]], dtype=np.int64),
         np.array(read_modes(system), dtype=np.int64),
         system.rules,
         *arrays,
@@ -277,8 +382,34 @@ def _argument_block(
     block += floats.view(np.int64).tolist()
     block += [*options[5:], n, n_guards, n_own, len(params)]
     block.append(0 if system.on_event is None else system.on_event.address)
-    block += [one.address for one in functions]
-    return np.array(block, dtype=np.int64), views
+    block += [0 if one is None else one.address for one in functions]
+    return np.array(block, dtype=np.int64), (*views, works)
+
+
+def _new_workspaces(system: System) -> list[Workspace]:
+    """Return the memory of the driver for each lane, in which its steps are proven."""
+    methods = system.methods("dop853", False)
+    works = [Workspace(system) for _ in range(WIDTH)]
+    for work in works:
+        work.begin(methods, None, False)
+    return works
+
+
+def _ask_for_proofs(
+    works: list[Workspace],
+    params: FloatArray,
+    modes: IntArray,
+    atol: FloatArray,
+    options: tuple[Any, ...],
+) -> None:
+    """Let each of these have a row of `params` and of `modes`, and the options."""
+    for work, own, mode in zip(works, params, modes, strict=True):
+        work.set_tolerance(atol)
+        for slot, array in ((at.PARAMS, own), (at.MODE, mode)):
+            work.block[slot] = array.ctypes.data
+            work.block[slot + 1] = len(array)
+        numbers = work.block.view(np.float64)
+        numbers[[at.T_START, at.T_END, at.RTOL]] = options[:3]
 
 
 @cache

@@ -11,8 +11,14 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import copy, kernel
 from hopdata.hybrid.compiled.memory import row
 from hopdata.hybrid.driver.problem import ROUNDING
-from hopdata.hybrid.lanes.judge import mark, resolution_of
 from hopdata.hybrid.lanes.method import STAGES
+from hopdata.hybrid.lanes.proof import (
+    begin_proofs,
+    mark,
+    note_flip,
+    note_instant,
+    resolution_of,
+)
 from hopdata.hybrid.lanes.room import (
     CULPRIT,
     DUE,
@@ -66,8 +72,9 @@ def take_system(j: int, system: int, r: Any) -> None:
     """Give a system to lane j."""
     for i in range(r.n):
         r.table[i, j] = r.y0[system, i]
+    copy(row(r.given, system % r.n_given), row(r.own_params, j))
     for i in range(r.n_own):
-        r.params[i, j] = r.given[system % r.n_given, i]
+        r.params[i, j] = r.own_params[j, i]
     copy(row(r.mode, 0), row(r.modes, j))
     r.book[INDEX, j] = system
     r.book[CULPRIT, j] = -1
@@ -77,6 +84,7 @@ def take_system(j: int, system: int, r: Any) -> None:
     r.book[DUE, j] = 0
     r.book[OPEN, j] = 0
     begin_instant(j, r)
+    begin_proofs(j, r)
     if r.times.width > 0 and r.times[0] == r.t_start:
         copy(row(r.y0, system), row(r.samples, system * r.times.width))
         r.book[SAMPLES, j] = 1
@@ -192,7 +200,7 @@ def handle_event(j: int, g: int, direction: int, r: Any) -> bool:
             lane(r.course[TIME], j),
             row(r.own, 0),
             row(r.modes, j),
-            row(r.own_params, 0),
+            row(r.own_params, j),
             g,
             direction,
         )
@@ -203,13 +211,10 @@ def handle_event(j: int, g: int, direction: int, r: Any) -> bool:
 
 @kernel
 def copy_for_handler(j: int, r: Any) -> None:
-    """Copy state and parameters of lane j to where the handler may change them."""
+    """Copy the state of lane j to where the handler may change it."""
     own = row(r.own, 0)
-    own_params = row(r.own_params, 0)
     for i in range(r.n):
         own[i] = r.table[i, j]
-    for i in range(len(own_params)):
-        own_params[i] = r.params[i, j] if r.n_own > 0 else r.params[0, i]
 
 
 @kernel
@@ -221,7 +226,7 @@ def take_from_handler(j: int, r: Any) -> bool:
     """
     lost = False
     own = row(r.own, 0)
-    own_params = row(r.own_params, 0)
+    own_params = row(r.own_params, j)
     for i in range(r.n):
         r.book[JUMPED, j] |= 1 if own[i] != r.table[i, j] else 0
         lost |= not abs(own[i]) < inf
@@ -244,6 +249,7 @@ def fire_one(j: int, r: Any) -> int:
     r.book[ONCE, j] |= 1 << g
     r.book[DUE, j] = 0
     r.book[LAST, j] = g
+    note_flip(j, g, r)
     r.book[JUMPED, j] = 0
     if r.handler != 0:
         copy_for_handler(j, r)
@@ -280,6 +286,8 @@ def fire(lanes: int, r: Any) -> int:
     over = 0
     for j in range(WIDTH):
         if lanes >> j & 1:
+            if r.book[LAST, j] < 0:
+                note_instant(j, r)
             status = fire_one(j, r)
             if status != at.RUNNING:
                 r.book[STATUS, j] = status

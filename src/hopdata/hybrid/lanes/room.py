@@ -55,42 +55,45 @@ HIT = 10
 CUTS = 11
 COURSE_ROWS = 12
 
-# Rows of `aim`: margin and slope, per step, of the guard expected to flip first, at the
-# start, inside and at the end of the step; and the location of its flip.
-AIM_ROWS = 7
-LOCATION = 6
+RANGE = 4  # rows of a range: lower and upper end of the value, and of the rate
+
+# Rows of `aim`: where the first guard flips, as a fraction of the step.
+AIM_ROWS = 1
+LOCATION = 0
 
 GIVEN_UP = -100  # status of a system left to the driver
 
 # The rows that are as long as the state, and how many of each.
 #
-# y, early, inner, end: states at the start, at two places inside and at the end of the
-# step; k: slopes of the stages, of the end, and of the dense stages; moved: the end,
-# moved to the flip; dense: the interpolant; work, other: scratch.
+# y, end: states at the start and at the end of the step; k: slopes of the stages, of
+# the end, and of the dense stages; moved: the end, moved to the flip; dense: the
+# interpolant; ranges: ranges of value and slope over the step (four rows for each
+# component); work, other: scratch.
 STATES = {
     "y": 1,
     "k": method.SLOPES,
-    "inner": 1,
-    "early": 1,
     "end": 1,
     "moved": 1,
     "work": 1,
     "other": 1,
     "dense": method.DENSE,
+    "ranges": RANGE,
 }
 
 # The rows that are as long as there are guards.
 #
-# h0, rate0 at the start, early_h, early_rate and h, rate inside, h1, rate1 at the end
-# of the step; along, along1, inside: rates along one direction, at the start, at the
-# end and inside; size: largest recent value, the scale of rounding; leaving: 1 where a
-# guard is at its surface, on its new side; lock; bend: change of the rate in the last
-# step; other_h, other_rate: scratch.
+# h0, rate0 at the start, h1, rate1 at the end of the step, h, rate at another place;
+# size: largest recent value, the scale of rounding; leaving: 1 where a guard is at its
+# surface, on its new side; lock; bend: change of the rate in the last step; other_h,
+# other_rate: scratch.
 GUARDS = (
-    "h0", "rate0", "h", "rate", "h1", "rate1", "early_h", "early_rate",
-    "along", "along1", "size", "leaving", "lock", "inside", "bend",
+    "h0", "rate0", "h", "rate", "h1", "rate1", "size", "leaving", "lock", "bend",
     "other_h", "other_rate",
 )  # fmt: skip
+
+# Other rows: `aim`; and ranges of guards over the step (four rows for each), and of
+# other lanes.
+SCRATCH = ("aim", "limits", "other_limits")
 
 ROWS = vectors.Rows(None)
 INTS = View(types.int64, 2)
@@ -98,15 +101,18 @@ INTS = View(types.int64, 2)
 # What the room holds, in the order of the argument block.
 #
 # By lane: the rows above; table: all rows, from y on; locks; params, or one row that
-# all share; modes: a row for each; book. Of one lane, for the handler: own, own_params.
+# all share; modes: a row for each; own_params: the parameters as a row for each; book;
+# blocks: address of an argument block of the driver for each lane, with the memory in
+# which its steps are proven. Of one lane, for the handler: own.
 # read: places of the mode that are read; rules: of the layout. The next are given to
 # `solve_batch` or returned by it, as in `driver.loop`: `given` are the parameters, and
 # `mode` is the mode at the start. n_own: number of parameters of each lane, 0 if
-# shared; n_given: number of rows of `given`; handler, field, guards: addresses.
+# shared; n_given: number of rows of `given`; handler, field,
+# guards, ranged: addresses (ranged: of the guards for ranges of lanes, 0: none).
 ITEMS = {
-    **dict.fromkeys((*STATES, "aim", "course", *GUARDS), ROWS),
+    **dict.fromkeys((*STATES, *SCRATCH, "course", *GUARDS), ROWS),
     **dict.fromkeys(("table", "locks", "params", "own", "own_params"), TABLE),
-    **dict.fromkeys(("modes", "book", "read", "rules"), INTS),
+    **dict.fromkeys(("modes", "book", "blocks", "read", "rules"), INTS),
     "y0": TABLE,
     "given": TABLE,
     "mode": INTS,
@@ -131,6 +137,7 @@ ITEMS = {
     "handler": types.int64,
     "field": types.int64,
     "guards": types.int64,
+    "ranged": types.int64,
 }
 
 
@@ -156,6 +163,8 @@ def first_rows(n: int, n_guards: int) -> dict[str, int]:
     """
     lengths = {name: count * n for name, count in STATES.items()}
     lengths["aim"] = AIM_ROWS
+    lengths["limits"] = RANGE * n_guards
+    lengths["other_limits"] = RANGE * n_guards
     lengths["course"] = COURSE_ROWS
     for name in GUARDS:
         lengths[name] = n_guards
@@ -176,6 +185,8 @@ def natives(states: Any, margins: Any) -> tuple[Any, Any]:
 _FIELD, _GUARDS = natives(ROWS, ROWS)
 call_field = caller(_FIELD)
 call_guards = caller(_GUARDS)
+RANGED = types.void(vectors.lanes, vectors.lanes, ROOM)  # start and end of the step
+call_ranged = caller(RANGED)
 call_on_event = caller(ON_EVENT.native)
 
 

@@ -5,13 +5,13 @@ system. All operations apply to all lanes, and a mask selects the results that a
 so no lane depends on the others. The loop serves all systems: it calls field and guards
 by their address, once for each group of lanes whose modes are the same to them.
 
-Where the ends of a step and two stages inside do not determine what a guard does (see
-`judge`), the step is halved. The step to a flip is repeated up to its location, and its
-end is moved by the small remainder. In a lane most of whose steps end in flips, flips
-are predicted, and the interpolant gives the state there if it is accurate enough. Where
-several guards flip at one instant, they do so one after the other (see `instant`). A
-system for which this fails (guards that graze or slide, that flip a third time at one
-instant, vanishing steps, infinite fields) is given up and left to the driver.
+The guards are proven in each step, as in the driver (see `proof`). The step to a flip
+is repeated up to its location, and its end is moved by the small remainder. In a lane
+most of whose steps end in flips, flips are predicted, and the interpolant gives the
+state there if it is accurate enough. Where several guards flip at one instant, they do
+so one after the other (see `instant`). A system for which this fails (steps that are
+not proven, guards that slide or flip a third time at one instant, vanishing steps,
+infinite fields) is left to the driver.
 """
 
 from math import inf
@@ -23,6 +23,7 @@ from hopdata.hybrid.compiled.memory import int_vector, row
 from hopdata.hybrid.driver.end_step import SPARED
 from hopdata.hybrid.driver.loop import END_STATE
 from hopdata.hybrid.driver.problem import ROUNDING
+from hopdata.hybrid.driver.stepping import ALMOST_THERE, SHRINK_MOST
 from hopdata.hybrid.driver.watch import CLIP_MOST, OVERSHOOT
 from hopdata.hybrid.lanes import method as written
 from hopdata.hybrid.lanes.instant import (
@@ -32,17 +33,22 @@ from hopdata.hybrid.lanes.instant import (
     settle,
     take_systems,
 )
-from hopdata.hybrid.lanes.judge import NEAR, judge, mark, resolution_of, root
 from hopdata.hybrid.lanes.method import (
     DENSE_ERROR,
-    EARLY,
-    EARLY_PLACE,
     FURTHER,
     INSIDE,
     ORDER,
     PLACE,
     STAGES,
     TINY,
+)
+from hopdata.hybrid.lanes.proof import (
+    NEAR,
+    at_surface,
+    mark,
+    memory_in,
+    prove,
+    resolution_of,
 )
 from hopdata.hybrid.lanes.room import (
     COURSE_ROWS,
@@ -55,6 +61,7 @@ from hopdata.hybrid.lanes.room import (
     INDEX,
     LANDED,
     LAST_STEP,
+    LOCATION,
     NEXT_STEP,
     RESUME,
     SAMPLES,
@@ -88,6 +95,7 @@ from hopdata.hybrid.lanes.vectors import (
     with_lane,
 )
 from hopdata.hybrid.methods.explicit import compose
+from hopdata.hybrid.methods.stiff import STIFF as STIFF_SCORE
 
 #: Flips are predicted in a lane where they end this fraction of the steps.
 #: Unit: 1. Origin: chosen.
@@ -97,10 +105,6 @@ MOSTLY = 0.7
 #: steps, and prediction would cost each step 5 %.
 #: Unit: 1. Origin: chosen.
 FEW = 4
-
-#: Factor by which the last step may be stretched to avoid a tiny one.
-#: Unit: 1. Origin: convention: as in the driver.
-ALMOST_THERE = 1.01
 
 #: Most tries for one step.
 #: Unit: 1. Origin: chosen.
@@ -124,10 +128,6 @@ IN_VAIN = 1.5
 #: Unit: 1. Origin: chosen.
 MOST_IDLE = 8.5
 
-#: Net number of steps too near the stability limit at which a system is given up.
-#: Unit: 1. Origin: convention: as in the driver (`stiff.STIFF`).
-STIFF_STEPS = 15.0
-
 #: Decrease of that number at a step within the limit.
 #: Unit: 1. Origin: chosen.
 RELIEF = 0.1
@@ -135,10 +135,6 @@ RELIEF = 0.1
 #: Fraction of the step at which the expected error equals the tolerance.
 #: Unit: 1. Origin: chosen.
 SAFETY = 0.8
-
-#: Least factor between two steps.
-#: Unit: 1. Origin: convention: as in the driver.
-SHRINK_MOST = 0.2
 
 #: Largest factor between two steps.
 #: Unit: 1. Origin: chosen.
@@ -240,31 +236,18 @@ def choose_steps(aimed: int, often: Any, r: Any) -> tuple[Any, Any]:
 
 
 @kernel
-def propose_steps(h: Any, error: Any, halved: Any, rejected: int, r: Any) -> None:
+def propose_steps(h: Any, error: Any, rejected: int, r: Any) -> None:
     """Propose the next steps, by the errors of the last ones, of length `h`.
 
-    A step that was rejected before does not grow; `halved` are those on whose guards no
-    judgement was possible.
+    A step that was rejected before does not grow.
     """
     factor = SAFETY * rough_power(error + TINY_ERROR, -1.0 / ORDER)
     most = where(mask_of(rejected), 1.0, GROW_MOST)
     factor = largest(SHRINK_MOST, least(most, factor))
-    r.course[NEXT_STEP] = h * where(halved, 0.5, factor)
+    r.course[NEXT_STEP] = h * factor
 
 
 # The end of a step on a flip.
-
-
-@kernel
-def look_at_guards(t: Any, h: Any, r: Any) -> None:
-    """Evaluate the guards at the two places inside the steps and at their ends."""
-    early = state(r.k, EARLY * r.n)
-    inside = state(r.k, INSIDE * r.n)
-    end = state(r.k, STAGES * r.n)
-    call_guards(r.guards, fma(PLACE, h, t), r.inner, inside, r, r.h, r.rate)
-    call_guards(r.guards, t + h, r.end, end, r, r.h1, r.rate1)
-    t_early = fma(EARLY_PLACE, h, t)
-    call_guards(r.guards, t_early, r.early, early, r, r.early_h, r.early_rate)
 
 
 @kernel
@@ -276,7 +259,6 @@ def cut(crossed: Any, location: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
     """
     slope = state(r.k, STAGES * r.n)
     new_slope = state(r.k, (STAGES + 1) * r.n)
-    prepare(t, h, r)
     interpolate(location, r)
     span = location * h
     call_field(r.field, t + span, r.work, r, new_slope)
@@ -387,10 +369,10 @@ def land(
 
 
 @kernel
-def sample(lanes: int, t: Any, h: Any, t_new: Any, ready: bool, r: Any) -> None:
+def sample(lanes: int, t: Any, h: Any, t_new: Any, r: Any) -> None:
     """Write the states at the requested times in the steps of these lanes.
 
-    `ready` says whether their interpolants are prepared.
+    Their interpolants are prepared.
     """
     while True:
         now = t_new
@@ -404,9 +386,6 @@ def sample(lanes: int, t: Any, h: Any, t_new: Any, ready: bool, r: Any) -> None:
                 pending |= 1 << j
         if pending == 0:
             return
-        if not ready:
-            prepare(t, h, r)
-            ready = True
         interpolate((now - t) / h, r)
         for i in range(r.n):
             r.work[i] = where(now == t_new, r.moved[i], r.work[i])
@@ -448,6 +427,7 @@ def leave_one(j: int, r: Any) -> None:
     r.counts[system, at.EVENTS] = events
     r.counts[system, at.SAMPLES] = r.book[SAMPLES, j]
     r.counts[system, at.CULPRIT] = r.book[CULPRIT, j]
+    r.counts[system, at.CLOSE] = memory_in(j, r).counts[at.CLOSE]
 
 
 # The course of the runs.
@@ -476,12 +456,12 @@ def begin_runs(begun: int, r: Any) -> None:
 def aim(
     crossed: Any, often: Any, t: Any, h: Any, error: Any, r: Any
 ) -> tuple[Any, Any]:
-    """Locate the first flips in these steps, and try to end the steps there.
+    """Try to end these steps at their first flips.
 
-    Returns where steps have ended on the interpolant, and the locations, as fractions
-    of the steps. All others are repeated up to there.
+    Returns where steps have ended on the interpolant, and the locations of the flips,
+    as fractions of the steps. All others are repeated up to there.
     """
-    location = root(crossed, r)
+    location = r.aim[LOCATION]
     r.course[RESUME] = where(crossed, largest(r.course[RESUME], h), r.course[RESUME])
     short = mask_of(0)
     if bits(crossed & often) != 0:
@@ -541,10 +521,33 @@ def lost_lanes(
     too_soon = flipped & (t - r.course[HIT] < SOON * run_s)
     r.course[HIT] = where(flipped, t, r.course[HIT])
     too_often = (r.course[TRIES] > MOST_TRIES) | (r.course[IDLE] > MOST_IDLE)
-    too_stiff = r.course[STIFF] > STIFF_STEPS
+    too_stiff = r.course[STIFF] > STIFF_SCORE
     too_short = ~(h > ROUNDING * absolute(t))
     too_many = (r.course[TAKEN] >= float(r.max_steps)) & (t < r.t_end)
     return too_often | too_stiff | too_short | too_many | too_soon
+
+
+@kernel
+def judge(t: Any, h: Any, fine: Any, aimed: int, r: Any) -> tuple[Any, Any, Any, Any]:
+    """Judge all guards in the steps that are `fine`, and prepare their interpolants.
+
+    A step that is repeated up to a flip, in the lanes `aimed`, was proven when it was
+    longer: only its end counts, if no guard is past its surface there.
+
+    Returns four results by lane: where nothing is proven, where a guard flips inside
+    the step, where one is at its surface at the end, and the distance of the end from
+    there, in steps.
+    """
+    end_slope = state(r.k, STAGES * r.n)
+    call_guards(r.guards, t + h, r.end, end_slope, r, r.h1, r.rate1)
+    touching, soonest, before = at_surface(t, h, r)
+    open_ones = fine & ~(before & mask_of(aimed))
+    if r.times.width > 0 or (r.n_guards > 0 and bits(open_ones) != 0):
+        prepare(t, h, r)
+    lost, flips = prove(t, h, open_ones, r)
+    # The end of the step is moved to a flip next to it.
+    by_the_end = touching & (r.aim[LOCATION] > 1.0 - 2.0 * NEAR)
+    return lost, flips & ~by_the_end, touching, soonest
 
 
 @kernel
@@ -562,19 +565,16 @@ def advance(
     h, to_the_end = choose_steps(aimed, often, r)
     error, hard = take_step(t, h, r)
     error = where(error < HUGE, error, HUGE)
-    look_at_guards(t, h, r)
     fine = (error <= 1.0) & mask_of(active)
-    unclear, past, touching, soonest = judge(t, h, fine, run_s, r)
-    propose_steps(h, error, fine & unclear, rejected, r)
-    crossed = fine & ~unclear & past
-    accepted = fine & ~unclear & ~past
+    lost, crossed, touching, soonest = judge(t, h, fine, aimed, r)
+    propose_steps(h, error, rejected, r)
+    accepted = fine & ~lost & ~crossed
     landing = bits(accepted & touching)
     aimed = bits(crossed)
+    over = give_up(bits(lost), r)
     whole = h
-    ready = False
     if aimed != 0:
         short, location = aim(crossed, often, t, h, error, r)
-        ready = bits(crossed & often) != 0
         accepted = accepted | short
         h = where(short, location * h, h)
         soonest = where(short, 0.0, soonest)
@@ -584,19 +584,18 @@ def advance(
         r.course[NEXT_STEP] = where(mask_of(aimed), location * h, r.course[NEXT_STEP])
     shift = spread(0.0)
     fresh = 0
-    over = 0
     if landing != 0:
         shift, fresh, torn = land(landing, t, h, soonest, run_s, r)
-        over = give_up(torn, r)
+        over |= give_up(torn, r)
         fresh &= ~torn
         resume_steps(landing, r)
     t_new = where(to_the_end & (shift == 0.0), r.t_end, t + h + shift)
     if r.times.width > 0:
-        sample(bits(accepted), t, whole, t_new, ready, r)
+        sample(bits(accepted), t, whole, t_new, r)
     move_on(accepted, landing, t_new, h, hard, r)
     over |= fire_first(fresh, r)
-    lost = lost_lanes(accepted, landing, fresh, h, run_s, r)
-    over |= give_up(bits(lost) & active & ~over, r)
+    stuck = lost_lanes(accepted, landing, fresh, h, run_s, r)
+    over |= give_up(bits(stuck) & active & ~over, r)
     rejected = active & ~bits(accepted) & ~aimed
     return rejected, aimed, fresh, over
 

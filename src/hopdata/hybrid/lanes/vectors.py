@@ -120,7 +120,7 @@ def _fits(*kinds: Any) -> bool:
     return lanes in kinds and all(one == lanes or _is_number(one) for one in kinds)
 
 
-def _spread(builder: Any, kind: Any, value: Any) -> Any:
+def number_for_all(builder: Any, kind: Any, value: Any) -> Any:
     """Build lanes from lanes, or from one number for all."""
     if kind == lanes:
         return value
@@ -138,7 +138,7 @@ def _spread(builder: Any, kind: Any, value: Any) -> Any:
 
 
 def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
-    return _spread(builder, types.unliteral(given), value)
+    return number_for_all(builder, types.unliteral(given), value)
 
 
 for _number in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean):
@@ -169,7 +169,9 @@ def _operator(
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         given = []
         for kind, value in zip(sign.args, values, strict=True):
-            given.append(value if kind == mask else _spread(builder, kind, value))
+            given.append(
+                value if kind == mask else number_for_all(builder, kind, value)
+            )
         return emit(builder, *given)
 
     choices: list[Any] = [_Mask]
@@ -256,7 +258,7 @@ def _get_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 
 @lower_builtin(operator.setitem, Rows, types.Integer, types.Any)
 def _set_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-    value = _spread(builder, sign.args[2], values[2])
+    value = number_for_all(builder, sign.args[2], values[2])
     stored = builder.store(value, _row_address(builder, sign.args[0], *values[:2]))
     stored.align = ALIGNMENT // 2
     return context.get_dummy_value()
@@ -311,7 +313,9 @@ def _function(result: Any, taken: tuple[Any, ...], emit: Function) -> Any:
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         given = []
         for wanted, kind, value in zip(taken, sign.args, values, strict=True):
-            given.append(_spread(builder, kind, value) if wanted == lanes else value)
+            given.append(
+                number_for_all(builder, kind, value) if wanted == lanes else value
+            )
         return emit(builder, *given)
 
     def typed(*kinds: Any) -> Any:
@@ -549,6 +553,8 @@ OTHERS = (
     "exp", "log", "log2", "log10", "log1p", "expm1", "sinh", "cosh", "tanh",
     "asin", "acos", "atan", "asinh", "acosh", "atanh", "erf",
 )  # fmt: skip
+exponential = _one_by_one(math.exp)
+logarithm = _one_by_one(math.log)
 for _name in (*VECTORISED, *OTHERS):
     _made = VECTORISED.get(_name) or _one_by_one(getattr(math, _name))
     _overload(getattr(math, _name), 1, _made)

@@ -26,7 +26,9 @@ class Directory(NamedTuple):
     matrix: int  # row of the states where the matrix begins
     right: int  # row of the right-hand side of a linear system
     work: int  # row of its unknowns in the order of elimination
+    duals: int  # row of the states where rows of duals begin
     is_natural: int  # whether that order is the states' own
+    colour_of: IntVector  # of each column
     columns: IntVector
     first_column: IntVector
     entry: IntVector
@@ -45,7 +47,7 @@ class Directory(NamedTuple):
     alike: IntVector  # rows from each one on whose factors have the same columns
 
 
-N_PLAIN = 10  # items of a directory that are numbers
+N_PLAIN = 11  # items of a directory that are numbers
 N_VIEWS = len(Directory._fields) - N_PLAIN
 DIRECTORY_SLOTS = N_PLAIN + 2 * N_VIEWS
 SLOTS = dict(

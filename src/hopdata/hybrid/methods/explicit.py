@@ -16,6 +16,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, W1, Y
 
@@ -86,6 +87,40 @@ class Tableau:
     def work_rows(self) -> int:
         """Number of work rows."""
         return len(self.weights) - 1 + len(self.dense_nodes)
+
+
+#: Error of the sums that the coefficients of a method must have.
+#: Unit: 1. Origin: rounding: published coefficients have 15 digits and more, and a sum
+#: of some ten of them, up to 50 in size, loses two or three.
+SUMS = 1e-11
+
+
+def check_tableau(tableau: Tableau) -> None:
+    """Raise an error if coefficients do not fit each other, as after a slip of the pen.
+
+    On a constant field each stage, the step and the interpolant must be exact, and the
+    error zero. The order of the method is not checked.
+
+    Raises
+    ------
+    ValueError
+        With the name of the coefficients that do not fit.
+    """
+    stages = len(tableau.weights)
+    inner = [0, *(len(row) for row in tableau.stages)]
+    expect(inner == list(range(stages)), "stages", "rows of 1, 2, ... weights", inner)
+    for nodes, rows in (("nodes", "stages"), ("dense_nodes", "dense_stages")):
+        given = getattr(tableau, nodes)
+        sums = [sum(row) for row in getattr(tableau, rows)]
+        expect(len(given) == len(sums), nodes, f"one for each of {rows}", len(given))
+        for k, (node, total) in enumerate(zip(given, sums, strict=True)):
+            fits = abs(node - total) < SUMS
+            expect(fits, f"{rows}[{k}]", f"the sum {node!r}, its node", total)
+    total = sum(tableau.weights)
+    expect(abs(total - 1.0) < SUMS, "weights", "the sum 1", total)
+    for name in ("errors", "dense"):
+        for k, row in enumerate(getattr(tableau, name)):
+            expect(abs(sum(row)) < SUMS, f"{name}[{k}]", "the sum 0", sum(row))
 
 
 def combination(weights: Sequence[float], rows: Sequence[int | str]) -> str:

@@ -327,6 +327,7 @@ def _rosenbrock(scene: Scene, fill: Any, in_time: Any, evaluations: int) -> Meth
     """Return the Rosenbrock method with these functions for the field's derivatives."""
     names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
     made = {"FILL_JACOBIAN": fill, "TIME_DERIVATIVE": in_time}
+    made |= {"PREPARE": stiff.prepare_dense, "SOLVE": stiff.solve_dense}
     return Method(
         order=stiff.ORDER,
         step=with_digest(stiff.step, **names, **made),
@@ -339,31 +340,54 @@ def _rosenbrock(scene: Scene, fill: Any, in_time: Any, evaluations: int) -> Meth
 
 def sparse_rosenbrock_method(scene: Scene, pattern: Pattern) -> Method:
     """Return the Rosenbrock method with a sparse Jacobian of this pattern."""
-    n = scene.n_states
-    structure = pattern.structure
-    names = {"FIELD": scene.field.dispatcher, "N": n}
-    evaluations = stiff.EVALUATIONS
+    names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
     if scene.jacobian is None:
         fill = sparse.jacobian_by_differences
-        evaluations += 2 * structure.n_colours
     else:
         fill = sparse.jacobian_by_user
         names["JACOBIAN"] = scene.jacobian.dispatcher
-    made = {
-        "FILL_JACOBIAN": put_in(fill, **names),
-        "TIME_DERIVATIVE": put_in(stiff.time_derivative, **names),
-    }
-    if structure.factors.is_band:
-        made["FACTORISE"] = sparse.factorise_band
-        made["SOLVE"] = put_in(sparse.solve_pivoted)
-    else:
-        made["FACTORISE"] = sparse.factorise_sparse
+    in_time = put_in(stiff.time_derivative, **names)
+    plain = _sparse_rosenbrock(scene, pattern, put_in(fill, **names), in_time)
+    if scene.jacobian is not None:
+        return replace(plain, evaluations=stiff.EVALUATIONS)
+    n_colours = pattern.structure.n_colours
+    evaluations = stiff.EVALUATIONS + 2 * n_colours
+    by_differences = replace(plain, evaluations=evaluations)
+    if not scene.field.compiled or scene.field.no_dual:
+        return by_differences
+    names |= sparse.dual_names(scene.field.dual, n_colours)
+    fill = put_in(sparse.jacobian_by_duals, **names)
+    in_time = put_in(stiff.no_time_derivative)
+    exact = _sparse_rosenbrock(scene, pattern, fill, in_time)
+    rows = exact.work_rows + sparse.dual_rows(scene.n_states, n_colours)
+    digest = own_digest()
+    return replace(exact, work_rows=rows, otherwise=by_differences, digest=digest)
+
+
+def _sparse_rosenbrock(
+    scene: Scene, pattern: Pattern, fill: Any, in_time: Any
+) -> Method:
+    """Return the method with these functions for the field's derivatives."""
+    structure = pattern.structure
+    factors = structure.factors
+    names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
+    made = {"FILL_JACOBIAN": fill, "TIME_DERIVATIVE": in_time}
+    factorise: Any = sparse.factorise_band
+    solve_band: Any = sparse.solve_band
+    if factors.is_narrow:
+        widths = {"BELOW": factors.below, "ABOVE": factors.above}
+        factorise = put_in(sparse.factorise_narrow, **widths)
+        solve_band = put_in(sparse.solve_narrow, **widths)
+    made["SOLVE"] = put_in(sparse.solve_pivoted, SOLVE_BAND=solve_band)
+    if not factors.is_band:
+        factorise = sparse.factorise_sparse
         made["SOLVE"] = put_in(sparse.solve_corrected)
+    made["PREPARE"] = put_in(sparse.prepare, FACTORISE=factorise, N=scene.n_states)
     return Method(
         order=stiff.ORDER,
-        step=with_digest(sparse.step, **names, **made),
+        step=with_digest(stiff.step, **names, **made),
         interpolant=with_digest(stiff.interpolant, **names),
-        evaluations=evaluations,
+        evaluations=stiff.EVALUATIONS - 1,
         interpolant_error=stiff.DENSE_ERROR,
         work_rows=int(stiff.JAC - W1) + structure.work_rows,
     )

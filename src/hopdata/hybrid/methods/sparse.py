@@ -6,7 +6,7 @@ p, also beyond the first of these rows. The matrix 1 / (GAMMA dt) - J and its fa
 follow. What is where stands in the directory (see `sparsity`).
 """
 
-from math import nan
+from math import ceil
 from typing import Any
 
 from hopdata.hybrid.compiled.kernel import copy, kernel
@@ -14,11 +14,14 @@ from hopdata.hybrid.compiled.memory import (
     FloatTable,
     FloatVector,
     address_of,
+    array_at,
+    float_vector,
+    fma,
     int_vector,
     matrix_at,
     row,
 )
-from hopdata.hybrid.layout import END, K1, KEND, SCRATCH, SLOPE, STRUCTURE, Y
+from hopdata.hybrid.layout import K1, KEND, SCRATCH, SLOPE, STRUCTURE, Y
 from hopdata.hybrid.methods.directory import (
     DIRECTORY_SLOTS,
     Directory,
@@ -26,21 +29,20 @@ from hopdata.hybrid.methods.directory import (
 )
 from hopdata.hybrid.methods.stiff import (
     CUBE_ROOT_OF_EPS,
-    GAMMA,
-    INFO,
     JAC,
     PIVOTS,
-    STAGES,
-    TIME,
     TINY,
-    A,
-    C,
-    D,
-    U,
-    tolerance,
 )
+from hopdata.hybrid.numbers import along, duals
+from hopdata.hybrid.numbers.along import BYTES
+from hopdata.hybrid.numbers.duals import width_for
 
-BYTES = 8  # of a number
+
+@kernel
+def directory_in(s: FloatTable) -> Directory:
+    """Return the directory whose address is among the states."""
+    return directory_of(int_vector(int(s[STRUCTURE, 0]), DIRECTORY_SLOTS))
+
 
 # Linear systems. The unknowns are in row `work`, in the order of elimination.
 
@@ -122,6 +124,95 @@ def solve_band(s: FloatTable, d: Directory, work: int) -> None:
         total = s[work, i]
         for j in range(1, min(right, n - 1 - i) + 1):
             total -= s[matrix, at + j] * s[work, i + j]
+        s[work, i] = total * s[matrix, at]
+
+
+# A narrow band. BELOW and ABOVE, its diagonals, are inserted into these templates, so
+# the loops over them are written out; this takes a third of the time. Without an
+# exchange of rows, whose number is kept as that of the last row, the factors have no
+# more diagonals than the matrix.
+
+BELOW: int = 0
+ABOVE: int = 0
+
+
+def factorise_narrow(s: FloatTable, d: Directory) -> None:
+    """Do what `factorise_band` does for a narrow band."""
+    n = s.width
+    matrix = d.matrix
+    step = 2 * BELOW + ABOVE
+    exchanges = 0
+    for k in range(n):
+        at = k * (step + 1) + BELOW
+        last_row = min(k + BELOW, n - 1)
+        best = k
+        largest = abs(s[matrix, at])
+        for i in range(k + 1, last_row + 1):
+            size = abs(s[matrix, at + (i - k) * step])
+            if size > largest:
+                largest = size
+                best = i
+        s[PIVOTS, k] = best
+        if best != k:
+            exchanges += 1
+            other = at + (best - k) * step
+            for j in range(min(BELOW + ABOVE, n - 1 - k) + 1):
+                kept = s[matrix, at + j]
+                s[matrix, at + j] = s[matrix, other + j]
+                s[matrix, other + j] = kept
+        pivot = 1.0 / s[matrix, at]
+        s[matrix, at] = pivot
+        if exchanges == 0 and k + BELOW + ABOVE < n:
+            for i in range(1, BELOW + 1):
+                own = at + i * step
+                factor = s[matrix, own] * pivot
+                s[matrix, own] = factor
+                for j in range(1, ABOVE + 1):
+                    s[matrix, own + j] -= factor * s[matrix, at + j]
+        else:
+            reach = min(BELOW + ABOVE, n - 1 - k)
+            for i in range(1, last_row - k + 1):
+                own = at + i * step
+                factor = s[matrix, own] * pivot
+                s[matrix, own] = factor
+                for j in range(1, reach + 1):
+                    s[matrix, own + j] -= factor * s[matrix, at + j]
+    s[PIVOTS, n - 1] = exchanges
+
+
+def solve_narrow(s: FloatTable, d: Directory, work: int) -> None:
+    """Replace the right-hand side in row `work` by the solution."""
+    n = s.width
+    if s[PIVOTS, n - 1] != 0.0:
+        s[PIVOTS, n - 1] = n - 1
+        solve_band(s, d, work)
+        s[PIVOTS, n - 1] = 1.0
+        return
+    matrix = d.matrix
+    row_size = 2 * BELOW + ABOVE + 1
+    for i in range(min(BELOW, n)):
+        total = s[work, i]
+        for j in range(i, 0, -1):
+            total -= s[matrix, i * row_size + BELOW - j] * s[work, i - j]
+        s[work, i] = total
+    # The nearest unknown, which is the last to be known, comes last.
+    for i in range(BELOW, n):
+        at = i * row_size + BELOW
+        total = s[work, i]
+        for j in range(BELOW, 0, -1):
+            total = fma(-s[matrix, at - j], s[work, i - j], total)
+        s[work, i] = total
+    for i in range(n - 1, max(n - 1 - ABOVE, -1), -1):
+        at = i * row_size + BELOW
+        total = s[work, i]
+        for j in range(n - 1 - i, 0, -1):
+            total -= s[matrix, at + j] * s[work, i + j]
+        s[work, i] = total * s[matrix, at]
+    for i in range(n - 1 - ABOVE, -1, -1):
+        at = i * row_size + BELOW
+        total = s[work, i]
+        for j in range(ABOVE, 0, -1):
+            total = fma(-s[matrix, at + j], s[work, i + j], total)
         s[work, i] = total * s[matrix, at]
 
 
@@ -259,23 +350,28 @@ def into_order(s: FloatTable, d: Directory, x: int) -> None:
         s[d.work, place] = s[x, d.order[place]]
 
 
-def solve_pivoted(s: FloatTable, d: Directory, shift: float, x: int) -> bool:
+SOLVE_BAND: Any = None  # inserted: for a narrow band, or for any
+
+
+def solve_pivoted(s: FloatTable, shift: float, x: int) -> bool:
     """Solve with a band, whose pivots are chosen; return True."""
+    d = directory_in(s)
     if d.is_natural != 0:
-        solve_band(s, d, x)
+        SOLVE_BAND(s, d, x)
         return True
     into_order(s, d, x)
-    solve_band(s, d, d.work)
+    SOLVE_BAND(s, d, d.work)
     for place in range(s.width):
         s[x, d.order[place]] = s[d.work, place]
     return True
 
 
-def solve_corrected(s: FloatTable, d: Directory, shift: float, x: int) -> bool:
+def solve_corrected(s: FloatTable, shift: float, x: int) -> bool:
     """Solve without chosen pivots; return whether the solution is exact.
 
     It is corrected by its residual where it is not exact at once.
     """
+    d = directory_in(s)
     copy(row(s, x), row(s, d.right))
     into_order(s, d, x)
     solve_sparse(s, d)
@@ -295,22 +391,30 @@ def solve_corrected(s: FloatTable, d: Directory, shift: float, x: int) -> bool:
 FIELD: Any = None
 JACOBIAN: Any = None
 N: int = 0
-FILL_JACOBIAN: Any = None
-TIME_DERIVATIVE: Any = None
 FACTORISE: Any = None
-SOLVE: Any = None
+
+
+def prepare(s: FloatTable, shift: float) -> None:
+    """Factorise shift - J."""
+    d = directory_in(s)
+    size = d.factor_columns.width
+    if size == 0:
+        size = N * (2 * d.below + d.above + 1)
+    assemble(s, d, shift, size)
+    FACTORISE(s, d)
 
 
 def jacobian_by_user(
     t: float,
     dt: float,
     s: FloatTable,
-    d: Directory,
     mode: Any,
     params: Any,
     atol: FloatVector,
+    first: int,
 ) -> int:
     """Get the user's derivative in sparse form; return 0, the field evaluations."""
+    d = directory_in(s)
     address = address_of(s) + BYTES * d.matrix * N
     given = matrix_at(address, d.given_rows, d.given_columns)
     given[:] = 0.0
@@ -334,15 +438,16 @@ def jacobian_by_differences(
     t: float,
     dt: float,
     s: FloatTable,
-    d: Directory,
     mode: Any,
     params: Any,
     atol: FloatVector,
+    first: int,
 ) -> int:
     """Take central differences, all columns of a colour at once.
 
     Returns the number of field evaluations, two for each colour.
     """
+    d = directory_in(s)
     copy(row(s, Y), row(s, SCRATCH))
     for colour in range(d.n_colours):
         columns = d.first_column[colour], d.first_column[colour + 1]
@@ -369,52 +474,69 @@ def jacobian_by_differences(
     return 2 * d.n_colours
 
 
-def step(
+# Names of `jacobian_by_duals`; the number of colours, which are the directions of the
+# states, is that of the time's own direction.
+N_COLOURS: int = 0
+WIDTH: int = 0
+CALL: Any = None
+ROWS = DUAL = SET_MOMENT = CALL
+
+
+def jacobian_by_duals(
     t: float,
     dt: float,
-    rtol: float,
     s: FloatTable,
     mode: Any,
     params: Any,
     atol: FloatVector,
-    field: int,
-) -> float:
-    """Take one step; return the embedded error in tolerances (root mean square).
+    first: int,
+) -> int:
+    """Get exact derivatives, all columns of a colour along one direction.
 
-    It is NaN, which shortens the step, if a linear system was not solved exactly.
+    The derivative in time is written to row KEND. Returns 0, the field evaluations with
+    numbers.
     """
-    d = directory_of(int_vector(int(s[STRUCTURE, 0]), DIRECTORY_SLOTS))
-    s[INFO, 0] = FILL_JACOBIAN(t, dt, s, d, mode, params, atol)
-    s[INFO, 0] += TIME_DERIVATIVE(t, dt, s, mode, params, KEND) + STAGES
-    shift = 1.0 / (GAMMA * dt)
-    size = d.factor_columns.width
-    if size == 0:
-        size = N * (2 * d.below + d.above + 1)
-    assemble(s, d, shift, size)
-    FACTORISE(s, d)
-    exact = True
-    for k in range(STAGES):
+    d = directory_in(s)
+    row_bytes = BYTES * N
+    states = address_of(s) + row_bytes * d.duals
+    rates = states + row_bytes * (1 + WIDTH)
+    moment = rates + row_bytes * (1 + WIDTH)
+    given = float_vector(states, 0)
+    found = float_vector(rates, 0)
+    for number in range(0, N_COLOURS + 1, WIDTH):
         for i in range(N):
-            state = s[Y, i]
-            bend = 0.0
-            for m in range(k):
-                state += A[k, m] * s[U + m, i]
-                bend += C[k, m] * s[U + m, i]
-            s[SCRATCH, i] = state
-            s[U + k, i] = bend / dt + D[k] * dt * s[KEND, i]
-        if k == 0:
-            copy(row(s, K1), row(s, SLOPE))
-        else:
-            FIELD(t + TIME[k] * dt, row(s, SCRATCH), mode, params, row(s, SLOPE))
+            place = i * (1 + WIDTH)
+            given[place] = s[Y, i]
+            for j in range(WIDTH):
+                given[place + 1 + j] = 1.0 if d.colour_of[i] == number + j else 0.0
+        SET_MOMENT(moment, WIDTH, t, number, N_COLOURS)
+        CALL(DUAL(moment), ROWS(states, N), mode, params, ROWS(rates, N))
         for i in range(N):
-            s[U + k, i] += s[SLOPE, i]
-        exact = SOLVE(s, d, shift, U + k) and exact
-    total = 0.0
-    for i in range(N):
-        error = s[U + STAGES - 1, i]
-        s[END, i] = s[SCRATCH, i] + error
-        total += (error / tolerance(s, i, rtol, atol)) ** 2
-    FIELD(t + dt, row(s, END), mode, params, row(s, KEND))
-    if not exact:
-        return nan
-    return (total / N) ** 0.5
+            slopes = i * (1 + WIDTH) + 1
+            for p in range(d.row_starts[i], d.row_starts[i + 1]):
+                place = d.colour_of[d.entry_columns[p]] - number
+                if 0 <= place < WIDTH:
+                    s[JAC, p] = found[slopes + place]
+            if N_COLOURS - number < WIDTH:
+                s[KEND, i] = found[slopes + N_COLOURS - number]
+    return 0
+
+
+def dual_names(call: Any, n_colours: int) -> dict[str, Any]:
+    """Return what is inserted into `jacobian_by_duals`, for a field of duals."""
+    width = width_for(n_colours + 1)
+    return {
+        "CALL": call,
+        "N_COLOURS": n_colours,
+        "WIDTH": width,
+        "BYTES": BYTES,
+        "ROWS": array_at(duals.Dual(width)),
+        "DUAL": duals.dual_at(width),
+        "SET_MOMENT": along.set_moment,
+    }
+
+
+def dual_rows(n_states: int, n_colours: int) -> int:
+    """Return the rows of states that duals of states, rates and time take."""
+    row_of_duals = 1 + width_for(n_colours + 1)
+    return 2 * row_of_duals + ceil(row_of_duals / n_states)

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import IntArray
 from hopdata.hybrid.arguments import expect
@@ -21,7 +22,7 @@ from hopdata.hybrid.methods.directory import DIRECTORY_SLOTS, SLOTS
 
 WANTED = (
     "a matrix (n, n) that is not zero where dy[i] depends on y[j] (SciPy's sparse or "
-    "an array), or the bandwidths (lower, upper)"
+    "an array), the bandwidths (lower, upper), or 'auto'"
 )
 
 
@@ -36,6 +37,8 @@ class Pattern:
         The places, in any order.
     bandwidths : tuple of int, optional
         Diagonals below and above the main one, if the pattern was given by them.
+    is_proven : bool
+        Whether it follows from the field's code for all states, modes and parameters.
     """
 
     def __init__(
@@ -44,12 +47,14 @@ class Pattern:
         rows: IntArray,
         columns: IntArray,
         bandwidths: tuple[int, int] | None = None,
+        is_proven: bool = False,
     ) -> None:
         places = np.unique(rows.astype(np.int64) * n_states + columns)
         self.n_states = n_states
         self.rows = places // n_states
         self.columns = places % n_states
         self.bandwidths = bandwidths
+        self.is_proven = is_proven
 
     def __repr__(self) -> str:
         return f"<pattern of {len(self.rows)} of {self.n_states}^2 derivatives>"
@@ -66,7 +71,8 @@ class Pattern:
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Pattern, (self.n_states, self.rows, self.columns, self.bandwidths)
+        given = self.n_states, self.rows, self.columns, self.bandwidths
+        return Pattern, (*given, self.is_proven)
 
     @property
     def given_shape(self) -> tuple[int, int]:
@@ -158,6 +164,50 @@ def pattern_of(given: Any, n_states: int) -> Pattern | None:
     return Pattern(n_states, rows, columns)
 
 
+def find_sparsity(
+    field: Any, n_states: int, *, params: ArrayLike | None = None, n_modes: int = 0
+) -> Pattern:
+    """Return on which states each rate of a field depends, as the field's code tells.
+
+    The code is run with numbers that remember from which states they were made, once
+    along every path that its comparisons allow. So nothing that matters is missing,
+    whatever the states, the time and the mode are.
+
+    Parameters
+    ----------
+    field : callable
+        The vector field, plain or declared by `hopdata.hybrid.field`.
+    n_states : int
+        Number of states.
+    params : (p,) array, optional
+        Parameters of the field, if they decide sizes, indices or branches. The pattern
+        then holds for these. By default they may have any values.
+    n_modes : int
+        Number of modes: of guards, and the system's further ones.
+
+    Returns
+    -------
+    Pattern
+        For `System`'s `sparsity`.
+
+    Raises
+    ------
+    ArgumentError
+        If the code does not tell: if it does not compile, if the state, the time or the
+        mode decides an index or the end of a loop, or if it branches too often.
+    """
+    from hopdata.hybrid.compiled.callbacks import Callback
+    from hopdata.hybrid.compiled.kernel import SIGNATURES
+    from hopdata.hybrid.methods.traced_pattern import traced_pattern
+
+    if not isinstance(field, Callback):
+        field = Callback(field, SIGNATURES["field"])
+    known = None
+    if params is not None:
+        known = np.array(params, dtype=float).reshape(-1)
+    return traced_pattern(field, int(n_states), int(n_modes), known)
+
+
 def _banded(given: Any, n_states: int) -> Pattern:
     """Return the pattern of a band matrix."""
     whole = all(isinstance(one, int | np.integer) for one in given)
@@ -223,6 +273,11 @@ class Factors:
         return len(self.columns) == 0
 
     @property
+    def is_narrow(self) -> bool:
+        """Whether it is a band for which no other way is tried."""
+        return self.is_band and self.below + self.above + 1 <= NARROW
+
+    @property
     def width(self) -> int:
         """Entries of a row of the band, with room for row exchanges."""
         return 2 * self.below + self.above + 1
@@ -258,7 +313,7 @@ def factors_of(pattern: Pattern) -> Factors:
     order = np.arange(n)
     below, above = bandwidths_in(order, pattern)
     band = Factors(order, below, above, nothing, nothing, nothing)
-    if below + above + 1 <= NARROW:
+    if band.is_narrow:
         return band
     try:
         from hopdata.hybrid.methods import ordering
@@ -269,7 +324,7 @@ def factors_of(pattern: Pattern) -> Factors:
     below, above = bandwidths_in(narrow, pattern)
     if band_operations(below, above, n) < band_operations(band.below, band.above, n):
         band = Factors(narrow, below, above, nothing, nothing, nothing)
-    if band.below + band.above + 1 <= NARROW:
+    if band.is_narrow:
         return band
     order = ordering.sparse_order(n, pattern.rows, pattern.columns)
     starts, columns, diagonal = ordering.symbolic(
@@ -337,6 +392,7 @@ class Structure:
         self.entry_rows = -(-n_entries // n)
         self.matrix_rows = -(-largest // n)
         self._arrays = {
+            "colour_of": colours,
             "columns": np.argsort(colours, kind="stable"),
             "first_column": starts_of(colours, self.n_colours),
             "entry": by_colour,
@@ -386,7 +442,12 @@ class Structure:
         """
         matrix = first + self.entry_rows
         right = matrix + self.matrix_rows
-        rows = {"matrix": matrix, "right": right, "work": right + 1}
+        rows = {
+            "matrix": matrix,
+            "right": right,
+            "work": right + 1,
+            "duals": right + 2,
+        }
         if "directory" not in vars(self):
             directory = np.zeros(DIRECTORY_SLOTS, dtype=np.int64)
             for name, number in (self._numbers | rows).items():

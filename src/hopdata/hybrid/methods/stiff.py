@@ -13,7 +13,7 @@ radius.
 States are measured by their tolerances, so the result does not depend on units.
 """
 
-from math import ceil
+from math import ceil, nan
 from typing import Any
 
 import numpy as np
@@ -297,8 +297,9 @@ H = np.array(_RODAS["h"])
 # It solves eight linear systems with one matrix, without iteration. It is L-stable and
 # stiffly accurate: however strongly a contact is damped, only accuracy limits the step.
 #
-# `step` and `interpolant` are templates: FIELD, N, FILL_JACOBIAN and TIME_DERIVATIVE
-# are inserted. The last two are specialised functions for the derivatives. The number
+# `step` and `interpolant` are templates: FIELD, N, FILL_JACOBIAN, TIME_DERIVATIVE,
+# PREPARE and SOLVE are inserted. They are specialised functions for the derivatives and
+# for the linear systems, whose matrix is full or sparse (see `sparse`). The number
 # of field evaluations of a step, which varies, is left in INFO, and the Jacobian at its
 # start in the rows from JAC on.
 
@@ -309,6 +310,7 @@ DENSE_ERROR = 1  # interpolant's error in units of the step's estimated error
 ORDER = 5
 FILL_JACOBIAN: Any = None
 TIME_DERIVATIVE: Any = None
+PREPARE = SOLVE = FILL_JACOBIAN
 
 # Work rows: stages, row exchanges, number of evaluations, and two matrices.
 U = W1
@@ -355,6 +357,26 @@ def dual_names(call: Any, n: int, *, time_only: bool) -> dict[str, Any]:
     }
 
 
+@kernel
+def prepare_dense(s: FloatTable, shift: float) -> None:
+    """Factorise shift - J."""
+    n = s.width
+    lu = JAC + n
+    for i in range(n):
+        for j in range(n):
+            s[lu + i, j] = -s[JAC + i, j]
+        s[lu + i, i] += shift
+    factorise(s, lu, PIVOTS, n)
+
+
+@kernel
+def solve_dense(s: FloatTable, shift: float, x: int) -> bool:
+    """Replace the right-hand side in row `x` by the solution; return True."""
+    n = s.width
+    solve_factorised(s, JAC + n, PIVOTS, x, n)
+    return True
+
+
 def step(
     t: float,
     dt: float,
@@ -365,15 +387,15 @@ def step(
     atol: FloatVector,
     field: int,
 ) -> float:
-    """Take one step; return the embedded error in tolerances (root mean square)."""
+    """Take one step; return the embedded error in tolerances (root mean square).
+
+    It is NaN, which shortens the step, if a linear system was not solved exactly.
+    """
     s[INFO, 0] = FILL_JACOBIAN(t, dt, s, mode, params, atol, JAC)
     s[INFO, 0] += TIME_DERIVATIVE(t, dt, s, mode, params, KEND) + STAGES
-    lu = JAC + N  # the matrix 1 / (GAMMA dt) - J, and its factors
-    for i in range(N):
-        for j in range(N):
-            s[lu + i, j] = -s[JAC + i, j]
-        s[lu + i, i] += 1.0 / (GAMMA * dt)
-    factorise(s, lu, PIVOTS, N)
+    shift = 1.0 / (GAMMA * dt)
+    PREPARE(s, shift)
+    exact = True
     for k in range(STAGES):
         for i in range(N):
             state = s[Y, i]
@@ -389,13 +411,15 @@ def step(
             FIELD(t + TIME[k] * dt, row(s, SCRATCH), mode, params, row(s, SLOPE))
         for i in range(N):
             s[U + k, i] += s[SLOPE, i]
-        solve_factorised(s, lu, PIVOTS, U + k, N)
+        exact = SOLVE(s, shift, U + k) and exact
     total = 0.0
     for i in range(N):
         error = s[U + STAGES - 1, i]
         s[END, i] = s[SCRATCH, i] + error
         total += (error / tolerance(s, i, rtol, atol)) ** 2
     FIELD(t + dt, row(s, END), mode, params, row(s, KEND))
+    if not exact:
+        return nan
     return (total / N) ** 0.5
 
 

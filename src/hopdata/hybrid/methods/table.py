@@ -14,21 +14,25 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
-from numba import NumbaError
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import did_you_mean
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
+from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods import stiff
-from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
+from hopdata.hybrid.methods.explicit import (
+    DOP853,
+    DOPRI5,
+    Tableau,
+    check_tableau,
+)
 from hopdata.hybrid.methods.method import Method, Scene, compiled_part
 
 TABLEAUS = {"dopri5": DOPRI5, "dop853": DOP853}
 MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
-CHOICES = ("auto", *TABLEAUS, *MAKERS)
 TANGENTS = ("tangent", "short_tangent")
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
 
@@ -58,6 +62,34 @@ COLUMNS = (
 )
 
 
+def choices() -> tuple[str, ...]:
+    """Return the names by which a method can be chosen."""
+    return ("auto", *TABLEAUS, *MAKERS)
+
+
+def add_method(name: str, tableau: Tableau) -> None:
+    """Let ``method=name`` choose an explicit Runge-Kutta pair, in this process.
+
+    Its machine code, its interpolant, the proof along it, and its derivatives follow
+    from the coefficients. ``"auto"`` does not take it.
+
+    Parameters
+    ----------
+    name : str
+        A name that no method has yet.
+    tableau : Tableau
+        Coefficients of the pair and of its interpolant.
+
+    Raises
+    ------
+    ValueError
+        If the name is taken, or the coefficients are not those of a method.
+    """
+    expect(name not in choices(), "name", "one that no method has", repr(name))
+    check_tableau(tableau)
+    TABLEAUS[name] = tableau
+
+
 @cache
 def generic_code(name: str, tangents: bool = False) -> dict[str, Any]:
     """Return an explicit method's machine code for any scene, compiled once."""
@@ -84,9 +116,9 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
     ValueError
         If no method has this name, or if it does not suit the scene.
     """
-    known = isinstance(name, str) and name in CHOICES
-    hint = "" if known else did_you_mean(str(name), CHOICES)
-    expect(known, "method", f"one of {', '.join(CHOICES)}", repr(name), hint)
+    known = isinstance(name, str) and name in choices()
+    hint = "" if known else did_you_mean(str(name), choices())
+    expect(known, "method", f"one of {', '.join(choices())}", repr(name), hint)
     suits = name != "taylor" or scene.affine is not None
     expect(suits, "method", "a System with an @affine function for 'taylor'", "none")
     carries = name != "rosenbrock" or not jacobian
@@ -107,7 +139,7 @@ class MethodTable:
     Parameters
     ----------
     choice : str
-        One of `CHOICES`.
+        One of `choices`.
     scene : Scene
         Scene for which the methods are made.
     jacobian : bool
@@ -129,6 +161,8 @@ class MethodTable:
         Pattern of a sparse Jacobian, if one of the methods uses it.
     unchecked : bool
         Whether the field must still be compared with it.
+    by_differences : str
+        Why an implicit method takes differences of the field, if it does.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
@@ -142,7 +176,8 @@ class MethodTable:
         self._kept_alive: list[Any] = []
         self._methods = [method_for(name, scene) for name in self._names]
         self.pattern = scene.sparsity if "rosenbrock" in self._names else None
-        self.unchecked = self.pattern is not None
+        self.unchecked = self.pattern is not None and not self.pattern.is_proven
+        self.by_differences = ""
         self.generic: set[int] = set()
         self.seconds = 0.0
         self.work_rows = max(method.work_rows for method in self._methods)
@@ -282,9 +317,14 @@ class MethodTable:
                 continue
             try:
                 code = compiled_part(part, method, n_states, cache=kept)
-            except NumbaError:
+            # Numba's own exceptions, and others raised within it.
+            except Exception as error:
                 if method.otherwise is None:
                     raise
+                users = self.scene.field.users
+                self.by_differences = (
+                    f"field, of the stiff method: {reason_and_advice(error, users)[0]}"
+                )
                 method = method.otherwise
                 self._methods[number] = method
                 self._describe(number, method)

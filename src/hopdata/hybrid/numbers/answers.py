@@ -11,8 +11,10 @@ Ranges stand in four rows: least, most, least rate, most rate.
 The memory of answers has these slots of 8 bytes, integers first. A comparison that the
 ranges leave open is counted in OPENED and takes the next bit of ANSWERS. A jump within
 a range is counted in JUMPED, a kink in KINKED. LOST is set where no range can tell what
-the code does, so that nothing is known of any guard. The others hold the range and the
-rate of what changes sign at the first open comparison or jump.
+the code does, so that nothing is known of any guard. TIMED counts those of them whose
+place has a known rate, other than zero: if the rates of the states are unknown, they
+depend on the time alone. The others hold the range and the rate of what changes sign at
+the first open comparison or jump, and at the first that is counted in TIMED.
 """
 
 from numba import types
@@ -21,10 +23,11 @@ _FLOAT, _INT = types.float64, types.int64
 
 RANGES_NATIVE = types.void(_FLOAT, _FLOAT, _FLOAT, *(12 * [_INT]))
 
-OPENED, ANSWERS, JUMPED, KINKED, LOST = range(5)
-N_INTEGERS = 5
-FIRST_LEAST, FIRST_MOST, FIRST_LEAST_RATE, FIRST_MOST_RATE = range(5, 9)
-N_SLOTS = 9
+OPENED, ANSWERS, JUMPED, KINKED, LOST, TIMED = range(6)
+N_INTEGERS = 6
+FIRST_LEAST, FIRST_MOST, FIRST_LEAST_RATE, FIRST_MOST_RATE = range(6, 10)
+TIMED_LEAST, TIMED_MOST, TIMED_LEAST_RATE, TIMED_MOST_RATE = range(10, 14)
+N_SLOTS = 14
 
 #: Open comparisons along one path whose answers the caller chooses. Further ones are
 #: answered at random, so that a loop that waits for an answer ends.

@@ -51,18 +51,35 @@ def note_first(x: Any, middle: float) -> None:
 
 
 @kernel
+def note_time(x: Any, middle: float) -> None:
+    """Note where x - middle changes sign, if its rate is known and not zero."""
+    if not (x.dlo > -INF and x.dhi < INF) or (x.dlo == 0.0 and x.dhi == 0.0):
+        return
+    counted = int_vector(x.at, at.N_INTEGERS)
+    if counted[at.TIMED] == 0:
+        first = float_vector(x.at, at.N_SLOTS)
+        first[at.TIMED_LEAST] = x.lo - middle
+        first[at.TIMED_MOST] = x.hi - middle
+        first[at.TIMED_LEAST_RATE] = x.dlo
+        first[at.TIMED_MOST_RATE] = x.dhi
+    counted[at.TIMED] += 1
+
+
+@kernel
 def jump(x: Any, middle: float) -> None:
     """Note a jump where x - middle changes sign."""
     if x.at != 0:
         note_first(x, middle)
+        note_time(x, middle)
         int_vector(x.at, at.N_INTEGERS)[at.JUMPED] += 1
 
 
 @kernel
-def kink(where: int) -> None:
-    """Note a kink."""
-    if where != 0:
-        int_vector(where, at.N_INTEGERS)[at.KINKED] += 1
+def kink(x: Any, middle: float) -> None:
+    """Note a kink where x - middle changes sign."""
+    if x.at != 0:
+        note_time(x, middle)
+        int_vector(x.at, at.N_INTEGERS)[at.KINKED] += 1
 
 
 @kernel
@@ -74,6 +91,7 @@ def opened(x: Any, y: Any) -> Any:
     if math.isnan(apart.lo):
         apart = anything(apart.at)
     note_first(apart, 0.0)
+    note_time(apart, 0.0)
     counted = int_vector(apart.at, at.N_INTEGERS)
     place = counted[at.OPENED]
     counted[at.OPENED] += 1
@@ -261,7 +279,7 @@ def least(x: Any, y: Any) -> Any:
         return make(x.lo, x.hi, x.dlo, x.dhi, where)
     if y.hi <= x.lo:
         return make(y.lo, y.hi, y.dlo, y.dhi, where)
-    kink(where)
+    kink(subtract(x, y), 0.0)
     lo = min(x.lo, y.lo)
     hi = min(x.hi, y.hi)
     return make(lo, hi, min(x.dlo, y.dlo), max(x.dhi, y.dhi), where)
@@ -286,7 +304,7 @@ def absolute(x: Any) -> Any:
         return x
     if x.hi <= 0.0:
         return negative(x)
-    kink(x.at)
+    kink(x, 0.0)
     steepest = max(x.dhi, -x.dlo)
     return make(0.0, max(-x.lo, x.hi), -steepest, steepest, x.at)
 
@@ -465,6 +483,7 @@ def table(x: Any, places: Any, values: Any, n: int) -> Any:
         slope_lo = min(slope_lo, 0.0)
         slope_hi = max(slope_hi, 0.0)
     pieces = 0
+    knot = places[0] if x.lo < places[0] else places[n - 1]
     for k in range(first_piece(x.lo, places, n), n - 1):
         if places[k] > x.hi:
             break
@@ -473,6 +492,8 @@ def table(x: Any, places: Any, values: Any, n: int) -> Any:
         if not abs(slope) < INF:  # of a table with a jump
             jump(x, places[k])
             return unknown(x.at)
+        if pieces == 0 and x.lo >= places[0]:
+            knot = places[k + 1]
         pieces += 1
         start = values[k] + slope * (max(x.lo, places[k]) - places[k])
         end = values[k] + slope * (min(x.hi, places[k + 1]) - places[k])
@@ -481,8 +502,9 @@ def table(x: Any, places: Any, values: Any, n: int) -> Any:
         hi = max(hi, max(start, end) + 2.0 * LIBM * size)
         slope_lo = min(slope_lo, slope)
         slope_hi = max(slope_hi, slope)
-    if pieces > 1 or x.lo < places[0] or x.hi > places[n - 1]:
-        kink(x.at)
+    goes_beyond = x.lo < places[0] or x.hi > places[n - 1]
+    if pieces > 1 or (pieces > 0 and goes_beyond):
+        kink(x, knot)
     return with_slope(x, (lo, hi), rounded(slope_lo, slope_hi, LIBM))
 
 

@@ -27,6 +27,7 @@ from hopdata.hybrid.compiled.digest import in_module_of, sources_digest, with_di
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_at, array_of, float_vector, int_vector
 from hopdata.hybrid.numbers import along, duals
+from hopdata.hybrid.numbers.guards import users_own
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -167,7 +168,7 @@ def compiled(
         code = compiled_in_cache(function, digest, compile_it)
     # Numba's own exceptions, and others raised within it.
     except Exception as error:
-        reason, _ = reason_and_advice(error)
+        reason, _ = reason_and_advice(error, users_own(callback).users)
         return Derivative(reason=reason)
     return Derivative(code.address, code=code)
 

@@ -41,6 +41,7 @@ from hopdata.hybrid.compiled.memory import (
     is_number,
     tried_first,
 )
+from hopdata.hybrid.numbers.new_arrays import make_arrays_of
 
 FLOAT = types.float64
 INT = types.int64
@@ -259,6 +260,10 @@ def width_among(kinds: Any) -> int:
     return width
 
 
+# The functions defined so, with their numbers of arguments and what they return.
+OPERATIONS: list[tuple[Any, int, Any]] = []
+
+
 def defined(
     key: Any,
     count: int,
@@ -284,6 +289,7 @@ def defined(
         pairs = zip(sign.args, values, strict=True)
         return build(code, key, *(code.parts(kind, value) for kind, value in pairs))
 
+    OPERATIONS.append((key, count, returned))
     tried_first(key, typed)
     for kinds in product((Dual, types.Float), repeat=count):
         if Dual in kinds:
@@ -604,7 +610,8 @@ def _typed_power(*kinds: Any) -> Any:
     return Dual(width)(base, exponent)
 
 
-for _key in (operator.pow, operator.ipow, pow, math.pow, np.power):
+POWERS = (operator.pow, operator.ipow, pow, math.pow, np.power)
+for _key in POWERS:
     tried_first(_key, _typed_power, literal=True)
     for _kinds in (
         (Dual, Dual), (Dual, types.Float), (Dual, types.Integer), (types.Float, Dual)
@@ -838,6 +845,10 @@ def _typed_interpolation(*kinds: Any) -> Any:
 
 tried_first(np.interp, _typed_interpolation)
 lower_builtin(np.interp, Dual, types.Array, types.Array)(_interpolate)
+
+
+for _width in WIDTHS:
+    make_arrays_of(Dual(_width))
 
 
 # Duals from rows of numbers: a value and its slopes, side by side.

@@ -60,7 +60,7 @@ def _rising(
             jump(x, low if x.lo < low else high)
             return unknown(x.at)
         if x.lo == low or x.hi == high:
-            kink(x.at)
+            kink(x, low if x.lo == low else high)
         lo, hi = rounded(function(x.lo), function(x.hi), LIBM)
         a = slope_of(x.lo)
         b = slope_of(x.hi)
@@ -251,7 +251,7 @@ def length(x: Any, y: Any) -> Any:
     fastest_y = max(y.dhi, -y.dlo)
     fastest = math.hypot(fastest_x, fastest_y) * (1.0 + LIBM)
     if not lo > 0.0:
-        kink(where)
+        kink(y if is_constant(x) else x, 0.0)
         return make(lo, hi, -fastest, fastest, where)
     # (x x' + y y') / length
     of_x = product(x.lo, x.hi, x.dlo, x.dhi)
@@ -276,7 +276,7 @@ def real_power(x: Any, y: Any) -> Any:
     d = x.hi**y.hi
     lo, hi = rounded(min(a, b, c, d), max(a, b, c, d), LIBM)
     if x.lo == 0.0:
-        kink(where)
+        kink(x, 0.0)
     if is_number:  # y x^(y - 1) x'
         e = a / x.lo
         if x.lo == 0.0:

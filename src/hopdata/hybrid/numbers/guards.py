@@ -11,7 +11,7 @@ from typing import Any
 
 from numba import cfunc
 
-from hopdata.code_cache import compiled_in_cache, function_digest
+from hopdata.code_cache import compiled_in_cache, function_digest, is_in_cache
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.digest import in_module_of, with_digest
@@ -19,10 +19,7 @@ from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_of, float_vector, int_vector
 from hopdata.hybrid.numbers.answers import RANGES_NATIVE
 from hopdata.hybrid.numbers.choice import may_be_left_out
-from hopdata.hybrid.numbers.source import may_branch
 
-# Arguments of guards that vary within a step. Their other arguments do not.
-VARIES = frozenset(("t", "y", "dy", "h", "hdot"))
 NO_CODE = -1  # address where no code for ranges can be made
 CHOSEN = -1  # count: some of all guards
 
@@ -55,23 +52,11 @@ class RangedGuards:
     leaves_out: bool = False
 
 
-def branches_of(guards: Callback | None) -> RangedGuards:
-    """Return the code for ranges of guards that may branch; others need none.
-
-    Parameters
-    ----------
-    guards : Callback, optional
-        The guards, together (`@guards`) or one by one (`@guard`).
-    """
-    if guards is None:
-        return RangedGuards()
-    users = guards
-    while hasattr(users, "inner"):  # derived from the user's
-        users = users.inner
-    function, places = users.source_and_places(VARIES)
-    if not may_branch(function, places):
-        return RangedGuards()
-    return guards_for_ranges(guards)
+def users_own(callback: Callback) -> Callback:
+    """Return the user's callback from which another is derived, or itself."""
+    while hasattr(callback, "inner"):
+        callback = callback.inner
+    return callback
 
 
 def guards_for_ranges(guards: Callback | None, count: int = 0) -> RangedGuards:
@@ -90,11 +75,11 @@ def guards_for_ranges(guards: Callback | None, count: int = 0) -> RangedGuards:
 
     one_by_one = "k" in guards.signature.arguments
     leaves_out = count >= MANY_GUARDS and may_be_left_out(guards)
-    template = _all
+    templates = (_all, _all_by_arrays)
     if one_by_one:
-        template = _each
+        templates = (_each, _each_by_arrays)
     elif leaves_out:
-        template = _all_or_chosen
+        templates = (_all_or_chosen,)
     inserted = {
         "chosen_at": ranges.chosen_at,
         "make": ranges.make,
@@ -104,27 +89,61 @@ def guards_for_ranges(guards: Callback | None, count: int = 0) -> RangedGuards:
         "array_of": array_of,
         "float_vector": float_vector,
         "int_vector": int_vector,
+        "as_array": sums.as_array,
     }
-    assert sums  # the modules give the ranges their operations
     library.symbol()  # before code that calls it is loaded
     try:
-        function = with_digest(template, **inserted, CALL=guards.ranged)
-        own = in_module_of(ranges.DIGEST, guards)
-        digest = f"{function_digest(function)}-{own}"
-
-        def compile_it(cached: bool) -> Any:
-            return cfunc(RANGES_NATIVE, cache=cached and guards.kept, **ENTRY)(function)
-
-        code = compiled_in_cache(function, digest, compile_it)
+        entries = _entries(templates, guards, inserted, ranges.DIGEST)
+        code = _compiled(entries, guards)
     # Numba's own exceptions, and others raised within it.
     except Exception as error:
-        reason, _ = reason_and_advice(error)
+        reason, _ = reason_and_advice(error, users_own(guards).users)
         return RangedGuards(NO_CODE, reason)
     return RangedGuards(code.address, code=code, leaves_out=leaves_out)
 
 
+def _entries(
+    templates: tuple[Any, ...], guards: Callback, inserted: dict[str, Any], own: str
+) -> list[tuple[Any, str]]:
+    """Return the functions to compile, with their digests."""
+    found = []
+    own = in_module_of(own, guards)
+    for template in templates:
+        function = with_digest(template, **inserted, CALL=guards.ranged)
+        found.append((function, f"{function_digest(function)}-{own}"))
+    return found
+
+
+def _compiled(entries: list[tuple[Any, str]], guards: Callback) -> Any:
+    """Return the first machine code that can be made.
+
+    Code that is kept is taken at once, as the other form did not compile then.
+    """
+    for entry in entries:
+        if guards.kept and is_in_cache(*entry):
+            entries = [entry]
+            break
+    for function, digest in entries[:-1]:
+        try:
+            return _code_of(function, digest, guards)
+        # Numba's own exceptions, and others raised within it.
+        except Exception:
+            continue
+    return _code_of(*entries[-1], guards)
+
+
+def _code_of(function: Any, digest: str, guards: Callback) -> Any:
+    def compile_it(cached: bool) -> Any:
+        return cfunc(RANGES_NATIVE, cache=cached and guards.kept, **ENTRY)(function)
+
+    return compiled_in_cache(function, digest, compile_it)
+
+
+# The code comes in two forms. By address, a range is read where the guards use it. Code
+# that computes with whole arrays gets arrays, into which the ranges are copied.
+
 CALL: Any = None  # inserted, as are the functions that it takes
-make = rows_at = results_at = chosen_at = sink = CALL
+make = rows_at = results_at = chosen_at = sink = as_array = CALL
 
 
 def _all(  # noqa: PLR0913 (the signature of machine code)
@@ -179,3 +198,42 @@ def _each(  # noqa: PLR0913 (the signature of machine code)
     which = int_vector(listed, count)
     for a in range(count):
         CALL(t, y, dy, modes, numbers, which[a], h, hdot)
+
+
+def _all_by_arrays(  # noqa: PLR0913 (the signature of machine code)
+    start: float, end: float, pace: float, states: int, slopes: int, n: int, mode: int,
+    n_modes: int, params: int, n_params: int, room: int, n_guards: int, listed: int,
+    count: int, at: int,
+) -> None:  # fmt: skip
+    """Evaluate the guards, declared together, for arrays of ranges."""
+    t = make(start, end, pace, pace, at)
+    y = as_array(rows_at(states, n, n, 1, at))
+    dy = as_array(rows_at(slopes, n, n, 0, at))
+    results = results_at(room, n_guards, n_guards, 1, at)
+    h = as_array(results)
+    hdot = as_array(results)
+    modes = array_of(int_vector(mode, n_modes))
+    numbers = array_of(float_vector(params, n_params))
+    CALL(t, y, dy, modes, numbers, h, hdot)
+    for k in range(n_guards):
+        results[k] = h[k]
+
+
+def _each_by_arrays(  # noqa: PLR0913 (the signature of machine code)
+    start: float, end: float, pace: float, states: int, slopes: int, n: int, mode: int,
+    n_modes: int, params: int, n_params: int, room: int, n_guards: int, listed: int,
+    count: int, at: int,
+) -> None:  # fmt: skip
+    """Evaluate the guards in a list, declared one by one, for arrays of ranges."""
+    t = make(start, end, pace, pace, at)
+    y = as_array(rows_at(states, n, n, 1, at))
+    dy = as_array(rows_at(slopes, n, n, 0, at))
+    results = results_at(room, n_guards, n_guards, 1, at)
+    h = as_array(results)
+    hdot = as_array(results)
+    modes = array_of(int_vector(mode, n_modes))
+    numbers = array_of(float_vector(params, n_params))
+    which = int_vector(listed, count)
+    for a in range(count):
+        CALL(t, y, dy, modes, numbers, which[a], h, hdot)
+        results[which[a]] = h[which[a]]

@@ -23,6 +23,7 @@ from numba.extending import (
     lower_builtin,
     lower_cast,
     models,
+    overload,
     overload_attribute,
     register_model,
 )
@@ -76,6 +77,11 @@ class _Rows(_OfSources):
     Their four rows are `stride` numbers apart. `rated` is 1; or, if their rates are not
     known, 0, or -1 for the same ranges with the other sign.
     """
+
+    @property
+    def numbers(self) -> Any:
+        """The type of its numbers."""
+        return RANGE
 
 
 class _Sink(_OfSources):
@@ -423,5 +429,50 @@ def _turned(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return rows.packed()
 
 
-part = built(3, lambda *_: (ROWS(ROWS, INT, INT), _part))
-turned = built(1, lambda *_: (ROWS(ROWS), _turned))
+_part_of_rows = built(3, lambda *_: (ROWS(ROWS, INT, INT), _part))
+_turned_rows = built(1, lambda *_: (ROWS(ROWS), _turned))
+
+
+def part(rows: Any, first: Any, last: Any) -> Any:
+    """Return the ranges from one index on, up to another, for compiled code."""
+
+
+def turned(rows: Any) -> Any:
+    """Return ranges with the other sign; if they stand in rows, without known rates."""
+
+
+def _typed_part(rows: Any, first: Any, last: Any) -> Any:
+    if rows == ROWS:
+        return lambda rows, first, last: _part_of_rows(rows, first, last)
+    return lambda rows, first, last: rows[first:last]
+
+
+def _typed_turned(rows: Any) -> Any:
+    if rows == ROWS:
+        return lambda rows: _turned_rows(rows)
+    if not getattr(rows, "known", True):
+        # Rows of lanes of which nothing is known (`lanes.ranges`).
+        return lambda rows: rows
+    return lambda rows: -rows
+
+
+overload(part)(lambda rows, first, last: _typed_part(rows, first, last))
+overload(turned)(lambda rows: _typed_turned(rows))
+
+
+def part_of_results(rows: Any, first: Any, last: Any) -> Any:
+    """Return the results from one index on, up to another, for compiled code."""
+
+
+_part_of_results = built(3, lambda *_: (RESULTS(RESULTS, INT, INT), _part))
+
+
+def _typed_part_of_results(rows: Any, first: Any, last: Any) -> Any:
+    if rows == RESULTS:
+        return lambda rows, first, last: _part_of_results(rows, first, last)
+    return lambda rows, first, last: rows[first:last]
+
+
+overload(part_of_results)(
+    lambda rows, first, last: _typed_part_of_results(rows, first, last)
+)

@@ -231,8 +231,8 @@ class _Code:
         value = None
         if isinstance(node.func, ast.Name):
             value = self.known.get(node.func.id)
-        helper = getattr(value, "py_func", None)
-        if helper is None:
+        helper = getattr(value, "py_func", value)
+        if not isinstance(helper, FunctionType):
             return True
         varying = [i for i, one in enumerate(node.args) if self.varies(one)]
         return may_branch(helper, tuple(varying), self.judged)

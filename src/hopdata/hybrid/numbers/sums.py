@@ -9,7 +9,9 @@ from numba import njit, types
 from numba.extending import lower_builtin, overload, overload_method
 
 from hopdata.hybrid.compiled.memory import is_number, tried_first
+from hopdata.hybrid.numbers import vectors
 from hopdata.hybrid.numbers.arithmetic import EPS
+from hopdata.hybrid.numbers.new_arrays import make_arrays_of
 from hopdata.hybrid.numbers.operators import wide
 from hopdata.hybrid.numbers.ranges import (
     BYTES,
@@ -194,3 +196,22 @@ for _name, _function in (("sum", _total), ("min", _least), ("max", _largest)):
     overload_method(_Rows, _name)(_of_one(_function))
 overload(np.dot)(lambda a, b: _product(a, b))
 overload(operator.matmul)(lambda a, b: _product(a, b))
+
+
+# Arrays of ranges that a function makes itself.
+
+make_arrays_of(RANGE)
+vectors.ROUNDED[RANGE] = vectors.bare(_dot.py_func)
+
+
+# Python could not take an array of ranges.
+ONLY_COMPILED: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+@njit(**ONLY_COMPILED)
+def as_array(rows: Any) -> Any:
+    """Return an array of the ranges that stand in rows."""
+    made = np.zeros(len(rows))  # of ranges, as the rows are
+    for i in range(len(rows)):
+        made[i] = rows[i]
+    return made

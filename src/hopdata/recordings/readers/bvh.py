@@ -223,6 +223,9 @@ def _hierarchy(lines: _Lines) -> list[_Joint]:
             joints[open_joints[-1]].offset = _offset(lines, fields[1:])
         elif key == "CHANNELS" and open_joints:
             joint = joints[open_joints[-1]]
+            if joint.channels:
+                found = f"another in the joint of line {joint.line}"
+                raise RecordingError.at(lines.place, "one CHANNELS a joint", found)
             joint.channels = _channels(lines, fields[1:])
             joint.first = n_channels
             n_channels += len(joint.channels)

@@ -254,7 +254,21 @@ def _recording(path: str | Path, most_unpacked_mb: float) -> Recording:
         if not slowest_hz <= recording.rate_hz <= FASTEST_HZ:
             wanted = f"expected at least {slowest_hz:g} and at most {FASTEST_HZ:g} Hz"
             raise ValueError(f"rate_hz: {wanted}, found {recording.rate_hz:g}")
+        _require_possible(recording)
         return recording
+
+
+def _require_possible(recording: Recording) -> None:
+    """Refuse times that do not increase, and coordinates that are infinite."""
+    steps_s = np.diff(recording.time)
+    is_later = (steps_s > 0) & np.isfinite(steps_s)
+    if not is_later.all():
+        frame = int(np.argmin(is_later)) + 1
+        before, here = recording.time[frame - 1 : frame + 1]
+        wanted = "expected finite times that increase"
+        raise ValueError(f"time: {wanted}, found {here:g} s after {before:g} s")
+    if np.isinf(recording.positions).any():
+        raise ValueError("positions: expected finite or missing ones, found infinity")
 
 
 def _require_known(key: str, values: set[str], known: Iterable[str]) -> None:

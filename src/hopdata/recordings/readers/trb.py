@@ -68,14 +68,11 @@ def read_trb(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     header = _read_header(path, content)
     frames, number, cut = _frames(path, content, header.data_start)
     positions = _positions(path, content, frames, header)
-    start = 0
-    if header.first_s > 0 and header.rate_hz is not None:
-        start = int(min(header.first_s * header.rate_hz, raw.UNSEEN_FROM))
     return raw.assembled(
         str(path),
         raw.distinct_names(f"{path}: markers", header.names, may_lack=True),
         positions,
-        number=number + start,
+        number=number + _frames_before(header),
         rates_hz=(header.rate_hz, rate_hz),
         remarks=cut,
     )
@@ -104,6 +101,16 @@ class _Header:
     first_s: float
     names: tuple[str, ...]
     numbers: tuple[int, ...]
+
+
+def _frames_before(header: _Header) -> int:
+    """Return the number of frames between time 0 and the first frame."""
+    if header.rate_hz is None:
+        return 0
+    frames = header.first_s * header.rate_hz
+    if not frames > 0:  # nor where one of them is not finite
+        return 0
+    return int(min(frames, raw.UNSEEN_FROM))
 
 
 def _read_header(path: Path, content: bytes) -> _Header:

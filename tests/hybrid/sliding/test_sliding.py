@@ -147,6 +147,167 @@ def test_derivative_by_parameters():
     np.testing.assert_allclose(solution.sensitivity[:, 0], slope, atol=1e-5)
 
 
+def bent_fields(t, y, mode, p):  # plain forms, whose rates are not written down
+    side = 1.0 if mode[0] > 0 else -1.0
+    return (
+        -p[0] * side - 0.4 * np.tanh(y[0]) + p[1] * np.sin(1.7 * t) + 0.3 * y[1],
+        0.5 * np.cos(y[0]) - 0.2 * y[1] * side,
+        0.3 * y[0] * y[1] + 0.1 * side,
+    )
+
+
+def bent_surface(t, y, p):
+    return y[0] + 0.2 * y[1] ** 2 - p[2] * np.sin(y[2]) + 0.1 * np.sin(2.0 * t)
+
+
+bent = System(
+    bent_fields, bent_surface, n_states=3, guard_names=("bent",), sliding=("bent",)
+)
+
+
+def slopes_of_flow(numbers, end_of):
+    """Return the derivative of an end state by some numbers, by differences."""
+    columns = []
+    for j in range(len(numbers)):
+        way = 1e-4 * np.eye(len(numbers))[j]
+        ends = [end_of(numbers + k * way) for k in (2.0, 1.0, -1.0, -2.0)]
+        slope = (8.0 * (ends[1] - ends[2]) - (ends[0] - ends[3])) / 12e-4
+        columns.append(slope)
+    return np.transpose(columns)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+def test_exact_derivatives_and_proof_where_rates_are_not_given(seed):
+    draw = np.random.default_rng(np.random.SeedSequence([58, seed]))
+    start = draw.normal(0.0, 0.6, 3)
+    params = np.array([0.6, 1.0, 0.3]) + draw.uniform(-0.1, 0.1, 3)
+    options = {"rtol": 1e-10, "atol": 1e-12}
+    tight = {"rtol": 1e-12, "atol": 1e-13}
+    solution = solve(
+        bent, (0.0, 4.0), start, params=params, jacobian="params", **options
+    )
+    assert solution.success
+    assert solution.proven
+    assert solution.n_unproven == 0
+    assert solution.by_differences == ""
+    assert {abs(one) for one in solution.events.direction} >= {2, 3}
+    by_start = slopes_of_flow(
+        start, lambda y0: solve(bent, (0.0, 4.0), y0, params=params, **tight).y_end
+    )
+    by_params = slopes_of_flow(
+        params, lambda p: solve(bent, (0.0, 4.0), start, params=p, **tight).y_end
+    )
+    np.testing.assert_allclose(solution.jacobian, by_start, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(solution.sensitivity, by_params, rtol=0, atol=1e-7)
+
+
+def dip(t, y, mode):
+    return -1.0 * mode[0] + 0.5 * y[1], 0.0
+
+
+def narrow_dip(
+    t, y
+):  # a second guard, below zero for 4 ms of the time that y[0] slides
+    return y[0], (t - 2.123) ** 2 - 4e-6
+
+
+def test_a_narrow_dip_of_another_guard_is_seen_while_one_slides():
+    system = System(
+        dip, narrow_dip, n_states=2, guard_names=("zero", "dip"), sliding=("zero",)
+    )
+    solution = solve(system, (0.0, 10.0), [0.3, 0.5])
+    log = solution.events
+    assert solution.proven
+    np.testing.assert_array_equal(log.guard, [0, 1, 1])
+    np.testing.assert_allclose(log.time[1:], [2.121, 2.125], rtol=0, atol=1e-12)
+
+
+def brief_field(t, y, mode):  # the drive exceeds the relay for 4 ms
+    return 1.0 + 1e-3 - 250.0 * (t - 2.123) ** 2 - 1.0 * mode[0]
+
+
+def first_of(t, y):
+    return y[0]
+
+
+def test_a_brief_end_of_sliding_is_seen():
+    system = System(
+        brief_field,
+        first_of,
+        n_states=1,
+        guard_names=("zero",),
+        sliding=("zero",),
+    )
+    solution = solve(system, (2.0, 2.2), [0.0])
+    log = solution.events
+    assert solution.proven
+    np.testing.assert_array_equal(log.direction, [2, 3, -2])
+    np.testing.assert_allclose(log.time[1], 2.121, rtol=0, atol=1e-9)
+    # Back where the integral of 1e-3 - 250 (t - 2.123)^2 from there is zero.
+    np.testing.assert_allclose(log.time[2], 2.127, rtol=0, atol=1e-9)
+
+
+def in_blocks(t, y):  # arrays made inside have no code for ranges or duals
+    both = np.array([y[0], 1.0])
+    return both[:1] * both[1]
+
+
+def relay_in_blocks(t, y, mode):
+    return np.array([1.5 * np.sin(t), 0.0])[:1] - 1.0 * mode[0]
+
+
+def test_what_does_not_compile_for_other_numbers_is_told():
+    system = System(
+        relay_in_blocks,
+        in_blocks,
+        n_states=1,
+        guard_names=("zero",),
+        sliding=("zero",),
+    )
+    solution = solve(system, (0.0, 5.0), [0.7], jacobian=True)
+    assert not solution.proven
+    assert "guards" in solution.by_differences
+    exact = solve(relay, (0.0, 5.0), [0.7], params=[1.5])
+    np.testing.assert_allclose(solution.y_end, exact.y_end, atol=1e-8)
+    # Sliding forgets where it began.
+    np.testing.assert_allclose(solution.jacobian, 0.0, atol=1e-8)
+
+
+def stick(t, y, mode, p):  # p: kinetic and static friction, speed of the belt
+    level = p[1] if mode[1] > 0 else p[0]
+    return y[1], -y[0] - level * mode[0]
+
+
+def levels(t, y, mode, direction):
+    if abs(direction) == 2:
+        mode[1] = 1
+    if abs(direction) == 3:
+        mode[1] = 0
+
+
+def slip_on_belt(t, y, p):
+    return y[1] - p[2]
+
+
+def test_static_friction_above_the_kinetic_one():
+    system = System(
+        stick,
+        slip_on_belt,
+        levels,
+        n_states=2,
+        guard_names=("slip",),
+        sliding=("slip",),
+        n_extra_modes=1,
+    )
+    solution = solve(system, (0.0, 12.0), [0.0, 0.5], params=[0.1, 0.3, 0.5])
+    log = solution.events
+    # Torn off at 0.3 m, it swings about 0.1 m until it has the belt's speed again.
+    swing = 2.0 * np.pi - 2.0 * np.arctan2(0.2, 0.5)
+    expected = np.cumsum([0.0, 0.6, swing, 0.8])
+    np.testing.assert_array_equal(log.direction, [2, -3, 2, -3])
+    np.testing.assert_allclose(log.time, expected, rtol=0, atol=1e-8)
+
+
 def test_the_past_of_a_state_that_slides_is_refused():
     with pytest.raises(ArgumentError, match="unique past"):
         solve(dry, (1.0, 0.0), [0.0, 0.5], params=[0.15, 0.5])

@@ -1,0 +1,346 @@
+"""Known instants: where a step ends because the field jumps there, and the next begins.
+
+Some are declared: single ones, and periodic ones. Others are found. If the field's
+code compares the time, or jumps or has a kink in it, the code for ranges
+(`numbers.switches`) is run over the time ahead, with states and rates of states
+unknown. What jumps there and has a known rate depends on the time alone. From left to
+right, a stretch of time is clear, or it is divided before the place where a jump is
+expected, until what remains is as short as rounding. Stretches that are clear need not
+be looked at again, unless the mode changes.
+
+Between two instants, the field sees times of its own piece only: its time is held
+within two limits, the last two numbers of the parameters (see `derived.with_instants`).
+They leave out what rounding may put on the other side. So all stages of a step, also
+that at its end, are evaluated on the side to which they belong, however the field
+compares.
+"""
+
+from math import floor, inf
+
+from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
+from hopdata.hybrid.compiled.memory import address_of, float_vector
+from hopdata.hybrid.driver.paths import BYTES, MOST_RUNS, answer_next, call_ranges
+from hopdata.hybrid.driver.problem import TIME_ROUNDING, Problem, time_resolution
+from hopdata.hybrid.layout import Memory
+from hopdata.hybrid.numbers import answers
+
+#: Length of the shortest stretch of time that is divided, in which a jump is located.
+#: Unit: time resolutions. Origin: rounding: `t % T` and `sin(w t)` err by some two
+#: units in the last place of the time, to either side.
+SHORTEST = 2.0
+
+#: Times that a stretch with a jump is made twice as long, if the jump is not over.
+#: Unit: 1. Origin: chosen.
+MOST_WIDER = 10
+
+#: How far ahead jumps are sought, in steps.
+#: Unit: 1. Origin: chosen.
+AHEAD = 4.0
+
+#: Factor by which the stretch after a clear one is longer.
+#: Unit: 1. Origin: chosen.
+GROW = 4.0
+
+#: Stretches that are looked at in one search; what is left is not searched.
+#: Unit: 1. Origin: chosen.
+MOST_LOOKS = 4096
+
+#: Longest step that may follow, in steps as proposed.
+#: Unit: 1. Origin: derived: `stepping.ALMOST_THERE` stretches a step by a hundredth.
+STRETCH = 1.02
+
+
+#: Most of the time since the last instant that is left out before a declared one, for
+#: the rounding of the field's own.
+#: Unit: 1. Origin: chosen.
+MOST_MARGIN = 0.125
+
+
+# The limits between which the field sees the time.
+
+
+@kernel
+def set_limits(p: Problem, first: float, last: float) -> None:
+    """Let the field see times from `first` to `last` only."""
+    n = p.params.width
+    p.params[n - 2] = first
+    p.params[n - 1] = last
+
+
+@kernel
+def first_time(p: Problem) -> float:
+    """Return the first time that the field sees in this piece."""
+    return p.params[p.params.width - 2]
+
+
+# Declared instants.
+
+
+@kernel
+def next_periodic(first: float, period: float, t: float) -> float:
+    """Return the next of the instants first + k period after time t, k being whole."""
+    k = floor((t - first) / period) + 1.0
+    found = first + k * period
+    if found > t:
+        return found
+    return first + (k + 1.0) * period
+
+
+@kernel
+def next_declared(p: Problem, m: Memory, t: float) -> float:
+    """Return the next declared instant after time t; infinity if there is none."""
+    place = m.counts[at.NEXT_SINGLE]
+    while place < p.singles.width and p.singles[place] <= t:
+        place += 1
+    m.counts[at.NEXT_SINGLE] = place
+    found = inf
+    if place < p.singles.width:
+        found = p.singles[place]
+    for i in range(0, p.periods.width, 2):
+        found = min(found, next_periodic(p.periods[i], p.periods[i + 1], t))
+    return found
+
+
+@kernel
+def aim(p: Problem, m: Memory, t: float, first: float) -> None:
+    """Aim at the next declared instant after time t.
+
+    In this piece, the field sees times from `first` on.
+    """
+    stop = next_declared(p, m, t + time_resolution(t, 0.0))
+    m.clock[at.STOP] = stop
+    m.clock[at.AFTER_STOP] = stop
+    last = stop
+    if stop < inf:
+        # The field may compute the time of its jump from numbers as large as these.
+        size = max(abs(stop), abs(p.t_start), abs(p.t_end))
+        margin = min(TIME_ROUNDING * size, MOST_MARGIN * (stop - t))
+        last = max(stop - margin, first)
+        m.clock[at.AFTER_STOP] = stop + margin
+    m.clock[at.BEFORE_STOP] = last
+    set_limits(p, first, last)
+
+
+@kernel_apart
+def begin_piece(p: Problem, m: Memory) -> None:
+    """Aim at the first instant of an integration; one at its start has passed."""
+    t = p.t_start
+    reach = TIME_ROUNDING * max(abs(t), abs(p.t_end))
+    m.counts[at.NEXT_SINGLE] = 0
+    m.clock[at.SOUGHT] = t
+    m.clock[at.LOOK_LENGTH] = inf
+    first = -inf
+    if next_declared(p, m, t - 2.0 * reach) <= t + reach:
+        first = t + reach
+        m.clock[at.SOUGHT] = first
+    m.counts[at.NEXT_SINGLE] = 0
+    aim(p, m, t, first)
+
+
+@kernel
+def begin(p: Problem, m: Memory) -> None:
+    """Begin an integration."""
+    m.clock[at.STOP] = inf
+    if p.has_stops != 0:
+        begin_piece(p, m)
+
+
+@kernel_apart
+def seek_anew(p: Problem, m: Memory) -> None:
+    """Forget the jumps that were found: the field may have changed."""
+    t = m.clock[at.T]
+    m.clock[at.SOUGHT] = max(t, first_time(p))
+    if m.clock[at.STOP] - t > time_resolution(t, 0.0):
+        aim(p, m, t, first_time(p))
+
+
+# Jumps of the field in time.
+
+
+@kernel_apart
+def set_states(p: Problem, m: Memory, is_known: bool) -> None:
+    """Write the ranges of states, of all numbers or those of now, and of their rates.
+
+    Their rates are not known. States that do not vary are parameters.
+    """
+    s = m.states
+    for i in range(s.width):
+        varies = i < p.n_varying
+        is_wide = varies and not is_known
+        s[at.LEAST, i] = -inf if is_wide else s[at.Y, i]
+        s[at.MOST, i] = inf if is_wide else s[at.Y, i]
+        s[at.LEAST_SLOPE, i] = -inf if varies else 0.0
+        s[at.MOST_SLOPE, i] = inf if varies else 0.0
+
+
+@kernel
+def run_field(p: Problem, m: Memory, start: float, end: float) -> None:
+    """Run the field's code for ranges over a stretch of time."""
+    n = m.states.width
+    states = address_of(m.states)
+    call_ranges(
+        p.switches, start, end, 1.0,
+        states + BYTES * n * at.LEAST, states + BYTES * n * at.LEAST_SLOPE, n,
+        address_of(p.mode), p.mode.width, address_of(p.params), p.params.width - 2,
+        0, 0, 0, 0, address_of(m.counts) + BYTES * at.ANSWERS,
+    )  # fmt: skip
+
+
+@kernel_apart
+def jumps_on_paths(p: Problem, m: Memory, start: float, end: float) -> int:
+    """Return 1 if the field jumps in time on one of its paths, and 0 if on none.
+
+    The result is -1 if there are too many paths, or if one could not be followed.
+    """
+    c = m.counts
+    c[at.ANSWERS + answers.TIMED] = 0
+    bits = 0
+    for _ in range(MOST_RUNS):
+        answer_next(m, bits)
+        run_field(p, m, start, end)
+        if c[at.ANSWERS + answers.TIMED] > 0:
+            return 1
+        place = c[at.ANSWERS + answers.OPENED] - 1
+        if place >= answers.N_ANSWERS or c[at.ANSWERS + answers.LOST] != 0:
+            return -1
+        while place >= 0 and (bits >> place) & 1 == 1:
+            place -= 1
+        if place < 0:
+            return 0
+        bits = (bits & ((1 << place) - 1)) | (1 << place)
+    return -1
+
+
+@kernel_apart
+def may_jump(p: Problem, m: Memory, start: float, end: float) -> bool:
+    """Return whether the field may jump in time within a stretch.
+
+    Where its paths cannot all be followed, those at the present state count.
+    """
+    found = jumps_on_paths(p, m, start, end)
+    if found < 0:
+        set_states(p, m, True)
+        found = jumps_on_paths(p, m, start, end)
+        set_states(p, m, False)
+    return found > 0
+
+
+@kernel
+def expected_place(m: Memory, start: float, end: float) -> float:
+    """Return when the jump that was noted first is expected, or infinity."""
+    memory = address_of(m.counts) + BYTES * at.ANSWERS
+    note = float_vector(memory, answers.N_SLOTS)
+    low = note[answers.TIMED_LEAST]
+    high = note[answers.TIMED_MOST]
+    if not low <= 0.0 <= high or not low < high or high - low == inf:
+        return inf
+    if note[answers.TIMED_LEAST_RATE] > 0.0:
+        return start - low / (high - low) * (end - start)
+    if note[answers.TIMED_MOST_RATE] < 0.0:
+        return start + high / (high - low) * (end - start)
+    return inf
+
+
+@kernel_apart
+def note_jump(
+    p: Problem, m: Memory, start: float, end: float, place: float, goal: float
+) -> None:
+    """Let the next step end at a jump that is located between two times.
+
+    If it does not end soon after, it is none, and the field may jump or not anywhere
+    in a stretch: it is not searched.
+    """
+    width = end - start
+    for _ in range(MOST_WIDER):
+        if not may_jump(p, m, end, end + width):
+            if not start <= place <= end:
+                place = 0.5 * (start + end)
+            m.clock[at.STOP] = place
+            m.clock[at.BEFORE_STOP] = start
+            m.clock[at.AFTER_STOP] = end
+            m.clock[at.SOUGHT] = end
+            set_limits(p, first_time(p), start)
+            return
+        end += width
+        width *= 2.0
+    m.counts[at.UNSOUGHT] += 1
+    m.clock[at.SOUGHT] = goal
+
+
+@kernel_apart
+def seek(p: Problem, m: Memory, goal: float) -> None:
+    """Look for the first jump of the field up to time `goal`."""
+    set_states(p, m, False)
+    a = m.clock[at.SOUGHT]
+    t = m.clock[at.T]
+    shortest = SHORTEST * TIME_ROUNDING * max(abs(a), abs(goal), goal - t)
+    begin = a
+    z = min(a + max(m.clock[at.LOOK_LENGTH], shortest), goal)
+    opens = z  # end of a stretch that may jump; not after a: none
+    then = z  # end of the next stretch, if this one is clear
+    place = inf
+    halve = False
+    for _ in range(MOST_LOOKS):
+        if not may_jump(p, m, a, z):
+            a = z
+            if a >= goal:
+                m.clock[at.SOUGHT] = goal
+                m.clock[at.LOOK_LENGTH] = max(m.clock[at.LOOK_LENGTH], a - begin)
+                return
+            if a < then:
+                z = then
+            elif a < opens:
+                z = opens
+            else:
+                z = min(a + GROW * (a - begin), goal)
+            then = z
+            continue
+        width = z - a
+        found = expected_place(m, a, z)
+        if found < inf:
+            place = found
+        if width <= 1.5 * shortest:
+            m.clock[at.LOOK_LENGTH] = GROW * max(a - begin, shortest)
+            note_jump(p, m, a, z, place, goal)
+            return
+        opens = z
+        then = z
+        cut = a + 0.5 * width
+        if found < inf and not halve:
+            cut = found - 0.5 * shortest
+            then = found + 0.5 * shortest
+        halve = not halve
+        z = min(max(cut, a + shortest), a + max(0.75 * width, width - shortest))
+        then = min(max(then, z), opens)
+    m.counts[at.UNSOUGHT] += 1
+    m.clock[at.SOUGHT] = goal
+
+
+@kernel
+def look_ahead(p: Problem, m: Memory) -> None:
+    """Look for a jump of the field in the next steps, unless that is done."""
+    t = m.clock[at.T]
+    last = min(p.t_end, m.clock[at.BEFORE_STOP])
+    dt = min(m.clock[at.NEXT_DT], p.max_step)
+    if m.clock[at.SOUGHT] < min(last, t + STRETCH * dt):
+        seek(p, m, min(last, t + AHEAD * dt))
+
+
+@kernel_apart
+def meet(p: Problem, m: Memory) -> bool:
+    """Begin the piece after an instant that is reached; return whether one is.
+
+    Otherwise the next one is sought.
+    """
+    t = m.clock[at.T]
+    resolution = time_resolution(t, 0.0)
+    if m.clock[at.STOP] - t > resolution and p.switches > 0:
+        look_ahead(p, m)
+    if m.clock[at.STOP] - t > resolution:
+        return False
+    m.counts[at.N_STOPS] += 1
+    first = max(first_time(p), m.clock[at.AFTER_STOP])
+    m.clock[at.SOUGHT] = max(m.clock[at.SOUGHT], first)
+    aim(p, m, max(t, m.clock[at.STOP]), first)
+    return True

@@ -1,0 +1,257 @@
+"""Known instants: declared, periodic, and those that a field's own code has in time."""
+
+import numpy as np
+import pytest
+from timed_drives import (
+    DRIVES,
+    SPAN,
+    exact_end,
+    instants_within,
+    oscillator,
+    parameters,
+)
+
+from hopdata.hybrid import (
+    System,
+    every,
+    field,
+    solve,
+    solve_batch,
+    solve_ivp,
+)
+
+START = [1.0, 0.0]
+WIDTH = 1e-6 * SPAN
+
+
+@pytest.fixture(scope="module")
+def systems():
+    """Return the oscillators that find their instants, made once."""
+    return {name: oscillator(drive) for name, drive in DRIVES.items()}
+
+
+def error_of(solution, drive, p):
+    return np.abs(solution.y_end - exact_end(drive, p, START)).max()
+
+
+# Found without being told.
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_jumps_of_a_drive_are_found(systems, name):
+    """Each is an end of a step, at all tolerances, and the error is the tolerance's."""
+    drive = DRIVES[name]
+    for seed, rtol in ((3, 1e-4), (4, 1e-7), (5, 1e-10)):
+        p = parameters(seed)
+        found = solve(
+            systems[name], (0.0, SPAN), START, params=p, rtol=rtol, atol=1e-2 * rtol
+        )
+        assert found.success
+        inside = instants_within(drive, p)[1:-1]
+        nearest = np.abs(found.t[:, None] - inside).min(axis=0)
+        assert nearest.max() < 1e-13
+        assert error_of(found, drive, p) < 30.0 * rtol
+
+
+def test_it_takes_fewer_evaluations_than_rejecting_at_each_jump(systems):
+    drive = DRIVES["square"]
+    plain = oscillator(drive, find_tstops=False)
+    p = parameters(6)
+    options = {"params": p, "rtol": 1e-7, "atol": 1e-9}
+    found = solve(systems["square"], (0.0, SPAN), START, **options)
+    rejecting = solve(plain, (0.0, SPAN), START, **options)
+    assert found.nfev < 0.5 * rejecting.nfev
+    assert error_of(found, drive, p) < error_of(rejecting, drive, p)
+
+
+def test_a_narrow_pulse_is_stepped_over_only_if_it_is_not_sought(systems):
+    drive = DRIVES["narrow pulse"]
+    plain = oscillator(drive, find_tstops=False)
+    p = parameters(7)
+    options = {"params": p, "rtol": 1e-6, "atol": 1e-9}
+    found = solve(systems["narrow pulse"], (0.0, SPAN), START, **options)
+    blind = solve(plain, (0.0, SPAN), START, **options)
+    assert error_of(found, drive, p) < 1e-5
+    assert error_of(blind, drive, p) > 1e-3
+    told = solve(plain, (0.0, SPAN), START, tstops=[p[4], p[4] + WIDTH], **options)
+    assert error_of(told, drive, p) < 1e-5
+
+
+def test_a_smooth_field_pays_nothing():
+    def smooth(t, y):
+        return np.sin(3.0 * t) - y[0]
+
+    def on_state(t, y):
+        return 1.0 - y[0] if y[0] < 2.0 else t
+
+    assert not System(smooth, n_states=1).has_instants
+    assert not System(on_state, n_states=1).has_instants
+    assert not oscillator(DRIVES["square"], find_tstops=False).has_instants
+    assert oscillator(DRIVES["square"]).has_instants
+
+
+@field
+def chosen_by_state(t, y, mode, params, dy):
+    if y[0] > params[0]:
+        dy[0] = -1.0 if t < 1.5 else 0.5
+    else:
+        dy[0] = 1.0 if t % 0.25 < 0.125 else 0.0
+
+
+def test_jumps_on_the_paths_that_a_state_chooses_are_found():
+    """The path is not the one at the start of the step."""
+    system = System(chosen_by_state, n_states=1)
+    solution = solve(system, (0.0, 1.0), [0.0], params=[9.0], rtol=1e-6)
+    nearest = np.abs(solution.t[:, None] - np.arange(1, 8) / 8).min(axis=0)
+    assert nearest.max() < 1e-14
+    assert solution.y_end == pytest.approx([0.5], abs=1e-12)
+    beyond = solve(system, (0.0, 2.0), [20.0], params=[9.0], rtol=1e-6)
+    assert np.abs(beyond.t - 1.5).min() < 1e-14
+    assert beyond.y_end == pytest.approx([20.0 - 1.5 + 0.25], abs=1e-12)
+
+
+# Declared.
+
+
+def step_at_one(t, y):  # to the left of 1, or at it as well
+    return 1.0 if t <= 1.0 else -1.0
+
+
+def step_before_one(t, y):
+    return 1.0 if t < 1.0 else -1.0
+
+
+@pytest.mark.parametrize("function", [step_at_one, step_before_one])
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "rosenbrock"])
+def test_each_piece_sees_its_own_side(function, method):
+    """Whichever side the instant belongs to, no step is rejected."""
+    system = System(function, n_states=1, find_tstops=False)
+    told = solve(system, (0.0, 3.0), [0.0], tstops=[1.0], method=method)
+    assert 1.0 in told.t
+    assert told.n_rejected == 0
+    assert told.y_end == pytest.approx([-1.0], abs=1e-14)
+    late = solve(system, (1.0, 3.0), [0.0], tstops=[1.0], method=method)
+    assert late.n_rejected == 0
+    assert late.y_end == pytest.approx([-2.0], abs=1e-13)
+
+
+def wave(t, y, p):
+    return 1.0 if (t - p[1]) % p[0] < 0.5 * p[0] else -1.0
+
+
+def test_instants_may_be_periodic_or_functions_of_the_parameters():
+    def own(p):
+        return every(p[0], p[1], p[1] + 0.5 * p[0])
+
+    p = [0.3, 0.07]
+    options = {"params": p, "rtol": 1e-6, "dense_output": True}
+    system = System(wave, n_states=1, find_tstops=False)
+    declared = System(wave, n_states=1, find_tstops=False, tstops=own)
+    told = solve(system, (0.0, 2.0), [0.0], tstops=own(p), **options)
+    itself = solve(declared, (0.0, 2.0), [0.0], **options)
+    assert itself.y_end == told.y_end
+    found = solve(System(wave, n_states=1), (0.0, 2.0), [0.0], **options)
+    assert told.y_end == pytest.approx(found.y_end, abs=1e-13)
+    assert told.n_rejected == found.n_rejected == 0
+    assert told(1.005) == pytest.approx(found(1.005), abs=1e-13)
+
+
+def test_backward_in_time_meets_the_same_instants():
+    system = System(wave, n_states=1, find_tstops=False)
+    p = [0.3, 0.07]
+    stops = [every(0.3, 0.07), *(0.22 + 0.3 * np.arange(8))]
+    there = solve(system, (0.0, 2.0), [0.0], params=p, tstops=stops)
+    back = solve(system, (2.0, 0.0), there.y_end, params=p, tstops=stops)
+    found = solve(System(wave, n_states=1), (2.0, 0.0), there.y_end, params=p)
+    for one in (there, back, found):
+        assert one.n_rejected == 0
+    assert back.y_end == pytest.approx([0.0], abs=1e-13)
+    assert found.y_end == pytest.approx([0.0], abs=1e-13)
+
+
+def test_a_batch_has_the_bytes_of_solve(systems):
+    system = systems["square"]
+    params = np.array([parameters(seed) for seed in range(4)])
+    starts = np.tile(START, (4, 1))
+    batch = solve_batch(system, (0.0, 5.0), starts, params=params, rtol=1e-6)
+
+    def own(p):
+        return [every(p[2], 0.0, p[2] * p[3]), 0.1 * p[4]]
+
+    declared = oscillator(DRIVES["square"], tstops=own, find_tstops=False)
+    told = solve_batch(declared, (0.0, 5.0), starts, params=params, rtol=1e-6)
+    for row, p in enumerate(params):
+        one = solve(system, (0.0, 5.0), START, params=p, rtol=1e-6)
+        assert (batch.y_end[row] == one.y_end).all()
+        one = solve(declared, (0.0, 5.0), START, params=p, rtol=1e-6)
+        assert (told.y_end[row] == one.y_end).all()
+        assert told.n_steps[row] == one.n_steps
+    in_lanes = solve_batch(
+        declared, (0.0, 5.0), starts, params=params, rtol=1e-6, lanes=True
+    )
+    assert "instants" in in_lanes.lanes_reason
+    assert (in_lanes.y_end == told.y_end).all()
+
+
+def test_the_jacobian_of_the_flow_is_that_of_the_pieces(systems):
+    """The oscillator is linear: the drive does not change it."""
+    p = parameters(8)
+    options = {"params": p, "rtol": 1e-9, "jacobian": True}
+    forced = solve(systems["square"], (0.0, 4.0), START, **options)
+
+    def free(t, y, p):
+        return y[1], -p[0] * p[0] * y[0] - 2.0 * p[1] * p[0] * y[1]
+
+    unforced = solve(System(free, n_states=2), (0.0, 4.0), START, **options)
+    np.testing.assert_allclose(forced.jacobian, unforced.jacobian, atol=1e-7)
+
+
+def test_events_beside_instants():
+    """A ball on a floor that is pushed, by steps of its own, at the time of an event."""
+
+    def pushed(t, y):
+        return y[1], -2.0 if t < 1.0 else 3.0
+
+    def floor(t, y):
+        return y[0]
+
+    ball = System(pushed, floor, n_states=2, guard_names=("floor",))
+    solution = solve(ball, (0.0, 3.0), [1.0, 0.0], rtol=1e-9)  # meets it at t = 1
+    assert solution.events.time[0] == pytest.approx(1.0, abs=1e-12)
+    assert solution.success
+    end = -2.0 * 2.0 + 0.5 * 3.0 * 4.0
+    assert solution.y_end[0] == pytest.approx(end, abs=1e-9)
+
+
+def test_solve_ivp_takes_them():
+    told = solve_ivp(step_before_one, (0, 2), [0.0], tstops=[1.0])
+    assert 1.0 in told.t
+    assert told.y[0, -1] == pytest.approx(0.0, abs=1e-13)
+
+
+# Mistakes.
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [([np.nan], "finite"), ("soon", "numbers"), ([None], "tstops")],
+)
+def test_wrong_instants_are_refused(wrong, word):
+    with pytest.raises(ValueError, match=word):
+        System(step_before_one, n_states=1, tstops=wrong)
+    with pytest.raises(ValueError, match=word):
+        solve(System(step_before_one, n_states=1), (0, 1), [0.0], tstops=wrong)
+
+
+def test_wrong_periods_are_refused():
+    for period in (0.0, -1.0, np.inf, "day"):
+        with pytest.raises(ValueError, match="period"):
+            every(period)
+    with pytest.raises(ValueError, match="starts"):
+        every(1.0, np.nan)
+
+
+def test_instants_that_move_with_the_parameters_have_no_sensitivity():
+    system = System(wave, n_states=1, tstops=lambda p: every(p[0]))
+    with pytest.raises(ValueError, match="move"):
+        solve(system, (0.0, 1.0), [0.0], params=[0.3, 0.0], jacobian="params")
