@@ -38,6 +38,8 @@ from hopdata.hybrid.numbers.duals import Dual, is_scalar
 from hopdata.hybrid.numbers.ranges import DIGEST, RANGE, make
 
 Function = Callable[..., Any]
+in_code: Any = intrinsic
+in_code_literally: Any = intrinsic(prefer_literal=True)
 
 
 class Moving(NumberLike):
@@ -85,7 +87,7 @@ def _pair(context: Any, builder: Any, kind: Any, value: Any, rate: Any) -> Any:
     return made._getvalue()
 
 
-@intrinsic
+@in_code
 def moving(typing: Any, value: Any, rate: Any) -> Any:
     """Build a number of the value's kind that moves at this rate."""
     inner = types.unliteral(value)
@@ -142,19 +144,19 @@ def _item_of(like: Any) -> Any:
     return types.float64 if is_number(item) else item
 
 
-@intrinsic(prefer_literal=True)
+@in_code_literally
 def room_like(typing: Any, like: Any, count: Any) -> Any:
     """Build an array of a number of items of the kind of `like`, or of its items."""
     return _room(_item_of(like), like, count)
 
 
-@intrinsic(prefer_literal=True)
+@in_code_literally
 def room_moving(typing: Any, like: Any, count: Any) -> Any:
     """Build an array as `room_like` does, of items that move."""
     return _room(Moving(_item_of(like)), like, count)
 
 
-@intrinsic
+@in_code
 def as_item(typing: Any, number: Any, array: Any) -> Any:
     """Build a number of the kind of an array's items."""
 

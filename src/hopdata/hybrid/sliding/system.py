@@ -240,7 +240,7 @@ def _functions(system: Any, sizes: Names, *, rests: bool) -> tuple[Mixed, Mixed,
     if system.field.compiled and system.guards.compiled:
         of_numbers = names_of_numbers(system, sizes, rests=rests)
         floats = names_of_floats(system, sizes, of_numbers, rests=rests)
-    kinds = {
+    kinds: dict[str, tuple[Any, Any, Callback]] = {
         "field": (mix.field_template, mix.field_template, system.field),
         "guards": (guards.guards_template, guards.guards_template, system.guards),
         "on_event": (handler.handler_template, handler.handler_of_duals, inner),
