@@ -237,11 +237,12 @@ def compared(name: str, member: Any, seen: Seen) -> tuple[int, int, int]:
     states = np.ascontiguousarray(seen.path(looks))
     sampler(name)(looks, states, np.array(params), h)
     number = np.searchsorted(times, looks, side="right")
-    # A peer tells no side: the side at the largest |h| gives all others.
-    parity = np.where(number % 2 == 0, 1.0, -1.0)
-    largest = np.argmax(abs(h))
-    lock = parity * parity[largest] * np.sign(h[largest])
-    wrong = (np.sign(h) != lock) & (abs(h) > GREY * abs(h).max())
+    # A peer tells no side, but it begins on the right one.
+    grey = GREY * abs(h).max()
+    begin = np.argmax(abs(h) > grey)
+    parity = np.where(number % 2 == number[begin] % 2, 1.0, -1.0)
+    lock = parity * np.sign(h[begin])
+    wrong = (np.sign(h) != lock) & (abs(h) > grey)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], wrong, [False]])))
     missed, spurious, displaced = 0, 0, 0
     padded = np.concatenate([[0], number, [len(times)]])
@@ -252,6 +253,8 @@ def compared(name: str, member: Any, seen: Seen) -> tuple[int, int, int]:
             displaced += 1
         elif flips_before:
             spurious += 2
+        elif after == len(looks):  # no return before the end
+            missed += 1
         else:
             missed += 2
     return missed, spurious, displaced

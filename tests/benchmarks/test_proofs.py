@@ -21,9 +21,10 @@ def circle(t):
     [
         (ALL, 0, 0),
         (ALL[2:], 2, 0),
+        (ALL[:3], 1, 0),
         (np.concatenate([ALL, [1.5, 2.0]]), 0, 2),
     ],
-    ids=["all", "two lost", "two too many"],
+    ids=["all", "two lost", "the last lost", "two too many"],
 )
 def test_events_of_a_peer_are_compared_with_its_path(events, missed, spurious):
     seen = proofs.Seen(np.asarray(events), circle, 0.0)

@@ -75,7 +75,7 @@ def guards_for_ranges(guards: Callback | None, count: int = 0) -> RangedGuards:
 
     one_by_one = "k" in guards.signature.arguments
     leaves_out = count >= MANY_GUARDS and may_be_left_out(guards)
-    templates = (_all, _all_by_arrays)
+    templates: tuple[Any, ...] = (_all, _all_by_arrays)
     if one_by_one:
         templates = (_each, _each_by_arrays)
     elif leaves_out:
