@@ -10,8 +10,9 @@ address, and of Python functions.
 
 Of Numba's internals it uses `cgutils` (structures and branches of the generated code),
 `datamodel` (the memory layout of a type), `typeconv` (conversions between types),
-`typing.templates` (the meaning of indexing a view) and `np.arrayobj` (arrays made from
-an address); the public API cannot define a type without an owner.
+`typing.templates` (the meaning of indexing a view), `np.arrayobj` (arrays made from an
+address) and `ir_utils` (the exception by which a rewriting gives up); the public API
+cannot define a type without an owner.
 """
 
 import operator
@@ -24,6 +25,7 @@ from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
 from numba.core.datamodel import models
+from numba.core.ir_utils import GuardException
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import (
     AbstractTemplate,
@@ -33,6 +35,9 @@ from numba.core.typing.templates import (
     signature,
 )
 from numba.np.arrayobj import make_array, populate_array
+
+# What a rewriting of Numba's raises to leave the code as it is.
+LEFT_AS_IT_IS: type[Exception] = GuardException
 
 
 class FloatVector(Protocol):
@@ -118,6 +123,23 @@ def built(count: int, typed: Callable[..., Any]) -> Any:
     names = ", ".join(f"a{k}" for k in range(count))
     function = eval(f"lambda typing, {names}: typed({names})", {"typed": typed})
     return extending.intrinsic(function)
+
+
+def structure(context: Any, builder: Any, kind: Any, value: Any = None) -> Any:
+    """Return a structure of the generated code, whose members are attributes.
+
+    Without `value`, they are to be set.
+    """
+    return cgutils.create_struct_proxy(kind)(context, builder, value)
+
+
+def array_from(
+    context: Any, builder: Any, kind: Any, start: Any, length: Any, item: Any
+) -> Any:
+    """Build an array without an owner: items of `item` bytes from an address on."""
+    array = make_array(kind)(context, builder)
+    populate_array(array, start, [length], [item], item, meminfo=None)
+    return array._getvalue()
 
 
 def _view_at(kind: View) -> Any:

@@ -20,20 +20,23 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.core import cgutils
-from numba.core.datamodel import models
-from numba.core.typeconv import Conversion
 from numba.extending import (
     intrinsic,
     lower_builtin,
     lower_cast,
     make_attribute_wrapper,
+    models,
     overload,
     register_model,
 )
-from numba.np.arrayobj import make_array, populate_array
 
-from hopdata.hybrid.compiled.memory import NumberLike, is_number, tried_first
+from hopdata.hybrid.compiled.memory import (
+    NumberLike,
+    array_from,
+    is_number,
+    structure,
+    tried_first,
+)
 from hopdata.hybrid.numbers.duals import Dual, is_scalar
 from hopdata.hybrid.numbers.ranges import DIGEST, RANGE, make
 
@@ -59,11 +62,11 @@ class Moving(NumberLike):
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
         """Return whether another type converts to this one, as one that rests."""
-        if is_number(other) or other == self.inner:
-            return Conversion.safe
+        if other == self.inner:
+            return super().can_convert_from(context, types.float64)
         if isinstance(self.inner, NumberLike):
             return self.inner.can_convert_from(context, other)
-        return None
+        return super().can_convert_from(context, other)
 
     def unify(self, context: Any, other: Any) -> Any:
         """Return the type of a variable that holds values of both types."""
@@ -81,7 +84,7 @@ make_attribute_wrapper(Moving, "rate", "rate")
 
 
 def _pair(context: Any, builder: Any, kind: Any, value: Any, rate: Any) -> Any:
-    made = cgutils.create_struct_proxy(kind)(context, builder)
+    made = structure(context, builder, kind)
     made.value = value
     made.rate = rate
     return made._getvalue()
@@ -131,9 +134,7 @@ def _room(item: Any, like: Any, count: Any) -> Any:
             start = builder.alloca(native, max(n, 1))
         size = context.get_constant(types.intp, context.get_abi_sizeof(native))
         length = context.get_constant(types.intp, n)
-        array = make_array(kind)(context, builder)
-        populate_array(array, start, [length], [size], size, meminfo=None)
-        return array._getvalue()
+        return array_from(context, builder, kind, start, length, size)
 
     return kind(like, count), generate
 
@@ -210,8 +211,7 @@ class Traced:
         self.built = built
 
     def _part(self, name: str) -> "Traced":
-        proxy = cgutils.create_struct_proxy(self.kind)
-        held = proxy(self.context, self.builder, self.built)
+        held = structure(self.context, self.builder, self.kind, self.built)
         return self._like(self.kind.inner, getattr(held, name))
 
     def _like(self, kind: Any, built: Any) -> "Traced":

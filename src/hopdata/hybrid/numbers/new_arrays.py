@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.core.ir_utils import GuardException
 from numba.extending import overload
 
 from hopdata.hybrid.compiled.memory import (
+    LEFT_AS_IT_IS,
     FirstTried,
     NumberLike,
     ask_first,
@@ -212,7 +212,7 @@ def _end_rewriting(typing: Any, dtype: Any) -> None:
     """
     is_of_ours = isinstance(dtype, types.DType) and isinstance(dtype.dtype, NumberLike)
     if is_of_ours and not _is_numbas_own(typing):
-        raise GuardException
+        raise LEFT_AS_IT_IS
 
 
 def _is_numbas_own(typing: Any) -> bool:
