@@ -82,7 +82,8 @@ def made(given):
         stiff, field, 2,
         FILL_JACOBIAN=specialised(template, **names),
         TIME_DERIVATIVE=specialised(stiff.time_derivative, **names),
-        PREPARE=stiff.prepare_dense, SOLVE=stiff.solve_dense,
+        PREPARE=specialised(stiff.prepare_dense, **names),
+        SOLVE=specialised(stiff.solve_dense, **names),
     )  # fmt: skip
 
 

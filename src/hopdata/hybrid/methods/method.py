@@ -327,7 +327,8 @@ def _rosenbrock(scene: Scene, fill: Any, in_time: Any, evaluations: int) -> Meth
     """Return the Rosenbrock method with these functions for the field's derivatives."""
     names = {"FIELD": scene.field.dispatcher, "N": scene.n_states}
     made = {"FILL_JACOBIAN": fill, "TIME_DERIVATIVE": in_time}
-    made |= {"PREPARE": stiff.prepare_dense, "SOLVE": stiff.solve_dense}
+    made["PREPARE"] = put_in(stiff.prepare_dense, N=scene.n_states)
+    made["SOLVE"] = put_in(stiff.solve_dense, N=scene.n_states)
     return Method(
         order=stiff.ORDER,
         step=with_digest(stiff.step, **names, **made),

@@ -357,23 +357,19 @@ def dual_names(call: Any, n: int, *, time_only: bool) -> dict[str, Any]:
     }
 
 
-@kernel
 def prepare_dense(s: FloatTable, shift: float) -> None:
     """Factorise shift - J."""
-    n = s.width
-    lu = JAC + n
-    for i in range(n):
-        for j in range(n):
+    lu = JAC + N
+    for i in range(N):
+        for j in range(N):
             s[lu + i, j] = -s[JAC + i, j]
         s[lu + i, i] += shift
-    factorise(s, lu, PIVOTS, n)
+    factorise(s, lu, PIVOTS, N)
 
 
-@kernel
 def solve_dense(s: FloatTable, shift: float, x: int) -> bool:
     """Replace the right-hand side in row `x` by the solution; return True."""
-    n = s.width
-    solve_factorised(s, JAC + n, PIVOTS, x, n)
+    solve_factorised(s, JAC + N, PIVOTS, x, N)
     return True
 
 
