@@ -6,12 +6,14 @@ and steps through SciPy's events at 1e-12. Derivatives are compared with differe
 the flow, and with a smoothed system, in which the fields are blended over a layer about
 the surface.
 
-    python benchmarks/sliding.py --members 8 --seeds 11 12 13 14 15
+    python benchmarks/sliding.py --members 8 --seeds 11 12 13 14 15 --out sliding.csv
 """
 
 import argparse
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.integrate import solve_ivp as reference_solve
 
 from hopdata.hybrid import System, solve
@@ -226,27 +228,39 @@ def compare(seed: int, number: int, *, smoothed: bool) -> dict[str, float]:
     return row
 
 
+SUMS = ("status", "modes", "slides", "events", "proven", "unproven", "close")
+ERRORS = ("state", "jacobian", "params", "smoothed")
+
+
+def summary(rows: pd.DataFrame) -> dict[str, float]:
+    """Return sums of what is counted, and median and worst of the errors."""
+    told: dict[str, float] = {"members": len(rows)}
+    for name in (*SUMS, "differences"):
+        told[name] = rows[name].sum()
+    for name in ERRORS:
+        if name in rows:
+            told[f"{name}_median"] = rows[name].median()
+            told[f"{name}_worst"] = rows[name].max()
+    return told
+
+
 def main() -> None:
-    """Print a table: a line for each seed."""
+    """Write a table with a row for each seed."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--members", type=int, default=8)
     parser.add_argument("--seeds", type=int, nargs="+", default=[11, 12, 13, 14, 15])
     parser.add_argument("--smoothed", action="store_true")
+    parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
+    table = []
     for seed in given.seeds:
         rows = []
         for number in range(given.members):
             rows.append(compare(seed, number, smoothed=given.smoothed))
-        print(f"seed {seed}: {len(rows)} members")
-        for name in ("status", "modes", "differences", "unproven", "close", "events"):
-            print(f"  {name:12s} {sum(row[name] for row in rows):g}")
-        for name in ("slides", "proven"):
-            print(f"  {name:12s} {sum(row[name] for row in rows):g} members")
-        for name in ("state", "jacobian", "params", "smoothed"):
-            values = [row[name] for row in rows if name in row]
-            if values:
-                worst = max(values)
-                print(f"  {name:12s} median {np.median(values):.1e}, worst {worst:.1e}")
+        told = {"seed": seed, **summary(pd.DataFrame(rows))}
+        print(" ".join(f"{name}={value:.3g}" for name, value in told.items()))
+        table.append(told)
+    pd.DataFrame(table).to_csv(given.out, index=False, float_format="%.3g")
 
 
 if __name__ == "__main__":

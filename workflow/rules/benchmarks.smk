@@ -20,6 +20,7 @@ BENCHMARK_TABLES = {
     "first_solve": ["first_solve.csv"],
     "first_order": ["first_order.csv"],
     "known_instants": ["known_instants.csv"],
+    "sliding": ["sliding.csv"],
     "contact_instants": ["contact_instants.csv"],
     "check_forecast": ["check_forecast.csv"],
     "foot_strikes": ["foot_strikes.csv"],
@@ -80,6 +81,7 @@ BENCHMARK_ARGUMENTS = {
     "reading": "--files 2100 --rounds 3",
     "recording_faults": "--recordings 6 --floor-seeds 3 --filled-hops 300",
     "side_by_side": "--turns 3",
+    "sliding": "--members 3",
     "stress": "--hops 20000 --systems 100",
     "study_cost": "--base 0.07",
     "velocities": "--draws 10",
@@ -101,6 +103,7 @@ UNTIMED = {
     "order",
     "pose",
     "recording_faults",
+    "sliding",
     "velocities",
 }
 # Each figure that `benchmark_figures.py` draws, and the tables that it is drawn from.

@@ -34,9 +34,12 @@ MOST_PATHS = 256
 #: Unit: 1. Origin: chosen.
 MOST_PER_ROW = 256
 
-#: Numbers of the arena for each state, at first and at most.
-#: Unit: 1. Origin: chosen: the most takes 160 MB for 10,000 states.
+#: Numbers of the arena for each state, at first.
+#: Unit: 1. Origin: chosen.
 FIRST_ROOM = 128
+
+#: Numbers of the arena for each state, at most.
+#: Unit: 1. Origin: chosen: it takes 160 MB for 10,000 states.
 MOST_ROOM = 2048
 
 UNKNOWN = 4096  # parameters that no field names one by one
