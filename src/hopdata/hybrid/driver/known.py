@@ -50,8 +50,8 @@ MOST_LOOKS = 4096
 #: Unit: 1. Origin: derived: `stepping.ALMOST_THERE` stretches a step by a hundredth.
 STRETCH = 1.02
 
-#: Most of the time since the last instant that is left out before a declared one, for
-#: the rounding of the field's own.
+#: Largest part of the time up to a declared instant that is left out before it, because
+#: the field may compute this instant with another rounding.
 #: Unit: 1. Origin: chosen.
 MOST_MARGIN = 0.125
 

@@ -56,8 +56,8 @@ SHORTEST = 8.0
 #: Unit: fraction of the step. Origin: chosen: 256 roundings of the step's length.
 FINEST = 2.0**-44
 
-#: Length of pieces of which only signs say that a guard does not flip, up to which a
-#: flip right after them is proven, in shortest pieces.
+#: Length, in shortest pieces, up to which pieces that only signs have decided count as
+#: proven if a guard flips right after them.
 #: Unit: 1. Origin: chosen.
 SURE = 2.0**12
 
@@ -86,7 +86,7 @@ GROW = 2.0
 GROW_MUCH = 16.0
 VERY_SHORT = 2.0**-12
 
-#: Piece in which it is asked what of a guard's value may be rounding.
+#: Longest undecided piece in which it is asked what of a guard's value may be rounding.
 #: Unit: fraction of the step. Origin: chosen.
 DOUBTFUL = 2.0**-8
 
@@ -94,14 +94,15 @@ DOUBTFUL = 2.0**-8
 #: Unit: 1. Origin: rounding: eight units in the last place of a double.
 DOUBT = 8.0 * EPS
 
-#: Way of h in the other direction, over a piece, of a guard that falls or rises.
+#: Largest change of h in the other direction, over a piece in which a guard counts as
+#: falling or rising.
 #: Unit: fraction of its range. Origin: rounding: 128 units in the last place of a
 #: double, as states and slopes are enclosed with 64. Otherwise a body that starts from
 #: rest would not fall in the first piece.
 STILL = 128.0 * EPS
 
-#: Part of a piece that is examined next, of a guard that leaves its surface in it and
-#: returns: its rate must not change its sign there.
+#: Part of a piece that is examined next if a guard leaves its surface in it and
+#: returns: in a shorter piece its rate may keep its sign.
 #: Unit: 1. Origin: chosen.
 LEAVING = 0.25
 

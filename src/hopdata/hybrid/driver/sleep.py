@@ -211,7 +211,7 @@ def wake_all(m: Memory) -> None:
 REACH = 32.0
 
 #: Factor by which it becomes shorter where too few guards are left out, and longer
-#: again after a box that has not served for long.
+#: again after a box that has served for few pieces only.
 #: Unit: 1. Origin: chosen.
 SHORTER = 0.25
 LONGER = 4.0

@@ -128,7 +128,7 @@ IN_VAIN = 1.5
 #: Unit: 1. Origin: chosen.
 MOST_IDLE = 8.5
 
-#: Decrease of that number at a step within the limit.
+#: Decrease, at each step within the stability limit, of the number of steps beyond it.
 #: Unit: 1. Origin: chosen.
 RELIEF = 0.1
 

@@ -26,7 +26,8 @@ from hopdata.hybrid.sliding.mix import ADDITIVE, size_of
 #: Unit: 1. Origin: chosen.
 NEAR = 5e-3
 
-#: The same as a share of the time since zero, times its rates.
+#: The same for time: a share of its size, times the difference of the guard's rates by
+#: the two fields.
 #: Unit: 1. Origin: chosen.
 NEAR_IN_TIME = 1e-6
 
