@@ -14,6 +14,7 @@ from typing import Any
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import int_vector
+from hopdata.hybrid.driver.enclosure import begin_enclosing
 from hopdata.hybrid.driver.localise import NONE
 from hopdata.hybrid.driver.loop import memory_of, problem_of
 from hopdata.hybrid.driver.problem import ROUNDING, Problem, has_flipped, terms_at
@@ -192,6 +193,7 @@ def prove_one(j: int, t: Any, h: Any, r: Any) -> tuple[float, bool]:
     p = problem_in(j, r)
     m = memory_in(j, r)
     measure_parts(p, m)
+    begin_enclosing(p, m)
     k, place, jumps = proven_flip(p, m, lane(h, j))
     if m.counts[at.UNPROVEN] != 0 or jumps:
         return inf, False
