@@ -37,7 +37,6 @@ LOOSE = 2.0
 #: Unit: 1. Origin: chosen.
 SLACK = 1.0 / 16.0
 
-
 #: Factor of the reach of boxes after one that did not tell of a guard.
 #: Unit: 1. Origin: chosen.
 SHRINK = 0.5
@@ -122,7 +121,10 @@ def make_box(m: Memory, dt: float, ahead: float) -> None:
 
 @kernel_apart
 def look_ahead(p: Problem, m: Memory, dt: float, ahead: float) -> bool:
-    """Make a box and the guards' ranges in it; return whether they are single ones."""
+    """Make a box and the guards' ranges in it; return whether they can be used.
+
+    They cannot if the code has several paths in the box, or cannot be followed.
+    """
     make_box(m, dt, ahead)
     start = m.clock[at.T]
     end = start + (1.0 + ahead) * dt
@@ -144,7 +146,8 @@ def look_ahead(p: Problem, m: Memory, dt: float, ahead: float) -> bool:
 def knows_box(p: Problem, m: Memory, dt: float) -> bool:
     """Return whether there are ranges of the guards in a box around the step.
 
-    They are in the rows from BOX_RANGES on.
+    A box that does not hold the step is replaced by a new one, if that is expected to
+    serve. The ranges are in the rows from BOX_RANGES on.
     """
     enclose(m, dt, 0.0, 1.0)
     if is_in_box(m, dt):

@@ -71,7 +71,7 @@ def _extreme_slopes(a: int, b: int) -> tuple[float, float]:
     return min(slopes), max(slopes)
 
 
-# By the number of a coefficient, from the fourth on, beyond which a cubic has none.
+# Indexed by the number of a coefficient. The first three are those of the cubic.
 _AFTER_CUBIC = range(4, at.LOW_DEGREE + 1)
 _POWERS = {j: ((j + 1) // 2, j // 2) for j in _AFTER_CUBIC}
 _ROUNDED_UP = 1.0 + 8.0 * EPS
@@ -186,7 +186,8 @@ def begin_enclosing(p: Problem, m: Memory) -> None:
 def write_powers(m: Memory) -> None:
     """Write the step's interpolant in powers of theta, and the rounding of its values.
 
-    Its coefficients are in the rows from POWERS_AT on.
+    Its coefficients are in the rows from POWERS_AT on. The rounding of its slopes is
+    written, too.
     """
     s = m.states
     degree = m.counts[at.DEGREE]
@@ -325,9 +326,12 @@ def shift_one(m: Memory, i: int, a: float, z: float) -> None:
 def enclose_one(
     m: Memory, i: int, row: int, a: float, width: float, per_s: float
 ) -> None:
-    """Enclose state i and its slope over a piece of this width from `row` on."""
+    """Enclose state i and its slope over a piece of this width.
+
+    Its interpolant stands in the rows from `row` on, as `shift_one` writes it.
+    """
     s = m.states
-    c = m.counts[at.PIECE_AT]
+    piece = m.counts[at.PIECE_AT]
     degree = m.counts[at.DEGREE]
     passes = int(s[at.PASSES, i])
     n = degree if passes == degree else passes - 1
@@ -336,7 +340,7 @@ def enclose_one(
     for j in range(1, n + 1):
         power *= width
         term = s[row + j, i] * power
-        s[c + j, i] = term
+        s[piece + j, i] = term
         slopes += j * abs(term)
     left = 0.0
     slopes_left = 0.0
@@ -344,28 +348,31 @@ def enclose_one(
         value, slope = remainder(m, i, row, passes, a + width)
         left = power * width * value
         slopes_left = power * width * (passes * value + width * slope)
+    # The highest terms are left to their sizes, too, as long as these are small.
     while n > 1:
-        size = abs(s[c + n, i])
+        size = abs(s[piece + n, i])
         if not slopes_left + n * size <= LEFT_OUT * slopes:
             break
         left += size
         slopes_left += n * size
         n -= 1
+    # To Bernstein coefficients: number j is the sum of the terms k, times the ways to
+    # choose k of j over those to choose k of n. Without the start, number 0 is zero.
     for j in range(1, n + 1):
-        s[c + j, i] *= PER_COMB[n, j]
-    s[c, i] = 0.0
+        s[piece + j, i] *= PER_COMB[n, j]
+    s[piece, i] = 0.0
     for k in range(1, n + 1):
         for j in range(n, k - 1, -1):
-            s[c + j, i] += s[c + j - 1, i]
+            s[piece + j, i] += s[piece + j - 1, i]
     least = 0.0
     most = 0.0
-    before = s[c + 1, i]
+    before = s[piece + 1, i]
     least_slope = before
     most_slope = before
     least = min(least, before)
     most = max(most, before)
     for j in range(2, n + 1):
-        one = s[c + j, i]
+        one = s[piece + j, i]
         least = min(least, one)
         most = max(most, one)
         least_slope = min(least_slope, one - before)
@@ -376,9 +383,9 @@ def enclose_one(
     s[at.LEAST, i] = start + (least - left)
     s[at.MOST, i] = start + (most + left)
     per_width = per_s / width
-    left = slopes_left * per_width + s[at.SLOPE_GRAIN, i] * per_s
-    s[at.LEAST_SLOPE, i] = n * least_slope * per_width - left
-    s[at.MOST_SLOPE, i] = n * most_slope * per_width + left
+    slope_left = slopes_left * per_width + s[at.SLOPE_GRAIN, i] * per_s
+    s[at.LEAST_SLOPE, i] = n * least_slope * per_width - slope_left
+    s[at.MOST_SLOPE, i] = n * most_slope * per_width + slope_left
 
 
 @kernel_apart

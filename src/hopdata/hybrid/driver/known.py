@@ -8,9 +8,9 @@ right, a stretch of time is clear, or it is divided before the place where a jum
 expected, until what remains is as short as rounding. Stretches that are clear need not
 be looked at again, unless the mode changes.
 
-Between two instants, the field sees times of its own piece only: its time is held
-within two limits, the last two numbers of the parameters (see `derived.with_instants`).
-They leave out what rounding may put on the other side. So all stages of a step, also
+Between two instants, the field sees only times of this piece: its time is held within
+two limits, the last two numbers of the parameters (see `derived.with_instants`). They
+leave out what rounding may put on the other side. So all stages of a step, also
 that at its end, are evaluated on the side to which they belong, however the field
 compares.
 """
@@ -50,9 +50,8 @@ MOST_LOOKS = 4096
 #: Unit: 1. Origin: derived: `stepping.ALMOST_THERE` stretches a step by a hundredth.
 STRETCH = 1.02
 
-
-#: Most of the time since the last instant that is left out before a declared one, for
-#: the rounding of the field's own.
+#: Largest part of the time up to a declared instant that is left out before it, because
+#: the field may compute this instant with another rounding.
 #: Unit: 1. Origin: chosen.
 MOST_MARGIN = 0.125
 
@@ -160,9 +159,11 @@ def seek_anew(p: Problem, m: Memory) -> None:
 
 @kernel_apart
 def set_states(p: Problem, m: Memory, is_known: bool) -> None:
-    """Write the ranges of states, of all numbers or those of now, and of their rates.
+    """Write the ranges of the states and of their rates.
 
-    Their rates are not known. States that do not vary are parameters.
+    If `is_known`, the states are those of now; otherwise they may be any numbers. Their
+    rates may be any in both cases. From state `n_varying` on, the states are
+    parameters: they are known, and do not vary.
     """
     s = m.states
     for i in range(s.width):
@@ -248,8 +249,9 @@ def note_jump(
 ) -> None:
     """Let the next step end at a jump that is located between two times.
 
-    If it does not end soon after, it is none, and the field may jump or not anywhere
-    in a stretch: it is not searched.
+    It is one if the field does not jump directly after it, or after a longer stretch.
+    Otherwise no single instant can be told: this is counted in UNSOUGHT, and the time
+    up to `goal` is not searched.
     """
     width = end - start
     for _ in range(MOST_WIDER):

@@ -43,7 +43,11 @@ def run_once(p: Problem, m: Memory, start: float, end: float, t_rate: float) -> 
 def run_on(
     p: Problem, m: Memory, least: int, start: float, end: float, t_rate: float
 ) -> None:
-    """Run the guards' code for the four rows of ranges from row `least` on."""
+    """Run the guards' code for the four rows of ranges from row `least` on.
+
+    The ranges of the guards go into the rows from RANGES on. `t_rate` is the rate of
+    time: 1 along the trajectory (`proof.vary` asks for others).
+    """
     n = m.states.width
     n_guards = m.guards.width
     states = address_of(m.states)

@@ -47,7 +47,9 @@ class Problem(NamedTuple):
     max_steps: int
     max_events: int
     start_state: FloatVector
-    kept: FloatVector  # mode and parameters before and after a call of the handler
+    # Mode and parameters before and after a call of the handler, and the parameters for
+    # which guards are left out (see `sleep`).
+    kept: FloatVector
     # Address of the guards' code for ranges; 0: no guards, -1: none could be made
     branches: int
     along: IntVector  # machine code and rooms for duals; see `numbers.along`

@@ -3,19 +3,20 @@
 The states are enclosed over a piece of the step (`enclosure`), and the guards' own
 code, compiled for ranges of value and rate, is run once for all guards (`paths`).
 From left to right, a piece is *clear* if each guard is: its range excludes zero; or its
-values at both ends and the range of its rate do (the mean value theorem); or its rate
-has one sign, and its ends are on the same side. There is one *flip* if the rate has one
-sign and the ends differ. Otherwise the piece is divided: around the place where a
-comparison or a jump of the code is expected to change, or else in the middle.
+values at both ends are so far from zero that no rate in its range takes it there (the
+mean value theorem); or its rate has one sign, and its ends are on the same side. There
+is one *flip* if the rate has one sign and the ends differ. Otherwise the piece is
+divided: around the place where a comparison or a jump of the code is expected to
+change, or else in the middle.
 
 A comparison that the ranges leave open is answered both ways, and the hull of all runs
 counts. A guard that this concerns is not judged by its rate, because it may jump.
 
 What is not decided in the shortest piece is decided by the signs at its ends. If they
 agree, nothing is proven there: the step is counted in UNPROVEN. So is a step in which a
-guard is zero to within rounding over a whole piece, and one that exhausts its budget,
-the rest of which is only sampled. Where the guards have no code for ranges, all steps
-are sampled.
+guard is zero to within rounding over a whole piece, and one that exhausts its budget of
+pieces: the rest of this step is only sampled. Where the guards have no code for ranges,
+all steps are sampled.
 """
 
 from math import inf
@@ -55,8 +56,8 @@ SHORTEST = 8.0
 #: Unit: fraction of the step. Origin: chosen: 256 roundings of the step's length.
 FINEST = 2.0**-44
 
-#: Length of pieces of which only signs say that a guard does not flip, up to which a
-#: flip right after them is proven, in shortest pieces.
+#: Length, in shortest pieces, up to which pieces that only signs have decided count as
+#: proven if a guard flips right after them.
 #: Unit: 1. Origin: chosen.
 SURE = 2.0**12
 
@@ -85,7 +86,7 @@ GROW = 2.0
 GROW_MUCH = 16.0
 VERY_SHORT = 2.0**-12
 
-#: Piece in which it is asked what of a guard's value may be rounding.
+#: Longest undecided piece in which it is asked what of a guard's value may be rounding.
 #: Unit: fraction of the step. Origin: chosen.
 DOUBTFUL = 2.0**-8
 
@@ -93,14 +94,15 @@ DOUBTFUL = 2.0**-8
 #: Unit: 1. Origin: rounding: eight units in the last place of a double.
 DOUBT = 8.0 * EPS
 
-#: Way of h in the other direction, over a piece, of a guard that falls or rises.
+#: Largest change of h in the other direction, over a piece in which a guard counts as
+#: falling or rising.
 #: Unit: fraction of its range. Origin: rounding: 128 units in the last place of a
 #: double, as states and slopes are enclosed with 64. Otherwise a body that starts from
 #: rest would not fall in the first piece.
 STILL = 128.0 * EPS
 
-#: Part of a piece that is examined next, of a guard that leaves its surface in it and
-#: returns: its rate must not change its sign there.
+#: Part of a piece that is examined next if a guard leaves its surface in it and
+#: returns: in a shorter piece its rate may keep its sign.
 #: Unit: 1. Origin: chosen.
 LEAVING = 0.25
 
@@ -172,9 +174,9 @@ def is_past_at(
 ) -> bool:
     """Return whether guard k is past its surface by the values in a row.
 
-    Inside a step of length `dt`, rates are the interpolant's: of a guard that has
-    flipped far from the origin they may be the rounding of its terms over the step.
-    What such a rate moves within the step is rounding, too.
+    Inside a step of length `dt`, rates are those of the interpolant. Far from the
+    origin, the terms of a guard that has flipped are large, and its rate there may err
+    by their rounding over `dt`: a fall that is no faster shows nothing.
     """
     g = facing(p.mode[k], m.guards[row, k])
     d = facing(p.mode[k], m.guards[row + 1, k])
@@ -207,8 +209,10 @@ def judge(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled loop)
 ) -> int:  # fmt: skip
     """Judge guard k in a piece by its ranges and by its values at both ends.
 
-    Writes the least distance of a guard that turns clear of its surface into CLEARANCE,
-    or infinity, and the length of its range into H.
+    Writes into CLEARANCE: of a clear guard that turns, its least distance from the
+    surface; FALLS, if it flips and falls all through the piece; infinity otherwise. H
+    receives the length of its range. If the guard leaves its surface in a piece that is
+    to be divided, CUT becomes LEAVING at most.
     """
     g = m.guards
     lock = p.mode[k]
@@ -232,7 +236,7 @@ def judge(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled loop)
     if on:
         g[at.CLEARANCE, k] = inf
         past = past and not is_leaving(m, k, dz, z * dt, resolution)
-    # By no more than rounding, over the piece, in the other direction.
+    # A rate that moves h by no more than its rounding, over the piece, counts as zero.
     still = STILL * max(abs(low), abs(high)) / ((z - a) * dt)
     still = still if still < inf else 0.0
     falls = most <= still and not branches
@@ -326,7 +330,7 @@ def judge_near(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled 
                 doubt = EXCUSED if comes_from_flip(m, k) else DOUBTED
                 m.counts[at.DOUBT] = max(m.counts[at.DOUBT], doubt)
         if verdict == FLIPS:
-            # Those before it in the list are not needed any more.
+            # NEAR is written over from its start: what was read is not needed again.
             m.lists[at.NEAR, flipping] = k
             flipping += 1
     if flipping == 0:
@@ -387,7 +391,7 @@ def forget_grains(p: Problem, m: Memory) -> None:
 
 @kernel
 def any_turns_near(m: Memory) -> bool:
-    """Return whether a clear guard in NEAR turns, and not far from its surface."""
+    """Return whether a clear guard in NEAR turns back not far from its surface."""
     candidates = 0
     for i in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, i]
@@ -530,7 +534,10 @@ def any_comes_back(p: Problem, m: Memory) -> bool:
 
 @kernel
 def first_piece(p: Problem, m: Memory, dt: float, shortest: float) -> float:
-    """Return the part of the step that is judged first: what could be judged last."""
+    """Return the part of the step that is judged first.
+
+    It is about as long as what could be judged at once in the last steps.
+    """
     if 2.0 * m.clock[at.PIECE] > dt:
         return LEAVING if any_comes_back(p, m) else 1.0
     return max(m.clock[at.PIECE] / dt, shortest)
@@ -712,7 +719,8 @@ def first_flip(p: Problem, m: Memory, dt: float) -> Found:
         return sampled_flip(p, m, dt, 0.0)
     prepare_interpolant(p, m, dt)
     begin_enclosing(p, m)
-    # Guards that are asleep or left out have ranges over other boxes.
+    # Guards that sleep have no ranges; those that are left out have them over another
+    # box, which takes the same rows.
     all_are_asked = p.rate_bound == 0 and p.rules[at.LEAVES_OUT, 0] == 0
     # Where pieces of this length were divided, longer ones will be.
     if all_are_asked and first_piece(p, m, dt, 0.0) == 1.0:

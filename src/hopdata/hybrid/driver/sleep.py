@@ -211,7 +211,7 @@ def wake_all(m: Memory) -> None:
 REACH = 32.0
 
 #: Factor by which it becomes shorter where too few guards are left out, and longer
-#: again after a box that has not served for long.
+#: again after a box that has served for few pieces only.
 #: Unit: 1. Origin: chosen.
 SHORTER = 0.25
 LONGER = 4.0
@@ -248,9 +248,13 @@ def put_off(m: Memory) -> None:
 
 @kernel
 def waits(m: Memory) -> bool:
-    """Return whether no box is made yet, because the last ones did not serve."""
+    """Return whether no box is made yet, because the last ones did not serve.
+
+    A box that there is holds no longer: it is forgotten, and for how many pieces it has
+    served decides about the next one.
+    """
     c = m.counts
-    if c[at.LEFT_OUT] > 0:  # the trajectory has left the last box
+    if c[at.LEFT_OUT] > 0:
         c[at.LEFT_OUT] = 0
         if c[at.LEFT_USES] >= FEW_USES:
             c[at.LEFT_PAUSE] = 0
@@ -267,7 +271,11 @@ def waits(m: Memory) -> bool:
 
 @kernel_apart
 def widen(p: Problem, m: Memory, start: float, end: float) -> float:
-    """Write a box around the ranges of the states, and return until when it holds."""
+    """Write a box around the ranges of the states, and return until when it holds.
+
+    The slopes stay as they are: no value of a guard that may be left out depends on
+    them (see `numbers.choice`). The parameters for which the box holds are kept.
+    """
     s = m.states
     reach = m.clock[at.LEFT_REACH]
     for i in range(s.width):
@@ -286,7 +294,10 @@ def widen(p: Problem, m: Memory, start: float, end: float) -> float:
 
 @kernel_apart
 def choose_ranged(p: Problem, m: Memory) -> None:
-    """Leave out the guards whose ranges over the box are clear of zero by far."""
+    """Leave out the guards whose ranges over the box are clear of zero by far.
+
+    If these are too few, none is left out, and the next box is smaller or put off.
+    """
     g = m.guards
     left_out = 0
     for k in range(g.width):
@@ -309,8 +320,8 @@ def choose_ranged(p: Problem, m: Memory) -> None:
 def is_inside(p: Problem, m: Memory, start: float, end: float) -> bool:
     """Return whether what is known of guards that are left out holds for a piece.
 
-    Its states and times must be in the box, the parameters be the same, and no handler
-    have set the lock of such a guard.
+    Its states and times must be in the box, the parameters must be the same, and each
+    of these guards must still be on the side that its lock says: a handler may set it.
     """
     if m.counts[at.LEFT_OUT] == 0:
         return False

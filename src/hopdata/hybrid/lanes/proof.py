@@ -83,10 +83,7 @@ def resolution_of(t: Any, h: Any) -> Any:
 
 @kernel
 def mark(lanes: int, g: int, margin: Any, rate: Any, noise: Any, r: Any) -> int:
-    """Record in which of these lanes a guard flips now.
-
-    Returns these lanes.
-    """
+    """Record in which of these lanes a guard flips now; return those where it does."""
     due = bits((margin < -noise) | ((margin <= noise) & (rate < 0.0))) & lanes
     for j in range(WIDTH if due != 0 else 0):
         r.book[DUE, j] |= 1 << g if due >> j & 1 else 0
@@ -153,7 +150,7 @@ def note_flip(j: int, g: int, r: Any) -> None:
 def write_step(j: int, t: Any, h: Any, r: Any) -> bool:
     """Write the step of lane j into its memory; return whether its guards are finite.
 
-    The interpolants are prepared.
+    The interpolants must have been prepared.
     """
     m = memory_in(j, r)
     m.clock[at.T] = lane(t, j)
@@ -255,7 +252,7 @@ def decide(t: Any, h: Any, r: Any) -> tuple[Any, Any]:
         noise = noise_of(g, d0, resolution, r)
         on = (m0 <= 0.0) | ((m0 <= noise) & (d0 > 0.0))
         past = is_past_at_end(g, resolution, r)
-        # By no more than rounding, over the step, in the other direction.
+        # A rate that moves h by no more than its rounding counts as zero.
         still = STILL * largest(absolute(low), absolute(high)) / h
         still = where(still < inf, still, 0.0)
         falls = most_rate <= still
@@ -273,9 +270,10 @@ def decide(t: Any, h: Any, r: Any) -> tuple[Any, Any]:
 def locate(flips: Any, t: Any, h: Any, r: Any) -> None:
     """Write where the first guard flips in these steps into LOCATION.
 
-    It is the root of a quartic: of the cubic over the step, and of its error as the
-    interpolant shows it at the cubic's own root. What this leaves shows in the step
-    that is repeated up to there.
+    It is the root of a quartic: the cubic over the step, and a term that vanishes with
+    its slope at both ends and makes up for the cubic's error at its own root, where the
+    guard is evaluated on the interpolant. The error that is left shows when the step is
+    repeated up to there.
     """
     place = spread(1.0)
     first = spread(-1.0)
@@ -339,10 +337,10 @@ def root(go: Any, m0: Any, d0: Any, m1: Any, d1: Any, quartic: Any, x: Any) -> A
 
 @kernel
 def prove(t: Any, h: Any, fine: Any, r: Any) -> tuple[Any, Any]:
-    """Prove the guards in the steps that are `fine`, whose interpolants are prepared.
+    """Prove the guards in the steps that are `fine`.
 
-    Returns where nothing is proven, and where a guard flips; LOCATION says at which
-    fraction of the step.
+    Their interpolants must have been prepared. Returns where nothing is proven, and
+    where a guard flips; LOCATION says at which fraction of the step.
     """
     lost = 0
     seen = 0

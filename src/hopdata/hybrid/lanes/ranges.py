@@ -6,8 +6,8 @@ A guard that needs other operations than those below, or branches, has no such c
 each of its steps is proven by the driver's kernel. NaN stands for anything: a product
 with infinity, a quotient by a range that contains zero.
 
-At one place, where all ranges of values are points, the rates are those of guards that
-return only values.
+At a single place, all ranges of values are points, and their rates are exact: so guards
+that return only values have their rates from here, too.
 """
 
 import builtins
@@ -351,17 +351,17 @@ def inverse(x: Any) -> Any:
 @njit
 def square(x: Any) -> Any:
     """Return the square of a range."""
-    smaller = least(absolute(x.lo), absolute(x.hi))
-    smaller = where((x.lo > 0.0) | (x.hi < 0.0), smaller, 0.0)
-    larger = largest(absolute(x.lo), absolute(x.hi))
+    nearest = least(absolute(x.lo), absolute(x.hi))
+    nearest = where((x.lo > 0.0) | (x.hi < 0.0), nearest, 0.0)
+    farthest = largest(absolute(x.lo), absolute(x.hi))
     anything = 0.0 * (x.lo + x.hi)
-    lo, hi = wider(smaller * smaller, larger * larger)
+    lo, hi = wider(nearest * nearest, farthest * farthest)
     return scaled(x, lo + anything, hi + anything, 2.0 * x.lo, 2.0 * x.hi)
 
 
 @njit
 def whole_power(x: Any, n: int) -> Any:
-    """Return a range to the power of an integer that is not negative."""
+    """Return a range to the power of an integer; anything, if that is negative."""
     result = make(spread(1.0), spread(1.0), spread(0.0), spread(0.0))
     for _ in range(n // 2):
         result = multiplied(result, square(x))
@@ -375,13 +375,13 @@ def whole_power(x: Any, n: int) -> Any:
 @njit
 def size(x: Any) -> Any:
     """Return the absolute value of a range."""
-    smaller = least(absolute(x.lo), absolute(x.hi))
-    smaller = where((x.lo > 0.0) | (x.hi < 0.0), smaller, 0.0)
-    larger = largest(absolute(x.lo), absolute(x.hi))
+    nearest = least(absolute(x.lo), absolute(x.hi))
+    nearest = where((x.lo > 0.0) | (x.hi < 0.0), nearest, 0.0)
+    farthest = largest(absolute(x.lo), absolute(x.hi))
     anything = 0.0 * (x.lo + x.hi)
     low = where(x.lo > 0.0, 1.0, -1.0)
     high = where(x.hi < 0.0, -1.0, 1.0)
-    return scaled(x, smaller + anything, larger + anything, low, high)
+    return scaled(x, nearest + anything, farthest + anything, low, high)
 
 
 @njit
@@ -506,12 +506,12 @@ def _of_two(both: Callable[..., Any], first: Any, second: Any) -> Any:
 
 
 @njit
-def _less(x: Any, y: Any) -> Any:
+def _minus_number(x: Any, y: Any) -> Any:
     return shifted(x, -y)
 
 
 @njit
-def _less_from(x: Any, y: Any) -> Any:
+def _number_minus(x: Any, y: Any) -> Any:
     return shifted(negated(y), x)
 
 
@@ -543,7 +543,7 @@ def _number_divided(x: Any, y: Any) -> Any:
 
 _MEANINGS = {
     "add": _of_two(added, shifted, _shifted_too),
-    "sub": _of_two(subtracted, _less, _less_from),
+    "sub": _of_two(subtracted, _minus_number, _number_minus),
     "mul": _of_two(multiplied, stretched, _stretched_too),
     "truediv": _of_two(_divided, _divided_by_number, _number_divided),
 }

@@ -128,7 +128,7 @@ IN_VAIN = 1.5
 #: Unit: 1. Origin: chosen.
 MOST_IDLE = 8.5
 
-#: Decrease of that number at a step within the limit.
+#: Decrease, at each step within the stability limit, of the number of steps beyond it.
 #: Unit: 1. Origin: chosen.
 RELIEF = 0.1
 
@@ -263,8 +263,9 @@ def cut(crossed: Any, location: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
     span = location * h
     call_field(r.field, t + span, r.work, r, new_slope)
     call_guards(r.guards, t + span, r.work, new_slope, r, r.h, r.rate)
-    worst = 4.0 * location * (1.0 - location)
-    good = crossed & (DENSE_ERROR * error * worst * worst <= SPARED)
+    # The interpolant's error is taken to be largest in the middle and zero at the ends.
+    part = 4.0 * location * (1.0 - location)
+    good = crossed & (DENSE_ERROR * error * part * part <= SPARED)
     resolution = resolution_of(t, span)
     on_one = mask_of(0)
     for g in range(r.n_guards):
@@ -289,8 +290,9 @@ def cut(crossed: Any, location: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
 def move_ends(mine: Any, t: Any, h: Any, soonest: Any, r: Any) -> Any:
     """Move the ends of these steps to the soonest surface, and return the shifts, s.
 
-    `soonest` is where it is, after the end, in steps. The state follows the bend of the
-    field, then a correction its slope. The guards are evaluated there.
+    `soonest` is how far behind the end that surface is, in steps. The state is moved
+    along slope and bend of its path, and then, by what the guards there still lack,
+    along its slope. The guards are evaluated at the new ends.
     """
     slope = state(r.k, STAGES * r.n)
     shift = where(mine, soonest * h, 0.0)
@@ -372,7 +374,7 @@ def land(
 def sample(lanes: int, t: Any, h: Any, t_new: Any, r: Any) -> None:
     """Write the states at the requested times in the steps of these lanes.
 
-    Their interpolants are prepared.
+    Their interpolants must have been prepared.
     """
     while True:
         now = t_new

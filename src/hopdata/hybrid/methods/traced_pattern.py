@@ -42,8 +42,9 @@ FIRST_ROOM = 128
 #: Unit: 1. Origin: chosen: it takes 160 MB for 10,000 states.
 MOST_ROOM = 2048
 
-UNKNOWN = 4096  # parameters that no field names one by one
+UNKNOWN = 4096  # more parameters than any field names one by one
 
+# Inserted into `field_of_traces`.
 N: int = 0
 CALL: Any = None
 ROWS = NUMBERS = CALL
@@ -165,7 +166,10 @@ class _Run:
         raise _untold(f"its comparisons have more than {MOST_PATHS} outcomes")
 
     def _along(self, answers: int, room: int) -> IntArray:
-        """Return the arena after a run with these answers."""
+        """Return the arena after a run with these answers.
+
+        The traces of states and rates are in `_rows` then.
+        """
         from hopdata.hybrid.numbers import traces
 
         n = self._n
@@ -173,8 +177,8 @@ class _Run:
         arena: IntArray = np.zeros(size, dtype=np.int64)
         arena[traces.SIZE] = size
         arena[traces.ANSWERS] = answers
-        # A leaf has the state's number, turned to be no address; the last stands for
-        # what varies but is no state.
+        # A leaf has the state's number as a negative one, which is no address. The last
+        # leaf stands for what varies but is no state.
         leaves = arena[traces.HEADER :][: (n + 1) * traces.NODE].reshape(-1, 3)
         leaves[:, traces.LEFT] = -1 - np.arange(n + 1)
         leaves[:, traces.ARENA] = arena.ctypes.data
@@ -248,7 +252,7 @@ def gather(
     """
     count = 0
     seen = np.full(len(arena), -1, dtype=np.int32)
-    waiting = [0]
+    waiting = [0]  # tells Numba the type of the list, and stays in it
     for i in range(n):
         if nodes[i] == 0:
             continue

@@ -29,7 +29,7 @@ COUNTS = (len, range)
 
 
 def may_be_left_out(guards: Any) -> bool:
-    """Return whether each guard's value is that of a larger piece of the state space.
+    """Return whether a guard's range over a larger piece serves for a smaller one.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ def _is_plain(
 ) -> bool:
     """Return whether statements only compute, with functions that do not branch.
 
-    In a loop, no function may be called: its call would not be left out, so nothing
-    would be won.
+    In a loop, no function but those of COUNTS may be called: its call would not be left
+    out, so nothing would be won.
     """
     for statement in body:
         if not isinstance(statement, STATEMENTS):
@@ -91,11 +91,11 @@ def _is_allowed(node: ast.AST, function: FunctionType, in_loop: bool) -> bool:
         return True
     if in_loop and _meant(node.func, function) not in COUNTS:
         return False
-    return _is_smooth_call(node, function)
+    return _is_known_call(node, function)
 
 
-def _is_smooth_call(call: ast.Call, function: FunctionType) -> bool:
-    """Return whether a function of NumPy's, of `math`, or a built-in one is called."""
+def _is_known_call(call: ast.Call, function: FunctionType) -> bool:
+    """Return whether a ufunc, a function of `math`, or a built-in one is called."""
     called = _meant(call.func, function)
     if call.keywords:
         return False

@@ -2,8 +2,9 @@
 """A Numba type of numbers that move: a value and its rate, of any kind of number.
 
 The kind may be a float, a dual, a range, or a number that moves itself. So the rate of
-a guard along a motion is a number of that kind: of duals, with its derivatives; of
-ranges, with its own range and rate. Both are second derivatives of the guard.
+a guard along a motion is a number of that kind: a dual, with its derivatives, or a
+range of values and of rates. Derivatives and rates of a rate are second derivatives of
+the guard.
 
 Each operation is written once, in terms of the operations of the kind: the value as it
 is, the rate by the chain rule. Comparisons decide by the value. What is constant
@@ -270,7 +271,7 @@ class Traced:
 
 
 def of(key: Any, *numbers: Any) -> Traced:
-    """Build what Numba knows by a key, of numbers of the generated code."""
+    """Build the call of a function that Numba knows, with numbers of the code."""
     first = numbers[0]
     given = [first.traced(one) for one in numbers]
     typing = first.context.typing_context
@@ -326,11 +327,13 @@ def defined(
     count : int
         Number of arguments.
     formula : callable
-        Its value and rate, or what it returns, of numbers of the generated code.
+        Takes the arguments as `Traced` numbers. Returns value and rate of a result that
+        moves, or the result itself.
     numbers : dict, optional
-        The same where the argument of this position is a plain number.
+        Formulas for a plain number among the arguments, by its position.
     returns : callable, optional
-        The type of the result, of that of the arguments; by default it moves.
+        Takes the type of the moving arguments, and returns that of the result. Without
+        it they are the same.
     """
     shorter = numbers or {}
 
@@ -389,6 +392,7 @@ def _lower_all(key: Any, count: int, lower: Function) -> None:
 
 # Functions of one number, by their derivatives: of the argument x and the value v.
 
+# Factor in the derivative of the error function.
 PER_TURN = 2.0 / math.sqrt(math.pi)
 LOG_2 = math.log(2.0)
 LOG_10 = math.log(10.0)
@@ -507,21 +511,21 @@ def _over_number(x: Any, y: Any) -> Any:
     return x.value / y, x.rate / y
 
 
-def _rest(x: Any, y: Any) -> Any:
+def _remainder(x: Any, y: Any) -> Any:
     whole = of(np.floor, x.value / y.value)
     return x.value % y.value, x.rate - whole * y.rate
 
 
-def _rest_of_number(x: Any, y: Any) -> Any:
+def _remainder_by_number(x: Any, y: Any) -> Any:
     return x.value % y, x.rate
 
 
-def _rest_like_x(x: Any, y: Any) -> Any:
+def _signed_remainder(x: Any, y: Any) -> Any:
     whole = of(np.trunc, x.value / y.value)
     return of(np.fmod, x.value, y.value), x.rate - whole * y.rate
 
 
-def _rest_like_x_of_number(x: Any, y: Any) -> Any:
+def _signed_remainder_by_number(x: Any, y: Any) -> Any:
     return of(np.fmod, x.value, y), x.rate
 
 
@@ -542,9 +546,10 @@ for _key in (operator.mul, operator.imul, np.multiply):
 for _key in (operator.truediv, operator.itruediv, np.divide):
     defined(_key, 2, _divide, numbers={0: _number_over, 1: _over_number})
 for _key in (operator.mod, operator.imod, np.mod):
-    defined(_key, 2, _rest, numbers={1: _rest_of_number})
+    defined(_key, 2, _remainder, numbers={1: _remainder_by_number})
 for _key in (np.fmod, math.fmod):
-    defined(_key, 2, _rest_like_x, numbers={1: _rest_like_x_of_number})
+    _by_number = {1: _signed_remainder_by_number}
+    defined(_key, 2, _signed_remainder, numbers=_by_number)
 for _key in (operator.neg, np.negative):
     defined(_key, 1, _negative)
 for _key in (operator.pos, np.positive, float):

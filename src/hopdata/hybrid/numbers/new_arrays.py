@@ -208,7 +208,8 @@ def _numbers_in_use(typing: Any) -> Any:
 def _end_rewriting(typing: Any, dtype: Any) -> None:
     """End Numba's rewriting of ``np.array([...])`` for our numbers.
 
-    It asks for an array of these items, though no function of Numba's own does.
+    It calls ``np.empty`` with the type of the items. In a user's function nothing else
+    does so with one of our types; functions of Numba's own may, and are left alone.
     """
     is_of_ours = isinstance(dtype, types.DType) and isinstance(dtype.dtype, NumberLike)
     if is_of_ours and not _is_numbas_own(typing):

@@ -8,8 +8,8 @@ is the same whatever the states are. So a field that has run with traces tells w
 states each rate depends on, and no value matters.
 
 A comparison of numbers with nodes may go either way. Its answer is a bit that the
-caller chooses, who runs the code along every path. Where a node reaches an index or the
-end of a loop, nothing is known, and LOST is set.
+caller chooses, so that it can run the code along every path. Where a node reaches an
+index or the end of a loop, nothing is known, and LOST is set.
 """
 
 import builtins
@@ -35,7 +35,7 @@ LEFT, RIGHT, ARENA = range(3)
 NODE = 3  # numbers of a node
 N_ANSWERS = 62
 BYTES = 8
-# Numba knows Python's own of two numbers only as those of any number.
+# Numba has code for Python's own of any number of arguments, and none for just two.
 EXTREMES = {builtins.min: np.minimum, builtins.max: np.maximum}
 
 
@@ -74,14 +74,14 @@ def _joined(a: int, b: int) -> int:
 
 
 def _lose(node: int) -> int:
-    """Note that a number with a node decides what the code is."""
+    """Note that a number with a node decides an index or the end of a loop."""
     if node != 0:
         int_vector(int_vector(node, NODE)[ARENA], HEADER)[LOST] = 1
     return node
 
 
 def _answered(node: int, known: bool) -> bool:
-    """Return the answer of a comparison."""
+    """Return the answer of a comparison: the next bit, or the known one."""
     if node == 0:
         return known
     head = int_vector(int_vector(node, NODE)[ARENA], HEADER)
@@ -132,7 +132,7 @@ def _fits(kinds: Any) -> bool:
 
 
 def _operation(key: Any, count: int | None, returned: Any) -> None:
-    """Give a function of `count` numbers, or of three and more, a meaning."""
+    """Give a function of `count` numbers a meaning; None: of three or more."""
 
     def typed(*kinds: Any) -> Any:
         plain = tuple(map(types.unliteral, kinds))

@@ -175,7 +175,7 @@ def _where(condition: Any, x: Any, y: Any) -> Any:
         zeros = np.zeros(len(condition))
         one = x + zeros
         other = y + zeros
-        made = np.copy(one + other)
+        made = np.copy(one + other)  # for its type and length; all is overwritten
         for i in range(len(condition)):
             made[i] = one[i] if condition[i] else other[i]
         return made
@@ -278,12 +278,12 @@ for _key, _function in (
 
 # Products. `inner` of two rows may add in any order, as NumPy does.
 
-# What it means for a type of numbers that tells what that order costs.
+# By type: `inner` for numbers that account for the rounding of any order (the ranges).
 ROUNDED: dict[Any, Function] = {}
 
 
 def inner(a: Any, b: Any) -> Any:
-    """Return the sum of products of two rows."""
+    """Return the sum of products of two rows, for compiled code."""
 
 
 @bare
@@ -381,7 +381,8 @@ overload_first(np.outer)(_outer)
 overload_first(np.cross)(_cross)
 
 
-# Linear systems, by elimination. Ranges have none: the choice of a pivot would be open.
+# Linear systems, by elimination. Ranges, the types in ROUNDED, have none: the choice of
+# a pivot would be open.
 
 
 @register_jitable
@@ -448,7 +449,8 @@ def _method(name: str, function: Function) -> None:
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         scope: dict[str, Any] = {"function": function}
         given = "a, b"[: 3 * len(values) - 2]
-        # Numba keeps what it compiles so by the code, to which the name belongs.
+        # Numba keeps what it compiles here by its code, of which the name is a part: so
+        # each method needs a name of its own.
         exec(f"def method_{name}({given}): return function({given})", scope)
         method = scope[f"method_{name}"]
         return context.compile_internal(builder, method, sign, values)

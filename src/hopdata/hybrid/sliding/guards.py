@@ -62,7 +62,8 @@ def shares_template(t: Any, y: Any, mode: Any, params: Any, values: Any) -> None
     """Fill `values` with the functions of the guards by which sliding ends.
 
     They are negative inside the interval of the shares, and positive outside or where
-    the fields do not point at the surface.
+    the fields do not point at the surface. That of a guard at rest is negative while
+    the field presses on the surface.
     """
     shares = room_like(y, M)
     slopes = room_like(y, M)
@@ -83,7 +84,10 @@ def shares_template(t: Any, y: Any, mode: Any, params: Any, values: Any) -> None
 def rate_template(
     t: float, y: Any, dy: Any, mode: Any, params: Any, in_time: bool, hdot: Any
 ) -> None:
-    """Add the rates of the guards that end sliding, in time or for the motion `dy`."""
+    """Add the rates of what SHARES fills, in time or for the motion `dy`.
+
+    These are the guards that end sliding, or the rates of guards at rest.
+    """
     speed = size_of(dy)
     size = size_of(y)
     if in_time:

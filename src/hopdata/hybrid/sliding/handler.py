@@ -26,7 +26,8 @@ from hopdata.hybrid.sliding.mix import ADDITIVE, size_of
 #: Unit: 1. Origin: chosen.
 NEAR = 5e-3
 
-#: The same as a share of the time since zero, times its rates.
+#: The same for time: a share of its size, times the difference of the guard's rates by
+#: the two fields.
 #: Unit: 1. Origin: chosen.
 NEAR_IN_TIME = 1e-6
 
@@ -88,7 +89,7 @@ def rates_template(
 
 
 def depends_template(t: float, y: Any, mode: Any, params: Any, j: int) -> bool:
-    """Return whether guard j changes the field otherwise for a guard that slides."""
+    """Return whether what guard j changes in the field depends on one that slides."""
     own = mode[M : M + N_MODES]
     numbers = params[: len(params) - OWN]
     k = SURFACES[j]
@@ -221,6 +222,7 @@ def release_template(t: float, y: Any, mode: Any, params: Any, before: Any) -> N
         if rests and abs(now_moving[j]) > abs(was_moving[j]):
             mode[M + N_MODES + j] = FREE
         if mode[M + N_MODES + j] == FREE:
+            # The state has moved: what the steps had left of the function is gone.
             params[len(params) - 2 * M + j] = 0.0
         if mode[M + N_MODES + j] != SLIDING:
             continue
@@ -305,7 +307,7 @@ def no_ties(
 def handler_template(
     t: float, y: Any, mode: Any, params: Any, guard: int, direction: int
 ) -> int:
-    """Begin to slide, leave, or cross; then call the user's handler.
+    """Begin to slide or rest, leave, or cross; then call the user's handler.
 
     Guard -1 stands for all that are due at once, about which a law decides.
     """

@@ -1,6 +1,6 @@
 """Filippov's mix of the fields on both sides of the surfaces.
 
-The templates of this room become functions of one system: the user's functions, the
+The templates of this package become functions of one system: the user's functions, the
 numbers of states, of guards that may slide, of all guards and of modes, the guards that
 may slide, and other templates are inserted by their names in capitals (see
 `sliding.system`). They are written for any kind of number: floats, duals, ranges, and
@@ -29,7 +29,7 @@ from hopdata.hybrid.sliding.flags import SLIDING
 #: Unit: 1. Origin: rounding: some thousands of units in the last place.
 ADDITIVE = 1e-12
 
-UNKNOWN = math.nan  # rate of what has none
+UNKNOWN = math.nan  # how the rates of the states change: no guard's value may need it
 
 # Inserted into the templates (see `sliding.system`).
 FIELD: Any = None
@@ -149,7 +149,10 @@ def corners_template(
 
 @kernel
 def add_mix(dy: Any, fields: Any, share: Any, factor: Any) -> None:
-    """Add the shares of the upper fields' changes of the lowest, times a factor."""
+    """Add to `dy`, for each share, what its upper field changes, times a factor.
+
+    It changes the lowest field, in which all locks are at -1.
+    """
     count = len(share)
     n = len(dy)
     for a in range(count):

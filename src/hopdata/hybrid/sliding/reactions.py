@@ -60,7 +60,7 @@ def approach_template(t: Any, y: Any, mode: Any, params: Any, values: Any) -> No
 def bends_template(
     t: Any, y: Any, dy: Any, mode: Any, params: Any, values: Any
 ) -> None:
-    """Fill `values` with the change of the resting guards' rates by a motion `dy`."""
+    """Fill `values` with the changes of the resting guards' rates, by time and `dy`."""
     place = room_moving(y, N)
     rates = room_moving(y, M)
     for i in range(N):
@@ -73,7 +73,7 @@ def bends_template(
 def bends_by_differences(
     t: Any, y: Any, dy: Any, mode: Any, params: Any, values: Any
 ) -> None:
-    """Fill `values` with the change of the resting guards' rates by a motion `dy`."""
+    """Fill `values` with the changes of the resting guards' rates, by time and `dy`."""
     for j in range(M):
         values[j] = 0.0
     RATE(t, y, dy, mode, params, True, values)
@@ -81,7 +81,7 @@ def bends_by_differences(
 
 
 def along_template(t: Any, y: Any, mode: Any, params: Any, j: int, values: Any) -> None:
-    """Fill `values` with the change of all resting guards' rates by reaction j."""
+    """Fill `values` with the change of all resting guards' rates by a unit reaction."""
     first = len(params) - OWN + j * N
     place = room_moving(y, N)
     rates = room_moving(y, M)
@@ -95,7 +95,7 @@ def along_template(t: Any, y: Any, mode: Any, params: Any, j: int, values: Any) 
 def along_by_differences(
     t: float, y: Any, mode: Any, params: Any, j: int, values: Any
 ) -> None:
-    """Fill `values` with the change of all resting guards' rates by reaction j."""
+    """Fill `values` with the change of all resting guards' rates by a unit reaction."""
     n = len(y)
     first = len(params) - OWN + j * n
     step = FIRST_STEP * max(size_of(y), params[len(params) - M + j])
@@ -117,8 +117,8 @@ def mix_template(
     """Fill `dy` with the field: mixed, and with the reactions of guards that rest.
 
     A reaction acts along the change of the state by the guard's handler. It keeps the
-    guard's rate at zero. The guard's share is that reaction's cause, the bend of the
-    guard without it, which is positive while the field presses on the surface.
+    guard's rate at zero. In place of a share, `shares` receives what causes it: the
+    bend of the guard without reactions, positive while the field presses on it.
     """
     SLIDE(t, y, mode, params, dy, shares, slopes)
     listed = np.empty(M, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""How the records of a derived system show what the user knows."""
+"""What the user is shown of a derived system: guards, modes, directions, status."""
 
 from __future__ import annotations
 

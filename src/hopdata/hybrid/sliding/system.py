@@ -1,4 +1,4 @@
-"""The derived system, made from the templates of this room."""
+"""The derived system, made from the templates of this package."""
 
 from __future__ import annotations
 
@@ -58,7 +58,8 @@ BY_DIFFERENCES: Names = {
     "ENDS": guards.ends_by_differences,
 }
 
-# Those for other numbers: duals, ranges, and numbers of any kind that move.
+# Those for other numbers: duals, ranges, and numbers of any kind that move. As APPROACH
+# is written for any of them, it is MOVED_APPROACH, too.
 OF_NUMBERS: Names = {
     "RATED": mix.rated_template,
     "CORNERS": mix.corners_template,
@@ -276,8 +277,8 @@ def sliding_system(system: Any) -> Any:
         n_due = count + system.n_guards
     slides = Slides(surfaces, system.n_guards, system.n_modes, n_due)
     rests = system.on_zeno == "rest"
-    n_memory = 2 * count
-    if rests:
+    n_memory = 2 * count  # an offset and a size for each
+    if rests:  # a direction for each
         n_memory += count * system.n_states
     sizes: Names = {
         "N": system.n_states,
