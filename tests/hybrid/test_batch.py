@@ -14,8 +14,8 @@ from bent_systems import bent, bent_params
 from equal_runs import assert_same_row
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
 
-from hopdata.hybrid import batch as batches
 from hopdata.hybrid import System, field, solve, solve_batch
+from hopdata.hybrid import batch as batches
 from hopdata.hybrid.batch import CHUNK, run_in_threads
 
 PARAMS = bent_params(
