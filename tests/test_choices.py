@@ -136,7 +136,7 @@ ASKED = {
     ),
     "simulation.integrator": (INTEGRATORS, lambda name: Simulation(integrator=name)),
     "integrator": (
-        integrators.CHOICES,
+        integrators.choices(),
         lambda name: integrators.check_method(name, ANY, jacobian=False),
     ),
     "mesh": (theorem.MESHES, lambda name: theorem.mesh_ends(ANY, 0.0, 1.0, name)),

@@ -14,8 +14,8 @@ from bent_systems import bent, bent_params
 from equal_runs import assert_same_row
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
 
+from hopdata.hybrid import System, field, solve, solve_batch
 from hopdata.hybrid import batch as batches
-from hopdata.hybrid import solve, solve_batch
 from hopdata.hybrid.batch import CHUNK, run_in_threads
 
 PARAMS = bent_params(
@@ -288,6 +288,18 @@ def test_params_are_a_vector_whatever_their_shape():
 def test_missing_parameters_are_named(params):
     with pytest.raises(ValueError, match=r"uses params\[2\]"):
         solve_batch(ball(), (0, 1), np.ones((3, 2)), params=params)
+
+
+def remembering(t, y, mode, params, dy):
+    dy[0] = params[0] + params[1]
+
+
+def test_one_parameter_for_each_system_beside_memory():
+    """Joined column by column, each system got the numbers of another."""
+    system = System(field(remembering), n_states=1, n_memory=2)
+    rates = np.arange(1.0, 6.0)
+    batch = solve_batch(system, (0, 1), np.zeros((5, 1)), params=rates[:, None])
+    assert batch.y_end[:, 0] == pytest.approx(rates)
 
 
 @pytest.mark.parametrize("workers", [0, -1])

@@ -206,6 +206,45 @@ def test_the_jacobian_of_the_flow_is_that_of_the_pieces(systems):
     np.testing.assert_allclose(forced.jacobian, unforced.jacobian, atol=1e-7)
 
 
+def test_derivatives_of_a_field_that_compares_the_time_are_exact():
+    """The field is linear, and its drive changes sign at instants that do not move."""
+
+    def driven(t, y, p):
+        drive = p[0] if t % 0.9 < 0.36 else -p[0]
+        return (-y[0] + drive,)
+
+    system = System(driven, n_states=1)
+    end = 2.0
+    options = {"params": [0.3], "rtol": 1e-10, "atol": 1e-12}
+    along = solve(system, (0.0, end), [0.5], jacobian=True, **options)
+    with_p = solve(system, (0.0, end), [0.5], jacobian="params", **options)
+    stiff = solve(system, (0.0, end), [0.5], method="rosenbrock", **options)
+    assert not along.by_differences
+    assert not with_p.by_differences
+    assert not stiff.by_differences
+    # By y' = -y + p s(t), with the sign s: dy/dp is the integral of exp(u - end) s(u).
+    edges = np.array([0.0, 0.36, 0.9, 1.26, 1.8, end])
+    signs = np.array([1.0, -1.0, 1.0, -1.0, 1.0])
+    by_p = signs @ np.diff(np.exp(edges - end))
+    decay = np.exp(-end)
+    np.testing.assert_allclose(along.jacobian, [[decay]], rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(with_p.sensitivity, [[by_p]], rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(
+        stiff.y_end, [0.5 * decay + 0.3 * by_p], rtol=0.0, atol=1e-8
+    )
+
+
+def test_a_pattern_is_traced_in_a_field_that_compares_the_time():
+    def driven(t, y):
+        drive = 1.0 if t % 0.9 < 0.36 else -1.0
+        return -y[0] + drive, -3.0 * y[1] + y[0]
+
+    system = System(driven, n_states=2, sparsity="auto")
+    stiff = solve(system, (0.0, 1.0), [0.5, 1.0], method="rosenbrock")
+    assert stiff.success
+    assert not stiff.by_differences
+
+
 def test_events_beside_instants():
     """A ball on a floor that is pushed, by steps of its own, at the time of an event."""
 

@@ -115,4 +115,4 @@ def test_what_it_is_made_of():
     )  # fmt: skip
     assert bent(3, n_extra_modes=2).n_modes == 5
     rules = bent(2, directions=(1, -1), terminal=(False, True)).rules
-    assert np.array_equal(rules, [[1, -1], [0, 1], [1, 1], [0, 0], [0, 0]])
+    assert np.array_equal(rules, [[1, -1], [0, 1], [1, 1], [0, 0], [0, 0], [0, 0]])

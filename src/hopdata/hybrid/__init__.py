@@ -50,7 +50,7 @@ from hopdata.hybrid.compiled.callbacks import (
 from hopdata.hybrid.compiled.declare import SlowCallbackWarning
 from hopdata.hybrid.ivp import OdeResult, solve_ivp
 from hopdata.hybrid.known_instants import Every, every
-from hopdata.hybrid.methods.sparsity import find_sparsity
+from hopdata.hybrid.methods.traced_pattern import find_sparsity
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System

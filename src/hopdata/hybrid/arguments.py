@@ -151,7 +151,10 @@ def with_memory(
         start = numbers_of("memory", memory).ravel()
     expect(len(start) == n_memory, "memory", f"{n_memory} numbers", len(start))
     of_each = np.broadcast_to(start, (*params.shape[:-1], n_memory))
-    return np.concatenate([params, of_each], axis=-1)
+    joined = np.concatenate([params, of_each], axis=-1)
+    # A single column beside a broadcast row is joined column by column; the driver
+    # reads rows.
+    return np.ascontiguousarray(joined)
 
 
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:

@@ -87,6 +87,10 @@ class Around(Callback):
         self._for_duals = body if for_duals is None else for_duals
         self._names = names
 
+    def check_result(self, *arguments: Any) -> None:
+        """Raise TypeError if the user's function returns what has a wrong shape."""
+        self.inner.check_result(*arguments)
+
     @cached_property
     def ranged(self) -> Any:
         """The code for ranges, around that of the user's function."""

@@ -22,8 +22,9 @@ from hopdata.hybrid.driver.loop import (
 )
 from hopdata.hybrid.known_instants import instants_of
 from hopdata.hybrid.methods.method import Scene
-from hopdata.hybrid.methods.sparsity import Pattern, find_sparsity, pattern_of
+from hopdata.hybrid.methods.sparsity import Pattern, pattern_of
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.methods.traced_pattern import find_sparsity
 from hopdata.hybrid.numbers.derivatives import Derivatives, Exact, Functions
 from hopdata.hybrid.numbers.guards import RangedGuards, guards_for_ranges
 from hopdata.hybrid.numbers.switches import may_switch

@@ -46,7 +46,7 @@ def box_alone(t, y, dy, mode, params, k, h, hdot):
 def box_by_arrays(t, y, dy, mode, params, h, hdot):
     """The same, in code that has no meaning for ranges."""
     edges = np.array([params[1], params[1] + params[2]])
-    inside = np.sum(np.where(edges < y[0], 1.0, 0.0)) == 1.0
+    inside = np.prod(edges - y[0]) < 0.0
     h[0] = y[1] - params[3] * y[0] - (params[0] if inside else 0.0)
     hdot[0] = dy[1] - params[3] * dy[0]
 
@@ -264,14 +264,16 @@ def roof_by_where(t, y, dy, mode, params, h, hdot):
     hdot[0] = dy[1] - (params[3] + np.where(abs(x) < 1.0, steep, 0.0)) * dy[0]
 
 
-def test_lanes_leave_guards_that_branch_to_the_driver():
+def test_lanes_prove_kinks_and_leave_branches_to_the_driver():
     start, params, landing, _ = next(flights(0.02, 1, seed=2))
-    options = {"params": params, "lanes": True}
-    batch = solve_batch(
-        system(roof_by_where), (0, landing + 0.3), [start] * 3, **options
-    )
-    assert batch.lanes_reason.startswith("the guards branch")
-    assert batch.n_events.tolist() == [3, 3, 3]
+    for one, in_lanes in ((roof_by_where, True), (box, False)):
+        batch = solve_batch(
+            system(one), (0, landing + 0.3), [start] * 3, params=params, lanes=True
+        )
+        assert batch.lanes.all() == in_lanes
+        assert bool(batch.lanes_reason) != in_lanes
+        assert batch.proven.all()
+        assert batch.n_events.tolist() == [3, 3, 3]
 
 
 @guards

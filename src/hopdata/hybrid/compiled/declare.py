@@ -258,15 +258,16 @@ def reason_and_advice(
 
 
 def _line_in(text: str, function: Function | None) -> int:
-    """Return the line that Numba names: in the function's file, if it is known."""
+    """Return the line that Numba names: in the function's file, if it is known; or 0.
+
+    A line of another file says nothing about the function.
+    """
     code = getattr(function, "__code__", None)
-    first = 0
     for found in _LINE.finditer(text):
         file, line = found[1] or found[3], int(found[2] or found[4])
         if code is None or Path(file).name == Path(code.co_filename).name:
             return line
-        first = first or line
-    return first
+    return 0
 
 
 def _source_line(function: Function | None, number: int) -> str:

@@ -18,8 +18,7 @@ from hopdata.hybrid.driver.problem import Problem, awake, fill_row
 from hopdata.hybrid.driver.sleep import choose_ranged, is_inside, waits, widen
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.numbers import answers
-from hopdata.hybrid.numbers.answers import RANGES_NATIVE
-from hopdata.hybrid.numbers.guards import CHOSEN
+from hopdata.hybrid.numbers.answers import CHOSEN, RANGES_NATIVE
 
 BYTES = 8  # of a number
 

@@ -513,33 +513,13 @@ def examine(
 
 
 @kernel
-def any_comes_back(p: Problem, m: Memory) -> bool:
-    """Return whether a guard leaves its surface at the start of a step, and returns.
-
-    Its rate has both signs in the step, and its value is near zero where it starts: so
-    nothing can be shown over the whole step.
-    """
-    if m.clock[at.T] != m.clock[at.INSTANT]:
-        return False
-    back = 0
-    for a in range(m.counts[at.N_AWAKE]):
-        k = awake(p, m, a)
-        lock = p.mode[k]
-        starts = facing(lock, m.guards[at.H0, k]) <= 0.0
-        leaves = facing(lock, m.guards[at.RATE0, k]) > 0.0
-        returns = facing(lock, m.guards[at.RATE1, k]) < 0.0
-        back += 1 if starts & leaves & returns else 0
-    return back > 0
-
-
-@kernel
-def first_piece(p: Problem, m: Memory, dt: float, shortest: float) -> float:
+def first_piece(m: Memory, dt: float, shortest: float) -> float:
     """Return the part of the step that is judged first.
 
     It is about as long as what could be judged at once in the last steps.
     """
     if 2.0 * m.clock[at.PIECE] > dt:
-        return LEAVING if any_comes_back(p, m) else 1.0
+        return 1.0
     return max(m.clock[at.PIECE] / dt, shortest)
 
 
@@ -596,7 +576,7 @@ def proven_flip(p: Problem, m: Memory, dt: float) -> Found:
     shortest = max(SHORTEST * time_resolution(m.clock[at.T], dt) / dt, FINEST)
     least = shortest  # length of a piece that is not divided
     a = 0.0
-    z = first_piece(p, m, dt, shortest)
+    z = first_piece(m, dt, shortest)
     left = at.H0
     around = 0.0  # length of the next piece, around an expected change; 0: none
     halve = False  # this piece is beside an expected change: it is not cut around one
@@ -723,7 +703,7 @@ def first_flip(p: Problem, m: Memory, dt: float) -> Found:
     # box, which takes the same rows.
     all_are_asked = p.rate_bound == 0 and p.rules[at.LEAVES_OUT, 0] == 0
     # Where pieces of this length were divided, longer ones will be.
-    if all_are_asked and first_piece(p, m, dt, 0.0) == 1.0:
+    if all_are_asked and first_piece(m, dt, 0.0) == 1.0:
         verdict = verdict_ahead(p, m, dt)
         if verdict != DIVIDE:
             m.clock[at.PIECE] = GROW * dt

@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hopdata.arrays import IntArray
 from hopdata.hybrid.arguments import expect
@@ -162,50 +161,6 @@ def pattern_of(given: Any, n_states: int) -> Pattern | None:
     wanted = f"a matrix of shape ({n_states}, {n_states})"
     expect(shape == (n_states, n_states), "sparsity", wanted, f"shape {shape}")
     return Pattern(n_states, rows, columns)
-
-
-def find_sparsity(
-    field: Any, n_states: int, *, params: ArrayLike | None = None, n_modes: int = 0
-) -> Pattern:
-    """Return on which states each rate of a field depends, as the field's code tells.
-
-    The code is run with numbers that remember from which states they were made, once
-    along every path that its comparisons allow. So nothing that matters is missing,
-    whatever the states, the time and the mode are.
-
-    Parameters
-    ----------
-    field : callable
-        The vector field, plain or declared by `hopdata.hybrid.field`.
-    n_states : int
-        Number of states.
-    params : (p,) array, optional
-        Parameters of the field, if they decide sizes, indices or branches. The pattern
-        then holds for these. By default they may have any values.
-    n_modes : int
-        Number of modes: of guards, and the system's further ones.
-
-    Returns
-    -------
-    Pattern
-        For `System`'s `sparsity`.
-
-    Raises
-    ------
-    ArgumentError
-        If the code does not tell: if it does not compile, if the state, the time or the
-        mode decides an index or the end of a loop, or if it branches too often.
-    """
-    from hopdata.hybrid.compiled.callbacks import Callback
-    from hopdata.hybrid.compiled.kernel import SIGNATURES
-    from hopdata.hybrid.methods.traced_pattern import traced_pattern
-
-    if not isinstance(field, Callback):
-        field = Callback(field, SIGNATURES["field"])
-    known = None
-    if params is not None:
-        known = np.array(params, dtype=float).reshape(-1)
-    return traced_pattern(field, int(n_states), int(n_modes), known)
 
 
 def _banded(given: Any, n_states: int) -> Pattern:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numba import cfunc, types
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import compiled_in_cache, function_digest, kept_njit
@@ -17,7 +18,7 @@ from hopdata.errors import ArgumentError
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.digest import in_module_of, with_digest
-from hopdata.hybrid.compiled.kernel import ENTRY
+from hopdata.hybrid.compiled.kernel import ENTRY, SIGNATURES
 from hopdata.hybrid.compiled.memory import array_at, caller
 from hopdata.hybrid.methods.sparsity import Pattern
 from hopdata.hybrid.numbers.derivatives import own_digest
@@ -58,6 +59,46 @@ def field_of_traces(
     numbers = NUMBERS(params, n_params)
     rates = ROWS(states + N * row, N)
     CALL(ROWS(moment, 1)[0], ROWS(states, N), ROWS(mode, n_modes), numbers, rates)
+
+
+def find_sparsity(
+    field: Any, n_states: int, *, params: ArrayLike | None = None, n_modes: int = 0
+) -> Pattern:
+    """Return on which states each rate of a field depends, as the field's code tells.
+
+    The code is run with numbers that remember from which states they were made, once
+    along every path that its comparisons allow. So nothing that matters is missing,
+    whatever the states, the time and the mode are.
+
+    Parameters
+    ----------
+    field : callable
+        The vector field, plain or declared by `hopdata.hybrid.field`.
+    n_states : int
+        Number of states.
+    params : (p,) array, optional
+        Parameters of the field, if they decide sizes, indices or branches. The pattern
+        then holds for these. By default they may have any values.
+    n_modes : int
+        Number of modes: of guards, and the system's further ones.
+
+    Returns
+    -------
+    Pattern
+        For `System`'s `sparsity`.
+
+    Raises
+    ------
+    ArgumentError
+        If the code does not tell: if it does not compile, if the state, the time or the
+        mode decides an index or the end of a loop, or if it branches too often.
+    """
+    if not isinstance(field, Callback):
+        field = Callback(field, SIGNATURES["field"])
+    known = None
+    if params is not None:
+        known = np.array(params, dtype=float).reshape(-1)
+    return traced_pattern(field, int(n_states), int(n_modes), known)
 
 
 def traced_pattern(

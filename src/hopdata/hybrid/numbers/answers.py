@@ -23,6 +23,9 @@ _FLOAT, _INT = types.float64, types.int64
 
 RANGES_NATIVE = types.void(_FLOAT, _FLOAT, _FLOAT, *(12 * [_INT]))
 
+# Number of guards to evaluate: those marked in a row of flags, of all.
+CHOSEN = -1
+
 OPENED, ANSWERS, JUMPED, KINKED, LOST, TIMED = range(6)
 N_INTEGERS = 6
 FIRST_LEAST, FIRST_MOST, FIRST_LEAST_RATE, FIRST_MOST_RATE = range(6, 10)

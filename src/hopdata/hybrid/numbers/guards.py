@@ -17,11 +17,10 @@ from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.digest import in_module_of, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_of, float_vector, int_vector
-from hopdata.hybrid.numbers.answers import RANGES_NATIVE
+from hopdata.hybrid.numbers.answers import CHOSEN, RANGES_NATIVE
 from hopdata.hybrid.numbers.choice import may_be_left_out
 
 NO_CODE = -1  # address where no code for ranges can be made
-CHOSEN = -1  # count: some of all guards
 
 #: Guards from which on they may be left out of an evaluation one by one.
 #: Unit: 1. Origin: chosen.

@@ -5,6 +5,7 @@ from typing import Any
 from numba.extending import overload
 
 from hopdata.hybrid.numbers.duals import Dual
+from hopdata.hybrid.numbers.vectors import bare
 
 
 def value_of(x: Any) -> Any:
@@ -12,8 +13,10 @@ def value_of(x: Any) -> Any:
     return x
 
 
-@overload(value_of)
 def _value_of(x: Any) -> Any:
     if isinstance(x, Dual):
         return lambda x: x.value
     return lambda x: x
+
+
+overload(value_of)(bare(_value_of))
