@@ -124,6 +124,22 @@ def many(bodies):
     return Ranged(scope["many"], len(bodies))
 
 
+def test_unit_matrices_of_a_given_type_hold_ranges():
+    body = (
+        "M = np.eye(3, dtype=np.float64); K = np.identity(3, np.float64); "
+        "L = np.identity(3, dtype=float); M[0, 1] = y[0]; K[1, 0] = y[1]; "
+        "L[2] = y; out[0] = M[0, 1] + M[0, 0]; out[1] = K[1, 0] - K[2, 2]; "
+        "out[2] = L[2, 2] * L[1, 1]"
+    )
+    ranged = many((body,))
+    draw = np.random.default_rng(np.random.SeedSequence(583))
+    found = ranged.over(boxes(draw, 20), 0, draw).sum(axis=0)
+    assert found[OUTSIDE] == 0
+    assert found[RATES_OUTSIDE] == 0
+    assert found[COMPARED] > 400
+    assert found[UNKNOWN] == 0
+
+
 def test_no_sample_is_outside_of_ranges():
     bodies = BODIES[2::5] + BODIES[18:19]
     ranged = many(bodies)

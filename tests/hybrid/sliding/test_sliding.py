@@ -137,6 +137,32 @@ def test_the_derivative_through_sliding(system, end, start, params, directions):
     np.testing.assert_allclose(solution.jacobian, slopes, atol=1e-6)
 
 
+def dry_in_short(t, y, mode, p):
+    return y[1], -y[0] - p[0] * mode[0]
+
+
+def slip_in_short(t, y, p):
+    return y[1] - p[1]
+
+
+def test_the_derivative_with_guards_in_a_plain_form_is_exact():
+    given = {"params": [0.15, 0.5], "jacobian": True}
+    system = System(
+        dry_in_short,
+        slip_in_short,
+        n_states=2,
+        guard_names=("slip",),
+        sliding=("slip",),
+    )
+    found = solve(system, (0.0, 2.0), [0.0, 0.49], **given)
+    expected = solve(dry, (0.0, 2.0), [0.0, 0.49], **given)
+    assert found.by_differences == ""
+    assert {2, 3} <= set(np.abs(expected.events.direction))
+    np.testing.assert_array_equal(found.events.direction, expected.events.direction)
+    np.testing.assert_allclose(found.y_end, expected.y_end, atol=1e-12)
+    np.testing.assert_allclose(found.jacobian, expected.jacobian, atol=1e-10)
+
+
 def test_derivative_by_parameters():
     solution = solve(dry, (0.0, 3.0), [0.0, 0.5], params=[0.15, 0.5], jacobian="params")
     apart = 1e-6 * np.array([[1.0, 0.0], [-1.0, 0.0]])

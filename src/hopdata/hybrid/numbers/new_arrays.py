@@ -79,7 +79,7 @@ def _eye(kind: Any) -> Function:
         "        new[i, i] = 1.0\n"
         "    return new"
     )
-    return _always("N", body, kind)
+    return _always("N, dtype=None", body, kind)
 
 
 HEAD_OF_ARRAY = "def made(object, dtype=None, of={of!r}):\n    "

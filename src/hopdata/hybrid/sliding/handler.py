@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.numbers.moving import plain
 from hopdata.hybrid.sliding.flags import (
     FREE,
@@ -325,6 +326,15 @@ def handler_template(
     return stop
 
 
+@kernel
+def room_of_floats(count: int) -> Any:
+    """Return an array of floats, also where the function that calls this has duals.
+
+    There, ``np.empty`` itself makes an array of duals (`numbers.new_arrays`).
+    """
+    return np.empty(count)
+
+
 def handler_of_duals(
     t: Any, y: Any, mode: Any, params: Any, guard: int, direction: int
 ) -> int:
@@ -333,8 +343,8 @@ def handler_of_duals(
     A guard does not come to rest here: there is no derivative through the limit.
     """
     now = plain(t)
-    before = np.empty(len(y))
-    numbers = np.empty(len(params))
+    before = room_of_floats(len(y))
+    numbers = room_of_floats(len(params))
     for i in range(len(y)):
         before[i] = plain(y[i])
     for i in range(len(params)):
@@ -349,7 +359,7 @@ def handler_of_duals(
     if guard < M:
         k = SURFACES[guard]
     stop = CALL(t, y, mode, params, k, told)
-    after = np.empty(len(y))
+    after = room_of_floats(len(y))
     for i in range(len(y)):
         after[i] = plain(y[i])
     for i in range(len(params)):
