@@ -16,7 +16,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="forks and mounts as on Linux"),
 ]
 PROGRAM = Path(__file__).with_name("chaos.py")
-N_EVENTS = 6
+N_EVENTS = 4
 
 
 @pytest.fixture

@@ -46,7 +46,7 @@ def box_alone(t, y, dy, mode, params, k, h, hdot):
 def box_by_arrays(t, y, dy, mode, params, h, hdot):
     """The same, in code that has no meaning for ranges."""
     edges = np.array([params[1], params[1] + params[2]])
-    inside = np.prod(edges - y[0]) < 0.0
+    inside = np.linalg.det(np.diag(edges - y[0])) < 0.0
     h[0] = y[1] - params[3] * y[0] - (params[0] if inside else 0.0)
     hdot[0] = dy[1] - params[3] * dy[0]
 
