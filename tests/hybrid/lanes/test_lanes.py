@@ -201,6 +201,10 @@ KNOWN = (
 )
 
 
+@pytest.mark.skipif(
+    "ALL" not in os.environ,
+    reason="compiles the lanes twice more, half a minute: ALL=1",
+)
 def test_bytes_depend_on_no_processor(tmp_path):
     """Four lanes of plain instructions, without fused ones, give the results of this processor."""
     y0, params, *_ = swings()
