@@ -355,6 +355,7 @@ def test_long_integrations_are_taken_one_at_a_time(monkeypatch):
     monkeypatch.setattr(
         batches, "run_in_threads", lambda *a: chunks.append(a[-1]) or run(*a)
     )
+    monkeypatch.setattr(batches, "WORTH_THREADS", 0.0)
     for max_step in (4e-6, 0.1):
         options = {"params": (5.0, 1.0), "max_step": max_step}
         assert solve_batch(ladder(1), (0, 1), np.zeros((3, 2)), **options).success
