@@ -370,7 +370,7 @@ def compiled_run() -> Any:
     """
 
     def compile_it(cached: bool) -> Any:
-        compiler = cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)
+        compiler = cfunc(RUN_NATIVE, cache=cached, **code.LARGE_ENTRY)
         folder = None
         if cached:
             folder = Path(config.CACHE_DIR)  # type: ignore[attr-defined]
@@ -395,7 +395,7 @@ def _say(what: str) -> None:
 def compiled_first_order() -> Any:
     """Return the machine code of Jacobians, which the driver calls by address."""
     return _compiled(
-        _first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.ENTRY)
+        _first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.LARGE_ENTRY)
     )
 
 

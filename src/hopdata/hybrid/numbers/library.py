@@ -18,7 +18,7 @@ import numpy as np
 from numba import cfunc, types
 
 from hopdata.code_cache import brought_code, compiled_in_cache, is_in_cache
-from hopdata.hybrid.compiled.kernel import ENTRY, kernel
+from hopdata.hybrid.compiled.kernel import LARGE_ENTRY, kernel
 from hopdata.hybrid.compiled.memory import float_vector, int_vector
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.numbers.arithmetic import (
@@ -295,7 +295,7 @@ def _compiled(group: str) -> Any:
     function, digest = _apply(group)
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(APPLY_NATIVE, cache=cached, **ENTRY)(function)
+        return cfunc(APPLY_NATIVE, cache=cached, **LARGE_ENTRY)(function)
 
     compiled = compiled_in_cache(function, digest, compile_it)
     llvm.add_symbol(_symbol(group), compiled.address)
