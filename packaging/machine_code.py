@@ -75,7 +75,8 @@ def main() -> None:
     loop.compiled_run()
     loop.compiled_first_order()
     batch.compiled_loop()
-    library.symbol()
+    for names in library.GROUPS.values():
+        library.place_of(names[0])
     for name in table.TABLEAUS:
         for tangents in (False, True):
             table.generic_code(name, tangents)

@@ -355,10 +355,33 @@ def test_long_integrations_are_taken_one_at_a_time(monkeypatch):
     monkeypatch.setattr(
         batches, "run_in_threads", lambda *a: chunks.append(a[-1]) or run(*a)
     )
+    monkeypatch.setattr(batches, "WORTH_THREADS", 0.0)
     for max_step in (4e-6, 0.1):
         options = {"params": (5.0, 1.0), "max_step": max_step}
         assert solve_batch(ladder(1), (0, 1), np.zeros((3, 2)), **options).success
     assert chunks == [1, CHUNK]
+
+
+def test_short_integrations_run_in_no_threads(monkeypatch):
+    used = []
+    monkeypatch.setattr(batches, "run_in_threads", lambda *_: used.append(True))
+    monkeypatch.setattr(batches, "WORTH_THREADS", np.inf)
+    options = {"params": (0.5, 1.0), "t_eval": [0.25]}
+    starts = np.linspace(0.0, 0.1, 400).reshape(200, 2)
+    many = solve_batch(ladder(1), (0, 1), starts, **options)
+    one = solve(ladder(1), (0, 1), starts[150], **options)
+    assert many.y_end[150].tobytes() == one.y_end.tobytes()
+    assert many.y[150].tobytes() == one.y.tobytes()
+    assert not used
+
+
+def test_a_batch_is_pickled():
+    options = {"params": (0.5, 1.0), "t_eval": [0.25], "jacobian": True}
+    batch = solve_batch(ladder(1), (0, 1), np.zeros((3, 2)), **options)
+    again = pickle.loads(pickle.dumps(batch))
+    for name in ("y_end", "y", "jacobian", "status", "lanes"):
+        assert getattr(again, name).tobytes() == getattr(batch, name).tobytes()
+    assert again.message == batch.message
 
 
 def interrupt_when_threads_run(others):

@@ -37,6 +37,50 @@ def test_an_integration_leaves_nothing_behind(end):
     assert same_bytes(fresh, again)
 
 
+KINDS = {
+    "plain": {},
+    "times": {"t_eval": [0.0, 0.5, 2.5]},
+    "other times": {"t_eval": [0.5, 1.0, 1.5, 2.0]},
+    "no times": {"t_eval": ()},
+    "dense": {"dense_output": True},
+    "dense at times": {"dense_output": True, "t_eval": [0.5, 2.0]},
+    "first step": {"first_step": 1e-3},
+    "counted": {"events": "count"},
+    "derivative": {"jacobian": True},
+    "mode": {"mode": [1]},
+    "tolerances": {"atol": [1e-6, 1e-7]},
+}
+
+
+def test_each_kind_of_call_after_each_other():
+    """They begin in memory as the last one has left it."""
+    fresh = {}
+    for kind, options in KINDS.items():
+        system = ball(directions=(1,))
+        fresh[kind] = solve(system, (0, 3), [1.0, 0.0], **BOUNCES, **options)
+    assert len({one.y.tobytes() for one in fresh.values()}) >= 6
+    system = ball(directions=(1,))
+    for before in KINDS.values():
+        for kind, options in KINDS.items():
+            solve(system, (0, 3), [2.0, 0.5], **BOUNCES, **before)
+            again = solve(system, (0, 3), [1.0, 0.0], **BOUNCES, **options)
+            assert same_bytes(fresh[kind], again)
+            if options.get("dense_output"):
+                assert again([0.3, 1.2]).tobytes() == fresh[kind]([0.3, 1.2]).tobytes()
+            if options.get("jacobian"):
+                assert again.jacobian.tobytes() == fresh[kind].jacobian.tobytes()
+
+
+@pytest.mark.parametrize("given", [[0.5, np.nan], [np.nan], [1.0, 0.5], [0.5, 4.0]])
+def test_wrong_times_are_refused_by_a_system_that_has_run(given):
+    system = ball(directions=(1,))
+    solve(system, (0, 3), [1.0, 0.0], **BOUNCES)
+    with pytest.raises(ValueError, match="t_eval"):
+        solve(system, (0, 3), [1.0, 0.0], t_eval=given, **BOUNCES)
+    with pytest.raises(ValueError, match="first_step"):
+        solve(system, (0, 3), [1.0, 0.0], first_step=-1.0, **BOUNCES)
+
+
 def test_a_failed_call_leaves_nothing_behind():
     system = System(raising_field, n_states=2)
     for _ in range(3):

@@ -1,5 +1,6 @@
 """Checks of a caller's arguments: fast if they are valid, with a clear message else."""
 
+from functools import lru_cache
 from math import inf
 from typing import Any
 
@@ -11,6 +12,10 @@ from hopdata.errors import ArgumentError
 
 # rtol, max_step, first_step, max_steps, max_events
 Limits = tuple[float, float, float | None, int, int]
+# Start, end, rtol, largest and first step, most steps and events.
+Numbers = tuple[float, float, float, float, float, int, int]
+
+KEPT = 64  # requests whose checked numbers are remembered
 
 #: Most steps, and most events, of an integration by default.
 #: Unit: 1. Origin: chosen: no limit in practice, but no run for ever.
@@ -20,6 +25,7 @@ MOST = 10_000_000
 #: error. Ten units in the last place.
 SMALLEST_RTOL = 10 * 2.0**-52
 _LOCKS = frozenset((-1, 0, 1))
+_FLOAT = np.dtype(np.float64)
 
 
 def expect(
@@ -37,12 +43,30 @@ def check_numbers(
     first_step: float | None,
     max_steps: int,
     max_events: int,
-) -> tuple[float, float, float, float, float, int, int]:
+) -> Numbers:
     """Return start, end, rtol, largest and first step, and the two counts.
 
     All of them are plain numbers; a first step of 0 is to be chosen.
-    `driver.loop.can_be_done` makes the same checks.
+    `driver.loop.can_be_done` makes the same checks. What was valid is remembered: to
+    check it again would take as long as a short integration.
     """
+    given = t_span, rtol, max_step, first_step, max_steps, max_events
+    try:
+        return _known_numbers(*given)
+    except TypeError:  # invalid, or of types that cannot be looked up
+        pass
+    return _checked_numbers(*given)
+
+
+def _checked_numbers(
+    t_span: tuple[float, float],
+    rtol: float,
+    max_step: float,
+    first_step: float | None,
+    max_steps: int,
+    max_events: int,
+) -> Numbers:
+    """Do what `check_numbers` does, without looking up what is known."""
     try:
         t_start, t_end = map(float, t_span)
     except (TypeError, ValueError):
@@ -71,6 +95,9 @@ def check_numbers(
         steps,
         events,
     )
+
+
+_known_numbers = lru_cache(KEPT)(_checked_numbers)
 
 
 def check_infinite_end(
@@ -105,6 +132,8 @@ def check_count(name: str, value: Any) -> int:
 
 def check_flag(name: str, value: Any) -> bool:
     """Return a bool, given as True or False (Python or NumPy) or as 0 or 1."""
+    if value is False or value is True:
+        return value
     is_truth = isinstance(value, bool | int | np.bool_ | np.integer) and value in (0, 1)
     expect(is_truth, name, "True or False", repr(value))
     return bool(value)
@@ -114,6 +143,8 @@ def numbers_of(name: str, value: ArrayLike) -> FloatArray:
     """Return a C-contiguous array of floats."""
     try:
         given = np.asarray(value)
+        if given.dtype is _FLOAT and given.ndim > 0 and given.flags.c_contiguous:
+            return given
         kind = given.dtype.kind
         if kind in "USc" or (kind == "O" and None in given.ravel().tolist()):
             raise TypeError  # NumPy would convert text and None to numbers
@@ -131,9 +162,12 @@ def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
 
 def check_rows(params: ArrayLike, n_runs: int) -> FloatArray:
     """Return the parameters shared by all runs, (1, p), or of each run, (n_runs, p)."""
-    numbers = np.atleast_2d(numbers_of("params", params))
+    numbers = numbers_of("params", params)
+    if numbers.ndim < 2:
+        numbers = numbers.reshape(1, -1)
     fits = numbers.ndim == 2 and len(numbers) in (1, n_runs)
-    expect(fits, "params", f"shape (p,) or ({n_runs}, p)", np.shape(params))
+    if not fits:
+        expect(fits, "params", f"shape (p,) or ({n_runs}, p)", np.shape(params))
     return numbers
 
 
@@ -194,9 +228,15 @@ def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
 
 
 def check_times(t_eval: ArrayLike, t_start: float, t_end: float) -> FloatArray:
-    """Return the requested times as an array."""
+    """Return the requested times as an array, a copy of what was given."""
     times = np.array(numbers_of("t_eval", t_eval), ndmin=1)
-    inside = (times >= t_start) & (times <= t_end) & np.isfinite(times)
-    fits = times.ndim == 1 and inside.all() and (np.diff(times) > 0).all()
-    expect(fits, "t_eval", f"increasing times within {(t_start, t_end)}", times)
+    fits = times.ndim == 1
+    if fits and len(times) > 0:
+        # Where each is after the one before it, the first and the last tell of all.
+        first = times[0]
+        last = times[-1]
+        fits = t_start <= first and last <= t_end and last < inf
+        fits = fits and bool((times[1:] > times[:-1]).all())
+    if not fits:
+        expect(fits, "t_eval", f"increasing times within {(t_start, t_end)}", times)
     return times

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property, partial
 from itertools import islice
 from math import inf
 from typing import Any
@@ -17,19 +17,20 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.caught import Caught
+from hopdata.hybrid.compiled.caught import catch, stop_catching
 from hopdata.hybrid.derived import ask_derived, goes_back
 from hopdata.hybrid.driver.loop import (
     END_STATE,
-    Request,
+    INVALID,
     Results,
     Starts,
     many_entry,
 )
 from hopdata.hybrid.known_instants import NONE, Instants
 from hopdata.hybrid.methods.table import MethodTable
+from hopdata.hybrid.solution import Form
 from hopdata.hybrid.system import System
-from hopdata.hybrid.workspace import FIRST_PATIENCE
+from hopdata.hybrid.workspace import NO_TIMES
 
 # A job runs in threads, chunk by chunk, and shows its progress.
 
@@ -41,6 +42,11 @@ STEPS_AT_A_TIME = 200_000
 #: Unit: 1. Origin: measured: compilation takes 0.5 s, and each system saves 10 to
 #: 20 us.
 LARGE = 50_000
+#: Time after which the rest of a batch runs in threads.
+#: Unit: s. Origin: measured: a pool of threads takes 0.3 ms to start and to end.
+WORTH_THREADS = 2e-3
+GROWTH = 4  # ratio of the chunks of a batch until it runs in threads
+NO_NUMBERS = np.empty((1, 0))
 BETWEEN_S = 0.1  # interval of progress messages on stderr
 
 
@@ -121,69 +127,149 @@ def available_cores() -> int:
 class BatchSolution:
     """Final states of many (B) integrations.
 
+    What is not asked for is not unpacked.
+
     Parameters
     ----------
-    status : (B,) array of int
-        How each ended, as in `Solution`.
-    t_end : (B,) array
-        Times reached, s.
-    y_end : (B, n) array
-        States reached.
-    mode : (B, m) array of int
-        Modes at the end.
-    n_events, n_steps, nfev : (B,) array of int
-        Events, accepted steps, field evaluations.
-    n_unproven, n_close : (B,) array of int
-        Steps in which it is not proven that no guard flips unseen, and those in which
-        one turned too close to tell, as in `Solution`.
-    culprit : (B,) array of int
-        Index of the guard that the status is about, -1 if none.
-    rates : (B, 2) array
-        Rates of this guard before its last two flips, rising and falling, 1/s.
-    guard_names : tuple of str
-        Names of all guards.
-    lanes : (B,) array of bool
-        Which integrations ran in lanes.
+    results : Results
+        The driver's records.
+    form : Form
+        What they show of the system.
+    times : (N,) array
+        Times at which states were requested.
+    n_alone : int
+        Number of integrations that did not run in lanes.
+    alone : (n_alone,) array of int, optional
+        Which did not; all if it is not given.
     lanes_reason : str
         Why none ran in lanes; empty if some did.
-    t : (N,) array, optional
-        `t_eval`, if given.
-    y : (B, n, N) array, optional
-        States at these times; NaN after an integration has ended.
-    jacobian : (B, n, n) array, optional
-        Derivatives of the final states with respect to the initial states, if
-        requested.
-    sensitivity : (B, n, p) array, optional
-        Derivatives of the final states with respect to the parameters, if requested.
     by_differences : str
         Functions whose derivatives are by finite differences, as in `Solution`.
     """
 
-    status: IntArray
-    t_end: FloatArray
-    y_end: FloatArray
-    mode: IntArray
-    n_events: IntArray
-    n_steps: IntArray
-    nfev: IntArray
-    n_unproven: IntArray
-    n_close: IntArray
-    culprit: IntArray
-    rates: FloatArray
-    guard_names: tuple[str, ...]
-    lanes: BoolArray
+    results: Results
+    form: Form
+    times: FloatArray
+    alone: IntArray | None
     lanes_reason: str
-    t: FloatArray | None = None
-    y: FloatArray | None = None
-    jacobian: FloatArray | None = None
-    sensitivity: FloatArray | None = None
     by_differences: str = ""
 
     def __len__(self) -> int:
-        return len(self.status)
+        return len(self.results.status)
 
     def __repr__(self) -> str:
         return f"BatchSolution of {len(self)} integrations\n{self.message}"
+
+    @cached_property
+    def status(self) -> IntArray:
+        """How each ended, as in `Solution`; (B,)."""
+        status = self.results.status[:, 0]
+        if self.form.slides is not None:
+            return self.form.slides.status(status, self.results.modes)
+        return status
+
+    @cached_property
+    def t_end(self) -> FloatArray:
+        """Times reached, s; (B,)."""
+        return self.form.way * self.results.ends[:, 0]
+
+    @cached_property
+    def y_end(self) -> FloatArray:
+        """States reached; (B, n)."""
+        return self.results.ends[:, END_STATE : END_STATE + self.form.shown]
+
+    @cached_property
+    def mode(self) -> IntArray:
+        """Modes at the end; (B, m)."""
+        if self.form.slides is not None:
+            return self.form.slides.modes(self.results.modes)
+        return self.results.modes
+
+    @property
+    def n_events(self) -> IntArray:
+        """Numbers of events; (B,)."""
+        return self.results.counts[:, at.EVENTS]
+
+    @property
+    def n_steps(self) -> IntArray:
+        """Numbers of accepted steps; (B,)."""
+        return self.results.counts[:, at.STEPS]
+
+    @property
+    def nfev(self) -> IntArray:
+        """Numbers of field evaluations; (B,)."""
+        return self.results.counts[:, at.NFEV]
+
+    @property
+    def n_unproven(self) -> IntArray:
+        """Numbers of steps in which it is not proven that no guard flips unseen."""
+        return self.results.counts[:, at.UNPROVEN]
+
+    @property
+    def n_close(self) -> IntArray:
+        """Numbers of steps in which a guard turned too close to tell; (B,)."""
+        return self.results.counts[:, at.CLOSE]
+
+    @cached_property
+    def culprit(self) -> IntArray:
+        """Index of the guard that each status is about, -1 if none; (B,)."""
+        culprit = self.results.counts[:, at.CULPRIT]
+        if self.form.slides is not None:
+            return self.form.slides.guards(culprit)
+        return culprit
+
+    @property
+    def rates(self) -> FloatArray:
+        """Rates of this guard before its last two flips, rising and falling; (B, 2)."""
+        return self.results.ends[:, 1:END_STATE]
+
+    @property
+    def guard_names(self) -> tuple[str, ...]:
+        """Names of all guards."""
+        return self.form.guard_names
+
+    @cached_property
+    def lanes(self) -> BoolArray:
+        """Which integrations ran in lanes; (B,)."""
+        if self.alone is None:
+            return np.zeros(len(self), dtype=bool)
+        in_lanes = np.ones(len(self), dtype=bool)
+        in_lanes[self.alone] = False
+        return in_lanes
+
+    @cached_property
+    def t(self) -> FloatArray | None:
+        """`t_eval`, if there are times in it; (N,)."""
+        if len(self.times) == 0:
+            return None
+        return self.form.way * self.times
+
+    @cached_property
+    def y(self) -> FloatArray | None:
+        """States at these times, (B, n, N); NaN after an integration has ended."""
+        if len(self.times) == 0:
+            return None
+        reached = self.results.counts[:, at.SAMPLES, None]
+        ended = np.arange(len(self.times)) >= reached
+        states = np.swapaxes(self.results.samples[..., : self.form.shown], 1, 2).copy()
+        np.copyto(states, np.nan, where=ended[:, None])
+        return states
+
+    @property
+    def jacobian(self) -> FloatArray | None:
+        """Derivatives of final by initial states, (B, n, n), if requested."""
+        shown = self.form.shown
+        if self.results.jacobians.shape[1] == 0:
+            return None
+        return self.results.jacobians[:, :shown, :shown]
+
+    @property
+    def sensitivity(self) -> FloatArray | None:
+        """Derivatives of final states by parameters, (B, n, p), if requested."""
+        shown = self.form.shown
+        if shown == self.form.state:
+            return None
+        return self.results.jacobians[:, :shown, shown:]
 
     @property
     def success(self) -> bool:
@@ -216,43 +302,49 @@ class BatchSolution:
         return "\n".join(lines)
 
 
-class _Output:
-    """Arrays that the threads fill; each thread writes its own rows."""
+_NO_SAMPLES = np.empty((0, 0, 0))
+N_COUNTS = int(at.COUNT_SLOTS)
 
-    def __init__(
-        self, n_runs: int, system: System, n_times: int, jacobian: bool
-    ) -> None:
-        n = system.n_states
-        n_sampled = n_runs if n_times > 0 else 0
-        n_jacobians = n_runs if jacobian else 0
-        self.status = np.zeros((n_runs, 1), dtype=np.int64)
-        self.ends = np.empty((n_runs, END_STATE + n))
-        self.modes = np.empty((n_runs, system.n_modes), dtype=np.int64)
-        self.counts = np.empty((n_runs, at.COUNT_SLOTS), dtype=np.int64)
-        self.samples = np.empty((n_sampled, n_times, n))
-        self.jacobians = np.empty((n_jacobians, n, n))
-        self.arrays = tuple(vars(self).values())  # in the order above
+
+def _room(n_runs: int, form: Form, n_times: int, jacobian: bool) -> Results:
+    """Return room for results; each thread writes its own rows."""
+    n = form.state
+    samples = _NO_SAMPLES
+    jacobians = _NO_SAMPLES
+    if n_times > 0:
+        samples = np.empty((n_runs, n_times, n))
+    if jacobian:
+        jacobians = np.empty((n_runs, n, n))
+    return Results(
+        np.empty((n_runs, 1), np.int64),
+        np.empty((n_runs, END_STATE + n)),
+        np.empty((n_runs, form.mode), np.int64),
+        np.empty((n_runs, N_COUNTS), np.int64),
+        samples,
+        jacobians,
+    )
 
 
 # Looked up once: the key of the compiled code takes longer than a short integration.
 _entry = cache(many_entry)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Batch:
-    """What all integrations of a batch share, and where their results go."""
+    """What all integrations of a batch share, and where their results go.
+
+    `seconds` is the time that the driver has taken.
+    """
 
     system: System
-    method: str
+    methods: MethodTable
     jacobian: bool
-    states: FloatArray
-    numbers: FloatArray  # parameters and memory, one row, or one for each integration
-    modes: IntArray
+    starts: Starts
     times: FloatArray
     atol: ArrayLike
-    options: tuple[float, float, float, float, float, int, int]
-    output: _Output
-    known: Instants = NONE
+    options: arguments.Numbers
+    results: Results
+    seconds: float = 0.0
 
     def in_lanes(self) -> tuple[Callable[[int, int], int] | None, str]:
         """Return what integrates in lanes, or None and the reason."""
@@ -260,57 +352,65 @@ class _Batch:
 
         tolerance = np.empty(self.system.n_states)
         arguments.set_tolerance(tolerance, self.atol)
-        inputs = (self.states, self.numbers, self.modes)
-        arrays = (*inputs, *self.output.arrays[:-1], self.times, tolerance)
+        # Neither instants nor Jacobians, with which there are no lanes.
+        arrays = (*self.starts[:3], *self.results[:-1], self.times, tolerance)
         return lane_runner(
-            self.system, self.method, self.jacobian, arrays, self.options
+            self.system, self.methods.choice, self.jacobian, arrays, self.options
         )
 
     def run(self, first: int, last: int) -> int:
         """Integrate from the states first <= i < last, one by one."""
-        methods = self.system.methods(self.method, self.jacobian)
+        methods = self.methods
+        starts = self.starts
         work = self.system.take_workspace()
-        done = first
+        caught = work.caught
+        caught.clear()
+        token = catch(caught)
         try:
-            times = self.times if len(self.times) > 0 else None
-            work.begin(methods, times, self.jacobian)
-            work.make_params_room(self.numbers.shape[1] - self.system.n_memory)
+            work.begin(methods, self.times, self.jacobian)
+            work.make_params_room(starts.params.shape[1] - self.system.n_memory)
+            work.write_options(self.options, 0, False)
             work.set_tolerance(self.atol)
             if methods.unchecked:
-                self._check_pattern(methods, first)
-            work.block[at.PATIENCE] = np.iinfo(np.int64).max // 2  # it never pauses
-            starts = Starts(self.states, self.numbers, self.modes, *self.known)
-            results = Results(*self.output.arrays)
-            request = Request(*self.options)
+                self._check_pattern(first)
             enter = _entry()
-            with Caught() as caught:
-                while done < last and not caught:
-                    before = time.thread_time()
-                    done = enter(work.block, done, last, starts, results, request)
-                    methods.seconds += time.thread_time() - before
-                    if done < last:
-                        methods.provide(int(work.counts[at.METHOD]))
+            done = first
+            while done < last and not caught:
+                before = time.monotonic()  # in a hundredth of the time of `thread_time`
+                done = enter(work.block, done, last, starts, self.results)
+                spent = time.monotonic() - before
+                self.seconds += spent
+                methods.seconds += spent
+                assert done != INVALID, self.options
+                if done < last:
+                    methods.provide(int(work.counts[at.METHOD]))
             if caught:
                 raise caught[0]
         finally:
-            work.forget_samples()
-            work.set_instants(NONE)
-            work.block[at.PATIENCE] = FIRST_PATIENCE
+            stop_catching(token)
+            caught.clear()
             self.system.idle.append(work)
         return last - first
 
-    def _check_pattern(self, methods: MethodTable, which: int) -> None:
+    def _check_pattern(self, which: int) -> None:
         """Compare the field with the pattern of its Jacobian, at one of the starts."""
-        methods.check_pattern(
+        starts = self.starts
+        self.methods.check_pattern(
             self.options[0],
-            self.states[which],
-            self.modes[which % len(self.modes)],
+            starts.y0[which],
+            starts.modes[which % len(starts.modes)],
             self.system.n_guards,
-            self.numbers[which % len(self.numbers)],
+            starts.params[which % len(starts.params)],
         )
 
-    def run_rows(self, rows: IntArray) -> int:
-        """Integrate from the states of these rows, and return their number."""
+    def run_remaining(
+        self, remaining: IntArray, n_done: int, begin: int, end: int
+    ) -> int:
+        """Integrate from the states of some of the remaining rows; return their number.
+
+        The places `begin` and `end` count those that are done.
+        """
+        rows = remaining[begin - n_done : end - n_done]
         if rows[-1] - rows[0] == len(rows) - 1:  # there are no gaps
             return self.run(int(rows[0]), int(rows[-1]) + 1)
         gaps = np.flatnonzero(np.diff(rows) > 1)
@@ -410,145 +510,131 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     options = arguments.check_numbers(
         t_span, rtol, max_step, first_step, max_steps, max_events
     )
-    arguments.check_infinite_end(system, options[1], *options[5:])
+    if not options[1] < inf:
+        arguments.check_infinite_end(system, options[1], *options[5:])
     if workers is not None:
         workers = arguments.check_count("workers", workers)
     jacobian = arguments.check_flag("jacobian", jacobian)
-    numbers = arguments.check_rows(params, len(states))
-    numbers = arguments.with_memory(numbers, memory, system.n_memory)
-    system.check_params_length(numbers.shape[1])
-    modes = np.zeros((1, system.n_modes), dtype=np.int64)
-    if mode is not None:
-        arguments.set_mode(modes[0], system.n_guards, mode)
-    times = np.empty(0)
+    wants_lanes = len(states) >= LARGE
+    if lanes is not None:
+        wants_lanes = arguments.check_flag("lanes", lanes)
+    times = NO_TIMES
     if t_eval is not None:
         times = arguments.check_times(t_eval, *options[:2])
-    if lanes is None:
-        wants_lanes = len(states) >= LARGE
-    else:
-        wants_lanes = arguments.check_flag("lanes", lanes)
     batch = _Batch(
-        system=system,
-        method=method,
-        jacobian=jacobian,
-        states=states,
-        numbers=numbers,
-        modes=modes,
-        times=times,
-        atol=atol,
-        options=options,
-        output=_Output(len(states), system, len(times), jacobian),
-        known=known,
+        system,
+        system.methods(method, jacobian),
+        jacobian,
+        _starts(system, states, params, memory, mode, known),
+        times,
+        atol,
+        options,
+        _room(len(states), _shared(system)[0], len(times), jacobian),
     )
-    remaining = np.arange(len(states))
     reason = "they were not requested"
+    remaining = None
     if wants_lanes:
         remaining, reason = _run_in_lanes(batch, workers, progress)
-    _run_one_by_one(batch, remaining, workers, progress)
-    return _solution(batch, remaining, reason)
+    if remaining is None or len(remaining) > 0:
+        _run_one_by_one(batch, remaining, workers, progress)
+    told = ""
+    if jacobian:
+        told = system.derivatives.told(by_field=batch.methods.by_field)
+    return BatchSolution(
+        batch.results, _shared(system)[0], times, remaining, reason, told
+    )
+
+
+def _starts(
+    system: System,
+    states: FloatArray,
+    params: ArrayLike,
+    memory: ArrayLike | None,
+    mode: Sequence[int] | None,
+    known: Instants,
+) -> Starts:
+    """Return where the integrations start."""
+    numbers = NO_NUMBERS
+    if type(params) is not tuple or len(params) > 0:
+        numbers = arguments.check_rows(params, len(states))
+    if system.n_memory > 0 or memory is not None:
+        numbers = arguments.with_memory(numbers, memory, system.n_memory)
+    system.check_params_length(numbers.shape[1])
+    modes = _shared(system)[1]
+    if mode is not None:
+        modes = np.zeros_like(modes)
+        arguments.set_mode(modes[0], system.n_guards, mode)
+    return Starts(states, numbers, modes, *known)
+
+
+def _shared(system: System) -> tuple[Form, IntArray]:
+    """Return what all batches of a system share: its layout, and a mode of zeros."""
+    shared: tuple[Form, IntArray] | None = system.made.get(_shared)
+    if shared is None:
+        form = Form.of(system)
+        shared = form, np.zeros((1, form.mode), dtype=np.int64)
+        system.made[_shared] = shared
+    return shared
 
 
 def _run_in_lanes(
     batch: _Batch, workers: int | None, progress: bool
-) -> tuple[IntArray, str]:
-    """Integrate in lanes, and return the rows that remain, and why if all do."""
+) -> tuple[IntArray | None, str]:
+    """Integrate in lanes, and return the rows that remain (None: all), and why."""
     from hopdata.hybrid.lanes.room import GIVEN_UP
 
-    total = len(batch.states)
+    total = len(batch.starts.y0)
     in_lanes, reason = batch.in_lanes()
     if in_lanes is None:
-        return np.arange(total), reason
+        return None, reason
     share = total // (4 * (workers or available_cores()))
     chunk = min(max(share, 4 * CHUNK), 64 * CHUNK)
     run_in_threads(in_lanes, 0, total, workers, progress, chunk)
-    return np.flatnonzero(batch.output.status[:, 0] == GIVEN_UP), reason
+    return np.flatnonzero(batch.results.status[:, 0] == GIVEN_UP), reason
 
 
 def _run_one_by_one(
-    batch: _Batch, remaining: IntArray, workers: int | None, progress: bool
+    batch: _Batch, remaining: IntArray | None, workers: int | None, progress: bool
 ) -> None:
-    """Integrate from the states of the remaining rows."""
-    total = len(batch.states)
-    n_in_lanes = total - len(remaining)
-
-    def run(first: int, last: int) -> int:
-        return batch.run_rows(remaining[first - n_in_lanes : last - n_in_lanes])
-
+    """Integrate from the states of the remaining rows; of all if there is none."""
+    total = len(batch.starts.y0)
+    n_in_lanes = 0
+    run: Callable[[int, int], int] = batch.run
+    first = 0
+    if remaining is not None:
+        n_in_lanes = total - len(remaining)
+        first = int(remaining[0])
+        run = partial(batch.run_remaining, remaining, n_in_lanes)
     done = n_in_lanes
     chunk = CHUNK
-    if len(remaining) > 0:
+    batch.methods.specialise()
+    if total == 1 and not progress:
+        run(done, total)
+        return
+    if done < total:
         # The first runs alone, because it compiles what is not compiled yet.
-        methods = batch.system.methods(batch.method, batch.jacobian)
-        before = methods.seconds
         done += run(done, done + 1)
-        steps = int(batch.output.counts[remaining[0], at.STEPS])
-        methods.specialise((methods.seconds - before) * len(remaining))
+        steps = int(batch.results.counts[first, at.STEPS])
+        batch.methods.specialise(batch.seconds * (total - n_in_lanes))
         chunk = min(STEPS_AT_A_TIME // (steps + 1) + 1, CHUNK)
+    few = 1
+    # A pool of threads takes as long as hundreds of short ones. How long they are is
+    # seen from more and more of them, as the first may have ended at once.
+    while done < total and batch.seconds < WORTH_THREADS and not progress:
+        few = min(GROWTH * few, chunk, total - done)
+        done += run(done, done + few)
     if done < total or progress:
         run_in_threads(run, done, total, workers, progress, chunk)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
+    """Return the initial states as an array of finite numbers."""
     states = arguments.numbers_of("y0", y0)
-    fits = states.ndim == 2 and states.shape[1] == n_states
-    arguments.expect(fits, "y0", f"shape (B, {n_states})", states.shape)
+    if states.ndim != 2 or states.shape[1] != n_states:
+        arguments.expect(False, "y0", f"shape (B, {n_states})", states.shape)
     finite = np.isfinite(states)
-    if finite.all():
+    if np.count_nonzero(finite) == finite.size:  # in a third of the time of `all`
         return states
     for row in np.flatnonzero(~finite.all(axis=1)):
         arguments.expect(False, "y0", "finite numbers", f"{states[row]} in row {row}")
     return states
-
-
-def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
-    """Return the results, with the user's states, parameters and times only."""
-    system = batch.system
-    output = batch.output
-    counts = output.counts
-    shown = system.n_shown
-    t = None
-    y = None
-    if len(batch.times) > 0:
-        t = system.way * batch.times
-        ended = np.arange(len(batch.times)) >= counts[:, at.SAMPLES, None]
-        output.samples[ended] = np.nan
-        y = np.ascontiguousarray(np.swapaxes(output.samples[..., :shown], 1, 2))
-    jacobian = None
-    told = ""
-    if batch.jacobian:
-        methods = system.methods(batch.method, True)
-        told = system.derivatives.told(by_field=methods.by_field)
-        jacobian = output.jacobians[:, :shown, :shown]
-    sensitivity = None
-    if shown < system.n_states:
-        sensitivity = output.jacobians[:, :shown, shown:]
-    status = output.status[:, 0]
-    modes = output.modes
-    culprit = counts[:, at.CULPRIT]
-    if system.slides is not None:
-        status = system.slides.status(status, modes)
-        culprit = system.slides.guards(culprit)
-        modes = system.slides.modes(modes)
-    in_lanes = np.ones(len(output.status), dtype=bool)
-    in_lanes[remaining] = False
-    return BatchSolution(
-        status=status,
-        t_end=system.way * output.ends[:, 0],
-        y_end=output.ends[:, END_STATE : END_STATE + shown],
-        mode=modes,
-        n_events=counts[:, at.EVENTS],
-        n_steps=counts[:, at.STEPS],
-        nfev=counts[:, at.NFEV],
-        n_unproven=counts[:, at.UNPROVEN],
-        n_close=counts[:, at.CLOSE],
-        t=t,
-        y=y,
-        jacobian=jacobian,
-        sensitivity=sensitivity,
-        by_differences=told,
-        culprit=culprit,
-        rates=output.ends[:, 1:END_STATE],
-        guard_names=system.shown_guard_names,
-        lanes=in_lanes,
-        lanes_reason=reason,
-    )

@@ -22,6 +22,7 @@ from hopdata.hybrid.zeno import Limit, limit_of
 
 if TYPE_CHECKING:
     from hopdata.hybrid.sliding import Slides
+    from hopdata.hybrid.system import System
 
 MOST_SHOWN = 10  # most events in the text of a log
 COUNTS = int(layout.CLOCK_SLOTS)  # index of the first counter in the end record
@@ -254,6 +255,22 @@ class Form:
     shown: int
     unproven: str = ""
     slides: Slides | None = None
+
+    @classmethod
+    def of(cls, system: System) -> Form:
+        """Return the layout for a system."""
+        # With guards one by one there may be thousands: the log leaves out their locks.
+        logged = system.n_modes if system.guard is None else system.n_extra_modes
+        return cls(
+            system.n_states,
+            system.n_modes,
+            logged,
+            system.shown_guard_names,
+            system.way,
+            system.n_shown,
+            system.branches.reason,
+            system.slides,
+        )
 
 
 @dataclass(frozen=True, repr=False)

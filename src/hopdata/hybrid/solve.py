@@ -18,7 +18,7 @@ from hopdata.hybrid.derived import ask_derived, goes_back
 from hopdata.hybrid.known_instants import Instants
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
-from hopdata.hybrid.workspace import PLAIN, Sink, Workspace
+from hopdata.hybrid.workspace import Sink, Workspace
 
 # Time until the first progress message on a terminal's stderr, and interval of others.
 SILENT_S = 5.0
@@ -150,16 +150,13 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     try:
         keep_events = events == "all"
         # The usual request has nothing but numbers, which are written unchecked.
-        usual = dense_output is debug is False and memory is first_step is None
-        usual = usual and type(jacobian) is bool and (keep_events or events == "count")
+        counted = events == "count" and dense_output is False
+        usual = debug is False and memory is None and (keep_events or counted)
+        usual = usual and type(jacobian) is type(dense_output) is bool
         usual = usual and _is_plain(system, work, tstops)
-        rows_per_step = 1
-        if t_eval is not None:
-            rows_per_step = 0
-            usual = usual and _is_empty(t_eval)
         if not usual or not work.ask_again(
-            t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method,
-            jacobian, rows_per_step, keep_events,
+            t_span, y0, params, rtol, atol, max_step, first_step, max_steps, max_events,
+            method, jacobian, t_eval, dense_output, keep_events,
         ):  # fmt: skip
             derived = debug is not False or isinstance(jacobian, str)
             if goes_back(t_span) or derived or not _is_plain(system, work, tstops):
@@ -287,13 +284,6 @@ def _check_results(system: System, work: Workspace) -> None:
         if system.guards is not None:
             given = time + step, moved, slope, mode, params, h, hdot
             system.guards.check_result(*given)
-
-
-def _is_empty(t_eval: Any) -> bool:
-    """Return whether no time is requested, as far as it can be told at once."""
-    if type(t_eval) is np.ndarray:
-        return t_eval.shape == (0,) and t_eval.dtype == np.float64
-    return type(t_eval) in PLAIN and len(t_eval) == 0
 
 
 def _sink(events: Any, dense_output: bool) -> Sink | None:

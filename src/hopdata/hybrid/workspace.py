@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import arguments, layout
-from hopdata.hybrid.arguments import Limits
+from hopdata.hybrid.arguments import Limits, Numbers
 from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry
 from hopdata.hybrid.known_instants import NONE, Instants
@@ -57,6 +57,7 @@ ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # the number of events foll
 ASKED_AT = 8 * int(layout.BLOCK_ASKED)
 UNKNOWN = -1  # number of parameters before any are given
 NOTHING = object()  # equal to no choice of methods
+NO_TIMES = np.empty(0)
 
 
 class Workspace:
@@ -80,8 +81,7 @@ class Workspace:
     methods : MethodTable
         Methods for which room is laid out, available after the first `begin`.
     ready_for : object
-        Choice of methods with which a plain integration may start at once, in which
-        each step is recorded.
+        Choice of methods with which an integration may start at once.
     ready_with : bool
         Whether this integration has a Jacobian.
     """
@@ -92,8 +92,6 @@ class Workspace:
         n_states = system.n_states
         n_modes = system.n_modes
         n_guards = system.n_guards
-        # With guards one by one there may be thousands: the log leaves out their locks.
-        n_logged = n_modes if system.guard is None else system.n_extra_modes
         self.block = np.array(system.addresses, dtype=np.int64)
         self._n_states = n_states
         self._n_params = UNKNOWN
@@ -128,22 +126,13 @@ class Workspace:
         self._row_width = 1 + n_states
         self._event_width = int(layout.LOG_STATES) + 2 * n_states
         self._make_rows(FIRST_ROWS)
-        self._make_log(n_logged, FIRST_EVENTS)
+        self._form = Form.of(system)
+        self._make_log(self._form.logged, FIRST_EVENTS)
         self._wanted = np.empty(0)
         self._samples = np.empty((0, n_states))
         self._kept_rows: list[memoryview] = []  # full chunks
         self._kept_events: list[memoryview] = []
         self.sink: Sink | None = None
-        self._form = Form(
-            n_states,
-            n_modes,
-            n_logged,
-            system.shown_guard_names,
-            system.way,
-            system.n_shown,
-            system.branches.reason,
-            system.slides,
-        )
         self._lay_out(layout.RULES, system.rules, self._atol)
         self._lay_out(
             layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at
@@ -203,7 +192,7 @@ class Workspace:
             self._make_argument_block(count)
             self._n_params = count
 
-    def ask_again(  # noqa: PLR0913 (a dataclass would take as long as the request)
+    def ask_again(  # noqa: C901, PLR0913 (calls would take as long as the request)
         self,
         t_span: Any,
         y0: Any,
@@ -211,11 +200,13 @@ class Workspace:
         rtol: Any,
         atol: Any,
         max_step: Any,
+        first_step: Any,
         max_steps: Any,
         max_events: Any,
         method: Any,
         jacobian: bool | str,
-        rows_per_step: int,
+        t_eval: Any,
+        dense: bool,
         keep_events: bool,
     ) -> bool:
         """Write the request if only plain numbers differ from the last one.
@@ -236,13 +227,21 @@ class Workspace:
         plain = type(y0) in PLAIN and type(params) in PLAIN
         if not plain or len(y0) != self._n_states or len(params) != self._n_params:
             return False
+        if first_step is None:
+            first_step = 0.0  # to be chosen
+        elif type(first_step) is not float or not first_step > 0.0:
+            return False
+        rows_per_step = 1
+        if dense:
+            rows_per_step = self.methods.degree
+        elif t_eval is not None:
+            rows_per_step = 0
         try:
             if not (isinstance(atol, float) and atol == self._atol_of_all):
                 self.set_tolerance(atol)
             start, end = t_span
             if not start <= end < inf:
                 return False
-            first_step = 0.0  # to be chosen
             self._write(
                 self._block_bytes, ASKED_AT,
                 start, end, rtol, max_step, first_step,
@@ -251,6 +250,10 @@ class Workspace:
             )  # fmt: skip
         except (struct.error, TypeError, ValueError, OverflowError):
             return False
+        if t_eval is not None or len(self._wanted) > 0:
+            self._want(_times(t_eval, start, end))
+        if dense or self._rows_per_step > 1:
+            self._record_inside(dense)
         if self.tangent is not None:
             self.tangent[: self._n_states] = self._identity
         return True
@@ -273,15 +276,10 @@ class Workspace:
         """Prepare an integration of any kind, and write the request."""
         options = arguments.check_numbers(t_span, *limits)
         arguments.check_infinite_end(system, options[1], *options[5:])
-        as_before = type(method) is str and method == self.ready_for
-        as_before = as_before and not self.ready_with
         dense = arguments.check_flag("dense_output", dense_output)
-        if not as_before or dense or jacobian is not False or t_eval is not None:
-            times = None
-            if t_eval is not None:
-                times = arguments.check_times(t_eval, *options[:2])
-            wanted = arguments.check_flag("jacobian", jacobian)
-            self.begin(system.methods(method, wanted), times, wanted, dense)
+        times = _times(t_eval, *options[:2])
+        wanted = arguments.check_flag("jacobian", jacobian)
+        self.begin(system.methods(method, wanted), times, wanted, dense)
         self.methods.specialise()
         state = arguments.check_shape("y0", y0, self._n_states)
         given = arguments.numbers_of("params", params).ravel()
@@ -292,10 +290,16 @@ class Workspace:
             rows_per_step = self.methods.degree
         else:
             rows_per_step = 1 if t_eval is None else 0
-        WRITE_OPTIONS(self._block_bytes, ASKED_AT, *options, rows_per_step, keep_events)
+        self.write_options(options, rows_per_step, keep_events)
         self._start[:] = state
         self._params[:] = full
         self.set_tolerance(atol)
+
+    def write_options(
+        self, options: Numbers, rows_per_step: int, keep_events: bool
+    ) -> None:
+        """Write the numbers of a request, as `arguments.check_numbers` returns them."""
+        WRITE_OPTIONS(self._block_bytes, ASKED_AT, *options, rows_per_step, keep_events)
 
     def check_pattern(self, n_guards: int, given_mode: bool) -> None:
         """Compare the field with the pattern of its Jacobian, at the start."""
@@ -315,21 +319,19 @@ class Workspace:
     def begin(
         self,
         methods: MethodTable,
-        t_eval: FloatArray | None,
+        times: FloatArray,
         jacobian: bool,
         dense: bool = False,
     ) -> None:
-        """Discard the last integration and prepare output at `t_eval`, or at each step.
+        """Discard the last integration and prepare output at `times`.
 
-        If `dense`, output includes as many points within each step as its polynomial
+        If `dense`, as many points within each step are recorded as its polynomial
         needs.
         """
         self.ready_for = NOTHING
         if methods is not self.__dict__.get("methods"):
             self._take(methods)
-        self._rows_per_step = methods.degree if dense else 1
-        if len(self._rows) <= self._rows_per_step:
-            self._make_rows(FIRST_ROWS)
+        self._record_inside(dense)
         if jacobian:
             self._begin_tangent(methods)
         elif self.tangent is not None:
@@ -343,13 +345,24 @@ class Workspace:
         most_changes = len(self._logged) + LARGEST_KEPT
         if len(self._log) > LARGEST_KEPT or len(self._changes) > most_changes:
             self._make_log(len(self._logged), LARGEST_KEPT)
-        if t_eval is not None or len(self._wanted) > 0:
-            self._wanted = np.empty(0) if t_eval is None else t_eval
-            self._samples = np.empty((len(self._wanted), len(self.state)))
-            self._lay_out(layout.WANTED, self._wanted, self._samples)
-        plain = not dense and len(self._wanted) == 0
-        self.ready_for = methods.choice if plain else NOTHING
+        if len(times) > 0 or len(self._wanted) > 0:
+            self._want(times)
+        self.ready_for = methods.choice
         self.ready_with = jacobian
+
+    def _record_inside(self, dense: bool) -> None:
+        """Record the points within each step, or only its end."""
+        self._rows_per_step = self.methods.degree if dense else 1
+        if len(self._rows) <= self._rows_per_step:
+            self._make_rows(FIRST_ROWS)
+
+    def _want(self, times: FloatArray) -> None:
+        """Make room for the states at these times."""
+        if len(times) != len(self._wanted):
+            self._wanted = np.empty(len(times))
+            self._samples = np.empty((len(times), self._n_states))
+            self._lay_out(layout.WANTED, self._wanted, self._samples)
+        self._wanted[:] = times
 
     def _begin_tangent(self, methods: MethodTable) -> None:
         """Make room for the flow's Jacobian, which starts as the identity."""
@@ -371,10 +384,6 @@ class Workspace:
             self._lay_out(layout.DUAL_TABLE, self._along.slots)
             self._identity = np.eye(n)
         self.tangent[:n] = self._identity
-
-    def forget_samples(self) -> None:
-        """Lay out the workspace's own sample array again after another was used."""
-        self._lay_out(layout.WANTED, self._wanted, self._samples)
 
     def _take(self, methods: MethodTable) -> None:
         """Lay out the room that a new table of methods needs."""
@@ -479,32 +488,37 @@ class Workspace:
         fields["status"] = status
         fields["y_end"] = self.shown.copy()
         fields["form"] = self._form
-        if self.ready_for is not NOTHING and self.tangent is None:
-            fields["jacobian"] = None
-            if self.methods.by_differences:
-                fields["by_differences"] = self.methods.by_differences
-            fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
-            return solution
-        trajectory: bytes | None = b"".join([*self._kept_rows, rows])
+        trajectory: bytes | None = rows.tobytes()
+        events = log.tobytes()
+        if self._kept_rows or self._kept_events:
+            trajectory = b"".join([*self._kept_rows, rows])
+            events = b"".join([*self._kept_events, log])
         if self._rows_per_step > 1:
             fields["dense"] = self._rows_per_step, trajectory
             trajectory = None  # its rows are among those of `dense`
         if len(self._wanted) > 0:
-            count = int(self.counts[layout.SAMPLES])
-            taken = [self._wanted[:count], self._samples[:count]]
-            trajectory = np.column_stack(taken).tobytes()
+            trajectory = self._sampled()
+        fields["parts"] = end, trajectory, events, changes
         fields["jacobian"] = None
-        told = [self.methods.by_differences]
+        if self.methods.by_differences:
+            fields["by_differences"] = self.methods.by_differences
         if self.tangent is not None:
             shown = self._n_shown
             fields["jacobian"] = self.tangent[:shown, :shown].copy()
             if shown < self._n_states:
                 fields["sensitivity"] = self.tangent[:shown, shown:].copy()
             assert self._along is not None
-            told.append(self._along.told)
-        fields["by_differences"] = "; ".join(one for one in told if one)
-        fields["parts"] = end, trajectory, b"".join([*self._kept_events, log]), changes
+            told = self.methods.by_differences, self._along.told
+            fields["by_differences"] = "; ".join(one for one in told if one)
         return solution
+
+    def _sampled(self) -> bytes:
+        """Return the requested times that were reached and the states there."""
+        count = int(self.counts[layout.SAMPLES])
+        table = np.empty((count, self._row_width))
+        table[:, 0] = self._wanted[:count]
+        table[:, 1:] = self._samples[:count]
+        return table.tobytes()
 
     def _make_rows(self, count: int) -> None:
         """Make and lay out room for rows, with fewer of them if the states are long."""
@@ -549,6 +563,13 @@ class Workspace:
             place = first + 2 * slot
             self.block[place] = array.ctypes.data
             self.block[place + 1] = array.shape[-1]
+
+
+def _times(t_eval: Any, start: float, end: float) -> FloatArray:
+    """Return the requested times; none if only the end is wanted, or each step."""
+    if t_eval is None or (type(t_eval) in PLAIN and len(t_eval) == 0):
+        return NO_TIMES
+    return arguments.check_times(t_eval, start, end)
 
 
 class Pool(list[Workspace]):

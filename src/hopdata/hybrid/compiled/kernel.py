@@ -11,7 +11,8 @@ otherwise be optimised in many copies, and for loops over guards, which vectoris
 in a function of their own. `kernel_into_other` is one that writes to no place that it
 reads through another argument, though both may be in one table: so its loops become
 vector instructions without a check. `ENTRY` holds the options of functions called from
-outside, by Python or by address.
+outside, by Python or by address, and `LARGE_ENTRY` those of long ones of ours, whose
+optimisation takes seconds.
 """
 
 from dataclasses import dataclass
@@ -208,9 +209,17 @@ call_refresh = PARTS["refresh"].call
 
 
 ENTRY: dict[str, Any] = {"error_model": "numpy"}
+LARGE_ENTRY = dict(ENTRY)
 
 try:
-    from hopdata.hybrid.compiled.linking import Apart, Entry, IntoOther, Kernel, linked
+    from hopdata.hybrid.compiled.linking import (
+        Apart,
+        Entry,
+        IntoOther,
+        Kernel,
+        LargeEntry,
+        linked,
+    )
 # Another Numba version: the result is the same, in five times as long.
 except ImportError:
     kernel: Any = njit(error_model="numpy")
@@ -219,6 +228,7 @@ except ImportError:
     kernel_in_loop: Any = njit(error_model="numpy", forceinline=True)
 else:
     ENTRY["pipeline_class"] = Entry
+    LARGE_ENTRY["pipeline_class"] = LargeEntry
     kernel = partial(linked, Kernel)
     kernel_apart = partial(linked, Apart)
     kernel_into_other = partial(linked, IntoOther)

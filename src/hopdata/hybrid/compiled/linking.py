@@ -24,13 +24,34 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.lowering import Lower
 from numba.core.registry import CPUDispatcher
-from numba.core.typed_passes import NativeLowering, NopythonRewrites
-from numba.core.untyped_passes import InlineClosureLikes
+from numba.core.typed_passes import (
+    InlineOverloads,
+    NativeLowering,
+    NopythonRewrites,
+    NopythonTypeInference,
+)
+from numba.core.untyped_passes import (
+    FindLiterallyCalls,
+    InlineClosureLikes,
+    InlineInlinables,
+    WithLifting,
+)
+
+from hopdata.hybrid.compiled.memory import View
 
 Function = Callable[..., Any]
 
 # Rewrites of array sums, and of closures.
 NOT_NEEDED = (NopythonRewrites, InlineClosureLikes)
+# Our kernels have no contexts, no functions to inline before they are lowered, and no
+# calls that want literals.
+NOT_IN_KERNELS = (
+    *NOT_NEEDED,
+    FindLiterallyCalls,
+    InlineInlinables,
+    InlineOverloads,
+    WithLifting,
+)
 
 _MADE = {"_final_module", "_linking_libraries", "_shared_module"}
 _NEEDED = (
@@ -49,10 +70,23 @@ class _Library(JITCodeLibrary):
     """A kernel as translated, or an entry with everything it reaches."""
 
     is_entry = False
+    is_optimised_once = False
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Leave a function as translated; optimisation follows linking."""
         ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        """Optimise an entry, once if that is enough.
+
+        Numba does it twice, so that counts of references meet and cancel, and more
+        loops become vector instructions.
+        """
+        if not self.is_optimised_once:
+            super()._optimize_final_module()
+            return
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
 
     def finalize(self) -> None:
         if self.is_entry:
@@ -100,12 +134,20 @@ def _callers_first(root: _Library) -> Iterator[Any]:
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _LowerEntry(NativeLowering):
     _name = "entry"
+    is_optimised_once = False
 
     def run_pass(self, state: Any) -> bool:
         state.library = _Library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         state.library.is_entry = True
+        state.library.is_optimised_once = self.is_optimised_once
         return bool(super().run_pass(state))
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerLargeEntry(_LowerEntry):
+    _name = "large_entry"
+    is_optimised_once = True
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -152,36 +194,96 @@ class _LowerIntoOther(_LowerKernel):
     lowering_class = _IntoOther
 
 
+class _Remembering:
+    """A context of types that remembers what a call of an operation gives.
+
+    Numba tries all meanings of an operation at each call, and again as long as any type
+    in the function is open: most of them are refused by an exception. Functions are not
+    remembered, as they may be compiled anew.
+    """
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def resolve_function_type(self, function: Any, given: Any, named: Any) -> Any:
+        """Return the signature of a call with arguments of these types."""
+        resolve = self._context.resolve_function_type
+        if type(function) is not types.Function or named:
+            return resolve(function, given, named)
+        if not all(isinstance(one, _PLAIN) for one in given):
+            return resolve(function, given, named)
+        key = function, given
+        if key not in _RESOLVED:
+            found = resolve(function, given, named)
+            if found is None:
+                return found
+            _RESOLVED[key] = found
+        return _RESOLVED[key]
+
+
+# Types of numbers, views and tuples of them: not of functions, or of open types.
+_PLAIN = (types.Number, types.Boolean, types.Literal, types.BaseTuple, View)
+_RESOLVED: dict[Any, Any] = {}
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Inference(NopythonTypeInference):
+    _name = "inference"
+
+    def run_pass(self, state: Any) -> bool:
+        context = state.typingctx
+        state.typingctx = _Remembering(context)
+        try:
+            return bool(super().run_pass(state))
+        finally:
+            state.typingctx = context
+
+
 class Entry(CompilerBase):
     """Compiler of functions that are called from outside."""
 
     lowering: Any = _LowerEntry
+    not_needed: tuple[Any, ...] = NOT_NEEDED
 
     def define_pipelines(self) -> list[Any]:
         """Return Numba's passes that are needed, with the last but one replaced."""
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes = [one for one in manager.passes if one[0] not in NOT_NEEDED]
+        passes = [one for one in manager.passes if one[0] not in self.not_needed]
         manager.passes = []
         for one, why in passes:
-            chosen = self.lowering if one is NativeLowering else one
+            chosen = one
+            if one is NativeLowering:
+                chosen = self.lowering
+            elif one is NopythonTypeInference:
+                chosen = _Inference
             manager.passes.append((chosen, why))
         manager.finalize()
         return [manager]
+
+
+class LargeEntry(Entry):
+    """Compiler of large functions without references, which are optimised once."""
+
+    lowering = _LowerLargeEntry
 
 
 class Kernel(Entry):
     """Compiler of functions that are called by compiled code."""
 
     lowering = _LowerKernel
+    not_needed = NOT_IN_KERNELS
 
 
-class Apart(Entry):
+class Apart(Kernel):
     """Compiler of functions that are never inlined into their callers."""
 
     lowering = _LowerApart
 
 
-class IntoOther(Entry):
+class IntoOther(Kernel):
     """The same, of functions that write to no place that another argument reads."""
 
     lowering = _LowerIntoOther

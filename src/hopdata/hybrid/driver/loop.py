@@ -370,7 +370,7 @@ def compiled_run() -> Any:
     """
 
     def compile_it(cached: bool) -> Any:
-        compiler = cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)
+        compiler = cfunc(RUN_NATIVE, cache=cached, **code.LARGE_ENTRY)
         folder = None
         if cached:
             folder = Path(config.CACHE_DIR)  # type: ignore[attr-defined]
@@ -395,7 +395,7 @@ def _say(what: str) -> None:
 def compiled_first_order() -> Any:
     """Return the machine code of Jacobians, which the driver calls by address."""
     return _compiled(
-        _first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.ENTRY)
+        _first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.LARGE_ENTRY)
     )
 
 
@@ -453,18 +453,6 @@ class Results(NamedTuple):
     jacobians: FloatArray  # of the flow; empty if they are not wanted
 
 
-class Request(NamedTuple):
-    """The numbers that all of many integrations share."""
-
-    t_start: float
-    t_end: float
-    rtol: float
-    max_step: float
-    first_step: float
-    max_steps: int
-    max_events: int
-
-
 _INTS = types.int64[:, ::1]
 _FLOATS = types.float64[:, ::1]
 _MATRICES = types.float64[:, :, ::1]
@@ -472,29 +460,17 @@ STARTS_NATIVE = types.NamedTuple((_FLOATS, _FLOATS, _INTS, _FLOATS, _FLOATS), St
 RESULTS_NATIVE = types.NamedTuple(
     (_INTS, _FLOATS, _INTS, _INTS, _MATRICES, _MATRICES), Results
 )
-REQUEST_NATIVE = types.NamedTuple(
-    (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT), Request
+MANY_NATIVE = _INT(types.int64[::1], _INT, _INT, STARTS_NATIVE, RESULTS_NATIVE)
+
+# Slots of the block that many integrations write for each of them.
+BORROWED = (
+    int(at.PATIENCE),
+    int(at.SAMPLE_TABLE),
+    int(at.SINGLES),
+    int(at.SINGLES) + 1,
+    int(at.PERIODS),
+    int(at.PERIODS) + 1,
 )
-MANY_NATIVE = _INT(
-    types.int64[::1], _INT, _INT, STARTS_NATIVE, RESULTS_NATIVE, REQUEST_NATIVE
-)
-
-
-@kernel
-def write_request(block: Any, numbers: FloatVector, request: Any) -> None:
-    """Write what all integrations share into the block.
-
-    The end of the time span is written for each of them. Neither rows of steps nor
-    events are kept.
-    """
-    numbers[at.T_START] = request.t_start
-    numbers[at.RTOL] = request.rtol
-    numbers[at.MAX_STEP] = request.max_step
-    numbers[at.FIRST_STEP] = request.first_step
-    block[at.MAX_STEPS] = request.max_steps
-    block[at.MAX_EVENTS] = request.max_events
-    block[at.ROWS_PER_STEP] = 0
-    block[at.KEEP_EVENTS] = 0
 
 
 @kernel
@@ -550,37 +526,54 @@ def read_result(block: Any, number: int, n: int, status: int, results: Any) -> N
             copy(phi[i], results.jacobians[number, i])
 
 
+ENDLESS_PATIENCE = 1 << 62  # steps without a return to Python
+INVALID = -1  # instead of a row, if the numbers in the block are not valid
+
+
 def _enter_many(
-    block: IntArray,
-    first: int,
-    last: int,
-    starts: Starts,
-    results: Results,
-    request: Request,
+    block: IntArray, first: int, last: int, starts: Starts, results: Results
 ) -> int:
-    """Integrate from rows `first` to `last` of y0; return the first row not done."""
+    """Integrate from rows `first` to `last` of y0; return the first row not done.
+
+    What they share is in the block, as for one integration, and the block is left as it
+    was. None of them pauses.
+    """
     n = starts.y0.shape[1]
     n_wanted = block[at.WANTED + 1]
     here = address_of(view(block))
     samples = address_of(view(results.samples))
     numbers = memory.float_vector(here, len(block))
     slots = memory.int_vector(here, len(block))
-    write_request(block, numbers, request)
-    for number in range(first, last):
-        write_start(block, number, starts)
+    if not can_be_done(slots, numbers):
+        return INVALID
+    own = (
+        block[BORROWED[0]],
+        block[BORROWED[1]],
+        block[BORROWED[2]],
+        block[BORROWED[3]],
+        block[BORROWED[4]],
+        block[BORROWED[5]],
+    )
+    t_end = numbers[at.T_END]
+    block[at.PATIENCE] = ENDLESS_PATIENCE
+    done = first
+    status = int(at.FINISHED)
+    while done < last and status != at.NEEDS_METHOD:
+        write_start(block, done, starts)
         if n_wanted > 0:
-            block[at.SAMPLE_TABLE] = samples + number * n_wanted * n * BYTES
+            block[at.SAMPLE_TABLE] = samples + done * n_wanted * n * BYTES
         if len(results.jacobians) > 0:
             set_to_identity(block, n)
         # Written for each of them: an infinite end is replaced by finite ones.
-        numbers[at.T_END] = request.t_end
+        numbers[at.T_END] = t_end
         status = run_to_the_end(slots, numbers, here, at.GIVEN_MODE)
-        while status == at.PAUSED:
-            status = run_to_the_end(slots, numbers, here, at.RESUMED)
-        if status == at.NEEDS_METHOD:
-            return number
-        read_result(block, number, n, status, results)
-    return last
+        if status != at.NEEDS_METHOD:
+            read_result(block, done, n, status, results)
+            done += 1
+    numbers[at.T_END] = t_end
+    for place in range(len(BORROWED)):
+        block[BORROWED[place]] = own[place]
+    return done
 
 
 def many_entry() -> Callable[..., int]:

@@ -36,7 +36,7 @@ from hopdata.hybrid.lanes.vectors import (
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
 from hopdata.hybrid.system import System
-from hopdata.hybrid.workspace import Workspace
+from hopdata.hybrid.workspace import NO_TIMES, Workspace
 
 MOST_GUARDS = 62  # their indices are bits of an integer
 
@@ -391,7 +391,7 @@ def _new_workspaces(system: System) -> list[Workspace]:
     methods = system.methods("dop853", False)
     works = [Workspace(system) for _ in range(WIDTH)]
     for work in works:
-        work.begin(methods, None, False)
+        work.begin(methods, NO_TIMES, False)
     return works
 
 

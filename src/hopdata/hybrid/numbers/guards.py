@@ -90,7 +90,7 @@ def guards_for_ranges(guards: Callback | None, count: int = 0) -> RangedGuards:
         "int_vector": int_vector,
         "as_array": sums.as_array,
     }
-    library.symbol()  # before code that calls it is loaded
+    library.load()  # before code that calls it is loaded
     try:
         entries = _entries(templates, guards, inserted, ranges.DIGEST)
         code = _compiled(entries, guards)

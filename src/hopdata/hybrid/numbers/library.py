@@ -1,21 +1,24 @@
 # ruff: noqa: ARG001 (all operations have the same arguments)
 """The longer operations of ranges, compiled once for all guards.
 
-The guards' code calls them through one function of C, `apply`, by the number of the
-operation. `ONE`, `TWO` and `OF_ANYTHING` say which functions of Python and NumPy mean
-which operation.
+The guards' code calls them through functions of C, one for each group, by the number
+of the operation. A group is compiled when code that calls it is: all of them take as
+long as half of the driver, and most guards need one or two. `ONE`, `TWO` and
+`OF_ANYTHING` say which functions of Python and NumPy mean which operation.
 """
 
 import math
-from functools import cache
+from collections.abc import Callable
+from ctypes import CFUNCTYPE, c_double, c_int64, c_void_p, cast
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 import numpy as np
 from numba import cfunc, types
 
-from hopdata.code_cache import compiled_in_cache
-from hopdata.hybrid.compiled.kernel import ENTRY, kernel
+from hopdata.code_cache import brought_code, compiled_in_cache, is_in_cache
+from hopdata.hybrid.compiled.kernel import LARGE_ENTRY, kernel
 from hopdata.hybrid.compiled.memory import float_vector, int_vector
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.numbers.arithmetic import (
@@ -137,11 +140,52 @@ OF_ANYTHING = {
     "nearest_integer": Operation(nearest_integer, ()),
     "opened": Operation(opened, ()),
 }
-NAMES = (*ONE, *TWO, *OF_ANYTHING, "table")
-NUMBERS = {name: place for place, name in enumerate(NAMES)}
+
+# The operations that are compiled together. A place in its group is the number of one.
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "branches": ("opened", "table"),
+    "quotients": ("divide", "whole_power", "square_root"),
+    "kinks": ("absolute", "sign", "least", "largest", "with_sign"),
+    "whole": (
+        "floor",
+        "ceil",
+        "trunc",
+        "rint",
+        "rest",
+        "rest_like_x",
+        "whole_quotient",
+        "integer",
+        "nearest_integer",
+    ),
+    "waves": ("sine", "cosine", "tangent", "angle", "length"),
+    "growth": (
+        "exponential",
+        "natural_logarithm",
+        "real_power",
+        "hyperbolic_sine",
+        "hyperbolic_cosine",
+        "hyperbolic_tangent",
+    ),
+    "arcs": ("arc_sine", "arc_cosine", "arc_tangent"),
+    "others": (
+        "power_of_2",
+        "exponential_less_1",
+        "binary_logarithm",
+        "decimal_logarithm",
+        "logarithm_of_1_more",
+        "area_sine",
+        "area_cosine",
+        "area_tangent",
+        "error_function",
+        "complement_of_it",
+        "cube_root",
+    ),
+}
+GROUP_OF = {name: group for group, names in GROUPS.items() for name in names}
 
 
-# All of them in one function of C.
+# Each group in one function of C.
 
 APPLY_NATIVE = types.void(*(5 * [types.int64]))
 
@@ -216,58 +260,96 @@ def _with_table(x_at: int, y_at: int, where: int, result: int) -> None:
         write(look_up(x, y_at), result)
 
 
+def _run(name: str) -> Any:
+    """Return the operation of this name, with addresses for arguments."""
+    if name == "table":
+        return _with_table
+    if name in ONE:
+        return _with_one(ONE[name].function)
+    if name in TWO:
+        return _with_two(TWO[name].function)
+    return _with_anything(OF_ANYTHING[name].function)
+
+
 ARGUMENTS = "number, x_at, y_at, where, result"
-GROUP = 8  # operations in one function: few, because each clears some memory
 
 
-def _runs() -> list[Any]:
-    """Return all operations, in the order of their numbers."""
-    runs = [_with_one(one.function) for one in ONE.values()]
-    runs += [_with_two(two.function) for two in TWO.values()]
-    runs += [_with_anything(one.function) for one in OF_ANYTHING.values()]
-    return [*runs, _with_table]
-
-
-def _choice(name: str, value: str, chosen: list[Any], arguments: str) -> Any:
-    """Return a function that calls one of some functions, by a number."""
-    body = []
-    for place in range(len(chosen)):
-        body.append(f"if {value} == {place}: run_{place}({arguments})")
-    known = {f"run_{place}": run for place, run in enumerate(chosen)}
-    return compose(name, ARGUMENTS, body, known)
-
-
-def _apply() -> Any:
-    """Return the function of C, before it is compiled.
+@cache
+def _apply(group: str) -> tuple[Any, str]:
+    """Return the function of C of a group, before it is compiled, and its digest.
 
     It takes the number of an operation; addresses of one or two ranges (or of the parts
     of a table); the address of the memory of answers; and the address of the result.
     """
-    runs = _runs()
-    groups = []
-    for first in range(0, len(runs), GROUP):
-        some = runs[first : first + GROUP]
-        value = f"number % {GROUP}"
-        groups.append(kernel(_choice("some", value, some, "x_at, y_at, where, result")))
-    return _choice("apply", f"number // {GROUP}", groups, ARGUMENTS)
+    body = []
+    known = {}
+    for place, name in enumerate(GROUPS[group]):
+        body.append(f"if number == {place}: run_{place}(x_at, y_at, where, result)")
+        known[f"run_{place}"] = _run(name)
+    return compose(f"apply_{group}", ARGUMENTS, body, known), f"{DIGEST}-{group}"
 
 
 @cache
-def symbol() -> str:
-    """Load the function of C, and return the name by which the guards' code calls it.
+def _compiled(group: str) -> Any:
+    """Return the machine code of a group, and let code that is loaded later call it."""
+    function, digest = _apply(group)
+
+    def compile_it(cached: bool) -> Any:
+        return cfunc(APPLY_NATIVE, cache=cached, **LARGE_ENTRY)(function)
+
+    compiled = compiled_in_cache(function, digest, compile_it)
+    llvm.add_symbol(_symbol(group), compiled.address)
+    return compiled
+
+
+def _symbol(group: str) -> str:
+    """Return the name by which machine code calls a group.
 
     The name changes with its sources, so that kept code calls no other.
     """
-    function = _apply()
-
-    def compile_it(cached: bool) -> Any:
-        return cfunc(APPLY_NATIVE, cache=cached, **ENTRY)(function)
-
-    compiled = compiled_in_cache(function, DIGEST, compile_it)
-    name = f"hopdata_ranges_{DIGEST}"
-    llvm.add_symbol(name, compiled.address)
-    _LOADED.append(compiled)
-    return name
+    return f"hopdata_ranges_{group}_{DIGEST}"
 
 
-_LOADED: list[Any] = []  # keeps the machine code in memory
+def place_of(name: str) -> tuple[str, int]:
+    """Return the symbol of an operation's group, which is compiled, and its number."""
+    group = GROUP_OF[name]
+    _compiled(group)
+    return _symbol(group), GROUPS[group].index(name)
+
+
+@cache
+def load() -> None:
+    """Let machine code that is loaded find all groups.
+
+    A group that is not kept is one that no kept code calls, unless its file was
+    removed. Then its symbol is a function that compiles it when it is called.
+    """
+    for group in GROUPS:
+        entry = _apply(group)
+        if brought_code(*entry) is not None or is_in_cache(*entry):
+            _compiled(group)
+        else:
+            late = _CALLED(partial(apply_late, group))
+            llvm.add_symbol(_symbol(group), _address_of(late))
+            _LOADED.append(late)
+
+
+_CALLED = CFUNCTYPE(None, *(5 * [c_int64]))
+_LOADED: list[Any] = []  # keeps the functions in memory
+
+
+def _address_of(function: Any) -> int:
+    return cast(function, c_void_p).value or 0
+
+
+def apply_late(
+    group: str, number: int, x_at: int, y_at: int, where: int, result: int
+) -> None:
+    """Apply an operation of a group that is compiled now.
+
+    Where that fails nothing is known of the result, so that nothing is proven by it.
+    """
+    ends = (c_double * 4).from_address(result)
+    ends[:] = [math.nan, math.nan, -math.inf, math.inf]
+    called: Callable[..., None] = _CALLED(_compiled(group).address)
+    called(number, x_at, y_at, where, result)

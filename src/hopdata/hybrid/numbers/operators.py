@@ -20,7 +20,7 @@ from numba.extending import lower_builtin, overload
 
 from hopdata.hybrid.compiled.memory import built, tried_first
 from hopdata.hybrid.numbers.arithmetic import EPS
-from hopdata.hybrid.numbers.library import NUMBERS, ONE, TWO, symbol
+from hopdata.hybrid.numbers.library import ONE, TWO, place_of
 from hopdata.hybrid.numbers.ranges import (
     DOUBLE,
     FOUR,
@@ -190,11 +190,11 @@ def _at_address(builder: Any, four: Any) -> Any:
 def _call(builder: Any, name: str, x_at: Any, y_at: Any, at: Any) -> Any:
     """Build the call of an operation on ends at addresses; its result is four ends."""
     native = ir.FunctionType(ir.VoidType(), 5 * [LONG])
-    apply = _external(builder, native, symbol())
+    symbol, number = place_of(name)
+    apply = _external(builder, native, symbol)
     room = _room(builder, ir.ArrayType(DOUBLE, 4))
     result = builder.bitcast(room, FOUR.as_pointer())
-    place = LONG(NUMBERS[name])
-    builder.call(apply, [place, x_at, y_at, at, builder.ptrtoint(result, LONG)])
+    builder.call(apply, [LONG(number), x_at, y_at, at, builder.ptrtoint(result, LONG)])
     return builder.load(result, align=8)
 
 

@@ -50,7 +50,7 @@ def field_for_ranges(field: Callback) -> RangedGuards:
         "int_vector": int_vector,
     }
     assert sums  # the modules give the ranges their operations
-    library.symbol()  # before code that calls it is loaded
+    library.load()  # before code that calls it is loaded
     try:
         function = with_digest(_field, **inserted, CALL=field.ranged)
         own = in_module_of(ranges.DIGEST, field)
