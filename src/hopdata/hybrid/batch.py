@@ -157,6 +157,9 @@ class BatchSolution:
         Derivatives of the final states with respect to the parameters, if requested.
     by_differences : str
         Functions whose derivatives are by finite differences, as in `Solution`.
+    instants : str
+        What the derivatives by the parameters leave out because it is not known how
+        instants of the field move with them; "" if nothing.
     """
 
     status: IntArray
@@ -178,6 +181,7 @@ class BatchSolution:
     jacobian: FloatArray | None = None
     sensitivity: FloatArray | None = None
     by_differences: str = ""
+    instants: str = ""
 
     def __len__(self) -> int:
         return len(self.status)
@@ -213,6 +217,8 @@ class BatchSolution:
             lines.append(f"{count} of {len(self)}, such as number {run}: {sentence}")
         if self.by_differences:
             lines.append(at.BY_DIFFERENCES.format(reasons=self.by_differences))
+        if self.instants:
+            lines.append(self.instants)
         return "\n".join(lines)
 
 
@@ -500,6 +506,20 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     return states
 
 
+def _about_instants(system: System, counts: IntArray) -> str:
+    """Return what is not known of the field's instants, for derivatives by parameters."""
+    told = []
+    if system.unsought:
+        told.append(at.UNSOUGHT_INSTANTS.format(reason=system.unsought))
+    held = int(counts[:, at.HELD_FIXED].sum())
+    if held > 0:
+        told.append(at.HELD_INSTANTS.format(count=held))
+    missed = int(counts[:, at.UNSOUGHT].sum())
+    if missed > 0:
+        told.append(at.MISSED_INSTANTS.format(count=missed))
+    return " ".join(told)
+
+
 def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
     """Return the results, with the user's states, parameters and times only."""
     system = batch.system
@@ -520,8 +540,10 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         told = system.derivatives.told(by_field=methods.by_field)
         jacobian = output.jacobians[:, :shown, :shown]
     sensitivity = None
+    instants = ""
     if shown < system.n_states:
         sensitivity = output.jacobians[:, :shown, shown:]
+        instants = _about_instants(system, counts)
     status = output.status[:, 0]
     modes = output.modes
     culprit = counts[:, at.CULPRIT]
@@ -546,6 +568,7 @@ def _solution(batch: _Batch, remaining: IntArray, reason: str) -> BatchSolution:
         jacobian=jacobian,
         sensitivity=sensitivity,
         by_differences=told,
+        instants=instants,
         culprit=culprit,
         rates=output.ends[:, 1:END_STATE],
         guard_names=system.shown_guard_names,

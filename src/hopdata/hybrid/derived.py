@@ -44,7 +44,7 @@ NO_LAW_BACK = (
 )
 NO_MOVING_INSTANTS = (
     "jacobian: expected True or False, because System(tstops=...) is a function of the "
-    "parameters: how the end state depends on instants that move is not known"
+    "parameters, and how the instants move is not known: "
 )
 WITH_PARAMS = "params"  # choice of `jacobian` that includes the parameters
 
@@ -274,8 +274,6 @@ def with_parameters(system: System, n_params: int) -> System:
         return Around(inner, body, 0, ranged, plain, N=n, **KNOWN)
 
     key: tuple[Any, ...] = (WITH_PARAMS, n_params)
-    if callable(system.tstops):
-        raise ArgumentError(NO_MOVING_INSTANTS)
     shape = {"n_states": n + n_params, "n_shown": n}
     made = _made(system, key, around, **shape)
     needed = made
@@ -322,6 +320,7 @@ def ask_derived(
     if tstops is not None or system.has_instants:
         known = instants_of(system, tstops, others["params"])
         seeks = bool(system.find_tstops) and system.field.compiled
+    own_are_functions = callable(system.tstops)
     if arguments.check_flag("debug", debug):
         system = in_python(system)
     if isinstance(jacobian, str):
@@ -349,9 +348,32 @@ def ask_derived(
         system, others = _sliding(system, others)
     elif system.together is not None:
         system, others = _by_law(system, others)
+    unsought = ""
+    if system.n_shown < system.n_states:
+        unsought = why_unsought(system, known is not None and seeks)
+        if unsought and own_are_functions:
+            raise ArgumentError(NO_MOVING_INSTANTS + unsought)
     if known is not None:
         system, others = _with_known(system, others, known, seeks)
+    if unsought:
+        vars(system)["unsought"] = unsought
     return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)
+
+
+def why_unsought(system: System, seeks: bool) -> str:
+    """Return why the field's own instants are not sought; "" if they are.
+
+    It is "" as well if the field has none by its source.
+    """
+    if not may_switch(system.field):
+        return ""
+    if not system.find_tstops:
+        return "System(find_tstops=False) turns that off"
+    if not system.field.compiled:
+        return "it runs as plain Python"
+    if not seeks:
+        return "the run has not asked for it"
+    return with_instants(system, seeks).switches.reason
 
 
 def _with_known(

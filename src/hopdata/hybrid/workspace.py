@@ -143,6 +143,7 @@ class Workspace:
             system.n_shown,
             system.branches.reason,
             system.slides,
+            system.unsought,
         )
         self._lay_out(layout.RULES, system.rules, self._atol)
         self._lay_out(
