@@ -238,6 +238,15 @@ KNOWN = {
 }
 
 
+def field_of_parameters(system: System) -> Around:
+    """Return the field whose states are the user's, followed by the parameters."""
+    inner = system.field
+    arguments_of = "t, PART(y, 0, N), mode, PART(y, N, len(y)), dy"
+    ranged = [f"return INNER({arguments_of})"]
+    body = ["return INNER(t, y[:N], mode, y[N:], dy)"]
+    return Around(inner, body, 0, ranged, N=system.n_states)
+
+
 def with_parameters(system: System, n_params: int) -> System:
     """Return the system whose states are the user's, followed by the parameters."""
     wanted = "no n_memory with 'params', because params contains the memory"
@@ -350,7 +359,7 @@ def ask_derived(
         system, others = _by_law(system, others)
     unsought = ""
     if system.n_shown < system.n_states:
-        unsought = why_unsought(system, known is not None and seeks)
+        unsought = why_unsought(system)
         if unsought and own_are_functions:
             raise ArgumentError(NO_MOVING_INSTANTS + unsought)
     if known is not None:
@@ -360,7 +369,7 @@ def ask_derived(
     return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)
 
 
-def why_unsought(system: System, seeks: bool) -> str:
+def why_unsought(system: System) -> str:
     """Return why the field's own instants are not sought; "" if they are.
 
     It is "" as well if the field has none by its source.
@@ -371,9 +380,7 @@ def why_unsought(system: System, seeks: bool) -> str:
         return "System(find_tstops=False) turns that off"
     if not system.field.compiled:
         return "it runs as plain Python"
-    if not seeks:
-        return "the run has not asked for it"
-    return with_instants(system, seeks).switches.reason
+    return with_instants(system, True).switches.reason
 
 
 def _with_known(
