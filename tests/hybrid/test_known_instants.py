@@ -19,6 +19,7 @@ from hopdata.hybrid import (
     solve_batch,
     solve_ivp,
 )
+from hopdata.hybrid.gradients import gradient
 from hopdata.hybrid.layout import INSTANTS_IN_JACOBIAN
 
 START = [1.0, 0.0]
@@ -292,10 +293,37 @@ def test_instants_that_move_with_the_parameters_count_in_the_derivative_by_them(
     assert solve(system, (0.0, end), [0.5], params=p).success
 
 
+def square_of_end(t, y, params):
+    return y[0] * y[0]
+
+
+def test_a_gradient_passes_moving_instants():
+    """It is the exact one, and that of the forward derivative."""
+    system = System(pulsed, n_states=1)
+    for seed in (71, 72, 73, 74, 75):
+        p = PULSES * np.random.default_rng(seed).uniform(0.9, 1.1, 5)
+        options = {"params": p, "rtol": 1e-11, "atol": 1e-13}
+        found = gradient(system, (0.0, 3.1), [0.5], at_end=square_of_end, **options)
+        forward = solve(system, (0.0, 3.1), [0.5], jacobian="params", **options)
+        twice = 2.0 * forward.y_end[0]
+        np.testing.assert_allclose(
+            found.by_params, twice * forward.sensitivity[0], rtol=0, atol=1e-10
+        )
+        np.testing.assert_allclose(
+            found.by_params, twice * pulsed_by_params(p, 3.1), rtol=0, atol=1e-9
+        )
+        np.testing.assert_allclose(found.by_start, twice * np.exp(-3.1), atol=1e-10)
+    options["params"][3] = 2.0 * p[0]
+    tied = gradient(system, (0.0, 3.1), [0.5], at_end=square_of_end, **options)
+    assert tied.status == INSTANTS_IN_JACOBIAN
+
+
 def test_what_is_not_known_of_moving_instants_is_said():
     """Without the search, the jumps are passed over, and the message says so."""
     system = System(pulsed, n_states=1, find_tstops=False)
     options = {"params": PULSES, "jacobian": "params", "rtol": 1e-8}
+    loss = {"params": PULSES, "at_end": square_of_end, "rtol": 1e-8}
+    assert "find_tstops=False" in gradient(system, (0.0, 3.1), [0.5], **loss).message
     single = solve(system, (0.0, 3.1), [0.5], **options)
     assert "find_tstops=False" in single.message
     error = np.abs(single.sensitivity[0] - pulsed_by_params(PULSES, 3.1))
