@@ -10,6 +10,7 @@ from sliding_systems import corner, dry, folded, folded_field, relay
 
 from hopdata.errors import ArgumentError
 from hopdata.hybrid import System, guard, solve, solve_batch
+from hopdata.hybrid.first_order import NoDerivativeError, bouligand_derivative
 from hopdata.hybrid.gradients import gradient
 from hopdata.hybrid.layout import NOT_UNIQUE, SLIDING
 
@@ -135,6 +136,31 @@ def test_the_derivative_through_sliding(system, end, start, params, directions):
         solution.events.direction[: len(directions)], directions
     )
     np.testing.assert_allclose(solution.jacobian, slopes, atol=1e-6)
+
+
+def test_neighbours_of_a_corner_have_the_bouligand_derivative():
+    """They meet both surfaces in either order, and slide along one and then both."""
+    apart = 1e-5
+    for seed in (101, 102, 103, 104, 105):
+        draw = np.random.default_rng(seed)
+        params = [*draw.uniform(-1.4, 0.8, 2), 0.0]
+        options = {"params": params, "mode": [1, 1]}
+        start = [2.0 - params[0], 1.0 - params[1], -3.0]  # in the corner after 1 s
+        nominal = solve(corner, (0.0, 2.0), start, **options)
+        np.testing.assert_array_equal(nominal.mode, [0, 0])
+        found = bouligand_derivative(corner, np.zeros(3), **options)
+        for v in draw.normal(size=(3, 3)):
+            beside = solve(corner, (0.0, 2.0), start + apart * v, **options)
+            moved = (beside.y_end - nominal.y_end) / apart
+            np.testing.assert_allclose(found(v), moved, rtol=0, atol=1e-7)
+        assert {order.guards[-1] for order in found.pieces()} == {0, 1}
+
+
+def test_neighbours_that_part_at_a_corner_leave_no_derivative():
+    """Whoever slides along one surface moves away from the other."""
+    options = {"params": [-2.0, -2.0, 0.0], "mode": [1, 1]}
+    with pytest.raises(NoDerivativeError, match="part there"):
+        bouligand_derivative(corner, np.zeros(3), **options)(np.eye(3))
 
 
 def dry_in_short(t, y, mode, p):
