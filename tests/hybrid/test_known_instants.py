@@ -19,6 +19,8 @@ from hopdata.hybrid import (
     solve_batch,
     solve_ivp,
 )
+from hopdata.hybrid.gradients import gradient
+from hopdata.hybrid.layout import INSTANTS_IN_JACOBIAN
 
 START = [1.0, 0.0]
 WIDTH = 1e-6 * SPAN
@@ -234,6 +236,120 @@ def test_derivatives_of_a_field_that_compares_the_time_are_exact():
     )
 
 
+# Instants that move with the parameters.
+
+
+def pulsed(t, y, p):
+    """Decay, driven by pulses of period p[0] and part p[1], and until p[3]."""
+    pulse = p[2] if t % p[0] < p[1] * p[0] else -1.0
+    until = 2.0 if t < p[3] else 0.0
+    return (-y[0] + pulse + until + p[4],)
+
+
+PULSES = np.array([0.9, 0.4, 0.3, 1.5, 0.2])
+
+
+def pulsed_by_params(p, end):
+    """The derivative of the end of `pulsed` by its parameters.
+
+    A jump c at time tau adds c exp(tau - end) d tau/dp; between jumps is an integral.
+    """
+    found = np.zeros(5)
+    rises = np.arange(0.0, end, p[0])
+    falls = np.minimum(rises + p[1] * p[0], end)
+    found[2] = np.sum(np.exp(falls - end) - np.exp(rises - end))
+    found[3] = 2.0 * np.exp(p[3] - end)
+    found[4] = 1.0 - np.exp(-end)
+    height = p[2] + 1.0
+    for k, rise in enumerate(rises):
+        found[0] -= height * k * np.exp(rise - end)
+        fall = rise + p[1] * p[0]
+        if fall < end:
+            found[0] += height * (k + p[1]) * np.exp(fall - end)
+            found[1] += height * p[0] * np.exp(fall - end)
+    return found
+
+
+def test_instants_that_move_with_the_parameters_count_in_the_derivative_by_them():
+    """The last parameter is a control: no instant depends on it."""
+    system = System(pulsed, n_states=1)
+    options = {"rtol": 1e-11, "atol": 1e-13, "jacobian": "params"}
+    end = 3.1
+    for seed in (61, 62, 63, 64, 65):
+        p = PULSES * np.random.default_rng(seed).uniform(0.9, 1.1, 5)
+        solution = solve(system, (0.0, end), [0.5], params=p, **options)
+        expected = pulsed_by_params(p, end)
+        error = np.abs(solution.sensitivity[0] - expected).max()
+        assert solution.success, solution.message
+        assert error < 1e-9
+        assert solution.n_fixed_instants == 0
+    batch = solve_batch(system, (0.0, end), [[0.5]], params=[p], **options)
+    assert (batch.sensitivity[0] == solution.sensitivity).all()
+    assert not batch.instants
+    p[3] = 2.0 * p[0]  # two jumps at one instant, which move differently
+    tied = solve(system, (0.0, end), [0.5], params=p, **options)
+    assert tied.status == INSTANTS_IN_JACOBIAN
+    assert "more than one way" in tied.message
+    assert solve(system, (0.0, end), [0.5], params=p).success
+
+
+def square_of_end(t, y, params):
+    return y[0] * y[0]
+
+
+def test_a_gradient_passes_moving_instants():
+    """It is the exact one, and that of the forward derivative."""
+    system = System(pulsed, n_states=1)
+    for seed in (71, 72, 73, 74, 75):
+        p = PULSES * np.random.default_rng(seed).uniform(0.9, 1.1, 5)
+        options = {"params": p, "rtol": 1e-11, "atol": 1e-13}
+        found = gradient(system, (0.0, 3.1), [0.5], at_end=square_of_end, **options)
+        forward = solve(system, (0.0, 3.1), [0.5], jacobian="params", **options)
+        twice = 2.0 * forward.y_end[0]
+        np.testing.assert_allclose(
+            found.by_params, twice * forward.sensitivity[0], rtol=0, atol=1e-10
+        )
+        np.testing.assert_allclose(
+            found.by_params, twice * pulsed_by_params(p, 3.1), rtol=0, atol=1e-9
+        )
+        np.testing.assert_allclose(found.by_start, twice * np.exp(-3.1), atol=1e-10)
+    options["params"][3] = 2.0 * p[0]
+    tied = gradient(system, (0.0, 3.1), [0.5], at_end=square_of_end, **options)
+    assert tied.status == INSTANTS_IN_JACOBIAN
+
+
+def test_what_is_not_known_of_moving_instants_is_said():
+    """Without the search, the jumps are passed over, and the message says so."""
+    system = System(pulsed, n_states=1, find_tstops=False)
+    options = {"params": PULSES, "jacobian": "params", "rtol": 1e-8}
+    loss = {"params": PULSES, "at_end": square_of_end, "rtol": 1e-8}
+    assert "find_tstops=False" in gradient(system, (0.0, 3.1), [0.5], **loss).message
+    single = solve(system, (0.0, 3.1), [0.5], **options)
+    assert "find_tstops=False" in single.message
+    error = np.abs(single.sensitivity[0] - pulsed_by_params(PULSES, 3.1))
+    assert error[0] > 0.1
+    batch = solve_batch(system, (0.0, 3.1), [[0.5]], **options)
+    assert "find_tstops=False" in batch.message
+    told = solve(system, (0.0, 3.1), [0.5], tstops=[PULSES[3]], **options)
+    assert told.n_fixed_instants == 1
+    assert "fixed" in told.message
+    no_params = solve(system, (0.0, 3.1), [0.5], params=PULSES, jacobian=True)
+    assert "find_tstops" not in no_params.message
+
+
+def test_declared_instants_may_move_with_the_parameters():
+    def kicked(t, y, p):
+        return (-y[0] + (1.0 if t < p[0] else 3.0),)
+
+    options = {"rtol": 1e-11, "atol": 1e-13, "jacobian": "params", "params": [0.7]}
+    system = System(kicked, n_states=1, tstops=lambda p: p[0])
+    expected = -2.0 * np.exp(0.7 - 1.0)
+    forth = solve(system, (0.0, 1.0), [0.5], **options)
+    np.testing.assert_allclose(forth.sensitivity, [[expected]], rtol=0, atol=1e-10)
+    back = solve(system, (1.0, 0.0), [0.5], **options)
+    np.testing.assert_allclose(back.sensitivity, [[2 * np.exp(0.7)]], rtol=0, atol=1e-9)
+
+
 def test_a_pattern_is_traced_in_a_field_that_compares_the_time():
     def driven(t, y):
         drive = 1.0 if t % 0.9 < 0.36 else -1.0
@@ -290,7 +406,8 @@ def test_wrong_periods_are_refused():
         every(1.0, np.nan)
 
 
-def test_instants_that_move_with_the_parameters_have_no_sensitivity():
-    system = System(wave, n_states=1, tstops=lambda p: every(p[0]))
-    with pytest.raises(ValueError, match="move"):
+def test_instants_whose_movement_is_not_known_are_refused_if_they_are_functions():
+    options = {"tstops": lambda p: every(p[0]), "find_tstops": False}
+    system = System(wave, n_states=1, **options)
+    with pytest.raises(ValueError, match="find_tstops"):
         solve(system, (0.0, 1.0), [0.0], params=[0.3, 0.0], jacobian="params")

@@ -145,6 +145,9 @@ class BatchSolution:
         Why none ran in lanes; empty if some did.
     by_differences : str
         Functions whose derivatives are by finite differences, as in `Solution`.
+    instants : str
+        What the derivatives by the parameters leave out because it is not known how
+        instants of the field move with them; "" if nothing.
     """
 
     results: Results
@@ -153,6 +156,7 @@ class BatchSolution:
     alone: IntArray | None
     lanes_reason: str
     by_differences: str = ""
+    instants: str = ""
 
     def __len__(self) -> int:
         return len(self.results.status)
@@ -299,6 +303,8 @@ class BatchSolution:
             lines.append(f"{count} of {len(self)}, such as number {run}: {sentence}")
         if self.by_differences:
             lines.append(at.BY_DIFFERENCES.format(reasons=self.by_differences))
+        if self.instants:
+            lines.append(self.instants)
         return "\n".join(lines)
 
 
@@ -540,8 +546,12 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     told = ""
     if jacobian:
         told = system.derivatives.told(by_field=batch.methods.by_field)
+    form = _shared(system)[0]
+    instants = ""
+    if form.shown < form.state:
+        instants = _about_instants(system, batch.results.counts)
     return BatchSolution(
-        batch.results, _shared(system)[0], times, remaining, reason, told
+        batch.results, form, times, remaining, reason, told, instants
     )
 
 
@@ -638,3 +648,17 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     for row in np.flatnonzero(~finite.all(axis=1)):
         arguments.expect(False, "y0", "finite numbers", f"{states[row]} in row {row}")
     return states
+
+
+def _about_instants(system: System, counts: IntArray) -> str:
+    """Return what is not known of the field's instants, for derivatives by parameters."""
+    told = []
+    if system.unsought:
+        told.append(at.UNSOUGHT_INSTANTS.format(reason=system.unsought))
+    held = int(counts[:, at.HELD_FIXED].sum())
+    if held > 0:
+        told.append(at.HELD_INSTANTS.format(count=held))
+    missed = int(counts[:, at.UNSOUGHT].sum())
+    if missed > 0:
+        told.append(at.MISSED_INSTANTS.format(count=missed))
+    return " ".join(told)

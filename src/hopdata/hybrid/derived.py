@@ -44,7 +44,7 @@ NO_LAW_BACK = (
 )
 NO_MOVING_INSTANTS = (
     "jacobian: expected True or False, because System(tstops=...) is a function of the "
-    "parameters: how the end state depends on instants that move is not known"
+    "parameters, and how the instants move is not known: "
 )
 WITH_PARAMS = "params"  # choice of `jacobian` that includes the parameters
 
@@ -238,6 +238,15 @@ KNOWN = {
 }
 
 
+def field_of_parameters(system: System) -> Around:
+    """Return the field whose states are the user's, followed by the parameters."""
+    inner = system.field
+    arguments_of = "t, PART(y, 0, N), mode, PART(y, N, len(y)), dy"
+    ranged = [f"return INNER({arguments_of})"]
+    body = ["return INNER(t, y[:N], mode, y[N:], dy)"]
+    return Around(inner, body, 0, ranged, N=system.n_states)
+
+
 def with_parameters(system: System, n_params: int) -> System:
     """Return the system whose states are the user's, followed by the parameters."""
     wanted = "no n_memory with 'params', because params contains the memory"
@@ -274,8 +283,6 @@ def with_parameters(system: System, n_params: int) -> System:
         return Around(inner, body, 0, ranged, plain, N=n, **KNOWN)
 
     key: tuple[Any, ...] = (WITH_PARAMS, n_params)
-    if callable(system.tstops):
-        raise ArgumentError(NO_MOVING_INSTANTS)
     shape = {"n_states": n + n_params, "n_shown": n}
     made = _made(system, key, around, **shape)
     needed = made
@@ -322,6 +329,7 @@ def ask_derived(
     if tstops is not None or system.has_instants:
         known = instants_of(system, tstops, others["params"])
         seeks = bool(system.find_tstops) and system.field.compiled
+    own_are_functions = callable(system.tstops)
     if arguments.check_flag("debug", debug):
         system = in_python(system)
     if isinstance(jacobian, str):
@@ -349,9 +357,30 @@ def ask_derived(
         system, others = _sliding(system, others)
     elif system.together is not None:
         system, others = _by_law(system, others)
+    unsought = ""
+    if system.n_shown < system.n_states:
+        unsought = why_unsought(system)
+        if unsought and own_are_functions:
+            raise ArgumentError(NO_MOVING_INSTANTS + unsought)
     if known is not None:
         system, others = _with_known(system, others, known, seeks)
+    if unsought:
+        vars(system)["unsought"] = unsought
     return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)
+
+
+def why_unsought(system: System) -> str:
+    """Return why the field's own instants are not sought; "" if they are.
+
+    It is "" as well if the field has none by its source.
+    """
+    if not may_switch(system.field):
+        return ""
+    if not system.find_tstops:
+        return "System(find_tstops=False) turns that off"
+    if not system.field.compiled:
+        return "it runs as plain Python"
+    return with_instants(system, True).switches.reason
 
 
 def _with_known(

@@ -137,10 +137,12 @@ BOX_FROM, BOX_TO, REACH = numbers(3, 18)
 # and the first time after it at which the field is as on that side; up to where the
 # field's own are sought, and how far ahead of there it is looked at first.
 STOP, BEFORE_STOP, AFTER_STOP, SOUGHT, LOOK_LENGTH = numbers(5, 21)
-# Times between which guards may be left out, and how far the next box for this reaches
+# The last time before the known instants that were passed last. Then:
+# times between which guards may be left out, and how far the next box for this reaches
 # beyond its piece, in pieces (see `sleep`).
-LEFT_FROM, LEFT_TO, LEFT_REACH = numbers(3, 26)
-CLOCK_SLOTS = 29
+PASSED = np.int64(26)
+LEFT_FROM, LEFT_TO, LEFT_REACH = numbers(3, 27)
+CLOCK_SLOTS = 30
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
@@ -168,16 +170,17 @@ CHANGES = np.int64(29)
 # theta stands, from the start of the step and of the piece (0: nowhere); the first rows
 # of its coefficients in the piece, and of those from the start of a piece; whether it
 # is in powers as it comes, and whether the ranges are those of the whole step. Known
-# instants that were passed, place of the next single one, and stretches of time in
-# which those of the field could not be told apart. Then the memory of answers to
+# instants that were passed, place of the next single one, stretches of time in which
+# those of the field could not be told apart, and instants of which is not known how
+# they depend on the parameters (see `moving_instants`). Then the memory of answers to
 # comparisons in the code for ranges (see `numbers.answers`).
 EXHAUSTED, UNSURE, PENDING, DOUBT, FROM_START, KNOWN, IS_CLOSE = numbers(7, 30)
 POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ARE_POWERS, ARE_WHOLE = numbers(6, 37)
-N_STOPS, NEXT_SINGLE, UNSOUGHT = numbers(3, 43)
+N_STOPS, NEXT_SINGLE, UNSOUGHT, HELD_FIXED = numbers(4, 43)
 # Guards that are left out of evaluations for ranges; pieces for which they have been;
 # pieces until this is tried again, and the last number of these.
-LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE, ANSWERS = numbers(5, 46)
-COUNT_SLOTS = 50 + answers.N_SLOTS
+LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE, ANSWERS = numbers(5, 47)
+COUNT_SLOTS = 51 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for
@@ -261,6 +264,7 @@ NO_LOCK = -14
 NO_END = -15
 STATE_NOT_FINITE = -16
 NOT_UNIQUE = -17
+INSTANTS_IN_JACOBIAN = -18
 # Inside the driver only: it goes on, or could not start.
 RUNNING = 2
 NEEDS_ROOM = 3
@@ -289,6 +293,9 @@ SENTENCES = {
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the "
     "field or the state, or one of them turns another back: the share of each guard, "
     "and therefore the Jacobian of the flow, is unknown.",
+    INSTANTS_IN_JACOBIAN: "The field jumps at {at}, at an instant that moves with the "
+    "parameters in more than one way: two such instants meet there, or t_span begins "
+    "there. The flow has no derivative by the parameters.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite "
     "near {at}.",
     RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h at "
@@ -330,6 +337,21 @@ ONLY_SAMPLED = (
 CLOSE_CALLS = (
     "In {count} steps a guard turned so close to its surface that the tolerance cannot "
     "tell whether it flips."
+)
+HELD_INSTANTS = (
+    "The field jumps at {count} known instants of which it cannot be told how they "
+    "depend on the parameters: in the derivative by these they are fixed "
+    "(docs/known_instants.md)."
+)
+MISSED_INSTANTS = (
+    "In {count} stretches of time the field jumps so often that its instants cannot "
+    "be told apart: the derivative by the parameters leaves out how these move "
+    "(docs/known_instants.md)."
+)
+UNSOUGHT_INSTANTS = (
+    "The field's own instants were not sought: {reason}. If it jumps in time, the "
+    "derivative by the parameters leaves out how its instants move "
+    "(docs/known_instants.md)."
 )
 
 

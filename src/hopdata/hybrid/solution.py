@@ -245,6 +245,9 @@ class Form:
         Why nothing can be proven of the guards.
     slides : Slides, optional
         How the records show what the user knows, if guards may slide.
+    unsought : str
+        Why the field's own instants were not sought though the derivative by the
+        parameters may depend on them; "" if they were.
     """
 
     state: int
@@ -255,6 +258,7 @@ class Form:
     shown: int
     unproven: str = ""
     slides: Slides | None = None
+    unsought: str = ""
 
     @classmethod
     def of(cls, system: System) -> Form:
@@ -270,6 +274,7 @@ class Form:
             system.n_shown,
             system.branches.reason,
             system.slides,
+            system.unsought,
         )
 
 
@@ -433,6 +438,13 @@ class Solution(Told):
             told.append(layout.CLOSE_CALLS.format(count=self.n_close))
         if self.by_differences:
             told.append(layout.BY_DIFFERENCES.format(reasons=self.by_differences))
+        if self.form.unsought:
+            told.append(layout.UNSOUGHT_INSTANTS.format(reason=self.form.unsought))
+        if self.n_fixed_instants > 0:
+            told.append(layout.HELD_INSTANTS.format(count=self.n_fixed_instants))
+        missed = int(self.counts[layout.UNSOUGHT])
+        if missed > 0 and self.sensitivity is not None:
+            told.append(layout.MISSED_INSTANTS.format(count=missed))
         return " ".join(told)
 
     @cached_property
@@ -489,6 +501,14 @@ class Solution(Told):
     def n_close(self) -> int:
         """Number of steps in which the tolerance cannot tell whether a guard flips."""
         return int(self.counts[layout.CLOSE])
+
+    @property
+    def n_fixed_instants(self) -> int:
+        """Number of jumps in time that the derivative by the parameters takes as fixed.
+
+        It cannot be told of these instants how they depend on the parameters.
+        """
+        return int(self.counts[layout.HELD_FIXED])
 
     @property
     def n_steps(self) -> int:

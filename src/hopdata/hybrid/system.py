@@ -295,6 +295,11 @@ class System(Told):
         return RangedGuards()
 
     @cached_property
+    def unsought(self) -> str:
+        """Why the field's instants are not sought, in a derived system that asks."""
+        return ""
+
+    @cached_property
     def slides(self) -> Any:
         """How a system derived to slide shows what the user knows; None in others."""
         return None

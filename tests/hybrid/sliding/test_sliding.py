@@ -10,6 +10,8 @@ from sliding_systems import corner, dry, folded, folded_field, relay
 
 from hopdata.errors import ArgumentError
 from hopdata.hybrid import System, guard, solve, solve_batch
+from hopdata.hybrid.first_order import NoDerivativeError, bouligand_derivative
+from hopdata.hybrid.gradients import gradient
 from hopdata.hybrid.layout import NOT_UNIQUE, SLIDING
 
 
@@ -136,6 +138,31 @@ def test_the_derivative_through_sliding(system, end, start, params, directions):
     np.testing.assert_allclose(solution.jacobian, slopes, atol=1e-6)
 
 
+def test_neighbours_of_a_corner_have_the_bouligand_derivative():
+    """They meet both surfaces in either order, and slide along one and then both."""
+    apart = 1e-5
+    for seed in (101, 102, 103, 104, 105):
+        draw = np.random.default_rng(seed)
+        params = [*draw.uniform(-1.4, 0.8, 2), 0.0]
+        options = {"params": params, "mode": [1, 1]}
+        start = [2.0 - params[0], 1.0 - params[1], -3.0]  # in the corner after 1 s
+        nominal = solve(corner, (0.0, 2.0), start, **options)
+        np.testing.assert_array_equal(nominal.mode, [0, 0])
+        found = bouligand_derivative(corner, np.zeros(3), **options)
+        for v in draw.normal(size=(3, 3)):
+            beside = solve(corner, (0.0, 2.0), start + apart * v, **options)
+            moved = (beside.y_end - nominal.y_end) / apart
+            np.testing.assert_allclose(found(v), moved, rtol=0, atol=1e-7)
+        assert {order.guards[-1] for order in found.pieces()} == {0, 1}
+
+
+def test_neighbours_that_part_at_a_corner_leave_no_derivative():
+    """Whoever slides along one surface moves away from the other."""
+    options = {"params": [-2.0, -2.0, 0.0], "mode": [1, 1]}
+    with pytest.raises(NoDerivativeError, match="part there"):
+        bouligand_derivative(corner, np.zeros(3), **options)(np.eye(3))
+
+
 def dry_in_short(t, y, mode, p):
     return y[1], -y[0] - p[0] * mode[0]
 
@@ -224,6 +251,52 @@ def test_exact_derivatives_and_proof_where_rates_are_not_given(seed):
     )
     np.testing.assert_allclose(solution.jacobian, by_start, rtol=0, atol=1e-7)
     np.testing.assert_allclose(solution.sensitivity, by_params, rtol=0, atol=1e-7)
+
+
+def of_end(t, y, params):
+    return y[0] + 0.5 * y[1] ** 2 + np.sin(y[2])
+
+
+def test_the_gradient_through_sliding_is_the_forward_derivative_transposed():
+    slid = []
+    for seed in (81, 82, 83, 84, 85):
+        draw = np.random.default_rng(np.random.SeedSequence([58, seed]))
+        start = draw.normal(0.0, 0.6, 3)
+        params = np.array([0.6, 1.0, 0.3]) + draw.uniform(-0.1, 0.1, 3)
+        options = {"params": params, "rtol": 1e-11, "atol": 1e-13, "method": "dop853"}
+        span = (0.0, 4.0)
+        found = gradient(bent, span, start, at_end=of_end, **options)
+        forward = solve(bent, span, start, jacobian="params", **options)
+        end = forward.y_end
+        slope = np.array([1.0, end[1], np.cos(end[2])])
+        by_params = slope @ forward.sensitivity
+        assert found.success
+        np.testing.assert_allclose(
+            found.by_start, slope @ forward.jacobian, rtol=0, atol=1e-9
+        )
+        np.testing.assert_allclose(found.by_params, by_params, rtol=0, atol=1e-9)
+        slid += forward.events.direction.tolist()
+    assert {-2, 2, 3} <= set(slid)
+
+
+def of_time(t, before, after, guard, direction, params):
+    return t * direction
+
+
+def test_losses_of_events_see_what_the_user_is_told():
+    """Their slope is that of central differences."""
+    start = np.array([0.3, -0.2, 0.5])
+    options = {"params": [0.6, 1.0, 0.3], "rtol": 1e-11, "atol": 1e-13}
+    found = gradient(bent, (0.0, 4.0), start, at_event=of_time, **options)
+    np.testing.assert_array_equal(found.solution.events.direction, [-2, 3])
+
+    def loss(y0):
+        log = solve(bent, (0.0, 4.0), y0, **options).events
+        return np.array([log.time @ log.direction])
+
+    assert found.value == pytest.approx(loss(start)[0], rel=1e-9)
+    slope = slopes_of_flow(start, loss)[0]
+    np.testing.assert_allclose(found.by_start, slope, rtol=0, atol=1e-6)
 
 
 def dip(t, y, mode):

@@ -20,6 +20,7 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import FloatTable, address_of, square
+from hopdata.hybrid.driver import moving_instants as moving
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, has_flipped
 from hopdata.hybrid.driver.problem import way as some_way
@@ -34,6 +35,7 @@ CARRY = 0
 RESET = 1
 SALTATE = 2
 HANDLERS = 3
+INSTANT = 4
 
 # How a guard comes to flip: alone; together with others that met their surfaces at this
 # instant; pushed across by a handler; or at the start, because it is past its surface
@@ -85,6 +87,11 @@ LEAST_LOOK = 1e-9
 #: ones values may coincide by rounding, and at large ones a guard may bend.
 #: Unit: 1. Origin: chosen.
 ASIDE = (1e-7, 1e-5, 1e-3, 1e-9)
+
+#: Jump of the field that counts as none.
+#: Unit: 1, of the field. Origin: chosen: what the field may change by within the
+#: rounding of an instant, of motions as fast as 1e5 per unit of the time.
+NO_JUMP = 1e-10
 
 #: Largest relative difference of a guard's slopes by its rates and by its values.
 #: Unit: 1. Origin: chosen.
@@ -421,6 +428,62 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
         add_jump(p, m)
         p.mode[k] = -p.mode[k]
     return status
+
+
+@kernel
+def jumps(p: Problem, m: Memory) -> bool:
+    """Return whether the field in F_AFTER differs from that in F_BEFORE."""
+    phi = p.tangent
+    before = single(m, at.F_BEFORE)
+    after = single(m, at.F_AFTER)
+    size = 0.0
+    change = 0.0
+    for i in range(m.states.width):
+        size = max(size, abs(phi[before, i]), abs(phi[after, i]))
+        change = max(change, abs(phi[after, i] - phi[before, i]))
+    return change > NO_JUMP * size
+
+
+@kernel_apart
+def pass_instant(p: Problem, m: Memory) -> int:
+    """Add what a known instant adds that moves with the parameters; return a status.
+
+    The field before it is in F_BEFORE, and the one after it in K1. The trailing states
+    are the parameters.
+    """
+    phi = p.tangent
+    n = m.states.width
+    along = single(m, at.ALONG)
+    gradient = single(m, at.GRADIENT)
+    copy_row(m.states, at.K1, phi, single(m, at.F_AFTER))
+    t = m.clock[at.T]
+    start = m.clock[at.PASSED]
+    end = p.params[p.params.width - 2]  # the first time that the field sees now
+    jump = moving.Jump(
+        p.switches, start, end, max(abs(t), p.t_end - p.t_start),
+        row_address(m, m.states, at.LEAST), n, p.n_varying,
+        address_of(p.mode), p.mode.width, address_of(p.params), p.params.width - 2,
+        address_of(m.counts) + duals.BYTES * at.ANSWERS,
+    )  # fmt: skip
+    y = row_address(m, m.states, at.Y)
+    found = moving.movements(jump, y, row_address(m, phi, gradient))
+    if found != moving.TOLD:
+        if jumps(p, m):
+            if found == moving.DIFFERENT:
+                return at.INSTANTS_IN_JACOBIAN
+            m.counts[at.HELD_FIXED] += 1
+        return at.RUNNING
+    if moving.stands_still(jump, row_address(m, phi, gradient)):
+        return at.RUNNING
+    if start <= p.t_start and jumps(p, m):
+        return at.INSTANTS_IN_JACOBIAN
+    for column in range(n):
+        phi[along, column] = 0.0
+    for j in range(p.n_varying, n):
+        for column in range(n):
+            phi[along, column] -= phi[gradient, j] * phi[j, column]
+    add_jump(p, m)
+    return at.RUNNING
 
 
 @kernel

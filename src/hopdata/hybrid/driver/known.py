@@ -342,6 +342,7 @@ def meet(p: Problem, m: Memory) -> bool:
     if m.clock[at.STOP] - t > resolution:
         return False
     m.counts[at.N_STOPS] += 1
+    m.clock[at.PASSED] = min(m.clock[at.PASSED], m.clock[at.BEFORE_STOP])
     first = max(first_time(p), m.clock[at.AFTER_STOP])
     m.clock[at.SOUGHT] = max(m.clock[at.SOUGHT], first)
     aim(p, m, max(t, m.clock[at.STOP]), first)

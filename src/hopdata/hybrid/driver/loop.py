@@ -113,12 +113,19 @@ def fire_at_start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) ->
 def meet_instants(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     """Begin anew behind a known instant that is reached, and look for the next."""
     passed = False
+    m.clock[at.PASSED] = inf
     while known.meet(p, m):
         passed = True
     if not passed:
         return at.RUNNING
     forget_box(m)
+    moves = p.first_order != 0 and p.n_varying < m.states.width
+    if moves:
+        before = jacobian.single(m, at.F_BEFORE)
+        problem.copy_row(m.states, at.K1, p.tangent, before)
     status = refresh(p, m)
+    if status == at.RUNNING and moves:
+        status = int(jacobian.first_order(p, jacobian.INSTANT, 0.0, 0, 0, 0))
     if status != at.RUNNING:
         return status
     stepping.choose_after_event(p, m)
@@ -346,11 +353,13 @@ def _first_order(
         return jacobian.carry_jacobian(p, m, dt)
     if part == jacobian.SALTATE:
         return float(jacobian.saltate(p, m, k, which))
+    if part == jacobian.INSTANT:
+        return float(jacobian.pass_instant(p, m))
     if part == jacobian.RESET:
         jumped = jacobian.carry_reset(p, m, log_of(slots).floats, which, k, way)
         return 1.0 if jumped else 0.0
-    known = jacobian.saltate_handlers(p, m, which != 0)
-    return 1.0 if known else 0.0
+    is_known = jacobian.saltate_handlers(p, m, which != 0)
+    return 1.0 if is_known else 0.0
 
 
 def _enter(block: int, flags: int) -> int:

@@ -1,5 +1,6 @@
 """First-order analysis: saltation matrices, Bouligand derivatives, smoothness."""
 
+from hopdata.hybrid.first_order.crossings import NoDerivativeError
 from hopdata.hybrid.first_order.saltation import (
     NotTransversalError,
     bouligand_derivative,
@@ -10,6 +11,7 @@ from hopdata.hybrid.first_order.segments import derivative_without_saltation
 from hopdata.hybrid.first_order.smoothness import check_c1
 
 __all__ = [
+    "NoDerivativeError",
     "NotTransversalError",
     "bouligand_derivative",
     "check_c1",

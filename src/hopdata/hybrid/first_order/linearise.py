@@ -84,8 +84,12 @@ def instant(
     params: ArrayLike,
     mode: Sequence[int],
     t: float,
+    sliding: Sequence[str] = (),
 ) -> Instant:
-    """Return a checked state of the hybrid system; all locks must be set."""
+    """Return a checked state of the hybrid system; all locks must be set.
+
+    Those of the guards named in `sliding` may be 0.
+    """
     if isinstance(system, System):
         system.current()  # compiles called functions anew if their globals have changed
     y = np.array(state, dtype=np.float64)
@@ -95,7 +99,9 @@ def instant(
     fits = locks.shape == (system.n_modes,)
     expect(fits, "mode", f"{system.n_modes} integers", locks.shape)
     given = locks[: system.n_guards]
-    expect(np.isin(given, (-1, 1)).all(), "mode", "locks -1 or +1", given)
+    slides = np.isin(system.guard_names, sliding)
+    fits = bool((np.isin(given, (-1, 1)) | ((given == 0) & slides)).all())
+    expect(fits, "mode", "locks -1 or +1 (0 only of guards that may slide)", given)
     memory = np.zeros(getattr(system, "n_memory", 0))
     numbers = np.concatenate([np.array(params, dtype=np.float64).ravel(), memory])
     return Instant(float(t), y, locks, numbers)
@@ -155,18 +161,6 @@ def derivative_of_field(system: System, at: Instant, scale: FloatArray) -> Float
     if exact is not None:
         return exact
     return differentiate(lambda p: field_at(system, p), at, scale)[0]
-
-
-def derivative_of_handler(
-    system: System, at: Instant, guard: int, scale: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives (n, n) and (n,) of the state after a guard is crossed."""
-    mode = at.mode.copy()
-    mode[guard] = -mode[guard]
-    exact = system.exact.handler(at.t, at.y, mode, at.params, guard, int(mode[guard]))
-    if exact is not None:
-        return exact
-    return differentiate(lambda p: cross(system, p, guard).y, at, scale)
 
 
 def _extrapolated(along: Callable[[float], FloatArray], step: float) -> FloatArray:

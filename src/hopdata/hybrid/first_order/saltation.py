@@ -1,16 +1,24 @@
 """Saltation matrices: what a guard's crossing does to a small deviation."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.first_order import linearise as local
+from hopdata.hybrid.first_order.crossings import (
+    NoDerivativeError,
+    after_crossing,
+    after_law,
+    approached,
+    handled,
+    settled,
+)
 from hopdata.hybrid.first_order.linearise import Instant, Linearisation
 from hopdata.hybrid.system import System
 
@@ -78,6 +86,13 @@ def _rate(f: FloatArray, slope: FloatArray, time_rate: float) -> float:
     return rate
 
 
+def with_lock(mode: IntArray, guard: int, lock: int) -> IntArray:
+    """Return a mode with another lock."""
+    changed = mode.copy()
+    changed[guard] = lock
+    return changed
+
+
 #: Displacement of the state at which a handler is tried, to see whether it changes the
 #: state beside the one that is checked.
 #: Unit: 1, of a coordinate's size. Origin: chosen.
@@ -93,10 +108,16 @@ def crossing(
     one.
     """
     at = here.instant
-    there = local.linearise(system, local.cross(system, at, guard), scale)
+    if system.sliding:
+        entered, reached, told = after_crossing(system, at, guard, scale)
+        there = settled(system, reached, scale).here
+    else:
+        told = -int(at.mode[guard])
+        entered = replace(at, mode=with_lock(at.mode, guard, told))
+        there = local.linearise(system, local.cross(system, at, guard), scale)
 
     def after(p: Instant) -> FloatArray:
-        return local.cross(system, p, guard).y
+        return handled(system, replace(entered, y=p.y, t=p.t), guard, told).y
 
     # Each coordinate by another share, so that no sum of them stays as it is.
     shares = np.sqrt(1.0 + np.arange(len(scale)))
@@ -104,7 +125,12 @@ def crossing(
     reset = None
     reset_rate = None
     if any((after(p) != p.y).any() for p in (at, beside)):
-        reset, reset_rate = local.derivative_of_handler(system, at, guard, scale)
+        exact = system.exact.handler(
+            at.t, at.y, entered.mode, at.params, guard, told
+        )
+        if exact is None:
+            exact = local.differentiate(after, at, scale)
+        reset, reset_rate = exact
     matrix = saltation_matrix(
         here.rate,
         there.rate,
@@ -125,6 +151,15 @@ NARROW = 1e-9
 #: Most orders of crossing that are all tried; with more, as many random deviations.
 #: Unit: 1. Origin: derived: 6!, all orders of six guards.
 MOST_ORDERS = 720
+
+
+#: Most crossings of each guard within one instant, of neighbours that meet it again.
+#: Unit: 1. Origin: chosen.
+MOST_AGAIN = 16
+
+#: Largest distance between the ends of neighbours that counts as none.
+#: Unit: 1, of a coordinate's size. Origin: chosen.
+SAME_END = 1e-9
 
 
 @dataclass(frozen=True)
@@ -188,8 +223,16 @@ class BouligandDerivative:
         self.system = system
         self.guards = tuple(guards)
         self.scale = scale
-        here = local.linearise(system, start, scale)
-        root = Node(here, np.eye(system.n_states))
+        # Whether guards may be met again: they are followed until none is approached.
+        self._goes_on = bool(system.sliding) or system.together is not None
+        self._end: Instant | None = None
+        if system.together is not None:
+            self._end = after_law(system, start, self.guards, scale)
+        if system.sliding:
+            mix = settled(system, start, scale)
+            root = Node(mix.here, mix.projection)
+        else:
+            root = Node(local.linearise(system, start, scale), np.eye(system.n_states))
         self._nodes: dict[tuple[int, ...], Node] = {(): root}
 
     def __call__(self, deviations: ArrayLike) -> FloatArray:
@@ -232,12 +275,53 @@ class BouligandDerivative:
         after another. Guards crossed simultaneously keep the order in which they are
         named.
         """
+        if self._goes_on:
+            return self._order_to_the_end(np.asarray(deviation, dtype=np.float64))
         order: tuple[int, ...] = ()
         while len(order) < len(self.guards):
             delays = self.node(order).delays @ np.asarray(deviation, dtype=np.float64)
             waiting = [guard for guard in self.guards if guard not in order]
             order = (*order, min(waiting, key=lambda guard: delays[guard]))
         return order
+
+    def _order_to_the_end(self, deviation: FloatArray) -> tuple[int, ...]:
+        """Return the order of a neighbour that may meet guards again."""
+        order: tuple[int, ...] = ()
+        while True:
+            node = self.node(order)
+            waiting = approached(node.here, self.guards)
+            if not waiting:
+                self._check_end(order, node.here.instant)
+                return order
+            if len(order) >= MOST_AGAIN * len(self.guards):
+                names = [self.system.guard_names[k] for k in self.guards]
+                raise NoDerivativeError(
+                    f"guards {names}: a neighbour meets them again and again, and so "
+                    "does not come to an end of the instant by finitely many crossings"
+                )
+            delays = node.delays @ deviation
+            order = (*order, min(waiting, key=lambda guard: delays[guard]))
+
+    def _check_end(self, order: tuple[int, ...], found: Instant) -> None:
+        """Raise if the neighbours do not all end beside the trajectory."""
+        if self._end is None:
+            self._end = found
+        end = self._end
+        names = [self.system.guard_names[k] for k in order]
+        off = np.abs(found.y - end.y) / np.maximum(self.scale, np.abs(end.y))
+        if (off > SAME_END).any():
+            raise NoDerivativeError(
+                f"neighbours that meet {names} in this order end at "
+                f"{found.y.tolist()}, others, or the trajectory itself by its law, at "
+                f"{end.y.tolist()}: the flow jumps, and has no derivative"
+            )
+        ends_so = self.system.together is not None or (found.mode == end.mode).all()
+        if not ends_so:
+            raise NoDerivativeError(
+                f"neighbours that meet {names} in this order end in mode "
+                f"{found.mode.tolist()}, others in {end.mode.tolist()}: trajectories "
+                "part there, and the flow has no derivative"
+            )
 
     def pieces(self, *, seed: int = 0) -> tuple[CrossingOrder, ...]:
         """Return the orders that occur among the deviations, with their matrices.
@@ -247,7 +331,7 @@ class BouligandDerivative:
         cross.
         """
         inside: dict[tuple[int, ...], FloatArray | None] = {}
-        if factorial(len(self.guards)) <= MOST_ORDERS:
+        if not self._goes_on and factorial(len(self.guards)) <= MOST_ORDERS:
             for order in permutations(self.guards):
                 inside[order] = self._inside(order)
         else:
@@ -317,7 +401,8 @@ def bouligand_derivative(
     state : (n,) array_like
         State at which the guards meet.
     params, mode, t
-        As for `solve`; `mode` is the mode before the crossings, with all locks set.
+        As for `solve`; `mode` is the mode before the crossings, with all locks set: 0
+        where the trajectory slides already.
     guards : sequence of int or str, optional
         Guards that are crossed; by default those on whose surface the state lies.
     scale : (n,) array_like, optional
@@ -327,22 +412,29 @@ def bouligand_derivative(
     -------
     BouligandDerivative
         Raises `NotTransversalError` when it reaches an order in which a guard is not
-        approached.
+        approached. Of a system that slides, or with a law for several guards at once
+        (`System(together=...)`), it raises `NoDerivativeError` where there is none:
+        neighbours part or meet the guards without an end, or they end at another state
+        than the law gives, for they meet the guards one after the other, and the
+        handlers decide about them.
 
     Raises
     ------
     ValueError
-        If a law decides about several guards (`System(together=...)`).
+        If an argument does not fit the system.
+    NoDerivativeError
+        If the trajectory slides where its field is not unique.
     """
-    wanted = (
-        "none: neighbours meet the guards one after the other, so the handlers decide "
-        "about them (dataclasses.replace(system, together=None)), and the flow jumps "
-        "where the law's state is another one"
-    )
-    expect(system.together is None, "system.together", wanted, system.together)
+    both = system.together is None or not system.sliding
+    expect(both, "system", "sliding= or together=, not both", "both")
     sizes = local.state_scale(system, scale)
-    start = local.instant(system, state, params=params, mode=mode, t=t)
-    here = local.linearise(system, start, sizes)
+    start = local.instant(
+        system, state, params=params, mode=mode, t=t, sliding=system.sliding
+    )
+    closed = start.mode.copy()
+    locks = closed[: system.n_guards]
+    locks[locks == 0] = -1  # guards have the same values with any lock
+    here = local.linearise(system, replace(start, mode=closed), sizes)
     chosen = local.active_guards(system, here, guards, sizes)
     return BouligandDerivative(system, start, chosen, sizes)
 

@@ -1,7 +1,7 @@
 """`gradient`: the derivative of a loss by the start and by all parameters, at once."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -18,13 +18,19 @@ from hopdata.hybrid.gradients import backward as passed
 from hopdata.hybrid.gradients.extended import (
     with_all_crossings,
     with_integral,
-    without_search,
 )
 from hopdata.hybrid.gradients.recorders import Recorders, recorders
 from hopdata.hybrid.gradients.tape import CELLS, HEAD, RECORD
+from hopdata.hybrid.gradients.timed import (
+    Timed,
+    reason_unsought,
+    timed,
+    with_instants_told,
+)
 from hopdata.hybrid.methods.explicit import Tableau
 from hopdata.hybrid.methods.table import TABLEAUS
 from hopdata.hybrid.solution import Solution
+from hopdata.hybrid.sliding import sliding_system
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
 
@@ -168,10 +174,10 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     array([0.005097, 1.543558])
     """
     expect(isinstance(system, System), "system", "a System", system)
-    wanted = "a system without sliding= or together=, which it does not differentiate"
-    expect(system.is_plain, "system", wanted, system)
-    wanted = "a system without tstops=, at which it does not begin anew"
-    expect(system.tstops is None, "system", wanted, system.tstops)
+    wanted = "a system without together=, whose law has no derivative"
+    expect(system.together is None, "system", wanted, system)
+    wanted = "'stop': there is no derivative where a guard comes to rest"
+    expect(system.on_zeno == "stop", "on_zeno", wanted, repr(system.on_zeno))
     given = any(one is not None for one in (at_end, at_event, along))
     expect(given, "at_end, at_event, along", "at least one of them", "none")
     known = isinstance(method, str) and method in TABLEAUS
@@ -184,20 +190,23 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     tolerance = np.zeros(system.n_states)
     arguments.set_tolerance(tolerance, atol)
     given_atol = atol
-    whole = with_all_crossings(without_search(system))
+    whole = with_all_crossings(system)
     if along is not None:
         whole = with_integral(whole, along)
         start = np.append(start, 0.0)
         tolerance = np.append(tolerance, tolerance.min())
         given_atol = tolerance
+    if whole.sliding:
+        whole = sliding_system(whole)
+    given_mode, given_memory = _for_driver(whole, system, mode, memory)
     code = recorders(whole, system.n_states, at_event, at_end)
     solution = solve(
         whole,
         t_span,
         start,
         params=numbers,
-        mode=mode,
-        memory=memory,
+        mode=given_mode,
+        memory=given_memory,
         rtol=rtol,
         atol=given_atol,
         max_step=max_step,
@@ -208,9 +217,17 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     )
     if not solution.success:
         return _without(solution, solution.status, system, len(numbers))
+    plain = replace(solution, form=replace(solution.form, slides=None))
     at_start = _at_start(system, solution, t_span, numbers, mode, memory)
+    if whole.slides is not None:
+        own = np.zeros(whole.n_memory - system.n_memory)
+        locks = whole.slides.start_mode(at_start[0])
+        at_start = locks, np.concatenate([at_start[1], own])
     allowed = passed.Tolerance(np.array([rtol]), tolerance)
-    found, status = _backward(code, whole, system, solution, at_start, allowed, method)
+    instants = timed(system, at_start[1], system.n_states, solution.t)
+    found, status = _backward(
+        code, whole, system, (solution, plain), at_start, instants, allowed, method
+    )
     if status == passed.NOT_REPEATED:
         raise ArgumentError(
             "on_event: expected the same state each time it is called with the same "
@@ -220,9 +237,11 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
         return _without(solution, status, system, len(numbers))
     n = system.n_states
     first_param = 1 + whole.n_states
+    held = int(instants.held[0])
+    message = with_instants_told(solution.message, reason_unsought(system), held)
     return Gradient(
         status=solution.status,
-        message=solution.message,
+        message=message,
         value=float(found[0]),
         by_start=found[1 : 1 + n],
         by_params=found[first_param : first_param + len(numbers)],
@@ -247,7 +266,24 @@ def _without(
     )
 
 
+def _for_driver(
+    whole: System, system: System, mode: Sequence[int] | None, memory: ArrayLike | None
+) -> tuple[Any, Any]:
+    """Return mode and memory at the start, as the system that slides has them."""
+    if whole.slides is None:
+        return mode, memory
+    full = np.zeros(system.n_modes, dtype=np.int64)
+    if mode is not None:
+        arguments.set_mode(full, system.n_guards, mode)
+    numbers = arguments.with_memory(np.empty(0), memory, system.n_memory)
+    own = np.zeros(whole.n_memory - system.n_memory)
+    return whole.slides.start_mode(full), np.concatenate([numbers, own])
+
+
 NO_GRADIENT = {
+    layout.INSTANTS_IN_JACOBIAN: "The field jumps at an instant that moves with the "
+    "parameters in more than one way: two such instants meet, or t_span begins there. "
+    "The loss has no derivative by the parameters.",
     layout.GRAZING_IN_JACOBIAN: "A guard is grazed: its rate is zero to within the "
     "tolerance, and the loss has no derivative at a graze.",
     layout.TIE_IN_JACOBIAN: "Several guards flip at one instant, and their handlers "
@@ -289,7 +325,7 @@ def _at_start(
             flips = log.direction[log.guard == k]
             lock = np.sign(h[k])
             if lock == 0 and len(flips):
-                lock = -flips[0]
+                lock = -np.sign(flips[0])
             elif lock == 0:
                 lock = solution.mode[k]
             locks[k] = lock
@@ -300,21 +336,32 @@ def _backward(
     code: Recorders,
     whole: System,
     system: System,
-    solution: Solution,
+    solutions: tuple[Solution, Solution],
     at_start: tuple[IntArray, FloatArray],
+    instants: Timed,
     allowed: passed.Tolerance,
     method: str,
 ) -> tuple[FloatArray, int]:
-    """Run the backward pass on a tape that is long enough; return it and a status."""
+    """Run the backward pass on a tape that is long enough; return it and a status.
+
+    The solution is given as the user sees it, and as the driver of a system that slides
+    has it.
+    """
+    told = solutions[0].events
+    solution = solutions[1]
     log = solution.events
     t = np.ascontiguousarray(solution.t)
     directions = np.array(system.directions or (0,) * system.n_guards, dtype=np.int64)
+    n_ends = whole.n_guards - system.n_guards  # guards by which sliding ends
+    directions = np.append(np.zeros(n_ends, dtype=np.int64), directions)
     ways = directions[log.guard]
     flips = passed.Flips(
         row=np.searchsorted(t, log.time).astype(np.int64),
         guard=log.guard,
         direction=log.direction,
         counts=((ways == 0) | (ways == log.direction)).astype(np.int64),
+        told_guard=told.guard,
+        told_direction=told.direction,
         before=log.before,
         after=log.after,
     )
@@ -337,6 +384,7 @@ def _backward(
             steps,
             flips,
             all_of,
+            instants,
             system.n_states,
             solution.status == layout.TERMINATED,
             found,
@@ -381,6 +429,7 @@ def _room(system: System, p: int, n_stages: int, places: int) -> passed.Room:
         kept=np.zeros(p),
         mode=np.zeros(system.n_modes, dtype=np.int64),
         lock=np.zeros(system.n_modes, dtype=np.int64),
+        limits=np.array([-np.inf, np.inf]),
         losses=np.zeros((2, n)),
         rows=np.zeros((6, n)),
     )

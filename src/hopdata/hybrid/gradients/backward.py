@@ -26,7 +26,8 @@ from hopdata.code_cache import compiled_in_cache
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import ENTRY, copy, kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import int_table
-from hopdata.hybrid.driver.jacobian import LEAST_LOOK, LOOK
+from hopdata.hybrid.driver import moving_instants as moving
+from hopdata.hybrid.driver.jacobian import LEAST_LOOK, LOOK, NO_JUMP
 from hopdata.hybrid.gradients.recorders import (
     Recorders,
     call_at_end,
@@ -37,6 +38,7 @@ from hopdata.hybrid.gradients.recorders import (
     own_digest,
 )
 from hopdata.hybrid.gradients.tape import CELLS, HEAD, RECORD
+from hopdata.hybrid.gradients.timed import Timed
 
 #: Distance from its surface within which a guard has met it at an instant.
 #: Unit: 1, of its way since the last event. Origin: chosen.
@@ -67,13 +69,15 @@ class Flips(NamedTuple):
     """The flips of a solution (E,), in chronological order.
 
     `row` is the number of the time in `Steps` at which a flip is. `counts` is 1 for
-    those that are events of the user's.
+    those that are events of the user's, who is told `told_guard` and `told_direction`.
     """
 
     row: IntArray
     guard: IntArray
     direction: IntArray
     counts: IntArray
+    told_guard: IntArray
+    told_direction: IntArray
     before: FloatArray
     after: FloatArray
 
@@ -126,6 +130,7 @@ class Room(NamedTuple):
     kept: FloatArray  # adjoint of the parameters meanwhile, (p,)
     mode: IntArray  # (m,)
     lock: IntArray  # the mode with a guard's new lock, (m,)
+    limits: FloatArray  # first and last time that the field sees, (2,)
     losses: FloatArray  # derivatives by the states before and after an event, (2, n)
     rows: FloatArray  # plain numbers, (6, n), and what each holds:
 
@@ -253,8 +258,9 @@ def give_params(room: Room, p: int, weight: float) -> None:
 def field(code: Recorders, room: Room, t: float, y: FloatArray, mode: IntArray) -> None:
     """Record the field in `room.dy`."""
     put_all(room, room.y, y, len(y))
+    held = min(max(t, room.limits[0]), room.limits[1])
     call_field(
-        code.field, t, room.y.ctypes.data, mode.ctypes.data, len(mode),
+        code.field, held, room.y.ctypes.data, mode.ctypes.data, len(mode),
         room.params.ctypes.data, len(room.params), room.dy.ctypes.data,
     )  # fmt: skip
 
@@ -499,7 +505,7 @@ def lose_at_event(
     after = put_all(room, room.other, flips.after[e], shown)
     call_at_event(
         code.at_event, room.one.ctypes.data, room.y.ctypes.data,
-        room.other.ctypes.data, flips.guard[e], flips.direction[e],
+        room.other.ctypes.data, flips.told_guard[e], flips.told_direction[e],
         room.params.ctypes.data, len(room.params), room.one[1].ctypes.data,
     )  # fmt: skip
     clear(room, moment)
@@ -800,6 +806,100 @@ def n_met(
     return total
 
 
+# Backward: a known instant.
+
+
+@kernel
+def set_limits(room: Room, first: float, last: float) -> None:
+    """Let the field see times from `first` to `last` only."""
+    room.limits[0] = first
+    room.limits[1] = last
+
+
+@kernel
+def is_declared(timed: Timed, t: float) -> bool:
+    """Return whether an instant is declared at time t."""
+    for one in timed.declared:
+        if abs(one - t) <= timed.margin[0]:
+            return True
+    return False
+
+
+@kernel_apart
+def jump_at(
+    timed: Timed, span: float, t: float, y: FloatArray, mode: IntArray, p: FloatArray
+) -> int:
+    """Return what the field's code tells of a jump at time t; -1 if there is none.
+
+    How it moves with the parameters is written into `timed.moves`.
+    """
+    n = len(timed.moves) - len(p)
+    states = timed.rows[0]
+    for i in range(n):
+        states[i] = y[i]
+    for j in range(len(p)):
+        states[n + j] = p[j]
+    margin = timed.margin[0]
+    jump = moving.Jump(
+        timed.code[0], t - margin, t + margin, max(abs(t), span),
+        timed.rows.ctypes.data, n + len(p), n,
+        mode.ctypes.data, len(mode), p.ctypes.data, 0, timed.told.ctypes.data,
+    )  # fmt: skip
+    found = moving.movements(jump, states.ctypes.data, timed.moves.ctypes.data)
+    if found == moving.NONE and not is_declared(timed, t):
+        return -1
+    return found
+
+
+@kernel_apart
+def jump_back(
+    code: Recorders,
+    room: Room,
+    timed: Timed,
+    found: int,
+    t: float,
+    y: FloatArray,
+    mode: IntArray,
+    is_start: bool,
+) -> int:
+    """Carry the adjoint across a jump of the field in time; return a status.
+
+    Afterwards, the field sees the times before the jump.
+    """
+    n = len(y)
+    p = len(room.params)
+    margin = timed.margin[0]
+    set_limits(room, t + margin, inf)
+    field_value(code, room, t, y, mode, F_AFTER)
+    set_limits(room, -inf, t - margin)
+    field_value(code, room, t, y, mode, F_BEFORE)
+    size = 0.0
+    change = 0.0
+    weight = 0.0
+    for i in range(n):
+        before = room.rows[F_BEFORE, i]
+        after = room.rows[F_AFTER, i]
+        size = max(size, abs(before), abs(after))
+        change = max(change, abs(after - before))
+        weight += room.rows[ADJOINT, i] * (before - after)
+    if not change > NO_JUMP * size:
+        return at.RUNNING
+    if found == moving.DIFFERENT:
+        return at.INSTANTS_IN_JACOBIAN
+    if found != moving.TOLD:
+        timed.held[0] += 1
+        return at.RUNNING
+    moves = False
+    first = len(timed.moves) - p
+    for j in range(p):
+        one = timed.moves[first + j]
+        moves = moves or abs(one * room.params[j, 0]) > margin
+        room.adjoint[1 + j] += weight * one
+    if is_start and moves:
+        return at.INSTANTS_IN_JACOBIAN
+    return at.RUNNING
+
+
 # The whole pass.
 
 
@@ -902,6 +1002,7 @@ def backward(  # noqa: PLR0913 (the parts of a solution)
     steps: Steps,
     flips: Flips,
     all_of: Replayed,
+    timed: Timed,
     shown: int,
     ended_by_event: bool,
     found: FloatArray,
@@ -930,7 +1031,25 @@ def backward(  # noqa: PLR0913 (the parts of a solution)
         found[0] += steps.y[row, shown]
         room.rows[ADJOINT, shown] += 1.0
     ends = ended_by_event
+    timed.held[0] = 0
+    span = steps.t[row] - steps.t[0]
+    end = row
+    jump = jump_at(
+        timed, span, steps.t[row], steps.y[row], all_of.mode[last], all_of.params[last]
+    )
     while row >= 0:
+        t = steps.t[row]
+        set_limits(room, -inf, inf)
+        if jump >= 0:
+            set_limits(room, -inf, t - timed.margin[0])
+        if jump >= 0 and row < end:
+            status = jump_back(
+                code, room, timed, jump, t, steps.y[row], all_of.mode[last], row == 0
+            )
+            if is_full(room):
+                return TAPE_FULL
+            if status != at.RUNNING:
+                return status
         if last > 0 and flips.row[last - 1] == row:
             first = first_of_instant(flips, last)
             status = instant_back(
@@ -947,7 +1066,11 @@ def backward(  # noqa: PLR0913 (the parts of a solution)
             t = steps.t[row]
             dt = steps.t[row + 1] - t
             y = steps.y[row]
-            if not step_back(code, room, method, t, dt, y, all_of.mode[last]):
+            mode = all_of.mode[last]
+            jump = jump_at(timed, span, t, y, mode, all_of.params[last])
+            if jump >= 0:
+                set_limits(room, t + timed.margin[0], room.limits[1])
+            if not step_back(code, room, method, t, dt, y, mode):
                 return TAPE_FULL
     return write_found(room, all_of.params.shape[1], found)
 

@@ -29,20 +29,6 @@ def _nothing(
     return 0
 
 
-def without_search(system: System) -> System:
-    """Return the system whose field's own instants are not sought.
-
-    The pass backward takes steps that begin and end anywhere.
-    """
-    if not system.has_instants:
-        return system
-    key = "without_search"
-    if key not in system.made:
-        system.made[key] = replace(system, find_tstops=False)
-    found: System = system.made[key]
-    return found
-
-
 def with_all_crossings(system: System) -> System:
     """Return the system in which every crossing of a guard is logged.
 

@@ -23,10 +23,19 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import lower_builtin, lower_cast, models, register_model
+from numba.extending import (
+    lower_builtin,
+    lower_cast,
+    make_attribute_wrapper,
+    models,
+    overload,
+    register_model,
+)
 
 from hopdata.hybrid.compiled.memory import FirstTried, NumberLike, ask_first
 from hopdata.hybrid.numbers import duals
+from hopdata.hybrid.numbers.moving import plain
+from hopdata.hybrid.numbers.vectors import bare
 
 FLOAT = types.float64
 INT = types.int64
@@ -59,6 +68,18 @@ class _TracedModel(models.StructModel):
     def __init__(self, manager: Any, kind: Traced) -> None:
         members = [("value", FLOAT), ("place", INT), ("tape", INT)]
         super().__init__(manager, kind, members)
+
+
+make_attribute_wrapper(Traced, "value", "value")
+
+
+def _plain(x: Any) -> Any:
+    if isinstance(x, Traced):
+        return lambda x: x.value
+    return None
+
+
+overload(plain)(bare(_plain))
 
 
 def _number(context: Any, value: Value, place: Value, tape: Value, builder: Any) -> Any:

@@ -14,7 +14,9 @@ a range is counted in JUMPED, a kink in KINKED. LOST is set where no range can t
 the code does, so that nothing is known of any guard. TIMED counts those of them whose
 place has a known rate, other than zero: if the rates of the states are unknown, they
 depend on the time alone. The others hold the range and the rate of what changes sign at
-the first open comparison or jump, and at the first that is counted in TIMED.
+the first open comparison or jump, and at one that is counted in TIMED: the first, or
+the one whose number the caller has written into WHICH. TIMED_KINK is 1 if that is a
+kink only.
 """
 
 from numba import types
@@ -26,11 +28,11 @@ RANGES_NATIVE = types.void(_FLOAT, _FLOAT, _FLOAT, *(12 * [_INT]))
 # Number of guards to evaluate: those marked in a row of flags, of all.
 CHOSEN = -1
 
-OPENED, ANSWERS, JUMPED, KINKED, LOST, TIMED = range(6)
-N_INTEGERS = 6
-FIRST_LEAST, FIRST_MOST, FIRST_LEAST_RATE, FIRST_MOST_RATE = range(6, 10)
-TIMED_LEAST, TIMED_MOST, TIMED_LEAST_RATE, TIMED_MOST_RATE = range(10, 14)
-N_SLOTS = 14
+OPENED, ANSWERS, JUMPED, KINKED, LOST, TIMED, WHICH = range(7)
+N_INTEGERS = 7
+FIRST_LEAST, FIRST_MOST, FIRST_LEAST_RATE, FIRST_MOST_RATE = range(7, 11)
+TIMED_LEAST, TIMED_MOST, TIMED_LEAST_RATE, TIMED_MOST_RATE, TIMED_KINK = range(11, 16)
+N_SLOTS = 16
 
 #: Open comparisons along one path whose answers the caller chooses. Further ones are
 #: answered at random, so that a loop that waits for an answer ends.

@@ -51,17 +51,21 @@ def note_first(x: Any, middle: float) -> None:
 
 
 @kernel
-def note_time(x: Any, middle: float) -> None:
-    """Note where x - middle changes sign, if its rate is known and not zero."""
+def note_time(x: Any, middle: float, is_kink: float) -> None:
+    """Note where x - middle changes sign, if its rate is known and not zero.
+
+    `is_kink` is 1 if there is a kink, and 0 if there may be a jump.
+    """
     if not (x.dlo > -INF and x.dhi < INF) or (x.dlo == 0.0 and x.dhi == 0.0):
         return
     counted = int_vector(x.at, at.N_INTEGERS)
-    if counted[at.TIMED] == 0:
+    if counted[at.TIMED] == counted[at.WHICH]:
         first = float_vector(x.at, at.N_SLOTS)
         first[at.TIMED_LEAST] = x.lo - middle
         first[at.TIMED_MOST] = x.hi - middle
         first[at.TIMED_LEAST_RATE] = x.dlo
         first[at.TIMED_MOST_RATE] = x.dhi
+        first[at.TIMED_KINK] = is_kink
     counted[at.TIMED] += 1
 
 
@@ -70,7 +74,7 @@ def jump(x: Any, middle: float) -> None:
     """Note a jump where x - middle changes sign."""
     if x.at != 0:
         note_first(x, middle)
-        note_time(x, middle)
+        note_time(x, middle, 0.0)
         int_vector(x.at, at.N_INTEGERS)[at.JUMPED] += 1
 
 
@@ -78,7 +82,7 @@ def jump(x: Any, middle: float) -> None:
 def kink(x: Any, middle: float) -> None:
     """Note a kink where x - middle changes sign."""
     if x.at != 0:
-        note_time(x, middle)
+        note_time(x, middle, 1.0)
         int_vector(x.at, at.N_INTEGERS)[at.KINKED] += 1
 
 
@@ -91,7 +95,7 @@ def opened(x: Any, y: Any) -> Any:
     if math.isnan(apart.lo):
         apart = anything(apart.at)
     note_first(apart, 0.0)
-    note_time(apart, 0.0)
+    note_time(apart, 0.0, 0.0)
     counted = int_vector(apart.at, at.N_INTEGERS)
     place = counted[at.OPENED]
     counted[at.OPENED] += 1

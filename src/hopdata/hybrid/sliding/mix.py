@@ -29,6 +29,12 @@ from hopdata.hybrid.sliding.flags import SLIDING
 #: Unit: 1. Origin: rounding: some thousands of units in the last place.
 ADDITIVE = 1e-12
 
+#: Fastest pace at which the steps' rest of a guard fades.
+#: Unit: 1 over the size of the time. Origin: derived: what the rounding of the time
+#: leaves of a guard then changes the field by the root of the rounding, at most. The
+#: size of the state is no measure where a corner is at zero.
+FASTEST = 2.0**26
+
 UNKNOWN = math.nan  # how the rates of the states change: no guard's value may need it
 
 # Inserted into the templates (see `sliding.system`).
@@ -252,7 +258,10 @@ def slide_template(
     speed = size_of(dy)
     if speed > 0.0 and scale > 0.0 and size_of(back) > 0.0:
         solve_small(again, back)
-        add_mix(dy, fields, back, speed / scale)
+        pace = speed / scale
+        if plain(pace) * abs(plain(t)) > FASTEST:
+            pace *= FASTEST / (plain(pace) * abs(plain(t)))
+        add_mix(dy, fields, back, pace)
 
 
 def field_template(t: Any, y: Any, mode: Any, params: Any, dy: Any) -> None:

@@ -1,0 +1,96 @@
+"""Bouligand derivatives where guards are met again, and with laws for several guards."""
+
+import numpy as np
+import pytest
+
+from hopdata.hybrid import System, field, guards, on_event, together
+from hopdata.hybrid.first_order import NoDerivativeError, bouligand_derivative
+
+
+@field
+def free(t, y, mode, params, dy):  # places and velocities of three equal balls
+    for i in range(3):
+        dy[i], dy[3 + i] = y[3 + i], 0.0
+
+
+@guards
+def gaps(t, y, dy, mode, params, h, hdot):
+    for i in range(2):
+        h[i], hdot[i] = y[i + 1] - y[i], dy[i + 1] - dy[i]
+
+
+@on_event
+def swap(t, y, mode, params, guard, direction):
+    if direction < 0:
+        kept = y[3 + guard]
+        y[3 + guard] = y[4 + guard]
+        y[4 + guard] = kept
+    return 0
+
+
+@together
+def sort(t, y, mode, params, due):
+    """Elastic balls of one mass exchange their velocities until they are in order."""
+    y[3:] = np.sort(y[3:])
+    return 0
+
+
+@together
+def stop(t, y, mode, params, due):
+    y[3:] = np.mean(y[3:])
+    return 0
+
+
+BALLS = {"n_states": 6, "guard_names": ("left", "right")}
+MET = [0.0, 0.0, 0.0, 2.0, 1.0, -2.0]
+OPEN = {"mode": [1, 1]}
+
+
+def test_a_law_that_is_the_limit_of_the_handlers_has_the_derivative_of_these():
+    """Elastic balls might as well pass: their deviations change places."""
+    system = System(free, gaps, swap, together=sort, **BALLS)
+    found = bouligand_derivative(system, MET, **OPEN)
+    passed = [2, 1, 0, 5, 4, 3]
+    for seed in (91, 92, 93, 94, 95):
+        v = np.random.default_rng(seed).normal(size=6)
+        np.testing.assert_allclose(found(v), v[passed], rtol=0, atol=1e-12)
+    orders = {piece.guards for piece in found.pieces()}
+    assert len(orders) == 2
+    for piece in found.pieces():
+        np.testing.assert_allclose(piece.matrix, np.eye(6)[passed], atol=1e-12)
+
+
+def test_a_law_that_the_neighbours_do_not_follow_leaves_no_derivative():
+    system = System(free, gaps, swap, together=stop, **BALLS)
+    with pytest.raises(NoDerivativeError, match="the flow jumps"):
+        bouligand_derivative(system, MET, **OPEN)(np.eye(6)[0])
+
+
+@field
+def circles(t, y, mode, params, dy):
+    dy[0], dy[1] = -1.0 * mode[1], 1.0 * mode[0]
+
+
+@guards
+def axes(t, y, dy, mode, params, h, hdot):
+    h[0], h[1], hdot[0], hdot[1] = y[0], y[1], dy[0], dy[1]
+
+
+def test_neighbours_that_circle_about_a_corner_leave_no_derivative():
+    named = {"n_states": 2, "guard_names": ("x", "y")}
+    system = System(circles, axes, sliding=("x", "y"), **named)
+    with pytest.raises(NoDerivativeError, match="again and again"):
+        bouligand_derivative(system, [0.0, 0.0], mode=[1, 1])([1.0, 0.3])
+
+
+@field
+def folds(t, y, mode, params, dy):
+    dy[0], dy[1] = 1.0, 0.0
+
+
+def test_a_two_fold_is_refused():
+    system = System(
+        folds, axes, n_states=2, guard_names=("x", "y"), sliding=("y",)
+    )
+    with pytest.raises(NoDerivativeError, match="two-fold"):
+        bouligand_derivative(system, [0.0, 0.0], mode=[-1, 0])
