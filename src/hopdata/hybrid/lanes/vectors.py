@@ -32,7 +32,7 @@ from numba.extending import (
     register_model,
 )
 
-from hopdata.hybrid.compiled.memory import built
+from hopdata.hybrid.compiled.memory import built, is_number
 from hopdata.hybrid.compiled.terms import declared
 from hopdata.private_numba import CONVERTS, structure, tried_first
 
@@ -76,10 +76,10 @@ class _Lanes(types.Type):
     is_number = True  # a plain function may return it
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
-        return CONVERTS if _is_number(other) else None
+        return CONVERTS if is_number(other) else None
 
     def unify(self, context: Any, other: Any) -> Any:
-        return self if _is_number(other) else None
+        return self if is_number(other) else None
 
 
 class _Mask(types.Type):
@@ -115,13 +115,9 @@ for _kind, _native in ((_Lanes, VECTOR), (_Mask, TRUTHS), (Rows, VECTOR.as_point
     register_model(_kind)(_model(_native))
 
 
-def _is_number(kind: Any) -> bool:
-    return isinstance(kind, types.Float | types.Integer | types.Boolean)
-
-
 def _fits(*kinds: Any) -> bool:
     """Return whether at least one of these is lanes, the others lanes or numbers."""
-    return lanes in kinds and all(one == lanes or _is_number(one) for one in kinds)
+    return lanes in kinds and all(one == lanes or is_number(one) for one in kinds)
 
 
 def number_for_all(builder: Any, kind: Any, value: Any) -> Any:
@@ -233,7 +229,7 @@ def _typed_get(owner: Any, index: Any) -> Any:
 def _typed_set(owner: Any, index: Any, value: Any) -> Any:
     kind = types.unliteral(value)
     fits = isinstance(owner, Rows) and isinstance(index, types.Integer)
-    if fits and (kind == lanes or _is_number(kind)):
+    if fits and (kind == lanes or is_number(kind)):
         return types.none(owner, INDEX, kind)
     return None
 
@@ -324,7 +320,7 @@ def _function(result: Any, taken: tuple[Any, ...], emit: Function) -> Any:
         plain = tuple(map(types.unliteral, kinds))
         pairs = list(zip(taken, plain, strict=True))
         suits = all(
-            wanted == kind or (wanted == lanes and _is_number(kind))
+            wanted == kind or (wanted == lanes and is_number(kind))
             for wanted, kind in pairs
         )
         of_lanes = lanes in plain or mask in plain
