@@ -23,6 +23,7 @@ SHARED = {
     "errors",
     "jobs",
     "messages",
+    "private_numba",
     "products",
     "recording",
     "rigid",

@@ -10,7 +10,7 @@ the user has set it, otherwise ``__pycache__`` beside the source; the user's cac
 folder; and a private folder of the user among the temporary files. If none is writable,
 functions are compiled in every process. Removing the folders is always safe. Each file
 ends in its checksum (`hopdata.seal`); a damaged one is removed and its function
-compiled anew. Numba's `caching`, which is private, has the class whose files these are.
+compiled anew.
 
 What lies in a cache is run, and Numba's index is a pickle, so that reading it can run
 code too. The checksum is no key: it tells damage, and not who wrote a file. Therefore
@@ -45,8 +45,8 @@ import llvmlite.binding as llvm
 import numba
 import numpy as np
 from numba import NumbaError, config, njit
-from numba.core import caching
 
+from hopdata.private_numba import CacheFiles, cache_of
 from hopdata.seal import Seal, seal_for, seal_of
 
 logger = logging.getLogger("hopdata")
@@ -102,51 +102,33 @@ def cache_directory(function: Function, digest: str) -> Iterator[Path | None]:
                 folder = base / f"hopdata-{digest}"
                 config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
                 break
-        numbas_own = caching.IndexDataCacheFile
-        caching.IndexDataCacheFile = _SealedFiles  # type: ignore[misc]
         try:
-            yield folder
+            with cache_of(_SealedFiles):
+                yield folder
         finally:
             config.CACHE_DIR = before  # type: ignore[attr-defined]
-            caching.IndexDataCacheFile = numbas_own  # type: ignore[misc]
 
 
-class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
+class _SealedFiles(CacheFiles):
     """Numba's files of one function, each with a checksum at its end.
 
     Numba runs what it finds in its files: a damaged one ends in any error, or ends the
     process. So each file is compared with its checksum first. A damaged one is removed,
-    and as Numba does not find it, it compiles the function anew. Numba does not look at
-    what stands behind the content.
+    and as Numba does not find it, it compiles the function anew.
     """
 
-    def load(self, key: Any) -> Any:
-        """Return what is kept for the types in `key`, or None."""
-        return super().load(key) if _may_be_kept(key) else None
+    def may_be_kept(self, key: Any) -> bool:
+        """Return whether machine code for the types in `key` may be in the cache."""
+        return _may_be_kept(key)
 
-    def save(self, key: Any, data: Any) -> None:
-        """Keep machine code, unless its types forbid it."""
-        if _may_be_kept(key):
-            super().save(key, data)
+    def is_sound(self, path: Path) -> bool:
+        """Tell whether a file is as this user wrote it; else remove it."""
+        return _is_sound(path)
 
-    def _load_index(self) -> dict[Any, str]:
-        if not _is_sound(Path(self._index_path)):
-            return {}
-        index: dict[Any, str] = super()._load_index()
-        return index
-
-    def _load_data(self, name: str) -> Any:
-        path = Path(self._data_path(name))
-        if not _is_sound(path):
-            raise FileNotFoundError(path)
-        return super()._load_data(name)
-
-    @contextmanager
-    def _open_for_write(self, filepath: str) -> Iterator[BinaryIO]:
-        with super()._open_for_write(filepath) as file:
-            yield file
-            file.flush()
-            file.write(seal_for(Path(file.name)))
+    def finish(self, file: BinaryIO) -> None:
+        """Write the checksum of what stands in a file behind it."""
+        file.flush()
+        file.write(seal_for(Path(file.name)))
 
 
 def _may_be_kept(key: Any) -> bool:

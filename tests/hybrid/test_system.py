@@ -16,7 +16,7 @@ from bent_systems import (
     turn_back,
 )
 
-from hopdata.hybrid import System, jacobian
+from hopdata.hybrid import System, jacobian, solve, solve_batch
 
 ONE = {"n_states": 2, "guard_names": ("bar0",)}
 
@@ -80,6 +80,43 @@ def test_elements_that_a_jacobian_names():
         system.check_params_length(4)
     with pytest.raises(ValueError, match=r"uses y\[7\]"):
         System(bent_field, bent_guards, jacobian=far_looking, **ONE)
+
+
+def level(t, y):
+    return y[0]
+
+
+def needs_four(t, y, mode, params):
+    return [-params[3] * y[0]]
+
+
+def jumps_and_needs_four(t, y, mode, params):
+    return [-params[3] if t < params[0] else params[1]]
+
+
+@pytest.mark.parametrize(
+    ("function", "options"),
+    [
+        (needs_four, {}),
+        (needs_four, {"tstops": 0.05}),
+        (jumps_and_needs_four, {}),
+        (jumps_and_needs_four, {"n_memory": 1}),
+        (needs_four, {"sliding": ("level",)}),
+    ],
+)
+def test_missing_parameters_are_told_whatever_is_derived_from_the_system(
+    function, options
+):
+    """A derived system may have further parameters, which the user's do not see."""
+    system = System(function, level, n_states=1, guard_names=("level",), **options)
+    with pytest.raises(
+        ValueError, match=r"uses params\[3\], but params has the length"
+    ):
+        solve(system, (0.0, 0.1), [1.0], params=[1.0, 2.0])
+    with pytest.raises(
+        ValueError, match=r"uses params\[3\], but params has the length"
+    ):
+        solve_batch(system, (0.0, 0.1), [[1.0]], params=[[1.0, 2.0]])
 
 
 def test_a_plain_function_needs_no_decorator():

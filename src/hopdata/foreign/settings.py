@@ -36,5 +36,4 @@ def leave_unread() -> None:
         finally:
             os.chdir(here)
         if library == "numba":
-            # Numba looks again at each compilation, by this name.
-            vars(import_module("numba.core.config"))["_config_fname"] = os.devnull
+            import_module("hopdata.private_numba").read_no_settings()

@@ -32,7 +32,8 @@ The rooms:
 
 docs/integrator.md is the page to begin with, docs/integrator_step.md the way through
 the driver. Nothing here imports the rest of hopdata but `arrays` (types of arrays),
-`code_cache`, `errors` and `seal`, which the package hopdata-hybrid brings with it.
+`code_cache`, `errors`, `private_numba` and `seal`, which the package hopdata-hybrid
+brings with it.
 """
 
 from hopdata.hybrid.batch import BatchSolution, solve_batch

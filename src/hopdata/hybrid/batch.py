@@ -550,9 +550,7 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     instants = ""
     if form.shown < form.state:
         instants = _about_instants(system, batch.results.counts)
-    return BatchSolution(
-        batch.results, form, times, remaining, reason, told, instants
-    )
+    return BatchSolution(batch.results, form, times, remaining, reason, told, instants)
 
 
 def _starts(
@@ -651,7 +649,7 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
 
 
 def _about_instants(system: System, counts: IntArray) -> str:
-    """Return what is not known of the field's instants, for derivatives by parameters."""
+    """Return what derivatives by the parameters leave out of the field's instants."""
     told = []
     if system.unsought:
         told.append(at.UNSOUGHT_INSTANTS.format(reason=system.unsought))

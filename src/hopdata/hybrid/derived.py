@@ -324,6 +324,7 @@ def ask_derived(
     **others: Any,
 ) -> Answer:
     """Solve with the derived system that the options require, and return the answer."""
+    _check_params_length(system, others["params"])
     known = None
     seeks = False
     if tstops is not None or system.has_instants:
@@ -381,6 +382,15 @@ def why_unsought(system: System) -> str:
     if not system.field.compiled:
         return "it runs as plain Python"
     return with_instants(system, True).switches.reason
+
+
+def _check_params_length(system: System, params: Any) -> None:
+    """Raise ValueError if one of the user's functions needs more parameters.
+
+    A derived system may have further ones, which the user's functions do not see.
+    """
+    numbers = np.atleast_1d(arguments.numbers_of("params", params))
+    system.check_params_length(numbers.shape[-1] + system.n_memory)
 
 
 def _with_known(

@@ -19,7 +19,7 @@ from hopdata.hybrid.arguments import expect
 if TYPE_CHECKING:
     from hopdata.hybrid.system import System
 
-WANTED = "times, every(period, ...), or a list of them"
+WANTED = "times, every(period, start, ...) (from 0 without a start), or a list of them"
 
 
 @dataclass(frozen=True)

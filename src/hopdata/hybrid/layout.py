@@ -94,7 +94,7 @@ LIST_ROWS = 4
 # integration ends (0: none), the direction of time, -1 for backward; whether a law
 # decides where several guards are due; whether the guard comes to rest where its events
 # pile up; and whether guards may be left out of an evaluation for ranges.
-DIRECTION, TERMINAL, WAY, BY_LAW, RESTS, LEAVES_OUT = numbers(6)
+DIRECTION, TERMINAL, WAY, BY_LAW, MAY_REST, LEAVES_OUT = numbers(6)
 
 # Columns of `methods`. Addresses first (0: none). The short tangent is the one for
 # short steps, the derivative is the user's.

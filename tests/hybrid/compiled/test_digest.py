@@ -109,6 +109,7 @@ def edited(tmp_path):
     shutil.copytree(
         PACKAGE, tmp_path / "hybrid", ignore=shutil.ignore_patterns("__pycache__")
     )
+    shutil.copy(PACKAGE.parent / "private_numba.py", tmp_path)
 
     def edit(name):
         path = tmp_path / "hybrid" / name
@@ -123,6 +124,7 @@ def edited(tmp_path):
     [
         "driver/loop.py", "driver/proof.py", "layout.py", "methods/stiff.py",
         "compiled/memory.py", "compiled/kernel.py", "compiled/linking.py",
+        "../private_numba.py",
     ],
 )  # fmt: skip
 def test_driver_digest_changes_with_what_the_driver_imports(edited, name):

@@ -523,3 +523,32 @@ def test_lanes_take_plain_fields_and_plain_guards():
     own = solve_batch(ball(), (0, 1), starts, params=PARAMS, lanes=False)
     assert bounces.n_events.tolist() == own.n_events.tolist()
     assert bounces.y_end == pytest.approx(own.y_end, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("field", "guard", "message"),
+    [
+        ("(y[1], -p[3])", "y[0]", r"field .* uses params\[3\], but params has"),
+        ("(y[4], -p[1])", "y[0]", r"field .* uses y\[4\], but y has the length 2"),
+        ("(y[1], -p[1])", "y[0] + p[2]", r"guards .* uses params\[2\], but params has"),
+        ("(y[1], -p[1])", "y[2]", r"guards .* uses y\[2\], but y has the length 2"),
+    ],
+)
+def test_a_lambda_without_known_source_is_checked_like_any_function(
+    field, guard, message
+):
+    """It was typed at a prompt, or made by a program: it is called as it is."""
+    functions = [eval(f"lambda t, y, p: {one}") for one in (field, guard)]
+
+    def run():
+        system = System(*functions, n_states=2, guard_names=("level",))
+        return solve(system, (0.0, 0.1), [1.0, 1.0], params=[1.0, 2.0])
+
+    with pytest.raises(ValueError, match=message):
+        run()
+
+
+def test_a_lambda_without_known_source_runs():
+    made = eval("lambda t, y, p: (y[1], -p[1])")
+    found = solve(System(made, n_states=2), (0.0, 1.0), [0.0, 0.0], params=[1.0, 2.0])
+    np.testing.assert_allclose(found.y_end, [-1.0, -2.0], rtol=1e-12)

@@ -28,6 +28,12 @@ from hopdata.hybrid.compiled.written import Written
 Function = Callable[..., Any]
 
 
+def _largest_by_meaning(function: Function, meant: dict[str, str]) -> dict[str, int]:
+    """Return the largest literal index into each argument, by what it is."""
+    found = declare.largest_subscripts(function)
+    return {meant[name]: number for name, number in found.items() if name in meant}
+
+
 class Callback:
     """A user's function, compiled when its address is first requested, then cached.
 
@@ -240,30 +246,34 @@ class Callback:
     def _unpacked(self) -> dict[str, int]:
         """Number of names into which an argument is unpacked, by the argument."""
         found = declare.names_unpacked(self.users)
-        if not found:
+        meant = self._meant_by_user
+        return {meant[name]: found[name] for name in found if name in meant}
+
+    @cached_property
+    def _meant_by_user(self) -> dict[str, str]:
+        """What each of the user's own arguments is, by the name of the user's."""
+        if not isinstance(self.users, FunctionType):
             return {}
         given: tuple[str, ...] = self.signature.arguments
         names = self.users.__code__.co_varnames
         if self.form is not None:
             given, names = self.form.arguments, self.form.names
-        meant = dict(zip(names, given, strict=False))
-        return {meant[name]: found[name] for name in found if name in meant}
+        return dict(zip(names, given, strict=False))
 
     @cached_property
     def _subscripts(self) -> dict[int, int]:
         """Largest literal index into each argument, by the argument's position."""
-        function, given = self.function, self.signature.arguments
+        found = _largest_by_meaning(self.users, self._meant_by_user)
         if self._written is not None:
+            # It also shows which parameters stand for single arguments. Where the
+            # user's source is not known, it only calls the user's function.
             function, given = self._written.function, self._written.arguments
-        largest = declare.largest_subscripts(function)
-        if not largest:
-            return {}
-        names = function.__code__.co_varnames[: len(given)]
-        return {
-            self.signature.arguments.index(given[names.index(name)]): number
-            for name, number in largest.items()
-            if name in names
-        }
+            names = function.__code__.co_varnames[: len(given)]
+            meant = dict(zip(names, given, strict=True))
+            for name, number in _largest_by_meaning(function, meant).items():
+                found[name] = max(number, found.get(name, -1))
+        places = self.signature.arguments
+        return {places.index(name): found[name] for name in found if name in places}
 
     @cached_property
     def constants(self) -> Constants:

@@ -11,8 +11,12 @@ from typing import Any
 from hopdata.code_cache import DIGITS, function_digest
 
 PACKAGE = "hopdata.hybrid"
+# A module beside the package whose functions build machine code, and its path from it.
+BESIDE = {"hopdata.private_numba": "../private_numba.py"}
 IMPORT = re.compile(
-    rf"^ *from ({re.escape(PACKAGE)}[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE
+    rf"^ *from ({re.escape(PACKAGE)}[\w.]*|{'|'.join(map(re.escape, BESIDE))}) "
+    r"import (\([^)]*\)|.*)$",
+    re.MULTILINE,
 )
 NOT_IN_CODE = ("compiled/digest.py",)  # it affects where code is kept, not the code
 
@@ -60,6 +64,9 @@ def driver_sources(package: Path, folder: str = "driver") -> dict[str, bytes]:
 def _imported(source: str) -> Iterator[str]:
     """Yield the paths of modules that a source may import from the package."""
     for module, names in IMPORT.findall(source):
+        if module in BESIDE:
+            yield BESIDE[module]
+            continue
         path = module.removeprefix(PACKAGE).strip(".").replace(".", "/")
         yield f"{path}.py"
         yield from (f"{path}/{name}.py" for name in re.findall(r"\w+", names))

@@ -18,10 +18,11 @@ from hopdata.hybrid.compiled.caught import current
 from hopdata.hybrid.compiled.declare import place, return_error
 from hopdata.hybrid.compiled.forms import Form
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
-from hopdata.hybrid.compiled.memory import built, lower_call_of_python
+from hopdata.hybrid.compiled.memory import built
 from hopdata.hybrid.compiled.rates import rates_in_python
 from hopdata.hybrid.compiled.stored import WrongResultError, store_in_python
 from hopdata.hybrid.compiled.written import native_arguments
+from hopdata.private_numba import is_null, room_with
 
 Function = Callable[..., Any]
 
@@ -154,3 +155,71 @@ def trampoline(function: Function, signature: Signature) -> Any:
     scope = {"call": call}
     exec(f"def trampoline({names}):\n    return call({names})\n", scope)
     return scope["trampoline"]
+
+
+# A call of a Python function, with the interpreter's lock. The caller keeps the
+# function alive.
+
+DTYPES = {types.float64: np.dtype(np.float64), types.int64: np.dtype(np.int64)}
+
+
+def lower_call_of_python(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the code generator of a call to a Python function.
+
+    The code prints the function's exceptions.
+    """
+
+    def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        python = context.get_python_api(builder)
+        lock = python.gil_ensure()
+        boxed = []
+        for kind, value in zip(sign.args, values, strict=True):
+            boxed.append(_boxed(context, builder, python, kind, value))
+        called = _object(context, builder, python, function)
+        result = python.call_function_objargs(called, boxed)
+        native = _unboxed(context, builder, python, sign.return_type, result)
+        for item in boxed:
+            python.decref(item)
+        python.gil_release(lock)
+        return native
+
+    return lower
+
+
+def _object(context: Any, builder: Any, python: Any, value: object) -> Any:
+    return builder.inttoptr(context.get_constant(types.intp, id(value)), python.pyobj)
+
+
+def _boxed(context: Any, builder: Any, python: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        dtype = _object(context, builder, python, DTYPES[kind.dtype])
+        return python.nrt_adapt_ndarray_to_python(kind, value, dtype)
+    if kind == types.float64:
+        return python.float_from_double(value)
+    return python.long_from_longlong(value)
+
+
+def _unboxed(context: Any, builder: Any, python: Any, kind: Any, result: Any) -> Any:
+    """Return the number in a Python result.
+
+    If there is none, the exception is printed, and the number is 0.
+    """
+    native_type = context.get_value_type(kind)
+    nothing = native_type(None) if kind == types.none else native_type(0)
+    slot = room_with(builder, nothing)
+    is_missing = is_null(builder, result)
+    with builder.if_else(is_missing, likely=False) as (failed, returned):
+        with failed:
+            name = context.insert_const_string(builder.module, "hopdata callback")
+            label = python.string_from_string(name)
+            python.err_write_unraisable(label)
+            python.decref(label)
+        with returned:
+            if kind == types.float64:
+                builder.store(python.float_as_double(result), slot)
+            elif kind == types.int64:
+                builder.store(python.long_as_longlong(result), slot)
+            python.decref(result)
+    if kind == types.none:
+        return context.get_dummy_value()
+    return builder.load(slot)

@@ -21,7 +21,8 @@ from typing import Any, NamedTuple
 
 from numba import njit, types
 
-from hopdata.hybrid.compiled.memory import Passed, View, caller
+from hopdata.hybrid.compiled.calls import Passed, caller
+from hopdata.hybrid.compiled.memory import View
 
 # Signatures of the user's functions, in Python and in machine code.
 #

@@ -31,7 +31,7 @@ GRAIN = 64.0 * EPS
 
 #: Share of the terms of a slope that may be left to their sizes.
 #: Unit: 1. Origin: chosen.
-LEFT_OUT = 2.0**-6
+SHARE_BY_SIZE = 2.0**-6
 
 #: Terms from the start of a piece that are computed before the sizes of the others are
 #: looked at.
@@ -313,7 +313,7 @@ def shift_one(m: Memory, i: int, a: float, z: float) -> None:
         passes += AT_ONCE
         if passes >= FIRST_TERMS:
             value, slope = remainder(m, i, row, passes, z)
-            if power * (passes * value + (z - a) * slope) <= LEFT_OUT * slopes:
+            if power * (passes * value + (z - a) * slope) <= SHARE_BY_SIZE * slopes:
                 s[at.PASSES, i] = passes
                 return
     for k in range(passes, degree):
@@ -351,7 +351,7 @@ def enclose_one(
     # The highest terms are left to their sizes, too, as long as these are small.
     while n > 1:
         size = abs(s[piece + n, i])
-        if not slopes_left + n * size <= LEFT_OUT * slopes:
+        if not slopes_left + n * size <= SHARE_BY_SIZE * slopes:
             break
         left += size
         slopes_left += n * size

@@ -586,7 +586,7 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
         look_anew(p, m, k, resolution)
     jumped = m.counts[at.JUMPS] > jumps_before
     if jumped and stops_bouncing(p, m, k):
-        if p.rules[at.RESTS, k] == 0:
+        if p.rules[at.MAY_REST, k] == 0:
             return at.ZENO
         p.mode[k] = -p.mode[k]  # to the side on which it bounces
         return come_to_rest(p, m, log, k, resolution)
@@ -609,7 +609,7 @@ def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
         crowded = too_crowded(m, resolution)
         k = problem.next_due(p, m, -1)
         m.counts[at.CULPRIT] = k if crowded else m.counts[at.CULPRIT]
-        if crowded and p.rules[at.RESTS, k] == 0:
+        if crowded and p.rules[at.MAY_REST, k] == 0:
             return at.ZENO
         begin_instant(p, m, resolution)
         # If the log is full, it comes to rest at the next instant.

@@ -202,14 +202,12 @@ def jumps_on_paths(p: Problem, m: Memory, start: float, end: float) -> int:
         run_field(p, m, start, end)
         if c[at.ANSWERS + answers.TIMED] > 0:
             return 1
-        place = c[at.ANSWERS + answers.OPENED] - 1
-        if place >= answers.N_ANSWERS or c[at.ANSWERS + answers.LOST] != 0:
+        opened = c[at.ANSWERS + answers.OPENED]
+        if opened > answers.N_ANSWERS or c[at.ANSWERS + answers.LOST] != 0:
             return -1
-        while place >= 0 and (bits >> place) & 1 == 1:
-            place -= 1
-        if place < 0:
+        bits = answers.next_answers(bits, opened)
+        if bits < 0:
             return 0
-        bits = (bits & ((1 << place) - 1)) | (1 << place)
     return -1
 
 

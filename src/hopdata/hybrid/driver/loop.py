@@ -21,7 +21,7 @@ from hopdata.code_cache import compiled_in_cache
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.compiled import kernel as code
-from hopdata.hybrid.compiled import memory
+from hopdata.hybrid.compiled import memory, records
 from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
@@ -37,7 +37,7 @@ from hopdata.hybrid.layout import Memory
 # The argument block: a table of addresses where the driver finds its callbacks and
 # arrays. Each of these functions reads one group of them from it.
 
-reader = partial(memory.reader, vars(at))
+reader = partial(records.reader, vars(at))
 problem_of = reader(
     problem.Problem,
     methods=at.METHOD_TABLE,

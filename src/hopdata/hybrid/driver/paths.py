@@ -110,20 +110,17 @@ def join_all_runs(p: Problem, m: Memory, start: float, end: float) -> bool:
     c = m.counts
     bits = 0
     join(p, m, True)
-    for _ in range(MOST_RUNS):
-        if c[at.ANSWERS + answers.LOST] != 0:
+    for run in range(1, MOST_RUNS + 1):
+        opened = c[at.ANSWERS + answers.OPENED]
+        if c[at.ANSWERS + answers.LOST] != 0 or opened > answers.N_ANSWERS:
             return False
-        place = c[at.ANSWERS + answers.OPENED] - 1
-        if place >= answers.N_ANSWERS:
-            return False
-        while place >= 0 and (bits >> place) & 1 == 1:
-            place -= 1
-        if place < 0:
+        bits = answers.next_answers(bits, opened)
+        if bits < 0:
             return True
-        bits = (bits & ((1 << place) - 1)) | (1 << place)
-        answer_next(m, bits)
-        run_once(p, m, start, end, 1.0)
-        join(p, m, False)
+        if run < MOST_RUNS:
+            answer_next(m, bits)
+            run_once(p, m, start, end, 1.0)
+            join(p, m, False)
     return False
 
 

@@ -43,8 +43,8 @@ from hopdata.hybrid.driver.watch import facing, gather_unclear, look
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.numbers import answers
 
-# Verdicts on a piece; RESTS: a guard may be zero in all of it, to within rounding.
-CLEAR, FLIPS, DIVIDE, RESTS = 0, 1, 2, 3
+# Verdicts on a piece. MAY_BE_ZERO: a guard may be zero in all of it, but for rounding.
+CLEAR, FLIPS, DIVIDE, MAY_BE_ZERO = 0, 1, 2, 3
 # Values of DOUBT: only signs have decided, which a flip just before may excuse.
 EXCUSED, DOUBTED = 1, 2
 
@@ -92,7 +92,7 @@ DOUBTFUL = 2.0**-8
 
 #: Roundings of h at the ends of a piece, as a fraction of its range.
 #: Unit: 1. Origin: rounding: eight units in the last place of a double.
-DOUBT = 8.0 * EPS
+END_ROUNDING = 8.0 * EPS
 
 #: Largest change of h in the other direction, over a piece in which a guard counts as
 #: falling or rising.
@@ -107,9 +107,11 @@ STILL = 128.0 * EPS
 LEAVING = 0.25
 
 #: Multiple of the rounding of h within which a guard that has just flipped rests.
-#: Unit: 1. Origin: derived: the ranges of states are wider than the states by 64 units
-#: in the last place, and h is taken to err by four.
-REST = 64.0
+#: Unit: 1. Origin: derived: a state's range reaches GRAIN of its terms to both sides
+#: where the state itself does not move, and h is taken to err by ROUNDING of its own:
+#: of such a state, h has a range of GRAIN / ROUNDING = 16 roundings. Chosen: h may be
+#: made of some four of them.
+RESTS_WITHIN = 4.0 * GRAIN / ROUNDING
 
 #: Error of an interpolant.
 #: Unit: tolerances of a step. Origin: measured: 1.1 for DOP853, 0.3 for DOPRI5, rounded
@@ -247,18 +249,18 @@ def judge(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled loop)
     if not past and (falls or (rises and (on or gz > 0.0))):
         return CLEAR
     if on:
-        rest = REST * noise
+        rest = RESTS_WITHIN * noise
         if low >= -rest and high <= rest:
             return FLIPS if past else CLEAR
     elif ga > 0.0 and gz > 0.0 and not branches:
-        doubt = DOUBT * max(abs(low), abs(high))
+        doubt = END_ROUNDING * max(abs(low), abs(high))
         bound = lowest(ga - doubt, gz - doubt, least, most, (z - a) * dt)
         if bound > 0.0:
             g[at.CLEARANCE, k] = bound if turns else inf
             return CLEAR
     g[at.CLEARANCE, k] = inf
     if low >= -g[at.GRAIN, k] and high <= g[at.GRAIN, k]:
-        return RESTS
+        return MAY_BE_ZERO
     if on:
         m.clock[at.CUT] = min(m.clock[at.CUT], LEAVING)
     return DIVIDE
@@ -314,9 +316,9 @@ def judge_near(  # noqa: PLR0913 (a piece, its ends and its rows, in a compiled 
     for i in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, i]
         verdict = judge(p, m, k, rows, left, right, dt, a, z, resolution)
-        if verdict == RESTS:
+        if verdict == MAY_BE_ZERO:
             if not by_grain:
-                return RESTS
+                return MAY_BE_ZERO
             m.counts[at.UNSURE] |= 0 if rests(p, m, k, left, resolution) else 1
             # What is zero to within rounding has no sign that counts.
             size = m.guards[at.GRAIN, k] / ROUNDING
@@ -501,7 +503,7 @@ def examine(
                 look(p, m, dt, z, right)
         is_last = width <= shortest
         verdict = judge_near(p, m, rows, left, right, dt, a, z, is_last, by_grain)
-        if verdict != RESTS:
+        if verdict != MAY_BE_ZERO:
             break
         set_grains(p, m, dt, a, z)
         by_grain = True

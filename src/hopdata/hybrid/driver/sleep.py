@@ -94,7 +94,7 @@ MARGIN = 1.25
 
 #: Distance at which a guard goes to sleep, in the travel of steps like the last one.
 #: Unit: 1. Origin: chosen.
-REST = 4.0
+SLEEPS_FROM = 4.0
 
 
 @kernel
@@ -154,7 +154,7 @@ def wake_for(p: Problem, m: Memory, dt: float) -> int:
     bound = MARGIN * m.clock[at.SPEED] * dt
     k = -1
     while k < 0 and m.counts[at.N_ASLEEP] > 0 and not m.wake_at[0] > travel + bound:
-        k = wake_first(p, m, travel + REST * bound)
+        k = wake_first(p, m, travel + SLEEPS_FROM * bound)
     return k
 
 
@@ -183,7 +183,7 @@ def travel_on(p: Problem, m: Memory, dt: float) -> None:
     for a in range(m.counts[at.N_AWAKE]):
         k = m.lists[at.AWAKE, a]
         distance = abs(m.guards[at.H1, k])
-        if distance > REST * travel:
+        if distance > SLEEPS_FROM * travel:
             push(m, k, m.clock[at.TRAVEL] + distance)
         else:
             m.lists[at.AWAKE, kept] = k
@@ -227,7 +227,7 @@ LEAST_SHARE = 0.5
 #: Least distance from its surface, over its range within the box, of a guard that is
 #: left out. It is at least `proof.NEARLY`: then the proof never asks for more of it.
 #: Unit: 1. Origin: chosen.
-CLEAR = 1.0
+LEAST_CLEARANCE = 1.0
 
 #: Pieces for which a box must have served, or else the next one is put off.
 #: Unit: 1. Origin: chosen.
@@ -304,7 +304,7 @@ def choose_ranged(p: Problem, m: Memory) -> None:
         low = g[at.RANGES, k]
         high = g[at.RANGES + 1, k]
         least = low if p.mode[k] > 0 else -high
-        is_clear = least > CLEAR * (high - low)
+        is_clear = least > LEAST_CLEARANCE * (high - low)
         m.flags[at.RANGED, k] = 0 if is_clear else 1
         left_out += 1 if is_clear else 0
     if left_out > LEAST_SHARE * g.width:

@@ -16,10 +16,11 @@ from numba import cfunc, types
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.errors import ArgumentError
 from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.calls import caller
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
-from hopdata.hybrid.compiled.memory import array_at, array_of, caller, int_vector
+from hopdata.hybrid.compiled.memory import array_at, array_of, int_vector
 from hopdata.hybrid.derived import Around
 from hopdata.hybrid.gradients.tape import TRACED
 from hopdata.hybrid.methods.explicit import compose

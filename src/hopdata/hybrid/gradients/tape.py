@@ -15,13 +15,10 @@ count goes on, and results get place 0, so that the caller notices.
 """
 
 import builtins
-import math
-import operator
 from itertools import product
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import types
 from numba.extending import (
     lower_builtin,
@@ -32,19 +29,33 @@ from numba.extending import (
     register_model,
 )
 
-from hopdata.hybrid.compiled.memory import FirstTried, NumberLike, ask_first
+from hopdata.hybrid.compiled.memory import NumberLike
+from hopdata.hybrid.compiled.terms import (
+    DOUBLE,
+    LONG,
+    Cells,
+    Code,
+    Term,
+    Value,
+    called,
+    joined,
+    lanes_of,
+    parts_of,
+    room,
+)
 from hopdata.hybrid.numbers import duals
+from hopdata.hybrid.numbers.dual_type import axis, dual_of
 from hopdata.hybrid.numbers.moving import plain
+from hopdata.hybrid.numbers.names import POWER
 from hopdata.hybrid.numbers.vectors import bare
+from hopdata.private_numba import FirstTried, ask_first
 
 FLOAT = types.float64
 INT = types.int64
-LONG = ir.IntType(64)
-DOUBLE = ir.DoubleType()
-Value = Any  # of LLVM
 
 CELLS = 3  # of a number in an array: its value, its place, and its tape's address
-HEAD = 2  # cells of a tape before its records
+HEAD = 2  # cells of a tape before its records:
+IN_USE, THERE_ARE = range(HEAD)  # numbers of places
 RECORD = 4  # cells of a record
 #: Most operands of one operation.
 #: Unit: 1. Origin: derived: the widest dual number.
@@ -82,28 +93,13 @@ def _plain(x: Any) -> Any:
 overload(plain)(bare(_plain))
 
 
-def _number(context: Any, value: Value, place: Value, tape: Value, builder: Any) -> Any:
-    """Build a traced number from its parts."""
-    whole = ir.Constant(context.get_value_type(TRACED), ir.Undefined)
-    for index, part in enumerate((value, place, tape)):
-        whole = builder.insert_value(whole, part, index)
-    return whole
-
-
 def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
     number = context.cast(builder, value, types.unliteral(given), FLOAT)
-    none = ir.Constant(LONG, 0)
-    return _number(context, number, none, none, builder)
+    return joined(builder, context.get_value_type(TRACED), number, LONG(0), LONG(0))
 
 
 for _kind in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean):
     lower_cast(_kind, Traced)(_cast)
-
-
-def _cell(builder: Any, tape: Value, index: Value, kind: Any) -> Value:
-    """Build the pointer to a cell of a tape."""
-    start = builder.inttoptr(tape, LONG.as_pointer())
-    return builder.bitcast(builder.gep(start, [index]), kind.as_pointer())
 
 
 def _record(
@@ -113,40 +109,31 @@ def _record(
 
     Constants have no tape: theirs is written beside.
     """
-    with builder.goto_entry_block():
-        spare = builder.alloca(LONG, HEAD + RECORD)
-    zero = ir.Constant(LONG, 0)
-    one = ir.Constant(LONG, 1)
-    beside = builder.ptrtoint(spare, LONG)
-    builder.store(zero, _cell(builder, beside, zero, LONG))
-    builder.store(zero, _cell(builder, beside, one, LONG))
+    zero = LONG(0)
+    spare = Cells(builder, builder.ptrtoint(room(builder, LONG, HEAD + RECORD), LONG))
+    spare.store(zero, IN_USE)
+    spare.store(zero, THERE_ARE)
     is_constant = builder.icmp_signed("==", tape, zero)
-    tape = builder.select(is_constant, beside, tape)
-    count = builder.load(_cell(builder, tape, zero, LONG))
-    most = builder.load(_cell(builder, tape, one, LONG))
-    builder.store(builder.add(count, one), _cell(builder, tape, zero, LONG))
+    cells = Cells(builder, builder.select(is_constant, spare.address, tape))
+    count = cells.load(IN_USE, LONG)
+    most = cells.load(THERE_ARE, LONG)
+    cells.store(builder.add(count, LONG(1)), IN_USE)
     place = builder.select(builder.icmp_signed("<", count, most), count, zero)
-    first = builder.mul(place, ir.Constant(LONG, RECORD))
-    cells = [*((one, LONG) for one in operands), *((one, DOUBLE) for one in slopes)]
-    for number, (content, kind) in enumerate(cells):
-        index = builder.add(first, ir.Constant(LONG, HEAD + number))
-        builder.store(content, _cell(builder, tape, index, kind))
+    first = builder.mul(place, LONG(RECORD))
+    for number, content in enumerate((*operands, *slopes)):
+        cells.store(content, builder.add(first, LONG(HEAD + number)))
     return place
 
 
 def _append(builder: Any, tape: Value, operands: list[Value], slopes: Value) -> Value:
     """Build the records of an operation, two operands at a time; return its place."""
-    parts = []
-    for number in range(len(operands)):
-        place = ir.Constant(ir.IntType(32), number)
-        parts.append(builder.extract_element(slopes, place))
+    parts = lanes_of(builder, slopes, len(operands))
     if len(operands) == 1:
-        nothing = [ir.Constant(LONG, 0)], [ir.Constant(DOUBLE, 0.0)]
-        return _record(builder, tape, operands + nothing[0], parts + nothing[1])
+        operands = [*operands, LONG(0)]
+        parts = [*parts, DOUBLE(0.0)]
     place = _record(builder, tape, operands[:2], parts[:2])
     for operand, part in zip(operands[2:], parts[2:], strict=True):
-        whole = [ir.Constant(DOUBLE, 1.0), part]
-        place = _record(builder, tape, [place, operand], whole)
+        place = _record(builder, tape, [place, operand], [DOUBLE(1.0), part])
     return place
 
 
@@ -161,8 +148,8 @@ def _lowered(key: Any) -> Any:
 
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         dual = _dual_for(sign.args)
-        code = duals.Builder(context, builder, dual.width)
-        tape = ir.Constant(LONG, 0)
+        code = Code(context, builder)
+        tape = LONG(0)
         kinds = []
         given = []
         operands: list[Value] = []
@@ -171,20 +158,18 @@ def _lowered(key: Any) -> Any:
                 kinds.append(kind)
                 given.append(value)
                 continue
-            direction = [0.0] * dual.width
-            direction[len(operands)] = 1.0
-            number = builder.extract_value(value, 0)
+            number, place, its_tape = parts_of(builder, value, 3)
+            slopes = axis(code, dual.width, len(operands))
             kinds.append(dual)
-            given.append(code.dual(number, ir.Constant(code.vector, direction)))
-            operands.append(builder.extract_value(value, 1))
-            tape = builder.or_(tape, builder.extract_value(value, 2))
-        result, returned = code.called(key, kinds, given)
+            given.append(dual_of(Term(code, number), slopes))
+            operands.append(place)
+            tape = builder.or_(tape, its_tape)
+        result, returned = called(code, key, kinds, given)
         if not isinstance(returned, duals.Dual):
             return context.cast(builder, result, returned, sign.return_type)
-        number = builder.extract_value(result, 0)
-        slopes = builder.extract_value(result, 1)
+        number, slopes = parts_of(builder, result, 2)
         place = _append(builder, tape, operands, slopes)
-        return _number(context, number, place, tape, builder)
+        return joined(builder, context.get_value_type(TRACED), number, place, tape)
 
     return lower
 
@@ -220,39 +205,10 @@ def _defined(key: Any, counts: tuple[int, ...], literal: bool = False) -> None:
                 lower_builtin(key, *kinds)(_lowered(key))
 
 
-def _functions_of_one() -> list[Any]:
-    """Return the functions of one number that duals have."""
-    found: list[Any] = []
-    for name in duals.DERIVATIVES:
-        found.append(getattr(math, name, None))
-        for in_numpy in duals.IN_NUMPY.get(name, (name,)):
-            found.append(getattr(np, in_numpy, None))
-    return [one for one in found if one is not None]
-
-
-OF_ONE = (
-    *_functions_of_one(),
-    operator.neg, operator.pos, operator.not_, np.negative, np.positive, float, bool,
-    abs, np.abs, math.fabs, np.fabs, int, round,
-    math.isnan, math.isinf, math.isfinite, np.isnan, np.isinf, np.isfinite,
-    math.floor, math.ceil, math.trunc, np.floor, np.ceil, np.trunc, np.rint, np.sign,
-)  # fmt: skip
-OF_TWO = (
-    operator.add, operator.iadd, np.add, operator.sub, operator.isub, np.subtract,
-    operator.mul, operator.imul, np.multiply,
-    operator.truediv, operator.itruediv, np.divide,
-    operator.mod, operator.imod, np.mod, np.fmod,
-    operator.floordiv, operator.ifloordiv, np.floor_divide,
-    operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne,
-    np.minimum, np.fmin, np.maximum, np.fmax,
-    math.hypot, np.hypot, math.atan2, np.arctan2, math.copysign, np.copysign,
-)  # fmt: skip
-POWERS = (operator.pow, operator.ipow, pow, math.pow, np.power)
-for _key in OF_ONE:
-    _defined(_key, (1,))
-for _key in OF_TWO:
-    _defined(_key, (2,))
-for _key in POWERS:
+for _key, _count, _ in duals.OPERATIONS:
+    if _key not in (builtins.min, builtins.max):
+        _defined(_key, (_count,))
+for _key in POWER:
     _defined(_key, (2,), literal=True)
 for _key in (np.where, np.interp):
     _defined(_key, (3,))

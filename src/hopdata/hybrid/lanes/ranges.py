@@ -29,7 +29,7 @@ from numba.extending import (
     register_model,
 )
 
-from hopdata.hybrid.compiled.memory import NumberLike, built, is_number, tried_first
+from hopdata.hybrid.compiled.memory import NumberLike, built, is_number
 from hopdata.hybrid.lanes.vectors import (
     ALIGNMENT,
     INDEX,
@@ -47,6 +47,7 @@ from hopdata.hybrid.lanes.vectors import (
     square_root,
     where,
 )
+from hopdata.private_numba import tried_first
 
 EPS = 2.0**-52
 TINY = 1e-300

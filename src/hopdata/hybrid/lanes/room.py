@@ -10,7 +10,8 @@ from typing import Any
 from numba import types
 
 from hopdata.hybrid.compiled.kernel import FLOATS, ON_EVENT, TABLE, caller, kernel
-from hopdata.hybrid.compiled.memory import Record, View, reader_of
+from hopdata.hybrid.compiled.memory import View
+from hopdata.hybrid.compiled.records import Record, reader_of
 from hopdata.hybrid.lanes import method, vectors
 from hopdata.hybrid.lanes.vectors import ALL, WIDTH, fma
 

@@ -23,14 +23,18 @@ import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
 from numba import config, njit, types
-from numba.core import cgutils
-from numba.core.datamodel import models
-from numba.core.imputils import lower_cast
-from numba.core.typeconv import Conversion
-from numba.core.typing.templates import infer_global, signature
-from numba.extending import lower_builtin, overload, overload_attribute, register_model
+from numba.extending import (
+    lower_builtin,
+    lower_cast,
+    models,
+    overload,
+    overload_attribute,
+    register_model,
+)
 
-from hopdata.hybrid.compiled.memory import FirstTried, built
+from hopdata.hybrid.compiled.memory import built, is_number
+from hopdata.hybrid.compiled.terms import declared
+from hopdata.private_numba import CONVERTS, structure, tried_first
 
 Function = Callable[..., Any]
 
@@ -72,10 +76,10 @@ class _Lanes(types.Type):
     is_number = True  # a plain function may return it
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
-        return Conversion.safe if _is_number(other) else None
+        return CONVERTS if is_number(other) else None
 
     def unify(self, context: Any, other: Any) -> Any:
-        return self if _is_number(other) else None
+        return self if is_number(other) else None
 
 
 class _Mask(types.Type):
@@ -111,13 +115,9 @@ for _kind, _native in ((_Lanes, VECTOR), (_Mask, TRUTHS), (Rows, VECTOR.as_point
     register_model(_kind)(_model(_native))
 
 
-def _is_number(kind: Any) -> bool:
-    return isinstance(kind, types.Float | types.Integer | types.Boolean)
-
-
 def _fits(*kinds: Any) -> bool:
     """Return whether at least one of these is lanes, the others lanes or numbers."""
-    return lanes in kinds and all(one == lanes or _is_number(one) for one in kinds)
+    return lanes in kinds and all(one == lanes or is_number(one) for one in kinds)
 
 
 def number_for_all(builder: Any, kind: Any, value: Any) -> Any:
@@ -156,15 +156,13 @@ def _operator(
     It is built by `emit(builder, *lanes)`.
     """
 
-    class Template(FirstTried):
-        def generic(self, args: Any, kws: Any) -> Any:
-            plain = tuple(map(types.unliteral, args))
-            if len(plain) == count and fits(*plain):
-                return signature(result, *plain)
-            return None
+    def typed(*kinds: Any) -> Any:
+        plain = tuple(map(types.unliteral, kinds))
+        if len(plain) == count and fits(*plain):
+            return result(*plain)
+        return None
 
-    Template.key = key  # type: ignore[attr-defined]
-    infer_global(key)(Template)
+    tried_first(key, typed)
 
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         given = []
@@ -222,22 +220,22 @@ _operator(operator.invert, 1, _are_masks, mask, lambda b, x: b.not_(x))
 # Rows: indexed by integers; negative ones count from the end, where it is known.
 
 
-@infer_global(operator.getitem)
-class _GetItem(FirstTried):
-    def generic(self, args: Any, kws: Any) -> Any:
-        if isinstance(args[0], Rows) and isinstance(args[1], types.Integer):
-            return signature(lanes, args[0], INDEX)
-        return None
+def _typed_get(owner: Any, index: Any) -> Any:
+    if isinstance(owner, Rows) and isinstance(index, types.Integer):
+        return lanes(owner, INDEX)
+    return None
 
 
-@infer_global(operator.setitem)
-class _SetItem(FirstTried):
-    def generic(self, args: Any, kws: Any) -> Any:
-        kind = types.unliteral(args[2])
-        fits = isinstance(args[0], Rows) and isinstance(args[1], types.Integer)
-        if fits and (kind == lanes or _is_number(kind)):
-            return signature(types.none, args[0], INDEX, kind)
-        return None
+def _typed_set(owner: Any, index: Any, value: Any) -> Any:
+    kind = types.unliteral(value)
+    fits = isinstance(owner, Rows) and isinstance(index, types.Integer)
+    if fits and (kind == lanes or is_number(kind)):
+        return types.none(owner, INDEX, kind)
+    return None
+
+
+tried_first(operator.getitem, _typed_get)
+tried_first(operator.setitem, _typed_set)
 
 
 def _row_address(builder: Any, rows: Any, address: Any, index: Any) -> Any:
@@ -286,7 +284,7 @@ def part(length: int | None) -> Any:
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         address = values[0]
         if not isinstance(sign.args[0], Rows):
-            owner = cgutils.create_struct_proxy(sign.args[0])(context, builder, address)
+            owner = structure(context, builder, sign.args[0], address)
             address = builder.bitcast(owner.data, VECTOR.as_pointer())
         return builder.gep(address, [values[1]], inbounds=True)
 
@@ -322,7 +320,7 @@ def _function(result: Any, taken: tuple[Any, ...], emit: Function) -> Any:
         plain = tuple(map(types.unliteral, kinds))
         pairs = list(zip(taken, plain, strict=True))
         suits = all(
-            wanted == kind or (wanted == lanes and _is_number(kind))
+            wanted == kind or (wanted == lanes and is_number(kind))
             for wanted, kind in pairs
         )
         of_lanes = lanes in plain or mask in plain
@@ -340,7 +338,7 @@ def _llvm(name: str, count: int) -> Any:
     def emit(builder: Any, *values: Any) -> Any:
         kind = ir.FunctionType(VECTOR, [VECTOR] * count)
         full = f"llvm.{name}.v{WIDTH}f64"
-        function = cgutils.get_or_insert_function(builder.module, kind, full)
+        function = declared(builder, kind, full)
         return builder.call(function, values)
 
     return _function(lanes, (lanes,) * count, emit)

@@ -6,7 +6,8 @@ own: a change of it compiles the driver anew.
 
 from typing import NamedTuple
 
-from hopdata.hybrid.compiled.memory import IntVector, reader
+from hopdata.hybrid.compiled.memory import IntVector
+from hopdata.hybrid.compiled.records import reader
 from hopdata.hybrid.layout import numbers
 
 

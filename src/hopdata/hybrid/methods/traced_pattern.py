@@ -16,11 +16,13 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import compiled_in_cache, function_digest, kept_njit
 from hopdata.errors import ArgumentError
 from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.calls import caller
 from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.digest import in_module_of, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY, SIGNATURES
-from hopdata.hybrid.compiled.memory import array_at, caller
+from hopdata.hybrid.compiled.memory import array_at
 from hopdata.hybrid.methods.sparsity import Pattern
+from hopdata.hybrid.numbers.answers import next_answers
 from hopdata.hybrid.numbers.derivatives import own_digest
 
 _INT = types.int64
@@ -195,7 +197,7 @@ class _Run:
                 )
             found.append(self._entries(arena))
             opened = int(arena[traces.OPENED])
-            answers = _next_answers(answers, opened)
+            answers = next_answers.py_func(answers, opened)
             if answers < 0:
                 places = np.concatenate(found)
                 return Pattern(
@@ -260,18 +262,6 @@ def _traced(values: FloatArray, nodes: IntArray) -> IntArray:
     rows[:, 0] = values.view(np.int64)
     rows[:, 1] = nodes
     return rows
-
-
-def _next_answers(answers: int, opened: int) -> int:
-    """Return the answers of the next path in order, or -1 after the last.
-
-    The last open comparison that was answered no is answered yes, and those after it
-    are forgotten.
-    """
-    for place in range(opened - 1, -1, -1):
-        if not answers >> place & 1:
-            return (answers & ((1 << place) - 1)) | (1 << place)
-    return -1
 
 
 @kept_njit()

@@ -14,13 +14,13 @@ import numpy as np
 from numba import types
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid.compiled.calls import caller
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.memory import (
     FloatTable,
     FloatVector,
     IntVector,
     address_of,
-    caller,
     float_vector,
     int_vector,
     start_of,

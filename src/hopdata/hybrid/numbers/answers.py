@@ -21,6 +21,8 @@ kink only.
 
 from numba import types
 
+from hopdata.hybrid.compiled.kernel import kernel
+
 _FLOAT, _INT = types.float64, types.int64
 
 RANGES_NATIVE = types.void(_FLOAT, _FLOAT, _FLOAT, *(12 * [_INT]))
@@ -38,3 +40,18 @@ N_SLOTS = 16
 #: answered at random, so that a loop that waits for an answer ends.
 #: Unit: 1. Origin: derived: the answers are the bits of a positive integer.
 N_ANSWERS = 62
+
+
+@kernel
+def next_answers(bits: int, opened: int) -> int:
+    """Return the answers of the next path in order, or -1 after the last.
+
+    The last of the `opened` comparisons that was answered no is answered yes, and those
+    after it are forgotten.
+    """
+    place = opened - 1
+    while place >= 0 and (bits >> place) & 1 == 1:
+        place -= 1
+    if place < 0:
+        return -1
+    return (bits & ((1 << place) - 1)) | (1 << place)

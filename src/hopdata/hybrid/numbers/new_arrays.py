@@ -16,15 +16,9 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from hopdata.hybrid.compiled.memory import (
-    LEFT_AS_IT_IS,
-    FirstTried,
-    NumberLike,
-    ask_first,
-    built,
-    is_number,
-)
+from hopdata.hybrid.compiled.memory import NumberLike, built, is_number
 from hopdata.hybrid.numbers.vectors import is_array, ours_among, overload_first
+from hopdata.private_numba import LEFT_AS_IT_IS, FirstTried, ask_first
 
 Function = Callable[..., Any]
 SEQUENCES = (types.Array, types.List, types.BaseTuple)

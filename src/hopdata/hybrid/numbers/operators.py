@@ -1,8 +1,8 @@
-# ruff: noqa: ARG001, ARG005, PLW0108 (Numba prescribes signatures and their names)
+# ruff: noqa: ARG001, PLW0108 (Numba prescribes signatures and their names)
 """What the operators and functions of Python and NumPy mean for ranges.
 
-Sums, products with a number and comparisons are a few instructions on vectors of four
-ends, which are built here; so they take next to no time to compile. The others are
+Sums, products and comparisons are a few instructions on vectors of four ends, by the
+formulas that stand here first; so they take next to no time to compile. The others are
 calls of `numbers.library`. Numbers among the arguments become ranges.
 """
 
@@ -11,261 +11,294 @@ import itertools
 import math
 import operator
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import lower_builtin, overload
 
-from hopdata.hybrid.compiled.memory import built, tried_first
+from hopdata.hybrid.compiled.memory import built
+from hopdata.hybrid.compiled.terms import (
+    TRUTH,
+    Cells,
+    Code,
+    Term,
+    Value,
+    declared,
+    room,
+    where,
+)
 from hopdata.hybrid.numbers.arithmetic import EPS
 from hopdata.hybrid.numbers.library import ONE, TWO, place_of
+from hopdata.hybrid.numbers.names import (
+    ADD,
+    DIVIDE,
+    MULTIPLY,
+    NEGATE,
+    POWER,
+    REMAINDER,
+    SAME,
+    SUBTRACT,
+    functions_named,
+)
 from hopdata.hybrid.numbers.ranges import (
     DOUBLE,
+    ENDS,
     FOUR,
-    LANE,
     LONG,
     RANGE,
     _Range,
     as_range,
-    end,
     four_of,
     is_scalar,
     joined,
     number,
     parts,
 )
+from hopdata.private_numba import array_start, tried_first
 
-Emit = Callable[..., Any]  # of builder and arguments, to the result
+Formula = Callable[..., Any]
 NIBBLE = ir.IntType(4)
 KINDS = (_Range, types.Float, types.Integer, types.Boolean, types.Array)
 
-# Four ends at a time.
 
-WIDER = ir.Constant(FOUR, [-EPS, EPS, -EPS, EPS])
-OF_VALUE = ir.Constant(ir.VectorType(ir.IntType(1), 4), [1, 1, 0, 0])
-SWAPPED = ir.Constant(ir.VectorType(LANE, 4), [1, 0, 3, 2])
+class Span(NamedTuple):
+    """A range of a formula: its four ends, as a vector, and its address."""
+
+    ends: Term
+    at: Value
+
+    @property
+    def lo(self) -> Term:
+        """Its least value."""
+        return self.ends.lane(ENDS["lo"])
+
+    @property
+    def hi(self) -> Term:
+        """Its largest value."""
+        return self.ends.lane(ENDS["hi"])
 
 
-def swapped(builder: Any, four: Any) -> Any:
-    """Build the ends with least and most exchanged."""
-    return builder.shuffle_vector(four, ir.Constant(FOUR, ir.Undefined), SWAPPED)
+def span_of(code: Code, built: Value) -> Span:
+    """Return a range of the code as one of a formula."""
+    four, at = parts(code.llvm, built)
+    return Span(Term(code, four), at)
 
 
-def widened(builder: Any, four: Any) -> Any:
-    """Build ends widened by the rounding of one operation.
+# Four ends at a time. A formula returns the ends of its result.
+
+WIDER = [-EPS, EPS, -EPS, EPS]
+OF_VALUE = ir.Constant(ir.VectorType(TRUTH, 4), [1, 1, 0, 0])
+VALUES, RATES = 0, 2  # where the two ends of a value, and of a rate, begin
+
+
+def swapped(ends: Term) -> Term:
+    """Exchange least and most."""
+    return ends.picked([1, 0, 3, 2])
+
+
+def vector_of_ends(*ends: Any) -> Term:
+    """Return the vector of four ends."""
+    code = next(one.code for one in ends if isinstance(one, Term))
+    values = [one.built if isinstance(one, Term) else DOUBLE(one) for one in ends]
+    return Term(code, four_of(code.llvm, values))
+
+
+def widened(ends: Term) -> Term:
+    """Widen ends by the rounding of one operation.
 
     A value that is a single number is what the guard itself computes.
     """
-    native = ir.FunctionType(FOUR, [FOUR])
-    size = builder.call(_external(builder, native, "llvm.fabs.v4f64"), [four])
-    wider = builder.fadd(four, builder.fmul(size, WIDER))
-    is_one = builder.fcmp_ordered("==", four, swapped(builder, four))
-    is_one = builder.and_(is_one, OF_VALUE)
-    return builder.select(is_one, four, wider)
+    wider_by = Term(ends.code, ir.Constant(FOUR, WIDER))
+    wider = ends + ends.intrinsic("fabs") * wider_by
+    is_one = ends.equals(swapped(ends)) & Term(ends.code, OF_VALUE)
+    return where(is_one, ends, wider)
 
 
-def both(builder: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Build the ends of two ranges, and their address."""
-    four_x, at_x = parts(builder, x)
-    four_y, at_y = parts(builder, y)
-    return four_x, four_y, builder.or_(at_x, at_y)
+def _negative(x: Span) -> Term:
+    return -swapped(x.ends)
 
 
-def _negative(builder: Any, x: Any) -> Any:
-    four, at = parts(builder, x)
-    return joined(builder, builder.fneg(swapped(builder, four)), at)
+def _same(x: Span) -> Term:
+    return x.ends
 
 
-def _add(builder: Any, x: Any, y: Any) -> Any:
-    four_x, four_y, at = both(builder, x, y)
-    return joined(builder, widened(builder, builder.fadd(four_x, four_y)), at)
+def _add(x: Span, y: Span) -> Term:
+    return widened(x.ends + y.ends)
 
 
-def _subtract(builder: Any, x: Any, y: Any) -> Any:
-    four_x, four_y, at = both(builder, x, y)
-    apart = builder.fsub(four_x, swapped(builder, four_y))
-    return joined(builder, widened(builder, apart), at)
+def _subtract(x: Span, y: Span) -> Term:
+    return widened(x.ends - swapped(y.ends))
 
 
-def _scaled(builder: Any, factor: Any, x: Any) -> Any:
-    """Build the product of a range with a number."""
-    four, at = parts(builder, x)
-    one = builder.insert_element(ir.Constant(FOUR, ir.Undefined), factor, LANE(0))
-    first = ir.Constant(ir.VectorType(LANE, 4), [0, 0, 0, 0])
-    factors = builder.shuffle_vector(one, ir.Constant(FOUR, ir.Undefined), first)
-    product = builder.fmul(four, factors)
-    is_positive = builder.fcmp_ordered(">=", factor, DOUBLE(0.0))
-    product = builder.select(is_positive, product, swapped(builder, product))
-    return joined(builder, widened(builder, product), at)
+def _scaled(factor: Term, x: Span) -> Term:
+    """Multiply a range by a number."""
+    product = x.ends * factor
+    return widened(where(factor >= 0.0, product, swapped(product)))
 
 
-def _spread(builder: Any, four: Any, lanes: list[int]) -> Any:
-    """Build a vector of some lanes of another."""
-    taken = ir.Constant(ir.VectorType(LANE, 4), lanes)
-    return builder.shuffle_vector(four, ir.Constant(FOUR, ir.Undefined), taken)
-
-
-def _extremes(builder: Any, four: Any) -> tuple[Any, Any]:
-    """Build the least and the most of four numbers; NaN for both if one of them is."""
-    other = _spread(builder, four, [2, 3, 0, 1])
-    is_less = builder.fcmp_ordered("<", four, other)
-    least = builder.select(is_less, four, other)
-    most = builder.select(is_less, other, four)
-    ends = []
-    for two, sign in ((least, "<"), (most, ">")):
-        one, another = (builder.extract_element(two, LANE(k)) for k in range(2))
-        is_first = builder.fcmp_ordered(sign, one, another)
-        ends.append(builder.select(is_first, one, another))
-    bad = builder.fcmp_unordered("uno", four, four)
+def _extremes(four: Term) -> tuple[Term, Term]:
+    """Return the least and the most of four numbers; NaN for both if one of them is."""
+    other = four.picked([2, 3, 0, 1])
+    is_less = four < other
+    least = where(is_less, four, other)
+    most = where(is_less, other, four)
+    least = _first_if(least.lane(0), "<", least.lane(1))
+    most = _first_if(most.lane(0), ">", most.lane(1))
+    builder = four.code.llvm
+    bad = builder.fcmp_unordered("uno", four.built, four.built)
     is_bad = builder.icmp_unsigned("!=", builder.bitcast(bad, NIBBLE), NIBBLE(0))
-    nan = DOUBLE(math.nan)
-    return builder.select(is_bad, nan, ends[0]), builder.select(is_bad, nan, ends[1])
+    found = Term(four.code, is_bad)
+    return where(found, math.nan, least), where(found, math.nan, most)
 
 
-def _products(builder: Any, x: Any, y: Any, of_x: int, of_y: int) -> tuple[Any, Any]:
-    """Build the product of two ranges, from the first lanes of their ends on."""
-    left = _spread(builder, x, [of_x, of_x, of_x + 1, of_x + 1])
-    right = _spread(builder, y, [of_y, of_y + 1, of_y, of_y + 1])
-    return _extremes(builder, builder.fmul(left, right))
+def _first_if(one: Term, sign: str, other: Term) -> Term:
+    """Return the first of two numbers if it compares so with the other."""
+    return where(one.compared(sign, other), one, other)
 
 
-def _multiply(builder: Any, x: Any, y: Any) -> Any:
-    four_x, four_y, at = both(builder, x, y)
-    least, most = _products(builder, four_x, four_y, 0, 0)
-    ends = [(least, most)]
-    for of_x, of_y in ((2, 0), (0, 2)):  # x' y and x y'
-        ends.append(_products(builder, four_x, four_y, of_x, of_y))
-    zero = DOUBLE(0.0)
-    value_and_first = widened(builder, four_of(builder, (*ends[0], *ends[1])))
-    second = widened(builder, four_of(builder, (zero, zero, *ends[2])))
-    total = widened(builder, builder.fadd(value_and_first, second))
+def _product(x: Span, of_x: int, y: Span, of_y: int) -> tuple[Term, Term]:
+    """Return the product of the values or the rates of two ranges."""
+    left = x.ends.picked([of_x, of_x, of_x + 1, of_x + 1])
+    right = y.ends.picked([of_y, of_y + 1, of_y, of_y + 1])
+    return _extremes(left * right)
+
+
+def _multiply(x: Span, y: Span) -> Term:
+    value = _product(x, VALUES, y, VALUES)
+    first = _product(x, RATES, y, VALUES)
+    second = _product(x, VALUES, y, RATES)
+    value_and_first = widened(vector_of_ends(*value, *first))
+    total = widened(value_and_first + widened(vector_of_ends(0.0, 0.0, *second)))
     # The value was widened by its own rounding already.
-    of_both = ir.Constant(ir.VectorType(LANE, 4), [0, 1, 6, 7])
-    four = builder.shuffle_vector(value_and_first, total, of_both)
-    return joined(builder, four, at)
+    return value_and_first.picked([0, 1, 6, 7], total)
 
 
-def _square(builder: Any, x: Any) -> Any:
-    four, at = parts(builder, x)
-    squares = builder.fmul(four, four)
-    a, b = end(builder, squares, "lo"), end(builder, squares, "hi")
-    is_less = builder.fcmp_ordered("<", a, b)
-    least = builder.select(is_less, a, b)
-    most = builder.select(is_less, b, a)
-    zero = DOUBLE(0.0)
-    is_below = builder.fcmp_ordered("<", end(builder, four, "lo"), zero)
-    is_above = builder.fcmp_ordered(">", end(builder, four, "hi"), zero)
-    least = builder.select(builder.and_(is_below, is_above), zero, least)
-    slope = _products(builder, builder.fadd(four, four), four, 0, 2)
-    return joined(
-        builder, widened(builder, four_of(builder, (least, most, *slope))), at
-    )
+def _square(x: Span) -> Term:
+    squares = Span(x.ends * x.ends, x.at)
+    is_less = squares.lo < squares.hi
+    least = where(is_less, squares.lo, squares.hi)
+    most = where(is_less, squares.hi, squares.lo)
+    contains_zero = (x.lo < 0.0) & (x.hi > 0.0)
+    least = where(contains_zero, 0.0, least)
+    twice = Span(x.ends + x.ends, x.at)
+    rate = _product(twice, VALUES, x, RATES)
+    return widened(vector_of_ends(least, most, *rate))
 
 
 # Calls of the longer operations.
 
 
-def _external(builder: Any, native: Any, name: str) -> Any:
-    """Build the declaration of a function elsewhere."""
-    known = builder.module.globals.get(name)
-    return known or ir.Function(builder.module, native, name)
-
-
-def _room(builder: Any, kind: Any) -> Any:
-    """Build room on the stack, once for a whole function."""
-    with builder.goto_entry_block():
-        return builder.alloca(kind)
-
-
-def _at_address(builder: Any, four: Any) -> Any:
+def _at_address(ends: Term) -> Value:
     """Build the storing of ends, and their address."""
-    room = _room(builder, ir.ArrayType(DOUBLE, 4))
-    pointer = builder.bitcast(room, FOUR.as_pointer())
-    builder.store(four, pointer, align=8)
-    return builder.ptrtoint(pointer, LONG)
+    builder = ends.code.llvm
+    pointer = room(builder, ir.ArrayType(DOUBLE, 4))
+    address = builder.ptrtoint(pointer, LONG)
+    Cells(builder, address).store(ends.built, 0)
+    return address
 
 
-def _call(builder: Any, name: str, x_at: Any, y_at: Any, at: Any) -> Any:
-    """Build the call of an operation on ends at addresses; its result is four ends."""
+def _call(code: Code, name: str, x_at: Value, y_at: Value, at: Value) -> Term:
+    """Call an operation on ends at addresses; its result is four ends."""
+    builder = code.llvm
     native = ir.FunctionType(ir.VoidType(), 5 * [LONG])
     symbol, number = place_of(name)
-    apply = _external(builder, native, symbol)
-    room = _room(builder, ir.ArrayType(DOUBLE, 4))
-    result = builder.bitcast(room, FOUR.as_pointer())
-    builder.call(apply, [LONG(number), x_at, y_at, at, builder.ptrtoint(result, LONG)])
-    return builder.load(result, align=8)
+    apply = declared(builder, native, symbol)
+    into = builder.ptrtoint(room(builder, ir.ArrayType(DOUBLE, 4)), LONG)
+    builder.call(apply, [LONG(number), x_at, y_at, at, into])
+    return Term(code, Cells(builder, into).load(0, FOUR))
 
 
-def _call_one(name: str) -> Emit:
-    def emit(builder: Any, x: Any) -> Any:
-        four, at = parts(builder, x)
-        x_at = _at_address(builder, four)
-        return joined(builder, _call(builder, name, x_at, x_at, at), at)
+def _call_one(name: str) -> Formula:
+    def formula(x: Span) -> Term:
+        x_at = _at_address(x.ends)
+        return _call(x.ends.code, name, x_at, x_at, x.at)
 
-    return emit
+    return formula
 
 
-def _call_two(name: str) -> Emit:
-    def emit(builder: Any, x: Any, y: Any) -> Any:
-        four_x, four_y, at = both(builder, x, y)
-        x_at = _at_address(builder, four_x)
-        four = _call(builder, name, x_at, _at_address(builder, four_y), at)
-        return joined(builder, four, at)
+def _call_two(name: str) -> Formula:
+    def formula(x: Span, y: Span) -> Term:
+        addresses = _at_address(x.ends), _at_address(y.ends)
+        return _call(x.ends.code, name, *addresses, _either(x, y))
 
-    return emit
+    return formula
+
+
+def _either(*spans: Span) -> Value:
+    """Build the address of those ranges that have one; numbers have 0."""
+    at = spans[0].at
+    for one in spans[1:]:
+        at = one.ends.code.llvm.or_(at, one.at)
+    return at
 
 
 # Comparisons: true, false, or open.
 
 
-def _decided_or_asked(builder: Any, x: Any, y: Any, yes: Any, no: Any) -> Any:
-    """Build a truth value; where neither is sure, the caller has the answer."""
-    four_x, four_y, at = both(builder, x, y)
-    truth = ir.IntType(1)
-    answer = _room(builder, truth)
-    builder.store(yes, answer)
-    with builder.if_then(builder.not_(builder.or_(yes, no)), likely=False):
-        x_at = _at_address(builder, four_x)
-        asked = _call(builder, "opened", x_at, _at_address(builder, four_y), at)
-        told = builder.fcmp_ordered(">", end(builder, asked, "lo"), DOUBLE(0.0))
-        builder.store(told, answer)
-    return builder.load(answer, typ=truth)
+def _decided_or_asked(x: Span, y: Span, yes: Term, no: Term) -> Term:
+    """Return a truth value; where neither is sure, the caller has the answer."""
+    code = x.ends.code
+    builder = code.llvm
+    answer = room(builder, TRUTH)
+    builder.store(yes.built, answer)
+    with builder.if_then((~(yes | no)).built, likely=False):
+        asked = _call_two("opened")(x, y)
+        told = asked.lane(ENDS["lo"]) > 0.0
+        builder.store(told.built, answer)
+    return Term(code, builder.load(answer, typ=TRUTH))
 
 
-def _below(builder: Any, x: Any, y: Any) -> Any:
-    four_x, four_y, _ = both(builder, x, y)
-    most, least = end(builder, four_x, "hi"), end(builder, four_y, "lo")
-    yes = builder.fcmp_ordered("<", most, least)
-    most, least = end(builder, four_y, "hi"), end(builder, four_x, "lo")
-    no = builder.fcmp_ordered(">=", least, most)
-    return _decided_or_asked(builder, x, y, yes, no)
+def _below(x: Span, y: Span) -> Term:
+    return _decided_or_asked(x, y, x.hi < y.lo, x.lo >= y.hi)
 
 
-def _at_most(builder: Any, x: Any, y: Any) -> Any:
-    four_x, four_y, _ = both(builder, x, y)
-    most, least = end(builder, four_x, "hi"), end(builder, four_y, "lo")
-    yes = builder.fcmp_ordered("<=", most, least)
-    most, least = end(builder, four_y, "hi"), end(builder, four_x, "lo")
-    no = builder.fcmp_ordered(">", least, most)
-    return _decided_or_asked(builder, x, y, yes, no)
+def _at_most(x: Span, y: Span) -> Term:
+    return _decided_or_asked(x, y, x.hi <= y.lo, x.lo > y.hi)
 
 
-def _equal(builder: Any, x: Any, y: Any) -> Any:
-    four_x, four_y, _ = both(builder, x, y)
-    x_lo, x_hi = end(builder, four_x, "lo"), end(builder, four_x, "hi")
-    y_lo, y_hi = end(builder, four_y, "lo"), end(builder, four_y, "hi")
-    apart = builder.fcmp_ordered("<", x_hi, y_lo)
-    no = builder.or_(apart, builder.fcmp_ordered(">", x_lo, y_hi))
-    thin = builder.fcmp_ordered("==", x_lo, x_hi)
-    thin = builder.and_(thin, builder.fcmp_ordered("==", y_lo, y_hi))
-    yes = builder.and_(thin, builder.fcmp_ordered("==", x_lo, y_lo))
-    return _decided_or_asked(builder, x, y, yes, no)
+def _equal(x: Span, y: Span) -> Term:
+    no = (x.hi < y.lo) | (x.lo > y.hi)
+    are_numbers = x.lo.equals(x.hi) & y.lo.equals(y.hi)
+    return _decided_or_asked(x, y, are_numbers & x.lo.equals(y.lo), no)
 
 
-def _zero(builder: Any) -> Any:
-    return joined(builder, ir.Constant(FOUR, 4 * [0.0]), LONG(0))
+def _unequal(x: Span, y: Span) -> Term:
+    return ~_equal(x, y)
+
+
+def _above(x: Span, y: Span) -> Term:
+    return _below(y, x)
+
+
+def _at_least(x: Span, y: Span) -> Term:
+    return _at_most(y, x)
+
+
+def _is_zero(x: Span) -> Term:
+    zeros = Term(x.ends.code, ir.Constant(FOUR, 4 * [0.0]))
+    return _equal(x, Span(zeros, LONG(0)))
+
+
+def _is_not_zero(x: Span) -> Term:
+    return ~_is_zero(x)
+
+
+def _never(x: Span) -> Term:
+    return Term(x.ends.code, TRUTH(0))
+
+
+def _has_finite_ends(x: Span) -> Term:
+    return (x.lo > -math.inf) & (x.hi < math.inf)
+
+
+def _finite(x: Span) -> Term:
+    return _decided_or_asked(x, x, _has_finite_ends(x), _never(x))
+
+
+def _not_finite(x: Span) -> Term:
+    return _decided_or_asked(x, x, _never(x), _has_finite_ends(x))
 
 
 # Registration.
@@ -276,16 +309,30 @@ def _fit(*kinds: Any) -> bool:
     return RANGE in kinds and all(one == RANGE or is_scalar(one) for one in kinds)
 
 
-def _register(count: int, emit: Emit, *keys: Any, result: Any = RANGE) -> None:
-    """Give functions of `count` arguments a meaning, built by `emit` of ranges."""
+def _register(count: int, formula: Formula, *keys: Any, result: Any = RANGE) -> None:
+    """Give functions of `count` arguments a meaning, by a formula of ranges."""
 
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        given = []
-        for kind, value in zip(sign.args, values, strict=True):
-            given.append(as_range(context, builder, kind, value))
-        return emit(builder, *given)
+        spans = _spans(context, builder, sign.args, values)
+        return _built(formula(*spans), spans)
 
     _install(count, lower, keys, result)
+
+
+def _spans(context: Any, builder: Any, kinds: Any, values: Any) -> list[Span]:
+    """Return ranges and numbers as ranges of a formula."""
+    code = Code(context, builder)
+    spans = []
+    for kind, value in zip(kinds, values, strict=True):
+        spans.append(span_of(code, as_range(context, builder, kind, value)))
+    return spans
+
+
+def _built(found: Term, spans: list[Span]) -> Value:
+    """Build the result of a formula: a range, if it found ends."""
+    if found.built.type == FOUR:
+        return joined(found.code.llvm, found.built, _either(*spans))
+    return found.built
 
 
 def _install(count: int, lower: Any, keys: tuple[Any, ...], result: Any) -> None:
@@ -308,104 +355,72 @@ _whole_power = _call_two("whole_power")
 _real_power = _call_two("real_power")
 
 
-def _product(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+def _lower_product(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     """Build a product; one with a number is short."""
+    code = Code(context, builder)
     for place in range(2):
         kind = sign.args[place]
         if kind != RANGE:
-            factor = number(context, builder, kind, values[place])
-            return _scaled(builder, factor, values[1 - place])
-    return _multiply(builder, *values)
+            factor = Term(code, number(context, builder, kind, values[place]))
+            x = span_of(code, values[1 - place])
+            return _built(_scaled(factor, x), [x])
+    spans = [span_of(code, one) for one in values]
+    return _built(_multiply(*spans), spans)
 
 
-def _power(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+def _lower_power(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     """Build a power; one with an integer is known at negative numbers, too."""
-    given = []
-    for kind, value in zip(sign.args, values, strict=True):
-        given.append(as_range(context, builder, kind, value))
+    spans = _spans(context, builder, sign.args, values)
     if not isinstance(sign.args[1], types.Integer):
-        return _real_power(builder, *given)
+        return _built(_real_power(*spans), spans)
     if getattr(values[1], "constant", None) == 2:
-        return _square(builder, given[0])
-    return _whole_power(builder, *given)
+        return _built(_square(spans[0]), spans[:1])
+    return _built(_whole_power(*spans), spans)
 
 
-def _inverted(emit: Emit) -> Emit:
-    return lambda builder, x, y: builder.not_(emit(builder, x, y))
+def _times(factor: float) -> Formula:
+    """Return the formula of a product with a known number."""
+    return lambda x: _scaled(Term(x.ends.code, DOUBLE(factor)), x)
 
 
-def _exchanged(emit: Emit) -> Emit:
-    return lambda builder, x, y: emit(builder, y, x)
+def _whole_of(name: str) -> Formula:
+    """Return the formula of an integer from a range."""
+    call = _call_one(name)
 
-
-def _times(factor: float) -> Emit:
-    return lambda builder, x: _scaled(builder, DOUBLE(factor), x)
-
-
-def _is_finite(builder: Any, x: Any) -> Any:
-    """Build whether both ends of a range are finite."""
-    four, _ = parts(builder, x)
-    is_low = builder.fcmp_ordered(">", end(builder, four, "lo"), DOUBLE(-math.inf))
-    is_high = builder.fcmp_ordered("<", end(builder, four, "hi"), DOUBLE(math.inf))
-    return builder.and_(is_low, is_high)
-
-
-def _finite(builder: Any, x: Any) -> Any:
-    yes = _is_finite(builder, x)
-    return _decided_or_asked(builder, x, x, yes, ir.IntType(1)(0))
-
-
-def _not_finite(builder: Any, x: Any) -> Any:
-    no = _is_finite(builder, x)
-    return _decided_or_asked(builder, x, x, ir.IntType(1)(0), no)
-
-
-def _whole_of(name: str) -> Emit:
-    """Return the builder of an integer from a range."""
-    emit = _call_one(name)
-
-    def whole(builder: Any, x: Any) -> Any:
-        four, _ = parts(builder, emit(builder, x))
-        return builder.fptosi(end(builder, four, "lo"), LONG)
+    def whole(x: Span) -> Term:
+        code = x.ends.code
+        least = call(x).lane(ENDS["lo"])
+        return Term(code, code.llvm.fptosi(least.built, LONG))
 
     return whole
 
 
-_register(1, _negative, operator.neg, np.negative)
-_register(1, lambda builder, x: x, operator.pos, float, np.positive)
+_TRUTH = types.boolean
+_register(1, _negative, *NEGATE)
+_register(1, _same, *SAME)
 _register(1, _square, np.square)
-_register(2, _add, operator.add, operator.iadd, np.add)
-_register(2, _subtract, operator.sub, operator.isub, np.subtract)
-_PRODUCTS = (operator.mul, operator.imul, np.multiply)
-_install(2, _product, _PRODUCTS, RANGE)
-_POWERS = (operator.pow, operator.ipow, pow, math.pow, np.power)
-_install(2, _power, _POWERS, RANGE)
-for _name, _factor in (("radians", math.pi / 180.0), ("degrees", 180.0 / math.pi)):
-    _KEYS = (getattr(math, _name), getattr(np, _name))
-    _register(1, _times(_factor), *_KEYS)
-_register(1, _times(math.pi / 180.0), np.deg2rad)
-_register(1, _times(180.0 / math.pi), np.rad2deg)
-_DIVISIONS = (operator.truediv, operator.itruediv, np.divide)
-_register(2, _call_two("divide"), *_DIVISIONS)
-_RESTS = (operator.mod, operator.imod, np.mod)
-_register(2, _call_two("rest"), *_RESTS)
-_QUOTIENTS = (operator.floordiv, operator.ifloordiv)
-_register(2, _call_two("whole_quotient"), *_QUOTIENTS)
+_register(2, _add, *ADD)
+_register(2, _subtract, *SUBTRACT)
+_install(2, _lower_product, MULTIPLY, RANGE)
+_install(2, _lower_power, POWER, RANGE)
+_register(1, _times(math.pi / 180.0), *functions_named("radians"))
+_register(1, _times(180.0 / math.pi), *functions_named("degrees"))
+_register(2, _call_two("divide"), *DIVIDE)
+_register(2, _call_two("rest"), *REMAINDER)
+# `np.floor_divide` is a function of the library.
+_register(2, _call_two("whole_quotient"), operator.floordiv, operator.ifloordiv)
 for _name, _one in ONE.items():
     _register(1, _call_one(_name), *_one.keys)
 for _name, _two in TWO.items():
     _register(2, _call_two(_name), *_two.keys)
-_TRUTH = types.boolean
 _register(2, _below, operator.lt, np.less, result=_TRUTH)
 _register(2, _at_most, operator.le, np.less_equal, result=_TRUTH)
-_register(2, _exchanged(_below), operator.gt, np.greater, result=_TRUTH)
-_register(2, _exchanged(_at_most), operator.ge, np.greater_equal, result=_TRUTH)
+_register(2, _above, operator.gt, np.greater, result=_TRUTH)
+_register(2, _at_least, operator.ge, np.greater_equal, result=_TRUTH)
 _register(2, _equal, operator.eq, np.equal, result=_TRUTH)
-_register(2, _inverted(_equal), operator.ne, np.not_equal, result=_TRUTH)
-_register(
-    1, lambda b, x: b.not_(_equal(b, x, _zero(b))), bool, operator.truth, result=_TRUTH
-)
-_register(1, lambda b, x: _equal(b, x, _zero(b)), operator.not_, result=_TRUTH)
+_register(2, _unequal, operator.ne, np.not_equal, result=_TRUTH)
+_register(1, _is_not_zero, bool, operator.truth, result=_TRUTH)
+_register(1, _is_zero, operator.not_, result=_TRUTH)
 _register(1, _finite, math.isfinite, np.isfinite, result=_TRUTH)
 _BAD = (math.isnan, math.isinf, np.isnan, np.isinf)
 _register(1, _not_finite, *_BAD, result=_TRUTH)
@@ -470,17 +485,18 @@ def _is_column(kind: Any) -> bool:
 
 def _typed_look_up(x: Any, places: Any, values: Any, n: Any) -> Any:
     def generate(context: Any, builder: Any, sign: Any, given: Any) -> Any:
-        four, at = parts(builder, given[0])
-        room = _room(builder, ir.ArrayType(LONG, 3))
+        code = Code(context, builder)
+        x = span_of(code, given[0])
+        # The table, as its function takes it: two addresses, and the length.
+        table_at = builder.ptrtoint(room(builder, ir.ArrayType(LONG, 3)), LONG)
+        table = Cells(builder, table_at)
         for place in range(2):
             kind = sign.args[1 + place]
-            array = context.make_array(kind)(context, builder, given[1 + place])
-            address = builder.ptrtoint(array.data, LONG)
-            builder.store(address, builder.gep(room, [LANE(0), LANE(place)]))
-        builder.store(given[3], builder.gep(room, [LANE(0), LANE(2)]))
-        table_at = builder.ptrtoint(room, LONG)
-        x_at = _at_address(builder, four)
-        return joined(builder, _call(builder, "table", x_at, table_at, at), at)
+            start = array_start(context, builder, kind, given[1 + place])
+            table.store(builder.ptrtoint(start, LONG), place)
+        table.store(given[3], 2)
+        x_at = _at_address(x.ends)
+        return _built(_call(code, "table", x_at, table_at, x.at), [x])
 
     return RANGE(x, places, values, types.int64), generate
 

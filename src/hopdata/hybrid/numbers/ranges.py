@@ -28,20 +28,19 @@ from numba.extending import (
     register_model,
 )
 
+from hopdata.hybrid.compiled import terms
 from hopdata.hybrid.compiled.digest import sources_digest
-from hopdata.hybrid.compiled.memory import NumberLike, built, is_number, tried_first
+from hopdata.hybrid.compiled.memory import NumberLike, built, is_scalar
+from hopdata.hybrid.compiled.terms import BYTES, DOUBLE, LANE, LONG
+from hopdata.private_numba import tried_first
 
 Function = Callable[..., Any]
 
 # Changes with the sources of the ranges' operations.
 DIGEST = sources_digest(Path(__file__).parents[1], "numbers")
 INF = float("inf")
-BYTES = 8  # of a number
 FLOAT = types.float64
 INT = types.int64
-DOUBLE = ir.DoubleType()
-LONG = ir.IntType(64)
-LANE = ir.IntType(32)
 FOUR = ir.VectorType(DOUBLE, 4)
 VALUE = ir.LiteralStructType([FOUR, LONG])
 # In memory, which need not be aligned as a vector.
@@ -149,22 +148,18 @@ register_model(_Sink)(_model(MEMBERS[SINK]))
 
 def parts(builder: Any, value: Any) -> tuple[Any, Any]:
     """Build the four ends of a range, and its address."""
-    return builder.extract_value(value, 0), builder.extract_value(value, 1)
+    four, at = terms.parts_of(builder, value, 2)
+    return four, at
 
 
 def joined(builder: Any, four: Any, at: Any) -> Any:
     """Build a range from its four ends and its address."""
-    made = ir.Constant(VALUE, ir.Undefined)
-    made = builder.insert_value(made, four, 0)
-    return builder.insert_value(made, at, 1)
+    return terms.joined(builder, VALUE, four, at)
 
 
 def four_of(builder: Any, ends: Any) -> Any:
     """Build the vector of four ends."""
-    four = ir.Constant(FOUR, ir.Undefined)
-    for place, end in enumerate(ends):
-        four = builder.insert_element(four, end, LANE(place))
-    return four
+    return terms.vector_of(builder, FOUR, ends)
 
 
 def end(builder: Any, four: Any, name: str) -> Any:
@@ -180,14 +175,13 @@ make = built(5, lambda *_: (RANGE(FLOAT, FLOAT, FLOAT, FLOAT, INT), _make))
 
 
 def _read(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-    pointer = builder.inttoptr(values[0], FOUR.as_pointer())
-    return joined(builder, builder.load(pointer, align=BYTES), values[1])
+    four = terms.Cells(builder, values[0]).load(0, FOUR)
+    return joined(builder, four, values[1])
 
 
 def _write(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     four, _ = parts(builder, values[0])
-    pointer = builder.inttoptr(values[1], FOUR.as_pointer())
-    builder.store(four, pointer, align=BYTES)
+    terms.Cells(builder, values[1]).store(four, 0)
     return context.get_dummy_value()
 
 
@@ -216,14 +210,6 @@ for _name in (*ENDS, "at"):
 
 
 # Numbers as ranges.
-
-
-def is_scalar(kind: Any) -> bool:
-    """Return whether a type is that of a number, or of an array without axes.
-
-    `np.where` returns such arrays.
-    """
-    return is_number(kind) or (isinstance(kind, types.Array) and kind.ndim == 0)
 
 
 def number(context: Any, builder: Any, kind: Any, value: Any) -> Any:

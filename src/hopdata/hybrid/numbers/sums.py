@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import lower_builtin, overload, overload_method
 
-from hopdata.hybrid.compiled.memory import is_number, tried_first
+from hopdata.hybrid.compiled.memory import is_number
 from hopdata.hybrid.numbers import vectors
 from hopdata.hybrid.numbers.arithmetic import EPS
 from hopdata.hybrid.numbers.new_arrays import make_arrays_of
@@ -25,6 +25,7 @@ from hopdata.hybrid.numbers.ranges import (
     _Rows,
     make,
 )
+from hopdata.private_numba import tried_first
 
 VECTORS = (ROWS, RESULTS)
 

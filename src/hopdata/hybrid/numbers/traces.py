@@ -16,16 +16,26 @@ import builtins
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import types
 from numba.extending import lower_builtin, lower_cast, models, register_model
 
-from hopdata.hybrid.compiled.memory import NumberLike, int_vector, tried_first
+from hopdata.hybrid.compiled.memory import NumberLike, int_vector, is_scalar
+from hopdata.hybrid.compiled.terms import (
+    LONG,
+    TRUTH,
+    Code,
+    called,
+    called_number,
+    joined,
+    parts_of,
+)
 from hopdata.hybrid.numbers import duals
+from hopdata.hybrid.numbers.answers import N_ANSWERS
+from hopdata.hybrid.numbers.names import POWER
 from hopdata.hybrid.numbers.new_arrays import make_arrays_of
+from hopdata.private_numba import tried_first
 
 FLOAT, INT, BOOL = types.float64, types.int64, types.boolean
-LONG = ir.IntType(64)
 
 # The arena: its size, the next free number, whether the code is lost, open comparisons
 # met, and the bits of their answers. Nodes follow.
@@ -33,7 +43,6 @@ SIZE, NEXT, LOST, OPENED, ANSWERS = range(5)
 HEADER = 5
 LEFT, RIGHT, ARENA = range(3)
 NODE = 3  # numbers of a node
-N_ANSWERS = 62
 BYTES = 8
 # Numba has code for Python's own of any number of arguments, and none for just two.
 EXTREMES = {builtins.min: np.minimum, builtins.max: np.maximum}
@@ -96,7 +105,8 @@ def _answered(node: int, known: bool) -> bool:
 def _parts(context: Any, builder: Any, kind: Any, value: Any) -> tuple[Any, Any]:
     """Build value and node of a trace, or of a number."""
     if kind == TRACE:
-        return builder.extract_value(value, 0), builder.extract_value(value, 1)
+        number, node = parts_of(builder, value, 2)
+        return number, node
     kind = types.unliteral(kind)
     if isinstance(kind, types.Array):
         value = builder.load(context.make_array(kind)(context, builder, value).data)
@@ -105,9 +115,7 @@ def _parts(context: Any, builder: Any, kind: Any, value: Any) -> tuple[Any, Any]
 
 
 def _made(context: Any, builder: Any, value: Any, node: Any) -> Any:
-    whole = ir.Constant(context.get_value_type(TRACE), ir.Undefined)
-    whole = builder.insert_value(whole, value, 0)
-    return builder.insert_value(whole, node, 1)
+    return joined(builder, context.get_value_type(TRACE), value, node)
 
 
 def _above(context: Any, builder: Any, nodes: list[Any]) -> Any:
@@ -128,7 +136,7 @@ for _number in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean)
 
 
 def _fits(kinds: Any) -> bool:
-    return TRACE in kinds and all(one == TRACE or duals.is_scalar(one) for one in kinds)
+    return TRACE in kinds and all(one == TRACE or is_scalar(one) for one in kinds)
 
 
 def _operation(key: Any, count: int | None, returned: Any) -> None:
@@ -148,16 +156,16 @@ def _operation(key: Any, count: int | None, returned: Any) -> None:
         pairs = zip(sign.args, values, strict=True)
         parts = [_parts(context, builder, *pair) for pair in pairs]
         node = _above(context, builder, [one for _, one in parts])
-        code = duals.Builder(context, builder, 1)
+        code = Code(context, builder)
         numbers = [one for one, _ in parts]
         kinds = (FLOAT,) * len(numbers)
         if key in EXTREMES:
             found, kind = numbers[0], FLOAT
             for other in numbers[1:]:
                 pair = found, other
-                found, _ = code.called(EXTREMES[key], (FLOAT, FLOAT), pair)
+                found, _ = called(code, EXTREMES[key], (FLOAT, FLOAT), pair)
         else:
-            found, kind = code.called(key, kinds, numbers)
+            found, kind = called(code, key, kinds, numbers)
         if returned == BOOL:
             found = context.cast(builder, found, kind, BOOL)
             sign = BOOL(INT, BOOL)
@@ -179,7 +187,7 @@ def _operation(key: Any, count: int | None, returned: Any) -> None:
 
 for _key, _count, _returned in duals.OPERATIONS:
     _operation(_key, _count, _returned)
-for _key in duals.POWERS:
+for _key in POWER:
     _operation(_key, 2, None)
 for _key in EXTREMES:
     _operation(_key, None, None)
@@ -196,7 +204,7 @@ def _where(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     sides = []
     for kind, value in zip(sign.args[1:], values[1:], strict=True):
         sides.append(_parts(context, builder, kind, value))
-    truth = builder.trunc(values[0], ir.IntType(1))
+    truth = builder.trunc(values[0], TRUTH)
     value = builder.select(truth, sides[0][0], sides[1][0])
     node = _above(context, builder, [one for _, one in sides])
     return _made(context, builder, value, node)
@@ -216,10 +224,10 @@ def _typed_table(*kinds: Any) -> Any:
 
 def _table(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     number, node = _parts(context, builder, TRACE, values[0])
-    code = duals.Builder(context, builder, 1)
+    code = Code(context, builder)
     kinds = (FLOAT, *sign.args[1:])
-    value = code.call(np.interp, number, *values[1:], kinds=kinds)
-    return _made(context, builder, value, node)
+    value = called_number(code, np.interp, kinds, (number, *values[1:]))
+    return _made(context, builder, value.built, node)
 
 
 tried_first(np.interp, _typed_table)

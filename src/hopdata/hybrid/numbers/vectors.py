@@ -19,13 +19,8 @@ from numba.extending import (
     register_jitable,
 )
 
-from hopdata.hybrid.compiled.memory import (
-    FirstTried,
-    NumberLike,
-    ask_first,
-    is_number,
-    method_first,
-)
+from hopdata.hybrid.compiled.memory import NumberLike, is_number
+from hopdata.private_numba import FirstTried, ask_first, method_first
 
 Function = Callable[..., Any]
 
