@@ -89,8 +89,6 @@ def folds(t, y, mode, params, dy):
 
 
 def test_a_two_fold_is_refused():
-    system = System(
-        folds, axes, n_states=2, guard_names=("x", "y"), sliding=("y",)
-    )
+    system = System(folds, axes, n_states=2, guard_names=("x", "y"), sliding=("y",))
     with pytest.raises(NoDerivativeError, match="two-fold"):
         bouligand_derivative(system, [0.0, 0.0], mode=[-1, 0])

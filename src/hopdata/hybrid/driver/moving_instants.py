@@ -151,9 +151,7 @@ def agrees(jump: Jump, j: int, one: float, other: float) -> bool:
 
 
 @kernel_apart
-def add_movements(
-    jump: Jump, bits: int, which: int, is_first: bool, into: int
-) -> int:
+def add_movements(jump: Jump, bits: int, which: int, is_first: bool, into: int) -> int:
     """Write how a jump moves with each parameter, or compare it with the first one."""
     found = float_vector(into, jump.n)
     rate = noted_rate(jump)

@@ -125,9 +125,7 @@ def crossing(
     reset = None
     reset_rate = None
     if any((after(p) != p.y).any() for p in (at, beside)):
-        exact = system.exact.handler(
-            at.t, at.y, entered.mode, at.params, guard, told
-        )
+        exact = system.exact.handler(at.t, at.y, entered.mode, at.params, guard, told)
         if exact is None:
             exact = local.differentiate(after, at, scale)
         reset, reset_rate = exact
