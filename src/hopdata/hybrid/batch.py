@@ -507,7 +507,7 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
 
 
 def _about_instants(system: System, counts: IntArray) -> str:
-    """Return what is not known of the field's instants, for derivatives by parameters."""
+    """Return what derivatives by the parameters leave out of the field's instants."""
     told = []
     if system.unsought:
         told.append(at.UNSOUGHT_INSTANTS.format(reason=system.unsought))

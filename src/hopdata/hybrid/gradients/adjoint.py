@@ -29,8 +29,8 @@ from hopdata.hybrid.gradients.timed import (
 )
 from hopdata.hybrid.methods.explicit import Tableau
 from hopdata.hybrid.methods.table import TABLEAUS
-from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.sliding import sliding_system
+from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
 
