@@ -339,21 +339,9 @@ def ask_derived(
         system, others = _parameters_as_states(system, others)
         jacobian = True
     if goes_back(t_span):
-        if system.sliding:
-            raise ArgumentError(NO_PAST)
-        if system.together is not None:
-            raise ArgumentError(NO_LAW_BACK)
-        system = backward(system)
+        system = _turned(system)
         known = backward_instants(known)
-        turned = tuple(-float(one) for one in t_span)
-        if t_eval is not None:
-            times = -arguments.numbers_of("t_eval", t_eval)
-            try:
-                t_eval = arguments.check_times(times, *turned)
-            except ValueError:
-                wanted = f"decreasing times within {t_span}"
-                arguments.expect(False, "t_eval", wanted, t_eval)
-        t_span = turned
+        t_span, t_eval = _turned_times(t_span, t_eval)
     if system.sliding:
         system, others = _sliding(system, others)
     elif system.together is not None:
@@ -368,6 +356,28 @@ def ask_derived(
     if unsought:
         vars(system)["unsought"] = unsought
     return ask(system, t_span, t_eval=t_eval, jacobian=jacobian, **others)
+
+
+def _turned(system: System) -> System:
+    """Return the system in the time s = -t; some have no unique past."""
+    if system.sliding:
+        raise ArgumentError(NO_PAST)
+    if system.together is not None:
+        raise ArgumentError(NO_LAW_BACK)
+    return backward(system)
+
+
+def _turned_times(t_span: Any, t_eval: Any) -> tuple[tuple[float, ...], Any]:
+    """Return the time span and the times to report, in the time s = -t."""
+    turned = tuple(-float(one) for one in t_span)
+    if t_eval is not None:
+        times = -arguments.numbers_of("t_eval", t_eval)
+        try:
+            t_eval = arguments.check_times(times, *turned)
+        except ValueError:
+            wanted = f"decreasing times within {t_span}"
+            arguments.expect(False, "t_eval", wanted, t_eval)
+    return turned, t_eval
 
 
 def why_unsought(system: System) -> str:

@@ -22,7 +22,14 @@ from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import FloatTable, address_of, square
 from hopdata.hybrid.driver import moving_instants as moving
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, has_flipped
+from hopdata.hybrid.driver.problem import (
+    ROUNDING,
+    Problem,
+    blur,
+    copy_row,
+    fill_row,
+    has_flipped,
+)
 from hopdata.hybrid.driver.problem import way as some_way
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
@@ -367,11 +374,93 @@ def has_slope_of_rate(p: Problem, m: Memory, k: int) -> bool:
 
 
 @kernel
+def has_slope_along(p: Problem, m: Memory, k: int, rate: float) -> bool:
+    """Return whether guard k's slope agrees with its values where the neighbours are.
+
+    They are beside the state in a direction that Phi gives. Their slopes, divided by
+    the guard's rate, are in row ALONG.
+    """
+    phi = p.tangent
+    n = m.states.width
+    moved = single(m, at.PHI_SHIFTED)
+    way = single(m, at.PHI_SLOPE)
+    along = single(m, at.ALONG)
+    largest = 0.0
+    for i in range(n):
+        phi[way, i] = 0.0
+        for j in range(n):
+            size = size_of(p, m, j, m.states[at.Y, j])
+            phi[way, i] += phi[i, j] * some_way(j) * size
+        size = size_of(p, m, i, m.states[at.Y, i])
+        largest = max(largest, abs(phi[way, i]) / size)
+    if largest == 0.0:
+        return True
+    expected = 0.0
+    for j in range(n):
+        size = size_of(p, m, j, m.states[at.Y, j])
+        expected += rate * phi[along, j] * some_way(j) * size / largest
+    for aside in ASIDE:
+        found = 0.0
+        for side in (1.0, -1.0):
+            for i in range(n):
+                y = m.states[at.Y, i]
+                phi[moved, i] = y + side * aside * phi[way, i] / largest
+            rate_along(p, m, k, way, m.clock[at.T], phi, moved)
+            found += 0.5 * side * m.guards[at.H, k] / aside
+        noise = ROUNDING * m.guards[at.SIZE, k] / aside
+        most = SAME_SLOPE * max(abs(expected), abs(found)) + noise
+        if abs(expected - found) <= most:
+            return True
+    return False
+
+
+@kernel_apart
+def passes_along(p: Problem, m: Memory, k: int) -> int:
+    """Do what `passes` does, by the slopes in the directions of the neighbours only.
+
+    Where a solution slides, they are on the surface as well. A field that has a kink on
+    the surface has none along it.
+    """
+    phi = p.tangent
+    n = m.states.width
+    before = single(m, at.F_BEFORE)
+    along = single(m, at.ALONG)
+    rate = duals.guard_along(
+        p.along, m.clock[at.T], row_address(m, m.states, at.Y), n, m.states, at.K1,
+        p.mode, p.params, k, row_address(m, phi, 0), row_address(m, phi, before),
+        row_address(m, phi, along),
+    )  # fmt: skip
+    given = m.guards[at.RATE0, k]
+    if not abs(rate - given) <= SAME_SLOPE * max(abs(rate), abs(given)):
+        return at.RATE_DIFFERS
+    unsure = 0.0
+    for j in range(n):
+        phi[along, j] /= rate
+        slope = phi[single(m, at.GRADIENT), j] / rate
+        unsure += abs(slope) * tolerance(p, j, abs(m.states[at.Y, j]))
+    bend = abs(bend_of(p, m, k, given))
+    if not unsure * bend <= 0.5 * abs(rate):
+        return at.GRAZING_IN_JACOBIAN
+    if not has_slope_along(p, m, k, rate):
+        return at.RATE_DIFFERS
+    return at.RUNNING
+
+
+@kernel
 def passes(p: Problem, m: Memory, k: int) -> int:
     """Project onto guard k (see `project`) and return a status.
 
     The guard grazes if its rate may be zero within the uncertainty of its instant.
     """
+    status = passes_by_gradient(p, m, k)
+    if status == at.RATE_DIFFERS and p.along[duals.GUARD] != 0:
+        return passes_along(p, m, k)
+    return status
+
+
+@kernel
+def passes_by_gradient(p: Problem, m: Memory, k: int) -> int:
+    """Do what `passes` does, by the derivative of the guard by all states."""
     rate = gradient_of(p, m, k)
     given = m.guards[at.RATE0, k]
     if not abs(rate - given) <= SAME_SLOPE * max(abs(rate), abs(given)):

@@ -203,7 +203,7 @@ def movements(jump: Jump, y: int, into: int) -> int:
 def stands_still(jump: Jump, row: int) -> bool:
     """Return whether an instant does not depend on the parameters."""
     found = float_vector(row, jump.n)
+    still = True
     for j in range(jump.n_varying, jump.n):
-        if not agrees(jump, j, found[j], 0.0):
-            return False
-    return True
+        still = still and agrees(jump, j, found[j], 0.0)
+    return still

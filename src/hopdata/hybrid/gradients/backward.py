@@ -819,10 +819,10 @@ def set_limits(room: Room, first: float, last: float) -> None:
 @kernel
 def is_declared(timed: Timed, t: float) -> bool:
     """Return whether an instant is declared at time t."""
+    declared = False
     for one in timed.declared:
-        if abs(one - t) <= timed.margin[0]:
-            return True
-    return False
+        declared = declared or abs(one - t) <= timed.margin[0]
+    return declared
 
 
 @kernel_apart
@@ -849,6 +849,34 @@ def jump_at(
     if found == moving.NONE and not is_declared(timed, t):
         return -1
     return found
+
+
+@kernel_apart
+def end_back(
+    code: Recorders,
+    room: Room,
+    timed: Timed,
+    jump: int,
+    where: tuple[float, bool, bool],
+    y: FloatArray,
+    mode: IntArray,
+) -> int:
+    """Go back from after an end of a step to before the jump there, if there is one.
+
+    `where` holds the time, and whether it is the start or the end of the run. Returns a
+    status. Afterwards, the field sees the times before the jump.
+    """
+    t, is_start, is_end = where
+    set_limits(room, -inf, inf)
+    if jump < 0:
+        return at.RUNNING
+    set_limits(room, -inf, t - timed.margin[0])
+    if is_end:
+        return at.RUNNING
+    status = jump_back(code, room, timed, jump, t, y, mode, is_start)
+    if is_full(room):
+        return TAPE_FULL
+    return status
 
 
 @kernel_apart
@@ -1039,17 +1067,11 @@ def backward(  # noqa: PLR0913 (the parts of a solution)
     )
     while row >= 0:
         t = steps.t[row]
-        set_limits(room, -inf, inf)
-        if jump >= 0:
-            set_limits(room, -inf, t - timed.margin[0])
-        if jump >= 0 and row < end:
-            status = jump_back(
-                code, room, timed, jump, t, steps.y[row], all_of.mode[last], row == 0
-            )
-            if is_full(room):
-                return TAPE_FULL
-            if status != at.RUNNING:
-                return status
+        where = (t, row == 0, row == end)
+        y = steps.y[row]
+        status = end_back(code, room, timed, jump, where, y, all_of.mode[last])
+        if status != at.RUNNING:
+            return status
         if last > 0 and flips.row[last - 1] == row:
             first = first_of_instant(flips, last)
             status = instant_back(

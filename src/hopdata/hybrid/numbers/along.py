@@ -178,6 +178,46 @@ def guard_gradient(  # noqa: PLR0913 (the guards' arguments)
 
 
 @kernel
+def guard_along(  # noqa: PLR0913 (the guards' arguments, and the directions)
+    along: IntVector,
+    t: float,
+    y: int,
+    n: int,
+    s: FloatTable,
+    dy: int,
+    mode: IntVector,
+    params: FloatVector,
+    k: int,
+    seeds: int,
+    last: int,
+    into: int,
+) -> float:
+    """Write the slopes of guard k along n directions; return that along the last one.
+
+    The rates of the states are in row `dy` of the table s.
+    """
+    width = along[WIDTH]
+    slopes = float_vector(into, 0)
+    found = float_vector(along[VALUES], 0)
+    along_last = 0.0
+    for first in range(0, n + 1, width):
+        seed(along[STATES], n, width, y, first, seeds, last)
+        set_moment(along[MOMENT], width, t, first, n)
+        call_guard(
+            along[GUARD], along[MOMENT], along[STATES],
+            address_of(s) + BYTES * n * dy, address_of(mode), mode.width,
+            address_of(params), params.width, k, along[VALUES], along[HDOTS],
+        )  # fmt: skip
+        count = min(width, n - first)
+        place = k * (1 + width) + 1
+        for j in range(count):
+            slopes[first + j] = found[place + j]
+        if count < width:
+            along_last = found[place + count]
+    return along_last
+
+
+@kernel
 def handler_along(  # noqa: PLR0913 (the handler's arguments, and the directions)
     along: IntVector,
     t: float,
