@@ -98,10 +98,7 @@ def _hypotenuse(key: Any) -> Function:
 
 def _length_of(one: Slopes, other: Slopes) -> Slopes:
     """Build the hypotenuse of slopes of which at least one is not zero."""
-    squares = Slopes(one.zeros, None)
-    for slopes in (one, other):
-        if slopes.known is not None:
-            squares = squares + slopes * slopes.known
+    squares = one * one.all + other * other.all
     return Slopes(one.zeros, squares.all.intrinsic("sqrt"))
 
 

@@ -2,9 +2,9 @@
 """Elementary functions of numbers that move, by their derivatives, and tables.
 
 DERIVATIVES is the table to read: the derivative of each function of one number, as a
-formula of the argument x and of the value v. It is not that of dual numbers: these
-formulas also are differentiated, and taken of ranges, for which a square is narrower
-than a product.
+formula of the argument x and of the value v. The formulas are not those of dual numbers
+(`dual_functions`), which are written for floats alone: these are run for ranges, too,
+and differentiated again.
 """
 
 import math
