@@ -10,7 +10,8 @@ the user has set it, otherwise ``__pycache__`` beside the source; the user's cac
 folder; and a private folder of the user among the temporary files. If none is writable,
 functions are compiled in every process. Removing the folders is always safe. Each file
 ends in its checksum (`hopdata.seal`); a damaged one is removed and its function
-compiled anew. Numba's `caching`, which is private, has the class whose files these are.
+compiled anew. Numba's `caching`, which is private, has the class whose files these are;
+its `np` imports SciPy, which is put off.
 
 What lies in a cache is run, and Numba's index is a pickle, so that reading it can run
 code too. The checksum is no key: it tells damage, and not who wrote a file. Therefore
