@@ -34,7 +34,6 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from threading import RLock
 from types import CodeType, FunctionType, ModuleType, SimpleNamespace
@@ -46,7 +45,7 @@ import numba
 import numpy as np
 from numba import NumbaError, config, njit
 
-from hopdata.private_numba import CacheFiles, cache_of
+from hopdata.private_numba import CacheFiles, cache_of, load_numba_arrays
 from hopdata.seal import Seal, seal_for, seal_of
 
 logger = logging.getLogger("hopdata")
@@ -183,7 +182,7 @@ def compiled_in_cache(
     brought = brought_code(function, digest)
     if brought is not None:
         return brought
-    _load_numba_arrays()
+    load_numba_arrays()
     with (
         cache_directory(function, digest) as folder,
         _alone_in(folder),
@@ -197,38 +196,6 @@ def compiled_in_cache(
             if folder is None:
                 raise
         return compile_it(False)
-
-
-@cache
-def _load_numba_arrays() -> None:
-    """Import Numba's functions of arrays without SciPy's linear algebra.
-
-    Numba imports `scipy.linalg` only to see whether it is there, which takes a fifth of
-    a first solve. So it is looked for on the disk. Functions that need it import it
-    when they are compiled or first called.
-    """
-    try:
-        from numba.np import linalg
-
-        ensure_blas = linalg.ensure_blas
-        fits = linalg._check_lapack_int_width
-    except (ImportError, AttributeError):  # another version of Numba
-        return
-
-    def look_for_blas() -> None:
-        found = find_spec("scipy")
-        places = (found and found.submodule_search_locations) or ()
-        if not any(any(Path(one).glob("linalg/cython_blas.*")) for one in places):
-            raise ImportError("scipy")
-        fits()
-
-    linalg.ensure_blas = look_for_blas
-    try:
-        from numba.np import arraymath
-
-        vars(arraymath)["ensure_blas"] = ensure_blas
-    finally:
-        linalg.ensure_blas = ensure_blas
 
 
 def made_with() -> list[str]:

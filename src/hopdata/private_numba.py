@@ -13,6 +13,8 @@ import fails here if a version of Numba lacks one of the names:
     Structures of the generated code, whose members a type defines.
 `np.arrayobj`
     Arrays that are made from an address.
+`np`
+    Its functions of arrays, whose import of SciPy's linear algebra is put off.
 `ir_utils`
     The exception by which a rewriting of Numba's gives up.
 `typeconv`
@@ -29,6 +31,8 @@ A function that builds generated code takes Numba's context and LLVM's builder.
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -247,3 +251,38 @@ def room_with(builder: Any, value: Any) -> Any:
 def is_null(builder: Any, pointer: Any) -> Any:
     """Build whether a pointer points nowhere."""
     return cgutils.is_null(builder, pointer)
+
+
+# A quicker start.
+
+
+@cache
+def load_numba_arrays() -> None:
+    """Import Numba's functions of arrays without SciPy's linear algebra.
+
+    Numba imports `scipy.linalg` only to see whether it is there, which takes a fifth of
+    a first solve. So it is looked for on the disk. Functions that need it import it
+    when they are compiled or first called.
+    """
+    try:
+        from numba.np import linalg
+
+        ensure_blas = linalg.ensure_blas
+        fits = linalg._check_lapack_int_width
+    except (ImportError, AttributeError):  # another version of Numba
+        return
+
+    def look_for_blas() -> None:
+        found = find_spec("scipy")
+        places = (found and found.submodule_search_locations) or ()
+        if not any(any(Path(one).glob("linalg/cython_blas.*")) for one in places):
+            raise ImportError("scipy")
+        fits()
+
+    linalg.ensure_blas = look_for_blas
+    try:
+        from numba.np import arraymath
+
+        vars(arraymath)["ensure_blas"] = ensure_blas
+    finally:
+        linalg.ensure_blas = ensure_blas

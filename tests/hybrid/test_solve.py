@@ -268,7 +268,11 @@ def test_a_system_checks_itself():
         ({"t_eval": np.empty(0)}, False),
         ({"events": "count"}, False),
         ({"t_eval": (), "events": "count"}, False),
-        ({"t_eval": [0.5]}, True),
+        ({"t_eval": [0.5]}, False),
+        ({"dense_output": True}, False),
+        ({"dense_output": True, "t_eval": [0.5]}, False),
+        ({"first_step": 0.01}, False),
+        ({"first_step": np.float64(0.01)}, True),
         ({"events": len}, True),
     ],
 )
