@@ -166,6 +166,102 @@ def _add_legend(figure: Figure, seen: list[str]) -> None:
     )
 
 
+# Times beside ours at one error: a row for each system, a mark for each package.
+
+# Way: colour, marker, and whether it is filled. Batches are open.
+RIVALS: dict[str, tuple[str, str, bool]] = {
+    "heyoka": (style.VERMILION, "s", True),
+    "heyoka, batch": (style.VERMILION, "s", False),
+    "CVODE, C": (style.GREEN, "^", True),
+    "diffrax": (style.PURPLE, "D", True),
+    "SciPy, Numba": (style.ORANGE, "v", True),
+    "hopdata, batch": (style.BLUE, "o", False),
+}
+RIVAL_NAMES = {"CVODE, C": "CVODE (C)", "SciPy, Numba": "SciPy"}
+OUR_CALL = "hopdata, call"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# Ways that panels leave out: as slow as SciPy with compiled functions.
+AS_SLOW = ("SciPy, Python", "CVODE, scikit-sundae")
+
+
+@style.styled
+def side_by_side_figure(chosen: pd.DataFrame) -> Figure:
+    """Draw the time of each package relative to ours, one row per system.
+
+    Parameters
+    ----------
+    chosen : DataFrame
+        One row per scene and solver: ``scene, way, error, time_us, ratio`` (its time
+        over that of our call) and ``best_of_way``; others are left out.
+
+    Returns
+    -------
+    Figure
+        A mark for each package in each system, on a logarithmic axis; batches are
+        open. The line at 1 is our call, whose time stands beside it.
+    """
+    best = chosen[chosen["best_of_way"].astype(bool)]
+    scenes = list(dict.fromkeys(best["scene"]))
+    if not scenes:
+        return style.message_figure("No side by side results: no solver finished.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 30.0 + 6.5 * len(scenes))
+    axes = figure.subplots()
+    rows = {scene: len(scenes) - 1 - k for k, scene in enumerate(scenes)}
+    for row in rows.values():
+        axes.axhline(row, color=style.GREY, linewidth=0.4, alpha=0.4, zorder=0)
+    axes.axvline(1.0, color=style.BLUE, linewidth=1.6, zorder=1)
+    for way, (colour, marker, filled) in RIVALS.items():
+        marks = best[(best["way"] == way) & best["ratio"].notna()]
+        axes.plot(
+            marks["ratio"], marks["scene"].map(rows), linestyle="none", color=colour,
+            marker=marker, markersize=4.2, markerfacecolor=colour if filled else "white",
+            label=RIVAL_NAMES.get(way, way), zorder=3,
+        )  # fmt: skip
+    axes.set(xscale="log", ylim=(-0.7, len(scenes) - 0.3))
+    axes.set_yticks(list(rows.values()), [SCENE_NAMES.get(one, one) for one in rows])
+    axes.tick_params(axis="y", length=0)
+    axes.xaxis.set_major_formatter(ticker.FuncFormatter(_times))
+    axes.grid(axis="x")
+    power = round(np.log10(float(best["error"].iloc[0])))
+    axes.set_xlabel(
+        "time of a trajectory over that of a call of hopdata, "
+        f"both at an error of 10{str(power).translate(RAISED)}"
+    )
+    _write_our_times(axes, best[best["way"] == OUR_CALL], rows)
+    figure.legend(loc="outside upper center", ncols=6, handletextpad=0.2)
+    return figure
+
+
+def _times(value: float, _: object) -> str:
+    """Return a factor as it is read: 0.1, 1, 10."""
+    return f"{value:g}"
+
+
+def _write_our_times(axes: Axes, ours: pd.DataFrame, rows: dict[str, int]) -> None:
+    """Write the time of our call at the right of each row."""
+    for scene, time_us in zip(ours["scene"], ours["time_us"], strict=True):
+        if np.isfinite(time_us):
+            axes.annotate(
+                f"{time_us:.0f} µs", (1.0, rows[scene]), (4, 0), va="center",
+                xycoords=axes.get_yaxis_transform(), textcoords="offset points",
+                color=style.BLUE,
+            )  # fmt: skip
+    axes.annotate(
+        "hopdata", (1.0, len(rows) - 0.3), (4, 1), va="bottom", color=style.BLUE,
+        xycoords=axes.get_yaxis_transform(), textcoords="offset points",
+    )  # fmt: skip
+
+
+def side_by_side_panels_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
+    """Draw time against error, one panel per system, with each way's fastest method.
+
+    The tables are those of `work_precision_figure`. Ways in `AS_SLOW` are left out.
+    """
+    best = chosen[chosen["best_of_way"].astype(bool) & ~chosen["way"].isin(AS_SLOW)]
+    drawn = table.merge(best[["scene", "way", "method"]])
+    return work_precision_figure(drawn, chosen)
+
+
 # Error of the estimated landing map by number of landings, for levels of noise.
 
 # Estimator: label, colour, line style, marker. OLS on rigid-body coordinates equals the
@@ -511,7 +607,8 @@ def kernel_smoothness(scores: pd.DataFrame) -> Figure:
 
 FIGURES: dict[str, Callable[..., Figure]] = {
     "work_precision": work_precision_figure,
-    "side_by_side": work_precision_figure,
+    "side_by_side": side_by_side_figure,
+    "side_by_side_panels": side_by_side_panels_figure,
     "map_error": map_error_figure,
     "learning_curve": learning_curve,
     "kernel_smoothness": kernel_smoothness,

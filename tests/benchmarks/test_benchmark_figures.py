@@ -6,9 +6,12 @@ import pytest
 from benchmark_figures import (
     CONTROLS,
     ESTIMATORS,
+    RIVALS,
     SCENE_NAMES,
     WAYS,
     map_error_figure,
+    side_by_side_figure,
+    side_by_side_panels_figure,
     verdict_power_figure,
     work_precision_figure,
 )
@@ -95,6 +98,58 @@ def test_an_unknown_way_is_drawn_and_named_too():
         "another",
     ]
     assert text_faults(figure) == []
+
+
+def ratios_of(scenes=tuple(SCENE_NAMES), ways=tuple(WAYS)):
+    rows = [
+        {
+            "scene": scene, "way": way, "method": method, "error": 1e-6,
+            "time_us": 20.0 * ratio, "ratio": ratio, "best_of_way": method == "first",
+        }
+        for k, scene in enumerate(scenes)
+        for number, way in enumerate(ways)
+        for method in ("first", "second")
+        for ratio in [2.0**number + k if method == "first" else 1e6]
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def test_a_row_a_system_with_one_mark_a_package():
+    given = ratios_of()
+    figure = side_by_side_figure(given)
+    (axes,) = figure.axes
+    assert axes.get_xscale() == "log"
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    assert names == list(SCENE_NAMES.values())
+    marks = {
+        line.get_label(): line for line in axes.lines if line.get_marker() != "None"
+    }
+    assert len(marks) == len(RIVALS)
+    first = given[given["best_of_way"]]
+    rows = first[first["way"] == "heyoka"]
+    assert list(marks["heyoka"].get_xdata()) == list(rows["ratio"])
+    heights = list(marks["heyoka"].get_ydata())
+    assert heights == sorted(heights, reverse=True)  # the first system is uppermost
+    assert "10⁻⁶" in axes.get_xlabel()
+    assert "20 µs" in [text.get_text() for text in axes.texts]
+    assert text_faults(figure) == []
+
+
+def test_a_package_that_does_not_reach_the_error_has_no_mark():
+    given = ratios_of(scenes=("octant",), ways=("hopdata, call", "heyoka", "diffrax"))
+    given.loc[given["way"] == "diffrax", "ratio"] = np.nan
+    (axes,) = side_by_side_figure(given).axes
+    drawn = {line.get_label(): len(line.get_xdata()) for line in axes.lines}
+    assert drawn["heyoka"] == 1
+    assert drawn["diffrax"] == 0
+
+
+def test_panels_side_by_side_have_the_fastest_methods_only():
+    table = results(ways=("heyoka", "SciPy, Numba", "SciPy, Python"))
+    figure = side_by_side_panels_figure(table, chosen(table))
+    for axes in figure.axes:
+        assert drawn_strongly(axes) == {"heyoka: first", "SciPy, Numba: first"}
+        assert len(axes.lines) == 3  # and the line at the error of comparison
 
 
 # Errors of the landing map.

@@ -48,6 +48,11 @@ def test_what_cannot_be_had_is_refused_in_one_sentence(options, said):
 def test_wrong_states_and_arguments():
     with pytest.raises(ValueError, match="y0: expected real numbers, found complex"):
         solve_ivp(oscillates, (0, 1), [1j, 0.0], args=ARGS)
+    with pytest.raises(ValueError, match="y0: expected numbers, found"):
+        solve_ivp(oscillates, (0, 1), [[1.0], [0.0, 1.0]], args=ARGS)
+    hidden = np.ma.masked_array(START, [True, False])
+    with pytest.raises(ValueError, match="y0: expected finite numbers"):
+        solve_ivp(oscillates, (0, 1), hidden, args=ARGS)
     with pytest.raises(ValueError, match=r"y0: expected shape \(n,\)"):
         solve_ivp(oscillates, (0, 1), [[1.0], [0.0]], args=ARGS)
     with pytest.raises(ValueError, match="the 1 values in args, found one of 4"):

@@ -132,7 +132,7 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs, monkeypatch
         "work_precision.csv": "scene,way,method,setting,error_max,time_median_us",
         "ratios.csv": "scene,way,method,error,best_of_way",
         "side_by_side.csv": "scene,way,method,setting,error_max,time_median_us",
-        "side_by_side_ratios.csv": "scene,way,method,error,best_of_way",
+        "side_by_side_ratios.csv": "scene,way,method,error,time_us,ratio,best_of_way",
         "map_error.csv": "states,noise_mm,estimator,landings,median,q05,q95",
         "frame_change_learning.csv": "model,hops,component,rmse,rmse_q05,rmse_q95",
         "frame_change_kernels.csv": "data,reading,smoothness,component,r2,r2_se",

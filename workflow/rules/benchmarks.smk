@@ -109,7 +109,8 @@ UNTIMED = {
 # Each figure that `benchmark_figures.py` draws, and the tables that it is drawn from.
 BENCHMARK_FIGURES = {
     "work_precision": ["work_precision.csv", "ratios.csv"],
-    "side_by_side": ["side_by_side.csv", "side_by_side_ratios.csv"],
+    "side_by_side": ["side_by_side_ratios.csv"],
+    "side_by_side_panels": ["side_by_side.csv", "side_by_side_ratios.csv"],
     "map_error": ["map_error.csv"],
     "learning_curve": ["frame_change_learning.csv"],
     "kernel_smoothness": ["frame_change_kernels.csv"],

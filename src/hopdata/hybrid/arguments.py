@@ -140,8 +140,10 @@ def check_flag(name: str, value: Any) -> bool:
 
 
 def numbers_of(name: str, value: ArrayLike) -> FloatArray:
-    """Return a C-contiguous array of floats."""
+    """Return a C-contiguous array of floats; what a mask hides is NaN."""
     try:
+        if isinstance(value, np.ma.MaskedArray):
+            value = value.astype(np.float64).filled(np.nan)
         given = np.asarray(value)
         if given.dtype is _FLOAT and given.ndim > 0 and given.flags.c_contiguous:
             return given

@@ -19,6 +19,7 @@ from hopdata.hybrid import arguments
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
+from hopdata.hybrid.compiled.stored import WrongResultError
 from hopdata.hybrid.known_instants import (
     Instants,
     backward_instants,
@@ -83,13 +84,26 @@ class Around(Callback):
         # Otherwise the code contains the address of a Python function.
         self.kept = inner.compiled
         self.n_params = n_params
+        self._body = body
         self._ranged = body if ranged is None else ranged
         self._for_duals = body if for_duals is None else for_duals
         self._names = names
 
     def check_result(self, *arguments: Any) -> None:
-        """Raise TypeError if the user's function returns what has a wrong shape."""
-        self.inner.check_result(*arguments)
+        """Raise TypeError if the user's function returns what has a wrong shape.
+
+        It is called with the arguments that the code here gives it.
+        """
+        kind = self.signature
+        names = {**self._names, "INNER": self.inner.check_result}
+        check = compose(kind.name, ", ".join(kind.arguments), self._body, names)
+        with np.errstate(all="ignore"):
+            try:
+                check(*arguments)
+            except WrongResultError:
+                raise
+            except Exception:  # as in `Callback.check_result`
+                return
 
     @cached_property
     def ranged(self) -> Any:
@@ -409,6 +423,9 @@ def _with_known(
     """Return the system that ends steps at known instants, and the options for it."""
     derived = with_instants(system, seeks)
     own = system.n_memory
+    params = arguments.numbers_of("params", options["params"])
+    count = params.shape[-1] if params.ndim else 1
+    system.check_params_length(count + own)  # before two more follow them
     changed: dict[str, Any] = {"tstops": known}
     if options["memory"] is not None or system.sparsity is not None:
         given = np.zeros(own)

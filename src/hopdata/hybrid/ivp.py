@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cached_property
 from types import FunctionType
 from typing import Any
@@ -212,7 +213,10 @@ def solve_ivp(  # noqa: PLR0913 (the options are SciPy's)
     known = isinstance(method, str) and method in METHODS
     expect(known, "method", f"one of {', '.join(METHODS)}", repr(method))
     arguments.check_flag("vectorized", vectorized)
-    if np.iscomplexobj(y0):
+    is_complex = False
+    with suppress(ValueError):  # rows of different lengths, which are refused below
+        is_complex = np.iscomplexobj(y0)
+    if is_complex:
         hint = "; write real and imaginary parts as states of their own"
         expect(False, "y0", "real numbers", "complex ones", hint)
     state = arguments.numbers_of("y0", y0)

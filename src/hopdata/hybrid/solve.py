@@ -277,7 +277,8 @@ def _check_results(system: System, work: Workspace) -> None:
         step = ahead * float(work.clock[at.NEXT_DT])
         moved = work.state.copy()
         if step > 0.0:
-            moved += step * slope
+            with np.errstate(over="ignore", invalid="ignore"):
+                moved += step * slope
         if not np.isfinite(moved).all():
             return
         system.field.check_result(time + step, moved, mode, params, rates)

@@ -13,6 +13,7 @@ from numpy import array, zeros
 from hopdata.hybrid import System, field, guards, jacobian, on_event, solve, solve_batch
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
+from hopdata.hybrid.layout import FIELD_NOT_FINITE
 from hopdata.hybrid.numbers.guards import guards_for_ranges
 
 GRAVITY = 9.81
@@ -486,6 +487,18 @@ def test_a_wrong_number_that_only_a_run_shows():
     said = r"field 'longer' .* returns an array of the shape \(4,\); expected \(2,\)"
     with pytest.raises(TypeError, match=said):
         solve(System(longer, n_states=2), (0, 1), [0.0, 0.0])
+
+    def overflows(t, y, p):
+        return y[1], -p[0]
+
+    system = System(overflows, n_states=2)  # what it returns has the right shape
+    for options in ({}, {"jacobian": "params"}, {"tstops": [0.5]}):
+        run = solve(system, (0, 1), [0.0, 0.0], params=[1e308], **options)
+        assert run.status == FIELD_NOT_FINITE
+    with pytest.raises(
+        ValueError, match=r"uses params\[0\], but params has the length 0"
+    ):
+        solve(system, (0, 1), [0.0, 0.0], tstops=[0.5])
 
     def one(t, y):
         return 2.0 * np.max(y)

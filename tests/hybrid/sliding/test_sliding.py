@@ -9,10 +9,10 @@ import pytest
 from sliding_systems import corner, dry, folded, folded_field, relay
 
 from hopdata.errors import ArgumentError
-from hopdata.hybrid import System, guard, solve, solve_batch
+from hopdata.hybrid import System, field, guard, guards, solve, solve_batch
 from hopdata.hybrid.first_order import NoDerivativeError, bouligand_derivative
 from hopdata.hybrid.gradients import gradient
-from hopdata.hybrid.layout import NOT_UNIQUE, SLIDING
+from hopdata.hybrid.layout import GUARD_NOT_FINITE, NOT_UNIQUE, SLIDING
 
 
 def test_a_relay_rests_as_long_as_its_drive_is_weaker():
@@ -454,7 +454,7 @@ def test_wrong_declarations():
         )
 
 
-def pushed(t, y, mode, p):
+def driven(t, y, mode, p):
     push = p[0] if t % 0.7 < 0.35 else -p[0]
     if mode[0] > 0:
         return -2.0 + 0.5 * push, push
@@ -466,7 +466,7 @@ def first_state(t, y, mode, p):
 
 
 def test_instants_of_its_own_are_found_while_it_slides():
-    system = System(pushed, first_state, n_states=2, guard_names=("s",), sliding=("s",))
+    system = System(driven, first_state, n_states=2, guard_names=("s",), sliding=("s",))
     given = (0.0, 2.0), [0.3, 0.0], [1.0]
     found = solve(system, *given)
     assert abs(found.y_end[0]) < 1e-15  # it slides
@@ -474,3 +474,27 @@ def test_instants_of_its_own_are_found_while_it_slides():
     assert found.y_end[1] == pytest.approx(0.1, abs=1e-14)
     unsought = solve(replace(system, find_tstops=False), *given)
     assert unsought.n_rejected > 10
+
+
+@field
+def pushed(t, y, mode, params, dy):
+    dy[0] = 0.5 * np.sin(t) - mode[0]
+
+
+@guards
+def later(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0], dy[0]
+    if t > 0.9:
+        h[0] += params[0]
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
+def test_a_guard_that_is_not_a_number_while_it_slides_ends_the_run(value):
+    system = System(pushed, later, n_states=1, guard_names=("zero",), sliding=("zero",))
+    run = solve(system, (0.0, 2.0), [0.5], params=[value])
+    assert run.events.direction.tolist() == [-2]  # it slides from 0.58 on
+    if value == 0.0:
+        assert run.success
+    else:
+        assert run.status == GUARD_NOT_FINITE
+        assert run.t_end == pytest.approx(0.9, abs=1e-9)

@@ -18,9 +18,10 @@ from typing import Any
 
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.compiled.kernel import PARTS
-from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, W1, Y
+from hopdata.hybrid.layout import END, K1, KEND, LOW_DEGREE, P1, SCRATCH, W1, Y
 
 STANDARD_ROWS = 3  # rows of an interpolant that value and slope at both ends determine
+MOST_DENSE = LOW_DEGREE - STANDARD_ROWS  # rows beyond these for which there is room
 INDENT = "    "
 TINY = 1e-300  # floor of the tolerance, to avoid division by zero
 
@@ -28,7 +29,7 @@ TINY = 1e-300  # floor of the tolerance, to avoid division by zero
 Evaluation = Callable[[str, int, int], list[str]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Tableau:
     """Coefficients of an explicit Runge-Kutta pair with s stages and a dense output.
 
@@ -50,7 +51,8 @@ class Tableau:
         Further stages for the interpolant, from the s slopes, the end slope, and each
         other.
     dense : tuple of tuple of float
-        Weights of the interpolant's rows from the fourth on.
+        Weights of the interpolant's rows from the fourth on, at most `MOST_DENSE` rows;
+        without any, the interpolant is the cubic.
     dense_error : int
         Error of the interpolant at the middle of a step, in units of the step's
         estimated error, which is of the same order.
@@ -65,7 +67,7 @@ class Tableau:
     stages: tuple[tuple[float, ...], ...]
     weights: tuple[float, ...]
     errors: tuple[tuple[float, ...], ...]
-    dense: tuple[tuple[float, ...], ...]
+    dense: tuple[tuple[float, ...], ...] = ()
     dense_error: int
     stiff_tenths: int
     dense_nodes: tuple[float, ...] = ()
@@ -107,8 +109,11 @@ def check_tableau(tableau: Tableau) -> None:
         With the name of the coefficients that do not fit.
     """
     stages = len(tableau.weights)
+    whole = isinstance(tableau.order, int) and tableau.order > 0
+    expect(whole, "order", "a whole number from 1", repr(tableau.order))
     inner = [0, *(len(row) for row in tableau.stages)]
     expect(inner == list(range(stages)), "stages", "rows of 1, 2, ... weights", inner)
+    _check_lengths(tableau, stages)
     for nodes, rows in (("nodes", "stages"), ("dense_nodes", "dense_stages")):
         given = getattr(tableau, nodes)
         sums = [sum(row) for row in getattr(tableau, rows)]
@@ -121,6 +126,27 @@ def check_tableau(tableau: Tableau) -> None:
     for name in ("errors", "dense"):
         for k, row in enumerate(getattr(tableau, name)):
             expect(abs(sum(row)) < SUMS, f"{name}[{k}]", "the sum 0", sum(row))
+
+
+def _check_lengths(tableau: Tableau, stages: int) -> None:
+    """Raise an error if a row has a weight for a slope that is not there."""
+    rows = len(tableau.errors)
+    expect(rows in (1, 2), "errors", "one row or two", rows)
+    rows = len(tableau.dense)
+    expect(rows <= MOST_DENSE, "dense", f"at most {MOST_DENSE} rows", rows)
+    slopes = stages + 1
+    all_slopes = slopes + len(tableau.dense_stages)
+    known = {"errors": slopes, "dense": all_slopes}
+    for name, most in known.items():
+        for k, row in enumerate(getattr(tableau, name)):
+            expect(
+                len(row) <= most, f"{name}[{k}]", f"at most {most} weights", len(row)
+            )
+    for k, row in enumerate(tableau.dense_stages):
+        most = slopes + k
+        expect(
+            len(row) <= most, f"dense_stages[{k}]", f"at most {most} weights", len(row)
+        )
 
 
 def combination(weights: Sequence[float], rows: Sequence[int | str]) -> str:

@@ -76,7 +76,8 @@ def add_method(name: str, tableau: Tableau) -> None:
     Parameters
     ----------
     name : str
-        A name that no method has yet.
+        A name that no method has yet; or that of an equal method, as where a cell of a
+        notebook runs again.
     tableau : Tableau
         Coefficients of the pair and of its interpolant.
 
@@ -85,7 +86,9 @@ def add_method(name: str, tableau: Tableau) -> None:
     ValueError
         If the name is taken, or the coefficients are not those of a method.
     """
-    expect(name not in choices(), "name", "one that no method has", repr(name))
+    is_new = isinstance(name, str) and name not in choices()
+    is_same = isinstance(name, str) and TABLEAUS.get(name) == tableau
+    expect(is_new or is_same, "name", "one that no method has", repr(name))
     check_tableau(tableau)
     TABLEAUS[name] = tableau
 

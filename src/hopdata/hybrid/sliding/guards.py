@@ -178,7 +178,7 @@ def guards_template(
         hdot[j] = 0.0
         if mode[M + N_MODES + j] >= SLIDING:
             held += 1
-            h[k] = mode[k] * MASK
+            h[k] = mode[k] * MASK + 0.0 * h[k]  # NaN and infinity are still seen
             hdot[k] = 0.0
         else:
             h[k] -= params[len(params) - 2 * M + j]
