@@ -17,7 +17,7 @@ output. heyoka's expressions have no comparisons, `abs`, `max`, `%` or tables, s
 families that need them have a row that says so. Its guards are Taylor series: a run in
 which it raises, or does not reach the end, is `failed`.
 
-Rows that are in the file already are kept, so an interrupted run goes on. All 27
+Rows that are in the file already are kept, so an interrupted run goes on. All 44
 families take hours with 300 members; the file grows by a row at a time.
 """
 
@@ -40,7 +40,7 @@ from hopdata.arrays import FloatArray
 TESTS = Path(__file__).resolve().parent.parent / "tests" / "hybrid"
 sys.path.insert(0, str(TESTS))
 
-from families import FAMILIES, GREY, SAMPLES, guard_of, judged, run, sampler  # noqa: E402
+from families import ALL, GREY, SAMPLES, guard_of, judged, run, sampler  # noqa: E402
 
 RTOLS = (1e-3, 1e-6, 1e-9, 1e-12)
 SMALLEST_RTOL = 2.3e-14  # of SciPy
@@ -109,14 +109,22 @@ Peer = Callable[[list[float], list[float], float], Seen]
 def by_scipy(name: str, rtol: float) -> Peer:
     """Return a function that solves a member with `solve_ivp`."""
     ivp: Any = solve_ivp
-    family, guard = FAMILIES[name], guard_of(name)
-    rates, n_states = family.field.function, family.n_states
+    family, guard = ALL[name], guard_of(name)
+    n_states = family.n_states
+    rates: Any = family.field
+    if not family.is_plain:
+        rates = rates.function
+    takes_params = family.is_plain and rates.__code__.co_argcount > 2
     no_mode, nothing = np.zeros(0, dtype=np.int64), np.zeros(n_states)
 
     def solved(start: list[float], params: list[float], end: float) -> Seen:
         numbers = np.array(params)
 
         def slope(t: float, y: FloatArray) -> FloatArray:
+            if takes_params:
+                return np.atleast_1d(rates(t, y, numbers))
+            if family.is_plain:
+                return np.atleast_1d(rates(t, y))
             dy = np.empty(n_states)
             rates(t, y, no_mode, numbers, dy)
             return dy
@@ -192,9 +200,10 @@ def by_heyoka(name: str, rtol: float) -> Peer:
     import heyoka as hy
 
     hy.set_logger_level_error()  # otherwise each flat root logs a warning
-    family = FAMILIES[name]
+    family = ALL[name]
     y = hy.make_vars(*[f"y{i}" for i in range(6)])
-    rates = heyoka_rates(hy, y)[family.field.function.__name__]
+    function = getattr(family.field, "function", family.field)
+    rates = heyoka_rates(hy, y)[function.__name__]
     events: list[float] = []
     event = hy.nt_event(heyoka_guards(hy)[name](y), lambda _, t, sign: events.append(t))
     equations = list(zip(y[: family.n_states], rates, strict=True))
@@ -276,9 +285,7 @@ def peer_row(
     events, failed, seconds = 0, 0, []
     total = np.zeros(3, dtype=int)
     for number in range(members):
-        member = FAMILIES[name].draw(
-            np.random.default_rng([*key_of(name, seed), number])
-        )
+        member = ALL[name].draw(np.random.default_rng([*key_of(name, seed), number]))
         try:
             seen = solved(*member)
         except (RuntimeError, ValueError):  # its search for a root failed
@@ -308,7 +315,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--members", type=int, default=300)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--families", nargs="*", default=list(FAMILIES))
+    parser.add_argument("--families", nargs="*", default=list(ALL))
     parser.add_argument("--rtols", nargs="*", type=float, default=RTOLS)
     parser.add_argument("--peers", action="store_true", help="SciPy and heyoka, too")
     arguments = parser.parse_args()

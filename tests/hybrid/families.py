@@ -13,6 +13,8 @@ from math import cos, exp, pi, sin, sqrt, tan
 from typing import Any
 
 import numpy as np
+import plain_families as plain
+from numba import njit
 
 from hopdata.code_cache import kept_njit
 from hopdata.hybrid import Solution, System, field, guards, solve
@@ -200,6 +202,9 @@ class Family:
     can_be_proven : bool
         Whether the guard's flips are never undecidable: no double root, and not zero
         over a stretch.
+    is_plain : bool
+        Whether field and guard are plain functions, and the guard returns its value
+        only.
     """
 
     field: Any
@@ -207,6 +212,7 @@ class Family:
     draw: Callable[[np.random.Generator], Member]
     n_states: int
     can_be_proven: bool = True
+    is_plain: bool = False
 
 
 def between(low: float, high: float) -> Draw:
@@ -262,6 +268,87 @@ def over_bumps(width: float) -> Callable[[np.random.Generator], Member]:
     return draw
 
 
+def on_two_circles(*params: float | Draw) -> Callable[[np.random.Generator], Member]:
+    """Return members: two oscillators, of amplitudes 1 and 0.9."""
+
+    def draw(rng):
+        a, b = rng.uniform(0, 6, 2)
+        drawn = [one(rng) if callable(one) else one for one in params]
+        return [cos(a), -sin(a), 0.9 * cos(b), -0.9 * sin(b)], drawn, 9.0
+
+    return draw
+
+
+def tossed(*params: Draw) -> Callable[[np.random.Generator], Member]:
+    """Return members: a flight of 1.4 s."""
+
+    def draw(rng):
+        start = [0.0, rng.uniform(0.5, 1.2), rng.uniform(1, 4), rng.uniform(0, 4)]
+        return start, [one(rng) for one in params], 1.4
+
+    return draw
+
+
+def tumbling_body(rng):
+    turn = rng.normal(size=4)
+    turn /= sqrt(turn @ turn)
+    return [*turn, *rng.normal(0.0, 3.0, 3)], [rng.uniform(-1, 1)], 6.0
+
+
+def swinging(rng):
+    start = [rng.uniform(1, 3), rng.uniform(1, 3), 0.0, rng.uniform(-3, 3)]
+    return start, [rng.uniform(-3, 3)], 3.0
+
+
+def spiking(rng):
+    params = [rng.uniform(0.1, 2.0), 10.0 ** rng.uniform(0, 4)]
+    return [rng.uniform(-3, 3)], params, 30.0
+
+
+def turning_over(rng):
+    rates = [rng.uniform(1, 4), rng.uniform(0, 3), rng.uniform(-20, 20)]
+    return [0.0, 0.8, 0.0, *rates], [0.0], 1.0
+
+
+def _plain(field: Any, guard: Any, draw: Any, n_states: int = 4) -> Family:
+    return Family(field, guard, draw, n_states, is_plain=True)
+
+
+ONE, ANY_TURN = between(-0.8, 0.8), between(-3, 3)
+WILD = {
+    "polygon": _plain(plain.flight, plain.polygon, tossed(between(0.02, 0.2))),
+    "platform": _plain(
+        plain.flight, plain.platform, tossed(between(0.1, 0.5), between(10, 60))
+    ),
+    "capsules": _plain(plain.oscillators, plain.capsules, on_two_circles(ONE, ONE, ONE)),
+    "jagged spline": _plain(plain.oscillators, plain.jagged_spline, on_two_circles()),
+    "wrapped angle": _plain(
+        plain.oscillators, plain.wrapped_angle,
+        on_two_circles(between(3, 40), ANY_TURN, ANY_TURN),
+    ),
+    "flips": _plain(plain.double_pendulum, plain.flips, swinging),
+    "pitch": _plain(plain.rigid_body, plain.pitch, tumbling_body, 7),
+    "sawtooth of state": _plain(
+        plain.oscillators, plain.sawtooth_of_state,
+        on_two_circles(between(0.05, 2.0), between(-0.5, 0.5)),
+    ),
+    "pulse width": _plain(
+        plain.oscillators, plain.pulse_width, on_two_circles(between(0.05, 2.0))
+    ),
+    "nested": _plain(plain.oscillators, plain.nested, on_two_circles(ONE, ONE)),
+    "window": _plain(
+        plain.oscillators, plain.window, on_two_circles(ONE, power_of_ten(-6, -1))
+    ),
+    "spikes": _plain(plain.theta_neuron, plain.spikes, spiking, 1),
+    "three feet": _plain(plain.somersault, plain.three_feet, turning_over, 6),
+    "fourier": _plain(
+        plain.oscillators, plain.fourier,
+        on_two_circles(between(0, 6), between(0, 6), between(0, 6)),
+    ),
+    "rounded": _plain(
+        plain.oscillators, plain.rounded, on_two_circles(between(0.1, 1.1))
+    ),
+}  # fmt: skip
 FAMILIES = {
     **{f"box {w:g}": Family(flight, box, thrown(w), 4) for w in (0.2, 0.1, 0.05, 0.01)},
     **{
@@ -321,22 +408,38 @@ FAMILIES = {
 }
 
 
+ALL = {**FAMILIES, **WILD}
+
+
 @cache
 def guard_of(name: str) -> Any:
-    """Return the guard of a family, compiled."""
-    return kept_njit()(FAMILIES[name].guard)
+    """Return the guard of a family, compiled; the rate of a plain one is not known."""
+    family = ALL[name]
+    if not family.is_plain:
+        return kept_njit()(family.guard)
+    value = njit(family.guard)
+
+    @njit
+    def with_rate(t, y, dy, p):
+        return value(t, y, p), np.nan
+
+    return with_rate
 
 
 @cache
 def system_of(name: str) -> System:
     """Return the system of a family."""
+    family = ALL[name]
+    if family.is_plain:
+        return System(
+            family.field, family.guard, n_states=family.n_states, guard_names=("h",)
+        )
     height = guard_of(name)
 
     @guards
     def one(t, y, dy, mode, params, h, hdot):
         h[0], hdot[0] = height(t, y, dy, params)
 
-    family = FAMILIES[name]
     return System(family.field, one, n_states=family.n_states, guard_names=("h",))
 
 
@@ -354,7 +457,7 @@ def sampler(name: str) -> Any:
 
 def run(name: str, rtol: float, rng: np.random.Generator, **options: Any) -> Solution:
     """Return the solution of a random member."""
-    start, params, end = FAMILIES[name].draw(rng)
+    start, params, end = ALL[name].draw(rng)
     return solve(
         system_of(name), (0.0, end), start, params=params, rtol=rtol, atol=1e-3 * rtol,
         **options,
@@ -382,7 +485,7 @@ def judged(
     spurious, if there is one at both; and if there is one at one of them, it is
     displaced: a step that is taken again up to a flip has errors of its own.
     """
-    start, params, end = FAMILIES[name].draw(rng)
+    start, params, end = ALL[name].draw(rng)
     solution = solve(
         system_of(name), (0.0, end), start, params=params, rtol=rtol, atol=1e-3 * rtol,
         dense_output=True,

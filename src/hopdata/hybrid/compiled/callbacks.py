@@ -14,7 +14,11 @@ import numpy as np
 
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.errors import ArgumentError
-from hopdata.hybrid.compiled import declare, naming
+from hopdata.hybrid.compiled import (
+    added,  # noqa: F401 (what users' functions may call)
+    declare,
+    naming,
+)
 from hopdata.hybrid.compiled.constants import Constants, renew_called
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.forms import Form, form_of

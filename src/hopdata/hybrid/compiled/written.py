@@ -83,6 +83,7 @@ class Written:
             except ValueError:
                 return None
         own = set(function.__code__.co_varnames)
+        _Plainer(known.keys() | own).visit(node)
         if form.returns:
             rewriter = _Returns(form, {k: v for k, v in known.items() if k not in own})
             rewriter.rewrite(node)
@@ -262,6 +263,45 @@ def _mangled(node: ast.AST) -> Iterator[str]:
             yield one.id
         if isinstance(one, ast.Yield | ast.YieldFrom | ast.Await):
             yield "yield"
+
+
+# What Numba does not read, in other words.
+
+OF_ALL = ("sum", "min", "max", "any", "all")
+
+
+class _Plainer(ast.NodeTransformer):
+    """Generators that are added up, or compared, as lists.
+
+    `a.sum(axis=1)` becomes `a.sum(1)`.
+
+    Parameters
+    ----------
+    bound : set of str
+        Names that have a meaning of their own in the function.
+    """
+
+    def __init__(self, bound: set[str]) -> None:
+        self._bound = bound
+
+    def visit_Call(self, node: ast.Call) -> ast.Call:
+        """Replace the argument."""
+        self.generic_visit(node)
+        called = node.func
+        if isinstance(called, ast.Attribute):
+            is_axis = len(node.keywords) == 1 and node.keywords[0].arg == "axis"
+            if called.attr == "sum" and is_axis and not node.args:
+                node.args = [node.keywords.pop().value]
+            return node
+        if not isinstance(called, ast.Name) or called.id not in OF_ALL:
+            return node
+        if called.id in self._bound or len(node.args) != 1 or node.keywords:
+            return node
+        given = node.args[0]
+        if isinstance(given, ast.GeneratorExp):
+            made = ast.ListComp(elt=given.elt, generators=given.generators)
+            node.args = [ast.copy_location(made, given)]
+        return node
 
 
 # Arguments that are unpacked.

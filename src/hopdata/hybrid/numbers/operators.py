@@ -446,15 +446,6 @@ overload(builtins.min)(_of_three(min))
 overload(builtins.max)(_of_three(max))
 
 
-def _clip(a: Any, a_min: Any, a_max: Any) -> Any:
-    if _fit(a, a_min, a_max):
-        return lambda a, a_min, a_max: min(max(a, a_min), a_max)
-    return None
-
-
-overload(np.clip)(lambda a, a_min, a_max: _clip(a, a_min, a_max))
-
-
 def _to_range(typing: Any, x: Any) -> Any:
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         return as_range(context, builder, sign.args[0], values[0])

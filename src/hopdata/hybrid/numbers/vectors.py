@@ -455,5 +455,8 @@ def _method(name: str, function: Function) -> None:
     lower_builtin(key, types.Array, types.Any)(lower)
 
 
-for _function in (np.sum, np.min, np.max, np.prod, np.mean, np.cumsum, np.dot):
+for _function in (
+    np.sum, np.min, np.max, np.prod, np.mean, np.cumsum, np.dot, np.var, np.std,
+    np.trace,
+):  # fmt: skip
     _method(_function.__name__, _function)
