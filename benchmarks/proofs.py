@@ -2,6 +2,7 @@
 """Flips missed and spurious over the families of guards, with SciPy and heyoka beside.
 
     python benchmarks/proofs.py --out proofs.csv [--members 300] [--seed 0] [--peers]
+        [--path state|jacobian|lanes]
 
 There is one row for each solver, family of `tests/hybrid/families.py` (from where it is
 imported) and tolerance: events found, missed and spurious, compared with 200,000
@@ -16,6 +17,13 @@ an event that changes nothing, and are judged in the same way along their own de
 output. heyoka's expressions have no comparisons, `abs`, `max`, `%` or tables, so
 families that need them have a row that says so. Its guards are Taylor series: a run in
 which it raises, or does not reach the end, is `failed`.
+
+`--path jacobian` carries the Jacobian, too. `--path lanes` integrates all members of a
+family together, in lanes; families that have no lanes have a row that says so. There,
+only numbers of flips are known: `missed` are those that the samples of a run's own path
+show beyond the flips found, `spurious` those found beyond both the samples and the
+driver's flips, and `unlike_driver` counts the members with other flips than by the
+driver with the same method; `unlike_not_close` those of them that are close in neither.
 
 Rows that are in the file already are kept, so an interrupted run goes on. All 44
 families take hours with 300 members; the file grows by a row at a time.
@@ -35,16 +43,29 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 
 TESTS = Path(__file__).resolve().parent.parent / "tests" / "hybrid"
 sys.path.insert(0, str(TESTS))
 
-from families import ALL, GREY, SAMPLES, guard_of, judged, run, sampler  # noqa: E402
+from families import (  # noqa: E402
+    ALL,
+    GREY,
+    SAMPLES,
+    guard_of,
+    judged,
+    run,
+    sampler,
+    system_of,
+)
+
+from hopdata.hybrid import BatchSolution, solve_batch  # noqa: E402
 
 RTOLS = (1e-3, 1e-6, 1e-9, 1e-12)
 SMALLEST_RTOL = 2.3e-14  # of SciPy
 OURS = "hopdata"
+PATHS = {"state": OURS, "jacobian": "hopdata, jacobian", "lanes": "hopdata, lanes"}
+AT_ONCE = 16  # members whose paths are sampled together
 
 
 def time_us(name: str, rtol: float, members: int, key: list[int]) -> float:
@@ -63,18 +84,20 @@ def key_of(name: str, seed: int) -> list[int]:
     return [seed, *map(ord, name)]
 
 
-def row_of(name: str, rtol: float, members: int, seed: int) -> dict[str, object]:
-    """Return our row of a family."""
+def row_of(
+    name: str, rtol: float, members: int, seed: int, jacobian: bool
+) -> dict[str, object]:
+    """Return our row of a family, in single runs."""
     key = key_of(name, seed)
     verdicts = [
-        judged(name, rtol, np.random.default_rng([*key, member]))
+        judged(name, rtol, np.random.default_rng([*key, member]), jacobian=jacobian)
         for member in range(members)
     ]
     solutions = [one.solution for one in verdicts]
     looks = [one.n_guard_evaluations for one in solutions]
     steps = [one.n_steps for one in solutions]
     return {
-        "solver": OURS,
+        "solver": PATHS["jacobian" if jacobian else "state"],
         "family": name,
         "rtol": rtol,
         "members": members,
@@ -88,6 +111,66 @@ def row_of(name: str, rtol: float, members: int, seed: int) -> dict[str, object]
         "close": sum(one.n_close > 0 for one in solutions),
         "evaluations_per_step": sum(looks) / sum(steps),
         "time_us": time_us(name, rtol, min(members, 20), key),
+    }
+
+
+def sampled_flips(name: str, found: BatchSolution, params: FloatArray) -> IntArray:
+    """Return how often the guard changes its sign along the samples of each path."""
+    flips = []
+    for states, own in zip(found.y, params, strict=True):
+        h = np.empty(len(found.t))
+        sampler(name)(found.t, np.ascontiguousarray(states), own, h)
+        signs = np.sign(h[abs(h) > GREY * abs(h).max()])
+        flips.append(np.count_nonzero(np.diff(signs)))
+    return np.array(flips)
+
+
+def lanes_row(name: str, rtol: float, members: int, seed: int) -> dict[str, object]:
+    """Return our row of a family in lanes, with the median of their ends as the end."""
+    key = key_of(name, seed)
+    drawn = [
+        FAMILIES[name].draw(np.random.default_rng([*key, member]))
+        for member in range(members)
+    ]
+    starts, params, ends = (np.array(one) for one in zip(*drawn, strict=True))
+    span = (0.0, float(np.median(ends)))
+    asked = {"rtol": rtol, "atol": 1e-3 * rtol, "workers": 1, "method": "dop853"}
+    row = {
+        "solver": PATHS["lanes"], "family": name, "rtol": rtol, "members": members,
+        "seed": seed,
+    }  # fmt: skip
+    begin = time.process_time()
+    here = solve_batch(
+        system_of(name), span, starts, params=params, lanes=True, **asked
+    )
+    seconds = time.process_time() - begin
+    if not here.lanes.any():
+        return row | {"note": here.lanes_reason or "all are left to the driver"}
+    plain = solve_batch(system_of(name), span, starts, params=params, **asked)
+    flips = []
+    times = np.linspace(*span, SAMPLES)
+    for first in range(0, members, AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        sampled = solve_batch(
+            system_of(name), span, starts[some], params=params[some], t_eval=times,
+            lanes=True, **asked,
+        )  # fmt: skip
+        flips.append(sampled_flips(name, sampled, params[some]))
+    seen = np.concatenate(flips)
+    known = np.maximum(seen, plain.n_events)
+    unlike = here.n_events != plain.n_events
+    close = (here.n_close > 0) | (plain.n_close > 0)
+    return row | {
+        "events": here.n_events.sum(),
+        "missed": np.maximum(seen - here.n_events, 0).sum(),
+        "spurious": np.maximum(here.n_events - known, 0)[~close].sum(),
+        "failed": np.count_nonzero(here.status < 0),
+        "unproven": np.count_nonzero(~here.proven),
+        "close": np.count_nonzero(here.n_close),
+        "in_lanes": here.lanes.mean(),
+        "unlike_driver": np.count_nonzero(unlike),
+        "unlike_not_close": np.count_nonzero(unlike & ~close),
+        "time_us": 1e6 * seconds / members,
     }
 
 
@@ -306,7 +389,8 @@ def peer_row(
 
 COLUMNS = (
     "solver", "family", "rtol", "members", "seed", "events", "missed", "spurious",
-    "displaced", "failed", "unproven", "close", "evaluations_per_step", "time_us", "note",
+    "displaced", "failed", "unproven", "close", "evaluations_per_step", "time_us",
+    "in_lanes", "unlike_driver", "unlike_not_close", "note",
 )  # fmt: skip
 
 
@@ -317,6 +401,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--families", nargs="*", default=list(ALL))
     parser.add_argument("--rtols", nargs="*", type=float, default=RTOLS)
+    parser.add_argument("--path", choices=PATHS, default="state")
     parser.add_argument("--peers", action="store_true", help="SciPy and heyoka, too")
     arguments = parser.parse_args()
     rows: list[dict[str, Any]] = []
@@ -324,17 +409,20 @@ def main() -> None:
         rows = pd.read_csv(arguments.out).to_dict("records")
     named = ("solver", "family", "rtol", "members", "seed")
     done = {tuple(row[name] for name in named) for row in rows}
-    solvers: tuple[str, ...] = (OURS,)
+    ours = PATHS[arguments.path]
+    solvers: tuple[str, ...] = (ours,)
     if arguments.peers:
-        solvers = (OURS, *PEERS)
+        solvers = (ours, *PEERS)
     size = arguments.members, arguments.seed
     for name in arguments.families:
         for rtol in arguments.rtols:
             for solver in solvers:
                 if (solver, name, rtol, *size) in done:
                     continue
-                if solver == OURS:
-                    rows.append(row_of(name, rtol, *size))
+                if solver == PATHS["lanes"]:
+                    rows.append(lanes_row(name, rtol, *size))
+                elif solver == ours:
+                    rows.append(row_of(name, rtol, *size, arguments.path == "jacobian"))
                 else:
                     rows.append(peer_row(solver, name, rtol, *size))
                 print(rows[-1], flush=True)

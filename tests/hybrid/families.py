@@ -476,7 +476,11 @@ class Verdict:
 
 
 def judged(
-    name: str, rtol: float, rng: np.random.Generator, samples: int = SAMPLES
+    name: str,
+    rtol: float,
+    rng: np.random.Generator,
+    samples: int = SAMPLES,
+    **options: Any,
 ) -> Verdict:
     """Solve a random member, and compare its events with samples of its path.
 
@@ -488,7 +492,7 @@ def judged(
     start, params, end = ALL[name].draw(rng)
     solution = solve(
         system_of(name), (0.0, end), start, params=params, rtol=rtol, atol=1e-3 * rtol,
-        dense_output=True,
+        dense_output=True, **options,
     )  # fmt: skip
     log = solution.events
     # Also between each two events, however near they are.

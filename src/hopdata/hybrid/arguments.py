@@ -225,7 +225,8 @@ def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
     else:
         given = np.asarray(_number("atol", atol))
     fits = given.shape in ((), full.shape) and (given >= 0).all()
-    expect(fits, "atol", f"a number or {len(full)} numbers, >= 0", repr(atol))
+    if not fits:  # to write an array as text takes longer than a short integration
+        expect(False, "atol", f"a number or {len(full)} numbers, >= 0", repr(atol))
     full[:] = given
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import subprocess
 import sys
@@ -280,8 +281,16 @@ def far_away(t, y, dy, mode, params, h, hdot):
 @pytest.mark.parametrize(
     ("system", "options", "said"),
     [
-        (System(branching), {}, "branches on the state or the time"),
-        (System(arrays_inside), {}, "setitem"),
+        (
+            System(branching),
+            {},
+            "line {} (dy[0] = 1.0 if y[0] > 0.0 else 2.0): it branches on the state",
+        ),
+        (
+            System(arrays_inside),
+            {},
+            "line {} (room[0] = y[0]): it writes a state or the time into an array",
+        ),
         (System(plain_python), {}, "runs as plain Python"),
         (
             System(branching, far_away, guard_names=tuple(map(str, range(63)))),
@@ -296,7 +305,14 @@ def test_why_there_are_no_lanes(system, options, said):
     y0 = np.linspace(0.5, 1.0, 3)[:, None]
     batch = solve_batch(system, (0.0, 1.0), y0, lanes=True, workers=1, **options)
     assert batch.success
-    assert said in batch.lanes_reason
+    if "{}" in said:  # the function, and its line
+        function = system.field.function
+        place = f"field {function.__name__!r}, "
+        below = {"branching": 2, "arrays_inside": 3}[function.__name__]
+        line = inspect.getsourcelines(function)[1] + below
+        assert batch.lanes_reason.startswith(place + said.format(line))
+    else:
+        assert said in batch.lanes_reason
     assert not batch.lanes.any()
     plain = solve_batch(system, (0.0, 1.0), y0, workers=1, **options)
     assert plain.y_end.tobytes() == batch.y_end.tobytes()

@@ -146,3 +146,32 @@ def test_other_operations_are_proven_in_lanes_and_arrays_by_the_driver():
     assert found.lanes_reason
     assert found.proven.all()
     np.testing.assert_array_equal(found.n_events, 4)
+
+
+def test_only_dips_far_below_the_tolerance_are_lost():
+    """An orbit passes circles whose depth is known: 1e-10 to 1e-2 of their radius.
+
+    Steps that are close are taken again, shorter: without that, dips of 0.34 tolerances
+    are lost at this tolerance.
+    """
+    rtol, atol = 1e-9, 1e-12
+    rng = np.random.default_rng([101, *map(ord, "graze")])
+    members = [FAMILIES["graze"].draw(rng) for _ in range(60)]
+    starts, params, ends = (np.array(one) for one in zip(*members, strict=True))
+    options = {"params": params, "rtol": rtol, "atol": atol, "workers": 1}
+    span = (0.0, ends[0])
+    found = solve_batch(system_of("graze"), span, starts, lanes=True, **options)
+    far = np.hypot(params[:, 0], params[:, 1])
+    touched = params[:, :2] / far[:, None]
+    depth = params[:, 2] ** 2 - (far - 1.0) ** 2
+    reach = abs(touched) * 2.0 * (atol + rtol * abs(touched))
+    tolerance = 2.0 * (far - 1.0) * reach.sum(axis=1)
+    place = np.arctan2(*touched.T[::-1]) - np.arctan2(*starts.T[::-1])
+    passes = 1 + (place % (2.0 * np.pi) < ends - 2.0 * np.pi)
+    flips = np.where(depth > 0.0, 2 * passes, 0)
+    unlike = found.n_events != flips
+    assert found.lanes.mean() > 0.9
+    assert (abs(depth) / tolerance)[unlike].max(initial=0.0) < 0.05
+    assert (found.n_close[unlike] > 0).all()
+    # And where they are deeper, they are found.
+    assert np.count_nonzero(flips[~unlike]) > 20

@@ -50,6 +50,11 @@ BRANCH = (
     "max"
 )
 
+ARRAYS = "it writes a state or the time into an array: lanes keep them in variables"
+
+_PLACE = re.compile(r" \(line (\d+)(?:: (.*))?\)$")
+_UNKNOWN = re.compile(r"it does not know (\w+)\(")
+
 
 def reason_against(system: System, method: str, jacobian: bool) -> str:
     """Return why lanes cannot integrate a system, as far as known without compiling.
@@ -289,10 +294,14 @@ def lane_functions(
     field_native, guards_native = layout.natives(
         Rows(system.n_states), Rows(system.n_guards)
     )
-    try:
-        code = [_compiled(field, field_native), _compiled(guards, guards_native)]
-    except NumbaError as error:
-        return [], _sentence(error)
+    code: list[Any] = []
+    asked: list[tuple[Any, Any, Any]] = [(field, field_native, system.field)]
+    asked.append((guards, guards_native, system.guards or system.guard))
+    for function, native, users in asked:
+        try:
+            code.append(_compiled(function, native))
+        except NumbaError as error:
+            return [], _sentence(error, users)
     if system.n_guards == 0:
         return [*code, None], ""
     over_steps = with_digest(ranged_guards_of_groups, **names, **ranged, CALL=values)
@@ -428,17 +437,34 @@ def _compiled(function: Any, native: Any) -> Any:
 
 def read_modes(system: System) -> tuple[int, ...]:
     """Return the places of the mode that field and guards read."""
-    found: set[int] = set()
-    for one in (system.field, system.guards, system.guard):
-        if one is not None:
-            found |= set(one.elements_of("mode", system.n_modes))
-    return tuple(sorted(found))
+    key = (read_modes,)
+    if key not in system.made:
+        found: set[int] = set()
+        for one in (system.field, system.guards, system.guard):
+            if one is not None:
+                found |= set(one.elements_of("mode", system.n_modes))
+        system.made[key] = tuple(sorted(found))
+    return system.made[key]
 
 
-def _sentence(error: NumbaError) -> str:
-    """Return one line that says what Numba cannot do in lanes."""
-    reason, _ = reason_and_advice(error)
+def _sentence(error: NumbaError, one: Any) -> str:
+    """Return a sentence that names a function, its line, and what stands in the way.
+
+    `one` is the system's field or guards, as declared.
+    """
+    function = getattr(one.function, "users", one.function)
+    reason, _ = reason_and_advice(error, function)
+    said = _PLACE.search(reason)
+    where = f"{one.signature.name} {function_name(function)!r}"
+    if said:
+        where += f", line {said[1]}"
+        where += f" ({said[2]})" if said[2] else ""
+        reason = reason[: said.start()]
+    unknown = _UNKNOWN.search(reason)
     if "bool(Mask" in str(error):
-        line = re.search(r"\(line (\d+)\)", reason)
-        reason = BRANCH + (f" {line[0]}" if line else "")
-    return reason
+        reason = BRANCH
+    elif unknown and unknown[1] == "setitem":
+        reason = ARRAYS
+    elif unknown:
+        reason = f"lanes have no code for {unknown[1]!r} of a state or the time"
+    return f"{where}: {reason}"

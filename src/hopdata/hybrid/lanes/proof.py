@@ -15,10 +15,17 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import int_vector
 from hopdata.hybrid.driver.enclosure import begin_enclosing
+from hopdata.hybrid.driver.end_step import RETAKE_ABOVE
 from hopdata.hybrid.driver.localise import NONE
 from hopdata.hybrid.driver.loop import memory_of, problem_of
 from hopdata.hybrid.driver.problem import ROUNDING, Problem, has_flipped, terms_at
-from hopdata.hybrid.driver.proof import NEARLY, STILL, proven_flip
+from hopdata.hybrid.driver.proof import (
+    DOUBT,
+    INTERPOLANT,
+    NEARLY,
+    STILL,
+    proven_flip,
+)
 from hopdata.hybrid.lanes import method as written
 from hopdata.hybrid.lanes.method import DENSE, STAGES
 from hopdata.hybrid.lanes.room import (
@@ -60,6 +67,10 @@ ROOT_TOLERANCE = 1e-4
 #: Unit: 1. Origin: chosen.
 NEAR = 1e-5
 
+
+#: Largest such distance where only rounding says that the guard is at its surface.
+#: Unit: fraction of the step. Origin: convention: as in `driver.end_step`.
+FARTHEST_MOVE = RETAKE_ABOVE
 
 #: Factor that leaves 21 of the 53 binary digits of a number. Where the driver's kernel
 #: finds a flip, it calls functions of the C library, whose last digits differ between
@@ -186,7 +197,9 @@ def measure_parts(p: Problem, m: Memory) -> None:
 def prove_one(j: int, t: Any, h: Any, r: Any) -> tuple[float, bool]:
     """Return where the first guard flips in the step of lane j, and if that is proven.
 
-    The place is a fraction of the step, and infinite if none flips.
+    The place is a fraction of the step, and infinite if none flips. IS_CLOSE of the
+    lane's memory says whether a guard turns closer to its surface than the tolerance
+    can tell.
     """
     if not write_step(j, t, h, r):
         return inf, False
@@ -200,6 +213,13 @@ def prove_one(j: int, t: Any, h: Any, r: Any) -> tuple[float, bool]:
     if k == NONE:
         return inf, True
     return in_few_digits(place), True
+
+
+@kernel
+def do_not_count(lanes: int, r: Any) -> None:
+    """Take back that the steps of these lanes are close, since they are taken again."""
+    for j in range(WIDTH):
+        memory_in(j, r).counts[at.CLOSE] -= 1 if lanes >> j & 1 else 0
 
 
 # All lanes at once: the whole step as one piece. What is not decided so is left to the
@@ -226,7 +246,41 @@ def is_past_at_end(g: int, resolution: Any, r: Any) -> Any:
 
 
 @kernel
-def decide(t: Any, h: Any, r: Any) -> tuple[Any, Any]:
+def lowest(m0: Any, m1: Any, least_rate: Any, most_rate: Any, h: Any) -> Any:
+    """Return a lower bound of margins that turn between the ends of their steps.
+
+    It is that of `driver.proof.lowest`.
+    """
+    x = (m1 - m0 - most_rate * h) / (least_rate - most_rate)
+    x = least(largest(x, 0.0), h)
+    return least(m0 + least_rate * x, m1 - most_rate * (h - x))
+
+
+@kernel
+def are_not_close(t: Any, h: Any, r: Any) -> Any:
+    """Return where no guard turns closer to its surface than the tolerance can tell.
+
+    Their least distances are in the rows `h`. Each state moves by its tolerance, as in
+    `driver.proof.vary`; that time goes on, too, makes the guards' reach larger. The
+    slopes of the states and the ranges of the guards are overwritten.
+    """
+    for i in range(r.n):
+        k = RANGE * i
+        size = largest(absolute(r.ranges[k]), absolute(r.ranges[k + 1]))
+        reach = INTERPOLANT * fma(r.rtol, size, r.atol[i])
+        r.ranges[k + 2] = -reach
+        r.ranges[k + 3] = reach
+    call_ranged(r.ranged, t, t + h, r)
+    result = mask_of(-1)
+    for g in range(r.n_guards):
+        q = RANGE * g
+        farther = (r.h[g] > -r.limits[q + 2]) & (r.h[g] > r.limits[q + 3])
+        result = result & (farther | (r.h[g] == inf))
+    return result
+
+
+@kernel
+def decide(t: Any, h: Any, fine: Any, r: Any) -> tuple[Any, Any]:
     """Decide the guards over whole steps by their ranges, as `driver.proof.judge` does.
 
     Returns where this decides all guards, and where at least one of these flips: once,
@@ -236,6 +290,7 @@ def decide(t: Any, h: Any, r: Any) -> tuple[Any, Any]:
     call_ranged(r.ranged, t, t + h, r)
     resolution = resolution_of(t, h)
     decided = mask_of(-1)
+    are_clear = mask_of(-1)  # or decided: where guards turn, perhaps too close to tell
     flips = mask_of(0)
     for g in range(r.n_guards):
         lock = r.lock[g]
@@ -253,7 +308,8 @@ def decide(t: Any, h: Any, r: Any) -> tuple[Any, Any]:
         on = (m0 <= 0.0) | ((m0 <= noise) & (d0 > 0.0))
         past = is_past_at_end(g, resolution, r)
         # A rate that moves h by no more than its rounding counts as zero.
-        still = STILL * largest(absolute(low), absolute(high)) / h
+        size = largest(absolute(low), absolute(high))
+        still = STILL * size / h
         still = where(still < inf, still, 0.0)
         falls = most_rate <= still
         rises = least_rate >= -still
@@ -261,8 +317,18 @@ def decide(t: Any, h: Any, r: Any) -> tuple[Any, Any]:
         stays = ~past & (falls | (rises & (on | (m1 > 0.0))))
         once = past & falls & ~on
         finite = absolute(m1) + absolute(d1) < inf
-        decided = decided & finite & (far | stays | once)
+        told = finite & (far | stays | once)
+        doubt = DOUBT * size
+        bound = lowest(m0 - doubt, m1 - doubt, least_rate, most_rate, h)
+        limited = absolute(least_rate) + absolute(most_rate) < inf
+        off = (m0 > 0.0) & (m1 > 0.0) & ~on & limited
+        clearance = where(low > 0.0, low, where(off, bound, -1.0))
+        r.h[g] = where(told, inf, clearance)
+        decided = decided & told
+        are_clear = are_clear & (told | (finite & (clearance > 0.0)))
         flips = flips | (once & ~far)
+    if bits(fine & are_clear & ~decided) != 0:
+        decided = decided | (are_clear & are_not_close(t, h, r))
     return decided, flips & decided
 
 
@@ -336,20 +402,22 @@ def root(go: Any, m0: Any, d0: Any, m1: Any, d1: Any, quartic: Any, x: Any) -> A
 
 
 @kernel
-def prove(t: Any, h: Any, fine: Any, r: Any) -> tuple[Any, Any]:
+def prove(t: Any, h: Any, fine: Any, r: Any) -> tuple[Any, Any, Any]:
     """Prove the guards in the steps that are `fine`.
 
-    Their interpolants must have been prepared. Returns where nothing is proven, and
-    where a guard flips; LOCATION says at which fraction of the step.
+    Their interpolants must have been prepared. Returns where nothing is proven, where a
+    guard flips (LOCATION says at which fraction of the step), and where one turns
+    closer to its surface than the tolerance can tell.
     """
     lost = 0
     seen = 0
+    close = 0
     r.aim[LOCATION] = spread(1.0)
     mine = bits(fine)
     if r.n_guards == 0 or mine == 0:
-        return mask_of(0), mask_of(0)
+        return mask_of(0), mask_of(0), mask_of(0)
     if r.ranged != 0:
-        decided, flips = decide(t, h, r)
+        decided, flips = decide(t, h, fine, r)
         mine &= ~bits(decided)
         seen = bits(flips & fine)
         if seen != 0:
@@ -359,10 +427,12 @@ def prove(t: Any, h: Any, fine: Any, r: Any) -> tuple[Any, Any]:
             there, is_proven = prove_one(j, t, h, r)
             if not is_proven:
                 lost |= 1 << j
-            elif there < inf:
+                continue
+            close |= 1 << j if memory_in(j, r).counts[at.IS_CLOSE] != 0 else 0
+            if there < inf:
                 seen |= 1 << j
                 r.aim[LOCATION] = with_lane(r.aim[LOCATION], j, there)
-    return mask_of(lost), mask_of(seen)
+    return mask_of(lost), mask_of(seen), mask_of(close)
 
 
 @kernel
@@ -384,5 +454,8 @@ def at_surface(t: Any, h: Any, r: Any) -> tuple[Any, Any, Any]:
         touches = (rate < 0.0) & (absolute(margin) <= largest(-NEAR * rate, noise))
         touching = touching | touches
         before = before & (touches | (margin >= -noise))
-        soonest = where(touches, least(soonest, -margin / rate), soonest)
+        # Where rounding hides a slow guard, its rate does not tell how far it is.
+        shift = -margin / rate
+        shift = where(absolute(shift) <= FARTHEST_MOVE, shift, 0.0)
+        soonest = where(touches, least(soonest, shift), soonest)
     return touching, soonest, before

@@ -45,6 +45,7 @@ from hopdata.hybrid.lanes.method import (
 from hopdata.hybrid.lanes.proof import (
     NEAR,
     at_surface,
+    do_not_count,
     mark,
     memory_in,
     prove,
@@ -139,6 +140,11 @@ SAFETY = 0.8
 #: Largest factor between two steps.
 #: Unit: 1. Origin: chosen.
 GROW_MOST = 6.0
+
+#: Largest error of the interpolant of a step in which a guard turns close to its
+#: surface: a step with more is taken again, shorter.
+#: Unit: tolerances. Origin: chosen: about half the step.
+CLOSE_ERROR = 1e-3
 
 HUGE = 1e30  # replaces an error that is not finite
 TINY_ERROR = 1e-12  # avoids a power of zero
@@ -245,6 +251,14 @@ def propose_steps(h: Any, error: Any, rejected: int, r: Any) -> None:
     most = where(mask_of(rejected), 1.0, GROW_MOST)
     factor = largest(SHRINK_MOST, least(most, factor))
     r.course[NEXT_STEP] = h * factor
+
+
+@kernel
+def shorten_close(again: Any, h: Any, error: Any, r: Any) -> None:
+    """Let the next steps of these lanes be such that CLOSE_ERROR is their error."""
+    factor = rough_power(DENSE_ERROR / CLOSE_ERROR * error + TINY_ERROR, -1.0 / ORDER)
+    next_step = least(SAFETY * factor * h, r.course[NEXT_STEP])
+    r.course[NEXT_STEP] = where(again, next_step, r.course[NEXT_STEP])
 
 
 # The end of a step on a flip.
@@ -530,15 +544,18 @@ def lost_lanes(
 
 
 @kernel
-def judge(t: Any, h: Any, fine: Any, aimed: int, r: Any) -> tuple[Any, Any, Any, Any]:
+def judge(
+    t: Any, h: Any, error: Any, fine: Any, aimed: int, r: Any
+) -> tuple[Any, Any, Any, Any, Any]:
     """Judge all guards in the steps that are `fine`, and prepare their interpolants.
 
     A step that is repeated up to a flip, in the lanes `aimed`, was proven when it was
     longer: only its end counts, if no guard is past its surface there.
 
-    Returns four results by lane: where nothing is proven, where a guard flips inside
-    the step, where one is at its surface at the end, and the distance of the end from
-    there, in steps.
+    Returns five results by lane: where nothing is proven, where a guard flips inside
+    the step, where one is at its surface at the end, the distance of the end from
+    there, in steps, and where a guard turns so close that the step is to be taken
+    again, with a smaller error.
     """
     end_slope = state(r.k, STAGES * r.n)
     call_guards(r.guards, t + h, r.end, end_slope, r, r.h1, r.rate1)
@@ -546,10 +563,13 @@ def judge(t: Any, h: Any, fine: Any, aimed: int, r: Any) -> tuple[Any, Any, Any,
     open_ones = fine & ~(before & mask_of(aimed))
     if r.times.width > 0 or (r.n_guards > 0 and bits(open_ones) != 0):
         prepare(t, h, r)
-    lost, flips = prove(t, h, open_ones, r)
+    lost, flips, close = prove(t, h, open_ones, r)
+    again = close & (DENSE_ERROR * error > CLOSE_ERROR)
+    if bits(again) != 0:
+        do_not_count(bits(again), r)
     # The end of the step is moved to a flip next to it.
     by_the_end = touching & (r.aim[LOCATION] > 1.0 - 2.0 * NEAR)
-    return lost, flips & ~by_the_end, touching, soonest
+    return lost, flips & ~by_the_end & ~again, touching, soonest, again
 
 
 @kernel
@@ -568,9 +588,10 @@ def advance(
     error, hard = take_step(t, h, r)
     error = where(error < HUGE, error, HUGE)
     fine = (error <= 1.0) & mask_of(active)
-    lost, crossed, touching, soonest = judge(t, h, fine, aimed, r)
+    lost, crossed, touching, soonest, again = judge(t, h, error, fine, aimed, r)
     propose_steps(h, error, rejected, r)
-    accepted = fine & ~lost & ~crossed
+    shorten_close(again, h, error, r)
+    accepted = fine & ~lost & ~crossed & ~again
     landing = bits(accepted & touching)
     aimed = bits(crossed)
     over = give_up(bits(lost), r)
