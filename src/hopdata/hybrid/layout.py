@@ -140,7 +140,9 @@ STOP, BEFORE_STOP, AFTER_STOP, SOUGHT, LOOK_LENGTH = numbers(5, 21)
 # Times between which guards may be left out, and how far the next box for this reaches
 # beyond its piece, in pieces (see `sleep`).
 LEFT_FROM, LEFT_TO, LEFT_REACH = numbers(3, 26)
-CLOCK_SLOTS = 29
+# How far ahead known instants are sought, at least (see `known`).
+SEEK_LENGTH = np.int64(29)
+CLOCK_SLOTS = 30
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
@@ -176,8 +178,10 @@ POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ARE_POWERS, ARE_WHOLE = numbers(6, 37
 N_STOPS, NEXT_SINGLE, UNSOUGHT = numbers(3, 43)
 # Guards that are left out of evaluations for ranges; pieces for which they have been;
 # pieces until this is tried again, and the last number of these.
-LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE, ANSWERS = numbers(5, 46)
-COUNT_SLOTS = 50 + answers.N_SLOTS
+LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE = numbers(4, 46)
+# Whether an instant was sought along the path at one state only (see `known`).
+BY_STATE, ANSWERS = numbers(2, 50)
+COUNT_SLOTS = 51 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for
@@ -225,6 +229,10 @@ UNKNOWN = -(2**63)
 # Flags of a run: it resumes where it was; the mode is given (zeros otherwise).
 RESUMED = 1
 GIVEN_MODE = 2
+
+# Values of HAS_STOPS: there are known instants, and those of the field do not depend on
+# the mode.
+STOPS, STOPS_IN_ALL_MODES = 1, 2
 
 
 class Memory(NamedTuple):

@@ -145,7 +145,8 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     (array([0.451524, 0.555292]), array([-1,  1]))
     """
     expect(isinstance(system, System), "system", "a System", system)
-    system = system.current()
+    if type(tstops) is not Instants:  # otherwise it is derived from one that is current
+        system = system.current()
     work = system.take_workspace()
     try:
         keep_events = events == "all"

@@ -110,7 +110,10 @@ class Workspace:
         self.block[layout.PATIENCE] = FIRST_PATIENCE
         self.block[layout.BRANCHES] = system.branches.address
         self.block[layout.SWITCHES] = system.switches.address
-        self.block[layout.HAS_STOPS] = int(system.takes_instants)
+        if system.takes_instants:
+            in_all = system.switches.in_all_modes
+            stops = layout.STOPS_IN_ALL_MODES if in_all else layout.STOPS
+            self.block[layout.HAS_STOPS] = stops
         self.block[layout.N_VARYING] = system.n_shown
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
@@ -149,10 +152,13 @@ class Workspace:
             layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at
         )
         self._lay_out(layout.WANTED, self._wanted, self._samples)
+        self._known: Instants | None = None
         self.set_instants(NONE)
 
     def set_instants(self, known: Instants) -> None:
-        """Lay out the known instants of one integration."""
+        """Lay out the known instants of one integration, unless they are laid out."""
+        if known is self._known:
+            return
         self._known = known
         self._lay_out(layout.SINGLES, known.singles, known.periods)
 
@@ -179,8 +185,9 @@ class Workspace:
         n_slots = layout.BLOCK_SLOTS
         n_constants = n_params + self._n_memory
         numbers = np.zeros(n_slots + self._n_states + n_constants)
-        # And the parameters with which guards are left out (see `driver.sleep`).
-        kept = 2 * (self._n_modes + n_constants) + n_constants
+        # And the parameters with which guards are left out (see `driver.sleep`), and
+        # those with which instants were sought (see `driver.known`).
+        kept = 2 * (self._n_modes + n_constants) + 2 * n_constants
         self._before_and_after = np.zeros(kept)
         slots = numbers[:n_slots].view(np.int64)
         slots[: len(self.block)] = self.block
