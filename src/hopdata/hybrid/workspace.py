@@ -59,6 +59,14 @@ UNKNOWN = -1  # number of parameters before any are given
 NOTHING = object()  # equal to no choice of methods
 
 
+def _kind_of_stops(system: Any) -> int:
+    """Return the value of HAS_STOPS for a system."""
+    if not system.takes_instants:
+        return 0
+    in_all = system.switches.in_all_modes
+    return layout.STOPS_IN_ALL_MODES if in_all else layout.STOPS
+
+
 class Workspace:
     """Memory of one integration at a time.
 
@@ -87,6 +95,7 @@ class Workspace:
     """
 
     methods: MethodTable
+    _known: Instants | None = None
 
     def __init__(self, system: Any) -> None:
         n_states = system.n_states
@@ -110,10 +119,7 @@ class Workspace:
         self.block[layout.PATIENCE] = FIRST_PATIENCE
         self.block[layout.BRANCHES] = system.branches.address
         self.block[layout.SWITCHES] = system.switches.address
-        if system.takes_instants:
-            in_all = system.switches.in_all_modes
-            stops = layout.STOPS_IN_ALL_MODES if in_all else layout.STOPS
-            self.block[layout.HAS_STOPS] = stops
+        self.block[layout.HAS_STOPS] = _kind_of_stops(system)
         self.block[layout.N_VARYING] = system.n_shown
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
@@ -152,7 +158,6 @@ class Workspace:
             layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at
         )
         self._lay_out(layout.WANTED, self._wanted, self._samples)
-        self._known: Instants | None = None
         self.set_instants(NONE)
 
     def set_instants(self, known: Instants) -> None:

@@ -22,7 +22,12 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import FloatVector, address_of, float_vector
 from hopdata.hybrid.driver.paths import BYTES, MOST_RUNS, answer_next, call_ranges
-from hopdata.hybrid.driver.problem import TIME_ROUNDING, Problem, time_resolution
+from hopdata.hybrid.driver.problem import (
+    EPS,
+    TIME_ROUNDING,
+    Problem,
+    time_resolution,
+)
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.numbers import answers
 
@@ -39,12 +44,12 @@ MOST_WIDER = 10
 #: Unit: 1. Origin: chosen.
 AHEAD = 4.0
 
-#: Factor by which the stretch after a clear one is longer, and by which jumps are sought
-#: farther ahead after a search without a find.
+#: Factor by which the stretch after a clear one is longer, and by which jumps are
+#: sought farther ahead after a search without a find.
 #: Unit: 1. Origin: chosen.
 GROW = 4.0
 
-#: Stretches that are looked at in one search; what is left is not searched.
+#: Stretches that are looked at in one search; the next steps are not searched then.
 #: Unit: 1. Origin: chosen.
 MOST_LOOKS = 4096
 
@@ -216,7 +221,13 @@ def set_states(p: Problem, m: Memory, is_known: bool) -> None:
 
 @kernel
 def run_field(p: Problem, m: Memory, start: float, end: float) -> None:
-    """Run the field's code for ranges over a stretch of time."""
+    """Run the field's code for ranges over a stretch of time.
+
+    The stretch overlaps the next one by a rounding: a kink exactly between them is in
+    none otherwise.
+    """
+    if end < min(p.t_end, m.clock[at.BEFORE_STOP]):
+        end += EPS * max(abs(start), abs(end))
     n = m.states.width
     states = address_of(m.states)
     call_ranges(
@@ -291,7 +302,7 @@ def near_reach(p: Problem, m: Memory) -> float:
 
 @kernel_apart
 def give_up(p: Problem, m: Memory, a: float, goal: float) -> None:
-    """Leave some steps from time `a` on, up to `goal`, without a search, and count it."""
+    """Leave some steps from time `a` on, up to `goal`, without a search; count it."""
     m.counts[at.UNSOUGHT] += 1
     m.clock[at.SOUGHT] = min(a + near_reach(p, m), goal)
     m.clock[at.SEEK_LENGTH] = 0.0

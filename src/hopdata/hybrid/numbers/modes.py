@@ -8,6 +8,7 @@ the mode may matter.
 
 import ast
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from types import FunctionType
 from typing import Any
 
@@ -25,6 +26,8 @@ from hopdata.hybrid.numbers.source import (
     definition,
 )
 
+Found = dict[Any, Any]
+
 # Statements after which the rest of a loop or of a function is left out.
 LEAVING = (ast.Return, ast.Break, ast.Continue, ast.Raise)
 # What is too hard to follow.
@@ -38,6 +41,7 @@ def is_same_in_all_modes(
     modes: Iterable[int],
     only_read: Iterable[int] = (),
     judged: Judged = frozenset(),
+    found: Found | None = None,
 ) -> bool:
     """Return whether jumps of a function in time are surely the same in all modes.
 
@@ -51,11 +55,14 @@ def is_same_in_all_modes(
         Positions of arrays to which it does not write, nor a helper of it.
     judged : frozenset, optional
         Code and arguments of the functions that call this one.
+    found : dict, optional
+        What is known of functions already.
     """
+    found = {} if found is None else found
     places = (*times, -1, *modes)
     if not isinstance(function, FunctionType) or (function.__code__, places) in judged:
         return False
-    node = definition(function)
+    node = _definition(function, found)
     if node is None:
         return False
     arguments = _positional(node)
@@ -64,8 +71,8 @@ def is_same_in_all_modes(
     known = _known(function)
     inside = judged | {(function.__code__, places)}
     fixed = frozenset(arguments[place] for place in only_read)
-    by_time = _Followed({arguments[place] for place in times}, known, inside)
-    by_mode = _Followed({arguments[place] for place in modes}, known, inside)
+    by_time = _Followed({arguments[place] for place in times}, known, inside, found)
+    by_mode = _Followed({arguments[place] for place in modes}, known, inside, found)
     try:
         by_time.spread(node, fixed)
         by_mode.spread(node, fixed)
@@ -75,15 +82,33 @@ def is_same_in_all_modes(
         return False
 
 
+def _definition(function: FunctionType, found: Found) -> ast.FunctionDef | None:
+    """Return the definition of a function, or None; each source is read once."""
+    if function not in found:
+        found[function] = definition(function)
+    node: ast.FunctionDef | None = found[function]
+    return node
+
+
+@dataclass
 class _Followed(_Code):
-    """Code in which names also get a varying value where something varying decides."""
+    """Code in which names also get a varying value where something varying decides.
+
+    Parameters
+    ----------
+    found : dict
+        What is known of functions already: their definitions, and to which of their
+        arguments they surely do not write.
+    """
+
+    found: Found
 
     def _spread_from(self, one: ast.AST, fixed: frozenset[str]) -> None:
         for target, value in _assignments(one):
             if self.varies(value):
                 self.varying |= set(_changed(target))
             elif self.varies(target):  # an array may be changed by its other name
-                self.varying |= set(_shared(value)) - fixed
+                self.varying |= set(_names_of_arrays(self, value)) - fixed
         if _is_chosen(self, one):
             self.varying |= set(_written_in(one)) - fixed
         elif isinstance(one, ast.Call) and self.varies(one):
@@ -121,11 +146,28 @@ def _plain_arguments(node: ast.Call) -> Iterator[str]:
         yield from _shared(one)
 
 
-def _written_by(code: _Code, node: ast.Call) -> Iterator[str]:
+def _written_by(code: _Followed, node: ast.Call) -> Iterator[str]:
     """Yield the names of the arrays to which a call may write."""
     for place, one in enumerate(node.args):
         if not _only_reads(code, node, place, frozenset()):
             yield from _shared(one)
+
+
+def _names_of_arrays(code: _Followed, value: ast.AST) -> Iterator[str]:
+    """Yield the names of arrays that a value may be, or have among its parts."""
+    yield from _shared(value)
+    if isinstance(value, ast.Tuple | ast.List):
+        for one in value.elts:
+            yield from _names_of_arrays(code, one)
+    elif isinstance(value, ast.IfExp):
+        yield from _names_of_arrays(code, value.body)
+        yield from _names_of_arrays(code, value.orelse)
+    elif isinstance(value, ast.Attribute):
+        yield from _changed(value)
+    elif isinstance(value, ast.Call):
+        if not code.called(value):
+            yield from _changed(value.func)  # a method of an array
+        yield from _written_by(code, value)
 
 
 def _helper_of(code: _Code, node: ast.Call) -> Any:
@@ -137,7 +179,7 @@ def _helper_of(code: _Code, node: ast.Call) -> Any:
 
 
 def _only_reads(
-    code: _Code, node: ast.Call, place: int, judged: frozenset[tuple[Any, int]]
+    code: _Followed, node: ast.Call, place: int, judged: frozenset[tuple[Any, int]]
 ) -> bool:
     """Return whether a call surely does not write to an argument, nor keep it."""
     if node.keywords or any(isinstance(one, ast.Starred) for one in node.args):
@@ -148,46 +190,42 @@ def _only_reads(
     helper = _helper_of(code, node)
     if not isinstance(helper, FunctionType) or (helper, place) in judged:
         return False
-    inner = definition(helper)
+    inner = _definition(helper, code.found)
     if inner is None or place >= len(_positional(inner)):
         return False
-    name = _positional(inner)[place]
-    own = _Code(set(), _known(helper), frozenset())
-    inside = judged | {(helper, place)}
-    parts = (one for statement in inner.body for one in ast.walk(statement))
-    return all(_leaves_alone(own, one, name, inside) for one in parts)
+    if (helper, place) not in code.found:
+        name = _positional(inner)[place]
+        own = _Followed(set(), _known(helper), frozenset(), code.found)
+        inside = judged | {(helper, place)}
+        parts = (one for statement in inner.body for one in ast.walk(statement))
+        reads = all(_leaves_alone(own, one, name, inside) for one in parts)
+        code.found[(helper, place)] = reads
+    return bool(code.found[(helper, place)])
 
 
 def _leaves_alone(
-    code: _Code, node: ast.AST, name: str, judged: frozenset[tuple[Any, int]]
+    code: _Followed, node: ast.AST, name: str, judged: frozenset[tuple[Any, int]]
 ) -> bool:
-    """Return whether a node itself gives no other name to an array, nor writes to it."""
+    """Return whether a node itself neither writes to an array nor gives it a name."""
     if isinstance(node, ast.Call):
         places = [i for i, one in enumerate(node.args) if name in set(_shared(one))]
         return all(_only_reads(code, node, place, judged) for place in places)
     if isinstance(node, ast.Attribute | ast.Starred):
         return name not in set(_changed(node.value))
     if isinstance(node, ast.Return):
-        return node.value is None or not _holds(node.value, name)
+        return node.value is None or name not in set(_names_of_arrays(code, node.value))
     for target, value in _assignments(node):
-        if name in set(_changed(target)) or _holds(value, name):
+        if name in {*_changed(target), *_names_of_arrays(code, value)}:
             return False
     return not isinstance(node, HARD)
-
-
-def _holds(value: ast.AST, name: str) -> bool:
-    """Return whether a value is an array of this name, or has it among its parts."""
-    if isinstance(value, ast.Tuple | ast.List):
-        return any(_holds(one, name) for one in value.elts)
-    if isinstance(value, ast.IfExp):
-        return _holds(value.body, name) or _holds(value.orelse, name)
-    return name in set(_shared(value))
 
 
 class _Both:
     """What in a function's code depends on the time, and what on the mode."""
 
-    def __init__(self, by_time: _Code, by_mode: _Code, fixed: frozenset[str]) -> None:
+    def __init__(
+        self, by_time: _Followed, by_mode: _Followed, fixed: frozenset[str]
+    ) -> None:
         self.by_time = by_time
         self.by_mode = by_mode
         self.fixed = fixed
@@ -232,4 +270,7 @@ class _Both:
         for place, one in enumerate(node.args):
             if isinstance(one, ast.Name) and one.id in self.fixed:
                 read.append(place)
-        return is_same_in_all_modes(helper, times, modes, read, self.by_time.judged)
+        known = self.by_time
+        return is_same_in_all_modes(
+            helper, times, modes, read, known.judged, known.found
+        )
