@@ -129,7 +129,7 @@ def lanes_row(name: str, rtol: float, members: int, seed: int) -> dict[str, obje
     """Return our row of a family in lanes, with the median of their ends as the end."""
     key = key_of(name, seed)
     drawn = [
-        FAMILIES[name].draw(np.random.default_rng([*key, member]))
+        ALL[name].draw(np.random.default_rng([*key, member]))
         for member in range(members)
     ]
     starts, params, ends = (np.array(one) for one in zip(*drawn, strict=True))

@@ -15,12 +15,14 @@ from hopdata.hybrid import (
     System,
     every,
     field,
+    on_event,
     solve,
     solve_batch,
     solve_ivp,
 )
 from hopdata.hybrid.gradients import gradient
 from hopdata.hybrid.layout import INSTANTS_IN_JACOBIAN
+from hopdata.hybrid.numbers.switches import switches_in_all_modes
 
 START = [1.0, 0.0]
 WIDTH = 1e-6 * SPAN
@@ -376,6 +378,47 @@ def test_events_beside_instants():
     assert solution.success
     end = -2.0 * 2.0 + 0.5 * 3.0 * 4.0
     assert solution.y_end[0] == pytest.approx(end, abs=1e-9)
+
+
+def test_an_event_may_bring_an_instant_that_was_not_there_before():
+    """By the mode, or by the memory of the handler; where neither counts, none does."""
+
+    @field
+    def by_mode(t, y, mode, params, dy):
+        dy[0] = 1.0
+        if mode[1] > 0 and t > 0.7:
+            dy[0] = 3.0
+
+    @field
+    def by_memory(t, y, mode, params, dy):
+        dy[0] = 1.0 + mode[1]
+        if t > params[0]:
+            dy[0] += 2.0
+
+    def level(t, y):
+        return y[0] - 0.3
+
+    @on_event
+    def switch(t, y, mode, params, guard, direction):
+        mode[1] = 1
+        params[0] = 0.7
+        return 0
+
+    named = {
+        "n_states": 1,
+        "n_extra_modes": 1,
+        "n_memory": 1,
+        "guard_names": ("level",),
+    }
+    options = {"mode": [-1, 0], "memory": [9.0], "rtol": 1e-6}
+    for function, in_all, end in ((by_mode, False, 1.6), (by_memory, True, 2.3)):
+        system = System(function, level, switch, **named)
+        assert switches_in_all_modes(system.field) == in_all
+        solution = solve(system, (0.0, 1.0), [0.0], **options)
+        assert np.abs(solution.t - 0.7).min() < 1e-14
+        assert solution.y_end == pytest.approx([end], abs=1e-12)
+        without = solve(system, (0.0, 1.0), [-5.0], **options)  # no event
+        assert np.abs(without.t - 0.7).min() > 1e-3
 
 
 def test_solve_ivp_takes_them():

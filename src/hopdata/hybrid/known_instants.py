@@ -114,8 +114,10 @@ def instants_of(system: System, tstops: Any, params: Any) -> Instants:
     params : array_like
         Parameters, (p,), or (B, p) for many integrations.
     """
-    shared = _row(tstops)
     own = system.tstops
+    if tstops is None and own is None:
+        return NONE
+    shared = _row(tstops)
     numbers = np.atleast_2d(arguments.numbers_of("params", params))
     if callable(own):
         rows = [_row(own(one.copy())) for one in numbers]

@@ -142,7 +142,9 @@ STOP, BEFORE_STOP, AFTER_STOP, SOUGHT, LOOK_LENGTH = numbers(5, 21)
 # beyond its piece, in pieces (see `sleep`).
 PASSED = np.int64(26)
 LEFT_FROM, LEFT_TO, LEFT_REACH = numbers(3, 27)
-CLOCK_SLOTS = 30
+# How far ahead known instants are sought, at least (see `known`).
+SEEK_LENGTH = np.int64(30)
+CLOCK_SLOTS = 31
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
@@ -179,8 +181,10 @@ POWERS_AT, TERMS_AT, PIECE_AT, SHIFTED_AT, ARE_POWERS, ARE_WHOLE = numbers(6, 37
 N_STOPS, NEXT_SINGLE, UNSOUGHT, HELD_FIXED = numbers(4, 43)
 # Guards that are left out of evaluations for ranges; pieces for which they have been;
 # pieces until this is tried again, and the last number of these.
-LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE, ANSWERS = numbers(5, 47)
-COUNT_SLOTS = 51 + answers.N_SLOTS
+LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE = numbers(4, 47)
+# Whether an instant was sought along the path at one state only (see `known`).
+BY_STATE, ANSWERS = numbers(2, 51)
+COUNT_SLOTS = 52 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for
@@ -228,6 +232,10 @@ UNKNOWN = -(2**63)
 # Flags of a run: it resumes where it was; the mode is given (zeros otherwise).
 RESUMED = 1
 GIVEN_MODE = 2
+
+# Values of HAS_STOPS: there are known instants, and those of the field do not depend on
+# the mode.
+STOPS, STOPS_IN_ALL_MODES = 1, 2
 
 
 class Memory(NamedTuple):

@@ -145,7 +145,7 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     (array([0.451524, 0.555292]), array([-1,  1]))
     """
     expect(isinstance(system, System), "system", "a System", system)
-    system = system.current()
+    system = _current(system, tstops)
     work = system.take_workspace()
     try:
         keep_events = events == "all"
@@ -229,6 +229,14 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
     finally:
         work.sink = None
         system.idle.append(work)
+
+
+def _current(system: System, tstops: Any) -> System:
+    """Return the system as its functions are now.
+
+    One that is derived for known instants is so: it was made from one that is current.
+    """
+    return system if type(tstops) is Instants else system.current()
 
 
 def _is_plain(system: System, work: Workspace, tstops: Any) -> bool:

@@ -60,6 +60,14 @@ NOTHING = object()  # equal to no choice of methods
 NO_TIMES = np.empty(0)
 
 
+def _kind_of_stops(system: Any) -> int:
+    """Return the value of HAS_STOPS for a system."""
+    if not system.takes_instants:
+        return 0
+    in_all = system.switches.in_all_modes
+    return layout.STOPS_IN_ALL_MODES if in_all else layout.STOPS
+
+
 class Workspace:
     """Memory of one integration at a time.
 
@@ -87,6 +95,7 @@ class Workspace:
     """
 
     methods: MethodTable
+    _known: Instants | None = None
 
     def __init__(self, system: Any) -> None:
         n_states = system.n_states
@@ -108,7 +117,7 @@ class Workspace:
         self.block[layout.PATIENCE] = FIRST_PATIENCE
         self.block[layout.BRANCHES] = system.branches.address
         self.block[layout.SWITCHES] = system.switches.address
-        self.block[layout.HAS_STOPS] = int(system.takes_instants)
+        self.block[layout.HAS_STOPS] = _kind_of_stops(system)
         self.block[layout.N_VARYING] = system.n_shown
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
@@ -141,7 +150,9 @@ class Workspace:
         self.set_instants(NONE)
 
     def set_instants(self, known: Instants) -> None:
-        """Lay out the known instants of one integration."""
+        """Lay out the known instants of one integration, unless they are laid out."""
+        if known is self._known:
+            return
         self._known = known
         self._lay_out(layout.SINGLES, known.singles, known.periods)
 
@@ -168,8 +179,9 @@ class Workspace:
         n_slots = layout.BLOCK_SLOTS
         n_constants = n_params + self._n_memory
         numbers = np.zeros(n_slots + self._n_states + n_constants)
-        # And the parameters with which guards are left out (see `driver.sleep`).
-        kept = 2 * (self._n_modes + n_constants) + n_constants
+        # And the parameters with which guards are left out (see `driver.sleep`), and
+        # those with which instants were sought (see `driver.known`).
+        kept = 2 * (self._n_modes + n_constants) + 2 * n_constants
         self._before_and_after = np.zeros(kept)
         slots = numbers[:n_slots].view(np.int64)
         slots[: len(self.block)] = self.block

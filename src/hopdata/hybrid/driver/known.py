@@ -6,7 +6,8 @@ code compares the time, or jumps or has a kink in it, the code for ranges
 unknown. What jumps there and has a known rate depends on the time alone. From left to
 right, a stretch of time is clear, or it is divided before the place where a jump is
 expected, until what remains is as short as rounding. Stretches that are clear need not
-be looked at again, unless the mode changes.
+be looked at again, unless an event changes parameters or the mode. Where the source of
+the field shows that the mode does not matter (`numbers.modes`), only parameters do.
 
 Between two instants, the field sees only times of this piece: its time is held within
 two limits, the last two numbers of the parameters (see `derived.with_instants`). They
@@ -19,9 +20,14 @@ from math import floor, inf
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
-from hopdata.hybrid.compiled.memory import address_of, float_vector
+from hopdata.hybrid.compiled.memory import FloatVector, address_of, float_vector
 from hopdata.hybrid.driver.paths import BYTES, MOST_RUNS, answer_next, call_ranges
-from hopdata.hybrid.driver.problem import TIME_ROUNDING, Problem, time_resolution
+from hopdata.hybrid.driver.problem import (
+    EPS,
+    TIME_ROUNDING,
+    Problem,
+    time_resolution,
+)
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.numbers import answers
 
@@ -34,15 +40,16 @@ SHORTEST = 2.0
 #: Unit: 1. Origin: chosen.
 MOST_WIDER = 10
 
-#: How far ahead jumps are sought, in steps.
+#: How far ahead jumps are sought, in steps, at first.
 #: Unit: 1. Origin: chosen.
 AHEAD = 4.0
 
-#: Factor by which the stretch after a clear one is longer.
+#: Factor by which the stretch after a clear one is longer, and by which jumps are
+#: sought farther ahead after a search without a find.
 #: Unit: 1. Origin: chosen.
 GROW = 4.0
 
-#: Stretches that are looked at in one search; what is left is not searched.
+#: Stretches that are looked at in one search; the next steps are not searched then.
 #: Unit: 1. Origin: chosen.
 MOST_LOOKS = 4096
 
@@ -128,6 +135,7 @@ def begin_piece(p: Problem, m: Memory) -> None:
     reach = TIME_ROUNDING * max(abs(t), abs(p.t_end))
     m.counts[at.NEXT_SINGLE] = 0
     m.clock[at.SOUGHT] = t
+    m.clock[at.SEEK_LENGTH] = 0.0
     m.clock[at.LOOK_LENGTH] = inf
     first = -inf
     if next_declared(p, m, t - 2.0 * reach) <= t + reach:
@@ -145,10 +153,46 @@ def begin(p: Problem, m: Memory) -> None:
         begin_piece(p, m)
 
 
+@kernel
+def sought_with(p: Problem) -> FloatVector:
+    """Return the place for the parameters with which jumps were sought last."""
+    n = p.params.width
+    before = 2 * (p.mode.width + n) + n
+    return float_vector(address_of(p.kept) + BYTES * before, n)
+
+
+@kernel_apart
+def keep_parameters(p: Problem) -> None:
+    """Keep the parameters with which jumps are sought."""
+    kept = sought_with(p)
+    for i in range(p.params.width - 2):
+        kept[i] = p.params[i]
+
+
+@kernel_apart
+def are_as_sought(p: Problem, m: Memory) -> bool:
+    """Return whether the jumps that were found, or not found, hold after an event.
+
+    They do if nothing on which they depend can have changed.
+    """
+    if p.has_stops != at.STOPS_IN_ALL_MODES or m.counts[at.BY_STATE] != 0:
+        return False
+    if p.n_varying < m.states.width:  # some parameters are states
+        return False
+    kept = sought_with(p)
+    changed = 0
+    for i in range(p.params.width - 2):
+        changed += 0 if kept[i] == p.params[i] else 1
+    return changed == 0
+
+
 @kernel_apart
 def seek_anew(p: Problem, m: Memory) -> None:
-    """Forget the jumps that were found: the field may have changed."""
+    """Forget the jumps that were found, if an event may have changed the field."""
+    if are_as_sought(p, m):
+        return
     t = m.clock[at.T]
+    m.clock[at.SEEK_LENGTH] = 0.0
     m.clock[at.SOUGHT] = max(t, first_time(p))
     if m.clock[at.STOP] - t > time_resolution(t, 0.0):
         aim(p, m, t, first_time(p))
@@ -177,7 +221,13 @@ def set_states(p: Problem, m: Memory, is_known: bool) -> None:
 
 @kernel
 def run_field(p: Problem, m: Memory, start: float, end: float) -> None:
-    """Run the field's code for ranges over a stretch of time."""
+    """Run the field's code for ranges over a stretch of time.
+
+    The stretch overlaps the next one by a rounding: a kink exactly between them is in
+    none otherwise.
+    """
+    if end < min(p.t_end, m.clock[at.BEFORE_STOP]):
+        end += EPS * max(abs(start), abs(end))
     n = m.states.width
     states = address_of(m.states)
     call_ranges(
@@ -219,6 +269,7 @@ def may_jump(p: Problem, m: Memory, start: float, end: float) -> bool:
     """
     found = jumps_on_paths(p, m, start, end)
     if found < 0:
+        m.counts[at.BY_STATE] = 1
         set_states(p, m, True)
         found = jumps_on_paths(p, m, start, end)
         set_states(p, m, False)
@@ -241,6 +292,20 @@ def expected_place(m: Memory, start: float, end: float) -> float:
     return inf
 
 
+@kernel
+def near_reach(p: Problem, m: Memory) -> float:
+    """Return how far ahead jumps are sought at first, s."""
+    return AHEAD * min(m.clock[at.NEXT_DT], p.max_step)
+
+
+@kernel_apart
+def give_up(p: Problem, m: Memory, a: float, goal: float) -> None:
+    """Leave some steps from time `a` on, up to `goal`, without a search; count it."""
+    m.counts[at.UNSOUGHT] += 1
+    m.clock[at.SOUGHT] = min(a + near_reach(p, m), goal)
+    m.clock[at.SEEK_LENGTH] = 0.0
+
+
 @kernel_apart
 def note_jump(
     p: Problem, m: Memory, start: float, end: float, place: float, goal: float
@@ -248,8 +313,7 @@ def note_jump(
     """Let the next step end at a jump that is located between two times.
 
     It is one if the field does not jump directly after it, or after a longer stretch.
-    Otherwise no single instant can be told: this is counted in UNSOUGHT, and the time
-    up to `goal` is not searched.
+    Otherwise no single instant can be told.
     """
     width = end - start
     for _ in range(MOST_WIDER):
@@ -264,29 +328,39 @@ def note_jump(
             return
         end += width
         width *= 2.0
-    m.counts[at.UNSOUGHT] += 1
-    m.clock[at.SOUGHT] = goal
+    give_up(p, m, end, goal)
+
+
+@kernel
+def length_of_shortest(t: float, a: float, z: float) -> float:
+    """Return the length of a stretch from `a` to `z` that is not divided, at time t."""
+    return SHORTEST * TIME_ROUNDING * max(abs(a), abs(z), z - t)
 
 
 @kernel_apart
 def seek(p: Problem, m: Memory, goal: float) -> None:
     """Look for the first jump of the field up to time `goal`."""
     set_states(p, m, False)
+    keep_parameters(p)
     a = m.clock[at.SOUGHT]
     t = m.clock[at.T]
-    shortest = SHORTEST * TIME_ROUNDING * max(abs(a), abs(goal), goal - t)
     begin = a
-    z = min(a + max(m.clock[at.LOOK_LENGTH], shortest), goal)
+    z = goal
+    if m.clock[at.LOOK_LENGTH] < goal - a:
+        shortest = length_of_shortest(t, a, a + m.clock[at.LOOK_LENGTH])
+        z = min(a + max(m.clock[at.LOOK_LENGTH], shortest), goal)
     opens = z  # end of a stretch that may jump; not after a: none
     then = z  # end of the next stretch, if this one is clear
     place = inf
     halve = False
     for _ in range(MOST_LOOKS):
+        shortest = length_of_shortest(t, a, z)
         if not may_jump(p, m, a, z):
             a = z
             if a >= goal:
                 m.clock[at.SOUGHT] = goal
                 m.clock[at.LOOK_LENGTH] = max(m.clock[at.LOOK_LENGTH], a - begin)
+                m.clock[at.SEEK_LENGTH] = GROW * (goal - t)
                 return
             if a < then:
                 z = then
@@ -302,6 +376,7 @@ def seek(p: Problem, m: Memory, goal: float) -> None:
             place = found
         if width <= 1.5 * shortest:
             m.clock[at.LOOK_LENGTH] = GROW * max(a - begin, shortest)
+            m.clock[at.SEEK_LENGTH] = 0.0
             note_jump(p, m, a, z, place, goal)
             return
         opens = z
@@ -313,18 +388,21 @@ def seek(p: Problem, m: Memory, goal: float) -> None:
         halve = not halve
         z = min(max(cut, a + shortest), a + max(0.75 * width, width - shortest))
         then = min(max(then, z), opens)
-    m.counts[at.UNSOUGHT] += 1
-    m.clock[at.SOUGHT] = goal
+    give_up(p, m, a, goal)
 
 
 @kernel
 def look_ahead(p: Problem, m: Memory) -> None:
-    """Look for a jump of the field in the next steps, unless that is done."""
+    """Look for a jump of the field in the next steps, unless that is done.
+
+    As long as none is found, it is looked for farther and farther ahead.
+    """
     t = m.clock[at.T]
     last = min(p.t_end, m.clock[at.BEFORE_STOP])
     dt = min(m.clock[at.NEXT_DT], p.max_step)
     if m.clock[at.SOUGHT] < min(last, t + STRETCH * dt):
-        seek(p, m, min(last, t + AHEAD * dt))
+        reach = max(near_reach(p, m), m.clock[at.SEEK_LENGTH])
+        seek(p, m, min(last, t + reach))
 
 
 @kernel_apart

@@ -47,14 +47,16 @@ class Problem(NamedTuple):
     max_steps: int
     max_events: int
     start_state: FloatVector
-    # Mode and parameters before and after a call of the handler, and the parameters for
-    # which guards are left out (see `sleep`).
+    # Mode and parameters before and after a call of the handler, the parameters for
+    # which guards are left out (see `sleep`), and those for which instants were sought
+    # (see `known`).
     kept: FloatVector
     # Address of the guards' code for ranges; 0: no guards, -1: none could be made
     branches: int
     along: IntVector  # machine code and rooms for duals; see `numbers.along`
     # Known instants (see `known`): address of the field's code for ranges (0: none is
-    # sought), whether there may be any, and the number of states that vary.
+    # sought), whether there may be any (and, in `at.STOPS_IN_ALL_MODES`, whether they
+    # are the same in all modes), and the number of states that vary.
     switches: int
     has_stops: int
     n_varying: int

@@ -43,12 +43,15 @@ class RangedGuards:
     leaves_out : bool
         Whether the code evaluates only chosen guards if the count of them is CHOSEN.
         The list then has a number for each guard, 0 for those that are left out.
+    in_all_modes : bool
+        Of a field: whether its jumps in time are the same in all modes.
     """
 
     address: int = 0
     reason: str = ""
     code: Any = None
     leaves_out: bool = False
+    in_all_modes: bool = False
 
 
 def users_own(callback: Callback) -> Callback:

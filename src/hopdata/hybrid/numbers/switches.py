@@ -16,10 +16,13 @@ from hopdata.hybrid.compiled.digest import in_module_of, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import array_of, float_vector, int_vector
 from hopdata.hybrid.numbers.answers import RANGES_NATIVE
-from hopdata.hybrid.numbers.guards import NO_CODE, RangedGuards
+from hopdata.hybrid.numbers.guards import NO_CODE, RangedGuards, users_own
+from hopdata.hybrid.numbers.modes import is_same_in_all_modes
 from hopdata.hybrid.numbers.source import may_branch
 
 TIME = frozenset(("t",))
+MODE = frozenset(("mode",))
+INPUTS = frozenset(("t", "y", "mode", "params"))
 
 
 def may_switch(field: Callback) -> bool:
@@ -30,11 +33,17 @@ def may_switch(field: Callback) -> bool:
     field : Callback
         The user's field, or one that is derived from it.
     """
-    users = field
-    while hasattr(users, "inner"):
-        users = users.inner
-    function, places = users.source_and_places(TIME)
+    function, places = users_own(field).source_and_places(TIME)
     return len(places) > 0 and may_branch(function, places)
+
+
+def switches_in_all_modes(field: Callback) -> bool:
+    """Return whether the jumps of a field in time are surely the same in all modes."""
+    users = users_own(field)
+    function, times = users.source_and_places(TIME)
+    _, modes = users.source_and_places(MODE)
+    _, inputs = users.source_and_places(INPUTS)
+    return is_same_in_all_modes(function, times, modes, inputs)
 
 
 def field_for_ranges(field: Callback) -> RangedGuards:
@@ -65,7 +74,8 @@ def field_for_ranges(field: Callback) -> RangedGuards:
     except Exception as error:
         reason, _ = reason_and_advice(error)
         return RangedGuards(NO_CODE, reason)
-    return RangedGuards(code.address, code=code)
+    in_all = switches_in_all_modes(field)
+    return RangedGuards(code.address, code=code, in_all_modes=in_all)
 
 
 CALL: Any = None  # inserted, as are the functions that it takes
