@@ -143,7 +143,7 @@ def numbers_of(name: str, value: ArrayLike) -> FloatArray:
     """Return a C-contiguous array of floats; what a mask hides is NaN."""
     try:
         if isinstance(value, np.ma.MaskedArray):
-            value = value.astype(np.float64).filled(np.nan)
+            value = np.ma.filled(value.astype(np.float64), np.nan)
         given = np.asarray(value)
         if given.dtype is _FLOAT and given.ndim > 0 and given.flags.c_contiguous:
             return given

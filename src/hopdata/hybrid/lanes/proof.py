@@ -20,7 +20,7 @@ from hopdata.hybrid.driver.localise import NONE
 from hopdata.hybrid.driver.loop import memory_of, problem_of
 from hopdata.hybrid.driver.problem import ROUNDING, Problem, has_flipped, terms_at
 from hopdata.hybrid.driver.proof import (
-    DOUBT,
+    END_ROUNDING,
     INTERPOLANT,
     NEARLY,
     STILL,
@@ -318,7 +318,7 @@ def decide(t: Any, h: Any, fine: Any, r: Any) -> tuple[Any, Any]:
         once = past & falls & ~on
         finite = absolute(m1) + absolute(d1) < inf
         told = finite & (far | stays | once)
-        doubt = DOUBT * size
+        doubt = END_ROUNDING * size
         bound = lowest(m0 - doubt, m1 - doubt, least_rate, most_rate, h)
         limited = absolute(least_rate) + absolute(most_rate) < inf
         off = (m0 > 0.0) & (m1 > 0.0) & ~on & limited
