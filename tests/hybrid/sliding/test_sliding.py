@@ -467,12 +467,12 @@ def first_state(t, y, mode, p):
 
 def test_instants_of_its_own_are_found_while_it_slides():
     system = System(driven, first_state, n_states=2, guard_names=("s",), sliding=("s",))
-    given = (0.0, 2.0), [0.3, 0.0], [1.0]
-    found = solve(system, *given)
+    given = {"t_span": (0.0, 2.0), "y0": [0.3, 0.0], "params": [1.0], "rtol": 1e-8}
+    found = solve(system, **given)
     assert abs(found.y_end[0]) < 1e-15  # it slides
     assert found.n_rejected == 0
     assert found.y_end[1] == pytest.approx(0.1, abs=1e-14)
-    unsought = solve(replace(system, find_tstops=False), *given)
+    unsought = solve(replace(system, find_tstops=False), **given)
     assert unsought.n_rejected > 10
 
 
