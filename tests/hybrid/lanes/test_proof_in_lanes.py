@@ -175,3 +175,17 @@ def test_only_dips_far_below_the_tolerance_are_lost():
     assert (found.n_close[unlike] > 0).all()
     # And where they are deeper, they are found.
     assert np.count_nonzero(flips[~unlike]) > 20
+
+
+def test_a_step_that_is_repeated_up_to_a_flip_does_not_pass_it_and_its_return():
+    """Roots nearer to each other than the error of the step lie before its new end."""
+    key = [581, *map(ord, "near roots")]
+    draw = FAMILIES["near roots"].draw
+    members = [draw(np.random.default_rng([*key, number])) for number in range(32)]
+    starts, params, _ = (list(one) for one in zip(*members, strict=True))
+    options = {"params": params, "rtol": 1e-3, "atol": 1e-6, "workers": 1}
+    system = system_of("near roots")
+    here = solve_batch(system, (0.0, 7.0), starts, lanes=True, **options)
+    plain = solve_batch(system, (0.0, 7.0), starts, method="dop853", **options)
+    assert here.lanes.mean() > 0.9
+    np.testing.assert_array_equal(here.n_events, plain.n_events)

@@ -5,6 +5,11 @@ system. All operations apply to all lanes, and a mask selects the results that a
 so no lane depends on the others. The loop serves all systems: it calls field and guards
 by their address, once for each group of lanes whose modes are the same to them.
 
+This is not the driver's source, because there an iteration ends before the next step
+begins and a decision is an `if`: here one lane must not wait for another's, so a flip
+that is not met is sought by another step of all lanes, and each decision is a mask.
+What can be shared is: the proof of pieces, the method's numbers, and the constants.
+
 The guards are proven in each step, as in the driver (see `proof`). The step to a flip
 is repeated up to its location, and its end is moved by the small remainder. In a lane
 most of whose steps end in flips, flips are predicted, and the interpolant gives the
@@ -550,7 +555,8 @@ def judge(
     """Judge all guards in the steps that are `fine`, and prepare their interpolants.
 
     A step that is repeated up to a flip, in the lanes `aimed`, was proven when it was
-    longer: only its end counts, if no guard is past its surface there.
+    longer: only its end counts, if it is on a surface and no guard is past its own.
+    Elsewhere its own interpolant may have passed a surface and its way back.
 
     Returns five results by lane: where nothing is proven, where a guard flips inside
     the step, where one is at its surface at the end, the distance of the end from
@@ -560,7 +566,7 @@ def judge(
     end_slope = state(r.k, STAGES * r.n)
     call_guards(r.guards, t + h, r.end, end_slope, r, r.h1, r.rate1)
     touching, soonest, before = at_surface(t, h, r)
-    open_ones = fine & ~(before & mask_of(aimed))
+    open_ones = fine & ~(before & touching & mask_of(aimed))
     if r.times.width > 0 or (r.n_guards > 0 and bits(open_ones) != 0):
         prepare(t, h, r)
     lost, flips, close = prove(t, h, open_ones, r)
