@@ -18,6 +18,7 @@ from hopdata.hybrid.gradients import backward as passed
 from hopdata.hybrid.gradients.extended import (
     with_all_crossings,
     with_integral,
+    without_search,
 )
 from hopdata.hybrid.gradients.recorders import Recorders, recorders
 from hopdata.hybrid.gradients.tape import CELLS, HEAD, RECORD
@@ -197,7 +198,7 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
         tolerance = np.append(tolerance, tolerance.min())
         given_atol = tolerance
     if whole.sliding:
-        whole = sliding_system(whole)
+        whole = sliding_system(without_search(whole))
     given_mode, given_memory = _for_driver(whole, system, mode, memory)
     code = recorders(whole, system.n_states, at_event, at_end)
     solution = solve(

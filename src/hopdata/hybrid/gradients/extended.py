@@ -17,6 +17,7 @@ from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import ON_EVENT
 from hopdata.hybrid.gradients.recorders import Extended
+from hopdata.hybrid.numbers.switches import may_switch
 from hopdata.hybrid.system import System
 
 Function = Callable[..., Any]
@@ -27,6 +28,21 @@ def _nothing(
 ) -> int:
     """Handle events of a system without a handler."""
     return 0
+
+
+def without_search(system: System) -> System:
+    """Return the system whose field's own instants are not sought.
+
+    The pass backward does not know those of a system that slides: it takes its steps
+    as they are.
+    """
+    if not may_switch(system.field):
+        return system
+    key = "without_search"
+    if key not in system.made:
+        system.made[key] = replace(system, find_tstops=False)
+    found: System = system.made[key]
+    return found
 
 
 def with_all_crossings(system: System) -> System:

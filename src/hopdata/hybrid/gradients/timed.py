@@ -115,7 +115,7 @@ def timed(system: System, params: FloatArray, n: int, t: FloatArray) -> Timed:
 def reason_unsought(system: System) -> str:
     """Return why the field's own instants are not sought; "" if they are."""
     if system.sliding and may_switch(system.field):
-        return "those of a system that slides are not found"
+        return "the gradient of a system that slides does not"
     return why_unsought(system)
 
 
