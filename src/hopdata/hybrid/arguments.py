@@ -114,7 +114,7 @@ def numbers_of(name: str, value: ArrayLike) -> FloatArray:
     """Return a C-contiguous array of floats; what a mask hides is NaN."""
     try:
         if isinstance(value, np.ma.MaskedArray):
-            value = value.astype(np.float64).filled(np.nan)
+            value = np.ma.filled(value.astype(np.float64), np.nan)
         given = np.asarray(value)
         kind = given.dtype.kind
         if kind in "USc" or (kind == "O" and None in given.ravel().tolist()):
