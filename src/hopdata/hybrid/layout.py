@@ -79,11 +79,11 @@ GUARD_ROWS = 27
 # flipped), whether its lock was left open at the start, whether it branches within the
 # piece of the step, its event count, the number of jumps of the state at its last flip,
 # and the number of the instant at which its handler last turned it back. Then the
-# direction of its event that a law decides about, 0 if it has none; and 0 if its ranges
-# are those of a larger piece (see `sleep`).
+# direction of its event that a law decides about, 0 if it has none; 0 if its ranges are
+# those of a larger piece (see `sleep`); and 1 if it passes a pole where the step ends.
 LAST_FLIP, FLIPS, OPEN, BRANCHED, FIRED, AT_JUMP, BOUNCED, DECIDED = numbers(8)
-RANGED = np.int64(8)
-FLAG_ROWS = 9
+RANGED, AT_POLE = numbers(2, 8)
+FLAG_ROWS = 10
 
 # Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the
 # few that the step may concern (see `watch`), and the guards that flip now.
@@ -182,9 +182,10 @@ N_STOPS, NEXT_SINGLE, UNSOUGHT, HELD_FIXED = numbers(4, 43)
 # Guards that are left out of evaluations for ranges; pieces for which they have been;
 # pieces until this is tried again, and the last number of these.
 LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE = numbers(4, 47)
-# Whether an instant was sought along the path at one state only (see `known`).
-BY_STATE, ANSWERS = numbers(2, 51)
-COUNT_SLOTS = 52 + answers.N_SLOTS
+# Whether an instant was sought along the path at one state only (see `known`), and how
+# many guards pass a pole where the step ends.
+BY_STATE, N_POLES, ANSWERS = numbers(3, 51)
+COUNT_SLOTS = 53 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for

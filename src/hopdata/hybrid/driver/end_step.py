@@ -165,6 +165,9 @@ def end_behind_jump(
         else:
             clear = middle
     end_at(p, m, behind, on_interpolant, resolution, k)
+    if not problem.guards_are_finite(p, m, at.H1, at.RATE1):  # on a pole, not behind
+        behind = min(behind + resolution, problem.next_end(p, m) - m.clock[at.T])
+        end_at(p, m, behind, on_interpolant, resolution, k)
     return behind
 
 
@@ -290,6 +293,44 @@ def is_behind_flip(
 
 
 @kernel
+def passes_pole(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
+    """Return whether guard k passes a pole where the step ends.
+
+    Behind a pole, h has the other sign, is larger than where the step began, and comes
+    back from infinity. Its rate, extrapolated over the time resolution, would bring it
+    to its surface, where it is not.
+    """
+    past = -problem.margin_of(p, m, k, at.H1)
+    rate = problem.margin_of(p, m, k, at.RATE1)
+    rounding = problem.MOST_ROUNDINGS * problem.blur(m.guards[at.SIZE, k], 0.0, 0.0)
+    if not (rate > 0.0 and past > max(abs(m.guards[at.H0, k]), rounding)):
+        return False
+    return past <= problem.MOST_ROUNDINGS * resolution * rate
+
+
+@kernel_apart
+def forget_poles(m: Memory) -> None:
+    """Forget at which guards the last step ended on a pole."""
+    for k in range(m.flags.width):
+        m.flags[at.AT_POLE, k] = 0
+    m.counts[at.N_POLES] = 0
+
+
+@kernel
+def note_poles(p: problem.Problem, m: Memory, resolution: float) -> None:
+    """Note which guards in NEAR pass a pole where the step ends.
+
+    Their values there are no measure of the rounding of later ones.
+    """
+    for a in range(m.counts[at.N_NEAR]):
+        k = m.lists[at.NEAR, a]
+        if passes_pole(p, m, k, resolution):
+            m.flags[at.AT_POLE, k] = 1
+            m.guards[at.SIZE, k] = 0.0
+            m.counts[at.N_POLES] += 1
+
+
+@kernel
 def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
 
@@ -297,6 +338,8 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
     they flip at its very start) and their number.
     """
     resolution = problem.time_resolution(m.clock[at.T], dt)
+    if m.counts[at.N_POLES] > 0:
+        forget_poles(m)
     for _ in range(MOST_RETAKES):
         k, theta, jumps = first_flip(p, m, dt)
         if k == NONE:
@@ -315,6 +358,7 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
         if not is_behind_flip(p, m, k, dt, resolution):
             break
     t = m.clock[at.T] + dt
+    note_poles(p, m, resolution)
     total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
     if total == 0 and flips_by_rounding(p, m, k, t, resolution):
         total = problem.mark_one(m, k)

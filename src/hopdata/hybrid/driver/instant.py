@@ -245,7 +245,8 @@ def begin_instant(p: problem.Problem, m: Memory, resolution: float) -> None:
     m.counts[at.NEXT] = problem.next_due(p, m, -1)
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
-        count_overshoot_as_rounding(p, m, k, resolution)
+        if m.flags[at.AT_POLE, k] == 0:
+            count_overshoot_as_rounding(p, m, k, resolution)
         if m.flags[at.LAST_FLIP, k] != m.counts[at.INSTANTS]:
             m.flags[at.LAST_FLIP, k] = m.counts[at.INSTANTS]
             m.flags[at.FLIPS, k] = 0
@@ -285,9 +286,7 @@ def choose_next(p: problem.Problem, m: Memory, k: int, jumped: bool) -> None:
 @kernel
 def is_due_still(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
     """Return whether guard k flips now, by the values after the last handler."""
-    margin = problem.margin_of(p, m, k, at.H0)
-    rate = problem.margin_of(p, m, k, at.RATE0)
-    return problem.is_due(margin, rate, m.guards[at.SIZE, k], resolution)
+    return problem.flips_now(p, m, k, at.H0, at.RATE0, resolution)
 
 
 @kernel

@@ -290,6 +290,21 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
     return g < -noise or (g <= noise and rate < 0.0)
 
 
+@kernel
+def flips_now(
+    p: Problem, m: Memory, k: int, h: int, rate: int, resolution: float
+) -> bool:
+    """Return whether guard k flips now, by its value and its rate in two rows.
+
+    Behind a pole the sign decides: h is large, but its rate is so much larger that it
+    seems to be at its surface.
+    """
+    margin = margin_of(p, m, k, h)
+    if m.flags[at.AT_POLE, k] != 0:
+        return margin < 0.0
+    return is_due(margin, margin_of(p, m, k, rate), m.guards[at.SIZE, k], resolution)
+
+
 @kernel_apart
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put the guards in NEAR that flip now into DUE; return how many.
@@ -299,9 +314,7 @@ def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int
     total = 0
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
-        margin = margin_of(p, m, k, h)
-        margin_rate = margin_of(p, m, k, rate)
-        if is_due(margin, margin_rate, m.guards[at.SIZE, k], resolution):
+        if flips_now(p, m, k, h, rate, resolution):
             m.lists[at.DUE, total] = k
             total += 1
     m.counts[at.N_DUE] = total
@@ -428,6 +441,8 @@ def remember_parts(p: Problem, m: Memory) -> None:
         k = m.lists[at.DUE, a]
         still = g[at.PARTS, k]
         g[at.PARTS, k] = size_of_terms(g[at.RATE, k], still, m.clock[at.T])
+        if m.flags[at.AT_POLE, k] != 0:
+            g[at.PARTS, k] = 0.0  # large ones say nothing of what follows
         g[at.SIZE, k] = max(g[at.SIZE, k], g[at.PARTS, k])
 
 
@@ -441,8 +456,9 @@ def remember_residuals(
     """
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
-        residual = margin_of(p, m, k, h)
-        count_as_rounding(p, m, k, t, y, residual, m.guards[rate, k], resolution)
+        if m.flags[at.AT_POLE, k] == 0:
+            residual = margin_of(p, m, k, h)
+            count_as_rounding(p, m, k, t, y, residual, m.guards[rate, k], resolution)
 
 
 @kernel

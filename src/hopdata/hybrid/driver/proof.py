@@ -602,7 +602,8 @@ def proven_flip(p: Problem, m: Memory, dt: float) -> Found:
         least = settle_doubt(m, a, z, shortest, verdict == FLIPS)
         if verdict == FLIPS:
             k, theta = first_root(p, m, dt, a, z, right)
-            set_sizes(p, m, left, right)
+            if not jumps:  # beside a pole, values are no measure of rounding
+                set_sizes(p, m, left, right)
             end_proof(p, m, has_grains)
             return k, theta, jumps
         if z >= 1.0:
