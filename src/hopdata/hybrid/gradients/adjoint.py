@@ -1,34 +1,44 @@
 """`gradient`: the derivative of a loss by the start and by all parameters, at once."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray
 from hopdata.errors import ArgumentError, Told, told_call
 from hopdata.hybrid import arguments, layout
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.derived import goes_back
-from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at
-from hopdata.hybrid.gradients import backward as passed
+from hopdata.hybrid.gradients.backward import compiled_backward
 from hopdata.hybrid.gradients.extended import (
     with_all_crossings,
     with_integral,
     without_search,
 )
-from hopdata.hybrid.gradients.recorders import Recorders, recorders
-from hopdata.hybrid.gradients.tape import CELLS, HEAD, RECORD
-from hopdata.hybrid.gradients.timed import (
-    Timed,
+from hopdata.hybrid.gradients.known import (
+    Known,
+    known_of,
     reason_unsought,
-    timed,
     with_instants_told,
 )
-from hopdata.hybrid.methods.explicit import Tableau
+from hopdata.hybrid.gradients.recorders import Recorders, recorders
+from hopdata.hybrid.gradients.run import (
+    given_to_driver,
+    run_of,
+    start_of,
+    with_sliding,
+)
+from hopdata.hybrid.gradients.workspace import (
+    NOT_REPEATED,
+    TAPE_FULL,
+    Run,
+    Tolerance,
+    coefficients,
+    room_for,
+)
 from hopdata.hybrid.methods.table import TABLEAUS
 from hopdata.hybrid.sliding import sliding_system
 from hopdata.hybrid.solution import Solution
@@ -40,6 +50,19 @@ Function = Callable[..., Any]
 #: Places of a tape at first; it doubles until a step fits.
 #: Unit: 1. Origin: chosen.
 PLACES = 4096
+
+# What a status of the pass means to the user.
+NO_GRADIENT = {
+    layout.INSTANTS_IN_JACOBIAN: "The field jumps at an instant that moves with the "
+    "parameters in more than one way: two such instants meet, or t_span begins there. "
+    "The loss has no derivative by the parameters.",
+    layout.GRAZING_IN_JACOBIAN: "A guard is grazed: its rate is zero to within the "
+    "tolerance, and the loss has no derivative at a graze.",
+    layout.TIE_IN_JACOBIAN: "Several guards flip at one instant, and their handlers "
+    "change the field or the state, or one of them turns another back, or they end the "
+    "integration: the loss has no derivative there.",
+    layout.JACOBIAN_NOT_FINITE: "The loss or a derivative is NaN or infinite.",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,42 +197,30 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     >>> found.by_params.round(6)
     array([0.005097, 1.543558])
     """
-    expect(isinstance(system, System), "system", "a System", system)
-    wanted = "a system without together=, whose law has no derivative"
-    expect(system.together is None, "system", wanted, system)
-    wanted = "'stop': there is no derivative where a guard comes to rest"
-    expect(system.on_zeno == "stop", "on_zeno", wanted, repr(system.on_zeno))
-    given = any(one is not None for one in (at_end, at_event, along))
-    expect(given, "at_end, at_event, along", "at least one of them", "none")
-    known = isinstance(method, str) and method in TABLEAUS
-    expect(known, "method", f"one of {', '.join(TABLEAUS)}", repr(method))
-    forward = not goes_back(t_span)
-    expect(forward, "t_span", "an end not before the start", t_span)
+    _check(system, t_span, (at_end, at_event, along), method)
     system = system.current()
     start = arguments.check_shape("y0", y0, system.n_states)
     numbers = arguments.numbers_of("params", params).ravel()
     tolerance = np.zeros(system.n_states)
     arguments.set_tolerance(tolerance, atol)
-    given_atol = atol
-    whole = with_all_crossings(system)
+    extended = with_all_crossings(system)
     if along is not None:
-        whole = with_integral(whole, along)
+        extended = with_integral(extended, along)
         start = np.append(start, 0.0)
         tolerance = np.append(tolerance, tolerance.min())
-        given_atol = tolerance
-    if whole.sliding:
-        whole = sliding_system(without_search(whole))
-    given_mode, given_memory = _for_driver(whole, system, mode, memory)
-    code = recorders(whole, system.n_states, at_event, at_end)
+    if extended.sliding:
+        extended = sliding_system(without_search(extended))
+    given_mode, given_memory = given_to_driver(extended, system, mode, memory)
+    code = recorders(extended, system.n_states, at_event, at_end)
     solution = solve(
-        whole,
+        extended,
         t_span,
         start,
         params=numbers,
         mode=given_mode,
         memory=given_memory,
         rtol=rtol,
-        atol=given_atol,
+        atol=tolerance,
         max_step=max_step,
         first_step=first_step,
         max_steps=max_steps,
@@ -218,36 +229,47 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     )
     if not solution.success:
         return _without(solution, solution.status, system, len(numbers))
-    plain = replace(solution, form=replace(solution.form, slides=None))
-    at_start = _at_start(system, solution, t_span, numbers, mode, memory)
-    if whole.slides is not None:
-        own = np.zeros(whole.n_memory - system.n_memory)
-        locks = whole.slides.start_mode(at_start[0])
-        at_start = locks, np.concatenate([at_start[1], own])
-    allowed = passed.Tolerance(np.array([rtol]), tolerance)
-    instants = timed(system, at_start[1], system.n_states, solution.t)
-    found, status = _backward(
-        code, whole, system, (solution, plain), at_start, instants, allowed, method
-    )
-    if status == passed.NOT_REPEATED:
+    at_start = start_of(system, solution, float(t_span[0]), numbers, mode, memory)
+    at_start = with_sliding(extended, system, at_start)
+    allowed = Tolerance(np.array([rtol]), tolerance)
+    run = run_of(extended, system, solution, at_start, allowed)
+    known = known_of(system, at_start.params, system.n_states, solution.t)
+    found, status = _backward(code, extended, run, known, method)
+    if status == NOT_REPEATED:
         raise ArgumentError(
             "on_event: expected the same state each time it is called with the same "
             "arguments, found another one"
         )
     if status != layout.RUNNING:
         return _without(solution, status, system, len(numbers))
-    n = system.n_states
-    first_param = 1 + whole.n_states
-    held = int(instants.held[0])
-    message = with_instants_told(solution.message, reason_unsought(system), held)
+    reason = reason_unsought(system)
+    message = with_instants_told(solution.message, reason, int(known.n_held[0]))
+    first_param = 1 + extended.n_states
     return Gradient(
         status=solution.status,
         message=message,
         value=float(found[0]),
-        by_start=found[1 : 1 + n],
+        by_start=found[1 : 1 + system.n_states],
         by_params=found[first_param : first_param + len(numbers)],
         solution=solution,
     )
+
+
+def _check(
+    system: Any, t_span: tuple[float, float], losses: tuple[Any, ...], method: Any
+) -> None:
+    """Raise an ArgumentError unless there is a gradient for these arguments."""
+    expect(isinstance(system, System), "system", "a System", system)
+    wanted = "a system without together=, whose law has no derivative"
+    expect(system.together is None, "system", wanted, system)
+    wanted = "'stop': there is no derivative where a guard comes to rest"
+    expect(system.on_zeno == "stop", "on_zeno", wanted, repr(system.on_zeno))
+    given = any(one is not None for one in losses)
+    expect(given, "at_end, at_event, along", "at least one of them", "none")
+    is_known = isinstance(method, str) and method in TABLEAUS
+    expect(is_known, "method", f"one of {', '.join(TABLEAUS)}", repr(method))
+    forward = not goes_back(t_span)
+    expect(forward, "t_span", "an end not before the start", t_span)
 
 
 def _without(
@@ -267,170 +289,22 @@ def _without(
     )
 
 
-def _for_driver(
-    whole: System, system: System, mode: Sequence[int] | None, memory: ArrayLike | None
-) -> tuple[Any, Any]:
-    """Return mode and memory at the start, as the system that slides has them."""
-    if whole.slides is None:
-        return mode, memory
-    full = np.zeros(system.n_modes, dtype=np.int64)
-    if mode is not None:
-        arguments.set_mode(full, system.n_guards, mode)
-    numbers = arguments.with_memory(np.empty(0), memory, system.n_memory)
-    own = np.zeros(whole.n_memory - system.n_memory)
-    return whole.slides.start_mode(full), np.concatenate([numbers, own])
-
-
-NO_GRADIENT = {
-    layout.INSTANTS_IN_JACOBIAN: "The field jumps at an instant that moves with the "
-    "parameters in more than one way: two such instants meet, or t_span begins there. "
-    "The loss has no derivative by the parameters.",
-    layout.GRAZING_IN_JACOBIAN: "A guard is grazed: its rate is zero to within the "
-    "tolerance, and the loss has no derivative at a graze.",
-    layout.TIE_IN_JACOBIAN: "Several guards flip at one instant, and their handlers "
-    "change the field or the state, or one of them turns another back, or they end the "
-    "integration: the loss has no derivative there.",
-    layout.JACOBIAN_NOT_FINITE: "The loss or a derivative is NaN or infinite.",
-}
-
-
-def _at_start(
-    system: System,
-    solution: Solution,
-    t_span: tuple[float, float],
-    params: FloatArray,
-    mode: Sequence[int] | None,
-    memory: ArrayLike | None,
-) -> tuple[IntArray, FloatArray]:
-    """Return mode and parameters (with the memory) at the start.
-
-    A lock that was left open is decided by the sign of h. On the surface, it is the one
-    from which the guard first flips, or the last one if it never does.
-    """
-    numbers = arguments.with_memory(params, memory, system.n_memory)
-    full = np.zeros(system.n_modes, dtype=np.int64)
-    if mode is not None:
-        arguments.set_mode(full, system.n_guards, mode)
-    locks = full[: system.n_guards]
-    is_open = locks == 0
-    if is_open.any():
-        trial = np.where(full == 0, -1, full)
-        trial[system.n_guards :] = full[system.n_guards :]
-        state = solution.y[: system.n_states, 0].copy()
-        log = solution.events
-        if len(log) and log.time[0] == solution.t[0]:
-            state = log.before[0, : system.n_states].copy()
-        here = Instant(float(t_span[0]), state, trial, numbers.copy())
-        h, _ = guards_at(system, here, field_at(system, here))
-        for k in np.flatnonzero(is_open):
-            flips = log.direction[log.guard == k]
-            lock = np.sign(h[k])
-            if lock == 0 and len(flips):
-                lock = -np.sign(flips[0])
-            elif lock == 0:
-                lock = solution.mode[k]
-            locks[k] = lock
-    return full, numbers
-
-
 def _backward(
-    code: Recorders,
-    whole: System,
-    system: System,
-    solutions: tuple[Solution, Solution],
-    at_start: tuple[IntArray, FloatArray],
-    instants: Timed,
-    allowed: passed.Tolerance,
-    method: str,
+    code: Recorders, extended: System, run: Run, known: Known, method: str
 ) -> tuple[FloatArray, int]:
-    """Run the backward pass on a tape that is long enough; return it and a status.
+    """Run the backward pass on a tape that is long enough.
 
-    The solution is given as the user sees it, and as the driver of a system that slides
-    has it.
+    Returns the loss with its derivatives, as `backward` fills them in, and a status.
     """
-    told = solutions[0].events
-    solution = solutions[1]
-    log = solution.events
-    t = np.ascontiguousarray(solution.t)
-    directions = np.array(system.directions or (0,) * system.n_guards, dtype=np.int64)
-    n_ends = whole.n_guards - system.n_guards  # guards by which sliding ends
-    directions = np.append(np.zeros(n_ends, dtype=np.int64), directions)
-    ways = directions[log.guard]
-    flips = passed.Flips(
-        row=np.searchsorted(t, log.time).astype(np.int64),
-        guard=log.guard,
-        direction=log.direction,
-        counts=((ways == 0) | (ways == log.direction)).astype(np.int64),
-        told_guard=told.guard,
-        told_direction=told.direction,
-        before=log.before,
-        after=log.after,
-    )
-    steps = passed.Steps(t, np.ascontiguousarray(solution.y.T))
-    first_mode, first_params = at_start
-    all_of = passed.Replayed(
-        np.tile(first_mode, (len(log) + 1, 1)),
-        np.tile(first_params, (len(log) + 1, 1)),
-    )
     tableau = TABLEAUS[method]
-    found = np.zeros(1 + whole.n_states + len(first_params))
-    places = PLACES + len(first_params)
+    p = run.replayed.params.shape[1]
+    found = np.zeros(1 + extended.n_states + p)
+    places = PLACES + p
     while True:
-        room = _room(whole, len(first_params), len(tableau.weights), places)
-        status = passed.compiled_backward()(
-            code,
-            room,
-            _coefficients(tableau),
-            allowed,
-            steps,
-            flips,
-            all_of,
-            instants,
-            system.n_states,
-            solution.status == layout.TERMINATED,
-            found,
+        room = room_for(extended, p, len(tableau.weights), places)
+        status = compiled_backward()(
+            code, room, coefficients(tableau), run, known, found
         )
-        if status != passed.TAPE_FULL:
+        if status != TAPE_FULL:
             return found, status
         places *= 2
-
-
-@cache
-def _coefficients(tableau: Tableau) -> passed.Tableau:
-    """Return an explicit method's coefficients as arrays."""
-    n = len(tableau.weights)
-    a = np.zeros((n, n))
-    for k, row in enumerate(tableau.stages, start=1):
-        a[k, : len(row)] = row
-    return passed.Tableau(a, np.array(tableau.weights), np.array([0.0, *tableau.nodes]))
-
-
-def _room(system: System, p: int, n_stages: int, places: int) -> passed.Room:
-    """Return the memory of a backward pass."""
-    n = system.n_states
-    tape = np.zeros(HEAD + RECORD * places)
-    guards = max(system.n_guards, 1)
-    return passed.Room(
-        tape=tape,
-        links=tape.view(np.int64),
-        adjoint=np.zeros(places + n + 2),
-        full=np.zeros(1, dtype=np.int64),
-        y=np.zeros((n, CELLS)),
-        other=np.zeros((n, CELLS)),
-        dy=np.zeros((n, CELLS)),
-        params=np.zeros((p, CELLS)),
-        changed=np.zeros((p, CELLS)),
-        h=np.zeros((guards, CELLS)),
-        hdot=np.zeros((guards, CELLS)),
-        one=np.zeros((2, CELLS)),
-        slopes=np.zeros((n_stages, n)),
-        parts=np.zeros((n_stages, n)),
-        places=np.zeros((n_stages, n), dtype=np.int64),
-        bounds=np.zeros((n_stages, 2), dtype=np.int64),
-        kept=np.zeros(p),
-        mode=np.zeros(system.n_modes, dtype=np.int64),
-        lock=np.zeros(system.n_modes, dtype=np.int64),
-        limits=np.array([-np.inf, np.inf]),
-        losses=np.zeros((2, n)),
-        rows=np.zeros((6, n)),
-    )

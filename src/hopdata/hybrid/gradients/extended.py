@@ -16,7 +16,7 @@ from hopdata.errors import ArgumentError
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import ON_EVENT
-from hopdata.hybrid.gradients.recorders import Extended
+from hopdata.hybrid.derived import Around
 from hopdata.hybrid.numbers.switches import may_switch
 from hopdata.hybrid.system import System
 
@@ -84,7 +84,7 @@ def with_all_crossings(system: System) -> System:
         "WAYS": tuple(map(int, directions)),
         "STOPS": tuple(stops),
     }
-    handler = Extended(inner, body, inner.n_params, **names)
+    handler = Around(inner, body, inner.n_params, **names)
     made = replace(system, on_event=handler, directions=None, terminal=tuple(kept))
     system.made[key] = made
     return made
@@ -121,7 +121,7 @@ def with_integral(system: System, along: Function) -> System:
             within = ", ".join(parts.get(one, one) for one in taken)
             ranged = [f"return INNER({within})"]
         body.append("return result")
-        functions[name] = Extended(inner, body, inner.n_params, ranged, **names)
+        functions[name] = Around(inner, body, inner.n_params, ranged, **names)
     made = replace(system, **functions, n_states=n + 1)
     system.made[key] = made
     return made

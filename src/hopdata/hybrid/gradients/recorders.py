@@ -6,7 +6,7 @@ numbers (`gradients.tape`).
 """
 
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,9 +21,7 @@ from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.declare import reason_and_advice
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.memory import array_at, array_of, int_vector
-from hopdata.hybrid.derived import Around
 from hopdata.hybrid.gradients.tape import TRACED
-from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.system import System
 
 PACKAGE = Path(__file__).parents[1]
@@ -143,30 +141,6 @@ def record_at_end(moment: int, y: int, params: int, n_params: int, result: int) 
     """Record a function of the end."""
     t = ROWS(moment, 1)[0]
     ROWS(result, 1)[0] = CALL(t, ROWS(y, N), ROWS(params, n_params))
-
-
-class Extended(Around):
-    """Code around a user's function that also compiles for traced numbers."""
-
-    def __init__(
-        self,
-        inner: Callback,
-        body: list[str],
-        n_params: int,
-        ranged: list[str] | None = None,
-        **names: Any,
-    ) -> None:
-        super().__init__(inner, body, n_params, ranged, **names)
-        self._lines = body
-        self._others = names
-
-    @cached_property
-    def dual(self) -> Any:
-        """The code, around that of the user's function for numbers of ours."""
-        kind = self.signature
-        names = {**self._others, "INNER": self.inner.dual}
-        made = compose(kind.name, ", ".join(kind.arguments), self._lines, names)
-        return numba.njit(error_model="numpy")(with_digest(made))
 
 
 class Recorders(NamedTuple):

@@ -1,9 +1,10 @@
-"""Known instants of a run, for the pass backward: how they are told to it.
+"""Instants at which the field jumps: how they are told to the pass backward.
 
 The pass looks at each end of a step whether the field jumps there, as the driver did
 when it ended the step there (`driver.known`), and how this instant moves with the
 parameters (`driver.moving_instants`). A stage of a step sees only times between two
-such instants.
+such instants. What the pass does there stands in `jump`; here is what is made ready in
+Python, before the pass, and what is told to the user after it.
 """
 
 from typing import NamedTuple
@@ -26,8 +27,8 @@ from hopdata.hybrid.system import System
 MARGIN = 16.0
 
 
-class Timed(NamedTuple):
-    """What the pass needs to know of instants.
+class Known(NamedTuple):
+    """What the pass needs to know of instants at which the field jumps.
 
     Parameters
     ----------
@@ -38,23 +39,23 @@ class Timed(NamedTuple):
         Declared instants, increasing.
     margin : (1,) array
         How far from an instant the field is on one side, s.
-    rows : (4, n + p) array
+    ranges : (4, n + p) array
         Room for ranges of states and parameters.
-    told : (N_SLOTS,) array of int
-        Memory of answers.
+    answers : (N_SLOTS,) array of int
+        Memory of what the field's code tells.
     moves : (n + p,) array
         How an instant moves with each parameter, behind n numbers.
-    held : (1,) array of int
-        Number of jumps of which this is not known.
+    n_held : (1,) array of int
+        Number of jumps that were held fixed, as it is not known how they move.
     """
 
     code: IntArray
     declared: FloatArray
     margin: FloatArray
-    rows: FloatArray
-    told: IntArray
+    ranges: FloatArray
+    answers: IntArray
     moves: FloatArray
-    held: IntArray
+    n_held: IntArray
 
 
 def ranged_field(system: System) -> RangedGuards:
@@ -66,10 +67,10 @@ def ranged_field(system: System) -> RangedGuards:
     return found
 
 
-def _within(known: Instants, start: float, end: float) -> FloatArray:
+def _within(instants: Instants, start: float, end: float) -> FloatArray:
     """Return all declared instants in a time span."""
-    found = [known.singles[0]]
-    for first, period in known.periods[0].reshape(-1, 2):
+    found = [instants.singles[0]]
+    for first, period in instants.periods[0].reshape(-1, 2):
         if period < np.inf:
             least = np.floor((start - first) / period)
             most = np.ceil((end - first) / period)
@@ -78,8 +79,8 @@ def _within(known: Instants, start: float, end: float) -> FloatArray:
     return times[(times >= start) & (times <= end)]
 
 
-def timed(system: System, params: FloatArray, n: int, t: FloatArray) -> Timed:
-    """Return what the pass through a run needs to know of instants.
+def known_of(system: System, params: FloatArray, n: int, t: FloatArray) -> Known:
+    """Return what the pass through a run needs to know of its instants.
 
     Parameters
     ----------
@@ -97,18 +98,18 @@ def timed(system: System, params: FloatArray, n: int, t: FloatArray) -> Timed:
         code = ranged_field(system).address
     declared = np.empty(0)
     if system.tstops is not None:
-        known = instants_of(system, None, params[: len(params) - system.n_memory])
-        declared = _within(known, float(t[0]), float(t[-1]))
+        instants = instants_of(system, None, params[: len(params) - system.n_memory])
+        declared = _within(instants, float(t[0]), float(t[-1]))
     size = max(abs(float(t[0])), abs(float(t[-1])))
     width = n + len(params)
-    return Timed(
+    return Known(
         code=np.array([code]),
         declared=declared,
         margin=np.array([MARGIN * TIME_ROUNDING * size]),
-        rows=np.zeros((4, width)),
-        told=np.zeros(answers.N_SLOTS, dtype=np.int64),
+        ranges=np.zeros((4, width)),
+        answers=np.zeros(answers.N_SLOTS, dtype=np.int64),
         moves=np.zeros(width),
-        held=np.zeros(1, dtype=np.int64),
+        n_held=np.zeros(1, dtype=np.int64),
     )
 
 
@@ -119,11 +120,21 @@ def reason_unsought(system: System) -> str:
     return why_unsought(system)
 
 
-def with_instants_told(message: str, unsought: str, held: int) -> str:
-    """Return a message with what is not known of instants."""
+def with_instants_told(message: str, unsought: str, n_held: int) -> str:
+    """Return a message that also says what is not known of instants.
+
+    Parameters
+    ----------
+    message : str
+        How the solution ended.
+    unsought : str
+        Why the field's own instants were not sought; "" if they were.
+    n_held : int
+        Number of jumps that were held fixed.
+    """
     lines = [message]
     if unsought:
         lines.append(layout.UNSOUGHT_INSTANTS.format(reason=unsought))
-    if held > 0:
-        lines.append(layout.HELD_INSTANTS.format(count=held))
+    if n_held > 0:
+        lines.append(layout.HELD_INSTANTS.format(count=n_held))
     return " ".join(lines)
