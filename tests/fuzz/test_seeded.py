@@ -49,6 +49,6 @@ def test_damaged_inputs_give_a_result_or_one_clear_error(watched, name):
 def test_the_same_seed_gives_the_same_inputs():
     for name in ("c3d", "config", "packets"):
         sound = DOORS[name].sound
-        inputs = [case(name, sound, SEED, k) for k in range(12)]
-        assert inputs == [case(name, sound, SEED, k) for k in range(12)]
-        assert inputs != [case(name, sound, SEED + 1, k) for k in range(12)]
+        inputs = [case(name, sound, SEED, k) for k in range(4)]
+        assert inputs == [case(name, sound, SEED, k) for k in range(4)]
+        assert inputs != [case(name, sound, SEED + 1, k) for k in range(4)]
