@@ -3,9 +3,9 @@
 
 Numba's public interface cannot define types like those of `hybrid`: arrays without
 owners, and numbers for which a user's functions compile as they are; and it does not
-tell what may be kept in its cache. Here stands all that is used of what is private,
+tell what may be kept in its cache. Here stands what is imported of what is private,
 but for `hybrid.compiled.linking`, without which everything works more slowly. An
-import fails here if a version of Numba lacks one of the names:
+import fails here if a version of Numba lacks a name that nothing works without:
 
 `caching`
     The files of the cache, to seal them and to choose what is kept.

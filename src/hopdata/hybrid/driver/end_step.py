@@ -297,8 +297,9 @@ def passes_pole(p: problem.Problem, m: Memory, k: int, resolution: float) -> boo
     """Return whether guard k passes a pole where the step ends.
 
     Behind a pole, h has the other sign, is larger than where the step began, and comes
-    back from infinity. Its rate, extrapolated over the time resolution, would bring it
-    to its surface, where it is not.
+    back from infinity. Near a pole, h is about c / (t - t_pole), so h over its rate is
+    the time since the pole: it is one if this is within some time resolutions. Taken
+    along its tangent, h would be on its surface there.
     """
     past = -problem.margin_of(p, m, k, at.H1)
     rate = problem.margin_of(p, m, k, at.RATE1)
@@ -310,7 +311,7 @@ def passes_pole(p: problem.Problem, m: Memory, k: int, resolution: float) -> boo
 
 @kernel_apart
 def forget_poles(m: Memory) -> None:
-    """Forget at which guards the last step ended on a pole."""
+    """Forget which guards have passed a pole where the last step ended."""
     for k in range(m.flags.width):
         m.flags[at.AT_POLE, k] = 0
     m.counts[at.N_POLES] = 0

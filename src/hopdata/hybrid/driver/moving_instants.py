@@ -58,9 +58,9 @@ class Jump(NamedTuple):
     start: float  # the stretch of time in which it jumps
     end: float
     size: float  # of the time
-    rows: int  # four rows of ranges, as long as the states
-    n: int  # number of states, and of those that are no parameters
-    n_varying: int
+    rows: int  # four rows of states: least, most, least rate, most rate
+    n: int  # number of states, with the parameters behind them
+    n_varying: int  # number of states without the parameters
     mode: int
     n_modes: int
     params: int  # parameters that are no states
@@ -70,7 +70,11 @@ class Jump(NamedTuple):
 
 @kernel
 def set_rows(jump: Jump, y: int) -> None:
-    """Let the states be those at address `y`, and the parameters be constant."""
+    """Let the states be those at address `y`, and the parameters be constant.
+
+    The rates of the states are unknown: so only what depends on time and parameters
+    alone has a known rate.
+    """
     n = jump.n
     rows = float_vector(jump.rows, 4 * n)
     states = float_vector(y, n)
@@ -117,7 +121,10 @@ def look(jump: Jump, bits: int, which: int) -> int:
 
 @kernel
 def noted_rate(jump: Jump) -> float:
-    """Return the rate of what was noted; NaN if it is not known, or zero."""
+    """Return the rate of what was noted; NaN if it is not known.
+
+    Only what has a rate other than zero is noted.
+    """
     note = float_vector(jump.answers, answers.N_SLOTS)
     least = note[answers.TIMED_LEAST_RATE]
     most = note[answers.TIMED_MOST_RATE]
@@ -168,9 +175,10 @@ def add_movements(jump: Jump, bits: int, which: int, is_first: bool, into: int) 
 
 @kernel_apart
 def movements(jump: Jump, y: int, into: int) -> int:
-    """Write d tau/dp at the places of the parameters in a row of states; say if so.
+    """Write d tau/dp at the places of the parameters in a row of states.
 
-    The states are at address `y`, the row is at address `into`.
+    The states are at address `y`, the row is at address `into`. Returns what is found:
+    NONE, TOLD, UNTOLD or DIFFERENT.
     """
     if jump.code <= 0:
         return NONE
@@ -188,14 +196,12 @@ def movements(jump: Jump, y: int, into: int) -> int:
             status = add_movements(jump, bits, which, status == NONE, into)
             if status != TOLD:
                 return status
-        place = told[answers.OPENED] - 1
-        if place >= answers.N_ANSWERS:
+        is_lost = told[answers.LOST] != 0 or told[answers.TIMED] > MOST_NOTED
+        if is_lost or told[answers.OPENED] > answers.N_ANSWERS:
             return UNTOLD
-        while place >= 0 and (bits >> place) & 1 == 1:
-            place -= 1
-        if place < 0:
+        bits = answers.next_answers(bits, told[answers.OPENED])
+        if bits < 0:
             return status
-        bits = (bits & ((1 << place) - 1)) | (1 << place)
     return UNTOLD
 
 

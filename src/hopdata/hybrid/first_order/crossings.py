@@ -5,8 +5,8 @@ begin to slide along it: then the field after it is Filippov's mix, and the salt
 matrix is the projection onto the surface along the difference of both fields (Filippov
 1988; Dieci and Lopez 2011). A guard slides on while another one is crossed, unless its
 share of the upper field leaves the interval from 0 to 1: then it lets go at once. Where
-a trajectory leaves a surface by itself, its share has just come to 0 or 1, and both
-fields are the same: the matrix is the identity.
+a trajectory leaves a surface by itself, its share has just come to 0 or 1, so the mix
+is the field into which it leaves: the matrix is the identity.
 
 In an instant of this module, the lock of a guard that slides is 0.
 """

@@ -27,7 +27,7 @@ from hopdata.hybrid.gradients.workspace import (
     BY_STATE,
     F_AFTER,
     F_BEFORE,
-    Instant,
+    FlipInstant,
     Room,
     Run,
 )
@@ -66,7 +66,7 @@ def handler_back(
 
 
 @kernel_apart
-def by_leaving(code: Recorders, room: Room, run: Run, instant: Instant) -> float:
+def by_leaving(code: Recorders, room: Room, run: Run, instant: FlipInstant) -> float:
     """Return the derivative by the instant, as far as the field after it acts later."""
     begin_tape(room, run.replayed.params[instant.last])
     y = run.flips.after[instant.last - 1]
@@ -112,7 +112,7 @@ def event_back(
     code: Recorders,
     room: Room,
     run: Run,
-    instant: Instant,
+    instant: FlipInstant,
     ends: bool,
     by_end: float,
     found: FloatArray,

@@ -17,8 +17,8 @@ from hopdata.hybrid.gradients.user_functions import field_value
 from hopdata.hybrid.gradients.workspace import (
     F_BEFORE,
     TAPE_FULL,
+    FlipInstant,
     Flips,
-    Instant,
     Room,
     Run,
 )
@@ -34,7 +34,7 @@ def first_of_instant(flips: Flips, last: int) -> int:
 
 
 @kernel
-def instant_of(run: Run, last: int) -> Instant:
+def instant_of(run: Run, last: int) -> FlipInstant:
     """Return the instant of flip `last` - 1."""
     times = run.steps.t
     rows = run.flips.row
@@ -44,11 +44,11 @@ def instant_of(run: Run, last: int) -> Instant:
     if first > 0:
         before = rows[first - 1]
     span = times[len(times) - 1] - times[0]
-    return Instant(t, t - times[before], span, first, last)
+    return FlipInstant(t, t - times[before], span, first, last)
 
 
 @kernel
-def flips_before(flips: Flips, instant: Instant, e: int) -> bool:
+def flips_before(flips: Flips, instant: FlipInstant, e: int) -> bool:
     """Return whether the guard of flip `e` flips before it at the same instant."""
     again = False
     for other in range(instant.first, e):
@@ -57,7 +57,7 @@ def flips_before(flips: Flips, instant: Instant, e: int) -> bool:
 
 
 @kernel_apart
-def n_met(code: Recorders, room: Room, run: Run, instant: Instant) -> int:
+def n_met(code: Recorders, room: Room, run: Run, instant: FlipInstant) -> int:
     """Return how many guards met their surfaces at an instant."""
     first = instant.first
     y = run.flips.before[first]
@@ -78,7 +78,7 @@ def instant_back(
     code: Recorders,
     room: Room,
     run: Run,
-    instant: Instant,
+    instant: FlipInstant,
     ends: bool,
     by_end: float,
     found: FloatArray,

@@ -116,7 +116,7 @@ def known_of(system: System, params: FloatArray, n: int, t: FloatArray) -> Known
 def reason_unsought(system: System) -> str:
     """Return why the field's own instants are not sought; "" if they are."""
     if system.sliding and may_switch(system.field):
-        return "the gradient of a system that slides does not"
+        return "the gradient of a system that slides does not seek them"
     return why_unsought(system)
 
 

@@ -26,7 +26,7 @@ from hopdata.hybrid.gradients.workspace import (
     F_BEFORE,
     GUARD_BY_STATE,
     SCRATCH,
-    Instant,
+    FlipInstant,
     Room,
     Run,
 )
@@ -70,7 +70,9 @@ def is_lock_alone(code: Recorders, room: Room, run: Run, e: int, t: float) -> bo
 
 
 @kernel_apart
-def turns_back(code: Recorders, room: Room, run: Run, instant: Instant, e: int) -> bool:
+def turns_back(
+    code: Recorders, room: Room, run: Run, instant: FlipInstant, e: int
+) -> bool:
     """Return whether flip `e` turns back its own guard or one that flips after it.
 
     The field after it is in F_AFTER.
@@ -99,7 +101,7 @@ def lock_back(
     code: Recorders,
     room: Room,
     run: Run,
-    instant: Instant,
+    instant: FlipInstant,
     e: int,
     by_time: float,
 ) -> int:
@@ -124,7 +126,7 @@ def lock_back(
 
 @kernel_apart
 def together_back(
-    code: Recorders, room: Room, run: Run, instant: Instant, found: FloatArray
+    code: Recorders, room: Room, run: Run, instant: FlipInstant, found: FloatArray
 ) -> int:
     """Carry the derivatives across flips of guards that met their surfaces together.
 

@@ -80,7 +80,7 @@ class Run(NamedTuple):
     ended_by_event: bool
 
 
-class Instant(NamedTuple):
+class FlipInstant(NamedTuple):
     """An instant at which guards flip.
 
     Its time, the time since the last event, the time span of the run, s; and the
