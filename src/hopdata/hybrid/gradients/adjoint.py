@@ -233,7 +233,7 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     at_start = with_sliding(extended, system, at_start)
     allowed = Tolerance(np.array([rtol]), tolerance)
     run = run_of(extended, system, solution, at_start, allowed)
-    known = known_of(system, at_start.params, system.n_states, solution.t)
+    known = known_of(system, at_start.params, len(numbers), system.n_states, solution.t)
     found, status = _backward(code, extended, run, known, method)
     if status == NOT_REPEATED:
         raise ArgumentError(

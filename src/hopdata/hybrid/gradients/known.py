@@ -79,7 +79,9 @@ def _within(instants: Instants, start: float, end: float) -> FloatArray:
     return times[(times >= start) & (times <= end)]
 
 
-def known_of(system: System, params: FloatArray, n: int, t: FloatArray) -> Known:
+def known_of(
+    system: System, params: FloatArray, n_given: int, n: int, t: FloatArray
+) -> Known:
     """Return what the pass through a run needs to know of its instants.
 
     Parameters
@@ -88,6 +90,8 @@ def known_of(system: System, params: FloatArray, n: int, t: FloatArray) -> Known
         The user's system.
     params : (p,) array
         Parameters, with the memory.
+    n_given : int
+        Number of the user's own parameters, which are the first.
     n : int
         Number of the user's states.
     t : (N,) array
@@ -98,7 +102,7 @@ def known_of(system: System, params: FloatArray, n: int, t: FloatArray) -> Known
         code = ranged_field(system).address
     declared = np.empty(0)
     if system.tstops is not None:
-        instants = instants_of(system, None, params[: len(params) - system.n_memory])
+        instants = instants_of(system, None, params[:n_given])
         declared = _within(instants, float(t[0]), float(t[-1]))
     size = max(abs(float(t[0])), abs(float(t[-1])))
     width = n + len(params)
