@@ -353,9 +353,9 @@ HELD_INSTANTS = (
     "(docs/known_instants.md)."
 )
 MISSED_INSTANTS = (
-    "In {count} stretches of time the field jumps so often that its instants cannot "
-    "be told apart: the derivative by the parameters leaves out how these move "
-    "(docs/known_instants.md)."
+    "Stretches of time in which the field may jump, but its instants were not found: "
+    "{count} (`n_unsought`). The derivative by the parameters leaves out how these "
+    "move (docs/known_instants.md)."
 )
 UNSOUGHT_INSTANTS = (
     "The field's own instants were not sought: {reason}. If it jumps in time, the "

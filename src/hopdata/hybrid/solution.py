@@ -442,9 +442,8 @@ class Solution(Told):
             told.append(layout.UNSOUGHT_INSTANTS.format(reason=self.form.unsought))
         if self.n_fixed_instants > 0:
             told.append(layout.HELD_INSTANTS.format(count=self.n_fixed_instants))
-        missed = int(self.counts[layout.UNSOUGHT])
-        if missed > 0 and self.sensitivity is not None:
-            told.append(layout.MISSED_INSTANTS.format(count=missed))
+        if self.n_unsought > 0 and self.sensitivity is not None:
+            told.append(layout.MISSED_INSTANTS.format(count=self.n_unsought))
         return " ".join(told)
 
     @cached_property
@@ -509,6 +508,15 @@ class Solution(Told):
         It cannot be told of these instants how they depend on the parameters.
         """
         return int(self.counts[layout.HELD_FIXED])
+
+    @property
+    def n_unsought(self) -> int:
+        """Number of stretches of time in which jumps of the field were not found.
+
+        Steps pass over these jumps as over any other part of the field. The derivative
+        by the parameters leaves out how they move.
+        """
+        return int(self.counts[layout.UNSOUGHT])
 
     @property
     def n_steps(self) -> int:

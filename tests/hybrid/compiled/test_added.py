@@ -58,6 +58,18 @@ def near_a_knot(t, y):
     return min(abs(y[0] - k) for k in KNOTS) - 0.1
 
 
+WEIGHTS = (0.3, 0.2, 0.1)
+
+
+def weighted(t, y):
+    return sum(w * np.sin((i + 2) * y[0]) for i, w in enumerate(WEIGHTS)) - 0.1
+
+
+def test_modules_that_only_a_generator_names_are_read():
+    system = System(circling, weighted, n_states=2, guard_names=("sum",))
+    assert solve(system, (0.0, 1.0), [0.0, 1.0], t_eval=()).proven
+
+
 def test_generators_are_read():
     system = System(circling, near_a_knot, n_states=2, guard_names=("near",))
     found = solve(system, (0.0, 6.0), [0.0, 1.0], t_eval=())

@@ -7,10 +7,12 @@ import pytest
 from hybrid_systems import ball, ladder, sliding
 from jacobian_checks import saltation_product
 
+from hopdata.errors import ArgumentError
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.hybrid.first_order import (
     NotTransversalError,
     bouligand_derivative,
+    check_c1,
     project_onto_section,
     saltation_matrix,
 )
@@ -210,3 +212,29 @@ def test_a_section_at_rest_maps_into_itself():
 def test_grazing_is_refused():
     with pytest.raises(NotTransversalError):
         project_onto_section(np.eye(2), [0.0, 1.0], [1.0, 0.0])
+
+
+def falling(t, y):
+    return y[1], -9.81
+
+
+def feet(t, y):
+    return -y[0]
+
+
+def bounce_of_six(t, y, mode, p, guard, direction):
+    return y[0], -0.5 * y[1]
+
+
+def bounce(t, y, p, guard, direction):
+    return y[0], -0.5 * y[1]
+
+
+def test_a_state_that_a_handler_of_six_arguments_returns_is_refused():
+    """The driver refuses it, too."""
+    state = [0.0, -1.0]
+    wrong = System(falling, feet, bounce_of_six, n_states=2, guard_names=("foot",))
+    with pytest.raises(ArgumentError, match="on_event: expected 0 to go on"):
+        check_c1(wrong, state, mode=[-1])
+    right = System(falling, feet, bounce, n_states=2, guard_names=("foot",))
+    assert check_c1(right, state, mode=[-1]).verdict

@@ -17,7 +17,8 @@ from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
 Function = Callable[..., Any]
 
 WANTED_RESULT = {
-    "on_event": "return 0 to go on, 1 to stop, on every path",
+    "on_event": "return 0 to go on, 1 to stop, on every path (a handler of fewer than "
+    "six arguments may return the new state)",
     "together": "return 0 to go on, 1 to stop, on every path",
     "rate_bound": "return a number on every path",
 }

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import ArgumentError
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.system import System
 
@@ -213,7 +214,12 @@ def cross(system: System, at: Instant, guard: int) -> Instant:
     params = at.params.copy()
     mode[guard] = -mode[guard]
     if system.on_event is not None:
-        system.on_event.function(at.t, y, mode, params, guard, int(mode[guard]))
+        told = system.on_event.function(at.t, y, mode, params, guard, int(mode[guard]))
+        if isinstance(told, tuple | list | np.ndarray):
+            raise ArgumentError(
+                "on_event: expected 0 to go on or 1 to stop, as it takes all six "
+                f"arguments, found {told}: change y itself, or leave an argument out"
+            )
     return Instant(at.t, y, mode, params)
 
 
