@@ -203,6 +203,13 @@ class CrossingOrder:
     state: FloatArray
 
 
+def _delays_of(node: Node, deviation: FloatArray) -> FloatArray:
+    """Return when a neighbour meets each guard, s; infinity where a guard rests."""
+    with np.errstate(invalid="ignore"):  # infinite slopes of a guard at rest
+        delays = node.delays @ deviation
+    return np.where(np.isfinite(delays), delays, np.inf)
+
+
 class BouligandDerivative:
     """The crossings of some guards in any order from a state, computed on demand.
 
@@ -232,6 +239,15 @@ class BouligandDerivative:
         else:
             root = Node(local.linearise(system, start, scale), np.eye(system.n_states))
         self._nodes: dict[tuple[int, ...], Node] = {(): root}
+
+    def __repr__(self) -> str:
+        n = self.system.n_states
+        names = ", ".join(self.system.guard_names[k] for k in self.guards)
+        return (
+            f"BouligandDerivative where the guards {names} are met: call it with "
+            f"deviations ({n},) or ({n}, m); order(deviation) tells in which order "
+            "they are crossed"
+        )
 
     def __call__(self, deviations: ArrayLike) -> FloatArray:
         """Return the directional derivatives D_v."""
@@ -277,7 +293,8 @@ class BouligandDerivative:
             return self._order_to_the_end(np.asarray(deviation, dtype=np.float64))
         order: tuple[int, ...] = ()
         while len(order) < len(self.guards):
-            delays = self.node(order).delays @ np.asarray(deviation, dtype=np.float64)
+            deviation = np.asarray(deviation, dtype=np.float64)
+            delays = _delays_of(self.node(order), deviation)
             waiting = [guard for guard in self.guards if guard not in order]
             order = (*order, min(waiting, key=lambda guard: delays[guard]))
         return order
@@ -297,7 +314,7 @@ class BouligandDerivative:
                     f"guards {names}: a neighbour meets them again and again, and so "
                     "does not come to an end of the instant by finitely many crossings"
                 )
-            delays = node.delays @ deviation
+            delays = _delays_of(node, deviation)
             order = (*order, min(waiting, key=lambda guard: delays[guard]))
 
     def _check_end(self, order: tuple[int, ...], found: Instant) -> None:
