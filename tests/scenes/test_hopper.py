@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hopdata.hybrid import solve
+from hopdata.hybrid.numbers.modes import is_same_in_all_modes
 from hopdata.scenes import hopper_vector as at
 from hopdata.scenes.body import (
     cross,
@@ -498,3 +499,11 @@ def test_the_parameters_can_be_differentiated_and_the_number_of_legs_stays():
         slope = (end(params + step) - end(params - step)) / (2 * step[index])
         size = np.abs(slope).max()
         np.testing.assert_allclose(found.sensitivity[:, index], slope, atol=1e-5 * size)
+
+
+def test_the_ramp_in_time_is_the_same_in_all_modes():
+    """The legs, which stand or not by the mode, know nothing of the time."""
+    function, times = hopper_field.source_and_places(frozenset(("t",)))
+    modes = hopper_field.source_and_places(frozenset(("mode",)))[1]
+    assert is_same_in_all_modes(function, times, modes, range(4))
+    assert not is_same_in_all_modes(function, (*times, *modes), modes)

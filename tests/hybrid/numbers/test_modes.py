@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid.numbers.modes import is_same_in_all_modes
-from hopdata.scenes.hopper import hopper_field
 
 TIME, MODE, READ = (0,), (3,), (0, 1, 2, 3)
-TIMES, MODES = frozenset(("t",)), frozenset(("mode",))
 
 
 def since(t, start):
@@ -162,11 +160,3 @@ def test_a_mode_that_only_stands_beside_the_time_does_not_matter(function):
 @pytest.mark.parametrize("function", BOUND)
 def test_a_mode_that_may_choose_a_jump_in_time_matters(function):
     assert not is_same_in_all_modes(function, TIME, MODE, READ)
-
-
-def test_the_ramp_of_the_hopper_is_the_same_in_all_modes():
-    """Its legs, which stand or not by the mode, know nothing of the time."""
-    function, times = hopper_field.source_and_places(TIMES)
-    modes = hopper_field.source_and_places(MODES)[1]
-    assert is_same_in_all_modes(function, times, modes, range(4))
-    assert not is_same_in_all_modes(function, (*times, *modes), modes)
