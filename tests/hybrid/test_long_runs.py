@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -214,18 +215,17 @@ def test_a_step_that_falls_to_zero():
     assert solution.y_end[0] > 1e9
 
 
-def test_a_thousand_wrong_calls_neither_crash_nor_succeed():
-    rng = np.random.default_rng(0)
+def test_wrong_calls_neither_crash_nor_succeed():
+    system = ladder(1)
     good = {"t_span": (0.0, 1.0), "y0": [0.0, 0.0], "params": (5.0, 1.0)}
     wrong = [
         np.nan, None, "x", [], [[1.0]], [1.0], [np.nan] * 2, [np.inf, 0.0], {}, (1.0, 2.0, 3.0),
         1j, np.zeros((2, 2)), object(),
     ]  # fmt: skip
     names = ["t_span", "y0", "rtol", "max_step", "mode", "t_eval", "atol"]
-    for _ in range(1000):
-        name, value = names[rng.integers(len(names))], wrong[rng.integers(len(wrong))]
+    for name, value in product(names, wrong):
         try:
-            solution = solve(ladder(1), **{**good, name: value})
+            solution = solve(system, **{**good, name: value})
         except (ValueError, TypeError):
             continue
         # These are valid: no modes, no samples, a lock, and a component whose error

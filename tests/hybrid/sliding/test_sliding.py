@@ -299,50 +299,32 @@ def test_losses_of_events_see_what_the_user_is_told():
     np.testing.assert_allclose(found.by_start, slope, rtol=0, atol=1e-6)
 
 
-def dip(t, y, mode):
-    return -1.0 * mode[0] + 0.5 * y[1], 0.0
-
-
-def narrow_dip(
-    t, y
-):  # a second guard, below zero for 4 ms of the time that y[0] slides
-    return y[0], (t - 2.123) ** 2 - 4e-6
-
-
-def test_a_narrow_dip_of_another_guard_is_seen_while_one_slides():
-    system = System(
-        dip, narrow_dip, n_states=2, guard_names=("zero", "dip"), sliding=("zero",)
-    )
-    solution = solve(system, (0.0, 10.0), [0.3, 0.5])
-    log = solution.events
-    assert solution.proven
-    np.testing.assert_array_equal(log.guard, [0, 1, 1])
-    np.testing.assert_allclose(log.time[1:], [2.121, 2.125], rtol=0, atol=1e-12)
-
-
-def brief_field(t, y, mode):  # the drive exceeds the relay for 4 ms
+def brief_field(t, y, mode):
+    """The drive exceeds the relay for 4 ms."""
     return 1.0 + 1e-3 - 250.0 * (t - 2.123) ** 2 - 1.0 * mode[0]
 
 
-def first_of(t, y):
-    return y[0]
+def narrow_dip(t, y):
+    """Return a second guard, too, below zero for 4 ms of the time that y[0] slides."""
+    return y[0], (t - 2.163) ** 2 - 4e-6
 
 
-def test_a_brief_end_of_sliding_is_seen():
+def test_a_brief_end_of_sliding_and_a_narrow_dip_meanwhile_are_seen():
     system = System(
         brief_field,
-        first_of,
+        narrow_dip,
         n_states=1,
-        guard_names=("zero",),
+        guard_names=("zero", "dip"),
         sliding=("zero",),
     )
     solution = solve(system, (2.0, 2.2), [0.0])
     log = solution.events
     assert solution.proven
-    np.testing.assert_array_equal(log.direction, [2, 3, -2])
-    np.testing.assert_allclose(log.time[1], 2.121, rtol=0, atol=1e-9)
-    # Back where the integral of 1e-3 - 250 (t - 2.123)^2 from there is zero.
-    np.testing.assert_allclose(log.time[2], 2.127, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(log.guard, [0, 0, 0, 1, 1])
+    np.testing.assert_array_equal(log.direction[:3], [2, 3, -2])
+    # Back where the integral of 1e-3 - 250 (t - 2.123)^2 from 2.121 is zero.
+    np.testing.assert_allclose(log.time[1:3], [2.121, 2.127], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(log.time[3:], [2.161, 2.165], rtol=0, atol=1e-12)
 
 
 def in_blocks(t, y):  # arrays made inside have no code for ranges or duals
