@@ -145,11 +145,14 @@ def nest(depth):
 )
 def test_a_pickle_asks_for_no_memory_by_number(tmp_path, content, said, read_here):
     path = pickled(tmp_path / "a.h5", content)
+    most_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     begin = time.process_time()
     with pytest.raises(RecordingError, match=said):
         read_raw(path, rate_hz=50.0)
     assert time.process_time() - begin < 2.0
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 4 << 20
+    # Earlier tests of this process may have taken more.
+    more_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - most_kib
+    assert more_kib < 1 << 20
 
 
 @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))

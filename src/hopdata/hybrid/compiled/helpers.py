@@ -45,7 +45,7 @@ def with_helpers(
     """
     inside = above | {function.__code__}
     found: dict[str, Any] = {}
-    for name in _names_in(function.__code__):
+    for name in names_in(function.__code__):
         helper = _helper(function.__globals__.get(name), decorated)
         if helper is not None and helper.__code__ not in inside:
             found[name] = _compiled(helper, inside, decorated)
@@ -102,10 +102,10 @@ def _is_helper(value: Any) -> TypeGuard[FunctionType]:
     return module.partition(".")[0] not in KNOWN and not module.startswith(OWN)
 
 
-def _names_in(code: CodeType) -> set[str]:
+def names_in(code: CodeType) -> set[str]:
     """Return the names in a function's code and in that of functions inside it."""
     names = set(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            names |= _names_in(constant)
+            names |= names_in(constant)
     return names

@@ -21,7 +21,7 @@ import numpy as np
 from hopdata.hybrid.compiled import stored
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.forms import Form, cells_of, same_code
-from hopdata.hybrid.compiled.helpers import with_helpers, within
+from hopdata.hybrid.compiled.helpers import names_in, with_helpers, within
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 
 Function = Callable[..., Any]
@@ -239,7 +239,7 @@ def _compiled(node: ast.FunctionDef, function: FunctionType) -> CodeType:
     node.args.kw_defaults = [one and ast.Constant(None) for one in defaults[1]]
     shell.body = [node]
     # The code of a call ``module.name()`` depends on whether it is seen to be imported.
-    for name in sorted(_names_in(function.__code__)):
+    for name in sorted(names_in(function.__code__)):
         if isinstance(function.__globals__.get(name), ModuleType):
             outer.body.insert(0, ast.Import(names=[ast.alias(name=name)]))
     ast.fix_missing_locations(outer)
@@ -247,15 +247,6 @@ def _compiled(node: ast.FunctionDef, function: FunctionType) -> CodeType:
     node.args.defaults, node.args.kw_defaults = defaults
     inside = _code_named(module, OUTER)
     return _code_named(inside, node.name)
-
-
-def _names_in(code: CodeType) -> set[str]:
-    """Return the global names and attributes in code and in the functions within it."""
-    names = set(code.co_names)
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            names |= _names_in(constant)
-    return names
 
 
 def _code_named(code: CodeType, name: str) -> CodeType:
