@@ -226,6 +226,7 @@ def bytes_of_all(folder):
 
 
 @pytest.mark.workflow
+@pytest.mark.skipif("'ALL' not in os.environ", reason="takes 20 s: ALL=1")
 def test_a_locked_folder_is_told_with_the_option_that_takes_it_over(
     tmp_path, monkeypatch, capfd
 ):
