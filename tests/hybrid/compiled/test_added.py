@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from numba import njit
 from range_harness import COMPARED, OUTSIDE, RATES_OUTSIDE, UNKNOWN, Ranged, boxes
 
