@@ -52,3 +52,24 @@ def test_a_pole_without_a_change_of_sign_is_no_flip():
     width = 5.0**-0.5
     expected = [0.731 - width, 0.731 + width]
     np.testing.assert_allclose(run.events.time, expected, atol=1e-13)
+
+
+def orbit(t, y):
+    return y[1], -y[0]
+
+
+def beside_a_drive(t, y, p):
+    return 1.0 / (y[0] - p[0] * np.sin(p[1] * t)) - 2.0
+
+
+@pytest.mark.parametrize("seed", [724, 728])
+def test_a_step_from_one_pole_to_the_next(seed):
+    draw = np.random.default_rng(seed)
+    params = [draw.uniform(0.3, 3), draw.uniform(0.3, 4)]
+    system = System(orbit, beside_a_drive, n_states=2, guard_names=("h",))
+    start = draw.normal(size=2)
+    run = solve(system, (0.0, 12.0), start, params=params, rtol=1e-6, dense_output=True)
+    t = np.linspace(0.0, 12.0, 300_001)
+    signs = np.sign(beside_a_drive(t, run(t), params))
+    places = t[1:][np.diff(signs) != 0.0]
+    np.testing.assert_allclose(run.events.time, places, atol=5e-5)

@@ -296,15 +296,17 @@ def is_behind_flip(
 def passes_pole(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
     """Return whether guard k passes a pole where the step ends.
 
-    Behind a pole, h has the other sign, is larger than where the step began, and comes
-    back from infinity. Near a pole, h is about c / (t - t_pole), so h over its rate is
-    the time since the pole: it is one if this is within some time resolutions. Taken
-    along its tangent, h would be on its surface there.
+    Behind a pole, h has the other sign, is no rounding, and comes back from infinity.
+    Near a pole, h is about c / (t - t_pole), so h over its rate is the time since the
+    pole: it is one if this is within some time resolutions. Taken along its tangent, h
+    would be on its surface there.
     """
     past = -problem.margin_of(p, m, k, at.H1)
     rate = problem.margin_of(p, m, k, at.RATE1)
-    rounding = problem.MOST_ROUNDINGS * problem.blur(m.guards[at.SIZE, k], 0.0, 0.0)
-    if not (rate > 0.0 and past > max(abs(m.guards[at.H0, k]), rounding)):
+    # A step may begin behind another pole, where h is as large: it is a scale only.
+    scale = max(abs(m.guards[at.H0, k]), m.guards[at.PARTS, k])
+    rounding = problem.MOST_ROUNDINGS * problem.blur(scale, 0.0, 0.0)
+    if not (rate > 0.0 and past > rounding):
         return False
     return past <= problem.MOST_ROUNDINGS * resolution * rate
 
