@@ -40,7 +40,6 @@ from hopdata.steering.frame_changes import (
     FrameChanges,
     StanceStates,
     frame_changes,
-    joined,
 )
 from hopdata.steering.models.learning import (
     IN_UNITS,
@@ -66,6 +65,7 @@ from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper
+from hopdata.steering.strides import joined
 from hopdata.steering.trial import (
     POSE,
     ControlGrid,

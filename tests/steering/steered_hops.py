@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.strides import USED
 
 LIMIT = 3 * np.pi / 8
 
@@ -24,7 +25,7 @@ def chained_hops(n=120, *, noise=0.0, seed=0):
     swing = rng.uniform(-LIMIT, LIMIT, n)
     angle = np.append(0.0, np.cumsum(swing))[:-1] % (2 * np.pi)
     change = smooth_change(angle, swing) + noise * rng.standard_normal((n, 3))
-    return FrameChanges(
+    return FrameChanges.hops(
         recording=np.full(n, "chain"),
         time_s=0.6 * np.arange(n),
         boom_angle_rad=angle,

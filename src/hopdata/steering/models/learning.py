@@ -11,9 +11,10 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering import TRAINING, child
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models import process as gp
 from hopdata.steering.models.tabulated import COMPONENTS
+from hopdata.steering.strides import USED
 
 #: Half of the central 95 % of a hop's prediction, in deviations.
 #: Unit: 1. Origin: table: the standard normal distribution.
@@ -296,7 +297,7 @@ def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
             0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
         ]
     )
-    return FrameChanges(
+    return FrameChanges.hops(
         recording=np.full(hops, "smooth truth"),
         time_s=np.arange(hops, dtype=float),
         boom_angle_rad=angle,
