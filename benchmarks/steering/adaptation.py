@@ -155,7 +155,7 @@ def rows(
     seed = np.random.SeedSequence(20261125, spawn_key=(number,))
     robot, camera = SteeredHopper(), MotionCapture()
     geometry, process = learned(robot, child(seed, 10))
-    before, noise = planner(process), process.chance
+    before, noise = planner(process), process.noise_sd
     sight = Sight(
         camera,
         geometry,

@@ -11,12 +11,13 @@ from hopdata.config.loading import load_config
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
 from hopdata.steering.experiments.outcomes import truth_entries
-from hopdata.steering.frame_changes import TILTED, USED, FrameChanges
+from hopdata.steering.frame_changes import TILTED, FrameChanges
 from hopdata.steering.models import learning as learning_curve
 from hopdata.steering.models.learning import learn, learning_tables
 from hopdata.steering.models.process import PRINTED, RECOMMENDED, process_of
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.robot import SteeredHopper, robot_and_camera
+from hopdata.steering.strides import USED
 from hopdata.steering.trial import (
     ControlGrid,
     TrueFrameChanges,
@@ -162,7 +163,7 @@ def hops(n=150, seed=3):
     """Return hops by a simple law, with a little noise."""
     stream = rng(seed)
     angle, swing = stream.uniform(0, 2 * np.pi, n), stream.uniform(-1.1, 1.1, n)
-    return FrameChanges(
+    return FrameChanges.hops(
         recording=np.full(n, "a"), time_s=np.arange(n) * 0.6, boom_angle_rad=angle,
         swing_rad=swing, change=law(angle, swing) + 1e-3 * stream.standard_normal((n, 3)),
         reason=np.full(n, USED, dtype="<U32"),
@@ -188,13 +189,13 @@ def test_a_recording_with_hardly_a_hop_is_not_blamed_on_the_configuration():
 
 def test_a_model_is_tested_on_the_hops_that_it_has_not_seen():
     process, scores = learn(hops(), MODEL, seed=SEED)
-    assert len(process.inputs) == 60
+    assert len(process.points) == 60
     assert scores["test_hops"].tolist() == [90] * 3
     assert scores["r2"].min() > 0.9
     other, _ = learn(hops(), MODEL, seed=np.random.SeedSequence(2))
-    assert not np.array_equal(process.inputs, other.inputs)
+    assert not np.array_equal(process.points, other.points)
     again, _ = learn(hops(), MODEL, seed=SEED)
-    np.testing.assert_array_equal(process.inputs, again.inputs)
+    np.testing.assert_array_equal(process.points, again.points)
 
 
 def test_too_few_hops_are_told_with_what_was_left_out():

@@ -16,7 +16,7 @@ from hopdata.rigid import relative
 from hopdata.steering import CORRECTED, EXCITATION, PRINTED, TRIAL, child
 from hopdata.steering import robot as plant
 from hopdata.steering.control.objectives import is_finite
-from hopdata.steering.frame_changes import CHANGE
+from hopdata.steering.strides import CHANGE
 from hopdata.synthesis.camera import MotionCapture, draw_floor, track_markers
 from hopdata.synthesis.simulate import observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial

@@ -255,11 +255,12 @@ def _parts(
     else:
         goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
     horizon = Horizon(hops=PLANNED_HOPS, swing_limit_rad=setup["limits"]["swing_rad"])
-    controller = planner(process, goal, horizon=horizon)
+    model = process.table_within(horizon.swing_limit_rad)
+    controller = planner(model, goal, horizon=horizon)
     # The first plan loads what it needs, which would delay the first hop.
     controller.plan(START, math.pi)
     if setup["adaptive"]:
-        return geometry, AdaptivePlanner(controller, process.chance)
+        return geometry, AdaptivePlanner(controller, process.noise_sd)
     return geometry, controller
 
 
