@@ -189,13 +189,13 @@ def test_a_recording_with_hardly_a_hop_is_not_blamed_on_the_configuration():
 
 def test_a_model_is_tested_on_the_hops_that_it_has_not_seen():
     process, scores = learn(hops(), MODEL, seed=SEED)
-    assert len(process.inputs) == 60
+    assert len(process.points) == 60
     assert scores["test_hops"].tolist() == [90] * 3
     assert scores["r2"].min() > 0.9
     other, _ = learn(hops(), MODEL, seed=np.random.SeedSequence(2))
-    assert not np.array_equal(process.inputs, other.inputs)
+    assert not np.array_equal(process.points, other.points)
     again, _ = learn(hops(), MODEL, seed=SEED)
-    np.testing.assert_array_equal(process.inputs, again.inputs)
+    np.testing.assert_array_equal(process.points, again.points)
 
 
 def test_too_few_hops_are_told_with_what_was_left_out():

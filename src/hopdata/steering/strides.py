@@ -8,8 +8,8 @@ second. What state and inputs are, each robot says by its `StrideAxes`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -176,9 +176,34 @@ class StrideAxes:
         return np.array([state.is_known for state in self.states], dtype=bool)
 
     @property
+    def is_periodic(self) -> BoolArray:
+        """Whether each state is an angle, (S,)."""
+        return np.arange(len(self.states)) < len(self.periodic)
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns of states and inputs in a table, (S + U,)."""
         return tuple(axis.column for axis in self.axes)
+
+    def as_dict(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the axes as what JSON can hold."""
+        kinds = ("periodic", "linear", "inputs")
+        return {kind: [asdict(one) for one in getattr(self, kind)] for kind in kinds}
+
+    @classmethod
+    def of_dict(cls, kinds: Mapping[str, Sequence[Mapping[str, Any]]]) -> Self:
+        """Return the axes that `as_dict` wrote.
+
+        Raises
+        ------
+        KeyError, TypeError, ConfigError
+            If it is something else.
+        """
+        return cls(
+            periodic=tuple(State(**one) for one in kinds["periodic"]),
+            linear=tuple(State(**one) for one in kinds["linear"]),
+            inputs=tuple(Input(**one) for one in kinds["inputs"]),
+        )
 
     def points(self, state: ArrayLike, inputs: ArrayLike) -> FloatArray:
         """Return states and inputs side by side, (n, S + U).
@@ -195,17 +220,7 @@ class StrideAxes:
         AnalysisError
             If there are not S states or U inputs, or n differs.
         """
-        states = _rows(state, len(self.states), "states")
-        commands = _rows(inputs, len(self.inputs), "inputs")
-        sizes = {len(states), len(commands)} - {1}
-        if len(sizes) > 1:
-            wanted = "states and inputs of one length"
-            raise AnalysisError.at("stride", wanted, sorted(sizes))
-        n = min(sizes, default=1)
-        parts = [
-            np.broadcast_to(part, (n, part.shape[1])) for part in (states, commands)
-        ]
-        return np.concatenate(parts, axis=1)
+        return side_by_side(state, inputs, len(self.states), len(self.inputs))
 
     def wrapped(self, state: FloatArray) -> FloatArray:
         """Return states (..., S) with the periodic ones in [0, 2 pi)."""
@@ -227,6 +242,23 @@ class StrideAxes:
             elif axis.set_by:
                 after[:, k] = commands[axis.set_by]
         return self.wrapped(after)
+
+
+def side_by_side(
+    state: ArrayLike, inputs: ArrayLike, n_states: int, n_inputs: int
+) -> FloatArray:
+    """Return states and inputs side by side; see `StrideAxes.points`."""
+    states = _rows(state, n_states, "states")
+    commands = _rows(inputs, n_inputs, "inputs")
+    sizes = {len(states), len(commands)} - {1}
+    if len(sizes) > 1:
+        wanted = "states and inputs of one length"
+        raise AnalysisError.at("stride", wanted, sorted(sizes))
+    n = min(sizes, default=1)
+    points = np.empty((n, n_states + n_inputs))
+    points[:, :n_states] = states
+    points[:, n_states:] = commands
+    return points
 
 
 def _rows(values: ArrayLike, width: int, what: str) -> FloatArray:

@@ -58,6 +58,7 @@ from hopdata.steering.control.prediction import (
 )
 from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.models import tabulated as tables
+from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.models.stride_table import StrideTable, stride_table
 from hopdata.steering.strides import StrideAxes
 
@@ -271,6 +272,8 @@ def _tabulated(
         limit = horizon.swing_limit_rad
         if isinstance(model, tables.TabulatedMap) and model.swing_limit_rad == limit:
             return model
+        if isinstance(model, FrameChangeProcess):
+            return model.table_within(limit)
         return tables.tabulated(model, limit)
     states = ", ".join(state.name for state in axes.states)
     if len(axes.states) > 1:
@@ -291,7 +294,7 @@ def _limits_of_state(model: StrideModel) -> tuple[float, float]:
     if state.set_by:
         source = axes.input_names.index(state.set_by)
         return float(axes.lower[source]), float(axes.upper[source])
-    learned_from: Any = getattr(model, "inputs", None)  # states and inputs side by side
+    learned_from: Any = getattr(model, "points", None)
     if learned_from is None:
         wanted = f"the limits of the state {state.name}, as state_limits"
         raise ConfigError.at("planner", wanted, "none")
@@ -301,9 +304,9 @@ def _limits_of_state(model: StrideModel) -> tuple[float, float]:
 
 def _grid_of(grid: Grid, model: StrideModel, table: StrideTable) -> Grid:
     """Return a grid with the scatter and the tail cost of a robot's own strides."""
-    chance: Any = getattr(model, "chance", None)
-    if chance is not None:
-        x, y, turn = np.asarray(chance, dtype=float).tolist()
+    noise_sd: Any = getattr(model, "noise_sd", None)
+    if noise_sd is not None:
+        x, y, turn = np.asarray(noise_sd, dtype=float).tolist()
         grid = replace(grid, scatter=(x, y, turn))
     if isinstance(grid, PointGrid):
         ahead = table.values[..., :2]

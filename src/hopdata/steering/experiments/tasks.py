@@ -17,7 +17,7 @@ from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
 from hopdata.steering.models.process import FrameChangeProcess
-from hopdata.steering.models.tabulated import TabulatedMap, tabulated
+from hopdata.steering.models.tabulated import TabulatedMap
 
 ORIGIN, TURN, WAYPOINTS = "origin", "turn", "waypoints"
 
@@ -284,7 +284,7 @@ def policies(
     horizon = objectives.Horizon(
         hops=options["horizon"], swing_limit_rad=swing_limit_rad
     )
-    learned = tabulated(model, swing_limit_rad)
+    learned = model.table_within(swing_limit_rad)
 
     def goal(start: ArrayLike) -> objectives.Objective:
         if task.manoeuvre == WAYPOINTS:
@@ -310,7 +310,7 @@ def policies(
 
         def policy(start: Start) -> objectives.Controller:
             towards_goal = known.towards(goal(start.pose))
-            return going(AdaptivePlanner(towards_goal, model.chance))
+            return going(AdaptivePlanner(towards_goal, model.noise_sd))
 
         return policy
 

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.steering.frame_changes import hopper_axes
-from hopdata.steering.models.process import TURN, input_rows
 from hopdata.steering.models.stride_table import MARGIN, spline_of
-from hopdata.steering.strides import StrideAxes
+from hopdata.steering.strides import TURN, StrideAxes, side_by_side
 
 # What a controller needs of a model: frame changes of many hops at once.
 #
@@ -27,10 +26,22 @@ COMPONENTS = ("dx", "dy", "dtheta")
 
 
 class FrameChangeMap(Protocol):
-    """Frame change as a function of boom angle and swing."""
+    """Frame change as a function of state and inputs.
 
-    def change(self, boom_angle: FloatArray, swing: FloatArray, /) -> FloatArray:
-        """Return the frame changes (n, 3) of hops, by boom angles and swings (n,)."""
+    One state and one input may be arrays (n,), such as the hopper's boom angles and
+    swings.
+    """
+
+    def change(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
+        """Return the frame changes (n, 3), by states (n, S) and inputs (n, U)."""
+        ...
+
+
+class StrideModel(FrameChangeMap, Protocol):
+    """A map that also says to which state a stride leads."""
+
+    def next_state(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
+        """Return the states (n, S) after strides; periodic ones in [0, 2 pi)."""
         ...
 
 
@@ -84,12 +95,17 @@ class TabulatedMap:
             From scipy, if an axis has fewer than four nodes or the values are not all
             finite.
         """
-        angles, swings = input_rows(boom_angle, swing)
+        angles, swings = side_by_side(boom_angle, swing, 1, 1).T
         largest = float(np.abs(swings).max(initial=0.0))
         if not largest <= self.swing_limit_rad * (1 + MARGIN):
             wanted = f"swings within {self.swing_limit_rad:.4f} rad"
             raise AnalysisError.at("table", wanted, f"{largest:.4f}")
         return np.asarray(self._spline(np.stack([swings, angles % TURN], axis=-1)))
+
+    def next_state(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
+        """Return the boom angles (n, 1) after hops, in [0, 2 pi)."""
+        angles, swings = side_by_side(boom_angle, swing, 1, 1).T
+        return np.asarray((angles + swings) % TURN)[:, None]
 
 
 def tabulated(
