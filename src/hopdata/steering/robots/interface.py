@@ -102,6 +102,11 @@ class Simulation:
         Pose at the first release.
     seed : int, sequence of int or SeedSequence
         Seed of what disturbs the strides and of what disturbs the sight of them.
+
+    Attributes
+    ----------
+    true_pose : (3,) array
+        Pose in the newest stance, as nobody sees it.
     """
 
     def __init__(
@@ -109,6 +114,7 @@ class Simulation:
     ) -> None:
         self._robot = robot
         self._pose = np.asarray(pose, dtype=float)
+        self.true_pose = self._pose
         root = seed
         if not isinstance(seed, np.random.SeedSequence):
             root = np.random.SeedSequence(seed)
@@ -142,6 +148,7 @@ class Simulation:
 
     def _seen(self, stance: Stance) -> Stance:
         """Return the stance as it is seen, without what only the simulation knows."""
+        self.true_pose = stance.pose
         n_numbers = 3 + len(self.axes.states)
         error = self._robot.seen_sd * self._sight.standard_normal(n_numbers)
         pose = stance.pose + error[:3]
