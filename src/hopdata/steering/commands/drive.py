@@ -240,8 +240,9 @@ def _parts(
     setup: Mapping[str, Any], files: Mapping[str, bytes]
 ) -> tuple[HopperGeometry, Controller]:
     """Return geometry and controller, the same for a drive and its replay."""
+    from hopdata.steering.control.adaptive import AdaptivePlanner
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
-    from hopdata.steering.control.planner import AdaptivePlanner, planner
+    from hopdata.steering.control.planner import planner
     from hopdata.steering.models.process import load_process
     from hopdata.steering.observation.geometry import load_geometry
 
