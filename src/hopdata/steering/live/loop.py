@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Self, TypeAlias
@@ -42,8 +43,8 @@ class Decision:
     epoch : int
         The camera clock of these times; see `hopdata.steering.live.buffer.Frame`.
     pose : (x_m, y_m, heading_rad)
-        Newest pose up to the frame that revealed the stance, later frames of the batch
-        excluded; NaN if there was none.
+        Pose of the frame nearest to the stance, of those up to the frame that revealed
+        it; NaN if there was none.
     boom_angle_rad : float
         Newest boom angle up to that frame.
     swung_rad : float
@@ -122,6 +123,9 @@ SWING_SHARE = 0.3
 #: Share of its swings below which a boom counts as not moving.
 #: Unit: 1. Origin: chosen.
 LEAST_GAIN = 0.15
+#: Last poses that are kept, to take that at a stance from them.
+#: Unit: 1. Origin: derived: 0.13 s at 500 Hz; a stance is recognised within 0.06 s.
+POSES_KEPT = 64
 
 
 class ControlLoop(Worker):
@@ -192,7 +196,8 @@ class ControlLoop(Worker):
         self._due_s = math.inf
         # The last frame, and the newest measurements up to it.
         self._last: Frame | None = None
-        self._pose = _Newest()
+        # Camera times and poses of the frames in which a stance may have been.
+        self._poses: deque[tuple[float, _Newest]] = deque(maxlen=POSES_KEPT)
         self._boom_angle = _Newest()
         # Since when frames lack a marker: capture time of the first, s.
         self._lacking: dict[str, float] = {}
@@ -298,7 +303,8 @@ class ControlLoop(Worker):
             stance = self._observed(frame)
             if stance is not None:
                 # Later frames of the batch must not change what was known then.
-                told.append(_Told(stance, frame, self._pose, self._boom_angle))
+                pose = self._pose_at(stance)
+                told.append(_Told(stance, frame, pose, self._boom_angle))
         for k, one in enumerate(told):
             self._decide(one, overtaken=k + 1 < len(told))
 
@@ -308,11 +314,13 @@ class ControlLoop(Worker):
         try:
             if self._last is not None and not _same_clock(self._last, frame):
                 self._tracker, self._detector = self._observers()
+                self._poses.clear()
             self._last = frame
             seen = self._tracker.feed(frame.time_s, frame.markers)
             self._heed(seen)
             if np.isfinite(seen.pose).all():
-                self._pose = _Newest(tuple(seen.pose.tolist()), frame.captured_s)
+                pose = _Newest(tuple(seen.pose.tolist()), frame.captured_s)
+                self._poses.append((frame.time_s, pose))
             if math.isfinite(seen.boom_angle_rad):
                 self._boom_angle = _Newest((seen.boom_angle_rad,), frame.captured_s)
             stance = self._detector.feed(frame.time_s, seen.height_m)
@@ -323,6 +331,15 @@ class ControlLoop(Worker):
             self.last_failure = repr(error)
             self._failing = f"a frame could not be understood: {error!r}"
             return None
+
+    def _pose_at(self, stance: Stance) -> _Newest:
+        """Return the pose of the frame nearest to a stance, for which models are made.
+
+        When the stance is recognised, the hopper has moved on for two or three frames.
+        """
+        if not self._poses:
+            return _Newest()
+        return min(self._poses, key=lambda one: abs(one[0] - stance.time_s))[1]
 
     def _heed(self, seen: Observation) -> None:
         """Check whether the hopper left the arena or tips over; note what lacks."""
