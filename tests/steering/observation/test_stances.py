@@ -4,8 +4,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from steered_hopper import as_landings, heights, steered, true_pairs
 
-from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation import stances as observed
+from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry, height_band
 from hopdata.steering.observation.stances import (
     HELD,

@@ -1,7 +1,9 @@
 """One run: a controller steers a simulated hopper through the live control loop.
 
-The loop is the one that drives a robot, on a simulated clock. It sees the hopper
-through motion capture, and its commands must arrive before the flight they are for.
+The loop is the one that drives a robot, on a simulated clock and armed from the start.
+It sees the hopper through motion capture, and its commands must arrive before the
+flight they are for. If a fault brings the boom to rest, an operator arms the drive
+again at the next apex, or at the first one after the fault is gone.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from hopdata.steering.experiments.tasks import (
     progress_of,
 )
 from hopdata.steering.live.clocked import ClockedDrive, Transport
-from hopdata.steering.live.loop import Decision, observers_of
+from hopdata.steering.live.loop import Decision, checks_of, observers_of
+from hopdata.steering.live.machine import State
 from hopdata.steering.live.safety import Limits
 from hopdata.steering.live.simulated import SimulatedBoom, SimulatedHopper
 from hopdata.steering.observation.geometry import HopperGeometry
@@ -250,6 +253,7 @@ class _Drive:
             self.controller,
             watched.boom,
             limits=self.limits,
+            checks=checks_of(sight.geometry, sight.camera.rate_hz, self.limits),
             transport=sight.transport,
             lost=watched.lost,
             on_decision=self._note,
@@ -266,6 +270,9 @@ class _Drive:
             What the controller raises, other than a `PlanningError`.
         """
         self._begun_s.append(self.hopper.apex_s)
+        loop = self.clocked.loop
+        if loop.state is State.RESTING:  # the operator stands by
+            loop.arm()
         self.clocked.run_hop()
         if self.controller.failure is not None:
             raise self.controller.failure

@@ -1,7 +1,8 @@
-"""A drive of a simulated hopper on a simulated clock: the loop as it is, no threads.
+"""A drive on a simulated clock: the loop and its watch without threads.
 
-Nothing depends on the machine: the same seed gives the same drive to the bit. It is
-what experiments and rehearsals run.
+Time is a number that passes from one event to the next. So a drive takes as long as
+its arithmetic, and the same seed gives the same drive to the bit. It is what
+experiments and rehearsals run.
 """
 
 from __future__ import annotations
@@ -16,10 +17,15 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import require
+from hopdata.messages import Message
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer
+from hopdata.steering.live.checks import FrameChecks
 from hopdata.steering.live.loop import ControlLoop, Decision, Observers
+from hopdata.steering.live.machine import Machine
 from hopdata.steering.live.safety import LOOK_S, Boom, Limits
+
+BUFFERED = 256  # frames: more than come during the longest plan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +80,7 @@ class HoppingSource(Protocol):
 
 
 class ClockedDrive:
-    """A control loop and its watch drive a simulated hopper on a simulated clock.
+    """A drive of a simulated hopper, on a simulated clock and armed from the start.
 
     Three things happen, in the order of their times: a hop begins at its apex, with the
     swing that the boom has then; a frame arrives; the watch looks for a cause to rest.
@@ -83,53 +89,69 @@ class ClockedDrive:
 
     Parameters
     ----------
-    hopper : HoppingSource
-    observers, controller, boom, limits, on_decision
+    source : HoppingSource
+        Such as a `LiveHopper`.
+    observers : callable
+        As in `ControlLoop`; see `hopdata.steering.live.loop.observers_of`.
+    controller : Controller
+    boom : Boom
+    limits, checks, on_decision, on_frames, fault
         As in `ControlLoop`.
+    machine : Machine, optional
+        One that is armed, by default.
     transport : Transport, optional
+        Without delay and loss, by default.
     lost : numpy Generator, optional
         Draws which frames are lost.
+    cameras : callable, optional
+        Returns what the cameras show of the markers (M, 3), m, of a frame that arrives;
+        None for no frame. May be replaced at any time.
 
     Attributes
     ----------
+    loop : ControlLoop
     now_s : float
         The time, s.
-    loop : ControlLoop
-    cameras : callable
-        Returns what the cameras show of the markers (M, 3), m, of a frame that arrives;
-        None for no frame. May be replaced at any time.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the parts of the loop, by name
         self,
-        hopper: HoppingSource,
+        source: HoppingSource,
         observers: Observers,
         controller: Controller,
         boom: Boom,
         *,
         limits: Limits | None = None,
+        checks: Callable[[], FrameChecks] | None = None,
+        machine: Machine | None = None,
+        on_decision: Callable[[Decision], None] | None = None,
+        on_frames: Callable[[Sequence[Frame]], None] | None = None,
+        fault: Callable[[], Message | None] = lambda: None,
         transport: Transport | None = None,
         lost: np.random.Generator | None = None,
-        on_decision: Callable[[Decision], None] | None = None,
+        cameras: Callable[[FloatArray], FloatArray | None] | None = None,
     ) -> None:
         self.now_s = 0.0
-        self.cameras: Callable[[FloatArray], FloatArray | None] = lambda seen: seen
-        self._hopper = hopper
+        self.cameras = cameras
+        self._source = source
         self._transport = transport or Transport()
         self._lost = lost
-        self._buffer = FrameBuffer(256)
+        self._buffer = FrameBuffer(BUFFERED)
         self.loop = ControlLoop(
             self._buffer,
             observers,
             controller,
             boom,
             limits=limits,
+            checks=checks,
+            machine=machine or Machine(is_armed=True),
             on_decision=on_decision,
+            on_frames=on_frames,
+            fault=fault,
             clock=lambda: self.now_s,
         )
         self._on_the_way: deque[Frame] = deque()
         self._look_s = 0.5 * LOOK_S
-        self._taken = 0
 
     def run(self, until_s: float, *, ended: Callable[[], bool] = lambda: False) -> None:
         """Drive until just before a time, or until something holds."""
@@ -138,18 +160,15 @@ class ClockedDrive:
             if ended():
                 return
             self._let(next_s, happen)
-            frames = self._buffer.since(self._taken)
-            if frames:
-                self._taken = frames[-1].index + 1
-                self.loop.take(frames)
+            self.loop.step()
             next_s, happen = self._next()
         self.now_s = max(self.now_s, until_s)
 
     def run_hop(self) -> None:
         """Drive from the apex at which the next hop begins to the one after it."""
-        self.run(self._hopper.apex_s)
+        self.run(self._source.apex_s)
         self._hop()
-        self.run(self._hopper.apex_s)
+        self.run(self._source.apex_s)
 
     def let_pass(self, seconds: float) -> None:
         """Let time pass for all but the loop, as a controller that plans slowly."""
@@ -166,7 +185,7 @@ class ClockedDrive:
 
     def _next(self) -> tuple[float, Callable[[], None]]:
         """Return when the next thing happens, s, and what lets it happen."""
-        apex_s = self._hopper.apex_s
+        apex_s = self._source.apex_s
         arrival_s = math.inf
         if self._on_the_way:
             arrival_s = self._on_the_way[0].arrival_s
@@ -183,11 +202,11 @@ class ClockedDrive:
 
     def _hop(self) -> None:
         """Begin the next hop, and send its frames that are not lost on their way."""
-        frames = self._hopper.next_frames()
+        frames = self._source.next_frames()
         arriving = self._transport.arriving(len(frames), self._lost)
         for (time_s, markers), arrives in zip(frames, arriving, strict=True):
             if arrives:
-                number = round(time_s * self._hopper.rate_hz)
+                number = round(time_s * self._source.rate_hz)
                 arrival_s = time_s + self._transport.delay_s
                 # The shortest delay seen is that of all frames.
                 frame = Frame(0, number, time_s, arrival_s, arrival_s, markers)
@@ -195,6 +214,9 @@ class ClockedDrive:
 
     def _arrive(self) -> None:
         frame = self._on_the_way.popleft()
-        shown = self.cameras(frame.markers)
-        if shown is not None:
-            self._buffer.write(replace(frame, markers=shown))
+        if self.cameras is not None:
+            shown = self.cameras(frame.markers.copy())
+            if shown is None:
+                return
+            frame = replace(frame, markers=shown)
+        self._buffer.write(frame)
