@@ -369,8 +369,9 @@ class ControlLoop(Worker):
             self._heed(findings)
             if not findings.is_usable:
                 return self._detector.feed(frame.time_s, math.nan)
-            if np.isfinite(seen.pose).all():
-                self._pose = _Newest(tuple(seen.pose.tolist()), frame.captured_s)
+            pose = tuple(seen.pose.tolist())
+            if math.isfinite(sum(pose)):
+                self._pose = _Newest(pose, frame.captured_s)
                 self._poses.append((frame.time_s, self._pose))
             if math.isfinite(seen.boom_angle_rad):
                 self._boom_angle = _Newest((seen.boom_angle_rad,), frame.captured_s)
@@ -392,8 +393,10 @@ class ControlLoop(Worker):
 
     def _heed(self, findings: Findings) -> None:
         """Pass on what the checks have found in a frame."""
+        lasting = self.watch.machine.lasting
         for source, cause in findings.lasting.items():
-            self.watch.report(source, cause)
+            if cause is not None or source in lasting:
+                self.watch.report(source, cause)
         if findings.over is not None:
             self.end(findings.over)
 
