@@ -576,8 +576,8 @@ for _of_pairs, _of_numbers in (
 ):
     for _key in _of_pairs:
         _overload(_key, 2, _pairs_one_by_one(_of_numbers))
-for _key in (operator.mod, operator.imod, np.mod, np.remainder):
-    _overload(_key, 2, rest)
+for _remainder in (operator.mod, operator.imod, np.mod, np.remainder):
+    _overload(_remainder, 2, rest)
 
 
 @njit

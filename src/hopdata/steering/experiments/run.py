@@ -205,12 +205,16 @@ class _Heard:
         self._plan: Plan | None = None
 
     def plan(
-        self, pose: ArrayLike, boom: float, previous: float | None = None, /
+        self,
+        pose: ArrayLike,
+        state: ArrayLike,
+        previous_inputs: ArrayLike | None = None,
+        /,
     ) -> Plan:
         """Return the controller's plan."""
         self._plan = None
         try:
-            self._plan = self._controller.plan(pose, boom, previous)
+            self._plan = self._controller.plan(pose, state, previous_inputs)
         except PlanningError:
             raise
         except Exception as error:
