@@ -427,7 +427,6 @@ class Rehearsal:
     needless: int = 0  # rests that no fault required
     stuck: int = 0  # faults after which the drive could not be armed again
     armed: int = 0  # how often the operator armed it
-    latest_s: list[float] = field(default_factory=list)  # from stance to each command
 
     def __post_init__(self) -> None:
         streams = np.random.SeedSequence(self.seed).spawn(2)
@@ -647,7 +646,6 @@ class Rehearsal:
         self.told_s.append(self.now_s - decision.since_stance_s - DELAY_S)
         if decision.outcome not in ("planned", "cut") or decision.command_rad == 0:
             return
-        self.latest_s.append(decision.since_stance_s)
         self.off.append(off_by(decision, self.told_s[-1], self.hopper.hops[-3:]))
         self.unsafe += bool(self.off[-1][0] > AWAY_M or self.off[-1][1] > TURNED_RAD)
 
@@ -739,11 +737,11 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
 def live_faults(
     geometry: HopperGeometry, learned: Planner, given: argparse.Namespace
 ) -> None:
-    """Write the table of faults after each thousand hops."""
+    """Write the table of faults after every 250 hops."""
     logging.disable(logging.WARNING)  # the watch logs each rest
     done = Rehearsal(geometry, learned, given.seed)
     begun = time.monotonic()
-    for hops in (*range(1000, given.hops, 1000), given.hops):
+    for hops in (*range(250, given.hops, 250), given.hops):
         done.run(hops)
         table = pd.DataFrame(fault_rows(done, time.monotonic() - begun))
         write_table(given.out.with_name("live_faults.csv"), table)

@@ -152,7 +152,9 @@ def test_an_angle_that_would_not_hold_is_refused(name, angle):
         Limits(**{name: angle})
 
 
-@pytest.mark.parametrize("name", ["pose_age_s", "command_s", "hop_s", "alive_s", "heard_s"])
+@pytest.mark.parametrize(
+    "name", ["pose_age_s", "command_s", "hop_s", "alive_s", "heard_s"]
+)
 @pytest.mark.parametrize("time", [-0.1, 0.0, np.nan])
 def test_a_time_that_would_not_hold_is_refused(name, time):
     with pytest.raises(ConfigError, match=f"{name}: expected more than 0"):
