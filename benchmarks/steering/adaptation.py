@@ -43,8 +43,9 @@ from hopdata.arrays import FloatArray
 from hopdata.jobs import write_table
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering import child
+from hopdata.steering.control.adaptive import AdaptivePlanner
 from hopdata.steering.control.objectives import Controller
-from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
+from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task
 from hopdata.steering.experiments.tasks import FELL, ORIGIN, Task, draw_starts

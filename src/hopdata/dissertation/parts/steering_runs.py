@@ -27,7 +27,8 @@ from hopdata.steering.control.objectives import (
     ToPoint,
     goal_errors,
 )
-from hopdata.steering.control.printed import PrintedController, predicted_poses
+from hopdata.steering.control.prediction import predicted_poses
+from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import (

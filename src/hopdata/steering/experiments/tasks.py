@@ -12,7 +12,8 @@ from hopdata.errors import chosen
 from hopdata.rigid import wrapped
 from hopdata.steering import START, child
 from hopdata.steering.control import objectives
-from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
+from hopdata.steering.control.adaptive import AdaptivePlanner
+from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
 from hopdata.steering.models.process import FrameChangeProcess
@@ -245,7 +246,7 @@ class Unheeding:
     rng: np.random.Generator
 
     def plan(
-        self, pose: ArrayLike, _boom: float, _swung: float | None = None, /
+        self, pose: ArrayLike, _state: ArrayLike, _inputs: ArrayLike | None = None, /
     ) -> objectives.Plan:
         """Return the swing; where it leads is unknown."""
         swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.steering.strides import TURN, side_by_side
+from hopdata.steering.frame_changes import hopper_axes
+from hopdata.steering.models.stride_table import MARGIN, spline_of
+from hopdata.steering.strides import TURN, StrideAxes, side_by_side
 
 # What a controller needs of a model: frame changes of many hops at once.
 #
@@ -45,11 +47,6 @@ class StrideModel(FrameChangeMap, Protocol):
         ...
 
 
-#: How far a swing may be beyond the limit, as a share of it.
-#: Unit: 1. Origin: chosen: a margin for finite differences at the bounds.
-MARGIN = 1e-3
-
-
 @dataclass(frozen=True)
 class TabulatedMap:
     """Frame changes by boom angle and swing on a grid; a `FrameChangeMap`.
@@ -69,13 +66,13 @@ class TabulatedMap:
     @cached_property
     def _spline(self) -> Any:
         """Cubic spline: not-a-knot in the swing, periodic in the boom angle."""
-        from scipy.interpolate import NdBSpline, make_interp_spline
+        nodes = (self.boom_angle_rad, self.swing_rad)
+        return spline_of(self.values, nodes, n_periodic=1)
 
-        closed = np.concatenate([self.values, self.values[:1]])
-        turn = np.append(self.boom_angle_rad, TURN)
-        around = make_interp_spline(turn, closed, bc_type="periodic")
-        across = make_interp_spline(self.swing_rad, around.c, axis=1)
-        return NdBSpline((across.t, around.t), across.c, 3)
+    @cached_property
+    def axes(self) -> StrideAxes:
+        """Axes of the steered hopper with this limit."""
+        return hopper_axes(self.swing_limit_rad)
 
     @property
     def boom_angle_rad(self) -> FloatArray:
