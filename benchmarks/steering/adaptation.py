@@ -46,6 +46,7 @@ from hopdata.steering import child
 from hopdata.steering.control.adaptive import AdaptivePlanner
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.control.planner import Planner, planner
+from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task
 from hopdata.steering.experiments.tasks import FELL, ORIGIN, Task, draw_starts
 from hopdata.steering.frame_changes import frame_changes
@@ -54,7 +55,7 @@ from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper, released, steer_hop
-from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
+from hopdata.steering.trial import record_trial
 from hopdata.synthesis.camera import MotionCapture, draw_floor
 
 STARTS, LEARNED = 12, 100

@@ -36,6 +36,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
+from hopdata.steering.excitation import ControlGrid, random_excitation
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
 from hopdata.steering.frame_changes import (
     FrameChanges,
@@ -66,10 +67,8 @@ from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.strides import joined
 from hopdata.steering.trial import (
     POSE,
-    ControlGrid,
     SteeredTrial,
     TrueFrameChanges,
-    random_excitation,
     record_trial,
     true_frame_changes,
 )

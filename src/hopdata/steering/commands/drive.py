@@ -220,10 +220,11 @@ def _learned() -> tuple[Any, Any]:
     """Return geometry and frame changes of the simulated hopper."""
     import numpy as np
 
+    from hopdata.steering.excitation import ControlGrid, eulerian_excitation
     from hopdata.steering.models.process import trained_process
     from hopdata.steering.observation.observe import observe_recordings
     from hopdata.steering.robot import SteeredHopper
-    from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
+    from hopdata.steering.trial import record_trial
 
     robot = SteeredHopper()
     rng = np.random.default_rng(np.random.SeedSequence(SEED))

@@ -3,6 +3,8 @@
 Both models and the robot's true map are tabulated.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -101,6 +103,13 @@ class TabulatedMap:
             wanted = f"swings within {self.swing_limit_rad:.4f} rad"
             raise AnalysisError.at("table", wanted, f"{largest:.4f}")
         return np.asarray(self._spline(np.stack([swings, angles % TURN], axis=-1)))
+
+    def table_within(self, limit: float) -> TabulatedMap:
+        """Return the table up to another limit of the swing; itself if it is the same.
+
+        A process has this, too.
+        """
+        return self if limit == self.swing_limit_rad else tabulated(self, limit)
 
     def next_state(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
         """Return the boom angles (n, 1) after hops, in [0, 2 pi)."""
