@@ -255,7 +255,7 @@ def planner(
         to_heading = isinstance(objective, objectives.ToHeading)
         grid = HeadingGrid() if to_heading else PointGrid()
         if isinstance(table, StrideTable):
-            grid = _grid_of(grid, model, table)
+            grid = _grid_of(grid, table)
     return Planner(table, objective, horizon, cost_to_go(table, grid))
 
 
@@ -302,11 +302,10 @@ def _limits_of_state(model: StrideModel) -> tuple[float, float]:
     return float(values.min()), float(values.max())
 
 
-def _grid_of(grid: Grid, model: StrideModel, table: StrideTable) -> Grid:
+def _grid_of(grid: Grid, table: StrideTable) -> Grid:
     """Return a grid with the scatter and the tail cost of a robot's own strides."""
-    noise_sd: Any = getattr(model, "noise_sd", None)
-    if noise_sd is not None:
-        x, y, turn = np.asarray(noise_sd, dtype=float).tolist()
+    if table.noise_sd is not None:
+        x, y, turn = np.asarray(table.noise_sd, dtype=float).tolist()
         grid = replace(grid, scatter=(x, y, turn))
     if isinstance(grid, PointGrid):
         ahead = table.values[..., :2]
