@@ -55,10 +55,8 @@ def texts_of(part):
 
 def not_given(names, *texts):
     """Return the names that no text of some modules can give."""
-    left = set(names)
-    for text in texts:
-        plain, patterns = given(text)
-        left -= plain
-        for pattern in patterns:
-            left = {name for name in left if not re.fullmatch(pattern, name)}
-    return left
+    modules = [given(text) for text in texts]
+    left = set(names).difference(*(plain for plain, _ in modules))
+    # Patterns are slow, and few names need them.
+    patterns = [re.compile(one) for _, several in modules if left for one in several]
+    return {name for name in left if not any(one.fullmatch(name) for one in patterns)}
