@@ -1,6 +1,6 @@
 """Models of the frame change: how well they predict, from how many hops, and what they cost.
 
-    python benchmarks/frame_change_models.py --out frame_change_models.csv
+    python benchmarks/steering/frame_change_models.py --out frame_change_models.csv
 
 The steered hopper is excited at random as printed (Algorithm 1) and observed by motion
 capture: markers with noise, poses and boom angles by `hopdata.steering.observation`.
@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import beside  # noqa: F401  finds `machine`
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd

@@ -1,6 +1,6 @@
 """Pose, boom angle and stances against truth, for whole recordings and frame by frame.
 
-    python benchmarks/pose.py --out pose.csv
+    python benchmarks/steering/pose.py --out pose.csv
 
 `pose.csv` holds errors of heading, boom angle and place (mean body marker), rms over
 frames, by estimator. In the scenes "tilted by", the body is tilted by a constant angle
@@ -30,6 +30,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
+import beside  # noqa: F401  finds `machine`
 import numpy as np
 import pandas as pd
 from machine import quartiles

@@ -1,6 +1,6 @@
 """How well an adapting controller recovers after the robot has changed.
 
-    python benchmarks/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
+    python benchmarks/steering/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
 
 The model is learned from 100 hops of the original simulated hopper. Then the hopper is
 changed. From each of twelve starts, one metre from the origin with any heading, it is
@@ -17,7 +17,7 @@ included. `adaptation_return.csv` gives the distance between stances and their
 predictions by the controller's model, by the number of hops since the change: median
 and 90 % quantile over all runs still in progress.
 
-    python benchmarks/adaptation.py --out loads.csv --loads
+    python benchmarks/steering/adaptation.py --out loads.csv --loads
 
 measures what the legs can carry: for each load, how many of twelve releases leave the
 hopper still hopping after 40 unsteered hops.
