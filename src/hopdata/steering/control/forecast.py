@@ -15,15 +15,12 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.messages import Message
 from hopdata.rigid import composed, relative, wrapped
-from hopdata.steering.control.planner import COARSE, PointGrid, cost_to_go
-from hopdata.steering.frame_changes import FrameChanges
-from hopdata.steering.models.process import (
-    LENGTHS,
-    RECOMMENDED,
-    FrameChangeProcess,
-    input_units,
-)
-from hopdata.steering.models.tabulated import TabulatedMap, tabulated
+from hopdata.steering.control.adaptive import COARSE
+from hopdata.steering.control.cost_to_go import cost_to_go
+from hopdata.steering.control.grids import PointGrid
+from hopdata.steering.models.process import LENGTHS, FrameChangeProcess
+from hopdata.steering.models.tabulated import COMPONENTS, TabulatedMap, tabulated
+from hopdata.steering.strides import Strides
 
 #: Starts of the stand-in, a metre from the point, with any heading.
 #: Unit: 1. Origin: chosen: an expected share of 0.95 then has a deviation of 0.015.
@@ -94,7 +91,7 @@ class Forecast:
 @one_blas_thread()
 def forecast(
     process: FrameChangeProcess,
-    hops: FrameChanges,
+    hops: Strides,
     *,
     swing_limit_rad: float,
     width_m: float = 0.11,
@@ -104,20 +101,21 @@ def forecast(
     Parameters
     ----------
     process : FrameChangeProcess
-    hops : FrameChanges
+    hops : Strides
         At least `NEIGHBOURS` hops of the same robot that were not learned from.
     swing_limit_rad : float
         Largest swing.
     width_m : float
         Radius of the goal region, m.
     """
-    error = hops.change - process.change(hops.boom_angle_rad, hops.swing_rad)
+    inputs = np.column_stack([hops.state, hops.inputs])
+    error = hops.change - process.change(hops.state, hops.inputs)
     distance = np.hypot(error[:, 0], error[:, 1])
     step = np.hypot(hops.change[:, 0], hops.change[:, 1])
     return Forecast(
         arrived=_arrived(
             tabulated(process, swing_limit_rad),
-            np.column_stack([hops.boom_angle_rad, hops.swing_rad]),
+            inputs,
             error,
             width_m,
         ),
@@ -158,7 +156,7 @@ def _arrived(
         point = np.zeros_like(pose)
         point[:, 2] = pose[:, 2]
         remaining = relative(change, relative(pose, point)[:, None, :])
-        best = ahead.at(remaining, booms + tried).argmin(axis=1)
+        best = ahead.at(remaining, (booms + tried)[..., None]).argmin(axis=1)
         swing = swings[best]
         predicted = change[np.arange(len(pose)), best]
         lent = error[_near(inputs, boom, swing, rng)]
@@ -181,8 +179,8 @@ def _near(
 
 def _covered(process: FrameChangeProcess, swing_limit_rad: float) -> float:
     """Return the share of the cells of boom angle and swing with a learned hop."""
-    booms = process.inputs[:, 0] % (2 * np.pi)
-    swings = np.clip(process.inputs[:, 1], -swing_limit_rad, swing_limit_rad)
+    booms = process.points[:, 0] % (2 * np.pi)
+    swings = np.clip(process.points[:, 1], -swing_limit_rad, swing_limit_rad)
     ranges = [[0.0, 2 * np.pi], [-swing_limit_rad, swing_limit_rad]]
     counts, _, _ = np.histogram2d(booms, swings, bins=_CELLS, range=ranges)
     return float((counts > 0).mean())
@@ -190,12 +188,11 @@ def _covered(process: FrameChangeProcess, swing_limit_rad: float) -> float:
 
 def _unresolved(process: FrameChangeProcess) -> tuple[str, ...]:
     """Return the components on which the model sees no effect of the swing."""
-    unit = input_units(process.inputs, RECOMMENDED)[1]
-    largest = _AT_BOUND * LENGTHS[1] * unit
-    names = ("dx", "dy", "dtheta")
+    # The bound is in units of the swing's deviation.
+    largest = _AT_BOUND * LENGTHS[1] * float(process.points[:, 1].std())
     scales = process.length_scales[:, 1]
     return tuple(
-        name for name, scale in zip(names, scales, strict=True) if scale >= largest
+        name for name, scale in zip(COMPONENTS, scales, strict=True) if scale >= largest
     )
 
 
