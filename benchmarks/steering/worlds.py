@@ -13,7 +13,8 @@ the plain world are those of the study's first starts.
 
 There is one row per seed, world, model and controller: `arrived` of `starts`, the
 median `hops` of the runs that arrived, and how many of the others `fell` or were
-`late`. `note` says why there is no model. `worlds_models.csv`, beside it, has one row
+`late`; `late_commands` counts commands that came after the flight they were for had
+begun. `note` says why there is no model. `worlds_models.csv`, beside it, has one row
 per model, before its first run: its scores on the hops that were not learned from, and
 of the plain model the scores on hops of the changed world.
 
@@ -27,7 +28,7 @@ import argparse
 import multiprocessing as mp
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache, lru_cache
 from itertools import product
 from pathlib import Path
@@ -46,18 +47,20 @@ from hopdata.steering import (
     EXCITATION,
     FLOOR,
     PRINTED,
-    TRAINING,
     TRIAL,
     child,
+)
+from hopdata.steering.control.forecast import forecast, warning
+from hopdata.steering.excitation import (
+    ControlGrid,
+    eulerian_excitation,
+    random_excitation,
 )
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import Run, Sight
 from hopdata.steering.experiments.study import Setting
-from hopdata.steering.frame_changes import FrameChanges
-from hopdata.steering.models.learning import (
-    hops_to_learn_from,
-    random_split,
-)
+from hopdata.steering.live.clocked import Transport
+from hopdata.steering.models.learning import learned_and_rest, prediction_score
 from hopdata.steering.models.process import (
     FrameChangeProcess,
     process_of,
@@ -66,12 +69,8 @@ from hopdata.steering.models.process import (
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.robot import SteeredHopper, robot_and_camera
-from hopdata.steering.trial import (
-    ControlGrid,
-    eulerian_excitation,
-    random_excitation,
-    record_trial,
-)
+from hopdata.steering.strides import Strides
+from hopdata.steering.trial import record_trial
 from hopdata.synthesis.camera import MotionCapture, draw_floor
 
 CONTROLLERS = (tasks.PLANNER, tasks.PRINTED, tasks.RANDOM, tasks.NONE)
@@ -96,8 +95,9 @@ class World:
         Leg with 10 % more preload, from 0.
     noise_m : float, optional
         Deviation of each coordinate of each marker, m.
-    lost : float
-        Share of the frames that never arrive.
+    transport : Transport
+        Delay of the frames on their way to the loop, and the share that never arrives;
+        an excitation is recorded, so that it only loses frames.
     observation : {"corrected", "printed"}
         How the excitation is drawn and observed.
     """
@@ -106,13 +106,20 @@ class World:
     times: Mapping[str, float]
     preloaded: int | None = None
     noise_m: float | None = None
-    lost: float = 0.0
+    transport: Transport = field(default_factory=Transport)
     observation: str = CORRECTED
 
     @property
     def changes_robot(self) -> bool:
         """Whether the robot differs, not only what is seen of it."""
         return bool(self.hopper) or bool(self.times) or self.preloaded is not None
+
+    @property
+    def changes_excitation(self) -> bool:
+        """Whether what is learned differs from what is learned in the plain world."""
+        is_seen_otherwise = self.noise_m is not None or self.transport.lost_share > 0
+        is_printed = self.observation == PRINTED
+        return self.changes_robot or is_seen_otherwise or is_printed
 
     def robot(self, plain: SteeredHopper) -> SteeredHopper:
         """Return the robot of this world."""
@@ -153,6 +160,9 @@ WORLDS: Mapping[str, World] = {
     "preload of leg 2 +10 %": world(preloaded=1),
     "preload of leg 3 +10 %": world(preloaded=2),
     "noise 2 mm": world(noise_m=0.002),
+    "20 % of frames lost": world(transport=Transport(lost_share=0.2)),
+    "delay 50 ms": world(transport=Transport(delay_s=0.05)),
+    "delay 150 ms": world(transport=Transport(delay_s=0.15)),
     "printed observation": world(observation=PRINTED),
 }
 
@@ -165,7 +175,7 @@ class Learned:
 
     geometry: HopperGeometry
     process: FrameChangeProcess
-    rest: FrameChanges
+    rest: Strides
 
 
 @cache
@@ -203,20 +213,18 @@ def learned(number: int, name: str) -> Learned | str:
     chance = child(seed, TRIAL).generate_state(4).tolist()
     try:
         recording = record_trial(robot, swings, seed=chance, camera=camera).recording
-        seen = with_lost_frames(recording, of_world.lost, seed)
+        seen = with_lost_frames(recording, of_world.transport.lost_share, seed)
         observed = observe_recordings(
             [seen],
             swing_limit_rad=robot.swing_limit_rad,
             observation=of_world.observation,
         )
-        n_train = steering["model"]["training_hops"]
-        hops = hops_to_learn_from(observed.changes, n_train)
-        rng = np.random.default_rng(child(seed, TRAINING))
-        train, rest = random_split(len(hops), n_train, rng)
-        process = trained_process(hops.rows(train), process_of(steering["model"]))
+        options = steering["model"]
+        train, rest = learned_and_rest(observed.changes, options, seed=seed)
+        process = trained_process(train, process_of(options))
     except HopdataError as error:
         return str(error)
-    return Learned(observed.geometry, process, hops.rows(rest))
+    return Learned(observed.geometry, process, rest)
 
 
 def with_lost_frames(
@@ -258,8 +266,10 @@ def cells(
             if not is_seen_otherwise:
                 yield Cell(seed, name, UNLEARNED, controller)
             continue
-        yield Cell(seed, name, ANEW, controller)
-        if name != PLAIN and WORLDS[name].observation == CORRECTED:
+        of_world = WORLDS[name]
+        if name == PLAIN or of_world.changes_excitation:
+            yield Cell(seed, name, ANEW, controller)
+        if name != PLAIN and of_world.observation == CORRECTED:
             yield Cell(seed, name, AS_IT_WAS, controller)
 
 
@@ -290,7 +300,7 @@ def measured(cell: Cell, starts: int) -> dict[str, Any]:
     taught = cell.world if cell.model == ANEW else PLAIN
     found = learned(cell.seed, taught)
     if isinstance(found, str):
-        none = {"arrived": 0, "hops": np.nan, "fell": 0, "late": 0}
+        none = {"arrived": 0, "hops": np.nan, "fell": 0, "late": 0, "late_commands": 0}
         return {**row, **none, "note": found}
     seed = seed_of(cell.seed)
     options = steering["experiments"]
@@ -300,7 +310,7 @@ def measured(cell: Cell, starts: int) -> dict[str, Any]:
         tasks.ORIGIN,
         options,
         of_world.robot(plain),
-        Sight(camera, found.geometry, floor),
+        Sight(camera, found.geometry, floor, of_world.transport),
     )
     policy = policy_of(cell.controller, cell.seed, taught)
     drawn = tasks.draw_starts(
@@ -319,6 +329,7 @@ def outcomes(runs: Sequence[Run]) -> dict[str, Any]:
         "hops": float(np.median(hops)) if hops else np.nan,
         "fell": reasons.count(tasks.FELL),
         "late": reasons.count(tasks.LATE),
+        "late_commands": sum(run.late_commands for run in runs),
     }
 
 
@@ -329,6 +340,7 @@ COLUMNS = (
     "hops",
     "fell",
     "late",
+    "late_commands",
     "note",
 )
 
@@ -356,11 +368,63 @@ def made(out: Path, asked: Sequence[Cell], starts: int, cores: int) -> None:
             row = done.result()
             rows[running[done]] = row
             print(*row.values(), sep=", ", flush=True)
-            write_table(out, pd.DataFrame(list(rows.values()), columns=list(COLUMNS)))
-    order = {cell: place for place, cell in enumerate(asked)}
-    ordered = sorted(rows, key=lambda cell: order.get(cell, len(order)))
-    table = pd.DataFrame([rows[cell] for cell in ordered], columns=list(COLUMNS))
-    write_table(out, table)
+            write_rows(out, rows)
+
+
+def write_rows(out: Path, rows: Mapping[Cell, Mapping[str, Any]]) -> None:
+    """Write all rows in the order of the whole table."""
+    seeds = sorted({cell.seed for cell in rows})
+    ordered = [rows[c] for c in cells(seeds, list(WORLDS), CONTROLLERS) if c in rows]
+    write_table(out, pd.DataFrame(ordered, columns=list(COLUMNS)))
+
+
+# What is foretold of each model.
+
+
+@one_blas_thread()
+def foretold(number: int, name: str, taught: str) -> dict[str, Any]:
+    """Return the scores of a model on hops of a world that it has not learned from."""
+    row: dict[str, Any] = {
+        "seed": number,
+        "world": name,
+        "model": AS_IT_WAS if taught != name else ANEW,
+    }
+    of_world = learned(number, name)
+    of_model = learned(number, taught)
+    if isinstance(of_world, str) or isinstance(of_model, str):
+        return {**row, "note": str(of_world)}
+    scores = prediction_score(of_model.process, of_world.rest)
+    for score in scores.itertuples():
+        row[f"r2_{score.component}"] = score.r2
+    _, plain, _ = settings()
+    expected = forecast(
+        of_model.process, of_world.rest, swing_limit_rad=plain.swing_limit_rad
+    )
+    row |= expected.columns()
+    said = warning(scores.assign(**expected.columns()))
+    return {**row, "named": said is not None, "note": ""}
+
+
+def foretell(out: Path, rows: Sequence[Cell]) -> None:
+    """Write what is foretold of the models in these rows, as far as it is not there."""
+    seen = dict.fromkeys(
+        (cell.seed, cell.world, PLAIN if cell.model == AS_IT_WAS else cell.world)
+        for cell in rows
+        if cell.model != UNLEARNED and has_own_hops(cell.world)
+    )
+    table = pd.read_csv(out) if out.exists() else pd.DataFrame()
+    found = table.to_dict("records")
+    known = {(row["seed"], row["world"], row["model"]) for row in found}
+    for number, name, taught in seen:
+        model = AS_IT_WAS if taught != name else ANEW
+        if (number, name, model) not in known:
+            found.append(foretold(number, name, taught))
+            write_table(out, pd.DataFrame(found))
+
+
+def has_own_hops(name: str) -> bool:
+    """Whether an excitation of a world differs from that of the plain one."""
+    return name == PLAIN or WORLDS[name].changes_excitation
 
 
 def main() -> None:
@@ -377,7 +441,9 @@ def main() -> None:
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.seeds)
     asked = list(cells(seeds, arguments.worlds, arguments.controllers))
-    made(arguments.out, asked, arguments.starts, arguments.cores)
+    out: Path = arguments.out
+    made(out, asked, arguments.starts, arguments.cores)
+    foretell(out.with_name(f"{out.stem}_models.csv"), list(finished(out)))
 
 
 if __name__ == "__main__":
