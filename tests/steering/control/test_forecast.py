@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from steering.steered_hops import LIMIT, smooth_change
 
 from hopdata.steering.control.forecast import LEAST_ARRIVED, forecast, warning
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.learning import prediction_score
 from hopdata.steering.models.process import trained_process
 from hopdata.steering.strides import USED
+from steering.steered_hops import LIMIT, smooth_change
 
 
 def made(n, *, noise_m=0.005, step=1.0, seed=1):
