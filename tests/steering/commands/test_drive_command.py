@@ -70,6 +70,22 @@ def test_a_simulated_drive_says_so_and_its_log_gives_the_same_plans(
     assert "simulated hopper" in out
 
 
+def test_a_model_that_will_probably_not_reach_a_point_is_named_before_the_start(
+    tmp_path, capsys
+):
+    head = "expected_arrivals,error_over_width,step_over_width,covered,unresolved"
+    for arrivals, words in ((0.98, ""), (0.4, "no effect of the swing on dx and dy")):
+        rows = f"{head}\n{arrivals},0.3,0.5,0.6,dx dy\n"
+        (tmp_path / drive.SCORES).write_text(rows)
+        drive._warn_of(tmp_path)
+        said = capsys.readouterr().out
+        assert said.startswith("warning: This model" if words else "")
+        assert words in said
+        assert bool(said) == bool(words)
+    drive._warn_of(tmp_path / "no scores")
+    assert capsys.readouterr().out == ""
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -345,11 +345,24 @@ def learn(
         If there are too few hops.
     """
     n_train = options["training_hops"]
+    train, rest = learned_and_rest(changes, options, seed=seed)
+    process = gp.trained_process(train, gp.process_of(options))
+    score = prediction_score(process, rest)
+    return process, score.assign(training_hops=n_train, test_hops=len(rest))
+
+
+def learned_and_rest(
+    changes: Strides, options: Mapping[str, Any], *, seed: np.random.SeedSequence
+) -> tuple[Strides, Strides]:
+    """Return the hops that `learn` learns from, and those that it tests on.
+
+    See `learn`.
+    """
+    n_train = options["training_hops"]
     hops = hops_to_learn_from(changes, n_train)
     rng = np.random.default_rng(child(seed, TRAINING))
     train, rest = random_split(len(hops), n_train, rng)
-    process, score = tested(hops, train, rest, gp.process_of(options), 0)
-    return process, score.assign(training_hops=n_train, test_hops=len(hops) - n_train)
+    return hops.rows(train), hops.rows(rest)
 
 
 def hops_to_learn_from(changes: Strides, training_hops: int) -> Strides:
