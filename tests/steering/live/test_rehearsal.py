@@ -60,8 +60,7 @@ def test_an_act_needs_the_machine(name, geometry, monkeypatch):
     def stays(machine, event, at_s, cause, **_):
         told = Told.SWING if event is Event.STANCE else Told.NOTHING
         machine.state = State.RUNNING
-        step = Step(at_s, Transition(State.RUNNING, event, State.RUNNING, told), cause)
-        return step
+        return Step(at_s, Transition(State.RUNNING, event, State.RUNNING, told), cause)
 
     monkeypatch.setattr(Machine, "_make", stays)
     assert not rehearsal._on_simulated_clock(ACTS[name], geometry, LIMITS).is_right
