@@ -19,7 +19,8 @@ stance is one, discounted, times the probability that no stance before it was an
 arrival: J is the expected number of strides until the first arrival.
 
 The minimum is sought on a grid of all sequences of inputs, which is then refined about
-the best one.
+the best one. From there, scipy's Nelder-Mead finds costs within 0.001 strides of it in
+2.5 times the time, and L-BFGS-B within 0.002 in 8 times (median of 40 states: none).
 """
 
 from __future__ import annotations
