@@ -102,7 +102,7 @@ def noticed_stances(
         for time_s, height_m in zip(hop.frame_time_s, heights, strict=True):
             stance = detector.feed(float(time_s), float(height_m))
             if stance is not None:
-                reported.append((stance.time_s, stance.told_s))
+                reported.append((stance.time_s, stance.recognised_s))
         apex = hop.end
     table = pd.DataFrame(rows)
     found, n_false = _matched(table["lowest_s"].to_numpy(), reported)

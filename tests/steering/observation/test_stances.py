@@ -4,18 +4,31 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from steered_hopper import as_landings, heights, steered, true_pairs
 
+from hopdata.steering.observation import stances as observed
 from hopdata.steering.observation.calibration import calibrate
-from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.observation.geometry import HopperGeometry, height_band
 from hopdata.steering.observation.stances import (
-    BOTTOM_UNSEEN,
     HELD,
     HOLE,
-    NO_BOUNCE,
     NO_STANCE,
+    ONE_NO_STANCE,
     StanceDetector,
-    find_stances,
     local_fit,
 )
+
+NOISE_M = 0.00035 * np.sqrt(3)
+
+
+def geometry(below_m, above_m):
+    return HopperGeometry(("a", "b", "c"), np.eye(3), NOISE_M, below_m, above_m)
+
+
+def find_stances(time, height, band_m=None):
+    """Find the stances in heights with the noise above; by default by their own band."""
+    return observed.find_stances(
+        time, height, geometry(*(band_m or height_band(height)))
+    )
+
 
 CASES = [(angle, rate) for angle in (0.0, np.pi) for rate in (50.0, 100.0, 200.0)]
 
@@ -36,8 +49,8 @@ def test_the_hopper_was_carried_or_the_test_above_is_weak():
 
 def test_a_stumble_is_no_part_of_a_hop():
     # The hopper stays low for half a second and bounces at either end: one visit, whose
-    # lowest point is at one of the bounces. A hop that began there, 0.4 s before the
-    # hopper flew, spoiled a model learned from a hundred hops.
+    # stance is the first bounce. A hop that began there, 0.4 s before the hopper flew,
+    # spoiled a model learned from a hundred hops.
     hopper = steered()
     z, at = heights(hopper), int(np.round(100 * hopper.lowest_s[20]))
     low = z[at] + 0.04 * np.sin(np.linspace(0, np.pi, 50))
@@ -51,7 +64,7 @@ def test_a_stumble_is_no_part_of_a_hop():
         lost = {tuple(pair) for pair in usual.pairs} - {
             tuple(pair) for pair in found.pairs
         }
-        assert lost == {(19, 20) if down < 0 else (20, 21)}
+        assert lost == {(20, 21)}
 
 
 def test_instants_lie_between_frames():
@@ -83,13 +96,8 @@ def test_a_hole_at_the_lowest_point_is_bridged_and_said():
     found = find_stances(time, z)
     np.testing.assert_array_equal(np.flatnonzero(found.bridged), [5])
     assert abs(found.time_s[5] - hopper.lowest_s[5]) < 0.01
-    assert (
-        abs(
-            found.height_m[5]
-            - hopper.middle[:, 2][np.abs(time - hopper.lowest_s[5]).argmin()]
-        )
-        < 0.02
-    )
+    near = np.abs(time - hopper.lowest_s[5]) < 0.2
+    assert found.height_m[5] == np.nanmin(z[near]), "the lowest that was seen"
     np.testing.assert_array_equal(found.pairs, true_pairs(hopper))
 
 
@@ -104,8 +112,7 @@ def test_a_hole_beside_the_lowest_point_is_no_harm(rate, hole_s):
         )
     found = find_stances(time, z)
     assert len(found.time_s) == len(hopper.lowest_s)
-    assert np.abs(found.time_s - hopper.lowest_s).max() < 0.004
-    assert not found.bridged.any()
+    assert np.abs(found.time_s - hopper.lowest_s).max() < max(0.004, 0.1 * hole_s)
 
 
 def test_a_hole_in_flight_is_no_harm_while_it_is_short():
@@ -135,7 +142,7 @@ def test_a_hopper_that_stands_still_has_no_stance():
     found = find_stances(time, standing, (0.35, 0.38))
     assert len(found.time_s) == 0
     assert found.pairs.shape == (0, 2)
-    assert found.rejected[NO_BOUNCE] + found.rejected[BOTTOM_UNSEEN] == 1
+    assert found.rejected[NO_STANCE] == 1
 
 
 def test_lying_down_between_hops_is_no_stance():
@@ -149,8 +156,8 @@ def test_lying_down_between_hops_is_no_stance():
     found = find_stances(np.arange(len(both)) / 100, both)
     near = (found.time_s > time[cut - 40]) & (found.time_s < time[cut - 40] + 2.0)
     assert not near.any()
-    assert found.rejected[NO_BOUNCE] == 1
-    assert found.rejected[NO_STANCE] == 2
+    assert found.rejected[NO_STANCE] == 1
+    assert found.rejected[ONE_NO_STANCE] == 2
 
 
 def test_no_heights_give_no_stances():
@@ -215,20 +222,6 @@ def test_several_quantities_are_fitted_at_once():
     np.testing.assert_allclose(fit.at(0.35), [0.35, 0.35**2], atol=1e-12)
 
 
-def test_the_lowest_point_lies_between_frames_and_is_no_maximum():
-    t = np.arange(0, 1, 0.01)
-    assert local_fit(
-        t, (t - 0.503) ** 2, 0.45, 0.55, degree=3
-    ).lowest() == pytest.approx(0.503)
-    assert local_fit(t, -((t - 0.503) ** 2), 0.45, 0.55, degree=2).lowest() is None
-    assert local_fit(t, t, 0.45, 0.55, degree=1).lowest() is None
-
-
-def test_a_minimum_beyond_the_frames_is_none():
-    t = np.arange(0, 1, 0.01)
-    assert local_fit(t, (t - 0.6) ** 2, 0.45, 0.55, degree=2).lowest() is None
-
-
 def test_too_few_frames_give_nothing():
     t = np.arange(0, 1, 0.1)
     assert local_fit(t, t, 0.41, 0.59, degree=1) is None
@@ -238,9 +231,7 @@ def test_too_few_frames_give_nothing():
 
 
 def detector(rate_hz=100.0):
-    noise_m = 0.00035 * np.sqrt(3)
-    geometry = HopperGeometry(("a", "b", "c"), np.eye(3), noise_m, 0.35, 0.38)
-    return StanceDetector(geometry, rate_hz=rate_hz)
+    return StanceDetector(geometry(0.35, 0.38), rate_hz=rate_hz)
 
 
 def told(time, height, rate_hz=100.0):
@@ -257,7 +248,7 @@ def delays(stances, hopper):
     instants = np.array([s.time_s for s in stances])
     assert len(instants) == len(hopper.lowest_s)
     assert np.abs(instants - hopper.lowest_s).max() < 0.05
-    return np.array([s.told_s for s in stances]) - hopper.lowest_s
+    return np.array([s.recognised_s for s in stances]) - hopper.lowest_s
 
 
 @pytest.mark.parametrize(("rate", "ms"), [(60.0, 30), (100.0, 20), (250.0, 10)])
@@ -434,9 +425,9 @@ def test_whatever_comes_no_error_and_no_two_stances_without_a_flight(steps):
         stance = one.feed(time, height)
         if stance is not None:
             assert risen
-            assert last < stance.told_s <= time
-            assert 0 <= stance.told_s - stance.time_s < 0.3
-            last, risen = stance.told_s, False
+            assert last < stance.recognised_s <= time
+            assert 0 <= stance.recognised_s - stance.time_s < 0.3
+            last, risen = stance.recognised_s, False
         risen = risen or height > one.flight_above_m
 
 
