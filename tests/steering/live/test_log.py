@@ -18,7 +18,6 @@ from hopdata.steering.live.log import DriveLog, _reserve, read_log, replay
 from hopdata.steering.live.loop import ControlLoop
 from hopdata.steering.live.machine import Machine
 
-
 LONG_FAULT = Message("steering.log_failed", {"failure": "ä" * 300})
 
 
