@@ -25,7 +25,7 @@ PAGES = {
     "Understand": [
         "dissertation", "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign",
         "unseen_order", "impacts", "contacts", "limits", "reliability", "architecture", "decisions",
-        "../benchmarks/README", "../benchmarks/last_run/README",
+        "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip
 
@@ -36,6 +36,7 @@ include_patterns = [
     "*.md",
     "docs/*.md",
     "benchmarks/README.md",
+    "benchmarks/steering/README.md",
     "benchmarks/last_run/README.md",
 ]
 exclude_patterns = [".*", "src", "tests", "results", "workflow", "data", "dist"]

@@ -274,6 +274,7 @@ NO_END = -15
 STATE_NOT_FINITE = -16
 NOT_UNIQUE = -17
 INSTANTS_IN_JACOBIAN = -18
+UNSOUGHT_IN_JACOBIAN = -19
 # Inside the driver only: it goes on, or could not start.
 RUNNING = 2
 NEEDS_ROOM = 3
@@ -301,10 +302,15 @@ SENTENCES = {
     "and falls alike: let it look at direction, or give System(directions=...)).",
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the "
     "field or the state, or one of them turns another back: the share of each guard, "
-    "and therefore the Jacobian of the flow, is unknown.",
+    "and therefore the Jacobian of the flow, is unknown. Each order has its own: see "
+    "`first_order.bouligand_derivative` (docs/integrator.md, Is it one smooth map?).",
     INSTANTS_IN_JACOBIAN: "The field jumps at {at}, at an instant that moves with the "
     "parameters in more than one way: two such instants meet there, or t_span begins "
     "there. The flow has no derivative by the parameters.",
+    UNSOUGHT_IN_JACOBIAN: "The field may jump near {at}, at instants that were not "
+    "found apart: how they move with the parameters, and so the derivative by these, "
+    "is unknown. Give them as tstops to System(..., find_tstops=False), which then "
+    "takes them as fixed, or write the jump without a pole.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite "
     "near {at}.",
     RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h at "

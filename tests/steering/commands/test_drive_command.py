@@ -10,6 +10,7 @@ import pytest
 from hopdata.__main__ import main
 from hopdata.messages import Message
 from hopdata.steering.commands import drive
+from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live import log, rehearsal
 from hopdata.steering.live.buffer import Status, StreamCounts
 from hopdata.steering.live.log import read_log
@@ -39,7 +40,7 @@ def model(tmp_path_factory):
         [0.05 + 0 * inputs[:, 0], 0.02 * np.sin(inputs[:, 0]), inputs[:, 1]]
     )
     process = FrameChangeProcess(
-        smoothness=1.5, periodic=True, inputs=inputs, outputs=outputs, offset=np.zeros(3),
+        axes=HOPPER, smoothness=1.5, periodic=True, points=inputs, outputs=outputs, offset=np.zeros(3),
         unit=np.array([0.02, 0.02, 0.5]), variance=np.ones(3), noise=np.full(3, 0.05),
         length_scales=np.ones((3, 2)),
     )  # fmt: skip

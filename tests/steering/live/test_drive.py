@@ -25,7 +25,7 @@ from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
 
 ENDLESS = Path(__file__).with_name("endless_drive.py")
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"  # contains the server
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks/steering"  # contains the server
 # A loaded machine may send swings too late for their flights, and some tests keep them
 # themselves.
 LENIENT = Limits(

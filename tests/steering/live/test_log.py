@@ -189,7 +189,7 @@ def limited(path, limit):
     here = Path(__file__).parent
     code = LIMITED.format(
         here=str(here),
-        benchmarks=str(here.parents[2] / "benchmarks"),
+        benchmarks=str(here.parents[2] / "benchmarks/steering"),
         limit=limit,
         path=str(path),
     )

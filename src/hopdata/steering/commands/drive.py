@@ -220,10 +220,11 @@ def _learned() -> tuple[Any, Any]:
     """Return geometry and frame changes of the simulated hopper."""
     import numpy as np
 
+    from hopdata.steering.excitation import ControlGrid, eulerian_excitation
     from hopdata.steering.models.process import trained_process
     from hopdata.steering.observation.observe import observe_recordings
     from hopdata.steering.robot import SteeredHopper
-    from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
+    from hopdata.steering.trial import record_trial
 
     robot = SteeredHopper()
     rng = np.random.default_rng(np.random.SeedSequence(SEED))
@@ -239,8 +240,9 @@ def _parts(
     setup: Mapping[str, Any], files: Mapping[str, bytes]
 ) -> tuple[HopperGeometry, Controller]:
     """Return geometry and controller, the same for a drive and its replay."""
+    from hopdata.steering.control.adaptive import AdaptivePlanner
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
-    from hopdata.steering.control.planner import AdaptivePlanner, planner
+    from hopdata.steering.control.planner import planner
     from hopdata.steering.models.process import load_process
     from hopdata.steering.observation.geometry import load_geometry
 
@@ -255,11 +257,12 @@ def _parts(
     else:
         goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
     horizon = Horizon(hops=PLANNED_HOPS, swing_limit_rad=setup["limits"]["swing_rad"])
-    controller = planner(process, goal, horizon=horizon)
+    model = process.table_within(horizon.swing_limit_rad)
+    controller = planner(model, goal, horizon=horizon)
     # The first plan loads what it needs, which would delay the first hop.
     controller.plan(START, math.pi)
     if setup["adaptive"]:
-        return geometry, AdaptivePlanner(controller, process.chance)
+        return geometry, AdaptivePlanner(controller, process.noise_sd)
     return geometry, controller
 
 

@@ -11,9 +11,10 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering import TRAINING, child
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import HOPPER, FrameChanges
 from hopdata.steering.models import process as gp
 from hopdata.steering.models.tabulated import COMPONENTS
+from hopdata.steering.strides import TURN, USED, Strides
 
 #: Half of the central 95 % of a hop's prediction, in deviations.
 #: Unit: 1. Origin: table: the standard normal distribution.
@@ -22,10 +23,8 @@ UNITS = ("mm", "mm", "deg")
 IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
-def prediction_score(
-    process: gp.FrameChangeProcess, hops: FrameChanges
-) -> pd.DataFrame:
-    """Score the predicted frame changes of hops.
+def prediction_score(process: gp.FrameChangeProcess, hops: Strides) -> pd.DataFrame:
+    """Score the predicted frame changes of strides.
 
     Returns
     -------
@@ -35,8 +34,8 @@ def prediction_score(
         square error in that unit; ``coverage``, the fraction of the hops within the
         central 95 % of their prediction.
     """
-    error = process.change(hops.boom_angle_rad, hops.swing_rad) - hops.change
-    sd = process.sd(hops.boom_angle_rad, hops.swing_rad, observed=True)
+    error = process.change(hops.state, hops.inputs) - hops.change
+    sd = process.sd(hops.state, hops.inputs, observed=True)
     mean_square = np.mean(error**2, axis=0)
     is_within = np.abs(error) <= WIDTH_95 * sd
     return pd.DataFrame(
@@ -51,13 +50,13 @@ def prediction_score(
 
 
 def tested(
-    hops: FrameChanges,
+    hops: Strides,
     train: FloatArray,
     test: FloatArray,
     options: gp.ProcessOptions,
     seed: int,
 ) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
-    """Train on some rows of a table of hops, and score on other rows."""
+    """Train on some rows of a table of strides, and score on other rows."""
     process = gp.trained_process(hops.rows(train), options, seed=seed)
     return process, prediction_score(process, hops.rows(test))
 
@@ -71,7 +70,7 @@ def random_split(
 
 
 def learning_scores(
-    changes: FrameChanges,
+    changes: Strides,
     options: Mapping[Any, gp.ProcessOptions],
     sizes: Sequence[int],
     *,
@@ -85,7 +84,7 @@ def learning_scores(
 
     Parameters
     ----------
-    changes : FrameChanges
+    changes : Strides
     options : mapping
         Set-ups by name, or by a tuple of names.
     sizes : sequence of int
@@ -177,11 +176,11 @@ def map_table(
         ``dx_mm, dy_mm, dtheta_deg`` and the same with ``_sd``: the standard deviation
         of the mean, without noise.
     """
-    angle = np.linspace(-gp.TURN, 2 * gp.TURN, 3 * CELLS_PER_TURN + 1)
+    angle = np.linspace(-TURN, 2 * TURN, 3 * CELLS_PER_TURN + 1)
     swing = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
     grid = np.meshgrid(angle, swing, indexing="ij")
     points = np.stack(grid, axis=-1).reshape(-1, 2)
-    table = pd.DataFrame(points, columns=["boom_angle_rad", "swing_rad"])
+    table = pd.DataFrame(points, columns=list(HOPPER.columns))
     table[list(COLUMNS)] = process.mean_at(points) * IN_UNITS
     table[[f"{name}_sd" for name in COLUMNS]] = process.sd_at(points) * IN_UNITS
     return table
@@ -202,11 +201,9 @@ def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
 
     Copies of hops a turn before and after are left out.
     """
-    angle = process.inputs[:, 0]
-    once = (angle >= 0) & (angle < gp.TURN)
-    inputs = process.inputs[once, :2]
-    table = pd.DataFrame(inputs, columns=["boom_angle_rad", "swing_rad"])
-    table[list(COLUMNS)] = process.outputs[once] * IN_UNITS
+    points, outputs = gp.without_copies(process)
+    table = pd.DataFrame(points, columns=list(HOPPER.columns))
+    table[list(COLUMNS)] = outputs * IN_UNITS
     return table
 
 
@@ -237,7 +234,7 @@ READINGS: Mapping[str, gp.ProcessOptions] = {
 
 
 def smoothness_scores(
-    changes: FrameChanges,
+    changes: Strides,
     *,
     train: int = 100,
     draws: int,
@@ -296,7 +293,7 @@ def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
             0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
         ]
     )
-    return FrameChanges(
+    return FrameChanges.hops(
         recording=np.full(hops, "smooth truth"),
         time_s=np.arange(hops, dtype=float),
         boom_angle_rad=angle,
@@ -315,13 +312,13 @@ LEFT_TO_TEST = 2
 
 @one_blas_thread()
 def learn(
-    changes: FrameChanges, options: Mapping[str, Any], *, seed: np.random.SeedSequence
+    changes: Strides, options: Mapping[str, Any], *, seed: np.random.SeedSequence
 ) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
     """Learn from a random selection of ``steering.model.training_hops`` hops.
 
     Parameters
     ----------
-    changes : FrameChanges
+    changes : Strides
     options : mapping
         Block ``steering.model`` of the configuration.
 
@@ -345,8 +342,8 @@ def learn(
     return process, score.assign(training_hops=n_train, test_hops=len(hops) - n_train)
 
 
-def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChanges:
-    """Return the used hops, if they suffice to learn from and to test on two more.
+def hops_to_learn_from(changes: Strides, training_hops: int) -> Strides:
+    """Return the used strides, if they suffice to learn from and to test on two more.
 
     Raises
     ------
@@ -381,7 +378,7 @@ SCORES = ("r2", "rmse", "coverage")
 
 @one_blas_thread()
 def learning_tables(
-    changes: FrameChanges, *, training_hops: int, draws: int, seed: int
+    changes: Strides, *, training_hops: int, draws: int, seed: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Learn from random sets of hops, of several sizes and with several kernels.
 
@@ -389,7 +386,7 @@ def learning_tables(
 
     Parameters
     ----------
-    changes : FrameChanges
+    changes : Strides
     training_hops : int
         Number of hops for comparing kernels.
     draws : int

@@ -4,10 +4,10 @@ import numpy as np
 
 from hopdata.jobs import reported, write_json, write_table
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
-from hopdata.steering.frame_changes import to_table
 from hopdata.steering.models.learning import learn
 from hopdata.steering.models.process import save_process
 from hopdata.steering.observation.observe import observe_recordings
+from hopdata.steering.strides import to_table
 from hopdata.steering.trial import simulate_excitation
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):

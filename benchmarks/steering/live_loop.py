@@ -1,6 +1,6 @@
 """The real-time loop of Fig. 3.4 over loopback: stances, commands and delays.
 
-    python benchmarks/live_loop.py --out live_loop.csv [--seconds 600] [--hops 10000]
+    python benchmarks/steering/live_loop.py --out live_loop.csv [--seconds 600] [--hops 10000]
 
 A separate process simulates the hopper and streams its markers by Qualisys' real-time
 protocol at 100 Hz, with faults. This process reads the stream with the unmodified

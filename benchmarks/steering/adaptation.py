@@ -1,6 +1,6 @@
 """How well an adapting controller recovers after the robot has changed.
 
-    python benchmarks/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
+    python benchmarks/steering/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
 
 The model is learned from 100 hops of the original simulated hopper. Then the hopper is
 changed. From each of twelve starts, one metre from the origin with any heading, it is
@@ -17,7 +17,7 @@ included. `adaptation_return.csv` gives the distance between stances and their
 predictions by the controller's model, by the number of hops since the change: median
 and 90 % quantile over all runs still in progress.
 
-    python benchmarks/adaptation.py --out loads.csv --loads
+    python benchmarks/steering/adaptation.py --out loads.csv --loads
 
 measures what the legs can carry: for each load, how many of twelve releases leave the
 hopper still hopping after 40 unsteered hops.
@@ -43,8 +43,10 @@ from hopdata.arrays import FloatArray
 from hopdata.jobs import write_table
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering import child
+from hopdata.steering.control.adaptive import AdaptivePlanner
 from hopdata.steering.control.objectives import Controller
-from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
+from hopdata.steering.control.planner import Planner, planner
+from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task
 from hopdata.steering.experiments.tasks import FELL, ORIGIN, Task, draw_starts
 from hopdata.steering.frame_changes import frame_changes
@@ -53,7 +55,7 @@ from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper, released, steer_hop
-from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
+from hopdata.steering.trial import record_trial
 from hopdata.synthesis.camera import MotionCapture, draw_floor
 
 STARTS, LEARNED = 12, 100
@@ -155,7 +157,7 @@ def rows(
     seed = np.random.SeedSequence(20261125, spawn_key=(number,))
     robot, camera = SteeredHopper(), MotionCapture()
     geometry, process = learned(robot, child(seed, 10))
-    before, noise = planner(process), process.chance
+    before, noise = planner(process), process.noise_sd
     sight = Sight(
         camera,
         geometry,
