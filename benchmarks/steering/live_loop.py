@@ -19,7 +19,8 @@ longest time from the return of the server to the next frame. `crashes` counts f
 and decisions that raised an exception (if a thread had ended, all later stances would
 be lost). `latency_*` is the time from the arrival of the frame that established the
 stance to the command; `since_stance_*` starts at the stance itself, on the hopper's own
-clock. `commands_executed` counts sent swings that the hopper executed in the next
+clock. `rests` are the causes of all rests, the last of which is the end; the drive is
+armed again as soon as it can be. `commands_executed` counts sent swings that the hopper executed in the next
 flight. `planned_with_stale_pose` must be 0. `machine_*` shows the delay due to the
 machine and its other work alone: a separate process sleeps for 10 ms and then computes
 for 0.2 ms, and is timed from its scheduled wake-up. Times are in ms.
@@ -37,17 +38,21 @@ that reaches the boom. The loop learns nothing of these records.
 
 There is one row per kind of fault: how often it occurred; `rest_ms_p50` and
 `rest_ms_max`, the time from the cause to the boom's rest, for faults that must bring it
-to rest; and `moved`, swings other than 0 that were sent while the cause lasted, from 50
-ms on. A cause is the end of 100 ms without a frame or without a marker that is needed,
-the third frame of exchanged markers, 200 ms without a plan, or otherwise the first
-frame that shows the fault. The row `all` counts stances: `seen` stances have at most
-single frames missing about them; `lost` of these were not reported, and `invented` ones
-did not happen. Each sent swing is judged by the true stance at its own time: `off_m`
-and `off_rad` are the largest deviations from that stance of the pose (and boom angle)
-used for planning. `unsafe` counts swings beyond the limit, swings with no true stance
-within 50 ms, swings that were off by more than 0.1 m or 0.2 rad, and all that `moved`.
-`wrong_ends` counts drives that ended though no fault required it: the boom of this part
-moves as it is told, so it must never be said not to follow.
+to rest; how many of these took more than 50 ms (`late`), brought no rest (`no_rest`) or
+were named by another code than theirs (`misnamed`); and `moved`, swings other than 0
+that were sent from 50 ms after the cause until the operator armed the drive again. A
+cause is the end of 100 ms without a frame or without a marker that is needed, the third
+frame of exchanged, mirrored or frozen markers, 200 ms without a plan, the end of 200 ms
+after the first heartbeat without an answer, or otherwise the first frame or call that
+shows the fault; for a boom that does not move it is not known, so that row has no
+times. The row `all` counts stances: `seen` stances have at most single frames missing
+about them; `lost` of these were not reported, and `invented` ones did not happen. Each
+sent swing is judged by the true stance at its own time: `off_m` and `off_rad` are the
+largest deviations from that stance of the pose (and boom angle) used for planning.
+`unsafe` counts swings beyond the limit, swings with no true stance within 50 ms, swings
+that were off by more than 0.1 m or 0.2 rad, and all that `moved`. `wrong_ends` counts
+drives that ended, and `needless` rests that came, though no fault required it; `stuck`
+faults after which the drive could not be armed for 5 s, and `armed` how often it was.
 """
 
 from __future__ import annotations
@@ -218,6 +223,11 @@ def run(
     def compare_clocks(decision: Decision) -> None:
         clocks.append(time.monotonic() - decision.stance_s - decision.since_stance_s)
 
+    def operate(loop: ControlLoop, _: object) -> None:
+        """Arm the drive again as soon as the fault is gone."""
+        if loop.state is State.RESTING:
+            loop.arm()
+
     try:
         port, swing_port = here.recv()
         with UdpBoom(swing_port) as boom:
@@ -230,6 +240,7 @@ def run(
                 seconds=case.seconds,
                 armed=True,
                 on_decision=compare_clocks,
+                on_look=operate,
             )
         here.send("stop")
         clock.send("stop")
@@ -325,6 +336,9 @@ def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object
         **executed(sent, hops),
         "held": int((decisions.outcome == "held").sum()),
         "overtaken": int((decisions.outcome == "overtaken").sum()),
+        "rests": " ".join(
+            sorted(rest.cause.code.removeprefix("steering.") for rest in done.rests)
+        ),
         "planned_with_stale_pose": len(stale),
         **quantiles("latency", sent.latency_s),
         **quantiles("planning", sent.planning_s),
@@ -725,7 +739,7 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
     yield {
         "fault": "all", "number": len(done.faults), "hops": len(hops), "drives": len(done.begun_s),
         "falls": int(np.isnan(stance_s).sum()), "seen": int(seen.sum()), "lost": int(lost.sum()),
-        "invented": int(invented), "sent": sum(d.command_rad != 0 for d in done.decisions),
+        "invented": int(invented), "sent": len(done.off),
         **dict(zip(("off_m", "off_rad"), np.max(done.off, axis=0, initial=0.0), strict=True)),
         "unsafe": done.unsafe + sum(f.moved for f in done.faults),
         "wrong_ends": done.wrong_ends, "needless": done.needless, "stuck": done.stuck,

@@ -184,7 +184,7 @@ def test_after_the_server_has_been_away_the_hopper_is_driven_on_by_its_operator(
 def test_a_drive_is_not_begun_before_its_operator_arms_it():
     with Robot() as robot:
         done = drive_until(robot, Controller(), 2, armed=False)
-    assert [d.outcome for d in done.decisions] == ["waiting", "waiting"]
+    assert [d.outcome for d in done.decisions[:2]] == ["waiting", "waiting"]
     assert {hop.swing_rad for hop in robot.hopper.hops} == {0.0}
 
 
@@ -246,8 +246,9 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(
     log = read_log(tmp_path / "drive.h5")
     assert {h for h in heard if h} <= set(log.decisions.command_rad)
     assert f"the drive was ended by {told}" in set(log.events.text)
-    (rest,) = log.events[log.events.text == f"ended by {told}"].itertuples()
-    assert rest.kind == "rest"
+    ended = log.events[log.events.text == f"ended by {told}"]
+    assert list(ended.kind) == ["stopped", "rest"]
+    rest = ended.iloc[1]
     assert rest.sent_s > told_s
     print(f"{told}: at rest {1e3 * (rest.sent_s - told_s):.1f} ms after it")
     counts = log.counts.set_index("count").value

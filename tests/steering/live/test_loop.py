@@ -103,10 +103,11 @@ class Bench:
         assert our_threads() == []
 
 
-def test_a_stance_is_planned_with_the_newest_pose_and_sent():
+def test_a_stance_is_planned_with_its_pose_and_sent():
     with Bench() as bench:
-        bench.frame(x=7.0)
-        bench.frame(stance=True, x=1.5)
+        bench.frame(x=1.5)  # 20 ms before the frame that reveals the stance
+        bench.frame(x=4.0)
+        bench.frame(stance=True, x=7.0)
         (decision,) = bench.decided()
     assert bench.controller.asked == [([1.5, 2.0, 0.5], 3.0)]
     assert bench.boom.swings == [0.25]
@@ -116,8 +117,8 @@ def test_a_stance_is_planned_with_the_newest_pose_and_sent():
         None,
     )
     assert (decision.pose, decision.boom_angle_rad) == ((1.5, 2.0, 0.5), 3.0)
-    assert decision.stance_s == pytest.approx(0.0)
-    assert decision.told_s == pytest.approx(0.02)
+    assert decision.stance_s == pytest.approx(0.01)
+    assert decision.told_s == pytest.approx(0.03)
     assert decision.since_stance_s == pytest.approx(0.02 + decision.latency_s, abs=1e-4)
     assert 0 <= decision.planning_s <= decision.latency_s
 
@@ -550,8 +551,10 @@ def test_a_stance_that_is_seen_while_a_plan_is_made_is_planned_afterwards():
     with Bench(Controller(lambda *_: free.wait(LONG_S) and 0.25)) as bench:
         bench.frame(stance=True, x=1.5)
         wait_until(lambda: bench.controller.asked)
-        bench.frame(stance=True, x=2.5)
-        wait_until(lambda: bench.loop.counts.frames == 2)
+        for _ in range(3):
+            bench.frame(x=2.5)
+        bench.frame(stance=True, x=3.5)
+        wait_until(lambda: bench.loop.counts.frames == 5)
         free.set()
         first, second = bench.decided(2)
     assert (first.pose[0], second.pose[0]) == (1.5, 2.5)

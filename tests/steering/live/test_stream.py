@@ -253,10 +253,10 @@ def test_coordinates_in_other_units_that_cannot_be_are_told():
     with (
         LoopbackServer(far, LABELS, speed=10) as server,
         MarkerStream(LABELS, port=server.port, patience=BRISK) as stream,
-        pytest.raises(ConnectionLostError, match="are its units mm"),
     ):
         wait_until(lambda: stream.counts.garbled > 3)
-        stream.wait_until_streaming(0.01)
+        with pytest.raises(ConnectionLostError, match="are its units mm"):
+            stream.wait_until_streaming(0.01)
 
 
 def test_no_server_at_all_is_a_clear_error():

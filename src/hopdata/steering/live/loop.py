@@ -336,6 +336,8 @@ class ControlLoop(Worker):
             self._on_frames(frames)
         is_told = False
         for frame in frames:
+            if self._stop.is_set():  # a slow machine may have got far behind
+                break
             stance = self._observed(frame)
             if stance is not None:
                 # Later frames must not change what was known then.
