@@ -143,9 +143,7 @@ def rows(name: str, number: int) -> Iterator[dict[str, object]]:
     make, tasks = ROBOTS[name]
     robot = make()
     seed = np.random.SeedSequence(20261129, spawn_key=(number,))
-    inputs = excitation(
-        robot.axes, LEARNED + 1, np.random.default_rng(child(seed, 0))
-    )
+    inputs = excitation(robot.axes, LEARNED + 1, np.random.default_rng(child(seed, 0)))
     strides = excited(Simulation(robot, seed=child(seed, 1)), inputs).strides().used()
     model = trained_process(strides.rows(np.arange(LEARNED)))
     for place, task in enumerate(tasks):
