@@ -27,19 +27,19 @@ def errors(hops, sizes=(60, 400)):
     }
 
 
-def test_schedules_that_matter_help_whoever_is_told_them():
+def test_schedules_that_matter_help_where_they_are_known():
     hops = made_hops(500, by_order=2.0, order_of_state=False)
     found = errors(hops)
-    assert found[by_schedule.TOLD][-1] < 0.7
-    # Chance decides the order here, so who is not told it cannot do better.
-    assert found[by_schedule.UNTOLD][-1] > 0.97
+    assert found[by_schedule.KNOWN][-1] < 0.7
+    # Chance decides the order here, so who does not know it cannot do better.
+    assert found[by_schedule.UNKNOWN][-1] > 0.97
 
 
 def test_schedules_that_do_not_matter_only_cost_hops():
     found = errors(made_hops(500, noise=3e-3))
-    assert found[by_schedule.TOLD][0] > 1.1
-    assert found[by_schedule.TOLD][1] > 1.0
-    assert found[by_schedule.TOLD][1] < found[by_schedule.TOLD][0]
+    assert found[by_schedule.KNOWN][0] > 1.1
+    assert found[by_schedule.KNOWN][1] > 1.0
+    assert found[by_schedule.KNOWN][1] < found[by_schedule.KNOWN][0]
 
 
 def test_the_conditioned_mean_is_that_of_the_process():
@@ -59,15 +59,15 @@ def test_a_schedule_never_seen_is_predicted_by_the_mean_of_all():
     fresh = hops.rows(hops.landing == "3>1>2")
     process = gp.trained_process(known.changes, FAST)
     found = by_schedule.predictions(process, known, fresh)
-    np.testing.assert_array_equal(found.told, np.tile(process.offset, (len(fresh), 1)))
-    assert np.isfinite(found.untold).all()
+    np.testing.assert_array_equal(found.known, np.tile(process.offset, (len(fresh), 1)))
+    assert np.isfinite(found.unknown).all()
 
 
 def curve(told):
     """Return a curve in which the model for all errs by 1 at 100, 200 and 400 hops."""
     rows = []
     for hops, error in zip((100, 200, 400), told, strict=True):
-        for model, rmse in ((by_schedule.AGNOSTIC, 1.0), (by_schedule.TOLD, error)):
+        for model, rmse in ((by_schedule.AGNOSTIC, 1.0), (by_schedule.KNOWN, error)):
             rows.append({"hops": hops, "model": model, "component": "dx", "rmse": rmse})
     return pd.DataFrame(rows)
 

@@ -137,14 +137,14 @@ def _legend_above(axes: Axes) -> None:
 
 MODELS = {
     "one model for all": ("one model for all", style.BLUE, "-", "o"),
-    "one model a schedule, told it": (
-        "one a schedule, told which it will be",
+    "one model a schedule, which is known": (
+        "one a schedule, which is known",
         style.ORANGE,
         (0, (4, 1.5)),
         "s",
     ),
-    "one model a schedule, not told it": (
-        "one a schedule, not told",
+    "one model a schedule, which is unknown": (
+        "one a schedule, which is unknown",
         style.VERMILION,
         (0, (1.5, 1.2)),
         "^",

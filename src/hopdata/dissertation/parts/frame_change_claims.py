@@ -382,8 +382,8 @@ def schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
         own = curve[curve["component"] == component]
         for model, name in (
             (by_schedule.AGNOSTIC, "all"),
-            (by_schedule.TOLD, "told"),
-            (by_schedule.UNTOLD, "untold"),
+            (by_schedule.KNOWN, "told"),
+            (by_schedule.UNKNOWN, "untold"),
         ):
             rows = own[own["model"] == model]
             for size, when in ((first, "first"), (last, "last")):
@@ -393,7 +393,7 @@ def schedules_row(tables: Mapping[str, pd.DataFrame], effort: Effort) -> Row:
             by_schedule.crossing(one, component) for _, one in by_seed
         ]
         values[f"untold_crossing_{axis}"] = [
-            by_schedule.crossing(one, component, by_schedule.UNTOLD)
+            by_schedule.crossing(one, component, by_schedule.UNKNOWN)
             for _, one in by_seed
         ]
     schedules = tables["schedules"]

@@ -7,7 +7,7 @@ predict the same fresh ones.
 The models of the schedules share the hyper-parameters and the mean of the one for all,
 so a schedule of few hops is predicted no worse than by the mean, and the comparison is
 about hops alone. The schedule of a hop is known only once it has landed. So the models
-by schedule predict twice: told the schedule, and not told it, as a controller would use
+by schedule predict twice: given the schedule, and without it, as a controller would use
 them, by the average over the schedules, weighted by how often each occurs near the
 inputs.
 """
@@ -36,9 +36,9 @@ SIZES = (100, 250, 600, 1500, 3600)
 LEAST_WEIGHT = 1e-300
 
 AGNOSTIC = "one model for all"
-TOLD = "one model a schedule, told it"
-UNTOLD = "one model a schedule, not told it"
-MODELS = (AGNOSTIC, TOLD, UNTOLD)
+KNOWN = "one model a schedule, which is known"
+UNKNOWN = "one model a schedule, which is unknown"
+MODELS = (AGNOSTIC, KNOWN, UNKNOWN)
 
 
 @one_blas_thread()
@@ -65,12 +65,12 @@ class Predictions:
     """Frame changes of n hops as predicted by each of `MODELS`, (n, 3) each."""
 
     agnostic: FloatArray
-    told: FloatArray
-    untold: FloatArray
+    known: FloatArray
+    unknown: FloatArray
 
     def by_model(self) -> dict[str, FloatArray]:
         """Return the predictions by the names of `MODELS`."""
-        return {AGNOSTIC: self.agnostic, TOLD: self.told, UNTOLD: self.untold}
+        return {AGNOSTIC: self.agnostic, KNOWN: self.known, UNKNOWN: self.unknown}
 
 
 def predictions(
@@ -88,7 +88,7 @@ def predictions(
     """
     points = fresh.changes.points
     agnostic = conditioned_mean(process, known, points)
-    told = np.tile(process.offset, (len(fresh), 1))
+    conditional = np.tile(process.offset, (len(fresh), 1))
     summed = np.zeros((len(fresh), 3))
     weights = np.full((len(fresh), 3), LEAST_WEIGHT)
     schedules = known.schedule
@@ -96,13 +96,13 @@ def predictions(
         own = known.rows(schedules == schedule)
         predicted = conditioned_mean(process, own, points)
         is_own = fresh.schedule == schedule
-        # A model that is told the schedule predicts only its own hops; without being
-        # told, all models predict, each by how much its hops have to say there.
-        told[is_own] = predicted[is_own]
+        # If the schedule is known, its model alone predicts; if not, all models do,
+        # each by how much its hops have to say there.
+        conditional[is_own] = predicted[is_own]
         near = _nearness(process, own, points)
         summed += near * predicted
         weights += near
-    return Predictions(agnostic=agnostic, told=told, untold=summed / weights)
+    return Predictions(agnostic=agnostic, known=conditional, unknown=summed / weights)
 
 
 def _nearness(
@@ -171,7 +171,7 @@ def schedule_curve(
     return pd.concat(tables, ignore_index=True)
 
 
-def crossing(curve: pd.DataFrame, component: str, model: str = TOLD) -> float:
+def crossing(curve: pd.DataFrame, component: str, model: str = KNOWN) -> float:
     """Return the number of hops from which a model errs less than the one for all.
 
     It is interpolated between the sizes on a logarithmic scale. It is infinite if the
