@@ -9,14 +9,21 @@ BENCHMARK_TABLES |= {
     "steering/pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
     "steering/adaptation": ["adaptation.csv", "adaptation_return.csv"],
     "steering/live_loop": ["live_loop.csv", "live_faults.csv"],
+    "steering/robots": ["robots.csv"],
 }
 BENCHMARK_ARGUMENTS |= {
     "steering/adaptation": "--seeds 1",
     "steering/frame_change_models": "--recordings 4 --draws 3",
     "steering/live_loop": "--seconds 15 --hops 300",
     "steering/pose": "--hops 125 --frames 12000",
+    "steering/robots": "--seeds 1",
 }
-UNTIMED |= {"steering/adaptation", "steering/frame_change_models", "steering/pose"}
+UNTIMED |= {
+    "steering/adaptation",
+    "steering/frame_change_models",
+    "steering/pose",
+    "steering/robots",
+}
 # Drawn by `steering_figures.py`.
 BENCHMARK_FIGURES |= {
     "steering/learning_curve": ["frame_change_learning.csv"],
