@@ -1,6 +1,7 @@
 """How well an adapting controller recovers after the robot has changed.
 
     python benchmarks/steering/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
+        [--changes "a worn foot" ...]
 
 The model is learned from 100 hops of the original simulated hopper. Then the hopper is
 changed. From each of twelve starts, one metre from the origin with any heading, it is
@@ -103,12 +104,18 @@ def laden(robot: SteeredHopper, leg: int, *, kilograms: float = 1.0) -> SteeredH
     return moved(robot, np.tile(-shift, (3, 1)), mass_kg=hopper.mass_kg + kilograms)
 
 
+def slippery(robot: SteeredHopper, _leg: int) -> SteeredHopper:
+    """Let all feet slip: a hop takes the robot four times as far."""
+    return replace(robot, hopper=replace(robot.hopper, friction=0.2))
+
+
 Change = Callable[[SteeredHopper, int], SteeredHopper]
 CHANGES: dict[str, Change] = {
     "10 % more preload on a leg": preloaded,
     "a worn foot": worn,
     "a kilogram on one side": laden,
     "half a kilogram on one side": partial(laden, kilograms=0.5),
+    "a slippery floor": slippery,
 }
 
 
@@ -254,6 +261,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--changes", nargs="+", choices=CHANGES, default=list(CHANGES))
     parser.add_argument("--loads", action="store_true")
     arguments = parser.parse_args()
     if arguments.loads:
@@ -262,7 +270,9 @@ def main() -> None:
         print(found.to_string())
         return
     numbers = range(arguments.first, arguments.first + arguments.seeds)
-    found, back = tables(pair for number in numbers for pair in rows(number))
+    found, back = tables(
+        pair for number in numbers for pair in rows(number, arguments.changes)
+    )
     out: Path = arguments.out
     write_table(out, found)
     write_table(out.with_name(f"{out.stem}_return.csv"), back)

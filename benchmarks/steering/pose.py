@@ -342,8 +342,9 @@ def printed(seen: Recording, *, derivative: int) -> FloatArray:
 
 
 def recommended(seen: Recording) -> FloatArray:
-    motion = hopper_motion(seen, calibrate(seen))
-    stances = find_stances(motion.time, motion.height)
+    geometry = calibrate(seen)
+    motion = hopper_motion(seen, geometry)
+    stances = find_stances(motion.time, motion.height, geometry)
     return stances.time_s[stances.pairs]
 
 
@@ -424,7 +425,7 @@ def told(seen: Recording, *, dropped: float, jumping: float, seed: int) -> Float
         height = tracker.feed(seen.time[k], seen.positions[k]).height_m + off[k]
         stance = detector.feed(seen.time[k], height)
         if stance is not None:
-            stances.append((stance.time_s, stance.told_s))
+            stances.append((stance.time_s, stance.recognised_s))
     return np.array(stances)
 
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 # Files of what was learned.
 GEOMETRY = "geometry.json"
 MODEL = "model.npz"
+# Its scores, if the study's folder of the model is given.
+SCORES = "model_scores.csv"
 
 # The first log of a folder.
 LOG = "drive.h5"
@@ -81,6 +83,7 @@ def drive(options: argparse.Namespace) -> int:
     boom, stream = _boom_and_stream(options)
     log = DriveLog(path, len(geometry.body_names) + 1, setup=setup, files=files)
     print(f"log: {path}")
+    _warn_of(options.model)
     screen = Screen(_title(options), options.seconds, limits.command_s, log)
     try:
         done = driven(
@@ -193,6 +196,18 @@ def _title(options: argparse.Namespace) -> str:
         return "SIMULATED hopper; there is no robot"
     sent = "dry run, nothing is sent" if options.dry_run else f"boom at {options.boom}"
     return f"robot seen by {options.host}:{options.port}; {sent}"
+
+
+def _warn_of(folder: Path | None) -> None:
+    """Say so if the model will probably not take the robot to a point."""
+    from hopdata.jobs import read_table
+    from hopdata.steering.control.forecast import warning
+
+    if folder is None or not (folder / SCORES).is_file():
+        return
+    said = warning(read_table(folder / SCORES))
+    if said is not None:
+        print(f"warning: {said}")
 
 
 # What a drive and its replay have in common: geometry and controller.

@@ -156,11 +156,11 @@ class Start:
     seed: np.random.SeedSequence
 
     def streams(self) -> list[np.random.Generator]:
-        """Return generators of kicks, noise, gaps and random swings.
+        """Return generators of kicks, noise, gaps, random swings and lost frames.
 
         They are new, and the same, at every call.
         """
-        return [np.random.default_rng(one) for one in child(self.seed).spawn(4)]
+        return [np.random.default_rng(one) for one in child(self.seed).spawn(5)]
 
 
 def draw_starts(

@@ -89,7 +89,7 @@ class _Frozen:
     """
 
     def __init__(self) -> None:
-        self._last: FloatArray | None = None
+        self._last: bytes | None = None
         self._since_s = 0.0
         self._repeats = 0
         self._has_moved = False
@@ -98,15 +98,14 @@ class _Frozen:
 
     def feed(self, frame: Frame, *, is_noisy: bool) -> Message | None:
         """Take a frame; return the cause once `IN_A_ROW` of them are the same."""
-        markers = frame.markers
-        last = self._last
-        self._last = markers
-        is_seen = np.isfinite(markers).any()
-        is_same = last is not None and np.array_equal(last, markers, equal_nan=True)
-        if not (is_same and is_seen):
+        coordinates = frame.markers.tobytes()
+        is_same = coordinates == self._last
+        self._last = coordinates
+        if not (is_same and np.isfinite(frame.markers).any()):
             self._repeats = 0
             self._since_s = frame.time_s
-            self._note(frame)
+            if not is_noisy:
+                self._note(frame)
             return None
         self._repeats += 1
         if self._repeats < IN_A_ROW or not (is_noisy or self._has_moved):
@@ -175,7 +174,7 @@ class FrameChecks:
             self._why_s = -math.inf
             over = self._over(seen, tilt if is_tilted else 0.0)
         is_usable = why is None
-        if is_usable and np.isfinite(seen.pose).all():
+        if is_usable and math.isfinite(sum(seen.pose.tolist())):
             self._good = (frame.time_s, seen.pose, seen.boom_angle_rad)
         lasting = {
             "fit": self._in_a_row(why),
@@ -198,13 +197,14 @@ class FrameChecks:
         """Return whether the boom's marker is seen where it cannot be."""
         if self.geometry is None or self.geometry.boom_name is None:
             return False
+        if not math.isnan(seen.boom_angle_rad):
+            return False
         place = self.geometry.boom_place(self.names)
-        is_seen = bool(np.isfinite(frame.markers[place]).all())
-        return is_seen and math.isnan(seen.boom_angle_rad)
+        return bool(np.isfinite(frame.markers[place]).all())
 
     def _over(self, seen: Observation, tilt_rad: float) -> Message | None:
         """Return whether the robot has left the arena or tips over."""
-        away_m = math.hypot(*seen.pose[:2])
+        away_m = math.hypot(*seen.pose[:2].tolist())
         limit_m = self.limits.fence_m
         if away_m > limit_m:
             values = {"away_m": away_m, "limit_m": limit_m}

@@ -1,14 +1,22 @@
 """A drive on a simulated clock: the loop and its watch without threads.
 
-Time is a number that passes from one frame, or look of the watch, to the next. So a
-drive takes as long as its arithmetic, and gives the same result every time.
+Time is a number that passes from one event to the next. So a drive takes as long as
+its arithmetic, and the same seed gives the same drive to the bit. It is what
+experiments and rehearsals run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
 
 from hopdata.arrays import FloatArray
+from hopdata.errors import require
 from hopdata.messages import Message
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer
@@ -20,14 +28,69 @@ from hopdata.steering.live.safety import LOOK_S, Boom, Limits
 BUFFERED = 256  # frames: more than come during the longest plan
 
 
-class ClockedDrive:
-    """A drive over a source of frames, on a simulated clock and armed from the start.
+@dataclass(frozen=True, kw_only=True)
+class Transport:
+    """How frames travel from the cameras to the loop.
 
     Parameters
     ----------
-    source : iterable of (time_s, markers)
-        Frames in order: time, s, and markers (M, 3), m; such as a `LiveHopper`. Each is
-        asked for when the one before has arrived.
+    delay_s : float
+        Time from the capture of a frame to its arrival, s. It is the same for all
+        frames, so the loop cannot see it: the clocks of cameras and computer are only
+        compared by the frames themselves.
+    lost_share : float
+        Share of the frames that never arrive, each by chance.
+
+    Raises
+    ------
+    ConfigError
+        If the delay is below 0, or the share is not from 0 to below 1.
+    """
+
+    delay_s: float = 0.0
+    lost_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        require(self.delay_s >= 0, "delay_s", "0 or more", self.delay_s)
+        share = self.lost_share
+        require(0 <= share < 1, "lost_share", "0 to below 1", share)
+
+    def arriving(self, number: int, rng: np.random.Generator | None) -> list[bool]:
+        """Draw which of a number of frames arrive; all do if none are lost."""
+        if self.lost_share == 0 or rng is None:
+            return [True] * number
+        arrives: list[bool] = (rng.random(number) >= self.lost_share).tolist()
+        return arrives
+
+
+class HoppingSource(Protocol):
+    """A hopper that makes its hops one by one when it is asked to."""
+
+    rate_hz: float
+
+    @property
+    def apex_s(self) -> float:
+        """Time of the apex at which the next hop begins, s."""
+
+    def next_frames(self) -> Sequence[tuple[float, FloatArray]]:
+        """Make the next hop, by the swing that was commanded before its apex.
+
+        Return time, s, and markers (M, 3), m, of its frames.
+        """
+
+
+class ClockedDrive:
+    """A drive of a simulated hopper, on a simulated clock and armed from the start.
+
+    Three things happen, in the order of their times: a hop begins at its apex, with the
+    swing that the boom has then; a frame arrives; the watch looks for a cause to rest.
+    The loop takes a frame when it arrives, and takes no time to plan, unless the
+    controller lets time pass.
+
+    Parameters
+    ----------
+    source : HoppingSource
+        Such as a `LiveHopper`.
     observers : callable
         As in `ControlLoop`; see `hopdata.steering.live.loop.observers_of`.
     controller : Controller
@@ -36,11 +99,13 @@ class ClockedDrive:
         As in `ControlLoop`.
     machine : Machine, optional
         One that is armed, by default.
-    delay_s : float
-        Time from a frame to its arrival, s.
+    transport : Transport, optional
+        Without delay and loss, by default.
+    lost : numpy Generator, optional
+        Draws which frames are lost.
     cameras : callable, optional
-        Returns what the cameras show of the markers (M, 3), m; None for no frame. May
-        be replaced at any time.
+        Returns what the cameras show of the markers (M, 3), m, of a frame that arrives;
+        None for no frame. May be replaced at any time.
 
     Attributes
     ----------
@@ -51,7 +116,7 @@ class ClockedDrive:
 
     def __init__(  # noqa: PLR0913 - the parts of the loop, by name
         self,
-        source: Iterable[tuple[float, FloatArray]],
+        source: HoppingSource,
         observers: Observers,
         controller: Controller,
         boom: Boom,
@@ -62,12 +127,15 @@ class ClockedDrive:
         on_decision: Callable[[Decision], None] | None = None,
         on_frames: Callable[[Sequence[Frame]], None] | None = None,
         fault: Callable[[], Message | None] = lambda: None,
-        delay_s: float = 0.0,
+        transport: Transport | None = None,
+        lost: np.random.Generator | None = None,
         cameras: Callable[[FloatArray], FloatArray | None] | None = None,
     ) -> None:
         self.now_s = 0.0
         self.cameras = cameras
-        self._delay_s = delay_s
+        self._source = source
+        self._transport = transport or Transport()
+        self._lost = lost
         self._buffer = FrameBuffer(BUFFERED)
         self.loop = ControlLoop(
             self._buffer,
@@ -82,49 +150,73 @@ class ClockedDrive:
             fault=fault,
             clock=lambda: self.now_s,
         )
-        self._frames = enumerate(source)
+        self._on_the_way: deque[Frame] = deque()
         self._look_s = 0.5 * LOOK_S
-        self._ask_next()
 
     def run(self, until_s: float, *, ended: Callable[[], bool] = lambda: False) -> None:
-        """Drive until a time, until something holds, or until no frame is left."""
-        while self.now_s < until_s and not ended() and self._next is not None:
-            self.let_pass(min(self._arrives_s, self._look_s) - self.now_s)
+        """Drive until just before a time, or until something holds."""
+        next_s, happen = self._next()
+        while next_s < until_s:
+            if ended():
+                return
+            self._let(next_s, happen)
             self.loop.step()
+            next_s, happen = self._next()
+        self.now_s = max(self.now_s, until_s)
+
+    def run_hop(self) -> None:
+        """Drive from the apex at which the next hop begins to the one after it."""
+        self.run(self._source.apex_s)
+        self._hop()
+        self.run(self._source.apex_s)
 
     def let_pass(self, seconds: float) -> None:
-        """Let time pass: frames arrive, and the watch looks."""
+        """Let time pass for all but the loop, as a controller that plans slowly."""
         until_s = self.now_s + max(0.0, seconds)
-        while min(self._arrives_s, self._look_s) <= until_s:
-            self.now_s = max(self.now_s, min(self._arrives_s, self._look_s))
-            if self._look_s < self._arrives_s:
-                self._look_s += LOOK_S
-                self.loop.watch.look()
-            else:
-                self._arrive()
+        next_s, happen = self._next()
+        while next_s <= until_s:
+            self._let(next_s, happen)
+            next_s, happen = self._next()
         self.now_s = until_s
 
-    @property
-    def _arrives_s(self) -> float:
-        if self._next is None:
-            return float("inf")
-        return self._next[1] + self._delay_s
+    def _let(self, next_s: float, happen: Callable[[], None]) -> None:
+        self.now_s = max(self.now_s, next_s)
+        happen()
 
-    def _ask_next(self) -> None:
-        found = next(self._frames, None)
-        self._next: tuple[int, float, FloatArray] | None = None
-        if found is not None:
-            number, (time_s, markers) = found
-            self._next = (number, time_s, markers)
+    def _next(self) -> tuple[float, Callable[[], None]]:
+        """Return when the next thing happens, s, and what lets it happen."""
+        apex_s = self._source.apex_s
+        arrival_s = math.inf
+        if self._on_the_way:
+            arrival_s = self._on_the_way[0].arrival_s
+        # Of what happens at once, a hop comes first, since a frame may lie on its apex.
+        if apex_s <= self._look_s and apex_s <= arrival_s:
+            return apex_s, self._hop
+        if self._look_s < arrival_s:
+            return self._look_s, self._look
+        return arrival_s, self._arrive
+
+    def _look(self) -> None:
+        self._look_s += LOOK_S
+        self.loop.watch.look()
+
+    def _hop(self) -> None:
+        """Begin the next hop, and send its frames that are not lost on their way."""
+        frames = self._source.next_frames()
+        arriving = self._transport.arriving(len(frames), self._lost)
+        for (time_s, markers), arrives in zip(frames, arriving, strict=True):
+            if arrives:
+                number = round(time_s * self._source.rate_hz)
+                arrival_s = time_s + self._transport.delay_s
+                # The shortest delay seen is that of all frames.
+                frame = Frame(0, number, time_s, arrival_s, arrival_s, markers)
+                self._on_the_way.append(frame)
 
     def _arrive(self) -> None:
-        assert self._next is not None
-        number, at_s, markers = self._next
-        shown: FloatArray | None = markers
+        frame = self._on_the_way.popleft()
         if self.cameras is not None:
-            shown = self.cameras(markers.copy())
-        if shown is not None:
-            captured_s = at_s + self._delay_s
-            frame = Frame(0, number, at_s, self.now_s, captured_s, shown)
-            self._buffer.write(frame)
-        self._ask_next()
+            shown = self.cameras(frame.markers.copy())
+            if shown is None:
+                return
+            frame = replace(frame, markers=shown)
+        self._buffer.write(frame)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Self, TypeAlias
@@ -45,8 +46,8 @@ class Decision:
     epoch : int
         The camera clock of these times; see `hopdata.steering.live.buffer.Frame`.
     pose : (x_m, y_m, heading_rad)
-        Newest pose up to the frame that revealed the stance, later frames of the batch
-        excluded; NaN if there was none.
+        Pose of the frame nearest to the stance, of those up to the frame that revealed
+        it; NaN if there was none.
     boom_angle_rad : float
         Newest boom angle up to that frame.
     swung_rad : float
@@ -54,7 +55,7 @@ class Decision:
     asked_s : float
         Time of the decision on the loop's clock, s.
     pose_age_s, boom_age_s : float
-        Their ages at the decision, s.
+        Ages of the newest pose and boom angle up to that frame, at the decision, s.
     outcome : str
         "planned": the controller's command was sent. "cut": so it was, clipped to the
         limit. "held": the boom was commanded to stay, for `reason`. "overtaken":
@@ -131,6 +132,9 @@ SWING_SHARE = 0.3
 #: Share of its swings below which a boom counts as not moving.
 #: Unit: 1. Origin: chosen.
 LEAST_GAIN = 0.15
+#: Last poses that are kept, to take that at a stance from them.
+#: Unit: 1. Origin: derived: 0.13 s at 500 Hz; a stance is recognised within 0.06 s.
+POSES_KEPT = 64
 
 
 class ControlLoop(Worker):
@@ -217,6 +221,8 @@ class ControlLoop(Worker):
         # The last frame, and the newest measurements up to it.
         self._last: Frame | None = None
         self._pose = _Newest()
+        # The last poses, with their camera times: a stance may have been at any.
+        self._poses: deque[tuple[float, _Newest]] = deque(maxlen=POSES_KEPT)
         self._boom_angle = _Newest()
         # Stances that were seen and wait for a decision.
         self._told: list[_Told] = []
@@ -301,8 +307,12 @@ class ControlLoop(Worker):
         self._decide_all()
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Process frames as one batch, and plan at the last stance among them."""
+        """Process frames as one batch, and plan at the last stance among them.
+
+        Those in the buffer count as processed.
+        """
         with self._observing:
+            self._seen = self._buffer.written
             self._observe(frames)
         self._decide_all()
 
@@ -316,6 +326,7 @@ class ControlLoop(Worker):
             frames = self._buffer.since(self._seen)
             if frames:
                 self.counts.overrun += frames[0].index - self._seen
+                self._seen = frames[-1].index + 1
                 self._observe(frames)
 
     def _observe(self, frames: Sequence[Frame]) -> None:
@@ -328,10 +339,10 @@ class ControlLoop(Worker):
             stance = self._observed(frame)
             if stance is not None:
                 # Later frames must not change what was known then.
-                told = _Told(stance, frame, self._pose, self._boom_angle)
+                at_stance = self._pose_at(stance)
+                told = _Told(stance, frame, at_stance, self._pose, self._boom_angle)
                 self._told.append(told)
                 is_told = True
-        self._seen = frames[-1].index + 1
         newest = frames[-1].captured_s
         self.watch.expect(
             "frames", newest + self.limits.pose_age_s, self._no_frame_since(newest)
@@ -354,6 +365,7 @@ class ControlLoop(Worker):
         if self._last is not None and not _same_clock(self._last, frame):
             self._tracker, self._detector = self._observers()
             self._checks = self._new_checks()
+            self._poses.clear()
         self._last = frame
         try:
             seen = self._tracker.feed(frame.time_s, frame.markers)
@@ -361,8 +373,10 @@ class ControlLoop(Worker):
             self._heed(findings)
             if not findings.is_usable:
                 return self._detector.feed(frame.time_s, math.nan)
-            if np.isfinite(seen.pose).all():
-                self._pose = _Newest(tuple(seen.pose.tolist()), frame.captured_s)
+            pose = tuple(seen.pose.tolist())
+            if math.isfinite(sum(pose)):
+                self._pose = _Newest(pose, frame.captured_s)
+                self._poses.append((frame.time_s, self._pose))
             if math.isfinite(seen.boom_angle_rad):
                 self._boom_angle = _Newest((seen.boom_angle_rad,), frame.captured_s)
             return self._detector.feed(frame.time_s, seen.height_m)
@@ -372,10 +386,21 @@ class ControlLoop(Worker):
             self._heed(self._checks.failed(error))
             return None
 
+    def _pose_at(self, stance: Stance) -> _Newest:
+        """Return the pose of the frame nearest to a stance, for which models are made.
+
+        When the stance is recognised, the hopper has moved on for two or three frames.
+        """
+        if not self._poses:
+            return _Newest()
+        return min(self._poses, key=lambda one: abs(one[0] - stance.time_s))[1]
+
     def _heed(self, findings: Findings) -> None:
         """Pass on what the checks have found in a frame."""
+        lasting = self.watch.machine.lasting
         for source, cause in findings.lasting.items():
-            self.watch.report(source, cause)
+            if cause is not None or source in lasting:
+                self.watch.report(source, cause)
         if findings.over is not None:
             self.end(findings.over)
 
@@ -390,11 +415,11 @@ class ControlLoop(Worker):
     def _decide(self, told: _Told, *, overtaken: bool) -> None:
         """Decide at a stance, send the command, and log both."""
         self.watch.look()
-        pose = told.pose
+        pose = told.at_stance
         boom = told.boom
         stance_s = told.stance_s
         asked_s = self._clock()
-        pose_age_s = asked_s - pose.captured_s
+        pose_age_s = asked_s - told.pose.captured_s
         boom_age_s = asked_s - boom.captured_s
         boom_angle_rad = math.nan
         if boom_age_s <= self.limits.pose_age_s:
@@ -592,6 +617,7 @@ class _Told:
 
     stance: Stance
     frame: Frame
+    at_stance: _Newest  # the pose nearest to the stance
     pose: _Newest
     boom: _Newest
 

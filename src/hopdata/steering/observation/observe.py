@@ -43,8 +43,7 @@ def _seen(
     recording: Recording, geometry: HopperGeometry
 ) -> tuple[HopperMotion, Stances]:
     motion = hopper_motion(recording, geometry)
-    band = (geometry.stance_below_m, geometry.flight_above_m)
-    return motion, find_stances(motion.time, motion.height, band)
+    return motion, find_stances(motion.time, motion.height, geometry)
 
 
 def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:
