@@ -42,8 +42,8 @@ MAY_USE = {
     "maps": {"landings"},
     # A product: it may use the study's rooms, and none of them may use it.
     "steering": {
-        *("recordings", "scenes", "synthesis", "figures", "report", "commands"),
-        "provenance",
+        *("hybrid", "recordings", "scenes", "synthesis", "figures", "report"),
+        *("commands", "provenance"),
     },
     # The product above all others: it may use everything.
     "dissertation": {

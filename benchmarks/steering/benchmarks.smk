@@ -10,6 +10,7 @@ BENCHMARK_TABLES |= {
     "steering/adaptation": ["adaptation.csv", "adaptation_return.csv"],
     "steering/worlds": ["worlds.csv", "worlds_models.csv"],
     "steering/live_loop": ["live_loop.csv", "live_faults.csv"],
+    "steering/robots": ["robots.csv"],
     "steering/environment_speed": ["environment_speed.csv"],
 }
 BENCHMARK_ARGUMENTS |= {
@@ -18,9 +19,16 @@ BENCHMARK_ARGUMENTS |= {
     "steering/frame_change_models": "--recordings 4 --draws 3",
     "steering/live_loop": "--seconds 15 --hops 300",
     "steering/pose": "--hops 125 --frames 12000",
+    "steering/robots": "--seeds 1",
     "steering/worlds": "--seeds 1 --controllers planner",
 }
-UNTIMED |= {"steering/adaptation", "steering/frame_change_models", "steering/pose", "steering/worlds"}
+UNTIMED |= {
+    "steering/adaptation",
+    "steering/frame_change_models",
+    "steering/pose",
+    "steering/robots",
+    "steering/worlds",
+}
 # Drawn by `steering_figures.py`.
 BENCHMARK_FIGURES |= {
     "steering/learning_curve": ["frame_change_learning.csv"],
