@@ -217,7 +217,7 @@ for module in pkgutil.walk_packages(hopdata.__path__, "hopdata."):
         importlib.import_module(module.name)
     except ModuleNotFoundError as error:
         # A library that an installation may lack.
-        assert error.name in {"qtm_rt", "mujoco", "ezc3d", "openpyxl", "xarray"}, error
+        assert error.name in {"qtm_rt", "gymnasium", "mujoco", "ezc3d", "openpyxl", "xarray"}, error
     n += 1
 print(n)
 """

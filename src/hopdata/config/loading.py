@@ -135,6 +135,26 @@ def _hint(problem: str | None, character: str) -> str:
     return ""
 
 
+# What a configuration needs not say that has the block of a product, such as steering,
+# and neither recordings nor markers: they are those of the simulated hopper.
+SIMULATED = {
+    "recordings": [{"name": "hopper"}],
+    "markers": {
+        "body": ["body1", "body2", "body3"],
+        "feet": ["foot1", "foot2", "foot3"],
+        "boom": ["boom"],
+    },
+}
+
+
+def _with_simulated(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the content, with `SIMULATED` where a product's block stands alone."""
+    names = {product.name for product in products.installed()}
+    if names.isdisjoint(content) or not content.keys().isdisjoint(SIMULATED):
+        return content
+    return {**content, **deepcopy(SIMULATED)}
+
+
 # Lines of a message: more would hide the first, which often causes the others.
 MOST_MISTAKES = 10
 
@@ -180,6 +200,7 @@ def load_config(
         found = "nothing" if content is None else type(content).__name__
         wanted = "keys with values, as 'hopdata init' writes them"
         raise ConfigError.at(place, wanted, found)
+    content = _with_simulated(content)
     schema = load_schema(_scene_of(content))
     try:
         printed = is_printed(content)

@@ -80,7 +80,7 @@ def drive(options: argparse.Namespace) -> int:
             "limits": vars(limits),
         }
         geometry, controller = _parts(setup, files)
-    boom, stream = _boom_and_stream(options)
+    boom, stream = _boom_and_stream(options, geometry)
     log = DriveLog(path, len(geometry.body_names) + 1, setup=setup, files=files)
     print(f"log: {path}")
     _warn_of(options.model)
@@ -90,8 +90,6 @@ def drive(options: argparse.Namespace) -> int:
             geometry,
             controller,
             boom,
-            host=options.host or "",
-            port=options.port,
             stream=stream,
             stop=threading.Event(),
             seconds=options.seconds,
@@ -162,8 +160,11 @@ def _limits(options: argparse.Namespace) -> Limits:
     return Limits(swing_rad=options.swing_limit, fence_m=options.fence)
 
 
-def _boom_and_stream(options: argparse.Namespace) -> tuple[Boom, Stream | None]:
-    """Return what moves, and what is seen; no stream if cameras see a robot."""
+def _boom_and_stream(
+    options: argparse.Namespace, geometry: HopperGeometry
+) -> tuple[Boom, Stream]:
+    """Return what moves, and what is seen."""
+    from hopdata.steering.live import sources
     from hopdata.steering.live.safety import NoBoom, UdpBoom
     from hopdata.steering.live.simulated import (
         LiveHopper,
@@ -185,17 +186,27 @@ def _boom_and_stream(options: argparse.Namespace) -> tuple[Boom, Stream | None]:
         if options.dry_run:
             return NoBoom(), stream
         return boom, stream
+    seen = sources.stream_of(
+        options.source,
+        (*geometry.body_names, str(geometry.boom_name)),
+        host=options.host,
+        port=options.port,
+        rate_hz=options.rate,
+    )
     if options.dry_run:
-        return NoBoom(), None
+        return NoBoom(), seen
     host, _, port = options.boom.rpartition(":")
-    return UdpBoom(int(port), host=host), None
+    return UdpBoom(int(port), host=host), seen
 
 
 def _title(options: argparse.Namespace) -> str:
     if options.host is None:
         return "SIMULATED hopper; there is no robot"
     sent = "dry run, nothing is sent" if options.dry_run else f"boom at {options.boom}"
-    return f"robot seen by {options.host}:{options.port}; {sent}"
+    seen_by = f"{options.source} {options.host}"
+    if options.source == "qualisys":
+        seen_by = f"{options.host}:{options.port}"
+    return f"robot seen by {seen_by}; {sent}"
 
 
 def _warn_of(folder: Path | None) -> None:
