@@ -119,13 +119,13 @@ lint-types: $(VENV)/.dev
 lint-style: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/snakefmt --check Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk)
+	$(BIN)/snakefmt --check Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk benchmarks/*/*.smk)
 	$(BIN)/snakemake --lint
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
-	$(BIN)/snakefmt Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk)
+	$(BIN)/snakefmt Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk benchmarks/*/*.smk)
 
 rules: $(VENV)/.run
 	$(BIN)/python packaging/rules.py

@@ -10,7 +10,7 @@ The workflow has a rule for each figure (`BENCHMARK_FIGURES` in
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -459,57 +459,6 @@ def _label_sizes(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_ylabel("estimated difference")
 
 
-# How a controller comes back after the robot has changed.
-
-RETURNS = {
-    "as it was": (style.VERMILION, (0, (4, 2))),
-    "adaptive": (style.BLUE, "-"),
-    "learned anew": (style.GREY, (0, (1, 1.5))),
-}
-LEAST_RUNS = 6  # fewest runs for which a median is drawn
-
-
-@style.styled
-def adaptation_figure(table: pd.DataFrame) -> Figure:
-    """Draw the distance of stances from their predictions, by the hops since the change.
-
-    Parameters
-    ----------
-    table : DataFrame
-        One row per change, controller and hop: ``change, controller, hop, median_m,
-        runs``.
-
-    Returns
-    -------
-    Figure
-        One panel per change, one line per controller.
-    """
-    changes = list(dict.fromkeys(table["change"]))
-    if not changes:
-        return style.message_figure("No change was made.")
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 62.0)
-    panels = figure.subplots(1, len(changes), sharey=True, squeeze=False)[0]
-    for axes, change in zip(panels, changes, strict=True):
-        for name, (colour, line) in RETURNS.items():
-            rows = table[(table["change"] == change) & (table["controller"] == name)]
-            rows = rows[rows["runs"] >= LEAST_RUNS].sort_values("hop")
-            axes.plot(
-                rows["hop"],
-                1e3 * rows["median_m"],
-                color=colour,
-                linestyle=line,
-                label=name,
-            )
-        axes.set_title(change)
-        axes.set_xlabel("hops since the change")
-    panels[0].set_ylabel("stance from where foretold,\nmedian (mm)")
-    panels[0].set_ylim(bottom=0.0)
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3
-    )
-    return figure
-
-
 # Published foot-strike detectors beside ours: errors, and orders that are right.
 
 
@@ -588,40 +537,21 @@ def study_cost_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-# Figures of the models of the frame change, which a study draws too.
-
-
-def learning_curve(errors: pd.DataFrame) -> Figure:
-    """Draw how the error of the models falls with the number of hops."""
-    from hopdata.steering.figures.models import learning_curve_figure
-
-    return learning_curve_figure(errors)
-
-
-def kernel_smoothness(scores: pd.DataFrame) -> Figure:
-    """Draw how well kernels of each smoothness predict."""
-    from hopdata.steering.figures.models import kernel_smoothness_figure
-
-    return kernel_smoothness_figure(scores)
-
-
 FIGURES: dict[str, Callable[..., Figure]] = {
     "work_precision": work_precision_figure,
     "side_by_side": side_by_side_figure,
     "side_by_side_panels": side_by_side_panels_figure,
     "map_error": map_error_figure,
-    "learning_curve": learning_curve,
-    "kernel_smoothness": kernel_smoothness,
     "verdict_power": verdict_power_figure,
     "foot_strikes": foot_strikes_figure,
     "study_cost": study_cost_figure,
-    "adaptation": adaptation_figure,
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("figure", choices=FIGURES)
+def main(figures: Mapping[str, Callable[..., Figure]] = FIGURES) -> None:
+    """Draw the figure that the command line names, of these."""
+    parser = argparse.ArgumentParser(description="Draw a figure of the benchmarks.")
+    parser.add_argument("figure", choices=figures)
     parser.add_argument(
         "tables", type=Path, nargs="+", help="CSV tables that it is drawn from"
     )
@@ -629,7 +559,7 @@ def main() -> None:
     parser.add_argument("--formats", nargs="+", default=["svg", "png"])
     parser.add_argument("--dpi", type=float, default=200.0)
     options = parser.parse_args()
-    figure = FIGURES[options.figure](*map(read_table, options.tables))
+    figure = figures[options.figure](*map(read_table, options.tables))
     style.save_figure(figure, options.out, formats=options.formats, dpi=options.dpi)
 
 

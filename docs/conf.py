@@ -15,7 +15,8 @@ sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 
 #: The contents at the side: the pages by their use.
 PAGES = {
-    "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "new_scene"],
+    "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "another_robot",
+              "new_scene"],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "The integrator": [
@@ -25,7 +26,7 @@ PAGES = {
     "Understand": [
         "dissertation", "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign",
         "unseen_order", "impacts", "contacts", "limits", "reliability", "architecture", "decisions",
-        "../benchmarks/README", "../benchmarks/last_run/README",
+        "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip
 
@@ -36,6 +37,7 @@ include_patterns = [
     "*.md",
     "docs/*.md",
     "benchmarks/README.md",
+    "benchmarks/steering/README.md",
     "benchmarks/last_run/README.md",
 ]
 exclude_patterns = [".*", "src", "tests", "results", "workflow", "data", "dist"]

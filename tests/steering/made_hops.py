@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.strides import USED
 from hopdata.steering.true_hops import TrueHops
 from steering.steered_hops import LIMIT, smooth_change
 
@@ -27,7 +28,7 @@ def made_hops(
     change = smooth_change(angle, swing) + noise * rng.standard_normal((n, 3))
     change += by_state * apex[:, 4:5] * [0.02, -0.02, 0.05]
     change += by_order * OFFSETS[number]
-    changes = FrameChanges(
+    changes = FrameChanges.hops(
         recording=np.full(n, "made"),
         time_s=0.6 * np.arange(n),
         boom_angle_rad=angle,

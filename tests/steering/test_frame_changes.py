@@ -10,16 +10,13 @@ from hopdata.rigid import composed
 from hopdata.steering.frame_changes import (
     FAR_SWING,
     NO_BOOM,
-    NO_POSE,
     TILTED,
     UPRIGHT_RAD,
-    USED,
     StanceStates,
     frame_changes,
     from_table,
-    joined,
-    to_table,
 )
+from hopdata.steering.strides import NO_POSE, USED, joined, to_table
 
 RATE = 100.0
 STANCES = np.arange(10, 310, 60)

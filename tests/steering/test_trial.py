@@ -4,24 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from hopdata.config.loading import load_config
-from hopdata.errors import AnalysisError, ConfigError, RecordingError
+from hopdata.errors import AnalysisError, RecordingError
 from hopdata.recording import Recording
+from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.outcomes import truth_entries
-from hopdata.steering.frame_changes import TILTED, USED, FrameChanges
+from hopdata.steering.frame_changes import TILTED, FrameChanges
 from hopdata.steering.models import learning as learning_curve
 from hopdata.steering.models.learning import learn, learning_tables
 from hopdata.steering.models.process import PRINTED, RECOMMENDED, process_of
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.robot import SteeredHopper, robot_and_camera
+from hopdata.steering.strides import USED
 from hopdata.steering.trial import (
-    ControlGrid,
     TrueFrameChanges,
-    eulerian_excitation,
-    random_excitation,
     record_trial,
     simulate_excitation,
     true_map_of,
@@ -162,7 +159,7 @@ def hops(n=150, seed=3):
     """Return hops by a simple law, with a little noise."""
     stream = rng(seed)
     angle, swing = stream.uniform(0, 2 * np.pi, n), stream.uniform(-1.1, 1.1, n)
-    return FrameChanges(
+    return FrameChanges.hops(
         recording=np.full(n, "a"), time_s=np.arange(n) * 0.6, boom_angle_rad=angle,
         swing_rad=swing, change=law(angle, swing) + 1e-3 * stream.standard_normal((n, 3)),
         reason=np.full(n, USED, dtype="<U32"),
@@ -188,13 +185,13 @@ def test_a_recording_with_hardly_a_hop_is_not_blamed_on_the_configuration():
 
 def test_a_model_is_tested_on_the_hops_that_it_has_not_seen():
     process, scores = learn(hops(), MODEL, seed=SEED)
-    assert len(process.inputs) == 60
+    assert len(process.points) == 60
     assert scores["test_hops"].tolist() == [90] * 3
     assert scores["r2"].min() > 0.9
     other, _ = learn(hops(), MODEL, seed=np.random.SeedSequence(2))
-    assert not np.array_equal(process.inputs, other.inputs)
+    assert not np.array_equal(process.points, other.points)
     again, _ = learn(hops(), MODEL, seed=SEED)
-    np.testing.assert_array_equal(process.inputs, again.inputs)
+    np.testing.assert_array_equal(process.points, again.points)
 
 
 def test_too_few_hops_are_told_with_what_was_left_out():
@@ -261,123 +258,3 @@ def test_scores_against_the_truth(trial, observed):
         observed.motion, motion, observed.stances, lost, Law(), true_map()
     )
     assert entries["invented_pairs"]["value"] == 1
-
-
-# Excitations: each move occurs as often as requested.
-
-GRIDS = st.builds(
-    ControlGrid,
-    n_angles=st.integers(1, 20),
-    n_steps=st.integers(1, 5),
-    repeats=st.integers(1, 4),
-)
-
-
-def moves(swings, grid):
-    """Return swings as numbers of grid steps."""
-    return np.rint(swings / grid.step_rad).astype(int)
-
-
-def counts(grid, steps):
-    """Return how often each move was made, by angle and step."""
-    angles = np.concatenate([[0], np.cumsum(steps[:-1])]).astype(int) % grid.n_angles
-    made = np.zeros((grid.n_angles, len(grid.steps)), dtype=int)
-    np.add.at(made, (angles, steps + grid.n_steps), 1)
-    return made
-
-
-@settings(max_examples=40, deadline=None)
-@given(grid=GRIDS, seed=st.integers(0, 2**32))
-def test_an_eulerian_sequence_makes_every_move_as_often_as_wanted(grid, seed):
-    found = moves(eulerian_excitation(grid, rng(seed)), grid)
-    assert (counts(grid, found) == grid.repeats).all()
-    assert len(found) == grid.n_angles * len(grid.steps) * grid.repeats
-    assert found.sum() % grid.n_angles == 0
-
-
-@settings(max_examples=20, deadline=None)
-@given(grid=GRIDS, seed=st.integers(0, 2**32))
-def test_each_lap_makes_every_move_once(grid, seed):
-    found = moves(eulerian_excitation(grid, rng(seed)), grid)
-    lap = found[: grid.n_angles * len(grid.steps)]
-    assert (counts(grid, lap) == 1).all()
-
-
-def test_all_eulerian_circuits_are_equally_likely():
-    # Three angles, steps -1, 0, 1, from angle 0: the complete digraph with loops.
-    grid = ControlGrid(n_angles=3, n_steps=1, repeats=1)
-    n = 6000
-    seen = {}
-    for seed in range(n):
-        lap = tuple(moves(eulerian_excitation(grid, rng(seed)), grid))
-        seen[lap] = seen.get(lap, 0) + 1
-    # The BEST theorem: 3 trees, 2!^3 circuits up to rotation, each from its 3 starts at
-    # 0.
-    assert len(seen) == 3 * 2**3 * 3
-    expected = n / len(seen)
-    chi_square = sum((count - expected) ** 2 / expected for count in seen.values())
-    assert chi_square < 71 + 4 * np.sqrt(2 * 71)
-
-
-def test_the_largest_swing_is_the_dissertation_s_and_all_end_where_they_began():
-    swings = eulerian_excitation(ControlGrid(), rng(2))
-    assert np.abs(swings).max() == pytest.approx(np.deg2rad(67.5))
-    assert swings.sum() == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_seed_gives_the_same_sequence_again():
-    first, again, other = (
-        eulerian_excitation(ControlGrid(), rng(s)) for s in (3, 3, 4)
-    )
-    np.testing.assert_array_equal(first, again)
-    assert (other != first).any()
-
-
-@pytest.mark.parametrize("name", ["n_angles", "n_steps", "repeats"])
-@pytest.mark.parametrize("size", [0, 2.5, "16"])
-def test_sizes_below_one_are_refused(name, size):
-    with pytest.raises(
-        ConfigError, match=rf"{name}: expected a whole .* found {size!r}"
-    ):
-        ControlGrid(**{name: size})
-
-
-@pytest.mark.parametrize("draw", [eulerian_excitation, random_excitation])
-def test_a_seed_does_for_its_generator(draw):
-    np.testing.assert_array_equal(
-        draw(ControlGrid(), 5), draw(ControlGrid(), np.random.default_rng(5))
-    )
-
-
-@settings(max_examples=20, deadline=None)
-@given(grid=GRIDS, seed=st.integers(0, 2**32))
-def test_a_random_sequence_ends_when_all_moves_are_made(grid, seed):
-    found = moves(random_excitation(grid, rng(seed)), grid)
-    assert (counts(grid, found) >= grid.repeats).all()
-    assert (counts(grid, found[:-1]) < grid.repeats).sum() == 1
-
-
-def test_the_random_sequence_as_printed_is_near_minimal():
-    lengths = [len(random_excitation(ControlGrid(), rng(s))) for s in range(20)]
-    assert min(lengths) >= 336
-    assert np.median(lengths) < 1.25 * 336
-
-
-def test_the_draw_prefers_angles_with_more_moves_left():
-    # From angle 0 of three, with one repeat and n_steps 1, weights are 3 + 1 each. A
-    # move back to angle 0 leaves one fewer there for the second draw: 2 + 1 against 3 +
-    # 1.
-    grid = ControlGrid(n_angles=3, n_steps=1, repeats=1)
-    second = []
-    for seed in range(2000):
-        steps = moves(random_excitation(grid, rng(seed)), grid)
-        if steps[0] == 1:
-            second.append(steps[1])
-    back = np.mean(np.array(second) == -1)  # from 1 to 0
-    expected = 3 / (3 + 4 + 4)
-    assert abs(back - expected) < 4 * np.sqrt(expected * (1 - expected) / len(second))
-
-
-def test_a_seed_gives_the_same_random_sequence_again():
-    first, again = (random_excitation(ControlGrid(), rng(3)) for _ in range(2))
-    np.testing.assert_array_equal(first, again)

@@ -5,14 +5,21 @@ import re
 import shlex
 
 import pytest
-from benchmark_figures import FIGURES as DRAWN
+from benchmark_figures import FIGURES as OF_BENCHMARKS
 from benchmark_figures import main as draw
 from checkouts import ROOT, completed
+from steering_figures import FIGURES as OF_STEERING
 
 from hopdata.figures.catalogue import FIGURES, source_of
 from hopdata.products import installed
 
 pytestmark = pytest.mark.workflow
+
+# Those of products stand in folders of their own.
+BENCHMARKS = ROOT / "benchmarks"
+FOLDERS = [BENCHMARKS, *(BENCHMARKS / one.name for one in installed())]
+FILES = sorted(file for folder in FOLDERS for file in folder.glob("*.py"))
+DRAWN = {**OF_BENCHMARKS, **OF_STEERING}
 
 
 def programs():
@@ -21,11 +28,10 @@ def programs():
     Other files are imported by them, or draw. `constants` takes hours and goes on where
     it was interrupted; its table is a page of the documentation.
     """
-    files = (ROOT / "benchmarks").glob("*.py")
     found = {
-        file.stem for file in files if 'if __name__ == "__main__"' in file.read_text()
+        file.stem for file in FILES if 'if __name__ == "__main__"' in file.read_text()
     }
-    return found - {"benchmark_figures", "constants"}
+    return found - {"benchmark_figures", "steering_figures", "constants"}
 
 
 @pytest.fixture(scope="module")
@@ -71,14 +77,15 @@ def test_every_figure_has_a_rule_and_a_caption(jobs):
     for figure, text in drawn.items():
         for suffix in ("svg", "png"):
             assert f"results/benchmarks/figures/{figure}.{suffix}" in text
-        assert f"workflow/captions/{figure}.md" in jobs["benchmark_page"]
+        folder = "benchmarks/steering" if figure in OF_STEERING else "workflow"
+        assert f"{folder}/captions/{figure}.md" in jobs["benchmark_page"]
 
 
 @pytest.mark.parametrize(
     "name", [name for drawings in FIGURES.values() for name in drawings]
 )
 def test_every_figure_has_a_caption_and_a_function(name):
-    captions = [ROOT / "workflow/captions"]
+    captions = [ROOT / "workflow/captions", BENCHMARKS / "steering/captions"]
     captions += [one.rules.with_name("captions") for one in installed()]
     found = [one for one in captions if (one / f"{name}.md").is_file()]
     assert len(found) == (name != "fig2_5_both_sides")
@@ -88,7 +95,7 @@ def test_every_figure_has_a_caption_and_a_function(name):
 
 @pytest.mark.parametrize("program", sorted(programs()))
 def test_the_tables_that_a_program_names_are_declared(jobs, program):
-    text = (ROOT / "benchmarks" / f"{program}.py").read_text()
+    text = next(file for file in FILES if file.stem == program).read_text()
     declared = next(
         x for x in jobs[f"benchmark_{program}"].splitlines() if "output:" in x
     )
@@ -109,6 +116,9 @@ def test_a_program_depends_on_what_it_imports(jobs):
     ):
         assert f"benchmarks/{module}.py" in inputs
     assert "benchmarks/plate.py" not in inputs
+    of_pose = next(x for x in jobs["benchmark_pose"].splitlines() if "input:" in x)
+    for module in ("steering/pose", "steering/beside", "machine"):
+        assert f"benchmarks/{module}.py" in of_pose
 
 
 def test_the_digest_of_the_code_is_one_that_snakemake_compares():
@@ -158,7 +168,7 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs, monkeypatch
         monkeypatch.setattr(
             "sys.argv", shlex.split(command.split("python ")[1].split(" > ")[0])
         )
-        draw()
+        draw(DRAWN)
     page = "results/benchmarks/README.md"
     printed = completed(linked, page, "--rerun-triggers", "mtime")
     assert "2 of 2 steps (100%) done" in printed
@@ -182,14 +192,14 @@ def defined_in(module):
     return names
 
 
-@pytest.mark.parametrize(
-    "program", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda p: p.stem
-)
+@pytest.mark.parametrize("program", FILES, ids=lambda p: p.stem)
 def test_what_programs_take_from_each_other_is_there(program):
     """The programs are not run, because some need packages that are extras."""
     for node in ast.walk(ast.parse(program.read_text())):
         if isinstance(node, ast.ImportFrom):
-            source = program.parent / f"{(node.module or '').replace('.', '/')}.py"
-            if source.is_file():
+            module = f"{(node.module or '').replace('.', '/')}.py"
+            sources = [folder / module for folder in (program.parent, BENCHMARKS)]
+            source = next((one for one in sources if one.is_file()), None)
+            if source is not None:
                 taken = {alias.name for alias in node.names}
                 assert taken <= defined_in(ast.parse(source.read_text())), source.name

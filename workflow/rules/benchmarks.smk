@@ -1,5 +1,6 @@
 BENCHMARKS = "results/benchmarks"
-# The tables that each program of benchmarks/ writes: its `--out` first, then those beside it.
+# The tables that each program of benchmarks/ writes: its `--out` first, then those beside it. The
+# benchmarks of a product stand in a folder of their own and have its name before theirs.
 BENCHMARK_TABLES = {
     "machine": ["machine.csv"],
     "order": ["order.csv", "dense.csv"],
@@ -48,35 +49,22 @@ BENCHMARK_TABLES = {
     ],
     "guesses": ["guesses.csv"],
     "reading": ["reading.csv", "reading_agreement.csv", "damaged_files.csv"],
-    "frame_change_models": [
-        "frame_change_models.csv",
-        "frame_change_learning.csv",
-        "frame_change_kernels.csv",
-        "frame_change_cost.csv",
-    ],
-    "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
-    "adaptation": ["adaptation.csv", "adaptation_return.csv"],
-    "live_loop": ["live_loop.csv", "live_faults.csv"],
 }
 # Smaller than the programs' defaults, so that all of them finish within an hour on two cores.
 BENCHMARK_ARGUMENTS = {
-    "adaptation": "--seeds 1",
     "animals": "--hops 60 --rates 100 500",
     "check_forecast": "--only sound '33 Hz' 'no flight' 'a wrong section'",
     "contact_instants": "--seeds 2 --landings 1000 --peer-landings 100",
     "first_solve": "--repeats 1",
     "foot_strikes": "--seeds 3",
-    "frame_change_models": "--recordings 4 --draws 3",
     "guesses": "--seeds 1",
     "integrator": "--repeats 7",
     "jumps": "--seeds 1 --no-check",
     "known_instants": "--seeds 2 3 4 5 6",
     "large": "--largest 2000",
-    "live_loop": "--seconds 15 --hops 300",
     "maps": "--bootstraps 300 --pairs 5000",
     "order": "--runs 32",
     "plate": "--starts 50",
-    "pose": "--hops 125 --frames 12000",
     "proofs": "--members 3 --peers",
     "reading": "--files 2100 --rounds 3",
     "recording_faults": "--recordings 6 --floor-seeds 3 --filled-hops 300",
@@ -91,46 +79,63 @@ BENCHMARK_ARGUMENTS = {
 }
 # Programs whose tables hold errors or processor time. They run in parallel; all others run alone.
 UNTIMED = {
-    "adaptation",
     "animals",
     "check_forecast",
     "contact_instants",
     "foot_strikes",
-    "frame_change_models",
     "guesses",
     "jumps",
     "maps",
     "order",
-    "pose",
     "recording_faults",
     "sliding",
     "velocities",
 }
-# Each figure that `benchmark_figures.py` draws, and the tables that it is drawn from.
+# Each figure, and the tables that it is drawn from: by `benchmark_figures.py`, or by the
+# `<product>_figures.py` of a product.
 BENCHMARK_FIGURES = {
     "work_precision": ["work_precision.csv", "ratios.csv"],
     "side_by_side": ["side_by_side_ratios.csv"],
     "side_by_side_panels": ["side_by_side.csv", "side_by_side_ratios.csv"],
     "map_error": ["map_error.csv"],
-    "learning_curve": ["frame_change_learning.csv"],
-    "kernel_smoothness": ["frame_change_kernels.csv"],
     "verdict_power": ["verdict_power.csv"],
     "foot_strikes": ["foot_strikes.csv"],
     "study_cost": ["study_cost.csv"],
-    "adaptation": ["adaptation_return.csv"],
 }
+# Products add theirs to these tables; where they are deleted, their files are gone as well.
+for tables_of_product in sorted(HERE.parents[1].glob("benchmarks/*/benchmarks.smk")):
+
+    include: tables_of_product
+
+
+def drawer_of(figure):
+    """Return the program that draws a figure of the benchmarks."""
+    product = os.path.dirname(figure)
+    return PROGRAMS / product / f"{product or 'benchmark'}_figures.py"
+
+
+def benchmark_captions():
+    """Return the captions of all figures of the benchmarks."""
+    captions = []
+    for figure in BENCHMARK_FIGURES:
+        product, name = os.path.split(figure)
+        captions.append(f"{PROGRAMS / product / 'captions' if product else CAPTIONS}/{name}.md")
+    return captions
+
+
 for program, tables in BENCHMARK_TABLES.items():
+    benchmark_name = os.path.basename(program)
 
     rule:
         name:
-            f"benchmark_{program}"
+            f"benchmark_{benchmark_name}"
         input:
             lambda wildcards, program=program: sources(program),
         output:
             table=f"{BENCHMARKS}/{tables[0]}",
             beside=[f"{BENCHMARKS}/{table}" for table in tables[1:]],
         log:
-            f"{BENCHMARKS}/{program}.log",
+            f"{BENCHMARKS}/{benchmark_name}.log",
         # Timings need the same machine, and all of it: run locally and occupy every core.
         localrule: True
         threads: 1 if program in UNTIMED else os.cpu_count()
@@ -145,7 +150,8 @@ for program, tables in BENCHMARK_TABLES.items():
             "{params.python} {params.program} --out {output.table} {params.arguments} > {log} 2>&1"
 
 
-for figure_name, tables in BENCHMARK_FIGURES.items():
+for figure, tables in BENCHMARK_FIGURES.items():
+    figure_name = os.path.basename(figure)
 
     rule:
         name:
@@ -160,12 +166,12 @@ for figure_name, tables in BENCHMARK_FIGURES.items():
             **needs(minutes=10),
         params:
             python=sys.executable,
-            program=f"{PROGRAMS}/benchmark_figures.py",
+            program=f"{drawer_of(figure)}",
             figure=figure_name,
             base=lambda wildcards, output: os.path.splitext(output[0])[0],
             dpi=STUDY["figures"]["dpi"],
             formats=FORMATS,
-            code=lambda wildcards: code_digest(PROGRAMS / "benchmark_figures.py"),
+            code=lambda wildcards, drawer=drawer_of(figure): code_digest(drawer),
         shell:
             "{params.python} {params.program} {params.figure} {input} --out {params.base} "
             "--dpi {params.dpi} --formats {params.formats} > {log} 2>&1"
@@ -175,8 +181,11 @@ rule benchmark_page:
     """Show every table and figure of the last run on one page, with the machine it ran on."""
     input:
         tables=[f"{BENCHMARKS}/{table}" for tables in BENCHMARK_TABLES.values() for table in tables],
-        figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=BENCHMARK_FIGURES),
-        captions=expand(f"{CAPTIONS}/{{name}}.md", name=BENCHMARK_FIGURES),
+        figures=expand(
+            f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}",
+            name=map(os.path.basename, BENCHMARK_FIGURES),
+        ),
+        captions=benchmark_captions(),
     output:
         f"{BENCHMARKS}/README.md",
     log:
@@ -192,7 +201,7 @@ rule benchmark_page:
             }
             for name, tables in BENCHMARK_TABLES.items()
         },
-        drawn_from=BENCHMARK_FIGURES,
+        drawn_from={os.path.basename(name): tables for name, tables in BENCHMARK_FIGURES.items()},
         code=code("benchmark_page"),
     script:
         "../scripts/benchmark_page.py"
@@ -204,6 +213,6 @@ rule benchmarks:
         rules.benchmark_page.output,
         expand(
             f"{BENCHMARKS}/figures/{{name}}.{{format}}",
-            name=BENCHMARK_FIGURES,
+            name=map(os.path.basename, BENCHMARK_FIGURES),
             format=FORMATS,
         ),

@@ -145,7 +145,9 @@ def each_recording(pattern):
 
 def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress", DAMAGE_SUITE)):
     """Return a program and its local imports, direct or indirect; packages are included whole."""
-    found, waiting = set(), [PROGRAMS / f"{name}.py"]
+    program = PROGRAMS / f"{name}.py"
+    folders = (program.parent, *folders)
+    found, waiting = set(), [program]
     while waiting:
         file = waiting.pop()
         found.add(file)

@@ -287,7 +287,10 @@ class BatchSolution:
 
     @property
     def message(self) -> str:
-        """How the integrations ended: a line for each status, with how often."""
+        """How the integrations ended: a line for each status, with how often.
+
+        What is not proven or not exact has a line each.
+        """
         _, first_runs, counts = np.unique(
             self.status, return_index=True, return_counts=True
         )
@@ -301,6 +304,12 @@ class BatchSolution:
                 rates=self.rates[run],
             )
             lines.append(f"{count} of {len(self)}, such as number {run}: {sentence}")
+        n_unproven = int(self.n_unproven.sum())
+        if n_unproven > 0:
+            lines.append(at.why_unproven(n_unproven, self.form.unproven))
+        n_close = int(self.n_close.sum())
+        if n_close > 0:
+            lines.append(at.CLOSE_CALLS.format(count=n_close))
         if self.by_differences:
             lines.append(at.BY_DIFFERENCES.format(reasons=self.by_differences))
         if self.instants:
@@ -537,7 +546,7 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
         options,
         _room(len(states), _shared(system)[0], len(times), jacobian),
     )
-    reason = "they were not requested"
+    reason = _why_not_asked(lanes, len(states))
     remaining = None
     if wants_lanes:
         remaining, reason = _run_in_lanes(batch, workers, progress)
@@ -551,6 +560,16 @@ def solve_batch(  # noqa: PLR0913 (each parameter is an option of the user's)
     if form.shown < form.state:
         instants = _about_instants(system, batch.results.counts)
     return BatchSolution(batch.results, form, times, remaining, reason, told, instants)
+
+
+def _why_not_asked(lanes: bool | None, n_systems: int) -> str:
+    """Return why lanes are not tried, if they are not."""
+    if lanes is None:
+        return (
+            f"a batch of {n_systems} takes them with lanes=True only: from {LARGE} "
+            "systems on they are taken unasked"
+        )
+    return "lanes=False was given"
 
 
 def _starts(

@@ -274,6 +274,7 @@ NO_END = -15
 STATE_NOT_FINITE = -16
 NOT_UNIQUE = -17
 INSTANTS_IN_JACOBIAN = -18
+UNSOUGHT_IN_JACOBIAN = -19
 # Inside the driver only: it goes on, or could not start.
 RUNNING = 2
 NEEDS_ROOM = 3
@@ -286,7 +287,8 @@ SENTENCES = {
     FINISHED: "The integration reached the end of t_span.",
     TERMINATED: "Event '{guard}' ended the integration at {at}.",
     STEP_UNDERFLOW: "The step fell below the spacing of floating-point times at {at}: "
-    "the field is stiff or singular there, or the tolerance cannot be met.",
+    "the field is stiff or singular there, the tolerance cannot be met, or states are "
+    "near the largest number.",
     FIELD_NOT_FINITE: "The field is NaN or infinite at, or directly after, {at}.",
     GUARD_NOT_FINITE: "Guard '{guard}' is NaN or infinite at, or directly after, {at}.",
     TOO_MANY_STEPS: "max_steps was reached at {at}.",
@@ -301,10 +303,15 @@ SENTENCES = {
     "and falls alike: let it look at direction, or give System(directions=...)).",
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the "
     "field or the state, or one of them turns another back: the share of each guard, "
-    "and therefore the Jacobian of the flow, is unknown.",
+    "and therefore the Jacobian of the flow, is unknown. Each order has its own: see "
+    "`first_order.bouligand_derivative` (docs/integrator.md, Is it one smooth map?).",
     INSTANTS_IN_JACOBIAN: "The field jumps at {at}, at an instant that moves with the "
     "parameters in more than one way: two such instants meet there, or t_span begins "
     "there. The flow has no derivative by the parameters.",
+    UNSOUGHT_IN_JACOBIAN: "The field may jump near {at}, at instants that were not "
+    "found apart: how they move with the parameters, and so the derivative by these, "
+    "is unknown. Give them as tstops to System(..., find_tstops=False), which then "
+    "takes them as fixed, or write the jump without a pole.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite "
     "near {at}.",
     RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h at "
@@ -346,6 +353,12 @@ ONLY_SAMPLED = (
 CLOSE_CALLS = (
     "In {count} steps a guard turned so close to its surface that the tolerance cannot "
     "tell whether it flips."
+)
+DEPENDENT_SURFACES = (
+    "Where guards that slide depend on each other, as the friction of two bodies on "
+    "the ground and on each other, so that two at rest give a third, no mix of fields "
+    "keeps all of them: let the others slide only, and cross the third "
+    "(docs/sliding.md, Surfaces must be independent)."
 )
 HELD_INSTANTS = (
     "The field jumps at {count} known instants of which it cannot be told how they "

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hopdata.hybrid.sliding import Slides
     from hopdata.hybrid.system import System
 
+SMALLER = 2.0**-10  # more than the sum of the weights of an interpolation
 MOST_SHOWN = 10  # most events in the text of a log
 COUNTS = int(layout.CLOCK_SLOTS)  # index of the first counter in the end record
 MODE = COUNTS + int(layout.COUNT_SLOTS)  # index of the first entry of the mode
@@ -432,6 +433,8 @@ class Solution(Told):
                 "By the last gaps between them, their limit is "
                 f"t = {self.limit.time:.17g}, to within {self.limit.time_error:.2g} s."
             )
+        if self.status == layout.ZENO and self.form.slides is not None:
+            told.append(layout.DEPENDENT_SURFACES)
         if self.n_unproven > 0:
             told.append(layout.why_unproven(self.n_unproven, self.form.unproven))
         if self.n_close > 0:
@@ -565,4 +568,12 @@ def _interpolated(
     hit = (off == 0.0).any(axis=1)
     shares[hit] = off[hit] == 0.0
     total = shares.sum(axis=1, keepdims=True)
-    return np.einsum("mj,mjn->mn", shares, steps[piece]) / total
+    with np.errstate(over="ignore", invalid="ignore"):
+        states = np.einsum("mj,mjn->mn", shares, steps[piece]) / total
+    bad = ~np.isfinite(states).all(axis=1)
+    if bad.any():  # states near the largest number: their sum is too large
+        weights = shares[bad] / total[bad]
+        scaled = SMALLER * steps[piece[bad]]
+        with np.errstate(over="ignore", invalid="ignore"):
+            states[bad] = np.einsum("mj,mjn->mn", weights, scaled) / SMALLER
+    return states

@@ -1,22 +1,28 @@
-"""Frame changes: how a hop changes the pose, by boom angle and swing (Sec. 3.4.2)."""
+"""The hopper's frame changes: how a hop changes the pose (Sec. 3.4.2).
+
+Its hops are strides whose state is the boom angle and whose input is the swing.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, pd
-from hopdata.errors import RecordingError
 from hopdata.rigid import relative, wrapped
+from hopdata.steering import strides
+from hopdata.steering.strides import (
+    NO_POSE,
+    TURN,
+    USED,
+    Input,
+    State,
+    StrideAxes,
+    Strides,
+    TextArray,
+)
 
-TextArray = NDArray[np.str_]
-
-USED = ""
-NO_POSE = "pose missing"
 NO_BOOM = "boom angle missing"
 FAR_SWING = "swing beyond the limit"
 TILTED = "tilted in a stance"
@@ -55,49 +61,58 @@ class StanceStates:
     tilt_rad: FloatArray
 
 
-@dataclass(frozen=True)
-class FrameChanges:
-    """Hops between consecutive stances, one hop per row.
+def hopper_axes(swing_limit_rad: float = np.pi) -> StrideAxes:
+    """Return the axes of the steered hopper: boom angle and swing.
 
     Parameters
     ----------
-    recording : (n,) str array
-        Recording the hop belongs to.
-    time_s : (n,) array
-        Time of the first stance.
-    boom_angle_rad : (n,) array
-        Boom angle at the first stance, in [0, 2 pi).
-    swing_rad : (n,) array
-        Swing from the first stance to the second.
-    change : (n, 3) array
-        Pose at the second stance in the frame of the first: x m, y m, heading rad.
-    reason : (n,) str array
-        Why the hop is not used; empty if it is.
+    swing_limit_rad : float
+        Largest swing; by default the largest that a change of the boom angle can show.
     """
+    swing = Input(name="swing", lower=-swing_limit_rad, upper=swing_limit_rad)
+    boom_angle = State(name="boom_angle", moved_by=swing.name)
+    return StrideAxes(periodic=(boom_angle,), inputs=(swing,))
 
-    recording: TextArray
-    time_s: FloatArray
-    boom_angle_rad: FloatArray
-    swing_rad: FloatArray
-    change: FloatArray
-    reason: TextArray
 
-    def __len__(self) -> int:
-        return len(self.time_s)
+HOPPER = hopper_axes()
 
-    def rows(self, chosen: ArrayLike) -> FrameChanges:
-        """Return some of the hops, chosen by number or by a boolean for each."""
-        picked = np.asarray(chosen)
-        return FrameChanges(*(column[picked] for column in vars(self).values()))
 
-    def used(self) -> FrameChanges:
-        """Return the hops that are used."""
-        return self.rows(self.reason == USED)
+class FrameChanges(Strides):
+    """Strides of the steered hopper: its hops, made by `hops` or `frame_changes`."""
 
-    def excluded(self) -> dict[str, int]:
-        """Return how many hops are not used, by reason."""
-        reasons = self.reason[self.reason != USED].tolist()
-        return dict(sorted(Counter(reasons).items()))
+    @property
+    def boom_angle_rad(self) -> FloatArray:
+        """Boom angle at the first stance, in [0, 2 pi), (n,)."""
+        return self.state[:, 0]
+
+    @property
+    def swing_rad(self) -> FloatArray:
+        """Swing from the first stance to the second, (n,)."""
+        return self.inputs[:, 0]
+
+    @classmethod
+    def hops(
+        cls,
+        *,
+        recording: TextArray,
+        time_s: FloatArray,
+        boom_angle_rad: FloatArray,
+        swing_rad: FloatArray,
+        change: FloatArray,
+        reason: TextArray,
+        axes: StrideAxes = HOPPER,
+    ) -> FrameChanges:
+        """Return hops by their columns; see `Strides`."""
+        return cls(
+            axes=axes,
+            recording=recording,
+            time_s=time_s,
+            state=boom_angle_rad[:, None],
+            inputs=swing_rad[:, None],
+            change=change,
+            next_state=axes.next_state(boom_angle_rad, swing_rad),
+            reason=reason,
+        )
 
 
 def frame_changes(
@@ -133,57 +148,23 @@ def frame_changes(
     reason[np.isnan(swing)] = NO_BOOM
     reason[leans[first] | leans[second]] = TILTED
     reason[np.isnan(change).any(axis=1)] = NO_POSE
-    return FrameChanges(
+    return FrameChanges.hops(
         recording=np.full(len(first), recording),
         time_s=stances.time_s[first],
-        boom_angle_rad=booms[first] % (2 * np.pi),
+        boom_angle_rad=booms[first] % TURN,
         swing_rad=swing,
         change=change,
         reason=reason,
+        axes=hopper_axes(swing_limit_rad),
     )
 
 
-def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
-    """Return the hops of several recordings as one table."""
-    tables = [vars(part) for part in parts]
-    columns = {
-        field.name: np.concatenate([table[field.name] for table in tables])
-        for field in fields(FrameChanges)
-    }
-    return FrameChanges(**columns)
-
-
-# Tables of frame changes: one hop per row, with the unit in the name of each column.
-
-CHANGE = ["dx_m", "dy_m", "dtheta_rad"]
-COLUMNS = ["recording", "time_s", "boom_angle_rad", "swing_rad", *CHANGE, "reason"]
-
-
-def to_table(changes: FrameChanges) -> pd.DataFrame:
-    """Return the hops as a table with the unit in each column's name."""
-    columns = dict(vars(changes))
-    for name, component in zip(CHANGE, changes.change.T, strict=True):
-        columns[name] = component
-    return pd.DataFrame({name: columns[name] for name in COLUMNS})
-
-
 def from_table(table: pd.DataFrame) -> FrameChanges:
-    """Return the hops of a table that `to_table` made.
+    """Return the hops of a table that `hopdata.steering.strides.to_table` made.
 
     Raises
     ------
     RecordingError
         If a column is missing.
     """
-    missing = ", ".join(name for name in COLUMNS if name not in table)
-    if missing:
-        wanted = f"the columns {', '.join(COLUMNS)}"
-        raise RecordingError(f"frame changes: expected {wanted}, missing {missing}")
-    return FrameChanges(
-        recording=table["recording"].to_numpy(dtype=str),
-        time_s=table["time_s"].to_numpy(dtype=float),
-        boom_angle_rad=table["boom_angle_rad"].to_numpy(dtype=float),
-        swing_rad=table["swing_rad"].to_numpy(dtype=float),
-        change=table[CHANGE].to_numpy(dtype=float),
-        reason=table["reason"].to_numpy(dtype=str),
-    )
+    return FrameChanges(**vars(strides.from_table(table, HOPPER)))

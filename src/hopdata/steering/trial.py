@@ -9,149 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, RecordingError, require
 from hopdata.recording import Recording
 from hopdata.rigid import relative
 from hopdata.steering import CORRECTED, EXCITATION, PRINTED, TRIAL, child
 from hopdata.steering import robot as plant
 from hopdata.steering.control.objectives import is_finite
-from hopdata.steering.frame_changes import CHANGE
+from hopdata.steering.excitation import (
+    ControlGrid,
+    eulerian_excitation,
+    random_excitation,
+)
+from hopdata.steering.strides import CHANGE
 from hopdata.synthesis.camera import MotionCapture, draw_floor, track_markers
 from hopdata.synthesis.simulate import observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlGrid:
-    """The controls to excite; the defaults are the dissertation's, 336 hops.
-
-    Parameters
-    ----------
-    n_angles : int
-        Number of equally spaced boom angles (N_p in print).
-    n_steps : int
-        Largest number of grid steps that the boom moves in one hop, either way (N_v in
-        print).
-    repeats : int
-        How often each move is to be made (N_c in print).
-
-    Raises
-    ------
-    ConfigError
-        If one of them is not a whole number of at least 1.
-    """
-
-    n_angles: int = 16
-    n_steps: int = 3
-    repeats: int = 3
-
-    def __post_init__(self) -> None:
-        for name, size in vars(self).items():
-            is_sound = isinstance(size, int | np.integer) and bool(size >= 1)
-            require(is_sound, name, "a whole number of at least 1", f"{size!r}")
-
-    @property
-    def step_rad(self) -> float:
-        """Angle between neighbours on the grid."""
-        return 2 * np.pi / self.n_angles
-
-    @property
-    def steps(self) -> IntArray:
-        """Moves from every angle, (2 n_steps + 1,), in grid steps.
-
-        Positive ones are counter-clockwise.
-        """
-        return np.arange(-self.n_steps, self.n_steps + 1)
-
-
-def eulerian_excitation(
-    grid: ControlGrid, rng: np.random.Generator | int
-) -> FloatArray:
-    """Draw a sequence that makes every move exactly `repeats` times.
-
-    It ends where it began. It consists of laps that make every move once, so the first
-    lap already covers the grid. Each lap is drawn uniformly from all Eulerian circuits:
-    the last moves from the angles form a uniform random tree towards the start (Wilson
-    1996), and the other moves are in random order (the BEST theorem of van
-    Aardenne-Ehrenfest and de Bruijn).
-
-    Returns
-    -------
-    (n,) array
-        Swing in the flight after each stance except the last, rad.
-    """
-    rng = np.random.default_rng(rng)
-    laps = [_random_lap(grid, rng) for _ in range(grid.repeats)]
-    return np.asarray(grid.step_rad * np.concatenate(laps))
-
-
-def _random_lap(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
-    """Return an Eulerian circuit that makes every move once, as grid steps."""
-    last = _random_tree(grid, rng)
-    orders = [rng.permutation(grid.steps).tolist() for _ in range(grid.n_angles)]
-    for k in range(1, grid.n_angles):
-        orders[k].remove(last[k])
-        orders[k].append(int(last[k]))
-    lap = []
-    k = 0
-    while orders[k]:
-        lap.append(orders[k].pop(0))
-        k = (k + lap[-1]) % grid.n_angles
-    return np.array(lap, dtype=int)
-
-
-def _random_tree(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
-    """Draw a uniform random spanning tree.
-
-    It is a step from each angle towards the first, (n_angles,), drawn by loop-erased
-    random walks, of which the last exit from each angle remains.
-    """
-    step = np.zeros(grid.n_angles, dtype=int)
-    in_tree = np.zeros(grid.n_angles, dtype=bool)
-    in_tree[0] = True
-    for k in range(grid.n_angles):
-        here = k
-        while not in_tree[here]:
-            step[here] = rng.choice(grid.steps)
-            here = (here + step[here]) % grid.n_angles
-        here = k
-        while not in_tree[here]:
-            in_tree[here] = True
-            here = (here + step[here]) % grid.n_angles
-    return step
-
-
-def random_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> FloatArray:
-    """Draw moves at random until all have been made (Algorithm 1).
-
-    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to
-    make``, from those to which a move is still to be made, or from all in reach if
-    there are none. This corrects what the printed algorithm omits or mistakes: the size
-    of its matrix, the draw itself, the copy of the matrix, and the last angle, without
-    which the last move would not be commanded.
-
-    Returns
-    -------
-    (n,) array
-        Swing in the flight after each stance except the last, rad.
-    """
-    rng = np.random.default_rng(rng)
-    wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
-    made: list[int] = []
-    k = 0
-    while wanted.any():
-        choices = np.flatnonzero(wanted[k])
-        if not len(choices):
-            choices = np.arange(len(grid.steps))
-        reached = (k + grid.steps[choices]) % grid.n_angles
-        weights = wanted[reached].sum(axis=1) + 1 / grid.n_steps
-        move = rng.choice(choices, p=weights / weights.sum())
-        wanted[k, move] = max(wanted[k, move] - 1, 0)
-        made.append(int(grid.steps[move]))
-        k = (k + made[-1]) % grid.n_angles
-    return grid.step_rad * np.array(made)
-
 
 # The trial: the hopper makes these swings, and is recorded.
 

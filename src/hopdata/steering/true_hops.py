@@ -19,7 +19,8 @@ from hopdata.rigid import relative, turned, wrapped
 from hopdata.scenes.body import YAW
 from hopdata.scenes.scene import Control
 from hopdata.steering import robot as plant
-from hopdata.steering.frame_changes import USED, FrameChanges, TextArray
+from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.strides import USED, TextArray
 from hopdata.synthesis.hops import Hop
 
 TURN = 2 * np.pi
@@ -144,7 +145,7 @@ def _table(rows: list[tuple[plant.SteeredHop, plant.SteeredHop]]) -> TrueHops:
     seconds = [second for _, second in rows]
     poses = np.array([hop.stance.pose for hop in firsts])
     ends = np.array([hop.stance.pose for hop in seconds])
-    changes = FrameChanges(
+    changes = FrameChanges.hops(
         recording=np.full(len(rows), "simulated"),
         time_s=np.array([hop.stance.time_s for hop in firsts]),
         boom_angle_rad=np.array([hop.start.boom_angle_rad for hop in seconds]) % TURN,

@@ -316,7 +316,10 @@ def test_why_there_are_no_lanes(system, options, said):
     assert not batch.lanes.any()
     plain = solve_batch(system, (0.0, 1.0), y0, workers=1, **options)
     assert plain.y_end.tobytes() == batch.y_end.tobytes()
-    assert plain.lanes_reason == "they were not requested"
+    assert "3" in plain.lanes_reason
+    assert "lanes=True" in plain.lanes_reason
+    refused = solve_batch(system, (0.0, 1.0), y0, lanes=False, workers=1, **options)
+    assert refused.lanes_reason == "lanes=False was given"
 
 
 @field

@@ -63,6 +63,12 @@ def height(t, y, kind):
         return np.exp(y[0]) - np.log(x) - np.tan(0.5 * y[1]) - 1.2
     if kind == 6:
         return np.maximum(y[0], np.minimum(y[1], 0.8)) - np.sqrt(0.2 + y[1] ** 2)
+    if kind == 7:
+        return np.hypot(y[0] - 0.4, y[1] + 0.2) - 0.9
+    if kind == 8:
+        return y[0] + 0.2 * np.floor(2.5 * y[1]) - 0.1 * np.ceil(y[0]) - 0.1
+    if kind == 9:
+        return (3.0 * t + y[1]) % 1.7 - 0.8 + 0.3 * y[0]
     return -(y[0] / x) / 2.0 + (0.3 - t / 9.0)
 
 
@@ -76,7 +82,7 @@ def one_of_them(t, y, dy, mode, params, h, hdot):
     hdot[0] = (ahead - h[0]) / tiny
 
 
-@pytest.mark.parametrize("kind", range(8))
+@pytest.mark.parametrize("kind", range(11))
 def test_every_operation_finds_the_flips_of_a_dense_sampling(kind):
     system = System(turning, one_of_them, n_states=2, guard_names=("h",))
     phases = np.linspace(0.1, 6.0, 20)
@@ -84,7 +90,9 @@ def test_every_operation_finds_the_flips_of_a_dense_sampling(kind):
     found = solve_batch(system, (0.0, 12.0), starts, params=[kind], lanes=True)
     assert found.success
     assert found.proven.all()
-    assert found.lanes.mean() > 0.8, found.lanes_reason
+    # Steps in which these jump take the driver's proof, which may lose their lanes.
+    if kind not in (8, 9):
+        assert found.lanes.mean() > 0.8, found.lanes_reason
     t = np.linspace(0.0, 12.0, 200_001)
     for phase, count in zip(phases, found.n_events, strict=True):
         y = (np.cos(t + phase), np.sin(t + phase))

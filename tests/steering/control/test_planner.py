@@ -10,6 +10,9 @@ from scipy.interpolate import RegularGridInterpolator
 
 from hopdata.errors import ConfigError
 from hopdata.rigid import composed
+from hopdata.steering.control.adaptive import AdaptivePlanner
+from hopdata.steering.control.cost_to_go import DISCOUNT, TOLERANCE
+from hopdata.steering.control.grids import SHARPNESS, HeadingGrid, PointGrid
 from hopdata.steering.control.objectives import (
     Horizon,
     PlanningError,
@@ -17,21 +20,13 @@ from hopdata.steering.control.objectives import (
     ToPoint,
     goal_errors,
 )
-from hopdata.steering.control.planner import (
-    DISCOUNT,
-    SHARPNESS,
-    TOLERANCE,
-    AdaptivePlanner,
-    HeadingGrid,
-    PointGrid,
-    planner,
-)
-from hopdata.steering.control.printed import predicted_poses
+from hopdata.steering.control.planner import planner
+from hopdata.steering.control.prediction import predicted_poses
 from hopdata.steering.models.tabulated import Correction, tabulated
 
 TABLE = table()
-COARSE = PointGrid(distances=24, bearings=24, boom_angles=16, swings=9)
-COARSE_TURN = HeadingGrid(heading_errors=72, boom_angles=24, swings=9)
+COARSE = PointGrid(distances=24, bearings=24, states=16, inputs=9)
+COARSE_TURN = HeadingGrid(heading_errors=72, states=24, inputs=9)
 START = np.array([-0.9, 0.4, 2.6])
 
 
@@ -70,11 +65,11 @@ def away(distance_m):
 def paid_after(cost, goal, boom):
     """Return the cost after stances with the goal at these places (complex), poses in the world."""
     after = []
-    for swing in np.linspace(-LIMIT, LIMIT, COARSE.swings):
+    for swing in np.linspace(-LIMIT, LIMIT, COARSE.inputs):
         x, y, turn = TABLE.change(boom, swing)[0]
         turned = np.exp(-1j * turn) * (goal - complex(x, y))
         left = np.stack([turned.real, turned.imag, 0 * turned.real], axis=-1)
-        after.append(cost.at(left, np.full(goal.shape, boom + swing)))
+        after.append(cost.at(left, np.full((*goal.shape, 1), boom + swing)))
     return np.min(after, axis=0)
 
 
@@ -87,7 +82,7 @@ def test_the_cost_to_go_satisfies_bellman_s_equation(certain):
     """Checked at nodes, for hops that end where predicted."""
     _, goal = nodes()
     for k in (0, 5, 11):
-        after = paid_after(certain.cost_to_go, goal, 2 * np.pi * k / COARSE.boom_angles)
+        after = paid_after(certain.cost_to_go, goal, 2 * np.pi * k / COARSE.states)
         expected = away(np.abs(goal)) * (1 + DISCOUNT * after)
         found = certain.cost_to_go.values[..., k]
         np.testing.assert_allclose(found, expected[:, :-1], atol=3 * TOLERANCE)
@@ -179,7 +174,7 @@ def test_a_heading_is_reached_and_kept(to_heading):
 def test_more_hops_ahead_do_not_cost_more():
     """The cost of a plan, with the cost-to-go behind it, is close to the cost in the model."""
     grid = replace(
-        COARSE, distances=32, bearings=36, boom_angles=24, scatter=(0.0, 0.0, 0.0)
+        COARSE, distances=32, bearings=36, states=24, scatter=(0.0, 0.0, 0.0)
     )
     certain = planner(TABLE, ToPoint(), grid=grid)
     two = [

@@ -11,10 +11,8 @@ from hopdata.steering.control.objectives import (
     ToPoint,
     goal_errors,
 )
-from hopdata.steering.control.printed import (
-    PrintedController,
-    predicted_poses,
-)
+from hopdata.steering.control.prediction import predicted_poses
+from hopdata.steering.control.printed import PrintedController
 
 MODEL = ClosedForm()
 
@@ -81,9 +79,11 @@ def test_the_last_swing_is_a_start_beside_the_three_that_are_fixed():
     controller = PrintedController(model=MODEL)
     limit = controller.horizon.swing_limit_rad
     for none in (None, 0.0, np.nan, limit / 2):
-        assert controller.first_swings(none) == (limit / 2, 0.0, -limit / 2)
-    assert controller.first_swings(0.3) == (limit / 2, 0.0, -limit / 2, 0.3)
-    assert controller.first_swings(-2 * limit)[-1] == -limit
+        found = controller.first_inputs(none)
+        assert found == ((limit / 2,), (0.0,), (-limit / 2,))
+    assert controller.first_inputs(0.3)[-1] == (0.3,)
+    assert len(controller.first_inputs(0.3)) == 4
+    assert controller.first_inputs(-2 * limit)[-1] == (-limit,)
 
 
 def test_a_previous_swing_that_is_not_known_is_none_at_all():

@@ -7,14 +7,17 @@ import pytest
 from control_models import table
 
 from hopdata.errors import ConfigError
+from hopdata.steering.control.adaptive import AdaptivePlanner
+from hopdata.steering.control.grids import PointGrid
 from hopdata.steering.control.objectives import (
     Horizon,
     PlanningError,
     ToPoint,
     goal_errors,
 )
-from hopdata.steering.control.planner import AdaptivePlanner, PointGrid, planner
-from hopdata.steering.control.printed import PrintedController, predicted_poses
+from hopdata.steering.control.planner import planner
+from hopdata.steering.control.prediction import predicted_poses
+from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
 
 MODEL = table()
@@ -24,7 +27,7 @@ ROUTE = WayPoints(points_m=POINTS)
 
 @pytest.fixture(scope="module")
 def to_point():
-    grid = PointGrid(distances=24, bearings=24, boom_angles=16, swings=9)
+    grid = PointGrid(distances=24, bearings=24, states=16, inputs=9)
     return planner(MODEL, ToPoint(), grid=grid)
 
 

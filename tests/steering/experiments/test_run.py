@@ -16,6 +16,7 @@ from hopdata.steering.experiments.run import (
 )
 from hopdata.steering.experiments.study import board_for, simulated
 from hopdata.steering.experiments.tasks import FELL, Task
+from hopdata.steering.live.clocked import Transport
 from hopdata.steering.trial import POSE
 
 TASK = Task(manoeuvre="origin", near=0.01, hops=8)
@@ -58,7 +59,9 @@ def test_the_boom_goes_by_the_swings_that_were_planned(swinging):
         np.diff(made.stances["boom_angle_rad"]) - made.stances["swing_rad"][:-1]
     )
     assert np.abs(turned).max() < 0.03
-    assert [told[2] for told in controller.told[:3]] == [None, 0.4, -0.7]
+    first, *swung = [told[2] for told in controller.told[:3]]
+    assert first is None
+    assert swung == pytest.approx([0.4, -0.7], abs=0.02), "measured swings"
 
 
 def test_a_prediction_stands_with_the_stance_that_it_foretells(swinging):
@@ -80,10 +83,46 @@ def test_hidden_markers_blind_the_controller_for_a_while_and_it_holds_the_boom()
     made = run(Swings(0.5), sight(gaps=gaps(60.0, 0.4)))
     unseen = made.stances["measured_x_m"].isna()
     assert len(made.stances["time_s"]) == TASK.hops + 1
-    assert made.blind == unseen.sum() > 0
-    assert (made.stances["swing_rad"][unseen] == 0).all()
-    assert (made.stances["swing_rad"][~unseen] == 0.5).all()
+    assert made.blind >= unseen.sum() > 0, "or the boom was not seen"
+    assert made.rests > 0
+    swings = made.stances["swing_rad"]
+    assert (swings[unseen] == 0).all()
+    assert ((swings == 0) | (swings == 0.5)).all()
+    assert (swings == 0).sum() >= made.blind, "some rests come after the command"
+    is_known = ~np.isnan(poses(made, PREDICTED)[1:, 0])
+    np.testing.assert_array_equal(is_known, swings[:-1] != 0)
     assert np.isfinite(poses(made, POSE)).all()
+
+
+@pytest.mark.parametrize(
+    "transport", [Transport(delay_s=0.15), Transport(lost_share=0.2)]
+)
+def test_delays_and_losses_that_leave_time_change_no_swing(transport, swinging):
+    made = run(Swings(0.4, -0.7, 0.2), replace(sight(), transport=transport))
+    assert made.blind == made.late_commands == 0
+    usual = swinging[1].stances["swing_rad"]
+    np.testing.assert_array_equal(made.stances["swing_rad"], usual)
+    off = np.abs(poses(made, MEASURED) - poses(made, POSE))[:, :2]
+    assert off.max() < 1e-2
+
+
+def test_a_command_that_comes_in_flight_moves_nothing_in_it():
+    late = replace(sight(), transport=Transport(delay_s=0.4))
+    controller = Swings(0.4, -0.7, 0.2)
+    made = run(controller, late)
+    assert len(controller.told) == made.late_commands > 0
+    assert made.stances["swing_rad"].iloc[0] == 0
+    assert np.isnan(poses(made, PREDICTED)).all()
+    assert len(made.stances) == TASK.hops + 1
+
+
+def test_what_is_wrong_in_a_controller_ends_the_run():
+    class Wrong:
+        def plan(self, *_):
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run(Wrong())
 
 
 def test_a_controller_without_a_plan_holds_the_boom():

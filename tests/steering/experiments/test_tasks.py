@@ -127,7 +127,7 @@ def test_the_chance_of_a_start_is_the_same_every_time_and_apart_by_stream():
     start = starts(number=1)[0]
     first = [stream.random() for stream in start.streams()]
     assert first == [stream.random() for stream in start.streams()]
-    assert len(set(first)) == 4
+    assert len(set(first)) == 5
 
 
 LIMIT = 1.0

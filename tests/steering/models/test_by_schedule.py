@@ -46,9 +46,9 @@ def test_the_conditioned_mean_is_that_of_the_process():
     hops = made_hops(80, noise=0.01)
     process = gp.trained_process(hops.rows(slice(0, 40)).changes, FAST)
     changes = hops.changes
-    inputs = np.column_stack([changes.boom_angle_rad, changes.swing_rad])
-    other = replace(process, inputs=inputs[40:], outputs=changes.change[40:])
-    points = inputs[:10] + 0.1
+    known = changes.points
+    other = replace(process, points=known[40:], outputs=changes.change[40:])
+    points = known[:10] + 0.1
     found = by_schedule.conditioned_mean(process, hops.rows(slice(40, None)), points)
     np.testing.assert_allclose(found, other.mean_at(points), rtol=1e-9, atol=1e-12)
 

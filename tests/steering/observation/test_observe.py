@@ -26,13 +26,18 @@ def hopper():
 
 
 @pytest.fixture(scope="module")
-def motion(hopper):
-    return hopper_motion(hopper.recording, calibrate(hopper.recording))
+def geometry(hopper):
+    return calibrate(hopper.recording)
 
 
 @pytest.fixture(scope="module")
-def stances(motion):
-    return find_stances(motion.time, motion.height)
+def motion(hopper, geometry):
+    return hopper_motion(hopper.recording, geometry)
+
+
+@pytest.fixture(scope="module")
+def stances(motion, geometry):
+    return find_stances(motion.time, motion.height, geometry)
 
 
 def truth(hopper, at):

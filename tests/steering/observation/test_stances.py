@@ -4,18 +4,31 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from steered_hopper import as_landings, heights, steered, true_pairs
 
+from hopdata.steering.observation import stances as observed
 from hopdata.steering.observation.calibration import calibrate
-from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.observation.geometry import HopperGeometry, height_band
 from hopdata.steering.observation.stances import (
-    BOTTOM_UNSEEN,
     HELD,
     HOLE,
-    NO_BOUNCE,
     NO_STANCE,
+    ONE_NO_STANCE,
     StanceDetector,
-    find_stances,
     local_fit,
 )
+
+NOISE_M = 0.00035 * np.sqrt(3)
+
+
+def geometry(below_m, above_m):
+    return HopperGeometry(("a", "b", "c"), np.eye(3), NOISE_M, below_m, above_m)
+
+
+def find_stances(time, height, band_m=None):
+    """Find the stances in heights with the noise above; by default by their own band."""
+    return observed.find_stances(
+        time, height, geometry(*(band_m or height_band(height)))
+    )
+
 
 CASES = [(angle, rate) for angle in (0.0, np.pi) for rate in (50.0, 100.0, 200.0)]
 
@@ -36,8 +49,8 @@ def test_the_hopper_was_carried_or_the_test_above_is_weak():
 
 def test_a_stumble_is_no_part_of_a_hop():
     # The hopper stays low for half a second and bounces at either end: one visit, whose
-    # lowest point is at one of the bounces. A hop that began there, 0.4 s before the
-    # hopper flew, spoiled a model learned from a hundred hops.
+    # stance is the first bounce. A hop that began there, 0.4 s before the hopper flew,
+    # spoiled a model learned from a hundred hops.
     hopper = steered()
     z, at = heights(hopper), int(np.round(100 * hopper.lowest_s[20]))
     low = z[at] + 0.04 * np.sin(np.linspace(0, np.pi, 50))
@@ -51,7 +64,7 @@ def test_a_stumble_is_no_part_of_a_hop():
         lost = {tuple(pair) for pair in usual.pairs} - {
             tuple(pair) for pair in found.pairs
         }
-        assert lost == {(19, 20) if down < 0 else (20, 21)}
+        assert lost == {(20, 21)}
 
 
 def test_instants_lie_between_frames():
@@ -83,13 +96,8 @@ def test_a_hole_at_the_lowest_point_is_bridged_and_said():
     found = find_stances(time, z)
     np.testing.assert_array_equal(np.flatnonzero(found.bridged), [5])
     assert abs(found.time_s[5] - hopper.lowest_s[5]) < 0.01
-    assert (
-        abs(
-            found.height_m[5]
-            - hopper.middle[:, 2][np.abs(time - hopper.lowest_s[5]).argmin()]
-        )
-        < 0.02
-    )
+    near = np.abs(time - hopper.lowest_s[5]) < 0.2
+    assert found.height_m[5] == np.nanmin(z[near]), "the lowest that was seen"
     np.testing.assert_array_equal(found.pairs, true_pairs(hopper))
 
 
@@ -104,8 +112,7 @@ def test_a_hole_beside_the_lowest_point_is_no_harm(rate, hole_s):
         )
     found = find_stances(time, z)
     assert len(found.time_s) == len(hopper.lowest_s)
-    assert np.abs(found.time_s - hopper.lowest_s).max() < 0.004
-    assert not found.bridged.any()
+    assert np.abs(found.time_s - hopper.lowest_s).max() < max(0.004, 0.1 * hole_s)
 
 
 def test_a_hole_in_flight_is_no_harm_while_it_is_short():
@@ -135,7 +142,7 @@ def test_a_hopper_that_stands_still_has_no_stance():
     found = find_stances(time, standing, (0.35, 0.38))
     assert len(found.time_s) == 0
     assert found.pairs.shape == (0, 2)
-    assert found.rejected[NO_BOUNCE] + found.rejected[BOTTOM_UNSEEN] == 1
+    assert found.rejected[NO_STANCE] == 1
 
 
 def test_lying_down_between_hops_is_no_stance():
@@ -149,8 +156,8 @@ def test_lying_down_between_hops_is_no_stance():
     found = find_stances(np.arange(len(both)) / 100, both)
     near = (found.time_s > time[cut - 40]) & (found.time_s < time[cut - 40] + 2.0)
     assert not near.any()
-    assert found.rejected[NO_BOUNCE] == 1
-    assert found.rejected[NO_STANCE] == 2
+    assert found.rejected[NO_STANCE] == 1
+    assert found.rejected[ONE_NO_STANCE] == 2
 
 
 def test_no_heights_give_no_stances():
@@ -215,20 +222,6 @@ def test_several_quantities_are_fitted_at_once():
     np.testing.assert_allclose(fit.at(0.35), [0.35, 0.35**2], atol=1e-12)
 
 
-def test_the_lowest_point_lies_between_frames_and_is_no_maximum():
-    t = np.arange(0, 1, 0.01)
-    assert local_fit(
-        t, (t - 0.503) ** 2, 0.45, 0.55, degree=3
-    ).lowest() == pytest.approx(0.503)
-    assert local_fit(t, -((t - 0.503) ** 2), 0.45, 0.55, degree=2).lowest() is None
-    assert local_fit(t, t, 0.45, 0.55, degree=1).lowest() is None
-
-
-def test_a_minimum_beyond_the_frames_is_none():
-    t = np.arange(0, 1, 0.01)
-    assert local_fit(t, (t - 0.6) ** 2, 0.45, 0.55, degree=2).lowest() is None
-
-
 def test_too_few_frames_give_nothing():
     t = np.arange(0, 1, 0.1)
     assert local_fit(t, t, 0.41, 0.59, degree=1) is None
@@ -238,12 +231,10 @@ def test_too_few_frames_give_nothing():
 
 
 def detector(rate_hz=100.0):
-    noise_m = 0.00035 * np.sqrt(3)
-    geometry = HopperGeometry(("a", "b", "c"), np.eye(3), noise_m, 0.35, 0.38)
-    return StanceDetector(geometry, rate_hz=rate_hz)
+    return StanceDetector(geometry(0.35, 0.38), rate_hz=rate_hz)
 
 
-def told(time, height, rate_hz=100.0):
+def recognised(time, height, rate_hz=100.0):
     one = detector(rate_hz)
     return [
         s
@@ -257,27 +248,27 @@ def delays(stances, hopper):
     instants = np.array([s.time_s for s in stances])
     assert len(instants) == len(hopper.lowest_s)
     assert np.abs(instants - hopper.lowest_s).max() < 0.05
-    return np.array([s.told_s for s in stances]) - hopper.lowest_s
+    return np.array([s.recognised_s for s in stances]) - hopper.lowest_s
 
 
 @pytest.mark.parametrize(("rate", "ms"), [(60.0, 30), (100.0, 20), (250.0, 10)])
-def test_how_soon_a_stance_is_told_is_as_written(rate, ms):
+def test_how_soon_a_stance_is_recognised_is_as_written(rate, ms):
     hopper = steered(rate_hz=rate)
-    delay = delays(told(hopper.recording.time, heights(hopper), rate), hopper)
+    delay = delays(recognised(hopper.recording.time, heights(hopper), rate), hopper)
     assert np.median(1e3 * delay) == pytest.approx(ms, abs=2.5)
 
 
 @pytest.mark.parametrize(("angle", "rate"), CASES)
-def test_each_stance_is_told_once_and_soon(angle, rate):
+def test_each_stance_is_recognised_once_and_soon(angle, rate):
     hopper = steered(angle=angle, rate_hz=rate)
-    delay = delays(told(hopper.recording.time, heights(hopper), rate), hopper)
+    delay = delays(recognised(hopper.recording.time, heights(hopper), rate), hopper)
     assert delay.min() >= 0
     assert delay.max() <= (0.04 if rate >= 100 else 0.06)
 
 
-def test_instants_that_are_told_lie_between_frames():
+def test_instants_that_are_recognised_lie_between_frames():
     hopper = steered()
-    stances = told(hopper.recording.time, heights(hopper))
+    stances = recognised(hopper.recording.time, heights(hopper))
     assert np.std([s.time_s for s in stances] - hopper.lowest_s) < 0.0015
     assert not any(s.bridged for s in stances)
 
@@ -289,9 +280,9 @@ def test_frames_may_be_missing_from_a_stream(share, missing):
     time, z = hopper.recording.time, heights(hopper)
     gone = np.random.default_rng(np.random.SeedSequence(2)).random(len(z)) < share
     if missing == "dropped":
-        stances = told(time[~gone], z[~gone])
+        stances = recognised(time[~gone], z[~gone])
     else:
-        stances = told(time, np.where(gone, np.nan, z))
+        stances = recognised(time, np.where(gone, np.nan, z))
     assert delays(stances, hopper).max() < 0.06
 
 
@@ -302,7 +293,7 @@ def test_a_hole_over_the_lowest_point_is_bridged(hole_s, before):
     time, z = hopper.recording.time, heights(hopper)
     begin_s = hopper.lowest_s[3:20] - before * hole_s
     gone = ((time[:, None] > begin_s) & (time[:, None] < begin_s + hole_s)).any(axis=1)
-    stances = told(time[~gone], z[~gone])
+    stances = recognised(time[~gone], z[~gone])
     assert delays(stances, hopper).max() < (1 - before) * hole_s + 0.05
     off = np.array([s.time_s for s in stances]) - hopper.lowest_s
     assert np.abs(off).max() < 0.02
@@ -314,7 +305,7 @@ def test_after_a_hole_as_long_as_a_hop_nothing_is_invented():
     hopper = steered()
     time, z = hopper.recording.time, heights(hopper)
     gone = (time > hopper.lowest_s[5] - 0.3) & (time < hopper.lowest_s[6] - 0.3)
-    stances = told(time[~gone], z[~gone])
+    stances = recognised(time[~gone], z[~gone])
     instants = np.array([s.time_s for s in stances])
     np.testing.assert_allclose(instants, np.delete(hopper.lowest_s, 5), atol=0.01)
 
@@ -340,7 +331,7 @@ def test_a_step_in_the_heights_tells_no_stance_twice(step_m, after_s):
     time, z = hopper.recording.time, heights(hopper)
     for instant in hopper.lowest_s:
         z = z + step_m * ((time > instant + after_s - 0.1) & (time < instant + after_s))
-    stances = told(time, z)
+    stances = recognised(time, z)
     assert len(stances) == len(hopper.lowest_s)
     assert np.abs(np.array([s.time_s for s in stances]) - hopper.lowest_s).max() < 0.06
 
@@ -353,15 +344,15 @@ def test_a_stream_that_begins_in_a_rise_begins_with_no_stance(rate):
     for instant, after in zip(hopper.lowest_s[:-1], hopper.lowest_s[1:], strict=True):
         for begin_s in instant + np.arange(0.16, 0.3, 0.01):
             part = (time > begin_s) & (time < after - 0.05)
-            assert told(time[part], z[part], rate) == []
+            assert recognised(time[part], z[part], rate) == []
 
 
 def test_standing_being_lifted_and_set_down_are_no_stances():
     time = np.arange(0, 8, 0.01)
     rng = np.random.default_rng(np.random.SeedSequence(5))
     by_hand = 0.4 + 0.12 * np.cos(2 * np.pi * time / 2.0)  # 1.2 m/s^2
-    assert told(time, by_hand + 0.00035 * rng.standard_normal(len(time))) == []
-    assert told(time, 0.3 + 0.00035 * rng.standard_normal(len(time))) == []
+    assert recognised(time, by_hand + 0.00035 * rng.standard_normal(len(time))) == []
+    assert recognised(time, 0.3 + 0.00035 * rng.standard_normal(len(time))) == []
 
 
 @pytest.mark.parametrize("gaps", [False, True])
@@ -379,7 +370,7 @@ def test_shaken_in_the_air_it_makes_no_stance(rate, gaps):
         z = 0.6 + reach_m * np.sin(2 * np.pi * shakes_s * time)
         hidden = gaps & (time % 0.37 < 0.1)
         z[~hidden] += 0.00035 * rng.standard_normal(len(z))[~hidden]
-        assert told(time[~hidden], z[~hidden], rate) == []
+        assert recognised(time[~hidden], z[~hidden], rate) == []
 
 
 def test_frames_that_come_twice_or_late_are_left_out():
@@ -395,12 +386,12 @@ def test_frames_that_come_twice_or_late_are_left_out():
 def test_a_clock_that_begins_anew_is_followed():
     hopper = steered()
     one, time, z = detector(), hopper.recording.time, heights(hopper)
-    told_times = [
+    recognised_times = [
         s.time_s
         for t, h in zip([*time, *time], [*z, *z], strict=True)
         if (s := one.feed(t, h))
     ]
-    assert len(told_times) == 2 * len(hopper.lowest_s)
+    assert len(recognised_times) == 2 * len(hopper.lowest_s)
 
 
 def test_a_calibrated_detector_needs_nothing_else():
@@ -434,9 +425,9 @@ def test_whatever_comes_no_error_and_no_two_stances_without_a_flight(steps):
         stance = one.feed(time, height)
         if stance is not None:
             assert risen
-            assert last < stance.told_s <= time
-            assert 0 <= stance.told_s - stance.time_s < 0.3
-            last, risen = stance.told_s, False
+            assert last < stance.recognised_s <= time
+            assert 0 <= stance.recognised_s - stance.time_s < 0.3
+            last, risen = stance.recognised_s, False
         risen = risen or height > one.flight_above_m
 
 
@@ -445,7 +436,7 @@ def test_whatever_comes_no_error_and_no_two_stances_without_a_flight(steps):
 def test_holes_anywhere_invent_no_stance(seed, share):
     hopper = steered()
     gone = holes(hopper, seed, share)
-    stances = told(hopper.recording.time[~gone], heights(hopper)[~gone])
+    stances = recognised(hopper.recording.time[~gone], heights(hopper)[~gone])
     near = [np.abs(s.time_s - hopper.lowest_s).argmin() for s in stances]
     assert len(set(near)) == len(near)
     assert all(

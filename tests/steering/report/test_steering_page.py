@@ -157,3 +157,26 @@ def test_a_recorded_robot_has_no_experiments_and_the_page_says_so():
     assert told not in simulated
     assert asked not in of_recorded
     assert asked in simulated
+
+
+def test_a_model_that_will_probably_not_reach_a_point_is_named():
+    expected = {
+        "expected_arrivals": 0.52,
+        "error_over_width": 0.79,
+        "step_over_width": 1.2,
+        "covered": 0.6,
+        "unresolved": "",
+    }
+    good = full_steering()
+    assert good.scores is not None
+    bad = replace(good, scores=good.scores.assign(**expected))
+    named = (
+        "Seed 1, observed as corrected: This model will probably not reach the point"
+    )
+    page = Page(build_steering_report(bad)).text
+    assert named in page
+    assert "arrives from 52 % of its starts" in page
+    assert "by 79 % of the goal's radius" in page
+    sound = good.scores.assign(**{**expected, "expected_arrivals": 0.98})
+    for other in (good, replace(good, scores=sound)):
+        assert named not in Page(build_steering_report(other)).text

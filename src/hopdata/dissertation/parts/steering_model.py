@@ -16,6 +16,7 @@ from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
 from hopdata.dissertation.steered import Learned, learned, rms, true_changes
 from hopdata.rigid import composed, wrapped
+from hopdata.steering.excitation import ControlGrid
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models import learning
@@ -32,7 +33,7 @@ from hopdata.steering.observation.observe import (
 )
 from hopdata.steering.observation.tracking import hopper_motion
 from hopdata.steering.robot import SteeredHopper
-from hopdata.steering.trial import ControlGrid, TrueFrameChanges, true_frame_changes
+from hopdata.steering.trial import TrueFrameChanges, true_frame_changes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -144,7 +145,7 @@ def _both(seed: int) -> _Both:
 
 def _excitation(seeds: Sequence[int]) -> Row:
     """Item 56: how much longer than the shortest the printed sequence is."""
-    from hopdata.steering.trial import eulerian_excitation, random_excitation
+    from hopdata.steering.excitation import eulerian_excitation, random_excitation
 
     grid = ControlGrid()
     shortest = grid.n_angles * len(grid.steps) * grid.repeats

@@ -27,7 +27,8 @@ from hopdata.steering.control.objectives import (
     ToPoint,
     goal_errors,
 )
-from hopdata.steering.control.printed import PrintedController, predicted_poses
+from hopdata.steering.control.prediction import predicted_poses
+from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import (
@@ -39,12 +40,6 @@ from hopdata.steering.experiments.run import (
     run_task,
 )
 from hopdata.steering.experiments.study import Setting, example_of, simulated, typical
-from hopdata.steering.models.process import (
-    PRINTED,
-    TURN,
-    FrameChangeProcess,
-    fitted_regressor,
-)
 from hopdata.steering.models.tabulated import FrameChangeMap, tabulated
 from hopdata.steering.robot import robot_and_camera
 from hopdata.steering.trial import POSE
@@ -320,29 +315,12 @@ def _best_of_all(
 # Item 68: how long a plan takes.
 
 
-class _PrintedMap:
-    """The printed model by scikit-learn's own prediction; a `FrameChangeMap`."""
-
-    def __init__(self, process: FrameChangeProcess) -> None:
-        targets = (process.outputs - process.offset) / process.unit
-        self._unit = process.unit
-        self._regressors = [
-            fitted_regressor(process.inputs, target, PRINTED, 0) for target in targets.T
-        ]
-
-    def change(self, boom_angle: FloatArray, swing: FloatArray) -> FloatArray:
-        """Return the frame changes (n, 3) of hops."""
-        points = np.column_stack([np.asarray(boom_angle) % TURN, swing])
-        means = [regressor.predict(points) for regressor in self._regressors]
-        return np.column_stack(means) * self._unit
-
-
 def _times(studies: Sequence[_Study]) -> Row:
     names = ("printed", "printed_most", "quick", "planner")
     values: dict[str, list[float]] = {name: [] for name in names}
     for study in studies:
         limit = study.printed.swing_limit_rad
-        slow = _PrintedMap(study.printed.process)
+        slow = study.printed.process
         horizon = Horizon(hops=3, swing_limit_rad=limit)
         table = tabulated(study.printed.process, limit)
         quick = PrintedController(model=table, horizon=horizon)

@@ -345,8 +345,7 @@ class Callback:
         if not self._wanted:
             return None
         if not isinstance(self.users, FunctionType):
-            reason = f"it is a {type(self.users).__name__} object"
-            advice = "write a function around it"
+            reason, advice = declare.reason_of_object(self.users)
             declare.warn_slow(self.users, self.signature, reason, advice)
             return None
         try:

@@ -7,6 +7,7 @@ import linecache
 import re
 import warnings
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -203,6 +204,20 @@ def warn_slow(
         code.co_firstlineno,
         registry=registry,
     )
+
+
+def reason_of_object(users: Any) -> tuple[str, str]:
+    """Return why an object that is no function is not compiled, and advice."""
+    if isinstance(users, partial):
+        name = function_name(users.func)
+        reason = f"it is a functools.partial of {name!r}"
+        advice = (
+            "give the arguments that it fixes as params, or write a function (def) "
+            f"that calls {name!r} with them"
+        )
+        return reason, advice
+    reason = f"it is a {type(users).__name__} object"
+    return reason, "write a function (def) that does the same without the object"
 
 
 def raise_if_mistaken(

@@ -16,7 +16,11 @@ from hopdata.hybrid.compiled.kernel import (
     kernel_in_loop,
 )
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma
-from hopdata.hybrid.driver.problem import Problem, copy_row
+from hopdata.hybrid.driver.problem import (
+    Problem,
+    copy_row,
+    first_not_finite,
+)
 from hopdata.hybrid.layout import Memory
 
 # Last coefficient of the interpolant of DOPRI5. Where events are dense, a step costs
@@ -114,15 +118,21 @@ def write_row(m: Memory, out: Output, t: float, source: int) -> None:
 
 
 @kernel_apart
-def write_inside(p: Problem, m: Memory, out: Output, dt: float) -> None:
-    """Write rows at Chebyshev points within the step, which hold its polynomial."""
+def write_inside(p: Problem, m: Memory, out: Output, dt: float) -> bool:
+    """Write rows at Chebyshev points within the step, which hold its polynomial.
+
+    Returns False if the polynomial overflows.
+    """
     prepare_interpolant(p, m, dt)
     for j in range(1, out.per_step):
         part = 0.5  # exactly, where the cosine would leave its rounding
         if 2 * j != out.per_step:
             part = 0.5 - 0.5 * cos(pi * j / out.per_step)
         interpolate(p, m, part * dt / m.clock[at.SPAN], at.SCRATCH, 0.0)
+        if first_not_finite(m.states, at.SCRATCH) >= 0:
+            return False
         write_row(m, out, m.clock[at.T] + part * dt, at.SCRATCH)
+    return True
 
 
 @kernel
@@ -151,19 +161,26 @@ def sample_start(m: Memory, out: Output) -> None:
 
 
 @kernel
-def sample_step(p: Problem, m: Memory, out: Output, t_new: float, dt: float) -> None:
-    """Write samples at the requested times within the step, which ends at `t_new`."""
+def sample_step(p: Problem, m: Memory, out: Output, t_new: float, dt: float) -> bool:
+    """Write samples at the requested times within the step, which ends at `t_new`.
+
+    Returns False if its polynomial overflows, as it may where states are near the
+    largest number.
+    """
     j = m.counts[at.SAMPLES]
     n = out.wanted.width
     if j == n or out.wanted[j] > t_new:
-        return
+        return True
     prepare_interpolant(p, m, dt)
     while j < n and out.wanted[j] < t_new:
         theta = (out.wanted[j] - m.clock[at.T]) / m.clock[at.SPAN]
         interpolate(p, m, theta, at.SCRATCH, 0.0)
+        if first_not_finite(m.states, at.SCRATCH) >= 0:
+            return False
         copy_row(m.states, at.SCRATCH, out.samples, j)
         j += 1
     if j < n and out.wanted[j] == t_new:
         copy_row(m.states, at.END, out.samples, j)
         j += 1
     m.counts[at.SAMPLES] = j
+    return True

@@ -414,6 +414,17 @@ def has_slope_along(p: Problem, m: Memory, k: int, rate: float) -> bool:
     return False
 
 
+#: Part of its terms by which a guard that grazes may be off its surface.
+#: Unit: 1, of `SIZE`. Origin: chosen: far above rounding, far below a jump.
+ON_SURFACE = 1e-6
+
+
+@kernel
+def is_off(m: Memory, k: int) -> bool:
+    """Return whether guard k is off its surface where it flips, because it jumps."""
+    return abs(m.guards[at.H0, k]) > ON_SURFACE * m.guards[at.SIZE, k]
+
+
 @kernel_apart
 def passes_along(p: Problem, m: Memory, k: int) -> int:
     """Do what `passes` does, by the slopes in the directions of the neighbours only.
@@ -440,7 +451,7 @@ def passes_along(p: Problem, m: Memory, k: int) -> int:
         unsure += abs(slope) * tolerance(p, j, abs(m.states[at.Y, j]))
     bend = abs(bend_of(p, m, k, given))
     if not unsure * bend <= 0.5 * abs(rate):
-        return at.GRAZING_IN_JACOBIAN
+        return at.RATE_DIFFERS if is_off(m, k) else at.GRAZING_IN_JACOBIAN
     if not has_slope_along(p, m, k, rate):
         return at.RATE_DIFFERS
     return at.RUNNING
@@ -468,7 +479,7 @@ def passes_by_gradient(p: Problem, m: Memory, k: int) -> int:
     unsure_s = project(p, m, rate)
     bend = abs(bend_of(p, m, k, given))
     if not unsure_s * bend <= 0.5 * abs(rate):
-        return at.GRAZING_IN_JACOBIAN
+        return at.RATE_DIFFERS if is_off(m, k) else at.GRAZING_IN_JACOBIAN
     if not has_slope_of_rate(p, m, k):
         return at.RATE_DIFFERS
     return at.RUNNING

@@ -36,6 +36,11 @@ from hopdata.hybrid.numbers import answers
 #: units in the last place of the time, to either side.
 SHORTEST = 2.0
 
+#: Length of a stretch of time that is not divided, even where it begins at t = 0.
+#: Unit: s. Origin: derived: 900 halvings of a second, well within `MOST_LOOKS`, where
+#: each second look halves a stretch.
+TINIEST = 2.0**-900
+
 #: Times that a stretch with a jump is made twice as long, if the jump is not over.
 #: Unit: 1. Origin: chosen.
 MOST_WIDER = 10
@@ -316,7 +321,9 @@ def note_jump(
     Otherwise no single instant can be told.
     """
     width = end - start
-    for _ in range(MOST_WIDER):
+    least = SHORTEST * TIME_ROUNDING * max(abs(p.t_start), abs(p.t_end))
+    wider = 0
+    while wider < MOST_WIDER:
         if not may_jump(p, m, end, end + width):
             if not start <= place <= end:
                 place = 0.5 * (start + end)
@@ -328,13 +335,15 @@ def note_jump(
             return
         end += width
         width *= 2.0
+        # Near t = 0 the numbers from which the field computes the jump may be larger.
+        wider += 1 if end - start > least else 0
     give_up(p, m, end, goal)
 
 
 @kernel
 def length_of_shortest(t: float, a: float, z: float) -> float:
     """Return the length of a stretch from `a` to `z` that is not divided, at time t."""
-    return SHORTEST * TIME_ROUNDING * max(abs(a), abs(z), z - t)
+    return max(SHORTEST * TIME_ROUNDING * max(abs(a), abs(z), z - t), TINIEST)
 
 
 @kernel_apart

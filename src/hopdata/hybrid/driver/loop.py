@@ -64,15 +64,29 @@ log_of = reader(
 
 
 @kernel
-def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None:
-    """Make the end of the step the start of the next, and record it."""
-    t_new = m.clock[at.T] + dt
+def end_of_step(p: problem.Problem, m: Memory, dt: float) -> float:
+    """Return the time at which a step of length `dt` ends."""
     end = problem.next_end(p, m)
     if dt >= end - m.clock[at.T]:
-        t_new = end
-    dense.sample_step(p, m, out, t_new, dt)
-    if out.per_step > 1:
-        dense.write_inside(p, m, out, dt)
+        return end
+    return m.clock[at.T] + dt
+
+
+@kernel
+def record(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> bool:
+    """Record the states within a step; return whether its polynomial has them.
+
+    It overflows where states are near the largest number and the step is long.
+    """
+    if not dense.sample_step(p, m, out, end_of_step(p, m, dt), dt):
+        return False
+    return out.per_step <= 1 or dense.write_inside(p, m, out, dt)
+
+
+@kernel
+def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None:
+    """Make the end of the step the start of the next, and record it."""
+    t_new = end_of_step(p, m, dt)
     carry_guards(p, m, dt)
     travel_on(p, m, dt)
     m.clock[at.T] = t_new
@@ -113,13 +127,16 @@ def fire_at_start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) ->
 def meet_instants(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     """Begin anew behind a known instant that is reached, and look for the next."""
     passed = False
+    moves = p.first_order != 0 and p.n_varying < m.states.width
+    n_unsought = m.counts[at.UNSOUGHT]
     m.clock[at.PASSED] = inf
     while known.meet(p, m):
         passed = True
+    if moves and m.counts[at.UNSOUGHT] > n_unsought:
+        return at.UNSOUGHT_IN_JACOBIAN
     if not passed:
         return at.RUNNING
     forget_box(m)
-    moves = p.first_order != 0 and p.n_varying < m.states.width
     if moves:
         before = jacobian.single(m, at.F_BEFORE)
         problem.copy_row(m.states, at.K1, p.tangent, before)
@@ -132,12 +149,17 @@ def meet_instants(p: problem.Problem, m: Memory, out: dense.Output, log: Log) ->
     return fire_at_start(p, m, out, log)
 
 
+#: Length of the next step, where the polynomial of one overflows.
+#: Unit: length of that step. Origin: chosen.
+OVERFLOW_SHRINK = 0.25
+
+
 @kernel
 def try_shorter_step(m: Memory, dt: float, shrink: float) -> int:
-    """Discard the step of length `dt`, whose Jacobian is too inexact; return a status.
+    """Discard the step of length `dt`; return a status.
 
-    The next one has the fraction `shrink` of its length, which is NaN where the
-    Jacobian is not finite.
+    Its Jacobian is too inexact, or its polynomial overflows. The next one has the
+    fraction `shrink` of its length, which is NaN where the Jacobian is not finite.
     """
     m.clock[at.NEXT_DT] = shrink * dt
     m.counts[at.REJECTED] += 1
@@ -151,15 +173,20 @@ def try_shorter_step(m: Memory, dt: float, shrink: float) -> int:
 @kernel_in_loop
 def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     """Take one step, to its end or its first flip, and process the flips."""
+    n_samples = m.counts[at.SAMPLES]
+    n_rows = m.counts[at.ROWS]
     dt = stepping.accepted_step(p, m)
     if dt < 0.0:
         return int(dt)
     dt, n_due = end_at_first_flip(p, m, dt)
     if dt > 0.0:
-        if p.first_order:
+        shrink = 1.0 if record(p, m, out, dt) else OVERFLOW_SHRINK
+        if p.first_order and shrink == 1.0:
             shrink = jacobian.first_order(p, jacobian.CARRY, dt, 0, 0, 0)
-            if not shrink >= 1.0:
-                return try_shorter_step(m, dt, shrink)
+        if not shrink >= 1.0:
+            m.counts[at.SAMPLES] = n_samples
+            m.counts[at.ROWS] = n_rows
+            return try_shorter_step(m, dt, shrink)
         move_on(p, m, out, dt)
     if n_due > 0:
         return fire(p, m, out, log)
@@ -380,23 +407,41 @@ def compiled_run() -> Any:
 
     def compile_it(cached: bool) -> Any:
         compiler = cfunc(RUN_NATIVE, cache=cached, **code.LARGE_ENTRY)
-        folder = None
-        if cached:
-            folder = Path(config.CACHE_DIR)  # type: ignore[attr-defined]
-            by_another = folder.glob(f"*/*{_run.__name__}-*.nbi")
-            if any(by_another):  # compiled meanwhile
-                return compiler(_run)
-        _say("compiling the integrator, some 15 s of one core; later processes load it")
-        started = time.monotonic()
-        driver = compiler(_run)
-        where = NOT_KEPT if folder is None else f"it is kept in {folder.parent}"
-        _say(f"compiled in {time.monotonic() - started:.0f} s; {where}")
-        return driver
+        return compiled_aloud(_run, compiler, cached, "the integrator, some 15 s")
 
     return compiled_in_cache(_run, driver_digest(), compile_it)
 
 
-def _say(what: str) -> None:
+def compiled_aloud(function: Any, compiler: Any, cached: bool, what: str) -> Any:
+    """Return a compiled function, from the cache or compiled now, with lines on stderr.
+
+    Parameters
+    ----------
+    function : function
+        What is compiled.
+    compiler : callable
+        Compiles it.
+    cached : bool
+        Whether Numba's folder of this function is writable.
+    what : str
+        What this is, and how long it takes on one core.
+    """
+    folder = None
+    if cached:
+        folder = Path(config.CACHE_DIR)  # type: ignore[attr-defined]
+        by_another = folder.glob(f"*/*{function.__name__}-*.nbi")
+        if any(by_another):  # compiled meanwhile
+            return compiler(function)
+    say(f"compiling {what} of one core; later processes load it")
+    started = time.monotonic()
+    compiled = compiler(function)
+    where = NOT_KEPT if folder is None else f"it is kept in {folder.parent}"
+    say(f"compiled in {time.monotonic() - started:.0f} s; {where}")
+    return compiled
+
+
+def say(what: str) -> None:
+    """Write a line to stderr."""
     print(f"hopdata: {what}", file=sys.stderr, flush=True)
 
 

@@ -56,6 +56,9 @@ NO_GRADIENT = {
     layout.INSTANTS_IN_JACOBIAN: "The field jumps at an instant that moves with the "
     "parameters in more than one way: two such instants meet, or t_span begins there. "
     "The loss has no derivative by the parameters.",
+    layout.UNSOUGHT_IN_JACOBIAN: "The field may jump in time at instants that were not "
+    "found apart (`solution.n_unsought`): how they move with the parameters is "
+    "unknown, and so are the loss's derivatives by these.",
     layout.GRAZING_IN_JACOBIAN: "A guard is grazed: its rate is zero to within the "
     "tolerance, and the loss has no derivative at a graze.",
     layout.TIE_IN_JACOBIAN: "Several guards flip at one instant, and their handlers "
@@ -229,6 +232,9 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     )
     if not solution.success:
         return _without(solution, solution.status, system, len(numbers))
+    if solution.n_unsought > 0 and len(numbers) > 0:
+        unsought = layout.UNSOUGHT_IN_JACOBIAN
+        return _without(solution, unsought, system, len(numbers))
     at_start = start_of(system, solution, float(t_span[0]), numbers, mode, memory)
     at_start = with_sliding(extended, system, at_start)
     allowed = Tolerance(np.array([rtol]), tolerance)

@@ -1,11 +1,14 @@
 """Lanes for one system: whether they can integrate it, and its functions' code."""
 
 import re
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from ctypes import CFUNCTYPE, c_int64
 from functools import cache
 from math import inf
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -19,6 +22,7 @@ from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import row
+from hopdata.hybrid.driver.loop import compiled_aloud, say
 from hopdata.hybrid.lanes import room as layout
 from hopdata.hybrid.lanes import step as code
 from hopdata.hybrid.lanes.ranges import make, nothing_of, ranges_of
@@ -44,6 +48,10 @@ MOST_GUARDS = 62  # their indices are bits of an integer
 #: seldom agree, and each group of them is evaluated apart.
 #: Unit: 1. Origin: chosen.
 MOST_READ = 12
+
+#: Time after which it is said that a system's functions are being compiled.
+#: Unit: s. Origin: chosen.
+SILENT_S = 3.0
 
 BRANCH = (
     "it branches on the state or the time: choose between values by np.where, min or "
@@ -291,6 +299,26 @@ def lane_functions(
     values = _values_of(system)
     if _has_no_rates(system):
         guards = with_digest(values_and_rates_of_groups, **names, **ranged, CALL=values)
+    with said_if_long("the functions of a system for lanes"):
+        return _compiled_for_lanes(system, field, guards, values, names | ranged)
+
+
+def _compiled_for_lanes(
+    system: System, field: Any, guards: Any, values: Any, names: dict[str, Any]
+) -> tuple[list[Any], str]:
+    """Return the machine code of field and guards, and "" or why there is none.
+
+    Parameters
+    ----------
+    system : System
+        System to integrate.
+    field, guards : function
+        What calls its functions for each group of lanes.
+    values : function
+        The guards' code for ranges.
+    names : dict
+        What stands for names in that code.
+    """
     field_native, guards_native = layout.natives(
         Rows(system.n_states), Rows(system.n_guards)
     )
@@ -304,7 +332,7 @@ def lane_functions(
             return [], _sentence(error, users)
     if system.n_guards == 0:
         return [*code, None], ""
-    over_steps = with_digest(ranged_guards_of_groups, **names, **ranged, CALL=values)
+    over_steps = with_digest(ranged_guards_of_groups, **names, CALL=values)
     try:
         return [*code, _compiled(over_steps, layout.RANGED)], ""
     except NumbaError:  # operations that ranges of lanes do not have
@@ -423,16 +451,48 @@ def _ask_for_proofs(
 
 @cache
 def compiled_loop() -> Any:
-    """Return the machine code of the loop, which serves all systems."""
-    return _compiled(code.run, types.int64(types.int64, types.int64, types.int64))
+    """Return the machine code of the loop, which serves all systems.
+
+    Compiling it is announced on stderr.
+    """
+
+    def compile_it(cached: bool) -> Any:
+        native = types.int64(types.int64, types.int64, types.int64)
+        compiler = cfunc(native, cache=cached, **ENTRY)
+        what = "the loop in lanes, some 10 s"
+        return compiled_aloud(code.run, compiler, cached, what)
+
+    return compiled_in_cache(code.run, _digest_of(code.run), compile_it)
 
 
 def _compiled(function: Any, native: Any) -> Any:
-    sources = sources_digest(Path(__file__).parents[1], "lanes")
-    digest = f"{function_digest(function)}-{sources}-{WIDTH}"
     return compiled_in_cache(
-        function, digest, lambda kept: cfunc(native, cache=kept, **ENTRY)(function)
+        function,
+        _digest_of(function),
+        lambda kept: cfunc(native, cache=kept, **ENTRY)(function),
     )
+
+
+def _digest_of(function: Any) -> str:
+    sources = sources_digest(Path(__file__).parents[1], "lanes")
+    return f"{function_digest(function)}-{sources}-{WIDTH}"
+
+
+@contextmanager
+def said_if_long(what: str) -> Iterator[None]:
+    """Say on stderr what is compiled, and how long it took, if it takes long."""
+    later = Timer(SILENT_S, say, [f"compiling {what}; later processes load them"])
+    later.daemon = True
+    later.start()
+    started = time.monotonic()
+    try:
+        yield
+    finally:
+        later.cancel()
+        later.join()
+    spent = time.monotonic() - started
+    if spent > SILENT_S:
+        say(f"compiled in {spent:.0f} s")
 
 
 def read_modes(system: System) -> tuple[int, ...]:

@@ -35,8 +35,10 @@ from hopdata.hybrid.lanes.vectors import (
     INDEX,
     VECTOR,
     absolute,
+    ceil,
     cosine,
     exponential,
+    floor,
     lanes,
     largest,
     least,
@@ -455,6 +457,38 @@ def range_logarithm(x: Any) -> Any:
 
 
 @njit
+def jumping(lo: Any, hi: Any) -> Any:
+    """Return a range of whole numbers; its rate is anything, unless it is one."""
+    rate = where(lo == hi, 0.0, math.nan)
+    return make(lo, hi, rate, rate)
+
+
+@njit
+def range_floor(x: Any) -> Any:
+    """Return the largest whole number up to a range."""
+    return jumping(floor(x.lo), floor(x.hi))
+
+
+@njit
+def range_ceil(x: Any) -> Any:
+    """Return the least whole number from a range on."""
+    return jumping(ceil(x.lo), ceil(x.hi))
+
+
+@njit
+def range_rest(x: Any, y: Any) -> Any:
+    """Return x % y: between zero and y, also where it jumps."""
+    wholes = range_floor(multiplied(x, inverse(y)))
+    left = subtracted(x, multiplied(wholes, y))
+    lo = where(y.lo > 0.0, least(largest(left.lo, 0.0), y.hi), left.lo)
+    hi = where(y.lo > 0.0, largest(least(left.hi, y.hi), 0.0), left.hi)
+    lo = where(y.hi < 0.0, least(largest(left.lo, y.lo), 0.0), lo)
+    hi = where(y.hi < 0.0, largest(least(left.hi, 0.0), y.lo), hi)
+    anything = 0.0 * (left.lo + left.hi)  # NaN if one of them is not finite
+    return make(lo + anything, hi + anything, left.dlo, left.dhi)
+
+
+@njit
 def length(x: Any, y: Any) -> Any:
     """Return the root of the sum of two squares."""
     return range_root(added(square(x), square(y)))
@@ -590,6 +624,10 @@ for _of_both, _pair in (
     (np.minimum, smaller),
     (math.hypot, length),
     (np.hypot, length),
+    (operator.mod, range_rest),
+    (operator.imod, range_rest),
+    (np.mod, range_rest),
+    (np.remainder, range_rest),
 ):
     _give_two(_of_both, _pair)
 
@@ -618,5 +656,9 @@ for _key, _one in (
     (np.exp, range_exponential),
     (math.log, range_logarithm),
     (np.log, range_logarithm),
+    (math.floor, range_floor),
+    (np.floor, range_floor),
+    (math.ceil, range_ceil),
+    (np.ceil, range_ceil),
 ):
     _give_one(_key, _one)

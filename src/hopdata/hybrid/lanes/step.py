@@ -390,11 +390,13 @@ def land(
 
 
 @kernel
-def sample(lanes: int, t: Any, h: Any, t_new: Any, r: Any) -> None:
+def sample(lanes: int, t: Any, h: Any, t_new: Any, r: Any) -> int:
     """Write the states at the requested times in the steps of these lanes.
 
-    Their interpolants must have been prepared.
+    Their interpolants must have been prepared. Returns the lanes in which one
+    overflows, as it may near the largest number.
     """
+    beyond = 0
     while True:
         now = t_new
         pending = 0
@@ -406,10 +408,11 @@ def sample(lanes: int, t: Any, h: Any, t_new: Any, r: Any) -> None:
                 now = with_lane(now, j, r.times[number])
                 pending |= 1 << j
         if pending == 0:
-            return
+            return beyond
         interpolate((now - t) / h, r)
         for i in range(r.n):
             r.work[i] = where(now == t_new, r.moved[i], r.work[i])
+            beyond |= pending & ~bits(absolute(r.work[i]) < inf)
         for j in range(WIDTH):
             if pending >> j & 1:
                 target = r.book[INDEX, j] * r.times.width + r.book[SAMPLES, j]
@@ -620,7 +623,7 @@ def advance(
         resume_steps(landing, r)
     t_new = where(to_the_end & (shift == 0.0), r.t_end, t + h + shift)
     if r.times.width > 0:
-        sample(bits(accepted), t, whole, t_new, r)
+        over |= give_up(sample(bits(accepted), t, whole, t_new, r), r)
     move_on(accepted, landing, t_new, h, hard, r)
     over |= fire_first(fresh, r)
     stuck = lost_lanes(accepted, landing, fresh, h, run_s, r)

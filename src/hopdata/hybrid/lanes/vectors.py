@@ -376,6 +376,7 @@ square_root = _llvm("sqrt", 1)
 absolute = _llvm("fabs", 1)
 nearest = _llvm("rint", 1)
 floor = _llvm("floor", 1)
+ceil = _llvm("ceil", 1)
 least = _function(
     lanes, (lanes, lanes), lambda b, x, y: b.select(_compare("<")(b, x, y), x, y)
 )
@@ -506,6 +507,8 @@ def _pairs_one_by_one(function: Function) -> Any:
 
 
 _raised = _pairs_one_by_one(math.pow)
+# Exact, as x - floor(x / y) y is not.
+rest = _pairs_one_by_one(njit(error_model="numpy")(lambda x, y: x % y))
 
 
 def _overload(function: Any, taken: int, made: Any) -> None:
@@ -546,6 +549,8 @@ VECTORISED = {
     "tan": _tangent,
     "sqrt": square_root,
     "fabs": absolute,
+    "floor": floor,
+    "ceil": ceil,
 }
 OTHERS = (
     "exp", "log", "log2", "log10", "log1p", "expm1", "sinh", "cosh", "tanh",
@@ -565,8 +570,31 @@ _overload(builtins.min, 2, least)
 _overload(np.minimum, 2, least)
 _overload(builtins.max, 2, largest)
 _overload(np.maximum, 2, largest)
-_overload(math.atan2, 2, _pairs_one_by_one(math.atan2))
-_overload(math.hypot, 2, _pairs_one_by_one(math.hypot))
+for _of_pairs, _of_numbers in (
+    ((math.atan2, np.arctan2), math.atan2),
+    ((math.hypot, np.hypot), math.hypot),
+):
+    for _pair_key in _of_pairs:
+        _overload(_pair_key, 2, _pairs_one_by_one(_of_numbers))
+for _remainder in (operator.mod, operator.imod, np.mod, np.remainder):
+    _overload(_remainder, 2, rest)
+
+
+@njit
+def _from_table(x: Any, xp: Any, fp: Any) -> Any:
+    """Return what a table has for each lane."""
+    for i in range(WIDTH):
+        x = with_lane(x, i, np.interp(lane(x, i), xp, fp))
+    return x
+
+
+def _typed_interp(x: Any, xp: Any, fp: Any) -> Any:
+    if x == lanes and isinstance(xp, types.Array) and isinstance(fp, types.Array):
+        return lambda x, xp, fp: _from_table(x, xp, fp)
+    return None
+
+
+overload(np.interp)(lambda x, xp, fp: _typed_interp(x, xp, fp))
 
 
 def _typed_where(m: Any, x: Any, y: Any) -> Any:

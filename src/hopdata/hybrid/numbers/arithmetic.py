@@ -96,12 +96,18 @@ def opened(x: Any, y: Any) -> Any:
         apart = anything(apart.at)
     note_first(apart, 0.0)
     note_time(apart, 0.0, 0.0)
-    counted = int_vector(apart.at, at.N_INTEGERS)
+    return exactly(next_answer(apart.at), 0)
+
+
+@kernel
+def next_answer(where: int) -> float:
+    """Return the caller's next answer, 1 or 0, and count the question."""
+    counted = int_vector(where, at.N_INTEGERS)
     place = counted[at.OPENED]
     counted[at.OPENED] += 1
     if place >= at.N_ANSWERS:
-        return exactly(float((place * 2654435761 >> 16) & 1), 0)
-    return exactly(float((counted[at.ANSWERS] >> place) & 1), 0)
+        return float((place * 2654435761 >> 16) & 1)
+    return float((counted[at.ANSWERS] >> place) & 1)
 
 
 # Pieces of ranges.
@@ -447,9 +453,15 @@ def whole_quotient(x: Any, y: Any) -> Any:
 
 @kernel
 def one_whole(x: Any, wholes: Any) -> Any:
-    """Return a whole number for an index or a count; all is lost if it may vary."""
+    """Return a whole number for an index or a count.
+
+    Of two that are next to each other, the caller has the answer. All is lost if there
+    may be more.
+    """
     if wholes.lo == wholes.hi and abs(wholes.lo) < LARGEST_WHOLE:
         return wholes
+    if x.at != 0 and wholes.hi - wholes.lo == 1.0 and abs(wholes.lo) < LARGEST_WHOLE:
+        return exactly(wholes.lo + next_answer(x.at), x.at)
     if x.at != 0:
         int_vector(x.at, at.N_INTEGERS)[at.LOST] = 1
     if x.hi - x.lo < MOST_WHOLE:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from hopdata.commands import terminal
 from hopdata.errors import ConfigError, counted, printable, require
+from hopdata.messages import Message
 
 if TYPE_CHECKING:
     from hopdata.steering.control.objectives import Controller
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 # Files of what was learned.
 GEOMETRY = "geometry.json"
 MODEL = "model.npz"
+# Its scores, if the study's folder of the model is given.
+SCORES = "model_scores.csv"
 
 # The first log of a folder.
 LOG = "drive.h5"
@@ -49,6 +52,9 @@ DRAW_S = 0.25
 ACT_WIDTH = 50
 REST_WIDTH = 37
 
+# What the operator types to arm the drive.
+ARM_KEY = "a"
+
 
 def drive(options: argparse.Namespace) -> int:
     """Drive until the time is up, a fault ends it, or the operator does."""
@@ -66,6 +72,7 @@ def drive(options: argparse.Namespace) -> int:
         setup = {
             "simulated": options.host is None,
             "dry_run": options.dry_run,
+            "armed": options.armed,
             "to": options.to,
             "adaptive": options.adaptive,
             "heading_deg": options.heading,
@@ -76,6 +83,7 @@ def drive(options: argparse.Namespace) -> int:
     boom, stream = _boom_and_stream(options)
     log = DriveLog(path, len(geometry.body_names) + 1, setup=setup, files=files)
     print(f"log: {path}")
+    _warn_of(options.model)
     screen = Screen(_title(options), options.seconds, limits.command_s, log)
     try:
         done = driven(
@@ -89,6 +97,7 @@ def drive(options: argparse.Namespace) -> int:
             seconds=options.seconds,
             rate_hz=options.rate,
             limits=limits,
+            armed=options.armed,
             on_decision=screen.decided,
             on_look=screen.look,
             log=log,
@@ -120,6 +129,12 @@ def _require_whole(options: argparse.Namespace) -> None:
     if is_boom_named:
         _, _, port = options.boom.rpartition(":")
         require(port.isdecimal(), "--boom", "HOST:PORT", f"{options.boom!r}")
+    if options.armed and is_boom_named:
+        wanted = "no --boom with it: a robot is armed by its operator, with a and Enter"
+        raise ConfigError(f"--armed: expected {wanted}")
+    if not options.armed and not _is_on_terminal():
+        wanted = "a terminal, on which an operator arms the drive with a and Enter"
+        raise ConfigError(f"--armed: expected it, or {wanted}")
 
 
 def _no_model() -> ConfigError:
@@ -183,6 +198,18 @@ def _title(options: argparse.Namespace) -> str:
     return f"robot seen by {options.host}:{options.port}; {sent}"
 
 
+def _warn_of(folder: Path | None) -> None:
+    """Say so if the model will probably not take the robot to a point."""
+    from hopdata.jobs import read_table
+    from hopdata.steering.control.forecast import warning
+
+    if folder is None or not (folder / SCORES).is_file():
+        return
+    said = warning(read_table(folder / SCORES))
+    if said is not None:
+        print(f"warning: {said}")
+
+
 # What a drive and its replay have in common: geometry and controller.
 
 
@@ -208,10 +235,11 @@ def _learned() -> tuple[Any, Any]:
     """Return geometry and frame changes of the simulated hopper."""
     import numpy as np
 
+    from hopdata.steering.excitation import ControlGrid, eulerian_excitation
     from hopdata.steering.models.process import trained_process
     from hopdata.steering.observation.observe import observe_recordings
     from hopdata.steering.robot import SteeredHopper
-    from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
+    from hopdata.steering.trial import record_trial
 
     robot = SteeredHopper()
     rng = np.random.default_rng(np.random.SeedSequence(SEED))
@@ -227,8 +255,9 @@ def _parts(
     setup: Mapping[str, Any], files: Mapping[str, bytes]
 ) -> tuple[HopperGeometry, Controller]:
     """Return geometry and controller, the same for a drive and its replay."""
+    from hopdata.steering.control.adaptive import AdaptivePlanner
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
-    from hopdata.steering.control.planner import AdaptivePlanner, planner
+    from hopdata.steering.control.planner import planner
     from hopdata.steering.models.process import load_process
     from hopdata.steering.observation.geometry import load_geometry
 
@@ -243,11 +272,12 @@ def _parts(
     else:
         goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
     horizon = Horizon(hops=PLANNED_HOPS, swing_limit_rad=setup["limits"]["swing_rad"])
-    controller = planner(process, goal, horizon=horizon)
+    model = process.table_within(horizon.swing_limit_rad)
+    controller = planner(model, goal, horizon=horizon)
     # The first plan loads what it needs, which would delay the first hop.
     controller.plan(START, math.pi)
     if setup["adaptive"]:
-        return geometry, AdaptivePlanner(controller, process.chance)
+        return geometry, AdaptivePlanner(controller, process.noise_sd)
     return geometry, controller
 
 
@@ -306,7 +336,7 @@ def _perform_acts(options: argparse.Namespace) -> int:
     if wrong:
         print(f"\n{counted(wrong, 'act')} without the rest expected: do not drive")
         return terminal.PROBLEM
-    print("\neach act has brought the boom to rest")
+    print("\neach act has brought the boom to rest, until it was armed again")
     return terminal.OK
 
 
@@ -315,9 +345,14 @@ def _row(done: Performed) -> str:
     act = done.act
     mark = " " if done.is_right else "!"
     after_ms = "-" if math.isnan(done.after_s) else f"{1e3 * done.after_s:.0f}"
-    happened = done.cause or "NO REST"
+    happened = str(done.cause or "NO REST")
     if done.moved:
         happened = f"MOVED after its rest: {happened}"
+    elif done.resumed:
+        happened = f"WENT ON by itself: {happened}"
+    elif not done.obeyed:
+        arming = "COULD be armed again" if act.is_over else "COULD NOT be armed again"
+        happened = f"{arming}: {happened}"
     elif done.after_s > act.within_s:
         happened = f"TOO LATE, beyond {1e3 * act.within_s:.0f} ms: {happened}"
     columns = f"{act.name:{ACT_WIDTH}}  {act.rest:{REST_WIDTH}}"
@@ -331,15 +366,21 @@ def replay(options: argparse.Namespace) -> int:
     """Feed a log to the same controller; exit code 1 if a plan differs."""
     from hopdata.steering.live.log import read_log
     from hopdata.steering.live.log import replay as replayed
-    from hopdata.steering.live.loop import observers_of
+    from hopdata.steering.live.loop import checks_of, observers_of
     from hopdata.steering.live.safety import Limits
 
     log = read_log(options.log)
     _require_settings(options.log, log.setup)
     geometry, controller = _parts(log.setup, log.files)
-    observers = observers_of(geometry, log.setup["rate_hz"])
+    rate_hz = log.setup["rate_hz"]
     limits = Limits(**log.setup["limits"])
-    plans = replayed(log, observers, controller, limits=limits)
+    plans = replayed(
+        log,
+        observers_of(geometry, rate_hz),
+        controller,
+        limits=limits,
+        checks=checks_of(geometry, rate_hz, limits),
+    )
     parts = [
         "simulated hopper" if log.setup["simulated"] else "recorded robot",
         counted(len(log.frames), "frame"),
@@ -407,10 +448,11 @@ def _is_number(value: object) -> bool:
 
 
 class Screen:
-    """Shows pose, hop, plan, time left and faults: a picture, or a line per hop.
+    """Shows state, pose, hop, plan, time left and faults: a picture, or a line per hop.
 
-    The picture is drawn on a terminal. There, Enter is the operator's stop key: the
-    boom rests and the drive is over.
+    The picture is drawn on a terminal. There, a and Enter arm the drive. Enter alone,
+    or after anything else, is the operator's stop key: the boom rests and the drive is
+    over.
     """
 
     def __init__(
@@ -423,11 +465,15 @@ class Screen:
         self._drawn = self._begun
         self._hops = 0
         self._n_rests_told = 0
+        self._n_steps_told = 0
+        self._boom_told = False
+        self._refusal = ""
         self._last_hop = "no stance yet"
-        self._is_live = sys.stdout.isatty() and sys.stdin.isatty()
+        self._is_live = _is_on_terminal()
         self._n_lines_drawn = 0
         print(title)
         if self._is_live:
+            print("a and Enter: arm it, at first and after each rest")
             print("Enter or Ctrl-C: the boom rests, and it ends")
 
     def decided(self, decision: Decision) -> None:
@@ -444,23 +490,30 @@ class Screen:
             f"         {decision.outcome}: swing {decision.command_rad:+.2f} rad, "
             f"plan took {planning_ms:.1f} ms, {spare_ms:.0f} ms to spare"
         )
-        if decision.reason:
+        if decision.reason is not None:
             last_hop += f"; {decision.reason}"
         self._last_hop = last_hop
         if not self._is_live:
             print(" ".join(last_hop.split()), flush=True)
 
     def look(self, loop: ControlLoop, stream: Stream) -> None:
-        """React to the operator's key and update the display."""
-        if self._is_live and _enter_pressed():
-            loop.rest("the operator's key")
+        """React to the operator's keys and update the display."""
+        if not self._boom_told:
+            self._boom_told = True
+            print(loop.watch.says_of_boom(), flush=True)
+        typed = _typed_line() if self._is_live else None
+        if typed == ARM_KEY:
+            refused = loop.arm()
+            self._refusal = "" if refused is None else f"NOT ARMED: {refused}"
+        elif typed is not None:
+            loop.end(Message("steering.operators_key"))
         if self._is_live:
             self._draw(loop, stream)
         else:
             self._tell_rests(loop)
 
     def _tell_rests(self, loop: ControlLoop) -> None:
-        """Print the rests since the last look."""
+        """Print the rests and the states since the last look."""
         rests = loop.watch.rests
         for rest in rests[self._n_rests_told :]:
             print(f"the boom rests: {rest.cause}", flush=True)
@@ -488,22 +541,60 @@ class Screen:
         frames = f"{counts.frames} frames, {counts.missing} missing"
         state = f"stream {stream.states.status.state}"
         rests = loop.watch.rests
-        faults = f"faults   {loop.watch.cause or 'none now'}"
+        lasting = "; ".join(map(str, list(loop.watch.machine.lasting.values())))
         last_rest = f", the last: {rests[-1].cause}" if rests else ""
         lines = [
             f"{passed_s:6.0f} s{left}; {state}, {frames}, {counts.garbled} garbled",
+            f"{str(loop.state).upper()}  {self._what_next(loop)}",
             *self._last_hop.splitlines(),
-            f"{faults}; rests so far: {len(rests)}{last_rest}",
+            f"faults   {lasting or 'none now'}; rests so far: {len(rests)}{last_rest}",
         ]
         if self._log.failure:  # otherwise the logger has said it
             lines.append(f"log      {self._log.failure}")
         return lines
 
+    def _what_next(self, loop: ControlLoop) -> str:
+        """Return what the operator can do in this state."""
+        state = loop.state
+        if state == "armed":
+            return "the first swing is sent at the next stance"
+        if state not in ("waiting", "resting"):
+            return str(loop.watch.cause or "")
+        if self._refusal and loop.watch.machine.lasting:
+            return self._refusal
+        why = f"{loop.watch.cause}; " if state == "resting" else ""
+        return f"{why}a and Enter to arm it"
 
-def _enter_pressed() -> bool:
+
+def _is_on_terminal() -> bool:
+    return sys.stdout.isatty() and sys.stdin.isatty()
+
+
+def _typed_line() -> str | None:
+    """Return the line that was typed since the last call, if one was; never wait."""
+    if sys.platform == "win32":
+        return _typed_on_windows()
     import select
 
-    if sys.platform == "win32":
-        return False
     ready, _, _ = select.select([sys.stdin], [], [], 0.0)
-    return bool(ready) and sys.stdin.readline() != ""
+    if not ready:
+        return None
+    line = sys.stdin.readline()
+    return line.strip() if line else None  # None at the end of the input
+
+
+# Keys that were typed on Windows, up to Enter.
+_typed: list[str] = []
+
+
+def _typed_on_windows() -> str | None:
+    import msvcrt
+
+    while msvcrt.kbhit():  # type: ignore[attr-defined, unused-ignore]
+        key = msvcrt.getwch()  # type: ignore[attr-defined, unused-ignore]
+        if key in "\r\n":
+            line = "".join(_typed).strip()
+            _typed.clear()
+            return line
+        _typed.append(key)
+    return None

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray
 from hopdata.errors import HopdataError, require
 from hopdata.rigid import wrapped
+from hopdata.steering.frame_changes import HOPPER
+from hopdata.steering.strides import StrideAxes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,14 +43,15 @@ Objective: TypeAlias = ToPoint | ToHeading
 
 @dataclass(frozen=True, kw_only=True)
 class Horizon:
-    """How many hops a controller looks ahead, and how far the boom may swing in a hop.
+    """How many strides a controller looks ahead, and how far the boom may swing in one.
 
     Parameters
     ----------
     hops : int
-        Number of hops ahead; three in the dissertation (Sec. 3.4.3).
+        Number of strides ahead; three in the dissertation (Sec. 3.4.3).
     swing_limit_rad : float
-        Largest swing of a hop, rad.
+        Largest swing of the hopper's boom, rad. Inputs of other robots have the limits
+        that their axes tell.
     """
 
     hops: int = 3
@@ -59,6 +62,13 @@ class Horizon:
         limit = self.swing_limit_rad
         sound = is_finite(limit) and 0 < limit <= np.pi
         require(sound, "swing_limit_rad", "more than 0, at most pi", limit)
+
+    def limits(self, axes: StrideAxes) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest inputs of a stride, (U,) each."""
+        if axes.input_names == HOPPER.input_names:
+            limit = np.array([self.swing_limit_rad])
+            return -limit, limit
+        return axes.lower, axes.upper
 
 
 def goal_errors(objective: Objective, poses: ArrayLike) -> FloatArray:
@@ -90,46 +100,57 @@ FARTHEST = 1e4
 
 
 class PlanningError(HopdataError):
-    """No plan can be made from this state; the loop then holds the boom still."""
+    """No plan can be made from this state; the robot is then not steered."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Swings that a controller plans; only the first is executed.
+    """Inputs that a controller plans; only the first are executed.
 
     Parameters
     ----------
-    swings_rad : (H,) array
-        Swings of the next hops, rad.
+    inputs : (H, U) array
+        Inputs of the next strides; (H,) will do for one input.
     poses : (H + 1, 3) array
         The present pose, and the predicted poses; m, m, rad.
     objective : float
-        Value of the minimised objective at these swings.
+        Value of the minimised objective with these inputs.
     """
 
-    swings_rad: FloatArray
+    inputs: FloatArray
     poses: FloatArray
     objective: float
 
+    def __post_init__(self) -> None:
+        if self.inputs.ndim == 1:
+            object.__setattr__(self, "inputs", self.inputs[:, None])
+
+    @property
+    def swings_rad(self) -> FloatArray:
+        """Swings of the hopper's next hops, (H,), rad: the first input."""
+        return self.inputs[:, 0]
+
     @property
     def swing_rad(self) -> float:
-        """Swing of the next hop, rad."""
-        return float(self.swings_rad[0])
+        """Swing of the hopper's next hop, rad."""
+        return float(self.inputs[0, 0])
 
 
 class Controller(Protocol):
-    """Chooses the next swing from the state at a stance."""
+    """Chooses the next inputs from the state at a stance."""
 
     def plan(
         self,
         pose: ArrayLike,
-        boom_angle_rad: float,
-        previous_swing_rad: float | None = None,
+        state: ArrayLike,
+        previous_inputs: ArrayLike | None = None,
         /,
     ) -> Plan:
-        """Plan from a pose (3,) and a boom angle.
+        """Plan from a pose (3,) and the states of the robot (S,).
 
-        `previous_swing_rad` is the measured swing of the previous hop, if known.
+        `previous_inputs` (U,) are those of the previous stride as they were measured,
+        if known. For one state and one input, numbers will do: for the hopper the boom
+        angle and the swing, rad.
 
         Raises
         ------
@@ -139,26 +160,43 @@ class Controller(Protocol):
         ...
 
 
-def checked_state(pose: ArrayLike, boom_angle_rad: float) -> tuple[FloatArray, float]:
-    """Return the pose as a new array, and the boom angle in [0, 2 pi).
+def checked_state(
+    pose: ArrayLike, state: ArrayLike, axes: StrideAxes
+) -> tuple[FloatArray, FloatArray]:
+    """Return pose (3,) and states (S,) as new arrays, angles in [0, 2 pi).
 
     Raises
     ------
     PlanningError
-        If the pose is not three finite numbers of plausible size, or the angle is not
-        finite.
+        If the pose is not three finite numbers of plausible size, or the states are not
+        as many finite numbers as the robot has states.
+    """
+    here = checked_pose(pose)
+    names = [one.name.replace("_", " ") for one in axes.states]
+    given = state
+    if len(names) == 1 and np.shape(state) == ():
+        given = np.array([state])
+    if not is_finite(given, (len(names),)):
+        wanted = f"a finite {names[0]}" if len(names) == 1 else f"finite {names}"
+        raise PlanningError(f"plan: expected {wanted}, found {state!r}")
+    return here, axes.wrapped(np.array(given, dtype=float))
+
+
+def checked_pose(pose: ArrayLike) -> FloatArray:
+    """Return the pose (3,) as a new array.
+
+    Raises
+    ------
+    PlanningError
+        If it is not three finite numbers of plausible size.
     """
     if not is_finite(pose, (3,)):
         raise PlanningError(
             f"plan: expected a pose of three finite numbers, found {pose!r}"
         )
-    if not is_finite(boom_angle_rad):
-        raise PlanningError(
-            f"plan: expected a finite boom angle, found {boom_angle_rad!r}"
-        )
-    state = np.array(pose, dtype=float)
-    if np.abs(state).max() > FARTHEST:
+    here = np.array(pose, dtype=float)
+    if np.abs(here).max() > FARTHEST:
         raise PlanningError(
             f"plan: expected a pose within {FARTHEST:.0f} m, found {pose!r}"
         )
-    return state, float(boom_angle_rad) % (2 * np.pi)
+    return here

@@ -1,4 +1,13 @@
-"""The controller as printed: direct single shooting with L-BFGS-B (Sec. 3.4.3)."""
+"""The controller as printed: direct single shooting with L-BFGS-B (Sec. 3.4.3).
+
+Let g be the pose, s the states of the robot and u its inputs. The controller minimises,
+over the inputs of the next H strides within their limits,
+
+    J(u_0, ..., u_H-1) = sum over k = 1 ... H of error(g_k),
+
+where g_k and s_k follow from g_0 and s_0 by the one-step prediction, and the error is
+the distance to the point or the absolute heading error. There is no terminal cost.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -7,9 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, one_blas_thread
-from hopdata.rigid import turned
 from hopdata.steering.control import objectives
-from hopdata.steering.models.tabulated import FrameChangeMap
+from hopdata.steering.control.prediction import StrideModel, axes_of, poses_ahead
 
 #: Step of the finite differences of the objective.
 #: Unit: rad. Origin: convention: scipy's own, but with all differences at once.
@@ -22,17 +30,19 @@ class PrintedController:
 
     The text does not say where the search begins. A single descent does not find the
     other way round, so up to four are made and the best is kept. They begin with the
-    same swing in all hops: half the limit to the left, none, half the limit to the
-    right, or the previous swing.
+    same inputs in all strides: halfway from the middle to their upper limits, in the
+    middle, halfway to the lower limits, or as in the previous stride. For the hopper
+    these are half the largest swing to the left, none, half of it to the right, and the
+    last swing.
 
     Parameters
     ----------
-    model : FrameChangeMap
+    model : StrideModel
     objective : ToPoint or ToHeading
     horizon : Horizon
     """
 
-    model: FrameChangeMap
+    model: StrideModel
     objective: objectives.Objective = field(default_factory=objectives.ToPoint)
     horizon: objectives.Horizon = field(default_factory=objectives.Horizon)
 
@@ -44,68 +54,58 @@ class PrintedController:
     def plan(
         self,
         pose: ArrayLike,
-        boom_angle_rad: float,
-        previous_swing_rad: float | None = None,
+        state: ArrayLike,
+        previous_inputs: ArrayLike | None = None,
         /,
     ) -> objectives.Plan:
-        """Plan from a pose and a boom angle; one search begins with the last swing."""
-        start, boom = objectives.checked_state(pose, boom_angle_rad)
-        firsts = self.first_swings(previous_swing_rad)
-        ends = [self.descended(start, boom, first) for first in firsts]
+        """Plan from a pose and the states; one search begins with the last inputs."""
+        axes = axes_of(self.model)
+        here, states = objectives.checked_state(pose, state, axes)
+        firsts = self.first_inputs(previous_inputs)
+        ends = [self.descended(here, states, first) for first in firsts]
         solved = min(ends, key=lambda end: end.fun)
-        poses = predicted_poses(self.model, start, boom, solved.x)
-        return objectives.Plan(solved.x, poses, float(solved.fun))
+        inputs = solved.x.reshape(self.horizon.hops, -1)
+        poses = poses_ahead(self.model, here, states, inputs)
+        return objectives.Plan(inputs, poses, float(solved.fun))
 
-    def first_swings(self, previous_swing_rad: float | None) -> tuple[float, ...]:
-        """Return the swings at which the searches begin, without repeats."""
-        limit = self.horizon.swing_limit_rad
-        again = limit / 2
-        if previous_swing_rad and np.isfinite(previous_swing_rad):
-            again = float(np.clip(previous_swing_rad, -limit, limit))
-        return tuple(dict.fromkeys((limit / 2, 0.0, -limit / 2, again)))
+    def first_inputs(
+        self, previous_inputs: ArrayLike | None
+    ) -> tuple[tuple[float, ...], ...]:
+        """Return the inputs (U,) at which the searches begin, without repeats."""
+        lower, upper = self.horizon.limits(axes_of(self.model))
+        middle = (lower + upper) / 2
+        half = (upper - lower) / 4
+        firsts = [middle + half, middle, middle - half]
+        if previous_inputs is not None:
+            again = np.asarray(previous_inputs, dtype=float).reshape(-1)
+            if np.isfinite(again).all():
+                firsts.append(np.clip(again, lower, upper))
+        return tuple(dict.fromkeys(tuple(first.tolist()) for first in firsts))
 
-    def descended(
-        self, pose: FloatArray, boom_angle_rad: float, first_rad: float
-    ) -> Any:
-        """Search from the same initial swing in all hops."""
+    def descended(self, pose: FloatArray, state: ArrayLike, first: ArrayLike) -> Any:
+        """Search from the same initial inputs (U,) in all strides."""
         from scipy.optimize import minimize
 
-        limit = self.horizon.swing_limit_rad
-        hops = self.horizon.hops
+        n_strides = self.horizon.hops
+        limits = self.horizon.limits(axes_of(self.model))
+        lower, upper = (np.tile(limit, n_strides) for limit in limits)
 
-        def value_and_slope(swings: FloatArray) -> tuple[float, FloatArray]:
-            """Return the objective, and its slope by differences within the limit."""
-            at_limit = swings + DIFFERENCE_RAD > limit
+        def value_and_slope(inputs: FloatArray) -> tuple[float, FloatArray]:
+            """Return the objective, and its slope by differences within the limits."""
+            at_limit = inputs + DIFFERENCE_RAD > upper
             steps = np.where(at_limit, -DIFFERENCE_RAD, DIFFERENCE_RAD)
-            # The swings as they are, then with each of them changed in turn.
-            tried = swings + np.vstack([np.zeros(hops), np.diag(steps)])
-            poses = predicted_poses(self.model, pose, boom_angle_rad, tried)
+            # The inputs as they are, then with each of them changed in turn.
+            tried = inputs + np.vstack([np.zeros(len(inputs)), np.diag(steps)])
+            by_stride = tried.reshape(len(tried), n_strides, -1)
+            poses = poses_ahead(self.model, pose, state, by_stride)
             values = objectives.goal_errors(self.objective, poses[1:]).sum(axis=0)
-            taken = np.diag(tried[1:] - swings)  # the steps as rounded
+            taken = np.diag(tried[1:] - inputs)  # the steps as rounded
             return float(values[0]), (values[1:] - values[0]) / taken
 
         return minimize(
             value_and_slope,
-            np.full(hops, first_rad),
+            np.tile(first, n_strides),
             jac=True,
             method="L-BFGS-B",
-            bounds=[(-limit, limit)] * hops,
+            bounds=list(zip(lower.tolist(), upper.tolist(), strict=True)),
         )
-
-
-def predicted_poses(
-    model: FrameChangeMap, pose: ArrayLike, boom_angle_rad: float, swings_rad: ArrayLike
-) -> FloatArray:
-    """Return poses (H + 1, ..., 3) after swings (..., H), the present one first.
-
-    They follow Sec. 3.4.1.
-    """
-    swings = np.moveaxis(np.asarray(swings_rad, dtype=float), -1, 0)
-    booms = boom_angle_rad + np.cumsum(swings, axis=0) - swings
-    change = model.change(booms.ravel(), swings.ravel()).reshape(*swings.shape, 3)
-    present = np.broadcast_to(pose, change[:1].shape)
-    steps = np.concatenate([present, change])
-    # Each frame change is turned to the world by the heading before it.
-    headings = np.cumsum(steps[:-1, ..., 2], axis=0)
-    steps[1:] = turned(change, -headings)
-    return np.cumsum(steps, axis=0)

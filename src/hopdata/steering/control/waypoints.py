@@ -17,7 +17,7 @@ from hopdata.errors import require
 from hopdata.steering.control.objectives import (
     Plan,
     ToPoint,
-    checked_state,
+    checked_pose,
     goal_errors,
 )
 
@@ -118,16 +118,16 @@ class WayPointFollower:
     def plan(
         self,
         pose: ArrayLike,
-        boom_angle_rad: float,
-        previous_swing_rad: float | None = None,
+        state: ArrayLike,
+        previous_inputs: ArrayLike | None = None,
         /,
     ) -> Plan:
         """Plan towards the current way-point; one within reach counts as visited."""
-        here, boom = checked_state(pose, boom_angle_rad)
+        here = checked_pose(pose)
         before = self.visited
         self.visited = self._way_points.visited(before, here)
         leg = min(self.visited, len(self._legs) - 1)
         if self.visited > before:
             self._controller = self._controller.towards(self._legs[leg])
-        plan: Plan = self._controller.plan(here, boom, previous_swing_rad)
+        plan: Plan = self._controller.plan(here, state, previous_inputs)
         return plan

@@ -1,20 +1,23 @@
-"""One run: a controller steers a hopper that it sees through motion capture."""
+"""One run: a controller steers a simulated hopper through the live control loop.
+
+The loop is the one that drives a robot, on a simulated clock and armed from the start.
+It sees the hopper through motion capture, and its commands must arrive before the
+flight they are for. If a fault brings the boom to rest, an operator arms the drive
+again at the next apex, or at the first one after the fault is gone.
+"""
 
 from __future__ import annotations
 
-from contextlib import suppress
-from dataclasses import dataclass
-from typing import TypeAlias
+import bisect
+import math
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.steering import robot as plant
-from hopdata.steering.control.objectives import (
-    Controller,
-    Plan,
-    PlanningError,
-)
+from hopdata.steering.control.objectives import Controller, Plan, PlanningError
 from hopdata.steering.experiments.tasks import (
     Outcome,
     Start,
@@ -23,21 +26,20 @@ from hopdata.steering.experiments.tasks import (
     judged,
     progress_of,
 )
+from hopdata.steering.live.clocked import ClockedDrive, Transport
+from hopdata.steering.live.loop import Decision, checks_of, observers_of
+from hopdata.steering.live.machine import State
+from hopdata.steering.live.safety import Limits
+from hopdata.steering.live.simulated import SimulatedBoom, SimulatedHopper
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import StanceDetector
-from hopdata.steering.observation.tracking import HopperTracker, Observation
+from hopdata.steering.observation.tracking import HopperTracker
 from hopdata.steering.trial import POSE
 from hopdata.synthesis.camera import CurvedFloor, MotionCapture
 
-# The simulated hopper as the controller sees it: through motion capture, frame by
-# frame.
+# The simulated hopper as the loop sees it: through motion capture, frame by frame.
 
 Frames = list[tuple[float, FloatArray]]  # time, s, and markers (M, 3), m
-_Frame: TypeAlias = tuple[float, FloatArray, Observation | None]
-
-#: Largest time from the lowest point of a pose that is used for the stance.
-#: Unit: s. Origin: chosen.
-NEAR_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -52,15 +54,18 @@ class Sight:
         Calibrated geometry of the hopper.
     floor : CurvedFloor
         The floor as the cameras see it.
+    transport : Transport
+        Delay and loss of frames on their way to the loop; none by default.
     """
 
     camera: MotionCapture
     geometry: HopperGeometry
     floor: CurvedFloor
+    transport: Transport = field(default_factory=Transport)
 
 
 class WatchedHopper:
-    """A hopper that is released, commanded and watched.
+    """A hopper that is released, and filmed until the end of a run.
 
     Parameters
     ----------
@@ -75,8 +80,15 @@ class WatchedHopper:
 
     Attributes
     ----------
+    boom : SimulatedBoom
+        What the loop commands.
+    hopper : SimulatedHopper
+        What the cameras see.
     frames : list
         Time, s, and markers (M, 3), m, of each frame so far, as the cameras saw it.
+    tracker : HopperTracker or None
+        The loop's tracker. Fitting all frames of a hop at once saves most of the time
+        of a run.
     """
 
     def __init__(
@@ -91,87 +103,49 @@ class WatchedHopper:
         self.sight = sight
         self.task = task
         self.start = start
-        self.board = board
+        self.boom = SimulatedBoom()
         self.frames = Frames()
-        self._kicks, self._noise, gaps, _ = start.streams()
-        boom_angle_rad = robot.hopper.boom_angle_rad
-        self._apex: plant.Apex = plant.released(robot, start.pose, boom_angle_rad)
+        self.tracker: HopperTracker | None = None
+        kicks, self._noise, gaps, _, self.lost = start.streams()
         camera = sight.camera
-        n_body = len(robot.markers.body_m)
-        markers = [f"body{i + 1}" for i in range(n_body)] + ["boom"]
-        most_frames = round((task.hops + 2) * robot.hop_limit_s * camera.rate_hz)
-        self._hidden: BoolArray = camera.draw_gaps(most_frames, len(markers), gaps)
-        self._tracker = HopperTracker(sight.geometry, markers)
-        self._body = sight.geometry.body_places(markers)
-        self._detector = StanceDetector(sight.geometry, rate_hz=camera.rate_hz)
-
-    def hop(self, swing_rad: float) -> tuple[plant.Stance, Observation | None]:
-        """Make one hop with this swing of the boom, rad, and observe it.
-
-        Returns
-        -------
-        Stance
-            The true stance.
-        Observation or None
-            From the frame with a pose nearest to the lowest point; None if no stance
-            was recognised or no frame near it had a pose.
-        """
-        hop = plant.steer_hop(
-            self.robot,
-            self._apex,
-            swing_rad,
-            rng=self._kicks,
-            rate_hz=self.sight.camera.rate_hz,
-            board=self.board,
+        self.hopper = SimulatedHopper(
+            robot,
+            self.boom.newest,
+            self._filmed,
+            kicks,
+            pose=start.pose,
+            boom_angle_rad=robot.hopper.boom_angle_rad,
+            rate_hz=camera.rate_hz,
+            board=board,
         )
-        self._apex = hop.end
-        if self.board is not None:
-            self.board = self.board.pushed(hop)
-        return hop.stance, self._watched(hop)
+        n_markers = len(self.hopper.labels)
+        most_frames = round((task.hops + 2) * robot.hop_limit_s * camera.rate_hz)
+        self._hidden: BoolArray = camera.draw_gaps(most_frames, n_markers, gaps)
 
-    def _watched(self, hop: plant.SteeredHop) -> Observation | None:
-        """Return the observation with a pose that is nearest to the stance."""
-        past: list[_Frame] = []
-        found, all_seen = None, self._seen(hop)
-        # If all body markers are seen, their mean is the height, whatever the attitude.
-        means = all_seen[:, self._body].mean(axis=1)
-        heights = np.where(np.isfinite(means).all(axis=1), means[:, 2], np.nan).tolist()
-        for now, markers, height in zip(
-            hop.frame_time_s.tolist(), all_seen, heights, strict=True
-        ):
-            told = None
-            self.frames.append((now, markers))
-            if np.isnan(height):
-                if past and past[-1][2] is None:  # so that this frame can lean on it
-                    self._tracker.feed(*past[-1][:2])
-                told = self._tracker.feed(now, markers)
-                height = told.height_m
-            past.append((now, markers, told))
-            stance = self._detector.feed(now, height)
-            if stance is not None:
-                found = self._nearest(past, stance.time_s)
-        return found
-
-    def _nearest(self, past: list[_Frame], time_s: float) -> Observation | None:
-        """Return the nearest observation with a pose, if there is one close enough."""
-        near = [frame for frame in past if abs(frame[0] - time_s) <= NEAR_S]
-        near.sort(key=lambda frame: abs(frame[0] - time_s))
-        seen = (told or self._tracker.feed(now, markers) for now, markers, told in near)
-        return next((frame for frame in seen if frame.known), None)
-
-    def _seen(self, hop: plant.SteeredHop) -> FloatArray:
+    def _filmed(self, time_s: FloatArray, markers: FloatArray) -> FloatArray:
         """Return the markers (K, M, 3) as the cameras report them."""
         camera = self.sight.camera
-        frames = np.round(hop.frame_time_s * camera.rate_hz).astype(int)
+        frames = np.round(time_s * camera.rate_hz).astype(int)
         hidden = self._hidden[frames % len(self._hidden)]
-        return camera.observe(hop.markers, self.sight.floor, hidden, self._noise)
+        seen = camera.observe(markers, self.sight.floor, hidden, self._noise)
+        self.frames += zip(time_s.tolist(), seen, strict=True)
+        if self.tracker is not None:
+            self.tracker.fit_ahead(seen)
+        return seen
+
+    def observers(self) -> tuple[HopperTracker, StanceDetector]:
+        """Return a new tracker, told of frames ahead, and a new stance detector."""
+        make = observers_of(self.sight.geometry, self.sight.camera.rate_hz)
+        self.tracker, detector = make()
+        return self.tracker, detector
 
 
 # Columns of the stances of a run: true poses, measured poses (NaN if not seen), and
-# poses that the controller's model predicted at the previous stance (NaN for the
-# first). The boom angle is the measured one, or else follows from the commanded swing.
-# The swing is that of the next hop. The board's place is along its direction, NaN
-# without one; `touched` refers to the hop before.
+# poses that the controller's model predicted at the previous stance (NaN for the first,
+# and where the swing of that plan was not made). The boom angle is the measured one, or
+# else follows from the swings that were made. The swing is that of the next hop. The
+# board's place is along its direction, NaN without one; `touched` refers to the hop
+# before.
 MEASURED = [f"measured_{name}" for name in POSE]
 PREDICTED = [f"predicted_{name}" for name in POSE]
 COLUMNS = [
@@ -195,8 +169,12 @@ class Run:
     stances : DataFrame
         One row per stance: `COLUMNS`; times are since the release.
     blind : int
-        Number of stances at which the boom was held still, since no pose was known to
-        plan from.
+        Number of stances at which the boom was held still, since there was no plan.
+    late_commands : int
+        Number of stances whose command came only after the flight had begun, so that
+        the boom did not swing in it.
+    rests : int
+        How often the loop brought the boom to rest for a fault.
     last_error : float
         Error at the last stance, m or rad.
     outcome : Outcome
@@ -207,61 +185,188 @@ class Run:
 
     stances: pd.DataFrame
     blind: int
+    late_commands: int
+    rests: int
     last_error: float
     outcome: Outcome
     frames: Frames
 
 
-def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
+class _Heard:
+    """Passes what the loop asks on to the controller, and keeps what it answers.
+
+    The loop holds the boom when a controller fails. Here only a `PlanningError` may
+    happen; anything else is a fault of the program and must end the run.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self.failure: Exception | None = None
+        self._plan: Plan | None = None
+
+    def plan(
+        self,
+        pose: ArrayLike,
+        state: ArrayLike,
+        previous_inputs: ArrayLike | None = None,
+        /,
+    ) -> Plan:
+        """Return the controller's plan."""
+        self._plan = None
+        try:
+            self._plan = self._controller.plan(pose, state, previous_inputs)
+        except PlanningError:
+            raise
+        except Exception as error:
+            self.failure = error
+            raise
+        return self._plan
+
+    def last(self) -> Plan | None:
+        """Return the plan since the last call, if there was one."""
+        plan = self._plan
+        self._plan = None
+        return plan
+
+
+@dataclass
+class _Seen:
+    """What the loop knew and did at a stance."""
+
+    pose: FloatArray
+    boom_angle_rad: float
+    plan: Plan | None
+    command_rad: float
+    is_late: bool
+
+
+class _Drive:
+    """The drive of a run: the loop, and what it decided in each hop."""
+
+    def __init__(self, watched: WatchedHopper, controller: Controller) -> None:
+        sight = watched.sight
+        self.controller = _Heard(controller)
+        self.limits = Limits(
+            swing_rad=watched.robot.swing_limit_rad,
+            fence_m=math.inf,  # the floor has no end
+        )
+        self.hopper = watched.hopper
+        self.clocked = ClockedDrive(
+            watched.hopper,
+            watched.observers,
+            self.controller,
+            watched.boom,
+            limits=self.limits,
+            checks=checks_of(sight.geometry, sight.camera.rate_hz, self.limits),
+            transport=sight.transport,
+            lost=watched.lost,
+            on_decision=self._note,
+        )
+        self._begun_s: list[float] = []
+        self.seen: dict[int, _Seen] = {}
+
+    def hop(self) -> plant.SteeredHop:
+        """Let the next hop pass, and return it.
+
+        Raises
+        ------
+        Exception
+            What the controller raises, other than a `PlanningError`.
+        """
+        self._begun_s.append(self.hopper.apex_s)
+        loop = self.clocked.loop
+        if loop.state is State.RESTING:  # the operator stands by
+            loop.arm()
+        self.clocked.run_hop()
+        if self.controller.failure is not None:
+            raise self.controller.failure
+        assert self.hopper.last is not None
+        return self.hopper.last
+
+    def _note(self, decision: Decision) -> None:
+        """Keep a decision with the hop in which its stance was."""
+        hop = bisect.bisect_right(self._begun_s, decision.stance_s) - 1
+        plan = self.controller.last()
+        if decision.outcome not in ("planned", "cut"):
+            plan = None
+        pose = np.array(decision.pose)
+        if not decision.pose_age_s <= self.limits.pose_age_s:
+            pose = np.full(3, np.nan)
+        is_late = hop < len(self._begun_s) - 1
+        self.seen[hop] = _Seen(
+            pose=pose,
+            boom_angle_rad=decision.boom_angle_rad,
+            plan=plan,
+            command_rad=decision.command_rad,
+            is_late=is_late,
+        )
+
+
+def run_task(watched: WatchedHopper, controller: Controller) -> Run:
     """Let a controller steer a hopper until the run is decided or it falls.
 
     Parameters
     ----------
-    hopper : WatchedHopper
+    watched : WatchedHopper
     controller : Controller
         Already knows its goal; gets observations only, never the truth.
     """
-    task = hopper.task
-    has_board = hopper.board is not None
-    error_at = progress_of(task, hopper.start.pose)
-    unknown = np.full(3, np.nan)
-    rows: list[list[float]] = []
+    task = watched.task
+    error_at = progress_of(task, watched.start.pose)
+    drive = _Drive(watched, controller)
+    hops: list[plant.SteeredHop] = []
+    boards_m: list[float] = []
     errors: list[float] = []
-    swing = 0.0
-    boom = hopper.robot.hopper.boom_angle_rad
-    predicted = unknown
-    blind = 0
-    while True:
-        stance, seen = hopper.hop(swing)
-        if stance.fell:
+    fell = False
+    while not errors or not decided(task, errors):
+        hop = drive.hop()
+        fell = hop.stance.fell
+        if fell:
             break
-        boom = boom + swing
-        if seen is not None and np.isfinite(seen.boom_angle_rad):
-            boom = seen.boom_angle_rad
-        plan: Plan | None = None
-        previous = swing if rows else None
-        with suppress(PlanningError):  # too little was seen: the boom is held still
-            if seen is not None:
-                plan = controller.plan(seen.pose, boom, previous)
-        if plan is None:
-            swing = 0.0
-            blind += 1
-        else:
-            swing = plan.swing_rad
-        measured = unknown if seen is None else seen.pose
-        board_m = np.nan if hopper.board is None else hopper.board.place_m
-        row = [stance.time_s, *stance.pose, *measured, boom, swing, *predicted]
-        rows.append([*row, board_m, stance.touched])
-        predicted = unknown if plan is None else plan.poses[1]
-        errors.append(error_at(stance.pose))
-        if decided(task, errors):
-            break
-    stances = pd.DataFrame(rows, columns=COLUMNS, dtype=float)
+        hops.append(hop)
+        board = watched.hopper.board
+        boards_m.append(np.nan if board is None else board.place_m)
+        errors.append(error_at(hop.stance.pose))
+    swings = [hop.swing_rad for hop in hops[1:]] + [watched.boom.waiting_rad]
+    stances = _stances(hops, swings[: len(hops)], drive.seen)
+    stances["board_m"] = boards_m
+    has_board = watched.hopper.board is not None
     touched = not has_board or bool(stances["touched"].any())
+    seen = [drive.seen.get(k) for k in range(len(hops))]
+    planned = [one for one in seen if one is not None and one.plan is not None]
     return Run(
         stances=stances,
-        blind=blind,
+        blind=len(hops) - len(planned),
+        late_commands=sum(one.is_late for one in planned),
+        rests=len(drive.clocked.loop.watch.rests),
         last_error=errors[-1] if errors else np.nan,
-        outcome=judged(task, errors, fell=stance.fell, touched=touched),
-        frames=hopper.frames,
+        outcome=judged(task, errors, fell=fell, touched=touched),
+        frames=watched.frames,
     )
+
+
+def _stances(
+    hops: list[plant.SteeredHop], swings: list[float], seen: dict[int, _Seen]
+) -> pd.DataFrame:
+    """Return the table of the stances, given the swing that follows each, rad."""
+    unknown = np.full(3, np.nan)
+    rows: list[list[float]] = []
+    predicted = unknown
+    boom = hops[0].start.boom_angle_rad if hops else np.nan
+    for k, (hop, swing) in enumerate(zip(hops, swings, strict=True)):
+        boom += hop.swing_rad
+        stance = hop.stance
+        known = seen.get(k)
+        measured = unknown
+        plan: Plan | None = None
+        if known is not None:
+            measured = known.pose
+            if np.isfinite(known.boom_angle_rad):
+                boom = known.boom_angle_rad
+            # A rest may have followed the command.
+            if not known.is_late and known.command_rad == swing:
+                plan = known.plan
+        row = [stance.time_s, *stance.pose, *measured, boom, swing, *predicted]
+        rows.append([*row, np.nan, stance.touched])
+        predicted = unknown if plan is None else plan.poses[1]
+    return pd.DataFrame(rows, columns=COLUMNS, dtype=float)

@@ -214,7 +214,16 @@ def experiments_of(
 OF_RUN = ("experiment", "controller", "run")
 OF_OUTCOME = tuple(field.name for field in fields(tasks.Outcome))
 TABLES: Mapping[str, tuple[str, ...]] = {
-    "runs": (*OF_RUN, *OF_OUTCOME, "stances", "blind", "touched", "last_error"),
+    "runs": (
+        *OF_RUN,
+        *OF_OUTCOME,
+        "stances",
+        "blind",
+        "late_commands",
+        "rests",
+        "touched",
+        "last_error",
+    ),
     "stances": (*OF_RUN, "stance", *watched.COLUMNS),
     "example": (
         "curve",
@@ -320,6 +329,8 @@ def _outcome_row(key: Mapping[str, Any], run: Run) -> pd.DataFrame:
         **asdict(run.outcome),
         "stances": len(run.stances),
         "blind": run.blind,
+        "late_commands": run.late_commands,
+        "rests": run.rests,
         "touched": int(run.stances["touched"].sum()),
         "last_error": run.last_error,
     }

@@ -12,11 +12,12 @@ from hopdata.errors import chosen
 from hopdata.rigid import wrapped
 from hopdata.steering import START, child
 from hopdata.steering.control import objectives
-from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
+from hopdata.steering.control.adaptive import AdaptivePlanner
+from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
 from hopdata.steering.models.process import FrameChangeProcess
-from hopdata.steering.models.tabulated import TabulatedMap, tabulated
+from hopdata.steering.models.tabulated import TabulatedMap
 
 ORIGIN, TURN, WAYPOINTS = "origin", "turn", "waypoints"
 
@@ -155,11 +156,11 @@ class Start:
     seed: np.random.SeedSequence
 
     def streams(self) -> list[np.random.Generator]:
-        """Return generators of kicks, noise, gaps and random swings.
+        """Return generators of kicks, noise, gaps, random swings and lost frames.
 
         They are new, and the same, at every call.
         """
-        return [np.random.default_rng(one) for one in child(self.seed).spawn(4)]
+        return [np.random.default_rng(one) for one in child(self.seed).spawn(5)]
 
 
 def draw_starts(
@@ -245,7 +246,7 @@ class Unheeding:
     rng: np.random.Generator
 
     def plan(
-        self, pose: ArrayLike, _boom: float, _swung: float | None = None, /
+        self, pose: ArrayLike, _state: ArrayLike, _inputs: ArrayLike | None = None, /
     ) -> objectives.Plan:
         """Return the swing; where it leads is unknown."""
         swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)
@@ -283,7 +284,7 @@ def policies(
     horizon = objectives.Horizon(
         hops=options["horizon"], swing_limit_rad=swing_limit_rad
     )
-    learned = tabulated(model, swing_limit_rad)
+    learned = model.table_within(swing_limit_rad)
 
     def goal(start: ArrayLike) -> objectives.Objective:
         if task.manoeuvre == WAYPOINTS:
@@ -309,7 +310,7 @@ def policies(
 
         def policy(start: Start) -> objectives.Controller:
             towards_goal = known.towards(goal(start.pose))
-            return going(AdaptivePlanner(towards_goal, model.chance))
+            return going(AdaptivePlanner(towards_goal, model.noise_sd))
 
         return policy
 

@@ -16,10 +16,17 @@ from types import FrameType
 from typing import Any, Self
 
 from hopdata.errors import ConfigError
+from hopdata.messages import Message
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import LoopCounts, Status, Stream, StreamCounts
 from hopdata.steering.live.log import DriveLog
-from hopdata.steering.live.loop import ControlLoop, Decision, observers_of
+from hopdata.steering.live.loop import (
+    ControlLoop,
+    Decision,
+    checks_of,
+    observers_of,
+)
+from hopdata.steering.live.machine import Machine, Step
 from hopdata.steering.live.packets import PORT
 from hopdata.steering.live.safety import LAST_REST_S, Boom, Limits, Rest, rest_within
 from hopdata.steering.live.stream import MarkerStream, Patience
@@ -33,10 +40,11 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # used if the operating system has th
 
 @dataclass(frozen=True)
 class Drive:
-    """Record of a drive: decisions, states of the stream, rests, and counters."""
+    """Record of a drive: decisions, states of stream and drive, rests, and counters."""
 
     decisions: tuple[Decision, ...]
     states: tuple[Status, ...]
+    steps: tuple[Step, ...]
     rests: tuple[Rest, ...]
     stream: StreamCounts
     loop: LoopCounts
@@ -56,12 +64,17 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     rate_hz: float = 100.0,
     limits: Limits | None = None,
     patience: Patience | None = None,
+    armed: bool = False,
     on_decision: Callable[[Decision], None] | None = None,
     on_look: Callable[[ControlLoop, Stream], None] | None = None,
     log: DriveLog | None = None,
     rest_without_log: bool = False,
 ) -> Drive:
     """Plan at each stance of a hopper that cameras see, and command its boom.
+
+    Nothing is sent until the drive is armed: by `ControlLoop.arm`, which `on_look` may
+    call, or from the start with `armed`. If a fault brings the boom to rest, it stays
+    there until the drive is armed again.
 
     Returns when `stop` is set, or after `seconds`. However it ends, the boom is then
     commanded to stay, no thread is left, and the logs are written. This also holds if a
@@ -91,6 +104,9 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
         Frame rate of the camera system, Hz.
     limits, patience : optional
         See `Limits` and `Patience`.
+    armed : bool
+        Whether the first swing is sent at the first stance, without an operator who
+        arms the drive. For simulated robots and for booms that move nothing.
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
     on_look : callable, optional
@@ -125,19 +141,22 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
             patience=patience,
         )
     needed_log = log if rest_without_log else None
+    limits = limits or Limits()
     loop = ControlLoop(
         stream.buffer,
         observers_of(geometry, rate_hz),
         controller,
         boom,
         limits=limits,
+        checks=checks_of(geometry, rate_hz, limits),
+        machine=Machine(is_armed=armed),
         on_decision=partial(_decided, log, on_decision),
         on_frames=None if log is None else log.frames,
         fault=partial(_fault, stream, needed_log),
         stop=stop,
     )
     if log is not None:
-        log.start(lambda: log.events(stream.states.history(), loop.watch.rests))
+        log.start(lambda: log.events(stream.states.history(), loop.watch))
     with _Signals() as signals:
         try:
             with stream, loop, signals.heeded():
@@ -148,8 +167,7 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
                         if on_look is not None:
                             on_look(loop, stream)
                 finally:
-                    first = signals.first
-                    loop.rest(f"ended by {first.name}" if first else "the end")
+                    loop.end(_why_it_ends(signals.first))
         finally:
             # Once more, in case the loop's own thread has not begun or is blocked.
             rest_within(boom, LAST_REST_S)
@@ -162,23 +180,31 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     return Drive(
         decisions=loop.decisions(),
         states=stream.states.history(),
+        steps=tuple(loop.watch.machine.steps),
         rests=tuple(loop.watch.rests),
         stream=stream.counts,
         loop=loop.counts,
     )
 
 
-def _fault(stream: Stream, needed_log: DriveLog | None) -> str:
-    """Return why the boom must rest, or an empty string.
+def _why_it_ends(first: signal.Signals | None) -> Message:
+    if first is None:
+        return Message("steering.the_end")
+    return Message("steering.ended_by", {"signal": first.name})
+
+
+def _fault(stream: Stream, needed_log: DriveLog | None) -> Message | None:
+    """Return why the boom must rest, if it must.
 
     The stream was lost after its first frame, or a log that is needed has failed.
     """
     status = stream.states.status
     if stream.counts.frames and status.state in ("lost", "failed", "closed"):
-        return f"the stream is {status.state}: {status.message}"
-    if needed_log is not None:
-        return needed_log.failure
-    return ""
+        values = {"state": status.state, "reason": status.message}
+        return Message("steering.stream_lost", values)
+    if needed_log is not None and needed_log.failure:
+        return Message("steering.log_failed", {"failure": needed_log.failure})
+    return None
 
 
 def _decided(
@@ -251,6 +277,10 @@ def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -
         raise ConfigError.at("geometry", "a boom and its circle", found)
     _check_method("controller", controller, "plan")
     _check_method("boom", boom, "swing")
+    given = [name for name in ("alive", "heard") if hasattr(boom, name)]
+    if len(given) == 1:
+        wanted = "both of the methods alive and heard, or none of them"
+        raise ConfigError.at("boom", wanted, f"{given[0]} alone")
 
 
 def _check_method(name: str, part: object, method: str) -> None:

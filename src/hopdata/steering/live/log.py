@@ -2,8 +2,10 @@
 
 Others may read the file while it is written (HDF5's SWMR), and if the process dies,
 only the last moment is lost. `frames` are those that the loop took, in order, with the
-number of the batch they came in (`taken`). `decisions` has the columns of `Decision`.
-`events` are states of the stream and rests of the boom. `counts` are the counters.
+number of the batch they came in (`taken`). `decisions` has the columns of `Decision`,
+and the code of the reason. `events` are states of the stream, changes of the state of
+the drive with their causes (code, values and words), and rests of the boom. `counts`
+are the counters.
 """
 
 from __future__ import annotations
@@ -26,13 +28,17 @@ from numpy.typing import NDArray
 from hopdata.arrays import pd
 from hopdata.errors import ConfigError, RecordingError
 from hopdata.foreign import door
+from hopdata.messages import Message
 from hopdata.recordings.readers.hdf5_checks import require_sound
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, Status
+from hopdata.steering.live.checks import FrameChecks
 from hopdata.steering.live.loop import ControlLoop, Decision, Observers
-from hopdata.steering.live.safety import Limits, NoBoom, Rest
+from hopdata.steering.live.machine import Event, Machine, State, Step, Told, Transition
+from hopdata.steering.live.safety import Limits, NoBoom, Watch
 
-FORMAT = "hopdata drive 1"
+FORMAT = "hopdata drive 2"
+EARLIER = ("hopdata drive 1",)  # written by versions whose loop went on by itself
 WRITE_S = 0.25  # time between writes
 # Rows for which the file grows at once: some seconds of frames and of stances.
 CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
@@ -40,15 +46,32 @@ CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
 #: Unit: bytes. Origin: chosen. Of 75 logs that met limits of 60 kB to 3 MB none was
 #: damaged with this, with half of it, or with none.
 MARGIN_BYTES = 1 << 14
-EVENT = np.dtype([("at_s", "f8"), ("sent_s", "f8"), ("kind", "S16"), ("text", "S200")])
+CODE = "S40"
+TEXT_BYTES = 200
+TEXT = f"S{TEXT_BYTES}"
+EVENT = np.dtype(
+    [
+        ("at_s", "f8"),
+        ("sent_s", "f8"),
+        ("kind", "S16"),
+        ("code", CODE),
+        ("values", TEXT),
+        ("text", TEXT),
+    ]
+)
 # Types of the columns of decisions; all others are floats.
 KINDS: dict[str, Any] = {
     "pose": "(3,)f8",
     "epoch": "i8",
     "outcome": "S16",
-    "reason": "S200",
+    "reason": TEXT,
 }
-DECISION = np.dtype([(one.name, KINDS.get(one.name, "f8")) for one in fields(Decision)])
+DECISION = np.dtype(
+    [
+        *((one.name, KINDS.get(one.name, "f8")) for one in fields(Decision)),
+        ("code", CODE),
+    ]
+)
 COUNT = np.dtype([("at_s", "f8"), ("count", "S40"), ("value", "i8")])
 
 
@@ -136,7 +159,8 @@ class DriveLog:
             )
         self._file.swmr_mode = True
         self._taken = 0  # batches
-        self._told = {"states": 0, "rests": 0}  # stored as events
+        # Stored as events.
+        self._told = {"states": 0, "steps": 0, "rests": 0, "boom": 0}
         self._look: Callable[[], None] = lambda: None
         self._stop = threading.Event()
         self._thread = threading.Thread(
@@ -161,18 +185,31 @@ class DriveLog:
     def decision(self, decision: Decision) -> None:
         """Store a decision."""
         row = tuple(_stored(value) for value in vars(decision).values())
-        self._waiting["decisions"].append(row)
+        code = "" if decision.reason is None else decision.reason.code
+        self._waiting["decisions"].append((*row, code.encode()))
 
-    def events(self, states: Sequence[Status], rests: Sequence[Rest]) -> None:
-        """Store the new ones among all states and rests so far."""
+    def events(self, states: Sequence[Status], watch: Watch | None = None) -> None:
+        """Store what is new: states of the stream, steps of the drive, and rests."""
         waiting = self._waiting["events"]
         for status in states[self._told["states"] :]:
             text = _stored(status.message)
-            waiting.append((status.at_s, np.nan, status.state.encode(), text))
-        for rest in rests[self._told["rests"] :]:
-            waiting.append((rest.seen_s, rest.sent_s, b"rest", _stored(rest.cause)))
+            row = (status.at_s, np.nan, status.state.encode(), b"", b"", text)
+            waiting.append(row)
         self._told["states"] = len(states)
-        self._told["rests"] = len(rests)
+        if watch is None:
+            return
+        steps = watch.machine.steps[self._told["steps"] :]
+        rests = watch.rests[self._told["rests"] :]
+        if not self._told["boom"]:
+            self._told["boom"] = 1
+            at_s = states[0].at_s if states else np.nan
+            waiting.append(_event(at_s, np.nan, "boom", watch.says_of_boom()))
+        for step in steps:
+            waiting.append(_event(step.at_s, np.nan, _kind(step), step.cause))
+        for rest in rests:
+            waiting.append(_event(rest.seen_s, rest.sent_s, "rest", rest.cause))
+        self._told["steps"] += len(steps)
+        self._told["rests"] += len(rests)
 
     def start(self, look: Callable[[], None]) -> Self:
         """Start writing; `look` is called before each write, to fetch events."""
@@ -254,9 +291,33 @@ def _reserve(path: Path, n_bytes: int) -> None:
 
 def _stored(value: object) -> object:
     """Truncate a text to the space in the log, without splitting a character."""
+    if value is None:
+        return b""
+    if isinstance(value, Message):
+        value = str(value)
     if not isinstance(value, str):
         return value
-    return value.encode()[:200].decode(errors="ignore").encode()
+    return value.encode()[:TEXT_BYTES].decode(errors="ignore").encode()
+
+
+def _event(
+    at_s: float, sent_s: float, kind: str, cause: Message | None
+) -> tuple[Any, ...]:
+    """Return a row of the table of events."""
+    if cause is None:
+        return (at_s, sent_s, kind.encode(), b"", b"", b"")
+    values = json.dumps(cause.to_dict()["values"])
+    code = cause.code.encode()
+    return (at_s, sent_s, kind.encode(), code, _stored(values), _stored(cause))
+
+
+def _kind(step: Step) -> str:
+    """Return the state that begins with a step, or what else it is."""
+    if step.changes:
+        return str(step.transition.target)
+    if step.transition.event is Event.ARM_IN_VAIN:
+        return "arm in vain"
+    return "fault"
 
 
 @dataclass(frozen=True)
@@ -311,7 +372,10 @@ def contents_of(path: str) -> dict[str, Any]:
     try:
         with _opened(path) as file:
             require_sound(file, math.inf)  # no link to another file
-            if file.attrs["format"] != FORMAT:
+            form = str(file.attrs["format"])
+            if form in EARLIER:
+                raise _earlier_log(path, form)
+            if form != FORMAT:
                 raise ValueError
             setup = json.loads(file.attrs["setup"])
             tables = {name: _plain(file[name][:]) for name in CHUNKS}
@@ -343,6 +407,11 @@ def _opened(path: str) -> Any:
 def _no_log(path: str) -> RecordingError:
     wanted = f"the log of a drive ({FORMAT})"
     return RecordingError.at(path, wanted, "another file, or a damaged one")
+
+
+def _earlier_log(path: str, form: str) -> RecordingError:
+    found = f"one of an earlier version ({form}); replay it with the one that wrote it"
+    return RecordingError.at(path, f"the log of a drive ({FORMAT})", found)
 
 
 def _plain(rows: NDArray[Any]) -> tuple[list[Any], NDArray[Any]]:
@@ -411,6 +480,7 @@ def replay(
     controller: Controller,
     *,
     limits: Limits | None = None,
+    checks: Callable[[], FrameChecks] | None = None,
 ) -> pd.DataFrame:
     """Replay the frames of a log in a loop, in their batches and at their times.
 
@@ -433,7 +503,8 @@ def replay(
         begins = np.flatnonzero(np.diff(log.frames["taken"])) + 1
         batches = np.split(log.frames, begins)
     buffer = FrameBuffer(max(map(len, batches), default=1))
-    drive = _Replayed()
+    machine = _ReplayedMachine(is_armed=True)
+    drive = _Replayed(machine)
     rows: list[tuple[float, float, float, bool]] = []
 
     def compare(made: Decision) -> None:
@@ -449,8 +520,9 @@ def replay(
         controller,
         NoBoom(),
         limits=limits,
+        checks=checks,
+        machine=machine,
         on_decision=compare,
-        fault=lambda: drive.fault,
         clock=lambda: drive.now_s,
     )
     for batch in batches:
@@ -464,21 +536,50 @@ def replay(
 
 
 @dataclass
-class _Replayed:
-    """The clock of a drive that is replayed, and why its controller was not called."""
+class _ReplayedMachine(Machine):
+    """Has a swing planned where one was planned then, whatever else happens.
 
+    What brought the drive to rest is not all in its log: the time that a driver took is
+    not, for instance.
+    """
+
+    plans: bool = True
+
+    @property
+    def may_swing(self) -> bool:
+        return self.plans
+
+    def _make(
+        self,
+        event: Event,
+        at_s: float,
+        cause: Message | None,
+        *,
+        is_kept: bool = True,  # noqa: ARG002 - nothing is kept
+    ) -> Step:
+        told = Told.NOTHING
+        if event is Event.STANCE and self.plans:
+            told = Told.SWING
+        stays = Transition(State.RUNNING, event, State.RUNNING, told)
+        return Step(at_s, stays, cause)
+
+
+@dataclass
+class _Replayed:
+    """The clock of a drive that is replayed, and whether its controller was called."""
+
+    machine: _ReplayedMachine
     now_s: float = 0.0
-    fault: str = ""
 
     def go_to(self, decisions: Sequence[Mapping[str, Any]], last: Frame) -> None:
         """Set both for a batch: as at its last decision, if there is one."""
         if not decisions:
             self.now_s = last.arrival_s
-            self.fault = ""
+            self.machine.plans = True
             return
         decision = decisions[-1]
         self.now_s = decision["asked_s"]
-        self.fault = "" if _was_called(decision) else decision["reason"]
+        self.machine.plans = _was_called(decision)
 
 
 def _was_called(decision: Mapping[str, Any]) -> bool:

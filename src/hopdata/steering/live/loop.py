@@ -1,8 +1,8 @@
 """The control loop: a thread that plans at each stance and commands the boom.
 
-This is Fig. 3.4. No event ends the loop: if the controller fails, a pose is too old or
-a plan is late, it sends the safe command, which leaves the boom where it is, and logs
-the reason.
+This is Fig. 3.4. What happens is told to the state machine of the drive
+(`hopdata.steering.live.machine`) by way of the watch. If a fault comes, the boom is
+told to rest, and stays at rest until the operator arms the drive again.
 """
 
 from __future__ import annotations
@@ -10,23 +10,27 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Self, TypeAlias
 
 import numpy as np
 
+from hopdata.messages import Message
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Worker
+from hopdata.steering.live.checks import Findings, FrameChecks
+from hopdata.steering.live.machine import Machine, State, Told
 from hopdata.steering.live.safety import Boom, Limits, NoBoom, Watch
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stance, StanceDetector
-from hopdata.steering.observation.tracking import MISFIT, HopperTracker, Observation
+from hopdata.steering.observation.tracking import HopperTracker
 
 # The decision at each stance, and its reason.
 
-Outcome = Literal["planned", "cut", "held", "overtaken"]
+Outcome = Literal["planned", "cut", "held", "overtaken", "waiting"]
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,8 @@ class Decision:
     epoch : int
         The camera clock of these times; see `hopdata.steering.live.buffer.Frame`.
     pose : (x_m, y_m, heading_rad)
-        Newest pose up to the frame that revealed the stance, later frames of the batch
-        excluded; NaN if there was none.
+        Pose of the frame nearest to the stance, of those up to the frame that revealed
+        it; NaN if there was none.
     boom_angle_rad : float
         Newest boom angle up to that frame.
     swung_rad : float
@@ -51,11 +55,12 @@ class Decision:
     asked_s : float
         Time of the decision on the loop's clock, s.
     pose_age_s, boom_age_s : float
-        Their ages at the decision, s.
+        Ages of the newest pose and boom angle up to that frame, at the decision, s.
     outcome : str
         "planned": the controller's command was sent. "cut": so it was, clipped to the
         limit. "held": the boom was commanded to stay, for `reason`. "overtaken":
-        nothing was sent, since another stance had been seen in the meantime.
+        nothing was sent, since another stance had been seen in the meantime. "waiting":
+        nothing was sent, since the operator has not armed the drive.
     planned_rad : float
         The controller's swing; NaN if it was not called, or failed.
     command_rad : float
@@ -66,7 +71,7 @@ class Decision:
         From the arrival of the frame that revealed the stance to the command, s.
     since_stance_s : float
         From the stance itself to the command, s.
-    reason : str
+    reason : Message or None
         Why the planned swing was not sent as it is.
     """
 
@@ -85,7 +90,7 @@ class Decision:
     planning_s: float
     latency_s: float
     since_stance_s: float
-    reason: str
+    reason: Message | None
 
 
 Observers: TypeAlias = Callable[[], tuple[HopperTracker, StanceDetector]]
@@ -103,14 +108,19 @@ def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
     )
 
 
+def checks_of(
+    geometry: HopperGeometry, rate_hz: float, limits: Limits
+) -> Callable[[], FrameChecks]:
+    """Return a maker of the checks of frames that `observers_of` observes."""
+    names = (*geometry.body_names, str(geometry.boom_name))
+    return lambda: FrameChecks(limits, geometry, names, rate_hz)
+
+
 LOOK_UP_S = 0.5  # longest wait for a frame before the loop looks whether it is to end
 #: Largest difference between the camera's and our time between two frames for the
 #: camera's clock to have gone on over a lost connection.
 #: Unit: s. Origin: chosen.
 SAME_CLOCK_S = 0.5
-#: Consecutive frames whose markers do not fit together, after which some are swapped.
-#: Unit: 1. Origin: chosen.
-MISFITS = 3
 #: Differences between the swings sent and measured below this are not seen.
 #: Unit: rad. Origin: derived: cameras of 0.6 mm see the angle of a boom of 0.25 m to
 #: some 5 mrad, a tenth of it.
@@ -122,12 +132,17 @@ SWING_SHARE = 0.3
 #: Share of its swings below which a boom counts as not moving.
 #: Unit: 1. Origin: chosen.
 LEAST_GAIN = 0.15
+#: Last poses that are kept, to take that at a stance from them.
+#: Unit: 1. Origin: derived: 0.13 s at 500 Hz; a stance is recognised within 0.06 s.
+POSES_KEPT = 64
 
 
 class ControlLoop(Worker):
     """Waits for frames, and plans at each stance.
 
-    Use it as a context manager, or with `start` and `close`.
+    Use it as a context manager, or with `start` and `close`. Without threads, on a
+    clock of your own, call `step` when frames have come and `watch.look` every
+    `hopdata.steering.live.safety.LOOK_S`, as `hopdata.steering.live.clocked` does.
 
     Parameters
     ----------
@@ -139,18 +154,24 @@ class ControlLoop(Worker):
     controller : Controller
     boom : Boom
     limits : Limits
+    checks : callable, optional
+        Returns new checks of frames; called with `observers`. By default they know
+        neither geometry nor rate.
+    machine : Machine, optional
+        State machine of the drive. By default, it waits until it is armed; with
+        `Machine(is_armed=True)` the first swing is sent at the first stance.
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
     on_frames : callable, optional
-        Called with each batch of frames, before it is processed.
+        Called with each batch of frames, before it is processed, in the thread of the
+        loop or of the watch.
     fault : callable, optional
-        Returns another cause to bring the boom to rest, or an empty string.
+        Returns another cause to bring the boom to rest, or None.
     stop : threading.Event, optional
         Set when the drive is over: the hopper left the arena or tips over, or the loop
         failed.
     clock : callable
-        Returns the time, s, on the clock of `Frame.captured_s`. With another clock,
-        call `take` and `watch.look` instead of starting the threads.
+        Returns the time, s, on the clock of `Frame.captured_s`.
     """
 
     def __init__(  # noqa: PLR0913 - its parts, and what may listen to it, by name
@@ -161,9 +182,11 @@ class ControlLoop(Worker):
         boom: Boom,
         *,
         limits: Limits | None = None,
+        checks: Callable[[], FrameChecks] | None = None,
+        machine: Machine | None = None,
         on_decision: Callable[[Decision], None] | None = None,
         on_frames: Callable[[Sequence[Frame]], None] | None = None,
-        fault: Callable[[], str] = lambda: "",
+        fault: Callable[[], Message | None] = lambda: None,
         stop: threading.Event | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -171,31 +194,38 @@ class ControlLoop(Worker):
         self.limits = limits or Limits()
         self.counts = LoopCounts()
         self.last_failure = ""
-        self.watch = Watch(boom, self._cause, clock, patience_s=self.limits.command_s)
         self._clock = clock
         self._fault = fault
         self._told_to_stop = stop or threading.Event()
+        self.watch = Watch(
+            boom,
+            machine or Machine(),
+            self._ask,
+            clock,
+            limits=self.limits,
+            on_stop=self._told_to_stop.set,
+        )
         self._buffer = buffer
         self._observers = observers
         self._controller = controller
         self._on_decision = on_decision
         self._on_frames = on_frames
+        self._new_checks = checks or (lambda: FrameChecks(self.limits))
         self._tracker, self._detector = observers()
+        self._checks = self._new_checks()
         self._decisions: list[Decision] = []
-        # Why the drive is over; why the last frame is unusable; what the boom raised
-        # at the last stance.
-        self._over = ""
-        self._failing = ""
-        self._boom_failure = ""
-        # Consecutive misfits, and the time at which a plan is too late, monotonic.
-        self._misfits = 0
-        self._due_s = math.inf
+        # Frames are observed by the thread of the loop or, while that is planning, of
+        # the watch. What follows is theirs while they hold the lock.
+        self._observing = threading.RLock()
+        self._seen = buffer.written
         # The last frame, and the newest measurements up to it.
         self._last: Frame | None = None
         self._pose = _Newest()
+        # The last poses, with their camera times: a stance may have been at any.
+        self._poses: deque[tuple[float, _Newest]] = deque(maxlen=POSES_KEPT)
         self._boom_angle = _Newest()
-        # Since when frames lack a marker: capture time of the first, s.
-        self._lacking: dict[str, float] = {}
+        # Stances that were seen and wait for a decision.
+        self._told: list[_Told] = []
         # Monotonic time of the last stance, and its boom angle.
         self._last_stance: tuple[float, float] | None = None
         # The swing sent at it, NaN if that is not certain, and the rests up to it.
@@ -205,6 +235,8 @@ class ControlLoop(Worker):
         self._wrong: list[tuple[float, float]] = []
         # A boom that gets nothing cannot be expected to follow.
         self._is_sending = not isinstance(boom, NoBoom)
+        if not self.watch.machine.is_armed:
+            self.watch.report("frames", Message("steering.no_frame_yet"))
 
     def start(self) -> Self:
         """Start the thread."""
@@ -228,127 +260,166 @@ class ControlLoop(Worker):
         finally:
             self.watch.close()
 
-    def rest(self, cause: str) -> None:
+    @property
+    def state(self) -> State:
+        """State of the drive."""
+        return self.watch.machine.state
+
+    def arm(self) -> Message | None:
+        """Arm the drive, as the operator does; return what forbids it, if anything.
+
+        The first swing is sent at the next stance.
+        """
+        return self.watch.arm()
+
+    def end(self, cause: Message) -> None:
         """Bring the boom to rest for good, at once."""
-        self._over = self._over or cause
-        self.watch.look()
-        self._told_to_stop.set()
-
-    def _cause(self) -> str:
-        """Return why the boom must rest now, or an empty string."""
-        newest = self._buffer.newest()
-        now = self._clock()
-        if self._over:
-            return self._over
-        if self._failing:
-            return self._failing
-        if self._misfits >= MISFITS:
-            return "the markers do not fit together: exchanged?"
-        if newest is not None:
-            limit = self.limits.pose_age_s
-            silent_s = now - newest.captured_s
-            if silent_s > limit:
-                return f"no frame for {silent_s:.3f} s, beyond {limit:g} s"
-        lacking = self._lacking_too_long()
-        if lacking:
-            return lacking
-        if now > self._due_s:
-            most_s = self.limits.command_s
-            return f"planned too late: no plan {most_s:g} s after the stance"
-        if self._boom_failure:
-            return self._boom_failure
-        return self._fault()
-
-    def _lacking_too_long(self) -> str:
-        """Return which needed markers have not been seen for `Limits.pose_age_s`."""
-        last = self._last
-        if last is None:
-            return ""
-        too_long = {}
-        for what, since_s in self._lacking.copy().items():
-            age = last.captured_s - since_s
-            if age > self.limits.pose_age_s:
-                too_long[what] = age
-        if not too_long:
-            return ""
-        return f"{'; '.join(too_long)} (for {max(too_long.values()):.2f} s)"
+        self.watch.end(cause)
 
     def decisions(self) -> tuple[Decision, ...]:
         """Return all decisions so far."""
         return tuple(self._decisions)
 
+    def _ask(self) -> dict[str, Message | None]:
+        """Observe what has come, and return what else is wrong; for the watch."""
+        # If the loop is observing, the watch does not wait for it.
+        if self._observing.acquire(blocking=False):
+            try:
+                self._observe_new()
+            finally:
+                self._observing.release()
+        return {"outside": self._fault()}
+
     def _run(self) -> None:
         try:
             while not self._stop.is_set():
-                self._buffer.wait(self._seen, LOOK_UP_S, unless=self._stop.is_set)
-                frames = self._buffer.since(self._seen)
-                if frames:
-                    self.counts.overrun += frames[0].index - self._seen
-                    self._seen = frames[-1].index + 1
-                    self.take(frames)
+                self._buffer.wait(self._seen, LOOK_UP_S, unless=self._is_awaited)
+                self.step()
         except BaseException as error:
-            self.rest(f"the control loop failed: {error!r}")
+            self.end(Message("steering.loop_failed", {"error": repr(error)}))
+
+    def _is_awaited(self) -> bool:
+        return self._stop.is_set() or bool(self._told)
+
+    def step(self) -> None:
+        """Process the frames that have come, and plan at the last stance among them."""
+        self._observe_new()
+        self._decide_all()
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Process frames, and plan at the last stance among them."""
+        """Process frames as one batch, and plan at the last stance among them.
+
+        Those in the buffer count as processed.
+        """
+        with self._observing:
+            self._seen = self._buffer.written
+            self._observe(frames)
+        self._decide_all()
+
+    # Observing.
+
+    def _observe_new(self) -> None:
+        """Observe the frames of the buffer that have not been observed."""
+        if self._buffer.written == self._seen:
+            return
+        with self._observing:
+            frames = self._buffer.since(self._seen)
+            if frames:
+                self.counts.overrun += frames[0].index - self._seen
+                self._seen = frames[-1].index + 1
+                self._observe(frames)
+
+    def _observe(self, frames: Sequence[Frame]) -> None:
+        if not frames:
+            return
         if self._on_frames is not None:
             self._on_frames(frames)
-        told = []
+        is_told = False
         for frame in frames:
             stance = self._observed(frame)
             if stance is not None:
-                # Later frames of the batch must not change what was known then.
-                told.append(_Told(stance, frame, self._pose, self._boom_angle))
-        for k, one in enumerate(told):
-            self._decide(one, overtaken=k + 1 < len(told))
+                # Later frames must not change what was known then.
+                at_stance = self._pose_at(stance)
+                told = _Told(stance, frame, at_stance, self._pose, self._boom_angle)
+                self._told.append(told)
+                is_told = True
+        newest = frames[-1].captured_s
+        self.watch.expect(
+            "frames", newest + self.limits.pose_age_s, self._no_frame_since(newest)
+        )
+        if is_told:
+            self._buffer.wake()  # the loop may wait for the next frame
+
+    def _no_frame_since(self, captured_s: float) -> Callable[[float], Message]:
+        limit_s = self.limits.pose_age_s
+
+        def why(now: float) -> Message:
+            values = {"age_s": now - captured_s, "limit_s": limit_s}
+            return Message("steering.no_frame", values)
+
+        return why
 
     def _observed(self, frame: Frame) -> Stance | None:
         """Process a frame, and return the stance it reveals, if any."""
         self.counts.frames += 1
+        if self._last is not None and not _same_clock(self._last, frame):
+            self._tracker, self._detector = self._observers()
+            self._checks = self._new_checks()
+            self._poses.clear()
+        self._last = frame
         try:
-            if self._last is not None and not _same_clock(self._last, frame):
-                self._tracker, self._detector = self._observers()
-            self._last = frame
             seen = self._tracker.feed(frame.time_s, frame.markers)
-            self._heed(seen)
-            if np.isfinite(seen.pose).all():
-                self._pose = _Newest(tuple(seen.pose.tolist()), frame.captured_s)
+            findings = self._checks.feed(frame, seen)
+            self._heed(findings)
+            if not findings.is_usable:
+                return self._detector.feed(frame.time_s, math.nan)
+            pose = tuple(seen.pose.tolist())
+            if math.isfinite(sum(pose)):
+                self._pose = _Newest(pose, frame.captured_s)
+                self._poses.append((frame.time_s, self._pose))
             if math.isfinite(seen.boom_angle_rad):
                 self._boom_angle = _Newest((seen.boom_angle_rad,), frame.captured_s)
-            stance = self._detector.feed(frame.time_s, seen.height_m)
-            self._failing = ""
-            return stance
+            return self._detector.feed(frame.time_s, seen.height_m)
         except Exception as error:
             self.counts.failed += 1
             self.last_failure = repr(error)
-            self._failing = f"a frame could not be understood: {error!r}"
+            self._heed(self._checks.failed(error))
             return None
 
-    def _heed(self, seen: Observation) -> None:
-        """Check whether the hopper left the arena or tips over; note what lacks."""
-        self._misfits = self._misfits + 1 if seen.status == MISFIT else 0
-        captured_s = self._last.captured_s if self._last is not None else math.nan
-        before = self._lacking
-        self._lacking = {what: before.get(what, captured_s) for what in seen.lacking}
-        away_m = math.hypot(*seen.pose[:2])
-        fence_m = self.limits.fence_m
-        if away_m > fence_m:
-            where = f"{away_m:.2f} m from the origin, beyond {fence_m:g} m"
-            self.rest(f"left the arena: {where}")
-        upright = seen.rotation[2, 2]  # cosine of the tilt
-        if upright < math.cos(self.limits.tilt_rad):
-            tilt = math.degrees(math.acos(max(-1.0, upright)))
-            self.rest(f"tips over: leans by {tilt:.0f} degrees")
+    def _pose_at(self, stance: Stance) -> _Newest:
+        """Return the pose of the frame nearest to a stance, for which models are made.
+
+        When the stance is recognised, the hopper has moved on for two or three frames.
+        """
+        if not self._poses:
+            return _Newest()
+        return min(self._poses, key=lambda one: abs(one[0] - stance.time_s))[1]
+
+    def _heed(self, findings: Findings) -> None:
+        """Pass on what the checks have found in a frame."""
+        lasting = self.watch.machine.lasting
+        for source, cause in findings.lasting.items():
+            if cause is not None or source in lasting:
+                self.watch.report(source, cause)
+        if findings.over is not None:
+            self.end(findings.over)
+
+    # Deciding.
+
+    def _decide_all(self) -> None:
+        """Decide at the stances that wait; only the last one is planned for."""
+        while self._told:
+            told = self._told.pop(0)
+            self._decide(told, overtaken=bool(self._told))
 
     def _decide(self, told: _Told, *, overtaken: bool) -> None:
         """Decide at a stance, send the command, and log both."""
-        self._boom_failure = ""  # it is tried again
-        self.watch.look()  # an earlier cause may be gone
-        pose = told.pose
+        self.watch.look()
+        pose = told.at_stance
         boom = told.boom
         stance_s = told.stance_s
         asked_s = self._clock()
-        pose_age_s = asked_s - pose.captured_s
+        pose_age_s = asked_s - told.pose.captured_s
         boom_age_s = asked_s - boom.captured_s
         boom_angle_rad = math.nan
         if boom_age_s <= self.limits.pose_age_s:
@@ -357,17 +428,16 @@ class ControlLoop(Worker):
         self._compare(swung)
         planned = math.nan
         planning_s = math.nan
-        outcome, reason = self._refusal(
-            pose_age_s, boom_age_s, asked_s - stance_s, overtaken=overtaken
-        )
-        command = math.nan if outcome == "overtaken" else 0.0
+        ages = {"pose": pose_age_s, "boom angle": boom_age_s}
+        outcome, reason = self._refusal(ages, asked_s - stance_s, overtaken=overtaken)
+        command = 0.0 if outcome == "held" else math.nan
         if outcome == "planned":
             planned, failure = self._plan(pose, boom, swung, stance_s)
             planning_s = self._clock() - asked_s
             outcome, command, reason = self._permitted(planned, failure, stance_s)
         self._sent_rad = math.nan
         self._rests_then = len(self.watch.rests)
-        if outcome != "overtaken":
+        if math.isfinite(command):
             outcome, command, reason = self._sent(outcome, command, reason)
         sent_s = self._clock()
         decision = Decision(
@@ -391,43 +461,51 @@ class ControlLoop(Worker):
         self._log(decision)
 
     def _sent(
-        self, outcome: Outcome, command: float, reason: str
-    ) -> tuple[Outcome, float, str]:
+        self, outcome: Outcome, command: float, reason: Message | None
+    ) -> tuple[Outcome, float, Message | None]:
         """Send a command; return outcome, command and reason as they then are."""
         try:
             refused = self.watch.swing(command)
         except Exception as error:
-            self._boom_failure = f"the boom failed: {error!r}"
-            return outcome, command, self._boom_failure  # it may have begun to move
-        if refused:
-            return "held", 0.0, refused
+            failed = Message("steering.boom_failed", {"error": repr(error)})
+            self.watch.fail("boom", failed)
+            return outcome, command, failed  # it may have begun to move
+        if refused is not None:
+            return "held", 0.0, reason or refused
         self._sent_rad = command
         return outcome, command, reason
 
     def _refusal(
-        self,
-        pose_age_s: float,
-        boom_age_s: float,
-        stance_age_s: float,
-        *,
-        overtaken: bool,
-    ) -> tuple[Outcome, str]:
+        self, ages: Mapping[str, float], stance_age_s: float, *, overtaken: bool
+    ) -> tuple[Outcome, Message | None]:
         """Return an outcome, and the reason if there is to be no planning."""
         if overtaken:
-            return "overtaken", "another stance has been seen in the meantime"
-        if self.watch.cause:
+            return "overtaken", Message("steering.overtaken")
+        if self.watch.machine.may_swing:
+            brief = self._brief_fault(ages, stance_age_s)
+            if brief is not None:
+                return "held", brief
+        told = self.watch.stance()
+        if told is Told.NOTHING:
+            return "waiting", self.watch.cause or Message("steering.not_armed")
+        if told is Told.REST:
             return "held", self.watch.cause
+        return "planned", None
+
+    def _brief_fault(
+        self, ages: Mapping[str, float], stance_age_s: float
+    ) -> Message | None:
+        """Return why there is no plan at this stance, though the drive goes on."""
         if stance_age_s > self.limits.command_s:
-            late = f"the stance was reported too late, {stance_age_s:.3f} s after it"
-            return "held", late
+            return Message("steering.stance_late", {"late_s": stance_age_s})
         limit_s = self.limits.pose_age_s
-        for name, age in (("pose", pose_age_s), ("boom angle", boom_age_s)):
-            if not math.isfinite(age):
-                return "held", f"no {name} yet"
-            if age > limit_s:
-                stale = f"stale {name}: {age:.3f} s old, beyond {limit_s:g} s"
-                return "held", stale
-        return "planned", ""
+        for what, age_s in ages.items():
+            if not math.isfinite(age_s):
+                return Message("steering.none_yet", {"what": what})
+            if age_s > limit_s:
+                values = {"what": what, "age_s": age_s, "limit_s": limit_s}
+                return Message("steering.stale", values)
+        return None
 
     def _swung(self, stance_s: float, boom_angle_rad: float) -> float | None:
         """Return the measured swing since the last stance, if that was a hop before."""
@@ -457,37 +535,44 @@ class ControlLoop(Worker):
             return
         self._wrong = [*self._wrong, (sent, swung)]
         if len(self._wrong) >= self.limits.wrong_swings:
-            self.rest(_does_not_follow(self._wrong))
+            self.end(_does_not_follow(self._wrong))
 
     def _plan(
         self, pose: _Newest, boom: _Newest, swung: float | None, stance_s: float
-    ) -> tuple[float, str]:
-        """Return the controller's swing and an empty string, or NaN and the error."""
-        self._due_s = stance_s + self.limits.command_s
+    ) -> tuple[float, Message | None]:
+        """Return the controller's swing, or NaN and the error."""
+        limit_s = self.limits.command_s
+        late = Message("steering.plan_late", {"limit_s": limit_s})
+        self.watch.expect("plan", stance_s + limit_s, lambda _: late)
         try:
             plan = self._controller.plan(np.array(pose.values), boom.values[0], swung)
-            return float(plan.swing_rad), ""
+            swing = float(plan.swing_rad)
         except Exception as error:
-            return math.nan, f"the controller failed: {error!r}"
+            values = {"error": repr(error)}
+            return math.nan, Message("steering.controller_failed", values)
         finally:
-            self._due_s = math.inf
+            self.watch.met("plan")
+        if not math.isfinite(swing):
+            return math.nan, Message("steering.no_number", {"swing": swing})
+        return swing, None
 
     def _permitted(
-        self, swing: float, failure: str, stance_s: float
-    ) -> tuple[Outcome, float, str]:
+        self, swing: float, failure: Message | None, stance_s: float
+    ) -> tuple[Outcome, float, Message | None]:
         """Return outcome and command for a planned swing, and why they differ."""
         late_s = self._clock() - stance_s
         limit = self.limits.swing_rad
         if self._stop.is_set():
-            return "held", 0.0, "the drive ended while it was planned"
-        if not math.isfinite(swing):
-            return "held", 0.0, failure or f"the controller's swing is {swing}"
-        if late_s > self.limits.command_s:
-            return "held", 0.0, f"planned too late, {late_s:.3f} s after the stance"
+            return "held", 0.0, Message("steering.ended_meanwhile")
+        if failure is None and late_s > self.limits.command_s:
+            failure = Message("steering.plan_came_late", {"late_s": late_s})
+        if failure is not None:
+            self.watch.fail("plan", failure)
+            return "held", 0.0, failure
         if abs(swing) > limit:
-            cut = f"{swing:.3f} rad cut to {limit:.3f} rad"
-            return "cut", math.copysign(limit, swing), cut
-        return "planned", swing, ""
+            values = {"planned_rad": swing, "limit_rad": limit}
+            return "cut", math.copysign(limit, swing), Message("steering.cut", values)
+        return "planned", swing, None
 
     def _log(self, decision: Decision) -> None:
         self._decisions.append(decision)
@@ -498,22 +583,24 @@ class ControlLoop(Worker):
                 self.last_failure = repr(error)
 
 
-def _does_not_follow(wrong: Sequence[tuple[float, float]]) -> str:
+def _does_not_follow(wrong: Sequence[tuple[float, float]]) -> Message:
     """Say how swings that were measured differ from those sent."""
     pairs = ", ".join(
         f"{sent:+.2f} rad sent and {swung:+.2f} measured" for sent, swung in wrong
     )
+    return Message("steering.does_not_follow", {"how": _how_off(wrong), "pairs": pairs})
+
+
+def _how_off(wrong: Sequence[tuple[float, float]]) -> Message:
     sent, swung = np.array(wrong).T
     if np.abs(sent).max() < LEAST_SWING_RAD:
-        how = "it moves though it was told to stay"
-    else:
-        gain = float(sent @ swung / (sent @ sent))
-        how = f"it moves by {100 * gain:.0f} % of its swings"
-        if gain < -LEAST_GAIN:
-            how = "it turns the other way"
-        elif gain < LEAST_GAIN:
-            how = "it does not move"
-    return f"the boom does not follow: {how} ({pairs})"
+        return Message("steering.moves_unbidden")
+    gain = float(sent @ swung / (sent @ sent))
+    if gain < -LEAST_GAIN:
+        return Message("steering.other_way")
+    if gain < LEAST_GAIN:
+        return Message("steering.does_not_move")
+    return Message("steering.moves_by", {"percent": 100 * gain})
 
 
 @dataclass(frozen=True)
@@ -530,6 +617,7 @@ class _Told:
 
     stance: Stance
     frame: Frame
+    at_stance: _Newest  # the pose nearest to the stance
     pose: _Newest
     boom: _Newest
 

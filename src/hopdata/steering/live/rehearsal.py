@@ -1,5 +1,8 @@
 """Rehearsal: each act that must bring the boom to rest, on the simulated robot.
 
+After each, the boom must stay at rest though the cause is gone, until the operator arms
+the drive again.
+
 Most acts are performed on a simulated clock, so that a rehearsal takes seconds and
 gives the same result every time. Those that need threads or signals (Ctrl-C, a driver
 that blocks) are short drives in real time.
@@ -8,6 +11,7 @@ that blocks) are short drives in real time.
 from __future__ import annotations
 
 import errno
+import itertools
 import math
 import signal
 import tempfile
@@ -23,12 +27,15 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray
-from hopdata.steering.live.buffer import Frame, FrameBuffer, Stream
+from hopdata.messages import Message
+from hopdata.steering.live.buffer import Stream
+from hopdata.steering.live.clocked import ClockedDrive
 from hopdata.steering.live.drive import drive
 from hopdata.steering.live.log import DriveLog
-from hopdata.steering.live.loop import ControlLoop, observers_of
+from hopdata.steering.live.loop import ControlLoop, checks_of, observers_of
+from hopdata.steering.live.machine import REST_WITHIN_S, Machine
 from hopdata.steering.live.packets import LiveError
-from hopdata.steering.live.safety import LOOK_S, Limits
+from hopdata.steering.live.safety import Limits
 from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, SimulatedStream
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
@@ -43,11 +50,12 @@ BEFORE_S = 3.0  # drive before each act: four hops
 # does not count, since its swing was executed before the act.
 TWO_HOPS_S = 3.0
 ONE_HOP_S = 1.5  # time for what is told at the next stance
-SOON_S = 0.05  # a few looks of the watch
+SOON_S = REST_WITHIN_S
+GONE_S = 2.0  # time after an act, three hops, in which it must not go on by itself
 REAL_S = 20.0  # longest drive in real time; on a free machine each takes about 2 s
 ENDED_BY = "ended by"  # the cause of a rest after a signal, with its name
 BLOCKED_S = 1.0  # patience with a driver, in that drive
-BLOCKED = "the boom's driver has not returned"
+BLOCKED = "steering.boom_blocked"
 
 
 # The acts.
@@ -73,6 +81,8 @@ class Act:
         How an operator does it with a robot; empty if it needs none.
     rest : str
         Words of the cause that must be told.
+    code : str
+        Its code, or that of a message in it.
     within_s : float
         Longest time from the act to the boom's rest, s.
     cameras : callable
@@ -84,8 +94,12 @@ class Act:
         Number of commands for which the boom raises an error.
     plan : callable, optional
         Given the simulated drive, plans in place of the controller, rad; may raise.
+    is_silent : bool
+        Whether the robot answers no heartbeats.
     presses_key : bool
         Whether the operator's key is pressed.
+    is_over : bool
+        Whether the drive is over after it, so that it cannot be armed again.
     in_real_time : callable, optional
         Performs the act in a drive in real time, given its loop, its stream and its
         parts.
@@ -94,12 +108,15 @@ class Act:
     name: str
     by_hand: str
     rest: str
+    code: str
     within_s: float
     cameras: Callable[[FloatArray], FloatArray | None] = _nothing_else
     boom: Callable[[float], float] = _exact
     refuses: int = 0
     plan: Callable[[SimulatedDrive], float] | None = None
+    is_silent: bool = False
     presses_key: bool = False
+    is_over: bool = False
     in_real_time: Callable[[ControlLoop, Stream, _RealParts], None] | None = None
 
 
@@ -107,21 +124,53 @@ class Act:
 class Performed:
     """What came of an act.
 
-    `cause` is what was told, empty if nothing was. `after_s` is the time from the act
-    to the boom's rest, s; NaN if it did not rest. `moved` tells whether a swing other
-    than 0 followed the rest.
+    Parameters
+    ----------
+    act : Act
+    cause : Message or None
+        What was told, if anything was.
+    after_s : float
+        Time from the act to the boom's rest, s; NaN if it did not rest.
+    moved : bool
+        Whether a swing other than 0 followed the rest while the act lasted.
+    resumed : bool
+        Whether one followed after it, before the operator armed the drive again.
+    obeyed : bool
+        Whether the drive could be armed again then, and moved; or could not, if it was
+        over.
     """
 
     act: Act
-    cause: str
-    after_s: float
-    moved: bool
+    cause: Message | None
+    after_s: float = math.nan
+    moved: bool = False
+    resumed: bool = False
+    obeyed: bool = True
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the cause is the one expected, by its code and its words."""
+        if self.cause is None:
+            return False
+        return self.act.code in codes_in(self.cause) and self.act.rest in str(
+            self.cause
+        )
 
     @property
     def is_right(self) -> bool:
-        """Whether the boom rested in time, stayed at rest, and the cause was told."""
-        told = self.act.rest in self.cause
-        return told and self.after_s <= self.act.within_s and not self.moved
+        """Whether the boom rested in time for the cause, and until it was armed."""
+        is_at_rest = not self.moved and not self.resumed
+        is_in_time = self.after_s <= self.act.within_s
+        return self.is_told and is_in_time and is_at_rest and self.obeyed
+
+
+def codes_in(message: Message) -> set[str]:
+    """Return the codes of a message and of those among its values."""
+    codes = {message.code}
+    for value in message.values.values():
+        if isinstance(value, Message):
+            codes |= codes_in(value)
+    return codes
 
 
 def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
@@ -133,16 +182,29 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             name=f"marker {name} is covered",
             by_hand=f"cover marker {name}",
             rest=f"marker '{name}' is not seen",
+            code="steering.markers_unseen",
             within_s=unseen_s,
             cameras=_covered(k),
         )
         for k, name in enumerate(names)
+    ]
+    exchanged = [
+        Act(
+            name=f"markers {names[i]} and {names[j]} are exchanged",
+            by_hand=f"exchange the names of markers {names[i]} and {names[j]}",
+            rest=f"'{names[i]}' and '{names[j]}' are exchanged",
+            code="steering.markers_exchanged",
+            within_s=SOON_S,
+            cameras=_exchanged(i, j),
+        )
+        for i, j in itertools.combinations(range(len(names)), 2)
     ]
     return (
         Act(
             name="the cable of the cameras is pulled",
             by_hand="pull the cable of the cameras",
             rest="no frame for",
+            code="steering.no_frame",
             within_s=unseen_s,
             cameras=lambda _: None,
         ),
@@ -150,28 +212,49 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             name="the server of the cameras goes away",
             by_hand="quit Qualisys Track Manager",
             rest="the stream is lost",
+            code="steering.stream_lost",
             within_s=REAL_S,
             in_real_time=_lose_stream,
         ),
-        *covered,
         Act(
-            name=f"markers {names[0]} and {names[-1]} are exchanged",
-            by_hand=f"exchange the names of markers {names[0]} and {names[-1]}",
-            rest="the markers do not fit together",
+            name="coordinates freeze while frame numbers run",
+            by_hand="",
+            rest="the markers have not moved by a bit",
+            code="steering.markers_frozen",
             within_s=SOON_S,
-            cameras=_exchanged,
+            cameras=_Frozen(),
+        ),
+        *covered,
+        *exchanged,
+        Act(
+            name="the markers are mirrored",
+            by_hand="mirror an axis of the camera system",
+            rest="they are mirrored along x",
+            code="steering.markers_mirrored",
+            within_s=SOON_S,
+            cameras=lambda markers: markers * np.array([-1.0, 1.0, 1.0]),
+        ),
+        Act(
+            name="the markers come in mm in place of m",
+            by_hand="",
+            rest="are their units mm, not m?",
+            code="steering.markers_scaled",
+            within_s=SOON_S,
+            cameras=lambda markers: 1000.0 * markers,
         ),
         Act(
             name=f"marker {names[-1]} is off the circle of the boom",
             by_hand=f"hold marker {names[-1]} 10 cm above its place",
             rest=f"marker '{names[-1]}' is off the circle",
+            code="steering.markers_unseen",
             within_s=unseen_s,
             cameras=_lifted,
         ),
         Act(
-            name="a frame cannot be understood",
+            name="frames cannot be understood",
             by_hand="",
             rest="a frame could not be understood",
+            code="steering.not_understood",
             within_s=SOON_S,
             cameras=lambda markers: markers[:1],
         ),
@@ -179,6 +262,7 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             name="a plan is late",
             by_hand="",
             rest="planned too late",
+            code="steering.plan_late",
             within_s=late_s,
             plan=_late,
         ),
@@ -186,6 +270,7 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             name="the controller fails",
             by_hand="",
             rest="the controller failed",
+            code="steering.controller_failed",
             within_s=ONE_HOP_S,
             plan=_failing,
         ),
@@ -193,41 +278,60 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             name="the hopper leaves the arena",
             by_hand="carry the robot beyond the fence",
             rest="left the arena",
+            code="steering.left_arena",
             within_s=SOON_S,
+            is_over=True,
             cameras=_beyond(limits.fence_m),
         ),
         Act(
             name="the hopper tips over",
             by_hand="tilt the robot by 60 degrees",
             rest="tips over",
+            code="steering.tips_over",
             within_s=SOON_S,
+            is_over=True,
             cameras=_tilted,
         ),
         Act(
             name="the operator's key is pressed",
             by_hand="press Enter",
             rest="the operator's key",
+            code="steering.operators_key",
             within_s=SOON_S,
+            is_over=True,
             presses_key=True,
         ),
         Act(
             name="Ctrl-C is pressed",
             by_hand="press Ctrl-C",
             rest=f"{ENDED_BY} SIGINT",
+            code="steering.ended_by",
             within_s=REAL_S,
+            is_over=True,
             in_real_time=_signalled(signal.SIGINT),
         ),
         Act(
             name="SIGTERM comes",
             by_hand="kill the process of hopdata (kill PID)",
             rest=f"{ENDED_BY} SIGTERM",
+            code="steering.ended_by",
             within_s=REAL_S,
+            is_over=True,
             in_real_time=_signalled(signal.SIGTERM),
+        ),
+        Act(
+            name="the boom acknowledges no heartbeats",
+            by_hand="pull the cable between this computer and the robot",
+            rest="has not acknowledged a heartbeat",
+            code="steering.unacknowledged",
+            within_s=limits.heard_s + limits.alive_s + SOON_S,
+            is_silent=True,
         ),
         Act(
             name="the boom's driver blocks",
             by_hand="",
-            rest=BLOCKED,
+            rest="the boom's driver has not returned",
+            code=BLOCKED,
             within_s=REAL_S,
             in_real_time=_block,
         ),
@@ -235,6 +339,7 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             name="the boom's driver fails",
             by_hand="",
             rest="the boom failed",
+            code="steering.boom_failed",
             within_s=ONE_HOP_S,
             refuses=3,
         ),
@@ -242,28 +347,36 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             name="the boom is wired backwards",
             by_hand="swap the wires of the boom's motor",
             rest="it turns the other way",
+            code="steering.other_way",
             within_s=TWO_HOPS_S,
+            is_over=True,
             boom=lambda rad: -rad,
         ),
         Act(
             name="the boom is dead",
-            by_hand="pull the cable of the boom, or switch off its motor",
+            by_hand="pull the cable of the boom's motor, or switch it off",
             rest="it does not move",
+            code="steering.does_not_move",
             within_s=TWO_HOPS_S,
+            is_over=True,
             boom=lambda _: 0.0,
         ),
         Act(
             name="the boom moves by half of each swing",
             by_hand="set the gain of the boom to one half",
             rest="% of its swings",
+            code="steering.moves_by",
             within_s=TWO_HOPS_S,
+            is_over=True,
             boom=lambda rad: 0.5 * rad,
         ),
         Act(
             name="the boom moves though it is told to stay",
             by_hand="turn the boom by hand",
             rest="though it was told to stay",
+            code="steering.moves_unbidden",
             within_s=TWO_HOPS_S,
+            is_over=True,
             boom=lambda rad: rad or SWING_RAD,
             plan=lambda _: 0.0,
         ),
@@ -271,6 +384,7 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             name="the disk of the log is full, with --log-full rest",
             by_hand="",
             rest="the log could not be written",
+            code="steering.log_failed",
             within_s=REAL_S,
             in_real_time=_fill_disk,
         ),
@@ -285,11 +399,25 @@ def _covered(index: int) -> Callable[[FloatArray], FloatArray]:
     return shown
 
 
-def _exchanged(markers: FloatArray) -> FloatArray:
-    """Exchange the first marker and the last."""
-    order = np.arange(len(markers))
-    order[[0, -1]] = order[[-1, 0]]
-    return markers[order]
+class _Frozen:
+    """Cameras that show the first markers for ever."""
+
+    def __init__(self) -> None:
+        self._first: FloatArray | None = None
+
+    def __call__(self, markers: FloatArray) -> FloatArray:
+        if self._first is None:
+            self._first = markers
+        return self._first
+
+
+def _exchanged(first: int, second: int) -> Callable[[FloatArray], FloatArray]:
+    def shown(markers: FloatArray) -> FloatArray:
+        order = np.arange(len(markers))
+        order[[first, second]] = [second, first]
+        return markers[order]
+
+    return shown
 
 
 def _lifted(markers: FloatArray) -> FloatArray:
@@ -339,34 +467,39 @@ def simulated_geometry() -> HopperGeometry:
     return calibrate(record_trial(SteeredHopper(), swings, seed=SEED).recording)
 
 
-class SimulatedDrive:
-    """A loop, its watch and the simulated hopper on a simulated clock, without threads.
+class SimulatedDrive(ClockedDrive):
+    """A drive of the simulated hopper on a simulated clock.
 
     Parameters
     ----------
     geometry, limits
     seed : int
         Seed of the hopper.
+    machine : Machine, optional
+        As in `ClockedDrive`.
 
     Attributes
     ----------
-    cameras, boom, refuses, plan
+    cameras, boom, refuses, plan, is_silent
         As in `Act`; may be replaced at any time.
-    now_s : float
-        The time, s.
     swings : list of (time_s, rad)
         What the boom was told.
     """
 
     def __init__(
-        self, geometry: HopperGeometry, limits: Limits, *, seed: int = SEED
+        self,
+        geometry: HopperGeometry,
+        limits: Limits,
+        *,
+        seed: int = SEED,
+        machine: Machine | None = None,
     ) -> None:
-        self.now_s = 0.0
         self.swings: list[tuple[float, float]] = []
-        self.cameras: Callable[[FloatArray], FloatArray | None] = _nothing_else
         self.boom: Callable[[float], float] = _exact
         self.refuses = 0
+        self.is_silent = False
         self.plan: Callable[[SimulatedDrive], float] = lambda _: self._to_and_fro()
+        self._beats = 0
         self._next_swing_rad = SWING_RAD
         self._moved = SimulatedBoom()
         self.hopper = LiveHopper(
@@ -376,47 +509,41 @@ class SimulatedDrive:
             rate_hz=RATE_HZ,
             seed=seed,
         )
-        self._buffer = FrameBuffer(256)
-        self.loop = ControlLoop(
-            self._buffer,
+        super().__init__(
+            self.hopper,
             observers_of(geometry, RATE_HZ),
             SimpleNamespace(plan=lambda *_: SimpleNamespace(swing_rad=self.plan(self))),
-            SimpleNamespace(swing=self._told),
+            SimpleNamespace(
+                swing=self._told, alive=self._alive, heard=lambda: self._beats
+            ),
             limits=limits,
-            clock=lambda: self.now_s,
+            checks=checks_of(geometry, RATE_HZ, limits),
+            machine=machine,
+            cameras=_nothing_else,
         )
-        self._frames = enumerate(self.hopper)
-        self._number, (self._frame_s, self._markers) = next(self._frames)
-        self._look_s = 0.5 * LOOK_S
-        self._taken = 0
 
-    def run(self, until_s: float, *, ended: Callable[[], bool] = lambda: False) -> None:
-        """Drive until a time, or until something holds."""
-        while self.now_s < until_s and not ended():
-            self.let_pass(min(self._frame_s, self._look_s) - self.now_s)
-            frames = self._buffer.since(self._taken)
-            if frames:
-                self._taken = frames[-1].index + 1
-                self.loop.take(frames)
+    def begin(self, act: Act) -> None:
+        """Begin an act."""
+        self.cameras = act.cameras
+        self.boom = act.boom
+        self.refuses = act.refuses
+        self.is_silent = act.is_silent
+        if act.plan is not None:
+            self.plan = act.plan
+        if act.presses_key:
+            self.loop.end(Message("steering.operators_key"))
 
-    def let_pass(self, seconds: float) -> None:
-        """Let time pass: frames arrive, and the watch looks."""
-        until_s = self.now_s + max(0.0, seconds)
-        while min(self._frame_s, self._look_s) <= until_s:
-            self.now_s = max(self.now_s, min(self._frame_s, self._look_s))
-            if self._look_s < self._frame_s:
-                self._look_s += LOOK_S
-                self.loop.watch.look()
-            else:
-                self._arrive()
-        self.now_s = until_s
+    def end_act(self) -> None:
+        """End an act; all is well again."""
+        self.cameras = _nothing_else
+        self.boom = _exact
+        self.refuses = 0
+        self.is_silent = False
+        self.plan = lambda _: self._to_and_fro()
 
-    def _arrive(self) -> None:
-        shown = self.cameras(self._markers.copy())
-        if shown is not None:
-            at_s = self._frame_s
-            self._buffer.write(Frame(0, self._number, at_s, self.now_s, at_s, shown))
-        self._number, (self._frame_s, self._markers) = next(self._frames)
+    def has_swung_since(self, begun_s: float) -> bool:
+        """Return whether the boom was told to move after a time."""
+        return any(rad != 0.0 for at_s, rad in self.swings if at_s > begun_s)
 
     def _told(self, rad: float) -> None:
         if self.refuses > 0:
@@ -424,6 +551,10 @@ class SimulatedDrive:
             raise OSError(errno.EIO, "no answer from the motor")
         self.swings.append((self.now_s, rad))
         self._moved.swing(rad)
+
+    def _alive(self, number: int) -> None:
+        if not self.is_silent:
+            self._beats = number
 
     def _moved_by(self) -> float | None:
         rad = self._moved.newest()
@@ -441,37 +572,28 @@ def _on_simulated_clock(
     loop = simulated.loop
     simulated.run(BEFORE_S)
     early = [rest.cause for rest in loop.watch.rests]
-    if early or not any(rad for _, rad in simulated.swings):
-        why = f"before the act: {early or 'no swing'}"
-        return Performed(act, why, math.nan, moved=False)
+    if early or not simulated.has_swung_since(0.0):
+        why = {"why": early[0] if early else "no swing"}
+        return Performed(act, Message("steering.before_the_act", why))
     begun_s = simulated.now_s
-    simulated.cameras = act.cameras
-    simulated.boom = act.boom
-    simulated.refuses = act.refuses
-    if act.plan is not None:
-        simulated.plan = act.plan
-    if act.presses_key:
-        loop.rest("the operator's key")
+    simulated.begin(act)
     until_s = begun_s + act.within_s + SOON_S
-    simulated.run(until_s, ended=lambda: bool(_told_since(loop, begun_s)))
-    told = _told_since(loop, begun_s)
-    if not told:
-        return Performed(act, "", math.nan, moved=False)
-    rested_s, cause = told[0]
-    simulated.run(rested_s + SOON_S)  # the act lasts
-    moved = any(rad != 0.0 for at_s, rad in simulated.swings if at_s > rested_s)
-    return Performed(act, cause, rested_s - begun_s, moved)
-
-
-def _told_since(loop: ControlLoop, begun_s: float) -> list[tuple[float, str]]:
-    """Return when the boom was brought to rest or held, and why."""
-    rests = [(rest.sent_s, rest.cause) for rest in loop.watch.rests]
-    held = [
-        (made.stance_s + made.since_stance_s, made.reason)  # when it was sent
-        for made in loop.decisions()
-        if made.outcome == "held" and made.command_rad == 0.0
-    ]
-    return sorted(one for one in [*rests, *held] if one[0] >= begun_s)
+    simulated.run(until_s, ended=lambda: bool(loop.watch.rests))
+    if not loop.watch.rests:
+        return Performed(act, None)
+    rest = loop.watch.rests[0]
+    simulated.run(rest.sent_s + SOON_S)  # the act lasts
+    moved = simulated.has_swung_since(rest.sent_s)
+    simulated.end_act()
+    ended_s = simulated.now_s
+    simulated.run(ended_s + GONE_S)
+    resumed = simulated.has_swung_since(ended_s)
+    armed_s = simulated.now_s
+    is_armed = loop.arm() is None
+    simulated.run(armed_s + ONE_HOP_S)
+    has_moved = simulated.has_swung_since(armed_s)
+    obeyed = is_armed == has_moved == (not act.is_over)
+    return Performed(act, rest.cause, rest.sent_s - begun_s, moved, resumed, obeyed)
 
 
 # Acts in real time.
@@ -527,7 +649,7 @@ def _fill_disk(_: ControlLoop, __: Stream, parts: _RealParts) -> None:
 def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
     # A machine that is busy must not be told as a fault of its own.
     limits = Limits(pose_age_s=REAL_S, hop_s=REAL_S, wrong_swings=10**6)
-    command_s = BLOCKED_S if act.rest == BLOCKED else REAL_S
+    command_s = BLOCKED_S if act.code == BLOCKED else REAL_S
     limits = replace(limits, command_s=command_s)
     assert act.in_real_time is not None
     perform_act = act.in_real_time
@@ -543,10 +665,11 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
                 begun_s = time.monotonic()
                 perform_act(loop, stream, parts)
             return
-        if BLOCKED in loop.watch.cause:
+        cause = loop.watch.cause
+        if cause is not None and cause.code == BLOCKED:
             # The driver returns, and the rest that waits is sent.
             parts.released.set()
-        if any(act.rest in rest.cause for rest in loop.watch.rests):
+        if any(act.code == rest.cause.code for rest in loop.watch.rests):
             stop.set()
 
     with tempfile.TemporaryDirectory() as folder, _default_handlers():
@@ -566,6 +689,7 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
                 stop=stop,
                 seconds=REAL_S,
                 limits=limits,
+                armed=True,
                 on_look=look,
                 log=parts.log,
                 rest_without_log=True,
@@ -577,18 +701,14 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
                 raise
         parts.released.set()
     if not loops:
-        why = f"before the act: no swing within {REAL_S:g} s"
-        return Performed(act, why, math.nan, moved=False)
+        why = {"why": f"no swing within {REAL_S:g} s"}
+        return Performed(act, Message("steering.before_the_act", why))
     told = [rest for rest in loops[0].watch.rests if rest.sent_s >= begun_s]
     if not told:
-        return Performed(act, "", math.nan, moved=False)
-    right = [rest for rest in told if act.rest in rest.cause]
+        return Performed(act, None)
+    right = [rest for rest in told if act.code == rest.cause.code]
     rest = (right or told)[0]
-    # A driver that returns ends the act, so the drive may go on at once.
-    lasts = act.rest != BLOCKED
-    moved = lasts and any(
-        rad != 0.0 for at_s, rad in parts.swings if at_s > rest.sent_s
-    )
+    moved = any(rad != 0.0 for at_s, rad in parts.swings if at_s > rest.sent_s)
     return Performed(act, rest.cause, rest.sent_s - begun_s, moved)
 
 

@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ from hopdata.arrays import FloatArray
 from hopdata.steering.live.buffer import Frame, Stream
 from hopdata.steering.robot import (
     Apex,
+    Board,
     Stance,
     SteeredHop,
     SteeredHopper,
@@ -32,12 +34,15 @@ class TrueHop:
     stance: Stance
 
 
-class LiveHopper:
-    """A source of frames: a hopper whose hops are integrated when they are asked for.
+# What cameras show of the true markers (K, M, 3) of K frames, m, given their times, s.
+View: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 
-    Driven in real time, it is thus at most one hop ahead of the clock. The swing of a
-    flight is the last one commanded before the apex at which the flight begins, or 0 if
-    there was none since the previous apex.
+
+class SimulatedHopper:
+    """A hopper whose hops are integrated one by one, when they are asked for.
+
+    The swing of a flight is the last one commanded before the apex at which the flight
+    begins, or 0 if there was none since the previous apex.
 
     Parameters
     ----------
@@ -45,6 +50,89 @@ class LiveHopper:
     swings : callable
         Returns the last swing commanded since the last call, rad, or None; must not
         block.
+    view : callable
+        What the cameras show.
+    kicks : numpy Generator
+        Source of the random kicks.
+    pose : (3,)
+        Pose at the release, m and rad.
+    boom_angle_rad : float
+    rate_hz : float
+        Frame rate, Hz.
+    board : Board, optional
+        Board in the way.
+
+    Attributes
+    ----------
+    last : SteeredHop or None
+        The last hop.
+    board : Board or None
+        The board where it is now.
+    """
+
+    def __init__(
+        self,
+        robot: SteeredHopper,
+        swings: Callable[[], float | None],
+        view: View,
+        kicks: np.random.Generator,
+        *,
+        pose: ArrayLike,
+        boom_angle_rad: float,
+        rate_hz: float,
+        board: Board | None = None,
+    ) -> None:
+        self.robot = robot
+        self.rate_hz = rate_hz
+        self.last: SteeredHop | None = None
+        self.board = board
+        self._swings = swings
+        self._view = view
+        self._kicks = kicks
+        self._apex = released(robot, pose, boom_angle_rad)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the markers, in the order of the frames."""
+        n_body = len(self.robot.markers.body_m)
+        return (*(f"body{k + 1}" for k in range(n_body)), "boom")
+
+    @property
+    def apex_s(self) -> float:
+        """Time of the apex at which the next hop begins, s."""
+        return self._apex.time_s
+
+    def next_frames(self) -> list[tuple[float, FloatArray]]:
+        """Make the next hop; return time, s, and markers (M, 3), m, of its frames."""
+        hop = self._next_hop(self._swings() or 0.0)
+        seen = self._view(hop.frame_time_s, hop.markers)
+        return list(zip(hop.frame_time_s.tolist(), seen, strict=True))
+
+    def _next_hop(self, swing_rad: float) -> SteeredHop:
+        hop = steer_hop(
+            self.robot,
+            self._apex,
+            swing_rad,
+            rng=self._kicks,
+            rate_hz=self.rate_hz,
+            board=self.board,
+        )
+        if self.board is not None:
+            self.board = self.board.pushed(hop)
+        self.last = hop
+        self._apex = hop.end
+        return hop
+
+
+class LiveHopper(SimulatedHopper):
+    """A source of frames that hops for ever: after a fall it is released again.
+
+    Driven in real time, it is at most one hop ahead of the clock.
+
+    Parameters
+    ----------
+    robot, swings
+        As in `SimulatedHopper`.
     pose : (3,)
         Pose at the release, m and rad.
     boom_angle_rad : float
@@ -67,39 +155,36 @@ class LiveHopper:
         noise_m: float = 0.0006,
         seed: int | Sequence[int] = 0,
     ) -> None:
-        self.robot = robot
-        self.rate_hz = rate_hz
+        kicks, noise = np.random.SeedSequence(seed).spawn(2)
+        super().__init__(
+            robot,
+            swings,
+            self._noisy,
+            np.random.default_rng(kicks),
+            pose=pose,
+            boom_angle_rad=boom_angle_rad,
+            rate_hz=rate_hz,
+        )
         self.noise_m = noise_m
         self.hops: list[TrueHop] = []
-        self._swings = swings
-        self._apex = released(robot, pose, boom_angle_rad)
-        kicks, noise = np.random.SeedSequence(seed).spawn(2)
-        self._kicks = np.random.default_rng(kicks)
         self._noise = np.random.default_rng(noise)
         # Compile beforehand, so that the first hop is in time.
         steer_hop(robot.still(), self._apex, 0.0, rng=np.random.default_rng(0))
 
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the markers, in the order of the frames."""
-        n_body = len(self.robot.markers.body_m)
-        return (*(f"body{k + 1}" for k in range(n_body)), "boom")
-
     def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
         """Hop for ever: yield the time, s, and the markers (M, 3), m, of each frame."""
         while True:
-            hop = self._next_hop()
-            for time_s, markers in zip(hop.frame_time_s, hop.markers, strict=True):
-                noise = self.noise_m * self._noise.standard_normal(markers.shape)
-                yield float(time_s), markers + noise
+            yield from self.next_frames()
 
-    def _next_hop(self) -> SteeredHop:
-        swing = self._swings() or 0.0
-        hop = steer_hop(
-            self.robot, self._apex, swing, rng=self._kicks, rate_hz=self.rate_hz
-        )
+    def _noisy(self, _: FloatArray, markers: FloatArray) -> FloatArray:
+        noise = self.noise_m * self._noise.standard_normal(markers.shape)
+        return np.asarray(markers + noise)
+
+    def _next_hop(self, swing_rad: float) -> SteeredHop:
+        hop = super()._next_hop(swing_rad)
         self.hops.append(TrueHop(hop.start.time_s, hop.swing_rad, hop.stance))
-        self._apex = self._put_up(hop) if hop.stance.fell else hop.end
+        if hop.stance.fell:
+            self._apex = self._put_up(hop)
         return hop
 
     def _put_up(self, hop: SteeredHop) -> Apex:
@@ -117,6 +202,11 @@ class SimulatedBoom:
     def swing(self, rad: float) -> None:
         """Replace the last swing."""
         self._swing = rad
+
+    @property
+    def waiting_rad(self) -> float:
+        """Swing of the next flight as it stands now, rad; 0 if none was received."""
+        return self._swing or 0.0
 
     def newest(self) -> float | None:
         """Return the swing received since the last call, rad, or None."""

@@ -22,6 +22,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering.models import process as gp
+from hopdata.steering.models.kernels import embedded
 from hopdata.steering.models.learning import IN_UNITS, UNITS
 from hopdata.steering.models.tabulated import COMPONENTS
 from hopdata.steering.true_hops import TrueHops
@@ -49,40 +50,14 @@ def conditioned_mean(
     Hyper-parameters, offset and unit stay. Only one covariance is held at a time, so
     thousands of hops are no matter.
     """
-    from scipy.linalg import cho_factor, cho_solve
-
     changes = known.changes
-    inputs = _inputs(known)
-    means = np.empty((len(points), 3))
-    for j in range(3):
-        variance = process.variance[j]
-        covariance = variance * _correlation(process, j, inputs, inputs)
-        covariance[np.diag_indices(len(inputs))] += process.noise[j]
-        target = (changes.change[:, j] - process.offset[j]) / process.unit[j]
-        factor = cho_factor(covariance, lower=True, overwrite_a=True)
-        weights = variance * cho_solve(factor, target)
-        standardised = _correlation(process, j, points, inputs) @ weights
+    other = replace(process, points=changes.points, outputs=changes.change)
+    means = np.empty((len(points), gp.N_CHANGE))
+    at = embedded(points, process.n_embedded)
+    for j in range(gp.N_CHANGE):
+        standardised = other.regressor(j).predict(at)
         means[:, j] = process.offset[j] + process.unit[j] * standardised
     return means
-
-
-def _inputs(hops: TrueHops) -> FloatArray:
-    """Return boom angle and swing of each hop, (n, 2), rad."""
-    changes = hops.changes
-    return np.column_stack([changes.boom_angle_rad, changes.swing_rad])
-
-
-def _correlation(
-    process: gp.FrameChangeProcess, j: int, points: FloatArray, inputs: FloatArray
-) -> FloatArray:
-    """Return the correlations (n, m) of one component between two sets of inputs."""
-    from scipy.spatial.distance import cdist
-
-    periodic = process.periodic
-    scales = gp.embedded_scales(process.length_scales[j], periodic)
-    first = gp.embedded(points, periodic) / scales
-    second = gp.embedded(inputs, periodic) / scales
-    return gp.correlation(cdist(first, second, "sqeuclidean"), process.smoothness)
 
 
 @dataclass(frozen=True)
@@ -111,7 +86,7 @@ def predictions(
     known, fresh : TrueHops
         Hops to learn from, and to predict.
     """
-    points = _inputs(fresh)
+    points = fresh.changes.points
     agnostic = conditioned_mean(process, known, points)
     told = np.tile(process.offset, (len(fresh), 1))
     summed = np.zeros((len(fresh), 3))
@@ -134,8 +109,9 @@ def _nearness(
     process: gp.FrameChangeProcess, own: TrueHops, points: FloatArray
 ) -> FloatArray:
     """Return how much some hops correlate with points in all, (n, 3)."""
-    inputs = _inputs(own)
-    sums = [_correlation(process, j, points, inputs).sum(axis=1) for j in range(3)]
+    at = embedded(points, process.n_embedded)
+    seen = embedded(own.changes.points, process.n_embedded)
+    sums = [process.kernel(j)(at, seen).sum(axis=1) for j in range(gp.N_CHANGE)]
     return np.column_stack(sums)
 
 

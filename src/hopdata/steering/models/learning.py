@@ -10,10 +10,12 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
+from hopdata.rigid import wrapped
 from hopdata.steering import TRAINING, child
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import HOPPER, FrameChanges
 from hopdata.steering.models import process as gp
 from hopdata.steering.models.tabulated import COMPONENTS
+from hopdata.steering.strides import TURN, USED, Strides
 
 #: Half of the central 95 % of a hop's prediction, in deviations.
 #: Unit: 1. Origin: table: the standard normal distribution.
@@ -22,42 +24,49 @@ UNITS = ("mm", "mm", "deg")
 IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
-def prediction_score(
-    process: gp.FrameChangeProcess, hops: FrameChanges
-) -> pd.DataFrame:
-    """Score the predicted frame changes of hops.
+def prediction_score(process: gp.FrameChangeProcess, hops: Strides) -> pd.DataFrame:
+    """Score the one-step predictions of strides.
 
     Returns
     -------
     DataFrame
-        One row per ``component``, with its ``unit``: ``r2``, 1 minus the mean square
-        error divided by the variance of the observed values; ``rmse``, the root mean
-        square error in that unit; ``coverage``, the fraction of the hops within the
-        central 95 % of their prediction.
+        One row per ``component`` of the change of the pose and per state whose next
+        value is learned, with its ``unit``: ``r2``, 1 minus the mean square error
+        divided by the variance of the observed values (of an angle: of its increments);
+        ``rmse``, the root mean square error in that unit; ``coverage``, the fraction of
+        the strides within the central 95 % of their prediction.
     """
-    error = process.change(hops.boom_angle_rad, hops.swing_rad) - hops.change
-    sd = process.sd(hops.boom_angle_rad, hops.swing_rad, observed=True)
+    observed = gp.outputs_of(hops)
+    every = range(observed.shape[1])
+    predicted, sd = process.predicted(hops.points, every, observed=True)
+    error = predicted - observed
+    learned = [state for state in hops.axes.states if not state.is_known]
+    for k, state in enumerate(learned):
+        if state in hops.axes.periodic:
+            column = gp.N_CHANGE + k
+            error[:, column] = wrapped(error[:, column])
     mean_square = np.mean(error**2, axis=0)
     is_within = np.abs(error) <= WIDTH_95 * sd
+    in_units = np.concatenate([IN_UNITS, np.ones(len(learned))])
     return pd.DataFrame(
         {
-            "component": COMPONENTS,
-            "unit": UNITS,
-            "r2": 1 - mean_square / hops.change.var(axis=0),
-            "rmse": np.sqrt(mean_square) * IN_UNITS,
+            "component": (*COMPONENTS, *(state.name for state in learned)),
+            "unit": (*UNITS, *(state.unit for state in learned)),
+            "r2": 1 - mean_square / observed.var(axis=0),
+            "rmse": np.sqrt(mean_square) * in_units,
             "coverage": np.mean(is_within, axis=0),
         }
     )
 
 
 def tested(
-    hops: FrameChanges,
+    hops: Strides,
     train: FloatArray,
     test: FloatArray,
     options: gp.ProcessOptions,
     seed: int,
 ) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
-    """Train on some rows of a table of hops, and score on other rows."""
+    """Train on some rows of a table of strides, and score on other rows."""
     process = gp.trained_process(hops.rows(train), options, seed=seed)
     return process, prediction_score(process, hops.rows(test))
 
@@ -71,7 +80,7 @@ def random_split(
 
 
 def learning_scores(
-    changes: FrameChanges,
+    changes: Strides,
     options: Mapping[Any, gp.ProcessOptions],
     sizes: Sequence[int],
     *,
@@ -85,7 +94,7 @@ def learning_scores(
 
     Parameters
     ----------
-    changes : FrameChanges
+    changes : Strides
     options : mapping
         Set-ups by name, or by a tuple of names.
     sizes : sequence of int
@@ -177,11 +186,11 @@ def map_table(
         ``dx_mm, dy_mm, dtheta_deg`` and the same with ``_sd``: the standard deviation
         of the mean, without noise.
     """
-    angle = np.linspace(-gp.TURN, 2 * gp.TURN, 3 * CELLS_PER_TURN + 1)
+    angle = np.linspace(-TURN, 2 * TURN, 3 * CELLS_PER_TURN + 1)
     swing = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
     grid = np.meshgrid(angle, swing, indexing="ij")
     points = np.stack(grid, axis=-1).reshape(-1, 2)
-    table = pd.DataFrame(points, columns=["boom_angle_rad", "swing_rad"])
+    table = pd.DataFrame(points, columns=list(HOPPER.columns))
     table[list(COLUMNS)] = process.mean_at(points) * IN_UNITS
     table[[f"{name}_sd" for name in COLUMNS]] = process.sd_at(points) * IN_UNITS
     return table
@@ -202,11 +211,9 @@ def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
 
     Copies of hops a turn before and after are left out.
     """
-    angle = process.inputs[:, 0]
-    once = (angle >= 0) & (angle < gp.TURN)
-    inputs = process.inputs[once, :2]
-    table = pd.DataFrame(inputs, columns=["boom_angle_rad", "swing_rad"])
-    table[list(COLUMNS)] = process.outputs[once] * IN_UNITS
+    points, outputs = gp.without_copies(process)
+    table = pd.DataFrame(points, columns=list(HOPPER.columns))
+    table[list(COLUMNS)] = outputs * IN_UNITS
     return table
 
 
@@ -237,7 +244,7 @@ READINGS: Mapping[str, gp.ProcessOptions] = {
 
 
 def smoothness_scores(
-    changes: FrameChanges,
+    changes: Strides,
     *,
     train: int = 100,
     draws: int,
@@ -296,7 +303,7 @@ def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
             0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
         ]
     )
-    return FrameChanges(
+    return FrameChanges.hops(
         recording=np.full(hops, "smooth truth"),
         time_s=np.arange(hops, dtype=float),
         boom_angle_rad=angle,
@@ -315,13 +322,13 @@ LEFT_TO_TEST = 2
 
 @one_blas_thread()
 def learn(
-    changes: FrameChanges, options: Mapping[str, Any], *, seed: np.random.SeedSequence
+    changes: Strides, options: Mapping[str, Any], *, seed: np.random.SeedSequence
 ) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
     """Learn from a random selection of ``steering.model.training_hops`` hops.
 
     Parameters
     ----------
-    changes : FrameChanges
+    changes : Strides
     options : mapping
         Block ``steering.model`` of the configuration.
 
@@ -338,15 +345,28 @@ def learn(
         If there are too few hops.
     """
     n_train = options["training_hops"]
+    train, rest = learned_and_rest(changes, options, seed=seed)
+    process = gp.trained_process(train, gp.process_of(options))
+    score = prediction_score(process, rest)
+    return process, score.assign(training_hops=n_train, test_hops=len(rest))
+
+
+def learned_and_rest(
+    changes: Strides, options: Mapping[str, Any], *, seed: np.random.SeedSequence
+) -> tuple[Strides, Strides]:
+    """Return the hops that `learn` learns from, and those that it tests on.
+
+    See `learn`.
+    """
+    n_train = options["training_hops"]
     hops = hops_to_learn_from(changes, n_train)
     rng = np.random.default_rng(child(seed, TRAINING))
     train, rest = random_split(len(hops), n_train, rng)
-    process, score = tested(hops, train, rest, gp.process_of(options), 0)
-    return process, score.assign(training_hops=n_train, test_hops=len(hops) - n_train)
+    return hops.rows(train), hops.rows(rest)
 
 
-def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChanges:
-    """Return the used hops, if they suffice to learn from and to test on two more.
+def hops_to_learn_from(changes: Strides, training_hops: int) -> Strides:
+    """Return the used strides, if they suffice to learn from and to test on two more.
 
     Raises
     ------
@@ -381,7 +401,7 @@ SCORES = ("r2", "rmse", "coverage")
 
 @one_blas_thread()
 def learning_tables(
-    changes: FrameChanges, *, training_hops: int, draws: int, seed: int
+    changes: Strides, *, training_hops: int, draws: int, seed: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Learn from random sets of hops, of several sizes and with several kernels.
 
@@ -389,7 +409,7 @@ def learning_tables(
 
     Parameters
     ----------
-    changes : FrameChanges
+    changes : Strides
     training_hops : int
         Number of hops for comparing kernels.
     draws : int

@@ -1,12 +1,17 @@
-"""Three Gaussian processes, one for each component of the frame change, in closed form.
+"""Gaussian processes of a stride: one for each component of what it changes.
 
-scikit-learn finds the hyper-parameters. Mean and variance are computed here and follow
-Rasmussen and Williams 2006, Sec. 2.2.
+They predict the change of the pose, and those next states of the robot that do not
+follow from state and inputs. scikit-learn finds their hyper-parameters and predicts
+(Rasmussen and Williams 2006, Sec. 2.2).
 """
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from functools import cache, cached_property
+from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,99 +19,61 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, one_blas_thread
-from hopdata.errors import AnalysisError, RecordingError, chosen, require
+from hopdata.errors import (
+    AnalysisError,
+    ConfigError,
+    RecordingError,
+    chosen,
+    require,
+)
 from hopdata.foreign.npz import arrays_of
 from hopdata.jobs import whole_file
-from hopdata.steering.frame_changes import FrameChanges
+from hopdata.rigid import wrapped
+from hopdata.steering.models.kernels import (
+    SMOOTHNESSES,
+    embedded,
+    fitted_matern,
+    matern,
+)
+from hopdata.steering.models.tabulated import TabulatedMap, tabulated
+from hopdata.steering.strides import TURN, StrideAxes, Strides
+
+# Components of the change of the pose, the first outputs of all processes.
+N_CHANGE = 3
 
 
-def input_rows(boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-    """Return the arguments of a map as rows (2, n); a single number is for all hops.
-
-    Raises
-    ------
-    AnalysisError
-        If their lengths differ.
-    """
-    booms = np.asarray(boom_angle, dtype=float).ravel()
-    swings = np.asarray(swing, dtype=float).ravel()
-    sizes = {booms.size, swings.size} - {1}
-    if len(sizes) > 1:
-        raise AnalysisError.at("frame change", "inputs of one length", sorted(sizes))
-    return np.array(np.broadcast_arrays(booms, swings))
-
-
-# Covariance functions of boom angle and swing.
-#
-# A kernel is a function of the scaled squared distance between two hops, ``s = sum of
-# (difference / length scale)^2``. The difference in boom angle is either that of the
-# angles themselves, or the chord between their points on the unit circle. The chord
-# makes all predictions periodic without copies of the data.
-#
-# The Matern family (Rasmussen and Williams 2006, Sec. 4.2) is here for smoothness 1/2,
-# 3/2, 5/2 and, as its limit, the Gaussian kernel ("rbf", infinity).
-
-SMOOTHNESSES = (0.5, 1.5, 2.5, np.inf)
-
-
-def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
-    """Return inputs (n, 2), or (n, 3) if `periodic`.
-
-    Then the boom angle is a point on the circle.
-    """
-    inputs = np.asarray(inputs, dtype=float)
-    if not periodic:
-        return inputs
-    angle = inputs[:, :1]
-    return np.concatenate([np.cos(angle), np.sin(angle), inputs[:, 1:]], axis=1)
-
-
-def embedded_scales(length_scales: ArrayLike, periodic: bool) -> FloatArray:
-    """Return length scales (..., 2) for embedded inputs; cosine and sine share one."""
-    scales = np.asarray(length_scales, dtype=float)
-    if not periodic:
-        return scales
-    return np.concatenate([scales[..., :1], scales], axis=-1)
-
-
-def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
-    """Return the kernel at scaled squared distances; it is 1 at distance zero."""
-    if smoothness == np.inf:
-        return np.asarray(np.exp(-squared / 2))
-    r = np.sqrt(2 * smoothness * squared)
-    polynomial = {0.5: 1.0, 1.5: 1 + r, 2.5: 1 + r + r**2 / 3}[smoothness]
-    return np.asarray(polynomial * np.exp(-r))
-
-
-TURN = 2 * np.pi
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrameChangeProcess:
-    """Gaussian processes of the frame change; a `FrameChangeMap`.
+    """Gaussian processes of a stride with D states and inputs and J outputs.
+
+    The outputs are the change of the pose and, for each state that is not known, the
+    increment of a periodic one or the next value of a linear one.
 
     Parameters
     ----------
+    axes : StrideAxes
+        States and inputs.
     smoothness : float
         Smoothness of the kernel: see `ProcessOptions`.
     periodic : bool
-        Whether boom angles are compared as points on the circle.
-    inputs : (m, 2) array
-        Training inputs, including copies: boom angle and swing.
-    outputs : (m, 3) array
-        Training frame changes, m, m, rad.
-    offset, unit : (3,) arrays
+        Whether periodic states are compared as points on the circle.
+    points : (m, D) array
+        Training states and inputs, including copies.
+    outputs : (m, J) array
+        Training outputs: m, m, rad, and the units of the states.
+    offset, unit : (J,) arrays
         Output j is modelled as ``(output - offset) / unit``.
-    variance, noise : (3,) arrays
+    variance, noise : (J,) arrays
         Variances of the process and of the white noise, in squared units of the
         modelled output.
-    length_scales : (3, 2) array
-        Length scale of each input for each output, rad.
+    length_scales : (J, D) array
+        Length scale of each state and input for each output.
     """
 
+    axes: StrideAxes
     smoothness: float
     periodic: bool
-    inputs: FloatArray
+    points: FloatArray
     outputs: FloatArray
     offset: FloatArray
     unit: FloatArray
@@ -115,10 +82,16 @@ class FrameChangeProcess:
     length_scales: FloatArray
 
     def __post_init__(self) -> None:
-        m = len(self.inputs)
-        shapes: dict[str, tuple[int, ...]] = {"inputs": (m, 2), "outputs": (m, 3)}
-        shapes |= dict.fromkeys(("offset", "unit", "variance", "noise"), (3,))
-        shapes["length_scales"] = (3, 2)
+        m = len(self.points)
+        n_axes = len(self.axes.axes)
+        n_outputs = N_CHANGE + int((~self.axes.is_known).sum())
+        shapes: dict[str, tuple[int, ...]] = {
+            "points": (m, n_axes),
+            "outputs": (m, n_outputs),
+            "length_scales": (n_outputs, n_axes),
+        }
+        names = ("offset", "unit", "variance", "noise")
+        shapes |= dict.fromkeys(names, (n_outputs,))
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(
@@ -126,118 +99,203 @@ class FrameChangeProcess:
                 )
 
     @property
-    def chance(self) -> FloatArray:
-        """Standard deviation of a hop about its expected change, (3,), m, m, rad."""
-        return np.asarray(np.sqrt(self.noise) * self.unit)
+    def n_embedded(self) -> int:
+        """Number of states that are compared as points on the circle."""
+        return len(self.axes.periodic) if self.periodic else 0
 
-    @cached_property
-    def inverse_factors(self) -> FloatArray:
-        """Inverse Cholesky factors of the three covariances, (3, m, m)."""
-        from scipy.linalg import solve_triangular
+    @property
+    def noise_sd(self) -> FloatArray:
+        """Standard deviation of the noise of a change of pose, (3,), m, m, rad."""
+        return np.asarray(np.sqrt(self.noise) * self.unit)[:N_CHANGE]
 
-        covariances = self.variance[:, None, None] * self._correlations(self.inputs)
-        unit = np.eye(len(self.inputs))
-        covariances += self.noise[:, None, None] * unit
-        with one_blas_thread():
-            try:
-                factors = np.linalg.cholesky(covariances)
-            except np.linalg.LinAlgError as error:
-                wanted = "a positive definite covariance"
-                found = (
-                    "one that is not; the noise is too small for hops that are this "
-                    "similar"
-                )
-                raise AnalysisError.at("Gaussian process", wanted, found) from error
-            return np.array(
-                [solve_triangular(one, unit, lower=True) for one in factors]
-            )
+    def kernel(self, j: int) -> Any:
+        """Return the correlation function of output j, of embedded points."""
+        return matern(self.length_scales[j], self.smoothness, self.n_embedded)
 
-    @cached_property
-    def weights(self) -> FloatArray:
-        """Weight of each training point in the mean, (3, m), in the output's units.
+    @one_blas_thread()
+    def regressor(self, j: int) -> Any:
+        """Return scikit-learn's regressor of output j, of embedded points.
 
-        They include the variance, so the mean needs only correlations.
+        Raises
+        ------
+        AnalysisError
+            If the covariance is not positive definite.
         """
-        targets = ((self.outputs - self.offset) / self.unit).T
-        whitened = np.einsum("jab,jb->ja", self.inverse_factors, targets)
-        solved = np.einsum("jab,ja->jb", self.inverse_factors, whitened)
-        return np.asarray(solved * (self.variance * self.unit)[:, None])
+        from sklearn.gaussian_process import GaussianProcessRegressor
+        from sklearn.gaussian_process.kernels import ConstantKernel
 
-    def change(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-        """Return the expected frame changes (n, 3) of hops, by inputs each (n,)."""
-        return self.mean_at(self._points(boom_angle, swing))
+        kernel = ConstantKernel(self.variance[j], "fixed") * self.kernel(j)
+        regressor = GaussianProcessRegressor(
+            kernel, alpha=self.noise[j], optimizer=None
+        )
+        target = (self.outputs[:, j] - self.offset[j]) / self.unit[j]
+        try:
+            return regressor.fit(embedded(self.points, self.n_embedded), target)
+        except np.linalg.LinAlgError as error:
+            wanted = "a positive definite covariance"
+            found = (
+                "one that is not; the noise is too small for strides that are this "
+                "similar"
+            )
+            raise AnalysisError.at("Gaussian process", wanted, found) from error
+
+    @cached_property
+    def regressors(self) -> list[Any]:
+        """scikit-learn's regressor of each output."""
+        return [self.regressor(j) for j in range(len(self.offset))]
+
+    def change(self, state: ArrayLike, inputs: ArrayLike) -> FloatArray:
+        """Return the expected changes of the pose (n, 3), m, m, rad.
+
+        Parameters
+        ----------
+        state, inputs : (n, S) and (n, U) arrays
+            See `StrideAxes.points`.
+        """
+        return self.mean_at(self._points(state, inputs))
 
     def sd(
-        self, boom_angle: ArrayLike, swing: ArrayLike, *, observed: bool = False
+        self, state: ArrayLike, inputs: ArrayLike, *, observed: bool = False
     ) -> FloatArray:
-        """Return predictive standard deviations (n, 3) of the frame change, m, m, rad.
+        """Return predictive standard deviations (n, 3) of the change, m, m, rad.
 
-        Of the expected frame change or, if `observed`, of a single hop, including the
+        Of the expected change or, if `observed`, of a single stride, including the
         white noise.
         """
-        return self.sd_at(self._points(boom_angle, swing), observed=observed)
+        return self.sd_at(self._points(state, inputs), observed=observed)
+
+    def next_state(self, state: ArrayLike, inputs: ArrayLike) -> FloatArray:
+        """Return the expected states (n, S) after strides; periodic in [0, 2 pi)."""
+        points = self._points(state, inputs)
+        n_states = len(self.axes.states)
+        states = points[:, :n_states]
+        after = self.axes.next_state(states, points[:, n_states:])
+        is_learned = ~self.axes.is_known
+        if is_learned.any():
+            learned = range(N_CHANGE, len(self.offset))
+            after[:, is_learned] = self._means(points, learned)
+            is_angle = is_learned & self.axes.is_periodic
+            after[:, is_angle] += states[:, is_angle]
+        return self.axes.wrapped(after)
 
     def mean_at(self, points: ArrayLike) -> FloatArray:
-        """Return expected frame changes (n, 3) at inputs (n, 2).
+        """Return expected changes of the pose (n, 3) at states and inputs (n, D).
 
-        The boom angle is not wrapped, which matters only for processes that are not
+        Periodic states are not wrapped, which matters only for processes that are not
         periodic.
         """
-        means = np.einsum("jna,ja->nj", self._correlations(points), self.weights)
-        return np.asarray(self.offset + means)
+        return self._means(points, range(N_CHANGE))
 
     @one_blas_thread()
     def sd_at(self, points: ArrayLike, *, observed: bool = False) -> FloatArray:
-        """Return predictive standard deviations (n, 3) at inputs (n, 2).
+        """Return predictive standard deviations (n, 3) at states and inputs (n, D).
 
         See `mean_at` and `sd`.
         """
-        crossed = self.variance[:, None, None] * self._correlations(points)
-        whitened = crossed @ self.inverse_factors.swapaxes(1, 2)
-        explained = (whitened**2).sum(axis=2).T  # by the training points
-        of_change = np.maximum(self.variance - explained, 0.0)
-        of_noise = self.noise if observed else 0.0
-        return np.asarray(np.sqrt(of_change + of_noise) * self.unit)
+        return self.predicted(points, range(N_CHANGE), observed=observed)[1]
 
-    @cached_property
-    def _scaled(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Length scales and scaled training inputs of each process, both embedded."""
-        train = embedded(self.inputs, self.periodic)
-        scales_of_each = embedded_scales(self.length_scales, self.periodic)
-        return [(scales, train / scales) for scales in scales_of_each]
+    @one_blas_thread()
+    def _means(self, points: ArrayLike, outputs: Iterable[int]) -> FloatArray:
+        """Return expected outputs (n, J) at states and inputs (n, D), by number."""
+        at = embedded(points, self.n_embedded)
+        numbers = list(outputs)
+        means = np.empty((len(at), len(numbers)))
+        if not len(at):
+            return means
+        for k, j in enumerate(numbers):
+            mean = self.regressors[j].predict(at)
+            means[:, k] = self.offset[j] + self.unit[j] * mean
+        return means
 
-    def _correlations(self, points: ArrayLike) -> FloatArray:
-        """Return the kernels of points (n, 2) with the training inputs, (3, n, m)."""
-        from scipy.spatial.distance import cdist
+    @one_blas_thread()
+    def predicted(
+        self, points: ArrayLike, outputs: Iterable[int], *, observed: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return means and standard deviations (n, J) of outputs, by their numbers.
 
-        at = embedded(points, self.periodic)
-        squared = [
-            cdist(at / scales, train, "sqeuclidean") for scales, train in self._scaled
-        ]
-        return correlation(np.array(squared), self.smoothness)
+        See `mean_at` and `sd`.
+        """
+        at = embedded(points, self.n_embedded)
+        numbers = list(outputs)
+        means = np.empty((len(at), len(numbers)))
+        sds = np.empty_like(means)
+        if not len(at):
+            return means, sds
+        for k, j in enumerate(numbers):
+            mean, sd = self.regressors[j].predict(at, return_std=True)
+            of_noise = self.noise[j] if observed else 0.0
+            means[:, k] = self.offset[j] + self.unit[j] * mean
+            sds[:, k] = np.sqrt(sd**2 + of_noise) * self.unit[j]
+        return means, sds
 
-    def _points(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-        points = input_rows(boom_angle, swing).T
+    def _points(self, state: ArrayLike, inputs: ArrayLike) -> FloatArray:
+        points = self.axes.points(state, inputs)
         if not self.periodic:
-            points[:, 0] %= TURN
+            n_periodic = len(self.axes.periodic)
+            points[:, :n_periodic] %= TURN
         return points
 
+    @cached_property
+    def table(self) -> TabulatedMap | None:
+        """The changes as a table over one angle and one input, else nothing.
 
-# Trained processes on disk: one `.npz` file, written whole or not at all.
+        The limits of the input are those of its axis. A process that was read has it
+        from its file.
+        """
+        limit = symmetric_limit(self.axes)
+        if limit is None:
+            return None
+        return tabulated(self, limit)
 
-#: Training inputs of a process that is read. Covariances grow as their square.
+    def table_within(self, limit: float) -> TabulatedMap:
+        """Return the table of one angle and one input up to a limit."""
+        if self.table is not None and self.table.swing_limit_rad == limit:
+            return self.table
+        return tabulated(self, limit)
+
+
+def symmetric_limit(axes: StrideAxes) -> float | None:
+    """Return the limit of the input of a robot that a table is made for.
+
+    It has one state, an angle that its one input moves, by as much to either side.
+    """
+    is_small = len(axes.periodic) == len(axes.inputs) == 1 and not axes.linear
+    if not is_small or not axes.periodic[0].moved_by:
+        return None
+    (command,) = axes.inputs
+    return command.upper if command.upper == -command.lower else None
+
+
+# Trained processes on disk: one `.npz` file, written whole or not at all. It holds the
+# training data, the hyper-parameters and the table, and nothing that runs.
+
+#: Training strides of a process that is read. Covariances grow as their square.
 #: Unit: 1. Origin: chosen: its covariances take 600 MB. The printed model has 1,500.
-MOST_INPUTS = 5_000
+MOST_POINTS = 5_000
 
-# Bytes of its file, and of each array: 3 numbers for each input, and a head.
-_MOST_BYTES = 64 * MOST_INPUTS
+# Bytes of its file, and of each array: up to 20 numbers for each stride, and the table.
+_MOST_BYTES = 256 * MOST_POINTS
+
+_AXES = "axes"
+_TABLE = "table"
 
 
 def save_process(path: str | Path, process: FrameChangeProcess) -> None:
-    """Write a process; its fields are the file's arrays."""
-    arrays = {field.name: getattr(process, field.name) for field in fields(process)}
+    """Write a process: its fields, its axes as JSON, and its table."""
+    arrays = {name: getattr(process, name) for name in _numbers()}
+    text = json.dumps(process.axes.as_dict())
+    arrays[_AXES] = np.frombuffer(text.encode(), dtype=np.uint8)
+    values = np.zeros((0, 0, N_CHANGE))
+    if process.table is not None:
+        values = process.table.values
+    arrays[_TABLE] = values
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)
+
+
+def _numbers() -> list[str]:
+    """Return the names of the fields of a process that are numbers."""
+    return [one.name for one in fields(FrameChangeProcess) if one.name != _AXES]
 
 
 def load_process(path: str | Path) -> FrameChangeProcess:
@@ -248,20 +306,50 @@ def load_process(path: str | Path) -> FrameChangeProcess:
     RecordingError
         If the file is missing or holds something else.
     """
-    names = [field.name for field in fields(FrameChangeProcess)]
+    names = [_AXES, *_numbers(), _TABLE]
     wanted = f"a trained process with {', '.join(names)}"
     arrays: dict[str, Any] = arrays_of(path, names, wanted=wanted, most=_MOST_BYTES)
     try:
+        text = arrays.pop(_AXES).astype(np.uint8).tobytes().decode()
+        axes = StrideAxes.of_dict(json.loads(text))
         # Of any precision and order of bytes; what is too large is refused below.
         with np.errstate(over="ignore"):
             arrays = {name: array.astype(float) for name, array in arrays.items()}
+        values = arrays.pop(_TABLE)
         arrays["smoothness"] = float(arrays["smoothness"])
         arrays["periodic"] = bool(arrays["periodic"])
-        process = FrameChangeProcess(**arrays)
+        process = FrameChangeProcess(axes=axes, **arrays)
         _require_usable(process)
-    except (ValueError, TypeError) as error:
+        table = _checked_table(values, axes)
+    except (ValueError, TypeError, KeyError, ConfigError) as error:
         raise RecordingError.at(path, wanted, f"another file: {error}") from error
+    # As the cached property would keep it: what is stored need not be computed.
+    vars(process)[_TABLE] = table
     return process
+
+
+def _checked_table(values: FloatArray, axes: StrideAxes) -> TabulatedMap | None:
+    """Return the table of a file, which has one where the axes allow it.
+
+    Raises
+    ------
+    ValueError
+        If it has the wrong shape, or a number is not finite.
+    """
+    limit = symmetric_limit(axes)
+    if limit is None:
+        return None
+    is_sound = values.ndim == 3 and values.shape[2] == N_CHANGE
+    if not is_sound or min(values.shape[:2]) < LEAST_NODES:
+        raise ValueError(f"table: expected (A, S, 3), found {values.shape}")
+    if not np.isfinite(values).all():
+        raise ValueError("table is not finite")
+    return TabulatedMap(values, limit)
+
+
+#: Fewest nodes of an axis of a table.
+#: Unit: 1. Origin: derived: of a cubic spline.
+LEAST_NODES = 4
 
 
 def _require_usable(process: FrameChangeProcess) -> None:
@@ -270,29 +358,29 @@ def _require_usable(process: FrameChangeProcess) -> None:
     Raises
     ------
     ValueError
-        If one is not finite, a scale is not above zero, or there are too many inputs.
+        If one is not finite, a scale is not above zero, or there are too many strides.
     """
     if process.smoothness not in SMOOTHNESSES:
         raise ValueError(f"smoothness {process.smoothness}")
-    if not 0 < len(process.inputs) <= MOST_INPUTS:
-        raise ValueError(f"{len(process.inputs)} inputs, where 1 to {MOST_INPUTS} fit")
-    for field in fields(process):
+    if not 0 < len(process.points) <= MOST_POINTS:
+        raise ValueError(f"{len(process.points)} points, where 1 to {MOST_POINTS} fit")
+    for name in _numbers():
         # The smoothness of the Gaussian kernel is infinite.
-        is_finite = bool(np.isfinite(getattr(process, field.name)).all())
-        if not is_finite and field.name != "smoothness":
-            raise ValueError(f"{field.name} is not finite")
+        is_finite = bool(np.isfinite(getattr(process, name)).all())
+        if not is_finite and name != "smoothness":
+            raise ValueError(f"{name} is not finite")
     for name in ("unit", "variance", "noise", "length_scales"):
         if not (getattr(process, name) > 0).all():
             raise ValueError(f"{name} is not above zero")
 
 
-# From a table of frame changes to a trained process: its set-up (the printed one, the
+# From a table of strides to a trained process: its set-up (the printed one, the
 # recommended one, or another in between), its hyper-parameters, and the training.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProcessOptions:
-    """Options of the three Gaussian processes.
+    """Options of the Gaussian processes.
 
     Parameters
     ----------
@@ -300,24 +388,23 @@ class ProcessOptions:
         Smoothness of the Matern kernel: 0.5, 1.5, 2.5, or infinity for the Gaussian
         kernel.
     periodic : bool
-        Compare boom angles as points on the circle. Otherwise copies of the training
-        set are added one turn before and one turn after, as printed.
+        Compare periodic states as points on the circle. Otherwise copies of the
+        training set are added one turn before and one turn after, as printed.
     standardised : bool
-        Centre each component of the frame change and divide it by its standard
-        deviation; divide the swing by its standard deviation. Otherwise frame changes
-        are modelled as they are, about zero.
+        Centre each output and divide it by its standard deviation; divide linear states
+        and inputs by theirs. Otherwise outputs are modelled as they are, about zero.
     length_unit_m : float
         Unit of length of the modelled frame changes if not standardised, m; headings
         are in rad.
     own_scales : bool
-        Use a length scale for each input. Otherwise all share one.
+        Use a length scale for each state and input. Otherwise all share one.
     variance : float, optional
         Variance of the process, in squared units of the output; fitted by default.
     noise : float, optional
         Variance of the white noise, likewise.
     length_scale : float, optional
-        Length scale of all inputs, in rad or, if standardised, in their units; fitted
-        by default.
+        Length scale of all states and inputs, in rad or, if standardised, in their
+        units; fitted by default.
     restarts : int
         Number of further random starts of the search for hyper-parameters.
     """
@@ -377,27 +464,35 @@ FIRST_NOISE = 0.1
 
 
 def fitted_regressor(
-    inputs: FloatArray, target: FloatArray, options: ProcessOptions, seed: int
+    points: FloatArray,
+    target: FloatArray,
+    options: ProcessOptions,
+    seed: int,
+    *,
+    n_periodic: int = 1,
 ) -> Any:
     """Fit scikit-learn's regressor to one modelled output.
 
     Parameters
     ----------
-    inputs : (m, 2) array
-        Boom angle and swing, in units of the length scales.
+    points : (m, D) array
+        States and inputs, in units of the length scales.
     target : (m,) array
         The modelled output.
     options : ProcessOptions
     seed : int
         Seed of the random restarts.
+    n_periodic : int
+        How many of the states are angles; they stand first.
     """
     import warnings
 
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
 
+    n_embedded = n_periodic if options.periodic else 0
     regressor = GaussianProcessRegressor(
-        _kernel(options),
+        _kernel(options, points.shape[1], n_embedded),
         alpha=0.0,
         n_restarts_optimizer=options.restarts,
         random_state=seed,
@@ -406,22 +501,22 @@ def fitted_regressor(
         # A length scale at its bound means that the input does not matter: that is no
         # reason to warn.
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return regressor.fit(embedded(inputs, options.periodic), target)
+        return regressor.fit(embedded(points, n_embedded), target)
 
 
-def hyper_parameters(regressor: Any) -> tuple[float, FloatArray, float]:
-    """Return variance, length scales (2,) and noise of a regressor."""
+def hyper_parameters(regressor: Any, n_axes: int) -> tuple[float, FloatArray, float]:
+    """Return variance, length scales (n_axes,) and noise of a fitted regressor."""
     # As `_kernel` puts them together: (constant * Matern) + white.
-    product = regressor.kernel_.k1
+    correlation = regressor.kernel_.k1
     white = regressor.kernel_.k2
-    variance = float(product.k1.constant_value)
-    lengths = np.full(2, product.k2.length_scale, dtype=float)
+    variance = float(correlation.k1.constant_value)
+    lengths = np.full(n_axes, correlation.k2.length_scale, dtype=float)
     return variance, lengths, float(white.noise_level)
 
 
-def _kernel(options: ProcessOptions) -> Any:
+def _kernel(options: ProcessOptions, n_axes: int, n_embedded: int) -> Any:
     """Return scikit-learn's kernel with its first values and bounds."""
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+    from sklearn.gaussian_process.kernels import ConstantKernel, WhiteKernel
 
     def bounds(value: float | None, free: tuple[float, float]) -> Any:
         if value is not None:
@@ -429,44 +524,14 @@ def _kernel(options: ProcessOptions) -> Any:
         return free if options.standardised else UNSCALED
 
     length = options.length_scale or 1.0
-    lengths = np.full(2, length) if options.own_scales else length
-    matern = _embedded_matern() if options.periodic else Matern
-    variance_bounds = bounds(options.variance, VARIANCES)
+    lengths = np.full(n_axes, length) if options.own_scales else length
     length_bounds = bounds(options.length_scale, LENGTHS)
+    shape = fitted_matern(lengths, length_bounds, options.smoothness, n_embedded)
+    variance_bounds = bounds(options.variance, VARIANCES)
     noise_bounds = bounds(options.noise, NOISES)
     variance = ConstantKernel(options.variance or 1.0, variance_bounds)
-    shape = matern(lengths, length_bounds, nu=options.smoothness)
     noise = WhiteKernel(options.noise or FIRST_NOISE, noise_bounds)
     return variance * shape + noise
-
-
-@cache
-def _embedded_matern() -> Any:
-    """Return scikit-learn's Matern kernel for embedded inputs.
-
-    Cosine and sine of the boom angle share a length scale.
-    """
-    from sklearn.gaussian_process.kernels import Matern
-
-    class EmbeddedMatern(Matern):  # type: ignore[misc]
-        """Matern kernel with one length scale per input, the boom angle first."""
-
-        def __call__(
-            self, X: FloatArray, Y: Any = None, eval_gradient: bool = False
-        ) -> Any:
-            if not np.ndim(self.length_scale):
-                return super().__call__(X, Y, eval_gradient)
-            lengths = np.concatenate([self.length_scale[:1], self.length_scale])
-            plain = Matern(lengths, self.length_scale_bounds, nu=self.nu)
-            if not eval_gradient or self.hyperparameter_length_scale.fixed:
-                return plain(X, Y, eval_gradient)
-            covariance, gradient = plain(X, Y, True)
-            # Cosine and sine share the first length: the derivative by it is the sum of
-            # those by the length of each.
-            gradient[..., 1] += gradient[..., 0]
-            return covariance, gradient[..., 1:]
-
-    return EmbeddedMatern
 
 
 #: Least number of hops to learn from.
@@ -475,13 +540,13 @@ LEAST_HOPS = 10
 
 
 def trained_process(
-    changes: FrameChanges, options: ProcessOptions = RECOMMENDED, *, seed: int = 0
+    strides: Strides, options: ProcessOptions = RECOMMENDED, *, seed: int = 0
 ) -> FrameChangeProcess:
-    """Train the three processes on the used hops of a table.
+    """Train the processes on the used strides of a table.
 
     Parameters
     ----------
-    changes : FrameChanges
+    strides : Strides
     options : ProcessOptions
     seed : int
         Seed of the random restarts of the search for hyper-parameters.
@@ -489,41 +554,50 @@ def trained_process(
     Raises
     ------
     AnalysisError
-        If there are fewer than `LEAST_HOPS` used hops.
+        If there are fewer than `LEAST_HOPS` used strides.
     """
-    inputs, outputs = training_set(changes)
-    return process_on(inputs, outputs, options, seed=seed)
+    points, outputs = training_set(strides)
+    return process_on(strides.axes, points, outputs, options, seed=seed)
 
 
 def process_on(
-    inputs: FloatArray, outputs: FloatArray, options: ProcessOptions, *, seed: int = 0
+    axes: StrideAxes,
+    points: FloatArray,
+    outputs: FloatArray,
+    options: ProcessOptions,
+    *,
+    seed: int = 0,
 ) -> FrameChangeProcess:
-    """Train the three processes on these hops, as `trained_process` does.
+    """Train the processes on these strides, as `trained_process` does.
 
     Parameters
     ----------
-    inputs : (m, 2) array
-        Boom angle, in [0, 2 pi), and swing of each hop, rad.
-    outputs : (m, 3) array
-        Frame changes, m, m, rad.
+    axes : StrideAxes
+    points : (m, D) array
+        State and inputs of each stride; periodic states in [0, 2 pi).
+    outputs : (m, J) array
+        See `FrameChangeProcess`.
     options : ProcessOptions
     seed : int
         Seed of the random restarts of the search for hyper-parameters.
     """
+    n_periodic = len(axes.periodic)
     offset, unit = _offset_and_unit(outputs, options)
-    scale = input_units(inputs, options)
+    scale = axis_units(points, options, n_periodic=n_periodic)
     if not options.periodic:
-        # Copies a turn before and a turn after (Sec. 3.4.2).
-        turn = np.array([TURN, 0.0])
-        inputs = np.concatenate([inputs - turn, inputs, inputs + turn])
-        outputs = np.tile(outputs, (3, 1))
+        points, outputs = _with_copies(points, outputs, n_periodic)
     targets = (outputs - offset) / unit
-    regressors = [fitted_regressor(inputs / scale, y, options, seed) for y in targets.T]
-    found = [hyper_parameters(regressor) for regressor in regressors]
+    found = []
+    for target in targets.T:
+        regressor = fitted_regressor(
+            points / scale, target, options, seed, n_periodic=n_periodic
+        )
+        found.append(hyper_parameters(regressor, len(scale)))
     return FrameChangeProcess(
+        axes=axes,
         smoothness=options.smoothness,
         periodic=options.periodic,
-        inputs=inputs,
+        points=points,
         outputs=outputs,
         offset=offset,
         unit=unit,
@@ -533,45 +607,85 @@ def process_on(
     )
 
 
+def _with_copies(
+    points: FloatArray, outputs: FloatArray, n_periodic: int
+) -> tuple[FloatArray, FloatArray]:
+    """Add copies a turn before and a turn after in each angle (Sec. 3.4.2)."""
+    copies = []
+    for turns in product((-1, 0, 1), repeat=n_periodic):
+        shift = np.zeros(points.shape[1])
+        shift[:n_periodic] = turns
+        copies.append(points + TURN * shift)
+    return np.concatenate(copies), np.tile(outputs, (len(copies), 1))
+
+
 def relearned(
     process: FrameChangeProcess, options: ProcessOptions
 ) -> FrameChangeProcess:
-    """Train processes with another set-up on the hops of this one."""
-    angle = process.inputs[:, 0]
-    once = (angle >= 0) & (angle < TURN)  # without copies a turn before and after
-    return process_on(process.inputs[once], process.outputs[once], options)
+    """Train processes with another set-up on the strides of this one."""
+    points, outputs = without_copies(process)
+    return process_on(process.axes, points, outputs, options)
 
 
-def training_set(changes: FrameChanges) -> tuple[FloatArray, FloatArray]:
-    """Return boom angles and swings (n, 2) and frame changes (n, 3) of used hops."""
-    used = changes.used()
+def without_copies(process: FrameChangeProcess) -> tuple[FloatArray, FloatArray]:
+    """Return the strides that a process was trained on, without copies a turn away."""
+    angles = process.points[:, : len(process.axes.periodic)]
+    is_once = ((angles >= 0) & (angles < TURN)).all(axis=1)
+    return process.points[is_once], process.outputs[is_once]
+
+
+def training_set(strides: Strides) -> tuple[FloatArray, FloatArray]:
+    """Return states and inputs (n, D) and outputs (n, J) of used strides.
+
+    See `FrameChangeProcess`.
+    """
+    used = strides.used()
     if len(used) < LEAST_HOPS:
         wanted = f"at least {LEAST_HOPS} hops to learn from"
-        excluded = changes.excluded() or "none"
-        found = f"{len(used)} of {len(changes)} (excluded: {excluded})"
+        excluded = strides.excluded() or "none"
+        found = f"{len(used)} of {len(strides)} (excluded: {excluded})"
         raise AnalysisError.at("frame changes", wanted, found)
-    return np.column_stack([used.boom_angle_rad, used.swing_rad]), used.change
+    return used.points, outputs_of(used)
+
+
+def outputs_of(strides: Strides) -> FloatArray:
+    """Return the outputs (n, J) of strides; see `FrameChangeProcess`."""
+    is_angle = strides.axes.is_periodic
+    after = strides.next_state.copy()
+    after[:, is_angle] = _increments(strides.state[:, is_angle], after[:, is_angle])
+    learned = after[:, ~strides.axes.is_known]
+    return np.column_stack([strides.change, learned])
+
+
+def _increments(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return increments of angles (n, P) within half a turn of their mean direction."""
+    increments = after - before
+    mean = np.angle(np.exp(1j * increments).mean(axis=0))
+    return np.asarray(mean + wrapped(increments - mean))
 
 
 def _offset_and_unit(
     outputs: FloatArray, options: ProcessOptions
 ) -> tuple[FloatArray, FloatArray]:
-    """Return offset and unit of each output, (3,): see `FrameChangeProcess`."""
+    """Return offset and unit of each output, (J,): see `FrameChangeProcess`."""
+    n_outputs = outputs.shape[1]
     if not options.standardised:
-        length = options.length_unit_m
-        return np.zeros(3), np.array([length, length, 1.0])
+        units = np.ones(n_outputs)
+        units[:2] = options.length_unit_m
+        return np.zeros(n_outputs), units
     spread = outputs.std(axis=0)
     return outputs.mean(axis=0), np.where(spread > 0, spread, 1.0)
 
 
-def input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
-    """Return the units of the inputs, (2,): 1 rad, and the swing's deviation."""
-    swing = 1.0
+def axis_units(
+    points: FloatArray, options: ProcessOptions, *, n_periodic: int = 1
+) -> FloatArray:
+    """Return the units of states and inputs, (D,): 1 rad, and standard deviations."""
+    units = np.ones(points.shape[1])
     if options.standardised:
-        swing = float(inputs[:, 1].std())
-    if swing == 0.0:  # all alike
-        swing = 1.0
-    return np.array([1.0, swing])
+        spread = points[:, n_periodic:].std(axis=0)
+        units[n_periodic:] = np.where(spread > 0, spread, 1.0)  # all may be alike
+    return units
 
 
 KERNELS = {"recommended": RECOMMENDED, "printed": PRINTED}

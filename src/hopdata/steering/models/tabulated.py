@@ -3,6 +3,8 @@
 Both models and the robot's true map are tabulated.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -12,7 +14,9 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.steering.models.process import TURN, input_rows
+from hopdata.steering.frame_changes import hopper_axes
+from hopdata.steering.models.stride_table import MARGIN, spline_of
+from hopdata.steering.strides import TURN, StrideAxes, side_by_side
 
 # What a controller needs of a model: frame changes of many hops at once.
 #
@@ -24,16 +28,23 @@ COMPONENTS = ("dx", "dy", "dtheta")
 
 
 class FrameChangeMap(Protocol):
-    """Frame change as a function of boom angle and swing."""
+    """Frame change as a function of state and inputs.
 
-    def change(self, boom_angle: FloatArray, swing: FloatArray, /) -> FloatArray:
-        """Return the frame changes (n, 3) of hops, by boom angles and swings (n,)."""
+    One state and one input may be arrays (n,), such as the hopper's boom angles and
+    swings.
+    """
+
+    def change(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
+        """Return the frame changes (n, 3), by states (n, S) and inputs (n, U)."""
         ...
 
 
-#: How far a swing may be beyond the limit, as a share of it.
-#: Unit: 1. Origin: chosen: a margin for finite differences at the bounds.
-MARGIN = 1e-3
+class StrideModel(FrameChangeMap, Protocol):
+    """A map that also says to which state a stride leads."""
+
+    def next_state(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
+        """Return the states (n, S) after strides; periodic ones in [0, 2 pi)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -55,13 +66,13 @@ class TabulatedMap:
     @cached_property
     def _spline(self) -> Any:
         """Cubic spline: not-a-knot in the swing, periodic in the boom angle."""
-        from scipy.interpolate import NdBSpline, make_interp_spline
+        nodes = (self.boom_angle_rad, self.swing_rad)
+        return spline_of(self.values, nodes, n_periodic=1)
 
-        closed = np.concatenate([self.values, self.values[:1]])
-        turn = np.append(self.boom_angle_rad, TURN)
-        around = make_interp_spline(turn, closed, bc_type="periodic")
-        across = make_interp_spline(self.swing_rad, around.c, axis=1)
-        return NdBSpline((across.t, around.t), across.c, 3)
+    @cached_property
+    def axes(self) -> StrideAxes:
+        """Axes of the steered hopper with this limit."""
+        return hopper_axes(self.swing_limit_rad)
 
     @property
     def boom_angle_rad(self) -> FloatArray:
@@ -86,12 +97,24 @@ class TabulatedMap:
             From scipy, if an axis has fewer than four nodes or the values are not all
             finite.
         """
-        angles, swings = input_rows(boom_angle, swing)
+        angles, swings = side_by_side(boom_angle, swing, 1, 1).T
         largest = float(np.abs(swings).max(initial=0.0))
         if not largest <= self.swing_limit_rad * (1 + MARGIN):
             wanted = f"swings within {self.swing_limit_rad:.4f} rad"
             raise AnalysisError.at("table", wanted, f"{largest:.4f}")
         return np.asarray(self._spline(np.stack([swings, angles % TURN], axis=-1)))
+
+    def table_within(self, limit: float) -> TabulatedMap:
+        """Return the table up to another limit of the swing; itself if it is the same.
+
+        A process has this, too.
+        """
+        return self if limit == self.swing_limit_rad else tabulated(self, limit)
+
+    def next_state(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
+        """Return the boom angles (n, 1) after hops, in [0, 2 pi)."""
+        angles, swings = side_by_side(boom_angle, swing, 1, 1).T
+        return np.asarray((angles + swings) % TURN)[:, None]
 
 
 def tabulated(

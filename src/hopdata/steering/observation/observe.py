@@ -13,16 +13,12 @@ from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.rigid import rigid_fit
 from hopdata.steering import CORRECTED, PRINTED
-from hopdata.steering.frame_changes import (
-    FrameChanges,
-    StanceStates,
-    frame_changes,
-    joined,
-)
+from hopdata.steering.frame_changes import FrameChanges, StanceStates, frame_changes
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stances, find_stances, local_fit
 from hopdata.steering.observation.tracking import HopperMotion, hopper_motion, unwrapped
+from hopdata.steering.strides import joined
 
 # Pose and boom angle at each stance, from which the frame changes are computed.
 
@@ -47,8 +43,7 @@ def _seen(
     recording: Recording, geometry: HopperGeometry
 ) -> tuple[HopperMotion, Stances]:
     motion = hopper_motion(recording, geometry)
-    band = (geometry.stance_below_m, geometry.flight_above_m)
-    return motion, find_stances(motion.time, motion.height, band)
+    return motion, find_stances(motion.time, motion.height, geometry)
 
 
 def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:

@@ -1,15 +1,14 @@
-"""Stances of a recording and the hops between them (Algorithm 4, made robust)."""
+"""Recognition of stances, and the hops between them (Algorithm 4, made robust)."""
 
 import math
 from collections import Counter, deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
-from hopdata.steering.observation.geometry import HopperGeometry, height_band
+from hopdata.steering.observation.geometry import HopperGeometry
 
 # Local polynomial fits to frames that need not be evenly spaced.
 
@@ -41,28 +40,6 @@ class LocalFit:
         return np.asarray(
             np.polynomial.polynomial.polyval(time_s - self.middle_s, found)
         )
-
-    def lowest(self) -> float | None:
-        """Return the time of a parabola's or cubic's minimum, s.
-
-        None if there is none, or if it lies outside the frames.
-        """
-        cubic = np.append(self.coefficients, [0.0, 0.0])[:4]
-        c, b, a = np.polynomial.polynomial.polyder(cubic)
-        squared_curvature = b * b - 4 * a * c  # at both extrema
-        if squared_curvature <= 0:
-            return None
-        curvature = np.sqrt(squared_curvature)
-        # Of the two forms of the root, the one without a difference of like numbers.
-        if b + curvature > 0:
-            instant = self.middle_s - 2 * c / (b + curvature)
-        elif a != 0:
-            instant = self.middle_s + (curvature - b) / (2 * a)
-        else:
-            return None
-        if not self.first_s <= instant <= self.last_s:
-            return None
-        return float(instant)
 
 
 def local_fit(
@@ -98,137 +75,22 @@ def local_fit(
     return LocalFit(middle_s, float(time[first]), float(time[last - 1]), coefficients)
 
 
-# The lowest point of a stance, between frames, and also where frames are missing.
+# Motion beside a gap in the frames, in which the lowest point of a stance may lie.
 
-#: Half the window of the cubic whose minimum is the lowest point of a stance.
-#: Unit: s. Origin: chosen.
-BOTTOM_S = 0.045
 #: Window of the fit to the heights on one side of a gap, for the speed there.
 #: Unit: s. Origin: chosen.
 SIDE_S = 0.05
-#: Longest gap within the cubic; a longer one is bridged from the speeds beside it.
-#: `WIDEST_HOLE_FRAMES` counts where frames are further apart.
-#: Unit: s. Origin: chosen.
-WIDEST_HOLE_S = 0.035
-#: The same, in times between frames; the larger of the two counts.
-#: Unit: 1. Origin: chosen.
-WIDEST_HOLE_FRAMES = 3.5
-#: Longest gap of which the lowest point is estimated from the speeds beside it.
-#: Unit: s. Origin: chosen.
-LONGEST_BRIDGE_S = 0.2
 #: Least upward acceleration at the lowest point of a stance.
 #: Unit: m/s^2. Origin: derived: about half of g, since the floor accelerates a hopper
 #: upwards harder than a hand does.
 LEAST_BEND_M_S2 = 5.0
 
-BOTTOM_UNSEEN = "lowest point not seen"
-NO_BOUNCE = "no bounce"
-
-
-@dataclass(frozen=True)
-class Bottom:
-    """The lowest point of a stance.
-
-    Parameters
-    ----------
-    time_s : float
-        Time of the lowest point, between frames.
-    height_m : float
-        Height of the lowest point. In live use, the lowest height seen, if frames are
-        missing there.
-    bridged : bool
-        Whether it lies in a gap between frames, in which case its time is an estimate.
-    """
-
-    time_s: float
-    height_m: float
-    bridged: bool
-
-
-def find_bottom(
-    time: FloatArray, height: FloatArray, lowest: int, frame_s: float, below_m: float
-) -> Bottom | str:
-    """Find the lowest point near the lowest frame, or return why there is none.
-
-    It is the minimum of a cubic through the frames there. If a gap is too wide for the
-    cubic, and the height falls before the gap and rises after it, it is the
-    `turning_point` of the heights and speeds on both sides. In either case the
-    acceleration must be at least half of g.
-
-    Parameters
-    ----------
-    time, height : (N,) array
-        Frames with a known height; s, m.
-    lowest : int
-        Index of the lowest frame.
-    frame_s : float
-        Time between frames, s.
-    below_m : float
-        Height that every stance falls below.
-    """
-    begin = time[lowest] - BOTTOM_S
-    end = time[lowest] + BOTTOM_S
-    fit = local_fit(time, height, begin, end, degree=3)
-    allowed_s = 0.0
-    if fit is not None:
-        allowed_s = max(WIDEST_HOLE_S, WIDEST_HOLE_FRAMES * frame_s)
-    for before in _frames_before_gaps(time, begin, end, allowed_s):
-        bridged = _bridged(time, height, before, below_m)
-        if bridged is not None:
-            return bridged
-    if fit is None:
-        return BOTTOM_UNSEEN
-    instant = fit.lowest()
-    if instant is None or fit.at(instant, 2) < LEAST_BEND_M_S2:
-        return NO_BOUNCE
-    return Bottom(time_s=instant, height_m=float(fit.at(instant)), bridged=False)
-
-
-def _frames_before_gaps(
-    time: FloatArray, begin_s: float, end_s: float, allowed_s: float
-) -> list[int]:
-    """Return the frames before the gaps of a window, the widest gap first.
-
-    A gap is longer than `allowed_s` within the window; at the window's ends the number
-    of a frame may be outside the recording.
-    """
-    first, last = np.searchsorted(time, [begin_s - _EDGE_S, end_s + _EDGE_S])
-    waits = np.diff(np.concatenate([[begin_s], time[first:last], [end_s]]))
-    n_gaps = np.sum(waits > allowed_s)
-    widest_first = np.argsort(-waits, kind="stable")[:n_gaps]
-    return [int(first - 1 + k) for k in widest_first]
-
-
-def _bridged(
-    time: FloatArray, height: FloatArray, before: int, below_m: float
-) -> Bottom | str | None:
-    """Find the lowest point in the gap after a frame; None if it is outside of it."""
-    if not 0 <= before < len(time) - 1:
-        return BOTTOM_UNSEEN
-    if time[before + 1] - time[before] > LONGEST_BRIDGE_S:
-        return BOTTOM_UNSEEN
-    out_s = time[before]
-    in_s = time[before + 1]
-    fall, rise = side_speeds(time, height, before)
-    if np.isnan(fall + rise):
-        return BOTTOM_UNSEEN
-    if not fall < 0 < rise:
-        return None
-    if (rise - fall) / (in_s - out_s) < LEAST_BEND_M_S2:
-        return NO_BOUNCE
-    falling = (float(out_s), float(height[before]), fall)
-    rising = (float(in_s), float(height[before + 1]), rise)
-    lowest_s, lowest_m = turning_point(falling, rising, below_m)
-    return Bottom(time_s=lowest_s, height_m=lowest_m, bridged=True)
-
 
 Motion: TypeAlias = tuple[float, float, float]  # time, s; height, m; speed, m/s
 
 
-def turning_point(
-    falling: Motion, rising: Motion, below_m: float
-) -> tuple[float, float]:
-    """Return time and height of the lowest point between a fall and a rise.
+def turning_point(falling: Motion, rising: Motion, below_m: float) -> float:
+    """Return the time of the lowest point between a fall and a rise, s.
 
     Above `below_m` the motion is free flight. Below it, fall and rise are taken to be
     symmetric in time, so the lowest point is halfway between equal heights. A
@@ -237,11 +99,7 @@ def turning_point(
     out_s, out_m, fall = _flown(falling, below_m)
     in_s, in_m, rise = _flown(rising, below_m)
     lowest_s = 0.5 * (out_s + in_s) + (out_m - in_m) / (rise - fall)
-    lowest_s = min(max(lowest_s, falling[0]), rising[0])
-    # From the nearer of the two on, the speed falls evenly to zero.
-    if lowest_s < 0.5 * (out_s + in_s):
-        return lowest_s, out_m + 0.5 * fall * (lowest_s - out_s)
-    return lowest_s, in_m + 0.5 * rise * (lowest_s - in_s)
+    return min(max(lowest_s, falling[0]), rising[0])
 
 
 def _flown(motion: Motion, to_m: float) -> Motion:
@@ -278,7 +136,256 @@ def _speed_at(
     return float(fit.at(at_s, 1))
 
 
-# Visits below a height threshold, and what lies between them.
+# Recognition of stances, from one height after another: live, and in recordings.
+
+#: Window of the parabola through the last frames; `WINDOW_FRAMES` counts at low rates.
+#: Unit: s. Origin: chosen.
+WINDOW_S = 0.055
+#: Least window of the parabola through the last frames, in times between frames.
+#: Unit: 1. Origin: derived: a little more than three, so that it holds four frames.
+WINDOW_FRAMES = 3.5
+#: Longest gap in the frames across which a stance is still recognised.
+#: Unit: s. Origin: chosen.
+RECOGNISED_HOLE_S = 0.25
+#: A clock that goes back by more has been restarted.
+#: Unit: s. Origin: chosen.
+RESTART_S = 1.0
+#: A height that needs a larger speed has jumped.
+#: Unit: m/s. Origin: chosen.
+FASTEST_M_S = 4.0
+#: A height that needs a larger acceleration has jumped.
+#: Unit: m/s^2. Origin: chosen.
+HARDEST_M_S2 = 60.0
+#: How clearly the height must fall or rise, in errors of its speed.
+#: Unit: 1. Origin: chosen.
+SIGMAS = 4.0
+#: A frame that comes sooner after the last one repeats it.
+#: Unit: times between frames. Origin: chosen.
+LEAST_STEP_FRAMES = 0.1
+
+
+@dataclass(frozen=True)
+class Stance:
+    """A recognised stance.
+
+    Parameters
+    ----------
+    time_s : float
+        Time of the lowest point, between frames.
+    height_m : float
+        The lowest height that was seen.
+    bridged : bool
+        Whether the lowest point lies in a gap between frames, or close to one, and its
+        time is estimated from the speeds beside it.
+    recognised_s : float
+        Time of the frame in which it was recognised.
+    """
+
+    time_s: float
+    height_m: float
+    bridged: bool
+    recognised_s: float
+
+
+class StanceDetector:
+    """Reports each stance once, 30, 20 or 10 ms after its lowest point.
+
+    These are the delays at 60, 100 and 250 Hz. A stance is reported when the height,
+    after rising above one threshold, is below another, and a parabola through the last
+    frames has clearly turned upwards in two consecutive frames. Frames may be late or
+    missing; parabolas then have fewer points. A height that jumps is left out unless
+    the next one confirms it.
+
+    Parameters
+    ----------
+    geometry : HopperGeometry
+        Its noise, and the heights that every stance falls below and every flight rises
+        above.
+    rate_hz : float
+        Frame rate of the stream.
+
+    Attributes
+    ----------
+    n_left_out : int
+        Number of frames with an unknown height, a jump in height, or a time that did
+        not advance.
+    """
+
+    def __init__(self, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> None:
+        self.geometry = geometry
+        self.n_left_out = 0
+        self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
+        self.least_step_s = LEAST_STEP_FRAMES / rate_hz
+        # A height is the mean over the body markers.
+        self.noise_m = float(geometry.noise_m) / math.sqrt(len(geometry.body_m))
+        self._forget()
+
+    def _forget(self) -> None:
+        """Reset, as if nothing had been seen."""
+        # Frames in the window, each with time and height; one that is far from them.
+        self._frames: deque[tuple[float, float]] = deque()
+        self._stray: tuple[float, float] | None = None
+        # The last clear fall, whether a flight was seen since the last stance, and
+        # whether the last frame already rose.
+        self._falling: Motion | None = None
+        self._armed = False
+        self._turned = False
+        self._lowest_m = math.inf
+        self._speed = 0.0
+        self._last_s = -math.inf
+        # Time of the last frame that was kept, and the longest gap since the fall.
+        self._kept_s = math.inf
+        self._hole_s = 0.0
+
+    def feed(self, time_s: float, height_m: float) -> Stance | None:
+        """Take the next frame; return the stance it reveals, if any.
+
+        Parameters
+        ----------
+        time_s : float
+            Time of the frame, s.
+        height_m : float
+            Height of the mean body marker, m; NaN if unknown.
+        """
+        if not self._taken(time_s, height_m):
+            self.n_left_out += 1
+            return None
+        slope, bend, noise = self._parabola(time_s)
+        self._speed = slope
+        is_high = height_m > self.geometry.flight_above_m
+        if is_high and (slope < 0 or not self._armed):
+            self._armed = True
+            self._lowest_m = math.inf
+        if height_m < self._lowest_m:
+            self._lowest_m = height_m
+        if slope < 0 and self._armed:
+            self._turned = False
+            if slope < -SIGMAS * noise:
+                self._falling = (time_s, height_m, slope)
+                self._hole_s = 0.0
+        if not self._armed or slope <= SIGMAS * noise or self._falling is None:
+            return None
+        if not self._turned:  # a single frame that rises is not enough
+            self._turned = True
+            return None
+        return self._recognised((time_s, height_m, slope), bend)
+
+    def _taken(self, time_s: float, height_m: float) -> bool:
+        """Keep a frame if it is plausible, and forget those that are too old."""
+        if time_s < self._last_s - RESTART_S:
+            self._forget()
+        if not (math.isfinite(height_m) and time_s - self._last_s > self.least_step_s):
+            return False
+        self._last_s = time_s
+        frame = (time_s, height_m)
+        if self._frames and self._far(self._frames[-1], frame):
+            if self._stray is None or self._far(self._stray, frame):
+                self._stray = frame
+                return False
+            # Forget the heights before the jump, but not that the hopper was falling.
+            self._frames.clear()
+            self._frames.append(self._stray)
+            self._turned = False
+        self._stray = None
+        if time_s - self._kept_s > self._hole_s:
+            self._hole_s = time_s - self._kept_s
+        self._kept_s = time_s
+        self._frames.append(frame)
+        while self._frames[0][0] < time_s - self.window_s:
+            self._frames.popleft()
+        return True
+
+    def _far(self, one: tuple[float, float], other: tuple[float, float]) -> bool:
+        """Return whether a height is out of reach from another one.
+
+        From the last frame, it is compared with where the height was heading.
+        """
+        wait_s = other[0] - one[0]
+        rise = other[1] - one[1]
+        reach = FASTEST_M_S * wait_s
+        if len(self._frames) > 2 and one == self._frames[-1]:
+            rise -= self._speed * wait_s
+            reach = min(reach, 0.5 * HARDEST_M_S2 * wait_s**2)
+        return abs(rise) > reach + 4 * SIGMAS * self.noise_m
+
+    def _parabola(self, time_s: float) -> tuple[float, float, float]:
+        """Return speed, m/s, acceleration, m/s^2, and error of the speed, at a time.
+
+        The parabola goes through the frames in the window by least squares. There are
+        so few numbers that arrays would take eight times as long.
+        """
+        # Sums of the powers of the time before the last frame, and of the heights
+        # times these powers.
+        s0 = s1 = s2 = s3 = s4 = 0.0
+        z0 = z1 = z2 = 0.0
+        for when, z in self._frames:
+            s = when - time_s
+            ss = s * s
+            s0 += 1
+            s1 += s
+            s2 += ss
+            s3 += s * ss
+            s4 += ss * ss
+            z0 += z
+            z1 += s * z
+            z2 += ss * z
+        if s0 < 2:
+            return 0.0, 0.0, math.inf
+        if s0 < 3:  # a line
+            determinant = s0 * s2 - s1 * s1
+            slope = (s0 * z1 - s1 * z0) / determinant
+            return slope, math.nan, self.noise_m * math.sqrt(max(0.0, s0 / determinant))
+        # Cramer's rule for the normal equations: cofactors of the first row, then those
+        # of the others where they are needed.
+        c00 = s2 * s4 - s3 * s3
+        c01 = s2 * s3 - s1 * s4
+        c02 = s1 * s3 - s2 * s2
+        c11 = s0 * s4 - s2 * s2
+        c12 = s1 * s2 - s0 * s3
+        c22 = s0 * s2 - s1 * s1
+        determinant = s0 * c00 + s1 * c01 + s2 * c02
+        slope = (c01 * z0 + c11 * z1 + c12 * z2) / determinant
+        bend = 2 * (c02 * z0 + c12 * z1 + c22 * z2) / determinant
+        return slope, bend, self.noise_m * math.sqrt(max(0.0, c11 / determinant))
+
+    def _recognised(self, rising: Motion, bend: float) -> Stance | None:
+        """Return the stance before a rise, if it was low, recent and curved enough."""
+        assert self._falling is not None
+        before_s, _, fall = self._falling
+        time_s, _, slope = rising
+        below_m = self.geometry.stance_below_m
+        is_bridged = bool(time_s - before_s > self.window_s)
+        if is_bridged:
+            lowest_s = turning_point(self._falling, rising, below_m)
+            bend = (slope - fall) / (time_s - before_s)
+        elif bend > 0:
+            lowest_s = time_s - slope / bend
+        else:
+            lowest_s = before_s
+        if time_s - before_s > RECOGNISED_HOLE_S or not bend > LEAST_BEND_M_S2:
+            return None
+        if not (self._lowest_m < below_m or self._may_have_been_low(rising)):
+            return None
+        self._armed = False
+        self._falling = None
+        return Stance(
+            time_s=float(lowest_s),
+            height_m=float(self._lowest_m),
+            bridged=is_bridged,
+            recognised_s=float(time_s),
+        )
+
+    def _may_have_been_low(self, rising: Motion) -> bool:
+        """Tell whether there was a gap with time to fly down and up again in it."""
+        assert self._falling is not None
+        below_m = self.geometry.stance_below_m
+        down_s = _flown(self._falling, below_m)[0]
+        up_s = _flown(rising, below_m)[0]
+        return self._hole_s > self.window_s and down_s < up_s
+
+
+# Stances of a recording, the visits below a height threshold that they belong to, and
+# what lies between these.
 
 #: Longest gap between two stances of a hop: in a longer one anything may have happened.
 #: Unit: s. Origin: chosen.
@@ -306,15 +413,12 @@ class Visits:
     ----------
     first, last : (V,) array of int
         Outermost frames below the threshold.
-    lowest : (V,) array of int
-        The lowest frame.
     after_hole : (V,) bool array
         Whether there is a long gap between the previous visit and this one.
     """
 
     first: IntArray
     last: IntArray
-    lowest: IntArray
     after_hole: BoolArray
 
 
@@ -344,13 +448,9 @@ def find_visits(
     is_last = np.diff(visit_of_frame, append=visit_of_frame[-1:] + 1)
     first = low_frames[np.flatnonzero(is_first)]
     last = low_frames[np.flatnonzero(is_last)]
-    lowest = [
-        one + int(np.argmin(height[one : other + 1]))
-        for one, other in zip(first, last, strict=True)
-    ]
     after_hole = np.zeros(len(first), dtype=bool)
     after_hole[1:] = n_holes_before[first[1:]] > n_holes_before[last[:-1]]
-    return Visits(first, last, np.array(lowest, dtype=int), after_hole)
+    return Visits(first, last, after_hole)
 
 
 def not_a_hop(
@@ -411,8 +511,9 @@ def _crossing(
     return float(time[frame] + share * (time[frame + 1] - time[frame]))
 
 
-NO_STANCE = "one of them no stance"
-REASONS = (BOTTOM_UNSEEN, NO_BOUNCE, NO_STANCE, HOLE, HELD)
+NO_STANCE = "no stance recognised"
+ONE_NO_STANCE = "one of them no stance"
+REASONS = (NO_STANCE, ONE_NO_STANCE, HOLE, HELD)
 
 
 @dataclass(frozen=True)
@@ -424,18 +525,18 @@ class Stances:
     time_s : (K,) array
         Time of the lowest point, between frames.
     height_m : (K,) array
-        Height of the lowest point.
+        The lowest height that was seen.
     frame : (K,) array of int
         The nearest frame with a known height.
     bridged : (K,) bool array
-        Whether the lowest point lies in a gap, which makes its time less certain.
+        Whether the lowest point lies in or close to a gap, which makes its time less
+        certain.
     pairs : (P, 2) array of int
         Indices k and k + 1 of the two stances of each hop.
     rejected : dict of str to int
-        By reason, how many visits below the threshold are not stances ("lowest point
-        not seen", "no bounce"), and how many pairs of neighbouring visits are not hops
-        ("one of them no stance", "heights missing in between", "held or carried in
-        between").
+        By reason, how many visits below the threshold are not stances ("no stance
+        recognised"), and how many pairs of neighbouring visits are not hops ("one of
+        them no stance", "heights missing in between", "held or carried in between").
     """
 
     time_s: FloatArray
@@ -447,15 +548,15 @@ class Stances:
 
 
 def find_stances(
-    time: FloatArray, height: FloatArray, band_m: tuple[float, float] | None = None
+    time: FloatArray, height: FloatArray, geometry: HopperGeometry
 ) -> Stances:
     """Find all stances, and pair those with one flight and nothing else between them.
 
-    A stance is a visit below the lower threshold that lasts until the height is above
-    the upper one again. Double minima, and a stumble that does not rise above the upper
-    threshold, are thus one visit. The instant of a stance is its lowest point, where
-    the body must be accelerated upwards. A pair is a hop if the time above the upper
-    threshold is that of free fall; otherwise somebody held or carried the hopper.
+    Stances are recognised as in live use, by a `StanceDetector` that is given one
+    height after another. Each belongs to a visit below the lower threshold, which lasts
+    until the height is above the upper one again. Two stances are a hop apart if their
+    visits follow each other and the time above the upper threshold is that of free
+    fall; otherwise somebody held or carried the hopper.
 
     Parameters
     ----------
@@ -463,77 +564,83 @@ def find_stances(
         Increasing, s; frames may be missing.
     height : (N,) array
         Height of the mean body marker, m; NaN where unknown.
-    band_m : (float, float), optional
-        The two thresholds; by default `height_band` of these heights.
+    geometry : HopperGeometry
+        Its noise and its two thresholds.
     """
-    if band_m is None:
-        band_m = height_band(height)
-    below_m, above_m = band_m
     known = np.flatnonzero(np.isfinite(height))
     known_time = time[known]
     known_height = height[known]
+    below_m = geometry.stance_below_m
+    above_m = geometry.flight_above_m
     visits = find_visits(known_time, known_height, below_m, above_m)
-    bottoms = _bottoms(known_time, known_height, visits, below_m)
+    recognised = _recognised(known_time, known_height, geometry)
+    by_visit = _by_visit(known_time, visits, recognised)
     links = [
-        _link(known_time, known_height, visits, bottoms, k, above_m)
-        for k in range(len(bottoms) - 1)
+        _link(known_time, known_height, visits, by_visit, k, above_m)
+        for k in range(len(by_visit) - 1)
     ]
-    stances = [bottom for bottom in bottoms if isinstance(bottom, Bottom)]
-    stance_of_visit = np.cumsum([isinstance(one, Bottom) for one in bottoms]) - 1
+    stances = [one for one in by_visit if one is not None]
+    stance_of_visit = np.cumsum([one is not None for one in by_visit]) - 1
     # Two visits that are a hop apart are two stances that follow each other.
     first = np.array(
         [stance_of_visit[k] for k, link in enumerate(links) if link is None], dtype=int
     )
     instants = np.array([stance.time_s for stance in stances])
+    why = Counter(link for link in links if link is not None)
+    why[NO_STANCE] = len(by_visit) - len(stances)
     return Stances(
         time_s=instants,
         height_m=np.array([stance.height_m for stance in stances]),
         frame=known[_nearest(known_time, instants)],
         bridged=np.array([stance.bridged for stance in stances], dtype=bool),
         pairs=np.column_stack([first, first + 1]),
-        rejected=_counted([*bottoms, *links]),
+        rejected={reason: why[reason] for reason in REASONS},
     )
 
 
-def _counted(found: Sequence[Bottom | str | None]) -> dict[str, int]:
-    """Return how often each reason occurs among what was found."""
-    why = Counter(one for one in found if isinstance(one, str))
-    return {reason: why[reason] for reason in REASONS}
+def _recognised(
+    time: FloatArray, height: FloatArray, geometry: HopperGeometry
+) -> list[Stance]:
+    """Return the stances that a detector recognises in heights that are known."""
+    if len(time) < 2:
+        return []
+    detector = StanceDetector(geometry, rate_hz=1.0 / float(np.median(np.diff(time))))
+    found = map(detector.feed, time.tolist(), height.tolist())
+    return [stance for stance in found if stance is not None]
 
 
-def _bottoms(
-    time: FloatArray, height: FloatArray, visits: Visits, below_m: float
-) -> list[Bottom | str]:
-    """Return the lowest point of each visit, or why it has none."""
-    frame_s = 0.0
-    if len(time) > 1:
-        frame_s = float(np.median(np.diff(time)))
-    bottoms: list[Bottom | str] = []
-    for k, lowest in enumerate(visits.lowest):
-        bottom = find_bottom(time, height, int(lowest), frame_s, below_m)
-        # It must lie within the visit.
-        before = max(visits.first[k] - 1, 0)
-        after = min(visits.last[k] + 1, len(time) - 1)
-        outside = isinstance(bottom, Bottom) and not (
-            time[before] < bottom.time_s < time[after]
-        )
-        bottoms.append(BOTTOM_UNSEEN if outside else bottom)
-    return bottoms
+def _by_visit(
+    time: FloatArray, visits: Visits, recognised: list[Stance]
+) -> list[Stance | None]:
+    """Return the stance of each visit, or None where none was recognised.
+
+    A stance whose lowest point is in a gap may have no visit, since no frame is low;
+    nobody knows what else was in the gap, and it is left out.
+    """
+    before = (visits.first - 1).clip(0)
+    after = (visits.last + 1).clip(max=max(len(time) - 1, 0))
+    instants = np.array([stance.time_s for stance in recognised])
+    first = np.searchsorted(instants, time[before], side="right")
+    past = np.searchsorted(instants, time[after])
+    return [
+        recognised[one] if one < other else None
+        for one, other in zip(first.tolist(), past.tolist(), strict=True)
+    ]
 
 
 def _link(
     time: FloatArray,
     height: FloatArray,
     visits: Visits,
-    bottoms: list[Bottom | str],
+    by_visit: list[Stance | None],
     k: int,
     above_m: float,
 ) -> str | None:
     """Return why visits k and k + 1 are not a hop apart; None if they are."""
-    one = bottoms[k]
-    other = bottoms[k + 1]
-    if isinstance(one, str) or isinstance(other, str):
-        return NO_STANCE
+    one = by_visit[k]
+    other = by_visit[k + 1]
+    if one is None or other is None:
+        return ONE_NO_STANCE
     if visits.after_hole[k + 1]:
         return HOLE
     leave = int(visits.last[k])
@@ -547,239 +654,3 @@ def _nearest(time: FloatArray, instants: FloatArray) -> IntArray:
     after = np.searchsorted(time, instants).clip(1, max(len(time) - 1, 1))
     is_nearer_before = instants - time[after - 1] < time[after] - instants
     return np.asarray(after - is_nearer_before)
-
-
-# Live recognition of stances, from one height after another.
-
-#: Window of the parabola through the last frames; `WINDOW_FRAMES` counts at low rates.
-#: Unit: s. Origin: chosen.
-WINDOW_S = 0.055
-#: Least window of the parabola through the last frames, in times between frames.
-#: Unit: 1. Origin: derived: a little more than three, so that it holds four frames.
-WINDOW_FRAMES = 3.5
-#: Longest gap in the frames across which a stance is still reported.
-#: Unit: s. Origin: chosen.
-TOLD_HOLE_S = 0.25
-#: A clock that goes back by more has been restarted.
-#: Unit: s. Origin: chosen.
-RESTART_S = 1.0
-#: A height that needs a larger speed has jumped.
-#: Unit: m/s. Origin: chosen.
-FASTEST_M_S = 4.0
-#: A height that needs a larger acceleration has jumped.
-#: Unit: m/s^2. Origin: chosen.
-HARDEST_M_S2 = 60.0
-#: How clearly the height must fall or rise, in errors of its speed.
-#: Unit: 1. Origin: chosen.
-SIGMAS = 4.0
-#: A frame that comes sooner after the last one repeats it.
-#: Unit: times between frames. Origin: chosen.
-LEAST_STEP_FRAMES = 0.1
-
-
-@dataclass(frozen=True)
-class Stance(Bottom):
-    """The lowest point of a recognised stance, and the time of the frame that told, s.
-
-    Parameters
-    ----------
-    told_s : float
-        Time of the frame that revealed it.
-    """
-
-    told_s: float
-
-
-class StanceDetector:
-    """Reports each stance once, 30, 20 or 10 ms after its lowest point.
-
-    These are the delays at 60, 100 and 250 Hz. A stance is reported when the height,
-    after rising above one threshold, is below another, and a parabola through the last
-    frames has clearly turned upwards in two consecutive frames. Frames may be late or
-    missing; parabolas then have fewer points. A height that jumps is left out unless
-    the next one confirms it.
-
-    Parameters
-    ----------
-    geometry : HopperGeometry
-        Its noise, and the heights that every stance falls below and every flight rises
-        above.
-    rate_hz : float
-        Frame rate of the stream.
-
-    Attributes
-    ----------
-    n_left_out : int
-        Number of frames with an unknown height, a jump in height, or a time that did
-        not advance.
-    """
-
-    def __init__(self, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> None:
-        self.geometry = geometry
-        self.n_left_out = 0
-        self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
-        self.least_step_s = LEAST_STEP_FRAMES / rate_hz
-        # A height is the mean over the body markers.
-        self.noise_m = geometry.noise_m / np.sqrt(len(geometry.body_m))
-        self._forget()
-
-    def _forget(self) -> None:
-        """Reset, as if nothing had been seen."""
-        # Frames in the window, each with time and height; one that is far from them.
-        self._frames: deque[tuple[float, float]] = deque()
-        self._stray: tuple[float, float] | None = None
-        # The last clear fall, whether a flight was seen since the last stance, and
-        # whether the last frame already rose.
-        self._falling: Motion | None = None
-        self._armed = False
-        self._turned = False
-        self._lowest_m = np.inf
-        self._speed = 0.0
-        self._last_s = -np.inf
-        # Time of the last frame that was kept, and the longest gap since the fall.
-        self._kept_s = np.inf
-        self._hole_s = 0.0
-
-    def feed(self, time_s: float, height_m: float) -> Stance | None:
-        """Take the next frame; return the stance it reveals, if any.
-
-        Parameters
-        ----------
-        time_s : float
-            Time of the frame, s.
-        height_m : float
-            Height of the mean body marker, m; NaN if unknown.
-        """
-        if not self._taken(time_s, height_m):
-            self.n_left_out += 1
-            return None
-        slope, bend, noise = self._parabola(time_s)
-        self._speed = slope
-        is_high = height_m > self.geometry.flight_above_m
-        if is_high and (slope < 0 or not self._armed):
-            self._armed = True
-            self._lowest_m = np.inf
-        self._lowest_m = min(self._lowest_m, height_m)
-        if slope < 0 and self._armed:
-            self._turned = False
-            if slope < -SIGMAS * noise:
-                self._falling = (time_s, height_m, slope)
-                self._hole_s = 0.0
-        if not self._armed or slope <= SIGMAS * noise or self._falling is None:
-            return None
-        if not self._turned:  # a single frame that rises is not enough
-            self._turned = True
-            return None
-        return self._told((time_s, height_m, slope), bend)
-
-    def _taken(self, time_s: float, height_m: float) -> bool:
-        """Keep a frame if it is plausible, and forget those that are too old."""
-        if time_s < self._last_s - RESTART_S:
-            self._forget()
-        if not (np.isfinite(height_m) and time_s - self._last_s > self.least_step_s):
-            return False
-        self._last_s = time_s
-        frame = (time_s, height_m)
-        if self._frames and self._far(self._frames[-1], frame):
-            if self._stray is None or self._far(self._stray, frame):
-                self._stray = frame
-                return False
-            # Forget the heights before the jump, but not that the hopper was falling.
-            self._frames.clear()
-            self._frames.append(self._stray)
-            self._turned = False
-        self._stray = None
-        self._hole_s = max(self._hole_s, time_s - self._kept_s)
-        self._kept_s = time_s
-        self._frames.append(frame)
-        while self._frames[0][0] < time_s - self.window_s:
-            self._frames.popleft()
-        return True
-
-    def _far(self, one: tuple[float, float], other: tuple[float, float]) -> bool:
-        """Return whether a height is out of reach from another one.
-
-        From the last frame, it is compared with where the height was heading.
-        """
-        wait_s = other[0] - one[0]
-        rise = other[1] - one[1]
-        reach = FASTEST_M_S * wait_s
-        if len(self._frames) > 2 and one == self._frames[-1]:
-            rise -= self._speed * wait_s
-            reach = min(reach, 0.5 * HARDEST_M_S2 * wait_s**2)
-        return abs(rise) > reach + 4 * SIGMAS * self.noise_m
-
-    def _parabola(self, time_s: float) -> tuple[float, float, float]:
-        """Return speed, m/s, acceleration, m/s^2, and error of the speed, at a time.
-
-        The parabola goes through the frames in the window by least squares. There are
-        so few numbers that arrays would take eight times as long.
-        """
-        # Sums of the powers of the time before the last frame, and of the heights
-        # times these powers.
-        s0 = s1 = s2 = s3 = s4 = 0.0
-        z0 = z1 = z2 = 0.0
-        for when, z in self._frames:
-            s = when - time_s
-            ss = s * s
-            s0 += 1
-            s1 += s
-            s2 += ss
-            s3 += s * ss
-            s4 += ss * ss
-            z0 += z
-            z1 += s * z
-            z2 += ss * z
-        if s0 < 2:
-            return 0.0, 0.0, np.inf
-        if s0 < 3:  # a line
-            determinant = s0 * s2 - s1 * s1
-            slope = (s0 * z1 - s1 * z0) / determinant
-            return slope, np.nan, self.noise_m * np.sqrt(s0 / determinant)
-        # Cramer's rule for the normal equations: cofactors of the first row, then those
-        # of the others where they are needed.
-        c00 = s2 * s4 - s3 * s3
-        c01 = s2 * s3 - s1 * s4
-        c02 = s1 * s3 - s2 * s2
-        c11 = s0 * s4 - s2 * s2
-        c12 = s1 * s2 - s0 * s3
-        c22 = s0 * s2 - s1 * s1
-        determinant = s0 * c00 + s1 * c01 + s2 * c02
-        slope = (c01 * z0 + c11 * z1 + c12 * z2) / determinant
-        bend = 2 * (c02 * z0 + c12 * z1 + c22 * z2) / determinant
-        return slope, bend, self.noise_m * np.sqrt(c11 / determinant)
-
-    def _told(self, rising: Motion, bend: float) -> Stance | None:
-        """Return the stance before a rise, if it was low, recent and curved enough."""
-        assert self._falling is not None
-        before_s, _, fall = self._falling
-        time_s, _, slope = rising
-        below_m = self.geometry.stance_below_m
-        is_bridged = bool(time_s - before_s > self.window_s)
-        if is_bridged:
-            lowest_s, _ = turning_point(self._falling, rising, below_m)
-            bend = (slope - fall) / (time_s - before_s)
-        elif bend > 0:
-            lowest_s = time_s - slope / bend
-        else:
-            lowest_s = before_s
-        if time_s - before_s > TOLD_HOLE_S or not bend > LEAST_BEND_M_S2:
-            return None
-        if not (self._lowest_m < below_m or self._may_have_been_low(rising)):
-            return None
-        self._armed = False
-        self._falling = None
-        return Stance(
-            time_s=float(lowest_s),
-            height_m=float(self._lowest_m),
-            bridged=is_bridged,
-            told_s=float(time_s),
-        )
-
-    def _may_have_been_low(self, rising: Motion) -> bool:
-        """Tell whether there was a gap with time to fly down and up again in it."""
-        assert self._falling is not None
-        below_m = self.geometry.stance_below_m
-        down_s = _flown(self._falling, below_m)[0]
-        up_s = _flown(rising, below_m)[0]
-        return self._hole_s > self.window_s and down_s < up_s

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from hopdata.arrays import pd
 from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
 from hopdata.report.inputs import PageInputs, as_yaml, placed_pictures, rendered
+from hopdata.steering.control.forecast import warning
 from hopdata.steering.experiments.examples import shown_run
 
 _FOLDER = Path(__file__).parent
@@ -170,6 +171,7 @@ def build_steering_report(inputs: SteeringInputs) -> str:
     notes = list(inputs.notes)
     if inputs.outcomes is None:
         notes.append(NOTES["no_experiment"])
+    notes.extend(_forecasts(inputs.scores))
     return rendered(
         "steering.html.j2",
         own=_FOLDER / "templates",
@@ -188,6 +190,16 @@ def build_steering_report(inputs: SteeringInputs) -> str:
         notes=notes,
         config=as_yaml(record.get("config")),
     )
+
+
+def _forecasts(scores: pd.DataFrame | None) -> Iterator[str]:
+    """Yield what is said of models that will probably not reach a point."""
+    if scores is None:
+        return
+    for (seed, observation), of_model in scores.groupby(["seed", "observation"]):
+        said = warning(of_model)
+        if said is not None:
+            yield f"Seed {seed}, observed as {observation}: {said}"
 
 
 def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:

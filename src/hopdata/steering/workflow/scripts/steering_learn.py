@@ -4,10 +4,11 @@ import numpy as np
 
 from hopdata.jobs import reported, write_json, write_table
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
-from hopdata.steering.frame_changes import to_table
-from hopdata.steering.models.learning import learn
+from hopdata.steering.control.forecast import forecast
+from hopdata.steering.models.learning import learn, learned_and_rest
 from hopdata.steering.models.process import save_process
 from hopdata.steering.observation.observe import observe_recordings
+from hopdata.steering.strides import to_table
 from hopdata.steering.trial import simulate_excitation
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
@@ -33,6 +34,9 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
         recordings, swing_limit_rad=limit, observation=observation
     )
     process, scores = learn(observed.changes, steering["model"], seed=seed)
+    _, rest = learned_and_rest(observed.changes, steering["model"], seed=seed)
+    expected = forecast(process, rest, swing_limit_rad=limit)
+    scores = scores.assign(**expected.columns())
     save_process(output.model, process)
     observed.geometry.save(output.geometry)
     write_table(output.changes, to_table(observed.changes))

@@ -1,6 +1,6 @@
 """Pose, boom angle and stances against truth, for whole recordings and frame by frame.
 
-    python benchmarks/pose.py --out pose.csv
+    python benchmarks/steering/pose.py --out pose.csv
 
 `pose.csv` holds errors of heading, boom angle and place (mean body marker), rms over
 frames, by estimator. In the scenes "tilted by", the body is tilted by a constant angle
@@ -30,6 +30,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
+import beside  # noqa: F401  finds `machine`
 import numpy as np
 import pandas as pd
 from machine import quartiles
@@ -341,8 +342,9 @@ def printed(seen: Recording, *, derivative: int) -> FloatArray:
 
 
 def recommended(seen: Recording) -> FloatArray:
-    motion = hopper_motion(seen, calibrate(seen))
-    stances = find_stances(motion.time, motion.height)
+    geometry = calibrate(seen)
+    motion = hopper_motion(seen, geometry)
+    stances = find_stances(motion.time, motion.height, geometry)
     return stances.time_s[stances.pairs]
 
 
@@ -423,7 +425,7 @@ def told(seen: Recording, *, dropped: float, jumping: float, seed: int) -> Float
         height = tracker.feed(seen.time[k], seen.positions[k]).height_m + off[k]
         stance = detector.feed(seen.time[k], height)
         if stance is not None:
-            stances.append((stance.time_s, stance.told_s))
+            stances.append((stance.time_s, stance.recognised_s))
     return np.array(stances)
 
 

@@ -1,6 +1,7 @@
 """How well an adapting controller recovers after the robot has changed.
 
-    python benchmarks/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
+    python benchmarks/steering/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
+        [--changes "a worn foot" ...]
 
 The model is learned from 100 hops of the original simulated hopper. Then the hopper is
 changed. From each of twelve starts, one metre from the origin with any heading, it is
@@ -17,7 +18,7 @@ included. `adaptation_return.csv` gives the distance between stances and their
 predictions by the controller's model, by the number of hops since the change: median
 and 90 % quantile over all runs still in progress.
 
-    python benchmarks/adaptation.py --out loads.csv --loads
+    python benchmarks/steering/adaptation.py --out loads.csv --loads
 
 measures what the legs can carry: for each load, how many of twelve releases leave the
 hopper still hopping after 40 unsteered hops.
@@ -43,8 +44,10 @@ from hopdata.arrays import FloatArray
 from hopdata.jobs import write_table
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering import child
+from hopdata.steering.control.adaptive import AdaptivePlanner
 from hopdata.steering.control.objectives import Controller
-from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
+from hopdata.steering.control.planner import Planner, planner
+from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task
 from hopdata.steering.experiments.tasks import FELL, ORIGIN, Task, draw_starts
 from hopdata.steering.frame_changes import frame_changes
@@ -53,7 +56,7 @@ from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper, released, steer_hop
-from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
+from hopdata.steering.trial import record_trial
 from hopdata.synthesis.camera import MotionCapture, draw_floor
 
 STARTS, LEARNED = 12, 100
@@ -101,12 +104,18 @@ def laden(robot: SteeredHopper, leg: int, *, kilograms: float = 1.0) -> SteeredH
     return moved(robot, np.tile(-shift, (3, 1)), mass_kg=hopper.mass_kg + kilograms)
 
 
+def slippery(robot: SteeredHopper, _leg: int) -> SteeredHopper:
+    """Let all feet slip: a hop takes the robot four times as far."""
+    return replace(robot, hopper=replace(robot.hopper, friction=0.2))
+
+
 Change = Callable[[SteeredHopper, int], SteeredHopper]
 CHANGES: dict[str, Change] = {
     "10 % more preload on a leg": preloaded,
     "a worn foot": worn,
     "a kilogram on one side": laden,
     "half a kilogram on one side": partial(laden, kilograms=0.5),
+    "a slippery floor": slippery,
 }
 
 
@@ -155,7 +164,7 @@ def rows(
     seed = np.random.SeedSequence(20261125, spawn_key=(number,))
     robot, camera = SteeredHopper(), MotionCapture()
     geometry, process = learned(robot, child(seed, 10))
-    before, noise = planner(process), process.chance
+    before, noise = planner(process), process.noise_sd
     sight = Sight(
         camera,
         geometry,
@@ -252,6 +261,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--changes", nargs="+", choices=CHANGES, default=list(CHANGES))
     parser.add_argument("--loads", action="store_true")
     arguments = parser.parse_args()
     if arguments.loads:
@@ -260,7 +270,9 @@ def main() -> None:
         print(found.to_string())
         return
     numbers = range(arguments.first, arguments.first + arguments.seeds)
-    found, back = tables(pair for number in numbers for pair in rows(number))
+    found, back = tables(
+        pair for number in numbers for pair in rows(number, arguments.changes)
+    )
     out: Path = arguments.out
     write_table(out, found)
     write_table(out.with_name(f"{out.stem}_return.csv"), back)

@@ -1,6 +1,6 @@
 """Models of the frame change: how well they predict, from how many hops, and what they cost.
 
-    python benchmarks/frame_change_models.py --out frame_change_models.csv
+    python benchmarks/steering/frame_change_models.py --out frame_change_models.csv
 
 The steered hopper is excited at random as printed (Algorithm 1) and observed by motion
 capture: markers with noise, poses and boom angles by `hopdata.steering.observation`.
@@ -14,9 +14,8 @@ Beside `frame_change_models.csv`, it writes:
   pooled, tested on the other hops.
 - `frame_change_kernels.csv`: four smoothnesses of the kernel in the readings of Section
   3.4.2, on the hopper and on analytic functions.
-- `frame_change_cost.csv`: time of a prediction and its gradient compared with
-  scikit-learn's `predict` and forward differences for the same hyper-parameters, and
-  the largest difference.
+- `frame_change_cost.csv`: time of a prediction by the processes and by their table,
+  and the table's largest error.
 """
 
 from __future__ import annotations
@@ -24,9 +23,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import beside  # noqa: F401  finds `machine`
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
@@ -35,12 +36,12 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
+from hopdata.steering.excitation import ControlGrid, random_excitation
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
 from hopdata.steering.frame_changes import (
     FrameChanges,
     StanceStates,
     frame_changes,
-    joined,
 )
 from hopdata.steering.models.learning import (
     IN_UNITS,
@@ -56,9 +57,6 @@ from hopdata.steering.models.process import (
     PRINTED,
     RECOMMENDED,
     FrameChangeProcess,
-    embedded,
-    embedded_scales,
-    input_rows,
     trained_process,
     training_set,
 )
@@ -66,12 +64,11 @@ from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper
+from hopdata.steering.strides import joined
 from hopdata.steering.trial import (
     POSE,
-    ControlGrid,
     SteeredTrial,
     TrueFrameChanges,
-    random_excitation,
     record_trial,
     true_frame_changes,
 )
@@ -88,80 +85,10 @@ CURVES = ("printed", "recommended")
 SIZES = (20, 35, 60, 100, 170, 300)
 SCORES = ("r2", "rmse", "coverage")
 BOOM_WINDOW_S = 0.11  # window after the stance (printed: 11 frames at 100 Hz)
-STEP = 1.5e-8  # step of forward differences, SciPy's default
 
 
 # Printed frame changes, errors against the true ones, closed-form derivatives of
 # models, and scikit-learn's regressor.
-
-
-# Closed-form derivatives of models, and scikit-learn's regressor.
-
-
-def change_and_gradient(
-    model: Any, boom_angle: ArrayLike, swing: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Return frame changes (n, 3) of hops, and their derivatives (n, 3, 2) by the inputs."""
-    if isinstance(model, FrameChangeProcess):
-        points = model._points(boom_angle, swing)
-        return model.mean_at(points), mean_slopes(model, points)
-    if isinstance(model, TabulatedMap):
-        angles, swings = input_rows(boom_angle, swing)
-        points = np.stack([swings, angles % (2 * np.pi)], axis=-1)
-        slopes = [model._spline(points, nu=nu) for nu in ((0, 1), (1, 0))]
-        return model.change(boom_angle, swing), np.stack(slopes, axis=-1)
-    return model.change_and_gradient(boom_angle, swing)
-
-
-def correlation_slope(squared: FloatArray, smoothness: float) -> FloatArray:
-    """Return the derivative of the kernel with respect to the squared distance.
-
-    At distance zero, the kernel of smoothness 1/2 has a kink; its derivative is set to
-    0 there.
-    """
-    if smoothness == np.inf:
-        return np.asarray(-0.5 * np.exp(-0.5 * squared))
-    r = np.sqrt(2 * smoothness * squared)
-    with np.errstate(divide="ignore"):
-        factor = {
-            0.5: np.where(r > 0, -0.5 / r, 0.0), 1.5: -1.5, 2.5: -(5.0 / 6.0) * (1.0 + r)
-        }[smoothness]  # fmt: skip
-    return np.asarray(factor * np.exp(-r))
-
-
-def mean_slopes(process: FrameChangeProcess, points: FloatArray) -> FloatArray:
-    """Return the derivatives (n, 3, d) of a process's means at points (n, d)."""
-    apart = points[:, None] - process.inputs  # (n, m, d)
-    square, slope = apart**2, 2 * apart
-    if process.periodic:
-        square[..., 0] = 2 * (1 - np.cos(apart[..., 0]))
-        slope[..., 0] = 2 * np.sin(apart[..., 0])
-    inverse = 1 / process.length_scales**2
-    kernel = correlation_slope(
-        np.einsum("nmd,jd->jnm", square, inverse), process.smoothness
-    )
-    return np.einsum(
-        "jm,jnm,nmd,jd->njd", process.weights, kernel, slope, inverse, optimize=True
-    )
-
-
-def regressor_of(process: FrameChangeProcess, component: int) -> Any:
-    """Return scikit-learn's regressor of one component with the hyper-parameters of a process.
-
-    It predicts the modelled output for embedded inputs, as a peer for comparison.
-    """
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
-
-    j = component
-    lengths = embedded_scales(process.length_scales[j], process.periodic)
-    matern = Matern(lengths, nu=process.smoothness)
-    kernel = ConstantKernel(process.variance[j]) * matern + WhiteKernel(
-        process.noise[j]
-    )
-    target = (process.outputs[:, j] - process.offset[j]) / process.unit[j]
-    regressor = GaussianProcessRegressor(kernel, alpha=0.0, optimizer=None)
-    return regressor.fit(embedded(process.inputs, process.periodic), target)
 
 
 def frame_changes_at_frames(
@@ -399,124 +326,49 @@ def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
     return with_intervals(pd.concat(parts), by, SCORES)
 
 
-def sklearn_change(
-    regressors: list[Any], process: FrameChangeProcess, points: FloatArray
-) -> Any:
-    """Predict with three regressors, as printed."""
-    asked = embedded(points, process.periodic)
-    found = np.column_stack([one.predict(asked) for one in regressors])
-    return found * process.unit + process.offset
-
-
-def sklearn_sd(
-    regressors: list[Any], process: FrameChangeProcess, points: FloatArray
-) -> Any:
-    """Predict with standard deviations."""
-    asked = embedded(points, process.periodic)
-    return [one.predict(asked, return_std=True) for one in regressors]
-
-
-def sklearn_gradient(
-    regressors: list[Any], process: FrameChangeProcess, points: FloatArray
-) -> Any:
-    """Predict, and differentiate by forward differences."""
-    here = sklearn_change(regressors, process, points)
-    slopes = []
-    for axis in range(points.shape[1]):
-        moved = points.copy()
-        moved[:, axis] += STEP
-        slopes.append((sklearn_change(regressors, process, moved) - here) / STEP)
-    return here, np.stack(slopes, axis=-1)
-
-
-def tabulation_errors(
-    table: TabulatedMap, model: Any, *, points: int = 2000, seed: int = 0
-) -> tuple[FloatArray, FloatArray]:
-    """Return the largest errors of a table against its map at random points.
-
-    Returns
-    -------
-    value, gradient : (3,) arrays
-        Largest error of each component, m, m, rad, and of its derivatives by any input,
-        per rad.
-    """
+def tabulation_error(
+    table: TabulatedMap, model: FrameChangeProcess, *, points: int = 2000, seed: int = 0
+) -> FloatArray:
+    """Return the largest error (3,) of a table at random points, m, m, rad."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     angle = rng.uniform(0, 2 * np.pi, points)
     swing = rng.uniform(-table.swing_limit_rad, table.swing_limit_rad, points)
-    here, there = (change_and_gradient(of, angle, swing) for of in (table, model))
-    value, gradient = (np.abs(a - b) for a, b in zip(here, there, strict=True))
-    return value.max(axis=0), gradient.max(axis=(0, 2))
+    error = table.change(angle, swing) - model.change(angle, swing)
+    return np.asarray(np.abs(error).max(axis=0))
 
 
 def cost_rows(
     hops: FrameChanges, other: FrameChanges, seed: int
 ) -> Iterator[dict[str, Any]]:
-    """Yield times and differences for each way to query a model."""
+    """Yield the time of each way to ask a model, and the largest error of its table."""
     for name in ("printed", "recommended"):
         process = trained_process(hops, MODELS[name], seed=seed)
-        regressors = [regressor_of(process, j) for j in range(3)]
         table = tabulated(process, LIMIT)
-        agreement = disagreement(process, regressors, training_set(other)[0])
-        value, gradient = tabulation_errors(table, process)
+        largest = tabulation_error(table, process)
         for n in (1, 1000):
-            points = np.resize(training_set(other)[0], (n, 2))
-            columns = points.T.copy()
+            angles, swings = np.resize(training_set(other)[0], (n, 2)).T.copy()
             runs: dict[str, Callable[[], object]] = {
-                "closed form": lambda p=process, c=columns: change_and_gradient(p, *c),
-                "table": lambda t=table, c=columns: change_and_gradient(t, *c),
-                "closed form, sd": lambda p=process, c=columns: p.sd(*c),
-                "scikit-learn, mean": lambda r=regressors, p=process, x=points: (
-                    sklearn_change(r, p, x)
-                ),
-                "scikit-learn, sd": lambda r=regressors, p=process, x=points: (
-                    sklearn_sd(r, p, x)
-                ),
-                "scikit-learn, differences": lambda r=regressors, p=process, x=points: (
-                    sklearn_gradient(r, p, x)
-                ),
+                "table": partial(table.change, angles, swings),
+                "process": partial(process.change, angles, swings),
+                "process, sd": partial(process.sd, angles, swings),
             }
             times = quartiles(runs, fewest=5, most=31)
-            slowest = times["scikit-learn, differences"][1]
+            slowest = times["process"][1]
             for way, (low, median, high) in times.items():
-                yield {
+                row = {
                     "model": name,
-                    "training_points": len(process.inputs),
+                    "training_points": len(process.points),
                     "points": n,
                     "way": way,
                     "us_per_point": 1e6 * median / n,
                     "us_q25": 1e6 * low / n,
                     "us_q75": 1e6 * high / n,
                     "times_faster": slowest / median,
-                    **(agreement if way.startswith("closed") else {}),
-                    **(table_errors(value, gradient) if way == "table" else {}),
                 }
-
-
-def table_errors(value: FloatArray, gradient: FloatArray) -> dict[str, float]:
-    names = (
-        "table_error_mm",
-        "table_error_mrad",
-        "table_slope_error_mm",
-        "table_slope_error_mrad",
-    )
-    largest = (value[:2].max(), value[2], gradient[:2].max(), gradient[2])
-    return {
-        name: float(1e3 * error) for name, error in zip(names, largest, strict=True)
-    }
-
-
-def disagreement(
-    process: FrameChangeProcess, regressors: list[Any], points: FloatArray
-) -> dict[str, float]:
-    """Return the largest differences from scikit-learn in mean and standard deviation, m or rad."""
-    asked = embedded(points, process.periodic)
-    peers = [one.predict(asked, return_std=True) for one in regressors]
-    mean = np.column_stack([peer[0] for peer in peers]) * process.unit + process.offset
-    sd = np.column_stack([peer[1] for peer in peers]) * process.unit
-    return {
-        "mean_difference": float(np.abs(process.mean_at(points) - mean).max()),
-        "sd_difference": float(np.abs(process.sd_at(points, observed=True) - sd).max()),
-    }
+                if way == "table":
+                    row["table_error_mm"] = 1e3 * largest[:2].max()
+                    row["table_error_mrad"] = 1e3 * largest[2]
+                yield row
 
 
 def main() -> None:

@@ -1,0 +1,129 @@
+"""One-step prediction, and what follows stride after stride.
+
+A stride from the pose g with states s and inputs u leads to the pose g d(s, u), where
+the model says the change of pose d, and to the states that the model says, too.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import FloatArray
+from hopdata.rigid import turned
+from hopdata.steering.frame_changes import HOPPER
+from hopdata.steering.strides import StrideAxes
+
+
+class StrideModel(Protocol):
+    """What a controller needs of a model.
+
+    It may also have `axes`, else they are the hopper's, and `next_state`, else the next
+    states follow from the axes.
+    """
+
+    def change(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
+        """Return the changes of pose (n, 3) by states (n, S) and inputs (n, U).
+
+        For one state and one input they may be (n,).
+        """
+        ...
+
+
+def axes_of(model: StrideModel) -> StrideAxes:
+    """Return the axes of a model; one that has none is of the hopper."""
+    axes: StrideAxes = getattr(model, "axes", HOPPER)
+    return axes
+
+
+def predicted_change(
+    model: StrideModel, state: FloatArray, inputs: FloatArray
+) -> FloatArray:
+    """Return the changes of pose (..., 3) by states (..., S) and inputs (..., U)."""
+    states, commands, shape = _rows(state, inputs)
+    if states.shape[-1] == commands.shape[-1] == 1:
+        change = model.change(states.ravel(), commands.ravel())
+    else:
+        change = model.change(states, commands)
+    return np.asarray(change).reshape(*shape, 3)
+
+
+def next_state(model: StrideModel, state: FloatArray, inputs: FloatArray) -> FloatArray:
+    """Return the states (..., S) after a stride; angles are not wrapped."""
+    axes = axes_of(model)
+    moved = moved_by(axes)
+    if moved is not None:
+        return np.asarray(state + inputs[..., moved])
+    states, commands, shape = _rows(state, inputs)
+    after: Any = getattr(model, "next_state", axes.next_state)
+    return np.asarray(after(states, commands)).reshape(*shape, len(axes.states))
+
+
+def _rows(
+    state: FloatArray, inputs: FloatArray
+) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
+    """Return states and inputs as rows (n, S) and (n, U), and their common shape."""
+    shape = np.broadcast_shapes(state.shape[:-1], inputs.shape[:-1])
+    n_rows = math.prod(shape)
+    states = np.broadcast_to(state, (*shape, state.shape[-1]))
+    commands = np.broadcast_to(inputs, (*shape, inputs.shape[-1]))
+    of_state = states.reshape(n_rows, state.shape[-1])
+    return of_state, commands.reshape(n_rows, inputs.shape[-1]), shape
+
+
+@cache
+def moved_by(axes: StrideAxes) -> list[int] | None:
+    """Return which input is added to each state in a stride.
+
+    None if another rule holds for any of them.
+    """
+    if not all(state.moved_by for state in axes.states):
+        return None
+    return [axes.input_names.index(state.moved_by) for state in axes.states]
+
+
+def predicted_poses(
+    model: StrideModel, pose: ArrayLike, state: ArrayLike, inputs: ArrayLike
+) -> FloatArray:
+    """Return poses (H + 1, ..., 3) of a robot with one input, by inputs (..., H).
+
+    See `poses_ahead`.
+    """
+    return poses_ahead(model, pose, state, np.asarray(inputs, dtype=float)[..., None])
+
+
+def poses_ahead(
+    model: StrideModel, pose: ArrayLike, state: ArrayLike, inputs: FloatArray
+) -> FloatArray:
+    """Return poses (H + 1, ..., 3) after inputs (..., H, U), the present one first.
+
+    They follow Sec. 3.4.1.
+    """
+    commanded = np.moveaxis(inputs, -2, 0)
+    start = np.asarray(state, dtype=float).reshape(-1)
+    before = _states_before(model, start, commanded)
+    change = predicted_change(model, before, commanded)
+    present = np.broadcast_to(pose, change[:1].shape)
+    steps = np.concatenate([present, change])
+    # Each change of pose is turned to the world by the heading before it.
+    headings = np.cumsum(steps[:-1, ..., 2], axis=0)
+    steps[1:] = turned(change, -headings)
+    return np.cumsum(steps, axis=0)
+
+
+def _states_before(
+    model: StrideModel, state: FloatArray, inputs: FloatArray
+) -> FloatArray:
+    """Return the states (H, ..., S) before each of the strides (H, ..., U)."""
+    moved = moved_by(axes_of(model))
+    if moved is not None:  # all at once
+        steps = inputs[..., moved]
+        return np.asarray(state + np.cumsum(steps, axis=0) - steps)
+    before = [np.broadcast_to(state, (*inputs.shape[1:-1], len(state)))]
+    for commanded in inputs[:-1]:
+        before.append(next_state(model, before[-1], commanded))
+    return np.array(before)

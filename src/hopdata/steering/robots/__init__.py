@@ -1,0 +1,1 @@
+"""Robots that are commanded once a stride: their interface, and simulated ones."""

@@ -1,0 +1,296 @@
+"""What steering asks of a robot: five methods, and nothing else.
+
+A robot that is steered (`Robot`) tells its `axes`, yields its `stances` (the pose
+source) and takes a `command` (the actuator). A robot that is simulated
+(`SimulatedRobot`) tells its `axes`, can be put down (`release`) and makes one `stride`;
+`Simulation` makes the first kind of it. Excitation, learning, controllers, log and
+replay use these five.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import FloatArray
+from hopdata.steering.control.objectives import Controller, PlanningError
+from hopdata.steering.strides import StrideAxes, Strides, recorded_strides
+
+
+@dataclass(frozen=True)
+class Stance:
+    """Where a stride ends and the next begins.
+
+    Parameters
+    ----------
+    time_s : float
+    pose : (3,) array
+        Place and heading in the world, m, m, rad.
+    state : (S,) array
+        The states of the robot's axes.
+    fell : bool
+        Whether the stride ended in a fall; the pose is then where it began.
+    follows : bool
+        Whether the robot came here by a stride, and was not put down.
+    inner : object
+        What a simulation goes on from; nobody else looks at it.
+    """
+
+    time_s: float
+    pose: FloatArray
+    state: FloatArray
+    fell: bool = False
+    follows: bool = True
+    inner: Any = None
+
+
+class Robot(Protocol):
+    """A robot that is commanded once a stride."""
+
+    @property
+    def axes(self) -> StrideAxes:
+        """Names of the states, and the inputs with their limits."""
+        ...
+
+    def stances(self) -> Iterator[Stance]:
+        """Yield each stance as soon as it is seen: the pose source."""
+        ...
+
+    def command(self, inputs: FloatArray, /) -> None:
+        """Send the inputs (U,) of the next stride: the actuator."""
+        ...
+
+
+class SimulatedRobot(Protocol):
+    """A robot of which one stride can be computed."""
+
+    @property
+    def axes(self) -> StrideAxes:
+        """Names of the states, and the inputs with their limits."""
+        ...
+
+    @property
+    def seen_sd(self) -> Sequence[float]:
+        """Deviations with which pose and states are seen, (3 + S,)."""
+        ...
+
+    def release(self, pose: ArrayLike, /) -> Stance:
+        """Put the robot down at a pose (3,)."""
+        ...
+
+    def stride(
+        self, stance: Stance, inputs: FloatArray, rng: np.random.Generator
+    ) -> Stance:
+        """Make one stride with these inputs (U,)."""
+        ...
+
+
+class Simulation:
+    """A simulated robot in place of a real one; a `Robot`.
+
+    If it falls, an operator puts it down again where it was.
+
+    Parameters
+    ----------
+    robot : SimulatedRobot
+    pose : (3,)
+        Pose at the first release.
+    seed : int, sequence of int or SeedSequence
+        Seed of what disturbs the strides and of what disturbs the sight of them.
+
+    Attributes
+    ----------
+    true_pose : (3,) array
+        Pose in the newest stance, as nobody sees it.
+    """
+
+    def __init__(
+        self, robot: SimulatedRobot, pose: ArrayLike = (0.0, 0.0, 0.0), *, seed: Any = 0
+    ) -> None:
+        self._robot = robot
+        self._pose = np.asarray(pose, dtype=float)
+        self.true_pose = self._pose
+        root = seed
+        if not isinstance(seed, np.random.SeedSequence):
+            root = np.random.SeedSequence(seed)
+        kicks, sight = (np.random.default_rng(one) for one in root.spawn(2))
+        self._kicks = kicks
+        self._sight = sight
+        self._inputs = at_rest(robot.axes)
+
+    @property
+    def axes(self) -> StrideAxes:
+        """Axes of the robot."""
+        return self._robot.axes
+
+    def stances(self) -> Iterator[Stance]:
+        """Put the robot down, and let it make strides for ever."""
+        stance = self._robot.release(self._pose)
+        stance = replace(stance, follows=False)
+        while True:
+            yield self._seen(stance)
+            after = self._robot.stride(stance, self._inputs, self._kicks)
+            if after.fell:
+                yield self._seen(replace(after, pose=stance.pose, state=stance.state))
+                after = self._robot.release(stance.pose)
+                after = replace(after, follows=False)
+            stance = replace(after, time_s=max(after.time_s, stance.time_s))
+
+    def command(self, inputs: FloatArray, /) -> None:
+        """Keep the inputs for the next strides, cut to their limits."""
+        axes = self._robot.axes
+        self._inputs = np.clip(inputs, axes.lower, axes.upper)
+
+    def _seen(self, stance: Stance) -> Stance:
+        """Return the stance as it is seen, without what only the simulation knows."""
+        self.true_pose = stance.pose
+        n_numbers = 3 + len(self.axes.states)
+        error = self._robot.seen_sd * self._sight.standard_normal(n_numbers)
+        pose = stance.pose + error[:3]
+        state = self.axes.wrapped(stance.state + error[3:])
+        return replace(stance, pose=pose, state=state, inner=None)
+
+
+def at_rest(axes: StrideAxes) -> FloatArray:
+    """Return the inputs (U,) of a robot that is not steered: nearest to zero."""
+    return np.clip(0.0, axes.lower, axes.upper)
+
+
+@dataclass(frozen=True)
+class Log:
+    """Log of a robot: its stances, and what was commanded in each.
+
+    Parameters
+    ----------
+    axes : StrideAxes
+    stances : tuple of Stance
+        The K stances, as they were seen.
+    inputs : (K, U) array
+        Inputs commanded in each; NaN in the last one.
+    """
+
+    axes: StrideAxes
+    stances: tuple[Stance, ...]
+    inputs: FloatArray
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot fell."""
+        return any(stance.fell for stance in self.stances)
+
+    @property
+    def poses(self) -> FloatArray:
+        """The poses, (K, 3), m, m, rad."""
+        return np.array([stance.pose for stance in self.stances])
+
+    def strides(self) -> Strides:
+        """Return the strides from stance to stance; a fall is none."""
+        follows = [one.follows and not one.fell for one in self.stances]
+        second = np.flatnonzero(follows)
+        return recorded_strides(
+            self.axes,
+            time_s=np.array([one.time_s for one in self.stances]),
+            pose=self.poses,
+            state=np.array([one.state for one in self.stances]),
+            inputs=self.inputs,
+            pairs=np.column_stack([second - 1, second]),
+        )
+
+
+# What is commanded in a stance, by it and by the inputs of the stride that led to it;
+# None ends the log.
+Choice: TypeAlias = Callable[[Stance, FloatArray | None], FloatArray | None]
+
+
+def excited(robot: Robot, inputs: ArrayLike) -> Log:
+    """Let a robot execute an excitation, and return the log.
+
+    Parameters
+    ----------
+    robot : Robot
+    inputs : (n, U) or (n,) array
+        What is commanded, stride by stride.
+    """
+    wanted = np.asarray(inputs, dtype=float).reshape(-1, len(robot.axes.inputs))
+    remaining = iter(wanted)
+    return _logged(robot, lambda _stance, _previous: next(remaining, None))
+
+
+def steered(
+    robot: Robot,
+    controller: Controller,
+    *,
+    strides: int,
+    arrived: Callable[[FloatArray], bool] = lambda _pose: False,
+) -> Log:
+    """Let a controller steer a robot until it has arrived or fallen.
+
+    Where the controller cannot plan, the inputs are those at rest.
+
+    Parameters
+    ----------
+    robot : Robot
+    controller : Controller
+    strides : int
+        Largest number of strides.
+    arrived : callable
+        Takes the pose (3,) in a stance; if true, it is the last.
+    """
+    stances = count()
+
+    def planned(stance: Stance, previous: FloatArray | None) -> FloatArray | None:
+        if stance.fell or next(stances) == strides or arrived(stance.pose):
+            return None
+        return _planned(controller, stance, previous, robot.axes)
+
+    return _logged(robot, planned)
+
+
+def replayed(log: Log, controller: Controller) -> FloatArray:
+    """Plan again in each stance of a log, and return the inputs, (K, U).
+
+    The same controller plans the same inputs. They are NaN where the log has none.
+    """
+    again = np.full_like(log.inputs, np.nan)
+    previous = None
+    for k, stance in enumerate(log.stances):
+        if np.isfinite(log.inputs[k]).all():
+            again[k] = _planned(controller, stance, previous, log.axes)
+            previous = log.inputs[k]
+    return again
+
+
+def _planned(
+    controller: Controller,
+    stance: Stance,
+    previous: FloatArray | None,
+    axes: StrideAxes,
+) -> FloatArray:
+    """Return the next inputs that a controller plans, or those at rest."""
+    try:
+        plan = controller.plan(stance.pose, stance.state, previous)
+    except PlanningError:
+        return at_rest(axes)
+    return plan.inputs[0]
+
+
+def _logged(robot: Robot, chosen: Choice) -> Log:
+    """Command in each stance what is chosen there, until nothing is."""
+    stances = []
+    commanded = []
+    previous: FloatArray | None = None
+    nothing = np.full(len(robot.axes.inputs), np.nan)
+    for stance in robot.stances():
+        inputs = chosen(stance, previous)
+        stances.append(stance)
+        commanded.append(nothing if inputs is None else inputs)
+        if inputs is None:
+            break
+        robot.command(inputs)
+        previous = inputs
+    return Log(robot.axes, tuple(stances), np.array(commanded))
