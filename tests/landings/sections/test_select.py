@@ -198,7 +198,7 @@ SEEDS = [
 ]
 
 
-@pytest.mark.parametrize(("options", "seeds"), zip(HOPPERS, SEEDS, strict=True))
+@pytest.mark.parametrize(("options", "seeds"), [*zip(HOPPERS, SEEDS, strict=True)])
 def test_sections_hold_the_true_landings_at_any_noise(options, seeds):
     for seed in seeds:
         fake = hopper(np.random.default_rng(seed), **{"hops": 100, **options})
