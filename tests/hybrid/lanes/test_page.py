@@ -91,7 +91,7 @@ def test_guards_of_all_ranges_on_the_page_are_proven_in_lanes():
     assert {"floor", "hypot", "min", "exp"} <= set(names)
     terms = [call for name in names for call in calls(name)]
     total = " + ".join([*terms, "x**2 + x % 0.7 - z / 2.0"])
-    guards = made(f"x + 0.01 * ({total})", "values")
+    guards = made(f"x + 0.2 + 0.003 * ({total})", "values")
     here, there = in_lanes(made("1.0, -z", "plain_rates"), guards)
     assert not here.lanes_reason, here.lanes_reason
     assert here.proven.all()
