@@ -18,7 +18,12 @@ BENCHMARK_ARGUMENTS |= {
     "steering/pose": "--hops 125 --frames 12000",
     "steering/worlds": "--seeds 1 --controllers planner",
 }
-UNTIMED |= {"steering/adaptation", "steering/frame_change_models", "steering/pose", "steering/worlds"}
+UNTIMED |= {
+    "steering/adaptation",
+    "steering/frame_change_models",
+    "steering/pose",
+    "steering/worlds",
+}
 # Drawn by `steering_figures.py`.
 BENCHMARK_FIGURES |= {
     "steering/learning_curve": ["frame_change_learning.csv"],
