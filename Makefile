@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures figures-told dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks integrator lint format rules docs site sample lock release clean help
+.PHONY: figures figures-told dissertation dissertation-docs both-sides test test-lowest test-cluster fuzz chaos mutants benchmarks integrator lint lint-types lint-style format rules docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -110,10 +110,15 @@ benchmarks: $(VENV)/.bench
 integrator: $(VENV)/.dev
 	$(BIN)/python packaging/hybrid/alone.py dist --cores $(CORES)
 
-lint: $(VENV)/.dev
+# `make -j 2 lint` runs mypy, which takes as long as the others, beside them.
+lint: lint-types lint-style
+
+lint-types: $(VENV)/.dev
+	$(BIN)/mypy
+
+lint-style: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/snakefmt --check Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk benchmarks/*/*.smk)
 	$(BIN)/snakemake --lint
 
@@ -183,8 +188,9 @@ $(VENV)/.dev: $(DEV_LOCK) requirements-build.lock pyproject.toml | $(VENV)/pyven
 $(VENV)/.dissertation: requirements-dissertation.lock | $(VENV)/.run
 	$(call install,requirements-dissertation.lock)
 
-# Sphinx and the packages that run the pages' code, in addition to hopdata's own requirements.
-$(VENV)/.docs: requirements-docs.lock | $(VENV)/.run
+# Sphinx and the packages that run the pages' code, in addition to hopdata's own requirements, which the environment of
+# the tests has, too.
+$(VENV)/.docs: requirements-docs.lock | $(if $(wildcard $(VENV)/.dev),,$(VENV)/.run)
 	$(call install,requirements-docs.lock)
 
 # The maker of wrong changes brings packages that nothing else needs.

@@ -15,7 +15,8 @@ sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 
 #: The contents at the side: the pages by their use.
 PAGES = {
-    "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "new_scene"],
+    "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "another_robot",
+              "new_scene"],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "The integrator": [

@@ -10,9 +10,11 @@ BENCHMARK_TABLES |= {
     "steering/adaptation": ["adaptation.csv", "adaptation_return.csv"],
     "steering/worlds": ["worlds.csv", "worlds_models.csv"],
     "steering/live_loop": ["live_loop.csv", "live_faults.csv"],
+    "steering/environment_speed": ["environment_speed.csv"],
 }
 BENCHMARK_ARGUMENTS |= {
     "steering/adaptation": "--seeds 1",
+    "steering/environment_speed": "--strides 2000 --hops 200",
     "steering/frame_change_models": "--recordings 4 --draws 3",
     "steering/live_loop": "--seconds 15 --hops 300",
     "steering/pose": "--hops 125 --frames 12000",

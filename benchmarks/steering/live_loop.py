@@ -70,6 +70,7 @@ import pandas as pd
 from loopback_server import Faults, LoopbackServer, Outage, UdpSwings
 
 from hopdata.jobs import write_table
+from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.rigid import wrapped
 from hopdata.steering.control.planner import Planner, planner
@@ -77,7 +78,8 @@ from hopdata.steering.control.waypoints import WayPointFollower, WayPoints
 from hopdata.steering.frame_changes import frame_changes
 from hopdata.steering.live.buffer import Status
 from hopdata.steering.live.drive import Drive, drive
-from hopdata.steering.live.loop import ControlLoop, Decision
+from hopdata.steering.live.loop import ControlLoop, Decision, checks_of, observers_of
+from hopdata.steering.live.machine import State
 from hopdata.steering.live.packets import StreamParameters
 from hopdata.steering.live.safety import LOOK_S, Limits, UdpBoom
 from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, TrueHop
@@ -86,8 +88,6 @@ from hopdata.steering.models.process import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances
-from hopdata.steering.observation.stances import StanceDetector
-from hopdata.steering.observation.tracking import HopperTracker
 from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import record_trial
 
@@ -228,6 +228,7 @@ def run(
                 port=port,
                 stop=threading.Event(),
                 seconds=case.seconds,
+                armed=True,
                 on_decision=compare_clocks,
             )
         here.send("stop")
@@ -314,7 +315,7 @@ def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object
         "connections": done.stream.connections,
         "losses": done.stream.losses,
         "crashes": done.loop.failed
-        + int(decisions.reason.str.contains("failed").sum()),
+        + sum("failed" in one.reason.code for one in done.decisions if one.reason),
         "stances_true": int((counted & ~away).sum()),
         "stances_told": int((counted & ~away & found).sum()),
         "stances_lost": int((counted & ~away & ~found).sum()),
@@ -354,40 +355,54 @@ ALLOWED_S, ANEW_S = 0.05, 1.0
 AWAY_M, TURNED_RAD = 0.1, 0.2  # a plan farther from its stance is unsafe
 BEFORE_S, AFTER_S = 0.5, 0.1  # span about a stance in which it must be seen
 
-# Each kind: shortest and longest span, s, and the required reaction: none, rest, or the
-# end of the drive.
+# Each kind: shortest and longest span, s, the required reaction (none, rest, or the end
+# of the drive), and the codes by one of which it must be named.
 KINDS = {
-    "frames dropped": (1.0, 3.0, ""),
-    "marker hidden": (0.15, 0.45, "rest"),
-    "frames repeated": (0.15, 1.0, "rest"),
-    "frames held up": (0.15, 0.6, "rest"),
-    "server gone": (0.3, 2.0, "rest"),
-    "markers exchanged": (0.1, 1.0, "rest"),
-    "one frame absurd": (0.0, 0.0, ""),
-    "camera clock anew": (0.0, 0.0, ""),
-    "plan late": (0.7, 0.7, "rest"),
-    "controller fails": (0.7, 2.0, ""),
-    "boom fails": (0.7, 0.7, ""),
-    "leaves the arena": (0.05, 0.3, "over"),
-    "tips over": (0.05, 0.3, "over"),
-    "operator's key": (0.0, 0.0, "over"),
+    "frames dropped": (1.0, 3.0, "", ()),
+    "marker hidden": (0.15, 0.45, "rest", ("markers_unseen",)),
+    "frames repeated": (0.15, 1.0, "rest", ("no_frame",)),
+    "frames held up": (0.15, 0.6, "rest", ("no_frame",)),
+    "coordinates frozen": (0.1, 1.0, "rest", ("markers_frozen",)),
+    "server gone": (0.3, 2.0, "rest", ("stream_lost",)),
+    "markers exchanged": (0.1, 1.0, "rest", ("markers_exchanged",)),
+    "markers mirrored": (0.1, 1.0, "rest", ("markers_mirrored",)),
+    "one frame absurd": (0.0, 0.0, "", ()),
+    "camera clock anew": (0.0, 0.0, "", ()),
+    "plan late": (0.7, 0.7, "rest", ("plan_late", "plan_came_late")),
+    "controller fails": (0.7, 2.0, "rest", ("controller_failed",)),
+    "boom fails": (0.7, 0.7, "rest", ("boom_failed",)),
+    "answers lost": (0.3, 1.0, "rest", ("unacknowledged",)),
+    "boom does not move": (4.5, 4.5, "over", ("does_not_follow",)),
+    "leaves the arena": (0.05, 0.3, "over", ("left_arena",)),
+    "tips over": (0.05, 0.3, "over", ("tips_over",)),
+    "operator's key": (0.0, 0.0, "over", ("operators_key",)),
 }
 UNSEEN = {"frames repeated", "frames held up", "server gone", "markers exchanged",
-          "camera clock anew", "leaves the arena", "tips over"}  # fmt: skip
+          "markers mirrored", "coordinates frozen", "camera clock anew",
+          "leaves the arena", "tips over"}  # fmt: skip
+# The operator arms the drive this long after a fault, and tries this often.
+OPERATOR_S, TRY_S, STUCK_S = 0.3, 0.2, 5.0
 
 
 @dataclass
 class Fault:
-    """One fault: its span on the hopper's clock, its effect, and when the boom rested."""
+    """One fault: its span on the hopper's clock, its effect, and when the boom rested.
+
+    `cause_s` is when it can be known. `armed_s` is when the operator armed the drive
+    again, and `code` how it was named.
+    """
 
     kind: str
     begin_s: float
     end_s: float
     cause_s: float = np.nan
     rest_s: float = np.nan
+    armed_s: float = np.nan
     moved: int = 0
     frames: int = 0
     refused: bool = False
+    pair: tuple[int, int] = (0, 1)
+    code: str = ""
 
 
 @dataclass
@@ -409,6 +424,9 @@ class Rehearsal:
     )  # errors of sent swings, m and rad
     unsafe: int = 0
     wrong_ends: int = 0  # drives that ended though no fault required it
+    needless: int = 0  # rests that no fault required
+    stuck: int = 0  # faults after which the drive could not be armed again
+    armed: int = 0  # how often the operator armed it
 
     def __post_init__(self) -> None:
         streams = np.random.SeedSequence(self.seed).spawn(2)
@@ -426,7 +444,8 @@ class Rehearsal:
             self._arrivals(),
             0.0,
         )
-        self.next, self.look_s = next(self.arrivals), 0.0
+        self.next, self.look_s, self.try_s = next(self.arrivals), 0.0, 0.0
+        self.beat = 0
         self.begin_drive()
 
     def begin_drive(self) -> None:
@@ -434,17 +453,19 @@ class Rehearsal:
         self.begun_s.append(self.now_s)
         self.loop = ControlLoop(
             self.stream.buffer,
-            lambda: (
-                HopperTracker(self.geometry, self.names),
-                StanceDetector(self.geometry, rate_hz=FAULTS_HZ),
-            ),
+            observers_of(self.geometry, FAULTS_HZ),
             SimpleNamespace(plan=self._plan),
-            SimpleNamespace(swing=self._swing),
+            SimpleNamespace(
+                swing=self._swing, alive=self._alive, heard=lambda: self.beat
+            ),
+            limits=LIMITS,
+            checks=checks_of(self.geometry, FAULTS_HZ, LIMITS),
             on_decision=self._told,
             fault=self._lost,
             clock=lambda: self.now_s,
         )
-        self.taken = self.stream.buffer.written
+        self.beat = 0
+        self.n_rests = 0
 
     def run(self, hops: int) -> None:
         """Let the hopper make `hops` hops."""
@@ -453,11 +474,42 @@ class Rehearsal:
                 self.pauses.exponential(0.01) if self.pauses.random() < 0.002 else 0.0
             )
             self.advance(max(self.next[0], self.now_s) + min(pause, 0.04))
-            frames = self.stream.buffer.since(self.taken)
-            if frames:
-                self.taken = frames[-1].index + 1
-                self.loop.take(frames)
+            self.loop.step()
+            self._note_rests()
+            self._operate()
             self._next_fault()
+
+    def _note_rests(self) -> None:
+        """Note how the loop names a fault, and rests that no fault requires."""
+        rests = self.loop.watch.rests
+        for rest in rests[self.n_rests :]:
+            fault = self.fault
+            is_due = bool(fault.kind and KINDS[fault.kind][2])
+            if not is_due or rest.sent_s < fault.begin_s:
+                self.needless += 1
+            elif not fault.code:
+                fault.code = rest.cause.code.removeprefix("steering.")
+        self.n_rests = len(rests)
+
+    def _operate(self) -> None:
+        """Arm the drive as an operator does, some time after a fault is over."""
+        fault = self.fault
+        is_over = not fault.kind or self.now_s > fault.end_s + OPERATOR_S
+        is_early = self.now_s < fault.begin_s
+        is_idle = self.loop.state in (State.WAITING, State.RESTING)
+        if not is_idle or self.now_s < self.try_s or not (is_over or is_early):
+            return
+        self.try_s = self.now_s + TRY_S
+        if self.loop.arm() is None:
+            self.armed += 1
+            if is_over:
+                fault.armed_s = self.now_s
+
+    def _alive(self, number: int) -> None:
+        if self._active() == "answers lost":
+            self._caused(self.fault, self.now_s + LIMITS.heard_s)
+        else:
+            self.beat = number
 
     def advance(self, to_s: float) -> None:
         """Let time pass: frames arrive and the watch checks."""
@@ -495,6 +547,9 @@ class Rehearsal:
                 self._caused(fault, shown_s + LIMITS.pose_age_s)
                 yield arrival_s, *last
                 continue
+            if kind == "coordinates frozen":
+                self._caused(fault, arrival_s if fault.frames == 3 else np.nan)
+                markers = last[2]
             if kind == "frames held up":
                 self._caused(fault, shown_s + LIMITS.pose_age_s)
                 arrival_s = fault.end_s + DELAY_S
@@ -514,8 +569,13 @@ class Rehearsal:
             markers = self.chance.uniform(-5, 5, markers.shape)
         if kind == "camera clock anew" and fault.frames == 1:
             self.shift_s -= 1000.0
+        if kind == "markers mirrored":
+            markers = markers * np.array([-1.0, 1.0, 1.0])
+            self._caused(fault, now_s if fault.frames == 3 else np.nan)
         if kind == "markers exchanged":
-            markers = markers[[1, 3, 2, 0]]
+            order = np.arange(len(markers))
+            order[list(fault.pair)] = fault.pair[::-1]
+            markers = markers[order]
             self._caused(fault, now_s if fault.frames == 3 else np.nan)
         if kind == "leaves the arena":
             markers = markers + np.array([LIMITS.fence_m + 1.5, 0.0, 0.0])
@@ -533,21 +593,24 @@ class Rehearsal:
         if np.isnan(fault.cause_s):
             fault.cause_s = cause_s
 
-    def _lost(self) -> str:
+    def _lost(self) -> Message | None:
         fault = self.fault
         gone = (
             fault.kind == "server gone"
             and fault.begin_s < self.now_s - DELAY_S < fault.end_s
         )
-        return "the stream is lost: the server has hung up" if gone else ""
+        values = {"state": "lost", "reason": "the server has hung up"}
+        return Message("steering.stream_lost", values) if gone else None
 
     def _plan(self, pose: np.ndarray, boom: float, swung: float | None, /) -> object:
         plan, kind = self.follower.plan(pose, boom, swung), self._active()
         if kind == "controller fails":
+            self._caused(self.fault, self.now_s)
             raise ValueError("no way out")
         asked_s = self.now_s
         if kind == "plan late":
-            self._caused(self.fault, self.loop._due_s)
+            due = self.loop.watch.machine._deadlines["plan"]
+            self._caused(self.fault, due.due_s)
             self.advance(asked_s + 0.3)
         self.advance(asked_s + 0.002)
         return plan
@@ -561,19 +624,22 @@ class Rehearsal:
         fault = self.fault
         if self._active() == "boom fails" and not fault.refused:
             fault.refused = True
+            self._caused(fault, self.now_s)
             raise OSError("not connected")
-        self.boom.swing(rad)
-        must, caused = KINDS.get(fault.kind, (0, 0, ""))[2], not np.isnan(fault.cause_s)
-        if must and caused and self.now_s >= fault.cause_s - 1e-9:
-            if rad == 0.0 and np.isnan(fault.rest_s):
-                fault.rest_s = self.now_s
-            # A frame shown in time requires rest; the frame that ends the fault has yet
-            # to arrive.
-            lasting = must == "over" or self.now_s <= fault.end_s
-            fault.moved += (
-                rad != 0.0 and lasting and self.now_s > fault.cause_s + ALLOWED_S
-            )
+        dead = self._active() == "boom does not move"
+        self.boom.swing(0.0 if dead else rad)
         self.unsafe += abs(rad) > LIMITS.swing_rad
+        must = KINDS[fault.kind][2] if fault.kind else ""
+        if not must or self.now_s < fault.begin_s:
+            return
+        if rad == 0.0:
+            if np.isnan(fault.rest_s):
+                fault.rest_s = self.now_s
+            return
+        if np.isnan(fault.armed_s):  # until the operator arms it again
+            fault.rest_s = np.nan
+            late = self.now_s > fault.cause_s + ALLOWED_S  # False if not known
+            fault.moved += bool(late)
 
     def _told(self, decision: Decision) -> None:
         self.decisions.append(decision)
@@ -589,20 +655,28 @@ class Rehearsal:
         pressed = fault.kind == "operator's key" and self.now_s >= fault.begin_s
         if pressed and np.isnan(fault.cause_s):
             self._caused(fault, self.now_s)
-            self.loop.rest("the operator's key")
+            self.loop.end(Message("steering.operators_key"))
         if self.now_s < fault.end_s + ANEW_S:
             return
+        must = KINDS[fault.kind][2] if fault.kind else ""
+        if self.loop.state is State.STOPPED:
+            self.wrong_ends += must != "over"
+            self.begin_drive()
+            return
+        if self.loop.state not in (State.ARMED, State.RUNNING):
+            if self.now_s < fault.end_s + STUCK_S:
+                return
+            self.stuck += 1
         if fault.kind:
             self.faults.append(fault)
-        if self.loop._over:
-            self.wrong_ends += KINDS.get(fault.kind, (0, 0, ""))[2] != "over"
-            self.begin_drive()
         kind = list(KINDS)[self.chance.integers(len(KINDS))]
-        shortest, longest, _ = KINDS[kind]
+        shortest, longest, _, _ = KINDS[kind]
         begin_s = self.now_s + self.chance.uniform(1.0, 4.0)
         single = 1.0 / FAULTS_HZ
         long = self.chance.uniform(shortest, longest) if longest else single
-        self.fault = Fault(kind, begin_s, begin_s + long)
+        first, second = self.chance.choice(4, size=2, replace=False)
+        pair = (int(first), int(second))
+        self.fault = Fault(kind, begin_s, begin_s + long, pair=pair)
 
 
 def off_by(
@@ -623,17 +697,19 @@ def off_by(
 
 
 def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
-    for kind, (_, _, must) in KINDS.items():
+    for kind, (_, _, must, codes) in KINDS.items():
         those = [f for f in done.faults if f.kind == kind]
         caused = [f for f in those if must and not np.isnan(f.cause_s)]
-        # If the boom already rests, no command is sent and none is needed.
-        delays = [
-            1e3 * (f.rest_s - f.cause_s) for f in caused if not np.isnan(f.rest_s)
-        ]
+        # The boom may have been told to stay for another reason just before.
+        delays = [1e3 * max(0.0, f.rest_s - f.cause_s) for f in caused]
+        known = [delay for delay in delays if not np.isnan(delay)]
         yield {
             "fault": kind, "must": must or "go on", "number": len(those),
-            "rest_ms_p50": np.median(delays) if delays else np.nan,
-            "rest_ms_max": max(delays, default=np.nan),
+            "rest_ms_p50": np.median(known) if known else np.nan,
+            "rest_ms_max": max(known, default=np.nan),
+            "late": sum(delay > 1e3 * ALLOWED_S for delay in known),
+            "no_rest": sum(bool(must) and np.isnan(f.rest_s) for f in those),
+            "misnamed": sum(bool(must) and f.code not in codes for f in those),
             "moved": sum(f.moved for f in those),
         }  # fmt: skip
     hops = done.hopper.hops[:-2]
@@ -652,7 +728,8 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
         "invented": int(invented), "sent": sum(d.command_rad != 0 for d in done.decisions),
         **dict(zip(("off_m", "off_rad"), np.max(done.off, axis=0, initial=0.0), strict=True)),
         "unsafe": done.unsafe + sum(f.moved for f in done.faults),
-        "wrong_ends": done.wrong_ends,
+        "wrong_ends": done.wrong_ends, "needless": done.needless, "stuck": done.stuck,
+        "armed": done.armed,
         "times_real_time": done.now_s / took_s,
     }  # fmt: skip
 
@@ -660,11 +737,11 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
 def live_faults(
     geometry: HopperGeometry, learned: Planner, given: argparse.Namespace
 ) -> None:
-    """Write the table of faults after each thousand hops."""
+    """Write the table of faults after every 250 hops."""
     logging.disable(logging.WARNING)  # the watch logs each rest
     done = Rehearsal(geometry, learned, given.seed)
     begun = time.monotonic()
-    for hops in (*range(1000, given.hops, 1000), given.hops):
+    for hops in (*range(250, given.hops, 250), given.hops):
         done.run(hops)
         table = pd.DataFrame(fault_rows(done, time.monotonic() - begun))
         write_table(given.out.with_name("live_faults.csv"), table)

@@ -33,6 +33,7 @@ from hopdata.steering.live.packets import (
     PortError,
     header_fault,
 )
+from hopdata.steering.live.safety import SILENCE_S
 
 GREETING = "QTM RT Interface connected"
 NO_MORE_DATA = 4
@@ -270,12 +271,15 @@ LONGEST_LINE = 200
 
 
 class UdpSwings:
-    """Receives the lines of `UdpBoom`, on the loopback address by default.
+    """Receives the lines of `UdpBoom` in a thread, on the loopback address by default.
 
-    Each readable line is answered to where it came from with `heard <number>`.
-    Unreadable lines are left out and counted in `garbled`. Lines that are late,
-    repeated or out of order, whose number does not exceed all earlier ones, are counted
-    in `outdated`.
+    Each readable line is answered to where it came from: `swing <number> <rad>` with
+    `heard <number>`, and `alive <number>` with the same line. Unreadable lines are left
+    out and counted in `garbled`. Lines that are late, repeated or out of order, whose
+    number does not exceed all earlier ones of their kind, are counted in `outdated`.
+
+    A robot that hears nothing new for `silence_s` rests by itself: a swing that waits
+    for its flight then is dropped, and counted in `silences`.
 
     Raises
     ------
@@ -283,52 +287,92 @@ class UdpSwings:
         If the port cannot be listened on.
     """
 
-    def __init__(self, port: int = 0, *, host: str = LOOPBACK) -> None:
-        self.garbled = self.outdated = 0
-        self._number = -1  # of the newest line so far
+    def __init__(
+        self, port: int = 0, *, host: str = LOOPBACK, silence_s: float = SILENCE_S
+    ) -> None:
+        self.garbled = self.outdated = self.silences = self.beats = 0
+        self.answers = True  # a test may make the robot deaf or dumb
+        self._silence_s = silence_s
+        # Numbers of the newest swing and heartbeat so far, and when a line last came.
+        self._newest = {b"swing": -1, b"alive": -1}
+        self._heard_s = -math.inf
+        self._swing: float | None = None
+        self._lock = threading.Lock()
+        self._is_closed = False
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
         try:
             self._socket.bind((host, port))
         except OSError as error:
             self._socket.close()
             raise PortError(f"cannot listen on {host}, port {port}: {error}") from error
+        self._socket.settimeout(0.05)
         self.port: int = self._socket.getsockname()[1]
+        self._thread = threading.Thread(target=self._listen, name="robot", daemon=True)
+        self._thread.start()
 
     def newest(self) -> float | None:
-        """Return the newest swing received since the last call, rad, or None; never waits."""
-        swing = None
-        while True:
-            try:
-                line, sender = self._socket.recvfrom(LONGEST_LINE)
-            except BlockingIOError:
+        """Return the newest swing received since the last call, rad, or None; never waits.
+
+        It is 0 if nothing new was heard for `silence_s`.
+        """
+        with self._lock:
+            swing, self._swing = self._swing, None
+            if swing is None or time.monotonic() - self._heard_s <= self._silence_s:
                 return swing
-            found = _swing(line)
-            if found is None:
-                self.garbled += 1
-                continue
-            with contextlib.suppress(OSError):  # the sender may be gone
-                self._socket.sendto(f"heard {found[0]}\n".encode(), sender)
-            if found[0] <= self._number:
-                self.outdated += 1
-            else:
-                self._number, swing = found
+            self.silences += swing != 0.0
+            return 0.0
 
     def close(self) -> None:
         """Close the socket."""
+        self._is_closed = True
+        self._thread.join()
         self._socket.close()
 
+    def _listen(self) -> None:
+        while not self._is_closed:
+            try:
+                line, sender = self._socket.recvfrom(LONGEST_LINE)
+            except OSError:  # nothing came, or a sender is gone
+                continue
+            found = _robot_line(line)
+            with self._lock:
+                if found is None:
+                    self.garbled += 1
+                    continue
+                kind, number, rad = found
+                self._take(kind, number, rad)
+            if self.answers:
+                word = b"heard" if kind == b"swing" else b"alive"
+                with contextlib.suppress(OSError):  # the sender may be gone
+                    self._socket.sendto(b"%s %d\n" % (word, number), sender)
 
-def _swing(line: bytes) -> tuple[int, float] | None:
-    """Return the number and the swing, rad, of a line."""
+    def _take(self, kind: bytes, number: int, rad: float) -> None:
+        if number <= self._newest[kind]:
+            self.outdated += 1
+            return
+        self._newest[kind] = number
+        self._heard_s = time.monotonic()
+        if kind == b"swing":
+            self._swing = rad
+        else:
+            self.beats += 1
+
+
+def _robot_line(line: bytes) -> tuple[bytes, int, float] | None:
+    """Return kind and number of a line, and its swing, rad; 0 for a heartbeat."""
     words = line.split()
-    if len(words) != 3 or words[0] != b"swing" or not words[1].isdigit():
+    if len(words) < 2 or not words[1].isdigit():
+        return None
+    number = int(words[1])
+    if words[0] == b"alive" and len(words) == 2:
+        return b"alive", number, 0.0
+    if words[0] != b"swing" or len(words) != 3:
         return None
     try:
         rad = float(words[2])
     except ValueError:
         return None
-    return (int(words[1]), rad) if math.isfinite(rad) else None
+    return (b"swing", number, rad) if math.isfinite(rad) else None
 
 
 # The server's answers to commands of a client, as version 1.25 of the client expects

@@ -1,6 +1,7 @@
 """Three robots behind one interface: each learns from 100 strides and is steered.
 
     python benchmarks/steering/robots.py --out robots.csv [--seeds 10] [--first 1]
+        [--robots NAME ...] [--printed]
 
 Each seed has its own excitation, a model of 100 of its strides, and 30 starts. The tasks:
 
@@ -12,7 +13,8 @@ Each seed has its own excitation, a model of 100 of its strides, and 30 starts. 
 
 A run has arrived if the true pose of a stance is within 0.11 m of the point, or within
 15 degrees of the heading. The controllers get the same starts, kicks and noise: the
-planner, the printed controller, random inputs, and none (the inputs at rest).
+planner, random inputs, none (the inputs at rest) and, if asked for, the printed
+controller, which takes most of the time.
 
 There is one row per robot, task, controller and seed: how many of the runs arrived, the
 median number of strides of these, how many fell, whether each log was replayed to the
@@ -63,8 +65,6 @@ from hopdata.steering.strides import StrideAxes
 
 LEARNED, STARTS = 100, 30
 NEAR_M, NEAR_RAD = 0.11, np.pi / 12
-#: Strides of an excitation for the hopper's laps, of which the first are learned from.
-EXCITED = {"steered hopper": 112}
 
 
 def on_the_line(rng: np.random.Generator) -> FloatArray:
@@ -86,6 +86,8 @@ def half_a_turn(pose: FloatArray) -> Objective:
 
 @dataclass(frozen=True)
 class Task:
+    """What a robot is to do, from where, and within how many strides."""
+
     name: str
     start: Callable[[np.random.Generator], FloatArray]
     goal: Callable[[FloatArray], Objective]
@@ -111,9 +113,11 @@ class Unheeding:
     rng: np.random.Generator | None
 
     def towards(self, _objective: Objective) -> Unheeding:
+        """Return itself: it heeds no objective."""
         return self
 
     def plan(self, *_: object) -> Plan:
+        """Return the inputs of one stride."""
         inputs = at_rest(self.axes)
         if self.rng is not None:
             inputs = self.rng.uniform(self.axes.lower, self.axes.upper)
@@ -139,7 +143,7 @@ def run(
     return log, arrived(pose) and not log.fell, steers
 
 
-def rows(name: str, number: int) -> Iterator[dict[str, object]]:
+def rows(name: str, number: int, *, printed: bool) -> Iterator[dict[str, object]]:
     make, tasks = ROBOTS[name]
     robot = make()
     seed = np.random.SeedSequence(20261129, spawn_key=(number,))
@@ -148,14 +152,16 @@ def rows(name: str, number: int) -> Iterator[dict[str, object]]:
     model = trained_process(strides.rows(np.arange(LEARNED)))
     for place, task in enumerate(tasks):
         goal = task.goal(np.zeros(3))
-        controllers = {
-            "planner": planner(model, goal),
+        planned = planner(model, goal)
+        controllers: dict[str, Any] = {
+            "planner": planned,
             "random": Unheeding(robot.axes, np.random.default_rng(child(seed, 2))),
             "none": Unheeding(robot.axes, None),
         }
-        table = controllers["planner"].model
-        printed = PrintedController(model=table, objective=goal, horizon=Horizon())
-        controllers["printed"] = printed
+        if printed:
+            controllers["printed"] = PrintedController(
+                model=planned.model, objective=goal, horizon=Horizon()
+            )
         rng = np.random.default_rng(child(seed, 3, place))
         starts = [task.start(rng) for _ in range(STARTS)]
         for who, controller in controllers.items():
@@ -186,14 +192,16 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS))
+    parser.add_argument("--printed", action="store_true")
     arguments = parser.parse_args()
     out: Path = arguments.out
     found = pd.read_csv(out).to_dict("records") if out.exists() else []
     for number in range(arguments.first, arguments.first + arguments.seeds):
-        for name in ROBOTS:
+        for name in arguments.robots:
             if any(row["robot"] == name and row["seed"] == number for row in found):
                 continue
-            found += rows(name, number)
+            found += rows(name, number, printed=arguments.printed)
             write_table(out, pd.DataFrame(found))
     table = pd.DataFrame(found)
     by_task = table.groupby(["robot", "task", "controller"], sort=False)

@@ -81,15 +81,14 @@ def test_several_are_told_in_one_line(made):
     assert "\n" not in told
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe{", b"{", b"", b"[1]"])
-def test_a_damaged_record_of_snakemake_is_removed_and_its_file_made_again(
-    made, content
-):
+def test_a_damaged_record_of_snakemake_is_removed_and_its_file_made_again(made):
     record = next(iter(sorted(METADATA.glob("*"))))
     assert isinstance(json.loads(record.read_text()), dict)
-    record.write_bytes(content)
-    told = heal("results")
-    assert "is known from a damaged record of Snakemake; it is made again" in told
+    for content in (b"\xff\xfe{", b"{", b"", b"[1]"):
+        record.write_bytes(content)
+        told = heal("results")
+        assert "is known from a damaged record of Snakemake; it is made again" in told
+        assert not record.exists()
     made()
     assert Path("done").read_text()
     assert heal("results") == ""

@@ -21,23 +21,24 @@ def asked(item: Item):
 
 
 def given(text):
-    """Return the patterns of the names that a module can give: its texts and keywords.
+    """Return the names that a module can give, its texts and keywords, and patterns.
 
-    A text with values in braces may give any name that it can become.
+    A text with values in braces may give any name that it can become: its pattern.
     """
+    names = set()
     patterns = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            patterns.add(re.escape(node.value))
+            names.add(node.value)
         elif isinstance(node, ast.keyword) and node.arg:
-            patterns.add(re.escape(node.arg))
+            names.add(node.arg)
         elif isinstance(node, ast.JoinedStr):
             parts = []
             for part in node.values:
                 is_text = isinstance(part, ast.Constant)
                 parts.append(re.escape(part.value) if is_text else r"\w+")
             patterns.add("".join(parts))
-    return patterns
+    return names, patterns
 
 
 def texts_of(part):
@@ -54,5 +55,8 @@ def texts_of(part):
 
 def not_given(names, *texts):
     """Return the names that no text of some modules can give."""
-    patterns = [re.compile(pattern) for text in texts for pattern in given(text)]
-    return {name for name in names if not any(one.fullmatch(name) for one in patterns)}
+    modules = [given(text) for text in texts]
+    left = set(names).difference(*(plain for plain, _ in modules))
+    # Patterns are slow, and few names need them.
+    patterns = [re.compile(one) for _, several in modules if left for one in several]
+    return {name for name in left if not any(one.fullmatch(name) for one in patterns)}

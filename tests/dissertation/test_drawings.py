@@ -82,7 +82,7 @@ def test_a_stance_that_is_missed_or_false_does_not_agree(found, false, agreement
             "lowest_s": [1.0, 2.0],
             "loaded_s": [0.9, 1.9],
             "found_s": [1.0, found],
-            "told_s": [1.02, 2.02],
+            "recognised_s": [1.02, 2.02],
             "seed": 1,
             "false": false,
         }

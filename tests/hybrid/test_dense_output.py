@@ -96,3 +96,30 @@ def test_long_ones_failed_ones_and_ones_without_a_step():
     assert failed(1.0)[0] == pytest.approx(np.exp(0.7), rel=1e-8)
     still = solve(ladder(1), (1, 1), [0.2, 0.0], params=(5.0, 1.0), dense_output=True)
     assert still(1.0).tolist() == [0.2, 0.0]
+
+
+def turns(t, y, p):
+    return p[0] * y[1], -p[0] * y[0]
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+def test_states_near_the_largest_number_are_never_nan_with_success(method):
+    """Polynomials overflow before states do; the control is of moderate size."""
+    system = System(turns, n_states=2)
+    rng = np.random.default_rng(31)
+    ended = []
+    for size in (1.0, *10.0 ** rng.uniform(305.5, 308.2, 12)):
+        pace = 10.0 ** rng.uniform(-3.0, 1.0)
+        end = 10.0 / pace
+        times = np.linspace(0.0, end, 57)
+        options = {"params": [pace], "rtol": 1e-6, "method": method}
+        sampled = solve(system, (0, end), [size, 0.0], t_eval=times, **options)
+        dense = solve(system, (0, end), [size, 0.0], dense_output=True, **options)
+        expected = np.cos(pace * times)
+        if sampled.success:
+            np.testing.assert_allclose(sampled.y[0] / size, expected, atol=1e-3)
+        if dense.success:
+            np.testing.assert_allclose(dense(times)[0] / size, expected, atol=1e-3)
+        ended.append(sampled.success and dense.success)
+    assert ended[0]
+    assert 1 < sum(ended) < len(ended)

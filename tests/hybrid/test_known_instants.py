@@ -21,7 +21,7 @@ from hopdata.hybrid import (
     solve_ivp,
 )
 from hopdata.hybrid.gradients import gradient
-from hopdata.hybrid.layout import INSTANTS_IN_JACOBIAN
+from hopdata.hybrid.layout import INSTANTS_IN_JACOBIAN, UNSOUGHT_IN_JACOBIAN
 from hopdata.hybrid.numbers.switches import switches_in_all_modes
 
 START = [1.0, 0.0]
@@ -454,3 +454,58 @@ def test_instants_whose_movement_is_not_known_are_refused_if_they_are_functions(
     system = System(wave, n_states=1, **options)
     with pytest.raises(ValueError, match="find_tstops"):
         solve(system, (0.0, 1.0), [0.0], params=[0.3, 0.0], jacobian="params")
+
+
+def wrapped(t, y, p):
+    return np.arctan(np.tan(p[0] * t + p[1])) - y[0]
+
+
+def piles_up(t, y, p):
+    return (1.0 if np.sin(p[0] / t) > 0.0 else -1.0) - y[0]
+
+
+def end_of_state(t, y, params):
+    return y[0]
+
+
+def by_differences(system, span, p):
+    """Return the derivative of the end by the parameters."""
+    found = []
+    for step in 1e-6 * np.eye(len(p)):
+        ends = [
+            solve(system, span, [0.5], params=q).y_end[0] for q in (p + step, p - step)
+        ]
+        found.append((ends[0] - ends[1]) / 2e-6)
+    return found
+
+
+def test_a_pole_at_the_start_has_no_derivative_and_elsewhere_it_has():
+    system = System(wrapped, n_states=1)
+    for start, phase in ((0.0, 0.7), (-1.0, np.pi / 2)):  # a pole within, and at t = 0
+        p = np.array([2.0, phase])
+        found = solve(system, (start, 3.0), [0.5], params=p, jacobian="params")
+        assert found.success, found.message
+        expected = by_differences(system, (start, 3.0), p)
+        np.testing.assert_allclose(found.sensitivity[0], expected, rtol=0, atol=1e-7)
+    p = np.array([2.0, np.pi / 2])
+    at_start = solve(system, (0.0, 3.0), [0.5], params=p, jacobian="params")
+    assert at_start.status == INSTANTS_IN_JACOBIAN
+    back = gradient(system, (0.0, 3.0), [0.5], params=p, at_end=end_of_state)
+    assert back.status == INSTANTS_IN_JACOBIAN
+    assert solve(system, (0.0, 3.0), [0.5], params=p).success
+
+
+def test_jumps_that_are_not_found_apart_leave_no_derivative_by_the_parameters():
+    system = System(piles_up, n_states=1)
+    options = {"params": [1.0], "rtol": 1e-4}
+    plain = solve(system, (1e-9, 2.0), [0.5], **options)
+    assert plain.n_unsought > 0
+    found = solve(system, (1e-9, 2.0), [0.5], jacobian="params", **options)
+    assert found.status == UNSOUGHT_IN_JACOBIAN
+    assert "tstops" in found.message
+    batch = solve_batch(system, (1e-9, 2.0), [[0.5]], jacobian="params", **options)
+    assert batch.status[0] == UNSOUGHT_IN_JACOBIAN
+    back = gradient(system, (1e-9, 2.0), [0.5], at_end=end_of_state, **options)
+    assert back.status == UNSOUGHT_IN_JACOBIAN
+    apart = solve(system, (0.05, 2.0), [0.5], jacobian="params", **options)
+    assert apart.success, apart.message

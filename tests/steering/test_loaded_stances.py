@@ -49,9 +49,9 @@ def test_both_ways_notice_every_stance(geometry):
     assert len(table) == 11
     # In the order of a stance: all are loaded, it is lowest, the cameras tell.
     assert (table["loaded_s"] < table["lowest_s"]).all()
-    assert (table["lowest_s"] < table["told_s"]).all()
+    assert (table["lowest_s"] < table["recognised_s"]).all()
     assert (table["found_s"] - table["lowest_s"]).abs().max() < 0.01
-    assert (table["told_s"] - table["lowest_s"]).max() < 0.05
+    assert (table["recognised_s"] - table["lowest_s"]).max() < 0.05
 
 
 def test_stances_that_are_too_high_are_not_found(geometry):

@@ -287,7 +287,8 @@ SENTENCES = {
     FINISHED: "The integration reached the end of t_span.",
     TERMINATED: "Event '{guard}' ended the integration at {at}.",
     STEP_UNDERFLOW: "The step fell below the spacing of floating-point times at {at}: "
-    "the field is stiff or singular there, or the tolerance cannot be met.",
+    "the field is stiff or singular there, the tolerance cannot be met, or states are "
+    "near the largest number.",
     FIELD_NOT_FINITE: "The field is NaN or infinite at, or directly after, {at}.",
     GUARD_NOT_FINITE: "Guard '{guard}' is NaN or infinite at, or directly after, {at}.",
     TOO_MANY_STEPS: "max_steps was reached at {at}.",
@@ -352,6 +353,12 @@ ONLY_SAMPLED = (
 CLOSE_CALLS = (
     "In {count} steps a guard turned so close to its surface that the tolerance cannot "
     "tell whether it flips."
+)
+DEPENDENT_SURFACES = (
+    "Where guards that slide depend on each other, as the friction of two bodies on "
+    "the ground and on each other, so that two at rest give a third, no mix of fields "
+    "keeps all of them: let the others slide only, and cross the third "
+    "(docs/sliding.md, Surfaces must be independent)."
 )
 HELD_INSTANTS = (
     "The field jumps at {count} known instants of which it cannot be told how they "

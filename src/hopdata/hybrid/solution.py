@@ -433,6 +433,8 @@ class Solution(Told):
                 "By the last gaps between them, their limit is "
                 f"t = {self.limit.time:.17g}, to within {self.limit.time_error:.2g} s."
             )
+        if self.status == layout.ZENO and self.form.slides is not None:
+            told.append(layout.DEPENDENT_SURFACES)
         if self.n_unproven > 0:
             told.append(layout.why_unproven(self.n_unproven, self.form.unproven))
         if self.n_close > 0:

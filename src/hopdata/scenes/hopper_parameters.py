@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from functools import cache
+from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -104,11 +106,8 @@ class HopperParameters(Scene):
 
     def rest_feet(self) -> FloatArray:
         """Return the feet at rest length, (n, 3), body frame, m."""
-        angle = 2 * np.pi * np.arange(self.n_legs) / self.n_legs
-        x = self.foot_radius_m * np.cos(angle)
-        y = self.foot_radius_m * np.sin(angle)
-        z = np.full(self.n_legs, -self.leg_length_m)
-        return np.column_stack([x, y, z])
+        feet = _rest_feet(self.n_legs, self.foot_radius_m, self.leg_length_m)
+        return feet.copy()
 
     def system(self, variant: Variant | None = None) -> System:
         """Return the system of the hopper, of its control, or with a `HopperDrag`."""
@@ -120,13 +119,17 @@ class HopperParameters(Scene):
         self, preloads_n: FloatArray | None = None, variant: Variant | None = None
     ) -> FloatArray:
         """Return the flat parameter vector; the numbers of a variant come last."""
-        scalars = [float(getattr(self, one.name)) for one in fields(self)[: at.LEGS]]
-        legs = np.empty((self.n_legs, at.LEG_STRIDE))
-        legs[:, at.PRELOAD] = self.preload_n if preloads_n is None else preloads_n
-        legs[:, at.FOOT_X : at.LONGER] = self.rest_feet()[:, :2]
-        legs[:, at.LONGER] = 0.0
         numbers = () if variant is None else variant.numbers
-        return np.array([*scalars, *legs.ravel(), *numbers])
+        end_of_legs = at.LEGS + at.LEG_STRIDE * self.n_legs
+        vector = np.empty(end_of_legs + len(numbers))
+        vector[: at.LEGS] = SCALARS(self)
+        legs = vector[at.LEGS : end_of_legs].reshape(self.n_legs, at.LEG_STRIDE)
+        legs[:, at.PRELOAD] = self.preload_n if preloads_n is None else preloads_n
+        feet = _rest_feet(self.n_legs, self.foot_radius_m, self.leg_length_m)
+        legs[:, at.FOOT_X : at.LONGER] = feet[:, :2]
+        legs[:, at.LONGER] = 0.0
+        vector[end_of_legs:] = numbers
+        return vector
 
     def vectors(
         self,
@@ -151,13 +154,19 @@ class HopperParameters(Scene):
     def boom_places(self, times_s: FloatArray) -> FloatArray:
         """Return the positions of the counterweight, (N, 3), body frame, m."""
         angle = self._boom_angles(times_s)
-        x = self.boom_offset_m + self.boom_radius_m * np.cos(angle)
-        y = self.boom_radius_m * np.sin(angle)
-        return np.column_stack([x, y, np.full(len(times_s), self.boom_height_m)])
+        places = np.empty((len(times_s), 3))
+        places[:, 0] = self.boom_offset_m + self.boom_radius_m * np.cos(angle)
+        places[:, 1] = self.boom_radius_m * np.sin(angle)
+        places[:, 2] = self.boom_height_m
+        return places
+
+    def boom_angle(self, time_s: float) -> float:
+        """Return the angle of the boom at a time since the apex, rad."""
+        return float(self._boom_angles(time_s))
 
     def after(self, time_s: float) -> Self:
         """Return the hopper with its boom where it is at `time_s`, to swing back."""
-        angle = float(self._boom_angles(time_s))
+        angle = self.boom_angle(time_s)
         return replace(self, boom_angle_rad=angle, boom_swing_rad=-self.boom_swing_rad)
 
     def still(self) -> Self:
@@ -179,3 +188,18 @@ class HopperParameters(Scene):
         from hopdata.scenes.hopper import boom_angle
 
         return np.asarray(boom_angle.py_func(times_s, self.vector())[0])
+
+
+# Reads the scalars of the flat vector, in its order.
+SCALARS = attrgetter(*(one.name for one in fields(HopperParameters)[: at.LEGS]))
+
+
+@cache
+def _rest_feet(n_legs: int, radius_m: float, length_m: float) -> FloatArray:
+    """Return the feet at rest length, (n, 3), body frame, m; not to be changed."""
+    angle = 2 * np.pi * np.arange(n_legs) / n_legs
+    x = radius_m * np.cos(angle)
+    y = radius_m * np.sin(angle)
+    feet = np.column_stack([x, y, np.full(n_legs, -length_m)])
+    feet.flags.writeable = False
+    return feet

@@ -35,9 +35,9 @@ class Noticed:
     stances : DataFrame
         One row per hop: ``lowest_s``, the true lowest point; ``loaded_s``, when all
         legs carry load; ``found_s``, the lowest point as the cameras' frames give it,
-        and ``told_s``, the frame that told; NaN where that did not happen.
+        and ``recognised_s``, the frame that revealed it; NaN where that did not happen.
     n_false : int
-        Stances that the cameras told of where there was none.
+        Stances that the cameras recognised where there was none.
     """
 
     stances: pd.DataFrame
@@ -106,7 +106,7 @@ def noticed_stances(
         apex = hop.end
     table = pd.DataFrame(rows)
     found, n_false = _matched(table["lowest_s"].to_numpy(), reported)
-    table[["found_s", "told_s"]] = found
+    table[["found_s", "recognised_s"]] = found
     return Noticed(table, n_false)
 
 
@@ -120,12 +120,12 @@ def _matched(
     """
     found = np.full((len(lowest_s), 2), np.nan)
     n_false = 0
-    for stance_s, told_s in reported:
+    for stance_s, recognised_s in reported:
         apart = np.abs(lowest_s - stance_s)
         nearest = int(apart.argmin())
         is_new = np.isnan(found[nearest, 0])
         if apart[nearest] < SAME_STANCE_S and is_new:
-            found[nearest] = (stance_s, told_s)
+            found[nearest] = (stance_s, recognised_s)
         else:
             n_false += 1
     return found, n_false

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -169,6 +170,7 @@ def steer_hop(
     rate_hz: float = 0.0,
     board: Board | None = None,
     control: Control | None = None,
+    rtol: float | None = None,
 ) -> SteeredHop:
     """Simulate one hop with a swing of the boom.
 
@@ -188,11 +190,15 @@ def steer_hop(
         Board in the hopper's way; `Board.pushed` returns where the hop leaves it.
     control : Control, optional
         Flies and lands in place of the robot, without a board.
+    rtol : float, optional
+        Relative tolerance of the integrator, by default that of
+        `hopdata.synthesis.integrators`.
     """
     variant: Variant | None = control
     if board is not None:
         variant = board.drag
-    swing = float(np.clip(swing_rad, -robot.swing_limit_rad, robot.swing_limit_rad))
+    limit = robot.swing_limit_rad
+    swing = min(max(float(swing_rad), -limit), limit)
     parameters = replace(
         robot.hopper,
         boom_angle_rad=apex.boom_angle_rad,
@@ -203,9 +209,11 @@ def steer_hop(
     leg_noise = rng.standard_normal(parameters.n_legs)
     preload_factors = 1 + robot.kicks.preload_fraction * leg_noise
     state = kicked(apex.state, robot.kicks, rng)
-    frames = _frame_times(apex.time_s, robot.hop_limit_s, rate_hz)
-    searched = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
-    times = np.union1d(frames, searched)
+    searched = _searched_times(robot.hop_limit_s)
+    times = searched
+    if rate_hz > 0:
+        frames = _frame_times(apex.time_s, robot.hop_limit_s, rate_hz)
+        times = np.union1d(frames, searched)
     hop = fly_hop(
         parameters,
         state,
@@ -213,22 +221,38 @@ def steer_hop(
         preloads_n=robot.preloads_n * preload_factors,
         frame_times_s=times,
         limit_s=robot.hop_limit_s,
+        rtol=rtol,
     )
     times = times[: len(hop.states)]
-    is_frame = np.isin(times, frames)
-    # Frames that nearly coincide with a searched instant would spoil the parabola.
-    is_searched = np.isin(times, searched)
-    search = replace(hop, states=hop.states[is_searched])
-    boom = parameters.after(hop.end_time_s).boom_angle_rad
+    boom = parameters.boom_angle(hop.end_time_s)
+    search = hop
+    frame_times = np.empty(0)
+    markers = np.empty((0, len(robot.markers.body_m) + 1, 3))
+    if rate_hz > 0:
+        is_frame = np.isin(times, frames)
+        frame_times = times[is_frame]
+        markers = _markers(robot, hop, is_frame)
+        # Frames that nearly coincide with a searched instant would spoil the parabola.
+        is_searched = np.isin(times, searched)
+        search = replace(hop, states=hop.states[is_searched])
+        times = times[is_searched]
     return SteeredHop(
         start=apex,
         swing_rad=swing,
-        stance=_stance(robot, search, times[is_searched], apex.time_s, boom),
+        stance=_stance(robot, search, times, apex.time_s, boom),
         end=Apex(apex.time_s + hop.end_time_s, hop.end_state, boom),
-        frame_time_s=apex.time_s + times[is_frame],
-        markers=_markers(robot, hop, is_frame),
+        frame_time_s=apex.time_s + frame_times,
+        markers=markers,
         hop=hop,
     )
+
+
+@cache
+def _searched_times(limit_s: float) -> FloatArray:
+    """Return the times at which the lowest point is searched, s; not to be changed."""
+    times = np.arange(0.0, limit_s, STANCE_SEARCH_S)
+    times.flags.writeable = False
+    return times
 
 
 def _frame_times(start_s: float, limit_s: float, rate_hz: float) -> FloatArray:
@@ -258,13 +282,16 @@ def _stance(
             fell=True,
             touched=touched,
         )
-    height = mean_marker_height(robot, hop.states)
-    k = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2)))
+    body = fixed_markers(hop.states, np.array(robot.markers.body_m))
+    height = body[..., 2].mean(axis=1)
+    last = max(1, len(times) - 2)
+    k = min(max(int(np.argmin(height)), 1), last)
     near = slice(k - 1, k + 2)
     bend, slope, _ = np.polyfit(times[near] - times[k], height[near], 2)
     lowest = times[k] - slope / (2 * bend)
-    poses = marker_poses(robot, hop.states[near])
-    pose = np.array([np.interp(lowest, times[near], column) for column in poses.T])
+    x, y = body[near, :, :2].mean(axis=1).T
+    yaw = hop.states[near, 3]
+    pose = np.array([np.interp(lowest, times[near], column) for column in (x, y, yaw)])
     return Stance(
         time_s=start_s + float(lowest),
         pose=pose,

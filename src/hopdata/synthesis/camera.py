@@ -201,11 +201,11 @@ def track_markers(
 
 def fixed_markers(states: FloatArray, points_m: FloatArray) -> FloatArray:
     """Return world positions, (N, B, 3) m, of body-fixed points (B, 3)."""
-    return in_world(states, np.broadcast_to(points_m, (len(states), *points_m.shape)))
+    return in_world(states, points_m[None])
 
 
 def in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Return world positions, (N, B, 3) m, of points (N, B, 3) in body axes."""
+    """Return world positions, (N, B, 3) m, of points (N or 1, B, 3) in body axes."""
     turned = np.einsum("nij,nbj->nbi", rotation_matrices(states[:, 3:6]), points_m)
     return states[:, None, :3] + turned
 

@@ -1,6 +1,8 @@
 """Single hops from apex to apex, computed by an event-driven integrator."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -76,7 +78,7 @@ class Hop:
         return bool(np.any(n_standing == len(self.preloads_n)))
 
 
-def fly_hop(
+def fly_hop(  # noqa: PLR0913 - the parts of a hop and its options, by name
     scene: Scene,
     state: FloatArray,
     *,
@@ -86,6 +88,7 @@ def fly_hop(
     frame_times_s: FloatArray | None = None,
     limit_s: float = 3.0,
     integrator: str = "driver",
+    rtol: float | None = None,
 ) -> Hop:
     """Integrate one hop from flight to the next apex.
 
@@ -108,6 +111,8 @@ def fly_hop(
     integrator : str
         A name of `hopdata.synthesis.integrators.INTEGRATORS`: "driver", or "printed"
         for scenes whose events do not reset the state (`Scene.resets_state`).
+    rtol : float, optional
+        Relative tolerance of the integrator, by default its own.
 
     Raises
     ------
@@ -127,11 +132,7 @@ def fly_hop(
     if longer_m is not None:
         params = scene.lengthened(params, longer_m)
     system = scene.system(variant)
-    wanted = [*(f"foot{leg + 1}" for leg in range(n)), "apex", "fallen"]
-    if not set(wanted) <= set(system.guard_names):
-        guards = "guards of the scene"
-        raise AnalysisError.at(guards, ", ".join(wanted), system.guard_names)
-    first = system.guard_names.index("foot1")
+    first = _first_foot(tuple(system.guard_names), n)
     has_board = first > 0
     mode = flight_mode(system, state[CLIMB])
     if has_board and variant is not None:  # it may have passed the front already
@@ -144,6 +145,7 @@ def fly_hop(
         mode=mode,
         frame_times_s=frame_times_s,
         limit_s=limit_s,
+        rtol=rtol,
     )
     events = flown.events
     guard = events.guard - first
@@ -166,6 +168,22 @@ def fly_hop(
         touched_s=touched_s,
         longer_m=longer_m,
     )
+
+
+@cache
+def _first_foot(guard_names: Sequence[str], n_legs: int) -> int:
+    """Return the index of the first foot's guard; the apex comes after the last foot.
+
+    Raises
+    ------
+    AnalysisError
+        If the scene lacks a guard.
+    """
+    wanted = [*(f"foot{leg + 1}" for leg in range(n_legs)), "apex", "fallen"]
+    if not set(wanted) <= set(guard_names):
+        guards = "guards of the scene"
+        raise AnalysisError.at(guards, ", ".join(wanted), guard_names)
+    return guard_names.index("foot1")
 
 
 def _first_touch(events: Any, contact: BoolArray, *, beyond: bool) -> float:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
@@ -15,12 +14,14 @@ from hopdata.hybrid import System, solve
 from hopdata.hybrid.layout import SLIDING, TERMINATED, TOO_MANY_EVENTS, ZENO
 from hopdata.hybrid.solution import EventLog
 
-OPTIONS: dict[str, Any] = {
-    "rtol": 1e-10,
-    "atol": 1e-12,
-    # A foot with so many contact events in one hop neither stands nor flies.
-    "max_events": 100_000,
-}
+#: Relative tolerance of the driver.
+#: Unit: 1. Origin: chosen.
+RTOL = 1e-10
+#: Absolute tolerance of the driver, for a relative one of 1.
+#: Unit: m, rad, m/s, rad/s. Origin: chosen.
+ATOL_PER_RTOL = 1e-2
+# A foot with so many contact events in one hop neither stands nor flies.
+MOST_EVENTS = 100_000
 
 #: Longest step of the classical solver around which the printed method is put. A foot
 #: that touches and lifts within one step is not seen.
@@ -79,6 +80,7 @@ def by_driver(
     mode: IntArray,
     frame_times_s: FloatArray,
     limit_s: float,
+    rtol: float | None = None,
 ) -> Flown:
     """Integrate a hop by `hopdata.hybrid.solve`.
 
@@ -95,12 +97,16 @@ def by_driver(
         Times at which states are returned, s.
     limit_s : float
         Time at which to stop, s.
+    rtol : float, optional
+        Relative tolerance; by default `RTOL`.
 
     Raises
     ------
     AnalysisError
         If the integration fails.
     """
+    if rtol is None:
+        rtol = RTOL
     solution = solve(
         system,
         (0.0, limit_s),
@@ -108,7 +114,9 @@ def by_driver(
         params=params,
         mode=mode.tolist(),
         t_eval=frame_times_s[frame_times_s < limit_s],
-        **OPTIONS,
+        rtol=rtol,
+        atol=ATOL_PER_RTOL * rtol,
+        max_events=MOST_EVENTS,
     )
     is_stuck = solution.status in (SLIDING, ZENO, TOO_MANY_EVENTS)
     if not is_stuck and not solution.success:
@@ -132,6 +140,7 @@ def by_printed(
     mode: IntArray,
     frame_times_s: FloatArray,
     limit_s: float,
+    rtol: float | None = None,
 ) -> Flown:
     """Integrate a hop by Algorithms 5 to 7 around Dormand and Prince's method.
 
@@ -141,7 +150,8 @@ def by_printed(
     stand, which moves the surface of their lift-offs, and that can happen between two
     regions only. States at the frames follow from the method's Hermite splines.
 
-    Parameters and errors are those of `by_driver`.
+    Parameters and errors are those of `by_driver`; `rtol` is that of the classical
+    solver, by default `PRINTED_RTOL`.
     """
     from scipy.integrate import RK45
 
@@ -152,7 +162,9 @@ def by_printed(
         states_at,
     )
 
-    tolerances = {"rtol": PRINTED_RTOL, "atol": PRINTED_ATOL_PER_RTOL * PRINTED_RTOL}
+    if rtol is None:
+        rtol = PRINTED_RTOL
+    tolerances = {"rtol": rtol, "atol": PRINTED_ATOL_PER_RTOL * rtol}
     try:
         solution = integrate_both_ways(
             system,

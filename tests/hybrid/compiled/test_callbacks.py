@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -396,3 +397,20 @@ def test_a_hook_that_calls_the_one_before_it(monkeypatch):
     with Caught():
         sys.unraisablehook(unraisable(KeyError(), object()))
     assert len(ended) == 1
+
+
+def _falls_by(pull, t, y):
+    return y[1], -pull
+
+
+def test_a_partial_is_told_what_to_write():
+    with pytest.warns(
+        SlowCallbackWarning, match="functools.partial of '_falls_by'"
+    ) as told:
+        found = solve(
+            System(partial(_falls_by, 2.0), n_states=2), (0.0, 1.0), [0.0, 0.0]
+        )
+    np.testing.assert_allclose(found.y_end, [-1.0, -2.0])
+    text = str(told[0].message)
+    assert "as params" in text
+    assert "that calls '_falls_by'" in text

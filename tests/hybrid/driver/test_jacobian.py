@@ -12,6 +12,8 @@ from jacobian_checks import TIGHT, carried, differences, gap, saltation_product
 
 from hopdata.hybrid import System, field, guards, on_event, solve, solve_batch
 from hopdata.hybrid.first_order import project_onto_section
+from hopdata.hybrid.layout import GRAZING_IN_JACOBIAN as GRAZING
+from hopdata.hybrid.layout import RATE_DIFFERS
 from hopdata.hybrid.methods.table import TABLEAUS
 
 PLACES = [0.5, 0.7, 1.0]
@@ -393,3 +395,30 @@ def test_rounding_costs_no_digits():
     assert (
         gap(found.jacobian, differences(top, (0, 5), [1.0, 0.2, 3.0], **options)) < 1e-9
     )
+
+
+def falls(t, y):
+    return y[1], -1.0
+
+
+def one_or_minus_one(t, y):
+    return 1.0 if y[0] > 0.3 else -1.0
+
+
+def stairs(t, y):
+    return np.floor(4.0 * y[0]) - 0.5
+
+
+def touches(t, y):
+    return y[0] - 1.9999999999
+
+
+@pytest.mark.parametrize(
+    ("guard", "status"),
+    [(one_or_minus_one, RATE_DIFFERS), (stairs, RATE_DIFFERS), (touches, GRAZING)],
+)
+def test_a_guard_that_jumps_is_told_from_one_that_grazes(guard, status):
+    system = System(falls, guard, n_states=2, guard_names=("h",))
+    found = solve(system, (0.0, 3.0), [0.0, 2.0], jacobian=True)
+    assert found.status == status
+    assert solve(system, (0.0, 3.0), [0.0, 2.0]).success

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -392,3 +393,63 @@ def test_what_no_range_can_tell_is_not_taken_for_clear():
     heights = [1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
     found = solve(system(told_by_a_table, advance, 1), (0, 1.0), [0.0], params=heights)
     assert found.events.time == pytest.approx([0.15, 0.25, 0.65, 0.75], abs=1e-9)
+
+
+HEIGHTS = np.array([0.3, 0.2, 0.4, 0.1, 0.25, -0.3, -0.2, -0.4, -0.1, 0.15, 0.3])
+
+
+def along(t, y):
+    return 1.0
+
+
+def levels(t, y):
+    return HEIGHTS[int(y[0])] + 0.05 * np.sin(20.0 * y[0])
+
+
+def ramps(t, y):
+    k = int(np.floor(y[0]))
+    return HEIGHTS[k] + (y[0] - k) * (HEIGHTS[k + 1] - HEIGHTS[k])
+
+
+def rounded(t, y):
+    return HEIGHTS[round(4.0 + 4.0 * np.sin(3.0 * y[0]))]
+
+
+def by_newton(t, y):
+    x = 1.0
+    for _ in range(50):
+        change = (x * x - y[0] - 1.0) / (2.0 * x)
+        x -= change
+        if abs(change) < 1e-12:
+            break
+    return x - 2.0
+
+
+@pytest.mark.parametrize("guard", [levels, ramps, rounded])
+def test_an_index_of_a_state_is_proven(guard):
+    system = System(along, guard, n_states=1, guard_names=("h",))
+    places = 0.1 + np.linspace(0.0, 9.3, 100_001)
+    sides = np.sign([guard(0.0, (one,)) for one in places])
+    for rtol in TOLERANCES:
+        found = solve(system, (0.0, 9.3), [0.1], rtol=rtol)
+        assert found.success
+        assert found.proven, found.message
+        assert found.n_events == np.count_nonzero(np.diff(sides))
+
+
+def test_a_loop_that_waits_is_not_proven_and_all_paths_say_so():
+    """A control of the test above: nothing but the message knows."""
+    system = System(along, by_newton, n_states=1, guard_names=("h",))
+    options = {"rtol": 1e-3, "max_step": 4.0}
+    for jacobian in (False, True):
+        found = solve(system, (0.0, 5.0), [0.1], jacobian=jacobian, **options)
+        assert found.n_events == 1
+        assert not found.proven
+        assert "not proven" in found.message
+        batch = solve_batch(
+            system, (0.0, 5.0), [[0.1]], jacobian=jacobian, lanes=True, **options
+        )
+        assert batch.n_unproven[0] == found.n_unproven
+        assert "not proven" in batch.message
+    sure = solve_batch(replace(system, guards=levels), (0.0, 5.0), [[0.1]], **options)
+    assert "proven" not in sure.message

@@ -181,10 +181,13 @@ def test_an_infinite_range_is_no_number_where_it_is_multiplied_by_zero(guard_of)
     assert found == [-INF, INF, -INF, INF]
 
 
-def test_an_index_that_may_vary_loses_all(guard_of):
+def test_an_index_that_may_be_one_of_many_loses_all(guard_of):
     ranged = guard_of("XS[int(y[0])] * 1.0")
     assert ranged.at(1.25, 1.5)[:2] == (1.0, 1.0)
-    assert ranged.at(0.5, 1.5)[:4] == (-INF, INF, -INF, INF)
+    assert ranged.told[OPENED] == 0
+    ranged.at(0.5, 1.5)  # one of two: it is asked which
+    assert ranged.told[[OPENED, LOST]].tolist() == [1, 0]
+    assert ranged.at(0.5, 2.5)[:4] == (-INF, INF, -INF, INF)
     assert ranged.told[LOST] == 1
 
 

@@ -1,17 +1,21 @@
 """A drive of the simulated hopper from the command line, and the replay of its log."""
 
 import errno
-import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hopdata.__main__ import main
+from hopdata.messages import Message
 from hopdata.steering.commands import drive
 from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live import log, rehearsal
+from hopdata.steering.live.buffer import Status, StreamCounts
 from hopdata.steering.live.log import read_log
+from hopdata.steering.live.machine import Machine
+from hopdata.steering.live.safety import NoBoom, Watch
 from hopdata.steering.models.process import FrameChangeProcess, save_process
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
@@ -57,9 +61,11 @@ def test_a_simulated_drive_says_so_and_its_log_gives_the_same_plans(
         "--adaptive",
         "--fence",
         "9",
+        "--armed",
     ]
     assert main(["drive", *options, "--log", str(path)]) == 0
     out = capsys.readouterr().out
+    assert "the boom acknowledges no heartbeats" in out
     assert "SIMULATED hopper; there is no robot" in out
     assert "hop 1 x" in out
     assert "\n  the end\n" in out  # one of the reasons for rest
@@ -99,7 +105,15 @@ def test_a_model_that_will_probably_not_reach_a_point_is_named_before_the_start(
             ["--host", "h", "--model", ".", "--boom", "h"],
             "--boom: expected HOST:PORT, found 'h'",
         ),
-        (["--model", "nowhere"], "nowhere/geometry.json: expected a hopper geometry"),
+        ([], "--armed: expected it, or a terminal, on which an operator arms"),
+        (
+            ["--host", "h", "--model", ".", "--boom", "h:5", "--armed"],
+            "--armed: expected no --boom with it",
+        ),
+        (
+            ["--armed", "--model", "nowhere"],
+            "nowhere/geometry.json: expected a hopper geometry",
+        ),
     ],
 )
 def test_what_cannot_work_is_refused_before_anything_moves(
@@ -120,9 +134,9 @@ def test_a_log_that_exists_is_refused_before_anything_is_learnt_and_kept(
 ):
     notes = tmp_path / "notes.txt"
     notes.write_text("precious\n")
-    assert (
-        main(["drive", "--model", str(tmp_path / "nowhere"), "--log", str(notes)]) == 1
-    )
+    nowhere = str(tmp_path / "nowhere")
+    options = ["--armed", "--model", nowhere, "--log", str(notes)]
+    assert main(["drive", *options]) == 1
     out, err = capsys.readouterr()
     assert out == ""
     assert "--log" in err
@@ -138,7 +152,7 @@ def test_a_log_that_is_not_named_is_the_next_free_one(
     assert drive.log_path(None) == Path("drive.h5")
     for name in ("drive.h5", "drive-2.h5"):
         (tmp_path / name).write_text("an earlier one")
-    assert main(["drive", "--model", str(model), "--seconds", "0.1"]) == 0
+    assert main(["drive", "--model", str(model), "--seconds", "0.1", "--armed"]) == 0
     assert capsys.readouterr().out.startswith("log: drive-3.h5\n")
     assert read_log(tmp_path / "drive-3.h5").setup["simulated"]
     for name in ("drive.h5", "drive-2.h5"):
@@ -161,6 +175,7 @@ def test_a_disk_that_is_full_is_told_and_the_drive_goes_on_or_rests(
         "2",
         "--fence",
         "9",
+        "--armed",
         "--log",
         str(path),
     ]
@@ -184,29 +199,38 @@ def test_a_rehearsal_brings_the_boom_to_rest_at_each_act(capsys):
         "SIGTERM comes",
         "wired backwards",
         "driver blocks",
+        "coordinates freeze",
+        "are mirrored",
+        "acknowledges no heartbeats",
     ):
         assert act in out
     assert "!" not in out
-    assert "each act has brought the boom to rest" in out
+    assert "each act has brought the boom to rest, until it was armed again" in out
 
 
 def test_an_act_without_its_rest_is_marked_and_gives_exit_code_1(capsys, monkeypatch):
     def perform(geometry, limits):
         first, second, third, *_ = rehearsal.acts(("a", "b", "c", "boom"), limits)
-        yield rehearsal.Performed(first, first.rest, 0.11, moved=False)
-        yield rehearsal.Performed(second, "", math.nan, moved=False)
-        yield rehearsal.Performed(third, third.rest, 9.0, moved=False)
-        yield rehearsal.Performed(third, third.rest, 0.11, moved=True)
+        told = Message("steering.no_frame", {"age_s": 0.11, "limit_s": 0.1})
+        frozen = Message("steering.markers_frozen", {"frames": 3, "for_s": 0.03})
+        yield rehearsal.Performed(first, told, 0.11)
+        yield rehearsal.Performed(second, None)
+        yield rehearsal.Performed(third, frozen, 9.0)
+        yield rehearsal.Performed(third, frozen, 0.03, moved=True)
+        yield rehearsal.Performed(third, frozen, 0.03, resumed=True)
+        yield rehearsal.Performed(third, frozen, 0.03, obeyed=False)
 
     monkeypatch.setattr(rehearsal, "perform", perform)
     monkeypatch.setattr(rehearsal, "simulated_geometry", lambda: None)
     assert main(["drive", "--rehearse"]) == 1
     rows = capsys.readouterr().out.splitlines()[3:]
-    assert [row[0] for row in rows[:4]] == [" ", "!", "!", "!"]
+    assert [row[0] for row in rows[:6]] == [" ", "!", "!", "!", "!", "!"]
     assert rows[1].endswith("-  NO REST")
-    assert "TOO LATE, beyond 150 ms" in rows[2]
+    assert "TOO LATE, beyond 50 ms" in rows[2]
     assert "MOVED after its rest" in rows[3]
-    assert rows[-1] == "3 acts without the rest expected: do not drive"
+    assert "WENT ON by itself" in rows[4]
+    assert "COULD NOT be armed again" in rows[5]
+    assert rows[-1] == "5 acts without the rest expected: do not drive"
 
 
 def test_with_a_robot_a_rehearsal_is_a_list_of_what_to_do(model, capsys):
@@ -216,3 +240,59 @@ def test_with_a_robot_a_rehearsal_is_a_list_of_what_to_do(model, capsys):
     assert "cover marker body2  " in out
     assert main(["drive", "--rehearse", "--host", "h"]) == 1
     assert "--model: expected the folder" in capsys.readouterr().err
+
+
+# The operator at the terminal.
+
+
+def typing(monkeypatch, lines):
+    """Pretend that an operator types these lines, one at each look."""
+    typed = iter(lines)
+    monkeypatch.setattr(drive, "_is_on_terminal", lambda: True)
+    monkeypatch.setattr(drive, "_typed_line", lambda: next(typed, None))
+    monkeypatch.setattr(drive.Screen, "_draw", lambda *_: None)
+
+
+def test_a_drive_is_armed_by_its_operator(model, tmp_path, monkeypatch):
+    typing(monkeypatch, [None] * 20 + ["a"])
+    path = tmp_path / "drive.h5"
+    options = ["--model", str(model), "--seconds", "3", "--fence", "9"]
+    assert main(["drive", *options, "--log", str(path)]) == 0
+    kinds = list(read_log(path).events.kind)
+    assert kinds.index("armed") < kinds.index("running") < kinds.index("stopped")
+    assert main(["replay", str(path)]) == 0
+
+
+def test_any_other_line_is_the_operator_s_stop_key(model, tmp_path, monkeypatch):
+    typing(monkeypatch, [None, ""])
+    path = tmp_path / "drive.h5"
+    assert main(["drive", "--model", str(model), "--log", str(path)]) == 0
+    events = read_log(path).events
+    assert "steering.operators_key" in set(events.code)
+    assert "armed" not in set(events.kind)
+
+
+def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
+    machine = Machine()
+    watch = Watch(NoBoom(), machine)
+    loop = SimpleNamespace(state=machine.state, watch=watch)
+    stream = SimpleNamespace(
+        counts=StreamCounts(), states=SimpleNamespace(status=Status("streaming", 0.0))
+    )
+    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""))
+
+    def lines():
+        loop.state = machine.state
+        return screen._picture(loop, stream, 1.0)
+
+    assert lines()[1] == "WAITING  a and Enter to arm it"
+    watch.arm()
+    assert lines()[1].startswith("ARMED  the first swing is sent")
+    fault = Message("steering.no_frame", {"age_s": 0.2, "limit_s": 0.1})
+    watch.report("frames", fault)
+    assert lines()[1] == f"RESTING  {fault}; a and Enter to arm it"
+    assert str(fault) in lines()[-1]
+    watch.report("frames", None)
+    assert "faults   none now" in lines()[-1]
+    watch.end(Message("steering.the_end"))
+    assert lines()[1] == "STOPPED  the end"

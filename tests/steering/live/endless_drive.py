@@ -12,6 +12,6 @@ from hopdata.steering.live.safety import UdpBoom
 port, swing_port, path = sys.argv[1:]
 with UdpBoom(int(swing_port)) as boom:
     drive(
-        geometry(), Controller(), boom, port=int(port), stop=threading.Event(), limits=LENIENT,
+        geometry(), Controller(), boom, port=int(port), stop=threading.Event(), limits=LENIENT, armed=True,
         log=DriveLog(path, 4, setup={}, files={}),
     )  # fmt: skip

@@ -16,6 +16,7 @@ from loopback_server import Faults, LoopbackServer, Outage, UdpSwings
 from hopdata.errors import ConfigError
 from hopdata.steering.live.drive import drive
 from hopdata.steering.live.log import DriveLog, read_log
+from hopdata.steering.live.machine import State
 from hopdata.steering.live.packets import ConnectionLostError, LabelError
 from hopdata.steering.live.safety import Limits, UdpBoom
 from hopdata.steering.live.simulated import LiveHopper
@@ -27,7 +28,13 @@ ENDLESS = Path(__file__).with_name("endless_drive.py")
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks/steering"  # contains the server
 # A loaded machine may send swings too late for their flights, and some tests keep them
 # themselves.
-LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S, wrong_swings=10**6)
+LENIENT = Limits(
+    pose_age_s=LONG_S,
+    command_s=LONG_S,
+    hop_s=LONG_S,
+    wrong_swings=10**6,
+    heard_s=LONG_S,
+)
 SPEED = 4.0
 FASTEST_M_S, FASTEST_RAD_S = 0.3, 1.0  # of the hopper when its boom hardly swings
 # Pauses of the machine are not reported; a server that disconnects is reported at once.
@@ -97,7 +104,9 @@ def drive_until(robot, controller, n_stances, **options):
         if len(told) >= n_stances:
             stop.set()
 
-    options = {"limits": LENIENT, "patience": PATIENT, "seconds": LONG_S} | options
+    options = {
+        "limits": LENIENT, "patience": PATIENT, "seconds": LONG_S, "armed": True,
+    } | options  # fmt: skip
     return drive(
         geometry(), controller, robot.boom, port=robot.server.port, stop=stop,
         on_decision=listen, **options,
@@ -137,7 +146,7 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     # such delays.
     assert {h.swing_rad for h in hops if h.swing_rad != 0} <= set(commanded)
     written = read_log(tmp_path / "drive.h5")
-    assert list(written.decisions.command_rad) == commanded
+    np.testing.assert_array_equal(written.decisions.command_rad, commanded)
     assert "streaming" in set(written.events.kind)
 
 
@@ -151,12 +160,47 @@ def test_the_swing_of_the_hop_before_is_passed_on():
         assert min(abs(swing - true) for true in swings) < 0.02
 
 
-def test_a_hopper_is_driven_on_after_the_server_has_been_away():
-    with Robot(outages=[Outage(1.0, 0.2, "vanish")]) as robot:
-        done = drive_until(robot, Controller(), 7)
+@pytest.mark.parametrize("kind", ["vanish", "garbage"])
+def test_after_the_server_has_been_away_the_hopper_is_driven_on_by_its_operator(kind):
+    arms = []
+
+    def operate(loop, stream):
+        is_back = stream.counts.connections == 2 and stream.counts.frames > 100
+        if loop.state is State.RESTING and is_back and loop.arm() is None:
+            arms.append(len(loop.decisions()))
+
+    with Robot(outages=[Outage(1.0, 0.2, kind)], seed=4) as robot:
+        done = drive_until(robot, Controller(), 7, on_look=operate)
     assert done.stream.connections == 2
     assert "lost" in [s.state for s in done.states]
     assert done.loop.failed == 0
+    assert len(arms) == 1
+    assert done.rests[0].cause.code == "steering.stream_lost"
+    changes = [str(s.transition.target) for s in done.steps if s.changes]
+    assert changes[:4] == ["running", "resting", "armed", "running"]
+    assert done.decisions[-1].outcome == "planned"
+
+
+def test_a_drive_is_not_begun_before_its_operator_arms_it():
+    with Robot() as robot:
+        done = drive_until(robot, Controller(), 2, armed=False)
+    assert [d.outcome for d in done.decisions] == ["waiting", "waiting"]
+    assert {hop.swing_rad for hop in robot.hopper.hops} == {0.0}
+
+
+def test_a_robot_that_answers_no_heartbeats_brings_the_drive_to_rest():
+    with Robot() as robot:
+        robot.swings.answers = False
+        limits = replace(LENIENT, heard_s=0.2)
+        done = drive_until(robot, Controller(), 3, limits=limits)
+    assert "steering.unacknowledged" in {rest.cause.code for rest in done.rests}
+    assert done.decisions[-1].outcome == "held"
+
+
+def test_a_boom_with_half_of_the_heartbeat_is_refused():
+    boom = SimpleNamespace(swing=print, alive=print)
+    with pytest.raises(ConfigError, match="both of the methods alive and heard"):
+        drive(geometry(), Controller(), boom, port=1, stop=threading.Event())
 
 
 def test_at_the_end_the_boom_is_told_to_stay():
@@ -255,7 +299,7 @@ def test_a_handler_of_the_callers_own_is_left_and_the_default_is_put_back():
 
             drive(
                 geometry(), Controller(), robot.boom, port=robot.server.port, stop=stop,
-                limits=LENIENT, seconds=LONG_S, on_decision=listen,
+                limits=LENIENT, seconds=LONG_S, on_decision=listen, armed=True,
             )  # fmt: skip
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -349,7 +393,8 @@ class Boom:
 
 stream = SimulatedStream(LiveHopper(SteeredHopper(), lambda: None))
 limits = replace(LENIENT, command_s=0.5)  # which is also the patience with a driver
-drive(geometry(), Controller(), Boom(), stream=stream, stop=threading.Event(), limits=limits)
+drive(geometry(), Controller(), Boom(), stream=stream, stop=threading.Event(), limits=limits,
+      armed=True)
 """
 
 
@@ -379,7 +424,7 @@ def test_a_log_that_fails_brings_the_drive_to_rest_only_if_asked(rests, tmp_path
     log.failure = "the log could not be written any more: full"
     with Robot() as robot:
         done = drive_until(robot, Controller(), 3, log=log, rest_without_log=rests)
-    assert (log.failure in {rest.cause for rest in done.rests}) == rests
+    assert (log.failure in {str(rest.cause) for rest in done.rests}) == rests
     assert {decision.outcome for decision in done.decisions} == {
         "held" if rests else "planned"
     }

@@ -12,26 +12,32 @@ import pytest
 from test_loop import LENIENT, Boom, Controller, Detector, Tracker
 
 from hopdata.errors import ConfigError, RecordingError
+from hopdata.messages import Message
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Status
 from hopdata.steering.live.log import DriveLog, _reserve, read_log, replay
 from hopdata.steering.live.loop import ControlLoop
-from hopdata.steering.live.safety import Rest
+from hopdata.steering.live.machine import Machine
+
+LONG_FAULT = Message("steering.log_failed", {"failure": "ä" * 300})
 
 
 def logged(path, controller, groups=12):
     """Log a loop without threads, on a simulated clock, that takes a few frames at a time."""
     log = DriveLog(path, 3, setup={"to": [0, 0]}, files={"a.txt": b"content"})
-    buffer, now, fault = FrameBuffer(8), [0.0], [""]
+    buffer, now, fault = FrameBuffer(8), [0.0], [None]
     boom = Boom()
     loop = ControlLoop(
         buffer, lambda: (Tracker(), Detector()), controller, boom, limits=LENIENT,
         on_decision=log.decision, on_frames=log.frames, clock=lambda: now[0],
-        fault=lambda: fault[0],
+        fault=lambda: fault[0], machine=Machine(is_armed=True),
     )  # fmt: skip
     log.start(lambda: None)
     rng, number = np.random.default_rng(3), 0
     for k in range(groups):
-        frames, fault[0] = [], "the stream is lost" if k == 5 else ""
+        frames, fault[0] = [], LONG_FAULT if k == 5 else None
+        if k == 7:  # the fault is gone, and the operator arms it again
+            loop.watch.look()
+            assert loop.arm() is None
         for stance in rng.random(1 + k % 3) < 0.7:
             number += 1
             x, noise = rng.standard_normal(2) * [1.0, 0.005]
@@ -45,8 +51,8 @@ def logged(path, controller, groups=12):
             buffer.write(frame)
         now[0] = 100 + 0.01 * number + 1e-3 * rng.random()
         loop.take(frames)
-    log.events([Status("streaming", 100.0), Status("lost", 101.0, "hung up")],
-               [Rest(101.0, 101.01, "ä" * 300)])  # fmt: skip
+    states = [Status("streaming", 100.0), Status("lost", 101.0, "hung up")]
+    log.events(states, loop.watch)
     log.close(102.0, {"loop": LoopCounts(frames=7)})
     return loop.decisions()
 
@@ -73,12 +79,19 @@ def test_a_log_is_read_back(tmp_path):
     assert len(log.decisions) == len(decisions) > 8
     for row, decision in zip(log.decisions.itertuples(), decisions, strict=True):
         assert tuple(row.pose) == decision.pose
-        assert (row.outcome, row.reason) == (decision.outcome, decision.reason)
+        reason = "" if decision.reason is None else str(decision.reason)[:100]
+        assert (row.outcome, row.reason) == (decision.outcome, reason)
+        assert row.code == ("" if decision.reason is None else decision.reason.code)
         np.testing.assert_equal(row.command_rad, decision.command_rad)
     assert {"planned", "held", "overtaken"} == set(log.decisions.outcome)
-    assert list(log.events.kind) == ["streaming", "lost", "rest"]
-    assert log.events.text[1] == "hung up"
-    assert set(log.events.text[2]) == {"ä"}
+    events = log.events.set_index("kind")
+    assert list(log.events.kind) == [
+        "streaming", "lost", "boom", "running", "resting", "armed", "running", "rest",
+    ]  # fmt: skip
+    assert events.text["lost"] == "hung up"
+    assert set(events.text["rest"]) == {"ä"}
+    assert events.code["resting"] == "steering.log_failed"
+    assert events.code["boom"] == "steering.acknowledging_nothing"
     assert log.counts.set_index("count").value["loop.frames"] == 7
 
 
@@ -127,6 +140,16 @@ def test_what_is_no_log_is_refused(tmp_path, content, found):
         read_log(path)
 
 
+def test_a_log_of_an_earlier_version_is_refused_in_one_line(tmp_path):
+    path = tmp_path / "drive.h5"
+    logged(path, Learner())
+    with h5py.File(path, "r+") as file:
+        file.attrs["format"] = "hopdata drive 1"
+    with pytest.raises(RecordingError, match="found one of an earlier version") as told:
+        read_log(path)
+    assert len(str(told.value).splitlines()) == 1
+
+
 def test_a_log_never_replaces_a_file(tmp_path):
     path = tmp_path / "drive.h5"
     path.write_bytes(b"precious")
@@ -150,7 +173,7 @@ from hopdata.steering.live import log
 from hopdata.steering.live.buffer import Frame, LoopCounts, Status
 written = log.DriveLog({path!r}, 4, setup={{}}, files={{"a.txt": b"content"}})
 states = [Status("streaming", 0.0)]
-written._look = lambda: written.events(states, [])
+written._look = lambda: written.events(states)
 for k in range(4000):
     written.frames([Frame(0, k, 0.01 * k, 0.01 * k, 0.01 * k, np.full((4, 3), k))])
     if k % 100 == 0:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from loopback import LONG_S, our_threads, wait_until
 
+from hopdata.messages import Message
 from hopdata.steering.live.buffer import Frame, FrameBuffer
 from hopdata.steering.live.loop import ControlLoop
+from hopdata.steering.live.machine import Machine, State
 from hopdata.steering.live.safety import Limits
 from hopdata.steering.observation.tracking import MISFIT, SEEN
 
@@ -66,7 +68,7 @@ class Bench:
     def __init__(self, controller=None, boom=None, **options):
         self.buffer, self.controller = FrameBuffer(64), controller or Controller()
         self.boom, self.observers = boom or Boom(), 0
-        options = {"limits": LENIENT} | options
+        options = {"limits": LENIENT, "machine": Machine(is_armed=True)} | options
         self.loop = ControlLoop(
             self.buffer, self._fresh, self.controller, self.boom, **options
         )
@@ -111,7 +113,7 @@ def test_a_stance_is_planned_with_the_newest_pose_and_sent():
     assert (decision.outcome, decision.command_rad, decision.reason) == (
         "planned",
         0.25,
-        "",
+        None,
     )
     assert (decision.pose, decision.boom_angle_rad) == ((1.5, 2.0, 0.5), 3.0)
     assert decision.stance_s == pytest.approx(0.0)
@@ -141,7 +143,7 @@ def test_a_later_frame_does_not_make_the_pose_of_a_stance_fresh():
     assert bench.controller.asked == []
     assert bench.boom.swings == [0.0]
     assert decision.outcome == "held"
-    assert decision.reason.startswith("stale pose: ")
+    assert str(decision.reason).startswith("stale pose: ")
 
 
 def test_the_swing_of_the_hop_before_is_measured():
@@ -189,7 +191,7 @@ def test_nothing_is_planned_with_what_is_stale(stale, name):
     assert bench.controller.asked == []
     assert set(bench.boom.swings) == {0.0}
     assert decision.outcome == "held"
-    assert decision.reason.startswith(f"stale {name}: 6")
+    assert str(decision.reason).startswith(f"stale {name}: 6")
     assert math.isnan(decision.planning_s)
 
 
@@ -197,7 +199,7 @@ def test_nothing_is_planned_without_any_pose():
     with Bench() as bench:
         bench.frame(stance=True, x=math.nan)
         (decision,) = bench.decided()
-    assert (decision.outcome, decision.reason) == ("held", "no pose yet")
+    assert (decision.outcome, str(decision.reason)) == ("held", "no pose yet")
     assert all(map(math.isnan, decision.pose))
 
 
@@ -206,7 +208,7 @@ def test_a_stance_that_is_told_too_late_is_held():
         bench.frame(stance=True, age_s=2 * LONG_S)
         (decision,) = bench.decided()
     assert bench.boom.swings == [0.0]
-    assert "reported too late" in decision.reason
+    assert decision.reason.code == "steering.stance_late"
 
 
 def test_a_plan_that_comes_too_late_is_not_sent():
@@ -214,11 +216,12 @@ def test_a_plan_that_comes_too_late_is_not_sent():
     with Bench(slow, limits=Limits(LONG_S, command_s=0.25)) as bench:
         bench.frame(stance=True)
         (decision,) = bench.decided()
-    assert bench.boom.swings == [0.0]  # while the plan was still computed
-    assert "too late" in decision.reason
+    assert set(bench.boom.swings) == {0.0}  # while the plan was still computed
+    assert decision.reason.code == "steering.plan_came_late"
+    assert bench.loop.watch.rests[0].cause.code == "steering.plan_late"
 
 
-def test_a_controller_that_fails_leads_to_the_safe_command_and_the_loop_goes_on():
+def test_a_controller_that_fails_brings_it_to_rest_until_it_is_armed_again():
     answers = iter([ZeroDivisionError("no way out"), 0.5])
 
     def plan(pose, boom):
@@ -232,10 +235,40 @@ def test_a_controller_that_fails_leads_to_the_safe_command_and_the_loop_goes_on(
         bench.decided(1)
         bench.frame(stance=True)
         first, second = bench.decided(2)
-    assert bench.boom.swings == [0.0, 0.5]
-    assert first.outcome == "held"
-    assert "ZeroDivisionError('no way out')" in first.reason
-    assert second.outcome == "planned"
+        assert bench.loop.arm() is None
+        bench.frame(stance=True)
+        third = bench.decided(3)[-1]
+    assert first.outcome == second.outcome == "held"
+    assert "ZeroDivisionError('no way out')" in str(first.reason)
+    assert second.reason == first.reason
+    assert third.outcome == "planned"
+    assert set(bench.boom.swings[:-1]) == {0.0}
+    assert bench.boom.swings[-1] == 0.5
+
+
+def test_a_drive_that_nobody_has_armed_sends_nothing():
+    with Bench(machine=Machine()) as bench:
+        bench.frame(stance=True)
+        (waited,) = bench.decided(1)
+        assert bench.boom.swings == []
+        assert bench.controller.asked == []
+        assert bench.loop.state is State.WAITING
+        assert bench.loop.arm() is None
+        assert bench.loop.state is State.ARMED
+        bench.frame(stance=True)
+        bench.decided(2)
+        assert bench.loop.state is State.RUNNING
+    assert (waited.outcome, str(waited.reason)) == (
+        "waiting", "the operator has not armed it",
+    )  # fmt: skip
+    assert math.isnan(waited.command_rad)
+    assert bench.boom.swings == [0.25]
+
+
+def test_a_drive_without_a_frame_cannot_be_armed():
+    loop = Bench(machine=Machine()).loop
+    assert loop.arm().code == "steering.no_frame_yet"
+    assert loop.state is State.WAITING
 
 
 def test_a_plan_that_is_made_after_the_end_is_not_sent():
@@ -246,7 +279,7 @@ def test_a_plan_that_is_made_after_the_end_is_not_sent():
         bench.frame(stance=True)
         (decision,) = bench.decided()
     assert bench.boom.swings == [0.0]
-    assert decision.reason == "the drive ended while it was planned"
+    assert decision.reason.code == "steering.ended_meanwhile"
 
 
 @pytest.mark.parametrize("swing", [math.nan, math.inf])
@@ -254,8 +287,8 @@ def test_a_swing_that_is_no_number_is_not_sent(swing):
     with Bench(Controller(lambda *_: swing)) as bench:
         bench.frame(stance=True)
         (decision,) = bench.decided()
-    assert bench.boom.swings == [0.0]
-    assert decision.outcome == "held"
+    assert set(bench.boom.swings) == {0.0}
+    assert decision.reason.code == "steering.no_number"
 
 
 def test_a_swing_beyond_the_limit_is_cut():
@@ -268,7 +301,7 @@ def test_a_swing_beyond_the_limit_is_cut():
     assert decision.outcome == "cut"
 
 
-def test_a_boom_that_fails_is_noted_and_the_loop_goes_on():
+def test_a_boom_that_fails_is_noted_and_told_to_rest():
     class Broken(Boom):
         def swing(self, rad):
             super().swing(rad)
@@ -279,7 +312,9 @@ def test_a_boom_that_fails_is_noted_and_the_loop_goes_on():
         bench.decided(1)
         bench.frame(stance=True)
         decisions = bench.decided(2)
-    assert all("the boom failed: OSError('cable')" in d.reason for d in decisions)
+    assert {str(d.reason) for d in decisions} == {"the boom failed: OSError('cable')"}
+    assert bench.boom.swings[0] == 0.25
+    assert set(bench.boom.swings[1:]) == {0.0}
 
 
 def test_of_stances_that_wait_only_the_newest_is_planned():
@@ -342,8 +377,9 @@ def test_a_loop_that_is_overrun_says_so():
     with Bench(Controller(lambda *_: free.wait(LONG_S) and 0.25)) as bench:
         bench.frame(stance=True)
         wait_until(lambda: bench.controller.asked)
-        for _ in range(100):
-            bench.frame()
+        with bench.loop._observing:  # nor does the watch observe them meanwhile
+            for _ in range(100):
+                bench.frame()
         free.set()
         wait_until(lambda: bench.loop.counts.frames + bench.loop.counts.overrun == 101)
     assert bench.loop.counts.overrun == 100 - 64
@@ -365,10 +401,10 @@ def rested(bench, cause_s, words, *, over=False):
     wait_until(lambda: bench.loop.watch.rests)
     rest = bench.loop.watch.rests[-1]
     print(f"{words}: at rest {1e3 * (rest.sent_s - cause_s):.1f} ms after its cause")
-    assert words in rest.cause
+    assert words in str(rest.cause)
     assert bench.boom.swings[-1] == 0.0
     assert cause_s - 0.01 < rest.seen_s <= rest.sent_s
-    assert bench.stop.is_set() == over
+    wait_until(lambda: bench.stop.is_set() == over)
 
 
 def hopping(**options):
@@ -386,11 +422,12 @@ def swung(bench):
 
 
 ALERT = replace(LENIENT, pose_age_s=0.1)
+KEY = Message("steering.operators_key")
 FAULTS = {
     "left the arena": ({"x": 2e3}, 1, True),
     "tips over: leans by 60 degrees": ({"tilt": np.pi / 3}, 1, True),
     "do not fit together": ({"misfit": True}, 3, False),
-    "could not be understood": ({"mixed_up": True}, 1, False),
+    "could not be understood": ({"mixed_up": True}, 3, False),
 }
 
 
@@ -404,14 +441,15 @@ def test_what_a_frame_shows_brings_the_boom_to_rest(words, caplog):
             bench.frame(**what)
         rested(bench, cause_s, words, over=over)
         bench.frame(stance=True)
-        last = bench.decided(2)[-1]
+        assert bench.decided(2)[-1].outcome == "held"  # though this frame is sound
+        assert (bench.loop.arm() is None) == (not over)
+        bench.frame(stance=True)
+        last = bench.decided(3)[-1]
     assert words in caplog.text
-    assert (
-        last.outcome == "held"
-    ) == over  # unless it is over, it goes on with sound frames
+    assert last.outcome == ("held" if over else "planned")
 
 
-def test_frames_that_no_longer_come_or_come_again_bring_it_to_rest_until_they_do():
+def test_frames_that_no_longer_come_or_come_again_bring_it_to_rest():
     with hopping(limits=ALERT) as bench:
         swung(bench)
         rested(
@@ -419,8 +457,12 @@ def test_frames_that_no_longer_come_or_come_again_bring_it_to_rest_until_they_do
             bench.buffer.newest().captured_s + ALERT.pose_age_s,
             "no frame for 0.1",
         )
+        assert bench.loop.arm().code == "steering.no_frame"
         bench.frame(stance=True)
-        assert bench.decided(2)[-1].outcome == "planned"
+        assert bench.decided(2)[-1].reason.code == "steering.no_frame"
+        assert bench.loop.arm() is None
+        bench.frame(stance=True)
+        assert bench.decided(3)[-1].outcome == "planned"
 
 
 def test_frames_that_are_held_up_on_their_way_bring_it_to_rest():
@@ -444,11 +486,12 @@ def test_the_operator_s_key_brings_it_to_rest_for_good():
     with hopping() as bench:
         swung(bench)
         cause_s = time.monotonic()
-        bench.loop.rest("the operator's key")
+        bench.loop.end(KEY)
         rested(bench, cause_s, "the operator's key", over=True)
         bench.frame(stance=True)
-        assert bench.decided(2)[-1].reason == "the operator's key"
-    assert bench.boom.swings[1:] == [0.0]
+        assert bench.decided(2)[-1].reason == KEY
+        assert bench.loop.arm() == KEY
+    assert set(bench.boom.swings[1:]) == {0.0}
 
 
 def test_an_exception_in_the_loop_s_thread_brings_it_to_rest_for_good(monkeypatch):
@@ -462,10 +505,11 @@ def test_an_exception_in_the_loop_s_thread_brings_it_to_rest_for_good(monkeypatc
 
 def test_a_lost_stream_brings_it_to_rest():
     lost = []
-    with hopping(fault=lambda: lost[0] if lost else "") as bench:
+    with hopping(fault=lambda: lost[0] if lost else None) as bench:
         swung(bench)
         cause_s = time.monotonic()
-        lost.append("the stream is lost: the server has hung up")
+        values = {"state": "lost", "reason": "the server has hung up"}
+        lost.append(Message("steering.stream_lost", values))
         rested(bench, cause_s, "the server has hung up")
 
 
@@ -478,6 +522,37 @@ def test_a_boom_that_fails_to_rest_is_told_again():
 
     with hopping(boom=Deaf()) as bench:
         swung(bench)
-        bench.loop.rest("the operator's key")
+        bench.loop.end(KEY)
         rested(bench, 0.0, "the operator's key", over=True)
     assert bench.boom.swings == [0.25, 0.0, 0.0, 0.0]
+
+
+# Frames are observed while a plan is made, too.
+
+
+def test_what_a_frame_shows_while_a_plan_is_made_brings_it_to_rest_at_once():
+    free = threading.Event()
+    with hopping(controller=Controller(lambda *_: free.wait(LONG_S) and 0.25)) as bench:
+        bench.frame(stance=True)
+        wait_until(lambda: bench.controller.asked)
+        cause_s = time.monotonic()
+        for _ in range(3):
+            bench.frame(misfit=True)
+        rested(bench, cause_s, "do not fit together")
+        free.set()
+        (decision,) = bench.decided()
+    assert decision.reason.code == "steering.markers_misfit"
+    assert 0.25 not in bench.boom.swings
+
+
+def test_a_stance_that_is_seen_while_a_plan_is_made_is_planned_afterwards():
+    free = threading.Event()
+    with Bench(Controller(lambda *_: free.wait(LONG_S) and 0.25)) as bench:
+        bench.frame(stance=True, x=1.5)
+        wait_until(lambda: bench.controller.asked)
+        bench.frame(stance=True, x=2.5)
+        wait_until(lambda: bench.loop.counts.frames == 2)
+        free.set()
+        first, second = bench.decided(2)
+    assert (first.pose[0], second.pose[0]) == (1.5, 2.5)
+    assert bench.boom.swings == [0.25, 0.25]

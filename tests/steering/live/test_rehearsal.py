@@ -7,8 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hopdata.messages import Message
 from hopdata.steering.live import rehearsal
 from hopdata.steering.live.loop import LEAST_SWING_RAD
+from hopdata.steering.live.machine import (
+    Event,
+    Machine,
+    State,
+    Step,
+    Told,
+    Transition,
+)
 from hopdata.steering.live.rehearsal import Act, Performed, SimulatedDrive, acts
 from hopdata.steering.live.safety import Limits, NoBoom, Watch
 
@@ -16,7 +25,12 @@ NAMES = ("body1", "body2", "body3", "boom")
 LIMITS = Limits()
 ACTS = {act.name: act for act in acts(NAMES, LIMITS)}
 SIMULATED = [name for name, act in ACTS.items() if act.in_real_time is None]
-UNWATCHED = "the controller fails"  # the decision itself sends the rest
+# The loop itself sends these rests, as it observes and decides.
+BY_LOOKS = {
+    "the cable of the cameras is pulled",
+    "a plan is late",
+    "the boom acknowledges no heartbeats",
+}
 
 
 @pytest.fixture(scope="module")
@@ -25,36 +39,76 @@ def geometry():
 
 
 @pytest.mark.parametrize("name", SIMULATED)
-def test_each_act_needs_the_watch(name, geometry, monkeypatch):
-    assert rehearsal._on_simulated_clock(ACTS[name], geometry, LIMITS).is_right
-    monkeypatch.setattr(Watch, "look", lambda _: None)
+def test_each_act_brings_the_boom_to_rest_until_it_is_armed(name, geometry):
     done = rehearsal._on_simulated_clock(ACTS[name], geometry, LIMITS)
-    assert done.is_right == (name == UNWATCHED)
+    assert done.is_right, done
 
 
-@pytest.mark.parametrize("name", ["SIGTERM comes", "the boom's driver blocks"])
-def test_an_act_in_real_time_needs_the_watch_too(name, geometry, monkeypatch):
-    monkeypatch.setattr(rehearsal, "REAL_S", 2.0)
+@pytest.mark.parametrize("name", sorted(BY_LOOKS))
+def test_an_act_that_shows_in_no_frame_needs_the_looks(name, geometry, monkeypatch):
     monkeypatch.setattr(Watch, "look", lambda _: None)
-    assert not rehearsal._in_real_time(ACTS[name], geometry).is_right
+    assert not rehearsal._on_simulated_clock(ACTS[name], geometry, LIMITS).is_right
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["the controller fails", "the markers are mirrored", "the boom is dead"],
+)
+def test_an_act_needs_the_machine(name, geometry, monkeypatch):
+    """A machine that never leaves running is found out."""
+
+    def stays(machine, event, at_s, cause, **_):
+        told = Told.SWING if event is Event.STANCE else Told.NOTHING
+        machine.state = State.RUNNING
+        return Step(at_s, Transition(State.RUNNING, event, State.RUNNING, told), cause)
+
+    monkeypatch.setattr(Machine, "_make", stays)
+    assert not rehearsal._on_simulated_clock(ACTS[name], geometry, LIMITS).is_right
+
+
+def test_a_drive_that_goes_on_by_itself_is_found_out(geometry, monkeypatch):
+    """As the loop did before it had a state: it went on once the cause was gone."""
+    report = Machine.report
+
+    def report_and_resume(machine, source, cause, at_s):
+        step = report(machine, source, cause, at_s)
+        if machine.state is State.RESTING and not machine.lasting:
+            machine.state = State.RUNNING
+        return step
+
+    monkeypatch.setattr(Machine, "report", report_and_resume)
+    act = ACTS["marker body1 is covered"]
+    done = rehearsal._on_simulated_clock(act, geometry, LIMITS)
+    assert done.resumed
+    assert not done.is_right
+
+
+def test_an_act_in_real_time_needs_the_end(geometry, monkeypatch):
+    monkeypatch.setattr(rehearsal, "REAL_S", 2.0)
+    monkeypatch.setattr(Watch, "end", lambda *_: None)
+    assert not rehearsal._in_real_time(ACTS["SIGTERM comes"], geometry).is_right
 
 
 def test_what_brings_nothing_to_rest_is_not_right(geometry):
-    nothing = Act("nothing", "", "no frame for", 1.0)
+    nothing = Act("nothing", "", "no frame for", "steering.no_frame", 1.0)
     done = rehearsal._on_simulated_clock(nothing, geometry, LIMITS)
-    assert (done.cause, done.is_right) == ("", False)
-    act = ACTS[SIMULATED[0]]
-    assert Performed(act, act.rest, act.within_s, moved=False).is_right
-    assert not Performed(act, "tips over", act.within_s, moved=False).is_right
-    assert not Performed(act, act.rest, act.within_s + 0.01, moved=False).is_right
-    assert not Performed(act, act.rest, act.within_s, moved=True).is_right
+    assert (done.cause, done.is_right) == (None, False)
+    act = ACTS["the hopper tips over"]
+    cause = Message("steering.tips_over", {"tilt_deg": 60.0})
+    other = Message("steering.operators_key")
+    assert Performed(act, cause, act.within_s).is_right
+    assert not Performed(act, other, act.within_s).is_right
+    assert not Performed(act, cause, act.within_s + 0.01).is_right
+    assert not Performed(act, cause, act.within_s, moved=True).is_right
+    assert not Performed(act, cause, act.within_s, resumed=True).is_right
+    assert not Performed(act, cause, act.within_s, obeyed=False).is_right
 
 
 def test_a_drive_that_is_at_rest_before_the_act_is_not_right(geometry):
     narrow = replace(LIMITS, fence_m=0.5)
     done = rehearsal._on_simulated_clock(ACTS["the hopper tips over"], geometry, narrow)
     assert not done.is_right
-    assert done.cause.startswith("before the act: ")
+    assert done.cause.code == "steering.before_the_act"
 
 
 # Markers that are needed and not seen.
@@ -77,8 +131,8 @@ def hidden(geometry, *indices, spans=((3.0, np.inf),)):
 def test_all_markers_that_are_hidden_are_named(geometry):
     drive = hidden(geometry, 0, 1, 2, 3)
     (rest,) = drive.loop.watch.rests
-    assert all(f"marker '{name}' is not seen" in rest.cause for name in NAMES)
-    assert 3.1 < rest.seen_s < 3.15
+    assert all(f"marker '{name}' is not seen" in str(rest.cause) for name in NAMES)
+    assert 3.1 <= rest.seen_s < 3.15
     assert not any(rad for at_s, rad in drive.swings if at_s > rest.sent_s)
 
 
@@ -87,16 +141,21 @@ def test_no_swing_is_sent_while_a_marker_that_is_needed_is_hidden(geometry):
     last = drive.loop.decisions()[-1]
     assert last.told_s > 3.2  # with two markers, stances are still seen for a while
     assert (last.outcome, last.command_rad) == ("held", 0.0)
-    assert last.reason.startswith("marker 'body2' is not seen (for ")
+    assert str(last.reason).startswith("marker 'body2' is not seen (for ")
     assert not any(rad for at_s, rad in drive.swings if at_s > 3.2)
 
 
-def test_the_drive_goes_on_when_they_are_seen_again(geometry):
+def test_the_drive_does_not_go_on_when_they_are_seen_again_but_when_it_is_armed(
+    geometry,
+):
     drive = hidden(geometry, 1, spans=((3.0, 3.5),))
     (rest,) = drive.loop.watch.rests
-    assert "marker 'body2' is not seen" in rest.cause
-    assert "body1" not in rest.cause
-    assert any(rad for at_s, rad in drive.swings if at_s > 3.5)
+    assert "marker 'body2' is not seen" in str(rest.cause)
+    assert "body1" not in str(rest.cause)
+    assert not drive.has_swung_since(3.2)
+    assert drive.loop.arm() is None
+    drive.run(10.0)
+    assert drive.has_swung_since(8.0)
 
 
 def test_markers_that_are_hidden_shorter_than_a_pose_may_be_old_are_no_rest(geometry):
@@ -141,7 +200,7 @@ def test_a_fourth_body_marker_is_not_needed(geometry):
         return drive.loop.watch.rests
 
     assert not seen_with([0])
-    assert "marker 'body1' is not seen" in seen_with([0, 1])[0].cause
+    assert "marker 'body1' is not seen" in str(seen_with([0, 1])[0].cause)
 
 
 # Swings sent and swings measured.
@@ -188,7 +247,7 @@ def test_a_boom_that_does_not_follow_is_told_within_two_hops_and_it_is_over(
 ):
     drive, hops = wrong_after(boom, geometry)
     (rest,) = drive.loop.watch.rests
-    assert re.match(f"the boom does not follow: {words}", rest.cause)
+    assert re.match(f"the boom does not follow: {words}", str(rest.cause))
     assert hops <= 3  # two, and the one of which a part has passed
     drive.run(drive.now_s + 2.0)
     assert not any(rad for at_s, rad in drive.swings if at_s > rest.sent_s)  # for good
@@ -218,14 +277,15 @@ def test_wrong_swings_that_are_not_in_a_row_are_let_pass(geometry):
 def test_how_many_wrong_swings_end_the_drive_is_a_limit(geometry):
     drive, hops = wrong_after(lambda _: 0.0, geometry, replace(LIMITS, wrong_swings=5))
     assert 5 <= hops <= 6
-    assert drive.loop.watch.rests[0].cause.count(" sent and ") == 5
+    assert str(drive.loop.watch.rests[0].cause).count(" sent and ") == 5
     drive, hops = wrong_after(lambda _: 0.0, geometry, replace(LIMITS, wrong_swings=1))
     assert hops <= 2
 
 
 def test_a_boom_that_moves_though_it_is_told_to_stay_is_told(geometry):
     drive, _ = wrong_after(lambda rad: rad + 0.2, geometry, plan=lambda _: 0.0)
-    assert "it moves though it was told to stay (" in drive.loop.watch.rests[0].cause
+    cause = str(drive.loop.watch.rests[0].cause)
+    assert "it moves though it was told to stay (" in cause
     drive, _ = wrong_after(lambda rad: rad, geometry, plan=lambda _: 0.0)
     assert not drive.loop.watch.rests
 
@@ -235,7 +295,7 @@ def test_where_nothing_is_sent_nothing_has_to_follow(geometry):
     dry = SimulatedDrive(geometry, LIMITS)
     dry.loop = type(dry.loop)(
         dry._buffer, drive.loop._observers, drive.loop._controller, NoBoom(), limits=LIMITS,
-        clock=lambda: dry.now_s,
+        clock=lambda: dry.now_s, machine=Machine(is_armed=True),
     )  # fmt: skip
     dry.run(8.0)
     assert not dry.loop.watch.rests
@@ -253,6 +313,6 @@ def test_a_swing_that_follows_the_rest_is_not_right(geometry, monkeypatch):
 
     monkeypatch.setattr(SimulatedDrive, "run", run_and_swing)
     done = rehearsal._on_simulated_clock(ACTS["the hopper tips over"], geometry, LIMITS)
-    assert "tips over" in done.cause
+    assert done.cause.code == "steering.tips_over"
     assert done.moved
     assert not done.is_right

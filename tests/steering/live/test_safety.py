@@ -10,7 +10,9 @@ from loopback import LONG_S, our_threads, wait_until
 from loopback_server import UdpSwings
 
 from hopdata.errors import ConfigError
+from hopdata.messages import Message
 from hopdata.steering.live import safety
+from hopdata.steering.live.machine import Machine, State
 from hopdata.steering.live.packets import LiveError, PortError
 from hopdata.steering.live.safety import (
     Limits,
@@ -95,26 +97,47 @@ def test_a_port_in_use_is_a_clear_error(swings):
         UdpSwings(swings.port)
 
 
-def test_an_answer_that_is_late_does_not_lift_a_rest():
-    asked, answer = threading.Event(), threading.Event()
+KEY = Message("steering.operators_key")
 
+
+def guard(boom, ask=dict, **limits):
+    """Return a watch of a drive that is armed, with these limits."""
+    return Watch(boom, Machine(is_armed=True), ask, limits=Limits(**limits))
+
+
+def test_a_rest_is_not_lifted_when_its_cause_is_gone_but_when_it_is_armed():
+    boom, causes = Kept(), {"outside": KEY}
+    watch = guard(boom, lambda: causes)
+    watch.look()
+    assert watch.swing(0.1) == watch.cause == KEY
+    assert watch.arm() == KEY
+    causes["outside"] = None
+    watch.look()
+    assert watch.swing(0.1) == KEY
+    assert watch.arm() is None
+    assert watch.swing(0.1) is None
+    assert boom.swings[-1] == 0.1
+    assert set(boom.swings[:-1]) == {0.0}
+
+
+def test_a_watch_whose_question_fails_rests():
     def ask():
-        if not asked.is_set():
-            asked.set()
-            answer.wait()
-            return ""
-        return "the end"
+        raise ValueError("no answer")
 
-    watch = Watch(NoBoom(), ask)
-    looks = [threading.Thread(target=watch.look) for _ in range(2)]
-    looks[0].start()
-    asked.wait()
-    looks[1].start()
-    looks[1].join(0.05)
-    answer.set()
-    for look in looks:
-        look.join()
-    assert watch.cause == "the end"
+    watch = guard(NoBoom(), ask)
+    watch.look()
+    assert watch.cause.code == "steering.watch_failed"
+    assert "no answer" in str(watch.cause)
+
+
+class Kept:
+    """Keeps what it is told."""
+
+    def __init__(self):
+        self.swings = []
+
+    def swing(self, rad):
+        self.swings.append(rad)
 
 
 def test_no_swing_at_all_and_half_a_turn_are_limits():
@@ -129,7 +152,9 @@ def test_an_angle_that_would_not_hold_is_refused(name, angle):
         Limits(**{name: angle})
 
 
-@pytest.mark.parametrize("name", ["pose_age_s", "command_s", "hop_s"])
+@pytest.mark.parametrize(
+    "name", ["pose_age_s", "command_s", "hop_s", "alive_s", "heard_s"]
+)
 @pytest.mark.parametrize("time", [-0.1, 0.0, np.nan])
 def test_a_time_that_would_not_hold_is_refused(name, time):
     with pytest.raises(ConfigError, match=f"{name}: expected more than 0"):
@@ -154,8 +179,11 @@ class DeafRobot:
         with suppress(BlockingIOError):
             while True:
                 line, sender = self._socket.recvfrom(100)
-                _, number, rad = line.split()
-                self.lines.append((int(number), float(rad)))
+                word, number, *rad = line.split()
+                if word == b"alive":
+                    self._socket.sendto(line, sender)
+                    continue
+                self.lines.append((int(number), float(rad[0])))
                 if len(self.lines) > self._deaf_to:
                     answer = self._answer
                     self._socket.sendto(
@@ -174,7 +202,10 @@ class DeafRobot:
 def watched(boom):
     """Yield a watch whose cause is in a list, and the list."""
     causes = []
-    with Watch(boom, lambda: causes[0] if causes else "") as watch:
+    patient = {"heard_s": LONG_S, "command_s": LONG_S}
+    with guard(
+        boom, lambda: {"outside": causes[0] if causes else None}, **patient
+    ) as watch:
         yield watch, causes
 
 
@@ -184,8 +215,8 @@ def test_a_rest_is_sent_until_it_is_heard_and_no_longer():
         UdpBoom(robot.port) as boom,
         watched(boom) as (watch, cause),
     ):
-        assert watch.swing(0.3) == ""
-        cause.append("the operator's key")
+        assert watch.swing(0.3) is None
+        cause.append(KEY)
         wait_until(
             lambda: len(robot.take()) >= 6
         )  # the swing, four lost rests, and one heard
@@ -197,7 +228,7 @@ def test_a_rest_is_sent_until_it_is_heard_and_no_longer():
     assert swings == (0.3, *[0.0] * (len(swings) - 1))
     assert list(numbers) == sorted(set(numbers))  # each is newer than the one before
     (rest,) = watch.rests
-    assert rest.cause == "the operator's key"
+    assert rest.cause == KEY
 
 
 def test_a_swing_is_not_repeated_though_it_is_not_heard():
@@ -206,7 +237,7 @@ def test_a_swing_is_not_repeated_though_it_is_not_heard():
         UdpBoom(robot.port) as boom,
         watched(boom) as (watch, _),
     ):
-        assert watch.swing(0.3) == ""
+        assert watch.swing(0.3) is None
         time.sleep(0.1)
         assert [rad for _, rad in robot.take()] == [0.3]
 
@@ -214,7 +245,7 @@ def test_a_swing_is_not_repeated_though_it_is_not_heard():
 def test_a_rest_that_is_never_heard_is_told_at_the_end(caplog):
     with DeafRobot(deaf_to=10**6) as robot, UdpBoom(robot.port) as boom:
         with watched(boom) as (watch, cause):
-            cause.append("the end")
+            cause.append(KEY)
             wait_until(lambda: watch.rests)
         assert len(robot.take()) > 10
     assert "the boom did not acknowledge the last rest" in caplog.text
@@ -277,29 +308,31 @@ class BlockedBoom:
 
 def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
     boom = BlockedBoom(1)
-    watch = Watch(boom, lambda: "", patience_s=1.0)
+    watch = guard(boom, command_s=1.0)
     with watch:
-        assert watch.swing(0.1) == ""
-        assert "driver has not returned within 1 s" in watch.swing(0.2)
-        wait_until(
-            lambda: watch.cause.startswith("the boom's driver has not returned for")
-        )
+        assert watch.swing(0.1) is None
+        assert watch.swing(0.2).code == "steering.boom_blocked"
+        wait_until(lambda: watch.machine.state is State.RESTING)
         assert watch.swing(0.3) == watch.cause  # refused at once
+        assert watch.arm() is not None  # it still blocks
         assert boom.swings == [0.1, 0.2]
         assert not watch.rests  # none has arrived
         boom.released.set()
         wait_until(lambda: watch.rests)
         assert boom.swings[:3] == [0.1, 0.2, 0.0]
-        wait_until(lambda: not watch.cause)
-        assert watch.swing(0.4) == ""
-    assert boom.swings[-1] == 0.4
+        wait_until(lambda: not watch.machine.lasting)
+        assert watch.swing(0.4) is not None
+        assert watch.arm() is None
+        assert watch.swing(0.5) is None
+    assert 0.4 not in boom.swings
+    assert boom.swings[-1] == 0.5
 
 
 def test_a_driver_that_takes_its_time_but_returns_is_no_cause():
     boom = SimpleNamespace(swing=lambda _: time.sleep(0.05))
-    with Watch(boom, lambda: "", patience_s=LONG_S) as watch:
-        assert watch.swing(0.1) == ""
-        assert watch.cause == ""
+    with guard(boom, command_s=LONG_S) as watch:
+        assert watch.swing(0.1) is None
+        assert watch.cause is None
     assert not watch.rests
 
 
@@ -319,7 +352,7 @@ def test_of_commands_that_wait_only_the_newest_is_sent():
 def test_a_driver_that_never_returns_is_an_error_at_the_end(monkeypatch):
     monkeypatch.setattr(safety, "LAST_REST_S", 0.1)
     boom = BlockedBoom(0)
-    watch = Watch(boom, lambda: "", patience_s=0.05).start()
+    watch = guard(boom, command_s=0.05).start()
     watch.swing(0.1)
     with pytest.raises(
         LiveError, match=r"the boom's driver has not returned for 0\.\d s"
@@ -362,14 +395,14 @@ class Deaf:
 
 
 def test_a_boom_that_fails_to_tell_is_sent_its_rests_all_the_same():
-    boom, cause = Deaf(), [""]
-    watch = Watch(boom, lambda: cause[0])
+    boom, cause = Deaf(), {"outside": None}
+    watch = guard(boom, lambda: cause, command_s=LONG_S)
     watch.start()
     try:
-        assert watch.swing(0.0) == ""
+        assert watch.swing(0.0) is None
         wait_until(lambda: len(boom.swings) > 3)
-        assert watch.swing(0.3) == ""
-        cause[0] = "the end"
+        assert watch.swing(0.3) is None
+        cause["outside"] = KEY
         wait_until(lambda: watch.rests)
         assert boom.swings[-1] == 0.0
     finally:
@@ -390,13 +423,11 @@ class Slow:
 
 def test_a_swing_that_was_given_up_is_followed_by_a_rest_and_never_sent_later():
     boom = Slow()
-    watch = Watch(boom, lambda: "", patience_s=0.05)
+    watch = guard(boom, command_s=0.05)
     # Without the watch's own looks, which would send a rest as well
     watch._sender.start()
-    assert "has not returned within 0.05 s" in watch.swing(0.4)
-    assert "has not returned within 0.05 s" in watch.swing(
-        0.2
-    )  # waits behind the first
+    assert watch.swing(0.4).code == "steering.boom_blocked"
+    assert watch.swing(0.2).code == "steering.boom_blocked"  # refused by now
     boom.go.set()
     wait_until(lambda: boom.swings[-1] == 0.0)
     time.sleep(0.05)
@@ -413,6 +444,132 @@ def test_an_answer_counts_only_from_the_robot_and_for_a_line_that_was_sent(swing
             "heard x",
             "heard",
         )
-        numbers = [boom._number_heard(answer.encode()) for answer in answers]
+        numbers = [number_heard(boom, answer) for answer in answers]
         assert numbers == [0, 0, 0, 0]
-        assert boom._number_heard(f"heard {boom._number}".encode()) == boom._number
+        assert number_heard(boom, f"heard {boom._number}") == boom._number
+
+
+def number_heard(boom, answer):
+    return safety._number_in(answer.encode(), b"heard", boom._number)
+
+
+# Heartbeats.
+
+
+class Clock:
+    now_s = 0.0
+
+    def __call__(self):
+        return self.now_s
+
+
+class Answering(Kept):
+    """Answers heartbeats for a while, `late_s` after each."""
+
+    def __init__(self, clock, late_s=0.0, until_s=np.inf):
+        super().__init__()
+        self.sent, self._clock, self._late_s = [], clock, late_s
+        self._until_s = until_s
+
+    def alive(self, number):
+        self.sent.append((self._clock(), number))
+
+    def heard(self):
+        heard = [
+            number
+            for at_s, number in self.sent
+            if at_s < self._until_s and at_s + self._late_s <= self._clock()
+        ]
+        return max(heard, default=0)
+
+
+def beaten(boom_of, *, seconds=1.0, looks=True, **limits):
+    """Let a watch look every 10 ms of a simulated clock."""
+    clock = Clock()
+    boom = boom_of(clock)
+    watch = Watch(boom, Machine(is_armed=True), clock=clock, limits=Limits(**limits))
+    for k in range(round(seconds / 0.01)):
+        clock.now_s = 0.01 * k
+        if looks or k < 10:
+            watch.look()
+        else:
+            watch._sender.again()
+    return boom, watch
+
+
+def test_heartbeats_are_numbered_and_come_every_so_often():
+    boom, watch = beaten(Answering)
+    at_s, numbers = zip(*boom.sent, strict=True)
+    assert list(numbers) == list(range(1, len(numbers) + 1))
+    assert np.diff(at_s) == pytest.approx(0.025, abs=0.0051)  # two looks, or three
+    assert watch.is_acknowledging
+    assert watch.machine.state is State.ARMED
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.05, 0.15])
+def test_answers_that_come_within_their_time_are_no_fault(late_s):
+    _, watch = beaten(lambda clock: Answering(clock, late_s))
+    assert not watch.rests
+
+
+def test_answers_that_come_too_late_are_a_fault_though_they_come():
+    _, watch = beaten(lambda clock: Answering(clock, 0.3))
+    assert watch.cause.code == "steering.unacknowledged"
+
+
+def test_silence_of_the_boom_brings_it_to_rest_within_50_ms_of_the_limit():
+    boom, watch = beaten(lambda clock: Answering(clock, until_s=0.5), heard_s=0.1)
+    (rest,) = watch.rests
+    assert rest.cause.code == "steering.unacknowledged"
+    first_unheard_s = min(at_s for at_s, _ in boom.sent if at_s >= 0.5)
+    assert 0 < rest.sent_s - (first_unheard_s + 0.1) <= 0.05
+    assert rest.cause.values["limit_s"] == 0.1
+    assert watch.arm() == watch.machine.lasting["acknowledgement"]
+
+
+def test_a_loop_that_no_longer_looks_sends_no_more_heartbeats():
+    boom, _ = beaten(Answering, looks=False)
+    assert boom.sent[-1][0] < 0.1 + safety.PERMITTED_S + 0.02
+
+
+def test_a_boom_that_answers_nothing_is_told_about_and_runs():
+    _, watch = beaten(lambda _: Kept())
+    assert not watch.is_acknowledging
+    assert watch.says_of_boom().code == "steering.acknowledging_nothing"
+    assert watch.swing(0.3) is None
+
+
+def test_heartbeats_over_udp_are_answered_until_the_robot_is_silent(swings):
+    with UdpBoom(swings.port) as boom:
+        assert boom.heard() == 0
+        boom.alive(1)
+        wait_until(lambda: boom.heard() == 1)
+        swings.answers = False
+        boom.alive(2)
+        wait_until(lambda: swings.beats == 2)
+        assert boom.heard() == 1
+        assert not boom.acknowledged() or boom._wanted == 0
+
+
+def test_a_robot_that_hears_nothing_rests_by_itself():
+    robot = UdpSwings(silence_s=0.05)
+    try:
+        with UdpBoom(robot.port) as boom:
+            boom.swing(0.3)
+            wait_until(lambda: robot._swing == 0.3)
+            time.sleep(0.1)
+            assert robot.newest() == 0.0  # too old to be executed
+            assert robot.silences == 1
+            boom.swing(0.4)
+            wait_until(lambda: robot._swing == 0.4)
+            assert robot.newest() == 0.4
+    finally:
+        robot.close()
+
+
+def test_a_heartbeat_of_old_keeps_no_swing_alive(swings):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for line in (b"alive 7", b"alive 6", b"alive 7"):
+            sender.sendto(line, ("127.0.0.1", swings.port))
+        wait_until(lambda: swings.outdated == 2)
+    assert swings.beats == 1

@@ -70,7 +70,7 @@ def test_the_simulated_hopper_is_driven_without_a_server():
     hopper = LiveHopper(SteeredHopper(), boom.newest)
     done = drive(
         geometry(), Controller(), boom, stream=SimulatedStream(hopper, speed=2.0), stop=stop,
-        limits=LENIENT, on_decision=lambda d: told.append(d) or len(told) < 5 or stop.set(),
+        limits=LENIENT, armed=True, on_decision=lambda d: told.append(d) or len(told) < 5 or stop.set(),
     )  # fmt: skip
     assert our_threads() == []
     true = np.array([h.stance.time_s for h in hopper.hops])

@@ -229,6 +229,36 @@ def test_a_wrong_label_is_a_clear_error():
         assert stream.states.status.state == "failed"
 
 
+def test_a_server_that_comes_back_with_other_markers_is_lost_until_they_are_right():
+    server = LoopbackServer(ramp(10**6), LABELS, speed=10).start()
+    with MarkerStream(LABELS, port=server.port, patience=BRISK) as stream:
+        stream.wait_until_streaming(LONG_S)
+        server.close()
+        others = ("head", "body2", "body3", "boom")
+        with LoopbackServer(ramp(10**6), others, port=server.port, speed=10):
+            wait_until(
+                lambda: any(
+                    "marker 'body1' is not one of" in status.message
+                    for status in stream.states.history()
+                    if status.state == "lost"
+                )
+            )
+            assert stream.states.status.state in ("lost", "connecting")
+        with LoopbackServer(ramp(10**6), LABELS, port=server.port, speed=10):
+            assert stream.states.wait_for("streaming", timeout_s=LONG_S)
+
+
+def test_coordinates_in_other_units_that_cannot_be_are_told():
+    far = ((time_s, 1e6 * markers + 1e4) for time_s, markers in ramp(10**6))
+    with (
+        LoopbackServer(far, LABELS, speed=10) as server,
+        MarkerStream(LABELS, port=server.port, patience=BRISK) as stream,
+        pytest.raises(ConnectionLostError, match="are its units mm"),
+    ):
+        wait_until(lambda: stream.counts.garbled > 3)
+        stream.wait_until_streaming(0.01)
+
+
 def test_no_server_at_all_is_a_clear_error():
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]

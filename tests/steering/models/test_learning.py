@@ -1,8 +1,10 @@
 """Scores: checked by hand, reproducible by seed, better with more hops."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from steered_hops import LIMIT, chained_hops
+from steered_hops import LIMIT, chained_hops, walked_strides
 
 from hopdata.steering.models.learning import (
     COLUMNS,
@@ -16,6 +18,7 @@ from hopdata.steering.models.learning import (
     random_split,
     smooth_truth,
     smoothness_scores,
+    tested,
     training_table,
     with_intervals,
 )
@@ -163,3 +166,20 @@ def test_only_the_smoothnesses_that_are_asked_for_are_scored():
     )
     assert sorted(scores["smoothness"].unique()) == [1.5, 2.5]
     assert set(scores["reading"]) == {"printed"}
+
+
+def test_next_states_that_are_learned_are_scored_beside_the_pose():
+    options = replace(RECOMMENDED, restarts=0)
+    walked = walked_strides(160)
+    train, test = np.arange(110), np.arange(110, 160)
+    _, score = tested(walked, train, test, options, 0)
+    assert score["component"].tolist() == ["dx", "dy", "dtheta", "gait", "speed"]
+    assert score["unit"].tolist() == ["mm", "mm", "deg", "rad", "m_s"]
+    assert score["r2"].min() > 0.9
+    # What follows from nothing is not foretold.
+    rng = np.random.default_rng(1)
+    drawn = walked.next_state.copy()
+    drawn[:, 2] = rng.permutation(drawn[:, 2])
+    _, score = tested(replace(walked, next_state=drawn), train, test, options, 0)
+    r2 = score.set_index("component")["r2"]
+    assert r2["speed"] < 0.2 < r2["gait"]

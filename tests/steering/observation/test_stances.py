@@ -234,7 +234,7 @@ def detector(rate_hz=100.0):
     return StanceDetector(geometry(0.35, 0.38), rate_hz=rate_hz)
 
 
-def told(time, height, rate_hz=100.0):
+def recognised(time, height, rate_hz=100.0):
     one = detector(rate_hz)
     return [
         s
@@ -252,23 +252,23 @@ def delays(stances, hopper):
 
 
 @pytest.mark.parametrize(("rate", "ms"), [(60.0, 30), (100.0, 20), (250.0, 10)])
-def test_how_soon_a_stance_is_told_is_as_written(rate, ms):
+def test_how_soon_a_stance_is_recognised_is_as_written(rate, ms):
     hopper = steered(rate_hz=rate)
-    delay = delays(told(hopper.recording.time, heights(hopper), rate), hopper)
+    delay = delays(recognised(hopper.recording.time, heights(hopper), rate), hopper)
     assert np.median(1e3 * delay) == pytest.approx(ms, abs=2.5)
 
 
 @pytest.mark.parametrize(("angle", "rate"), CASES)
-def test_each_stance_is_told_once_and_soon(angle, rate):
+def test_each_stance_is_recognised_once_and_soon(angle, rate):
     hopper = steered(angle=angle, rate_hz=rate)
-    delay = delays(told(hopper.recording.time, heights(hopper), rate), hopper)
+    delay = delays(recognised(hopper.recording.time, heights(hopper), rate), hopper)
     assert delay.min() >= 0
     assert delay.max() <= (0.04 if rate >= 100 else 0.06)
 
 
-def test_instants_that_are_told_lie_between_frames():
+def test_instants_that_are_recognised_lie_between_frames():
     hopper = steered()
-    stances = told(hopper.recording.time, heights(hopper))
+    stances = recognised(hopper.recording.time, heights(hopper))
     assert np.std([s.time_s for s in stances] - hopper.lowest_s) < 0.0015
     assert not any(s.bridged for s in stances)
 
@@ -280,9 +280,9 @@ def test_frames_may_be_missing_from_a_stream(share, missing):
     time, z = hopper.recording.time, heights(hopper)
     gone = np.random.default_rng(np.random.SeedSequence(2)).random(len(z)) < share
     if missing == "dropped":
-        stances = told(time[~gone], z[~gone])
+        stances = recognised(time[~gone], z[~gone])
     else:
-        stances = told(time, np.where(gone, np.nan, z))
+        stances = recognised(time, np.where(gone, np.nan, z))
     assert delays(stances, hopper).max() < 0.06
 
 
@@ -293,7 +293,7 @@ def test_a_hole_over_the_lowest_point_is_bridged(hole_s, before):
     time, z = hopper.recording.time, heights(hopper)
     begin_s = hopper.lowest_s[3:20] - before * hole_s
     gone = ((time[:, None] > begin_s) & (time[:, None] < begin_s + hole_s)).any(axis=1)
-    stances = told(time[~gone], z[~gone])
+    stances = recognised(time[~gone], z[~gone])
     assert delays(stances, hopper).max() < (1 - before) * hole_s + 0.05
     off = np.array([s.time_s for s in stances]) - hopper.lowest_s
     assert np.abs(off).max() < 0.02
@@ -305,7 +305,7 @@ def test_after_a_hole_as_long_as_a_hop_nothing_is_invented():
     hopper = steered()
     time, z = hopper.recording.time, heights(hopper)
     gone = (time > hopper.lowest_s[5] - 0.3) & (time < hopper.lowest_s[6] - 0.3)
-    stances = told(time[~gone], z[~gone])
+    stances = recognised(time[~gone], z[~gone])
     instants = np.array([s.time_s for s in stances])
     np.testing.assert_allclose(instants, np.delete(hopper.lowest_s, 5), atol=0.01)
 
@@ -331,7 +331,7 @@ def test_a_step_in_the_heights_tells_no_stance_twice(step_m, after_s):
     time, z = hopper.recording.time, heights(hopper)
     for instant in hopper.lowest_s:
         z = z + step_m * ((time > instant + after_s - 0.1) & (time < instant + after_s))
-    stances = told(time, z)
+    stances = recognised(time, z)
     assert len(stances) == len(hopper.lowest_s)
     assert np.abs(np.array([s.time_s for s in stances]) - hopper.lowest_s).max() < 0.06
 
@@ -344,15 +344,15 @@ def test_a_stream_that_begins_in_a_rise_begins_with_no_stance(rate):
     for instant, after in zip(hopper.lowest_s[:-1], hopper.lowest_s[1:], strict=True):
         for begin_s in instant + np.arange(0.16, 0.3, 0.01):
             part = (time > begin_s) & (time < after - 0.05)
-            assert told(time[part], z[part], rate) == []
+            assert recognised(time[part], z[part], rate) == []
 
 
 def test_standing_being_lifted_and_set_down_are_no_stances():
     time = np.arange(0, 8, 0.01)
     rng = np.random.default_rng(np.random.SeedSequence(5))
     by_hand = 0.4 + 0.12 * np.cos(2 * np.pi * time / 2.0)  # 1.2 m/s^2
-    assert told(time, by_hand + 0.00035 * rng.standard_normal(len(time))) == []
-    assert told(time, 0.3 + 0.00035 * rng.standard_normal(len(time))) == []
+    assert recognised(time, by_hand + 0.00035 * rng.standard_normal(len(time))) == []
+    assert recognised(time, 0.3 + 0.00035 * rng.standard_normal(len(time))) == []
 
 
 @pytest.mark.parametrize("gaps", [False, True])
@@ -370,7 +370,7 @@ def test_shaken_in_the_air_it_makes_no_stance(rate, gaps):
         z = 0.6 + reach_m * np.sin(2 * np.pi * shakes_s * time)
         hidden = gaps & (time % 0.37 < 0.1)
         z[~hidden] += 0.00035 * rng.standard_normal(len(z))[~hidden]
-        assert told(time[~hidden], z[~hidden], rate) == []
+        assert recognised(time[~hidden], z[~hidden], rate) == []
 
 
 def test_frames_that_come_twice_or_late_are_left_out():
@@ -386,12 +386,12 @@ def test_frames_that_come_twice_or_late_are_left_out():
 def test_a_clock_that_begins_anew_is_followed():
     hopper = steered()
     one, time, z = detector(), hopper.recording.time, heights(hopper)
-    told_times = [
+    recognised_times = [
         s.time_s
         for t, h in zip([*time, *time], [*z, *z], strict=True)
         if (s := one.feed(t, h))
     ]
-    assert len(told_times) == 2 * len(hopper.lowest_s)
+    assert len(recognised_times) == 2 * len(hopper.lowest_s)
 
 
 def test_a_calibrated_detector_needs_nothing_else():
@@ -436,7 +436,7 @@ def test_whatever_comes_no_error_and_no_two_stances_without_a_flight(steps):
 def test_holes_anywhere_invent_no_stance(seed, share):
     hopper = steered()
     gone = holes(hopper, seed, share)
-    stances = told(hopper.recording.time[~gone], heights(hopper)[~gone])
+    stances = recognised(hopper.recording.time[~gone], heights(hopper)[~gone])
     near = [np.abs(s.time_s - hopper.lowest_s).argmin() for s in stances]
     assert len(set(near)) == len(near)
     assert all(

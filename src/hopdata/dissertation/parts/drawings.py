@@ -209,7 +209,7 @@ def _delays(
         noticed = noticed_stances(
             robot, geometry, hops=effort.noticed_hops, seed=int(seed)
         )
-        # The last stance may not be told before the frames end.
+        # The last stance may not be recognised before the frames end.
         whole = noticed.stances.iloc[:-1]
         tables.append(whole.assign(seed=seed, false=noticed.n_false))
     return pd.concat(tables, ignore_index=True)
@@ -222,7 +222,7 @@ def stance_row(delays: pd.DataFrame) -> Row:
     found = 100 * by_seed["found_s"].apply(lambda one: one.notna().mean())
     false = by_seed["false"].first()
     later = 1e3 * (delays["lowest_s"] - delays["loaded_s"])
-    told = 1e3 * (delays["told_s"] - delays["loaded_s"])
+    told = 1e3 * (delays["recognised_s"] - delays["loaded_s"])
     same = bool((loaded == 100).all() and (found == 100).all() and not false.any())
     agreement = Agreement.DIFFERS
     if same:

@@ -256,7 +256,10 @@ class BouligandDerivative:
         fits = v.ndim in (1, 2) and len(v) == n
         expect(fits, "deviations", f"({n},) or ({n}, m)", v.shape)
         if v.ndim == 1:
-            return self.node(self.order(v)).product @ v
+            order = self.order(v)
+            if not self._goes_on:
+                self._check_resets(order)
+            return self.node(order).product @ v
         return np.array([self(column) for column in v.T]).reshape(v.T.shape).T
 
     def node(self, order: tuple[int, ...]) -> Node:
@@ -317,19 +320,42 @@ class BouligandDerivative:
             delays = _delays_of(node, deviation)
             order = (*order, min(waiting, key=lambda guard: delays[guard]))
 
-    def _check_end(self, order: tuple[int, ...], found: Instant) -> None:
-        """Raise if the neighbours do not all end beside the trajectory."""
+    def _check_resets(self, order: tuple[int, ...]) -> None:
+        """Raise if a neighbour's resets end at another state than the trajectory's.
+
+        Its own order is that of the numbers. Where that one is not crossed to its end,
+        neighbours are compared with each other.
+        """
+        if self.system.on_event is None:
+            return
         if self._end is None:
-            self._end = found
-        end = self._end
+            own = tuple(sorted(self.guards))
+            try:
+                self._end = self.node(own).here.instant
+            except NotTransversalError:
+                self._end = self.node(order).here.instant
+        self._check_state(order, self.node(order).here.instant, self._end)
+
+    def _check_state(
+        self, order: tuple[int, ...], found: Instant, end: Instant
+    ) -> None:
+        """Raise if neighbours that cross in an order do not end at a state."""
         names = [self.system.guard_names[k] for k in order]
         off = np.abs(found.y - end.y) / np.maximum(self.scale, np.abs(end.y))
         if (off > SAME_END).any():
             raise NoDerivativeError(
                 f"neighbours that meet {names} in this order end at "
-                f"{found.y.tolist()}, others, or the trajectory itself by its law, at "
+                f"{found.y.tolist()}, others, or the trajectory itself, at "
                 f"{end.y.tolist()}: the flow jumps, and has no derivative"
             )
+
+    def _check_end(self, order: tuple[int, ...], found: Instant) -> None:
+        """Raise if the neighbours do not all end beside the trajectory."""
+        if self._end is None:
+            self._end = found
+        end = self._end
+        self._check_state(order, found, end)
+        names = [self.system.guard_names[k] for k in order]
         ends_so = self.system.together is not None or (found.mode == end.mode).all()
         if not ends_so:
             raise NoDerivativeError(
@@ -427,11 +453,12 @@ def bouligand_derivative(
     -------
     BouligandDerivative
         Raises `NotTransversalError` when it reaches an order in which a guard is not
-        approached. Of a system that slides, or with a law for several guards at once
-        (`System(together=...)`), it raises `NoDerivativeError` where there is none:
-        neighbours part or meet the guards without an end, or they end at another state
-        than the law gives, for they meet the guards one after the other, and the
-        handlers decide about them.
+        approached. It raises `NoDerivativeError` where there is none: handlers of
+        neighbours that meet the guards in another order end at another state, as after
+        a plastic impact of several feet. Of a system that slides, or with a law for
+        several guards at once (`System(together=...)`), also where neighbours part or
+        meet the guards without an end, or end at another state than the law gives, for
+        they meet the guards one after the other, and the handlers decide about them.
 
     Raises
     ------

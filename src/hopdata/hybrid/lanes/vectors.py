@@ -574,8 +574,8 @@ for _of_pairs, _of_numbers in (
     ((math.atan2, np.arctan2), math.atan2),
     ((math.hypot, np.hypot), math.hypot),
 ):
-    for _key in _of_pairs:
-        _overload(_key, 2, _pairs_one_by_one(_of_numbers))
+    for _pair_key in _of_pairs:
+        _overload(_pair_key, 2, _pairs_one_by_one(_of_numbers))
 for _remainder in (operator.mod, operator.imod, np.mod, np.remainder):
     _overload(_remainder, 2, rest)
 

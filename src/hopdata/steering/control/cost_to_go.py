@@ -17,6 +17,8 @@ beyond the grid's last distance the tail cost is added.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
@@ -24,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.rigid import relative
 from hopdata.steering.control.grids import (
@@ -119,20 +121,47 @@ def _averages(grid: Grid) -> tuple[FloatArray, Any]:
     samples = grid.samples(nodes).reshape(-1, N_SAMPLES, 3)
     share = not_arrived(grid, samples) / N_SAMPLES
     locations = np.stack(grid.locations(samples))
-    n_axes = len(locations)
-    # Beyond the last distance the last one counts; angles begin again.
-    modes: Any = tuple("wrap" if turns else "clip" for turns in grid.periodic)
     n_nodes = len(samples)
     row = np.repeat(np.arange(n_nodes), N_SAMPLES)
-    low = np.floor(locations).astype(int)
     average = csr_array((n_nodes, n_nodes))
-    for corner in product((0, 1), repeat=n_axes):
-        node = low + np.reshape(corner, (-1, 1, 1))
-        weight = DISCOUNT * share * np.prod(1.0 - np.abs(locations - node), axis=0)
-        column = np.ravel_multi_index(tuple(node), nodes.shape[:-1], mode=modes)
-        average += csr_array((weight.ravel(), (row, column.ravel())), average.shape)
+    for weight, column in _corners(locations, nodes.shape[:-1], grid.periodic):
+        of_costs = DISCOUNT * share * weight
+        average += csr_array((of_costs.ravel(), (row, column.ravel())), average.shape)
     costs = share * (1.0 + DISCOUNT * grid.tail_cost(samples))
     return costs.sum(axis=1, keepdims=True), average
+
+
+def _corners(
+    locations: FloatArray, shape: tuple[int, ...], periodic: Sequence[bool]
+) -> Iterator[tuple[FloatArray, IntArray]]:
+    """Yield weight and index of each node around fractional indices (axes, ...).
+
+    Beyond the last distance the last one counts; angles begin again.
+    """
+    modes: Any = tuple("wrap" if turns else "clip" for turns in periodic)
+    low = np.floor(locations).astype(int)
+    for corner in product((0, 1), repeat=len(locations)):
+        offset = np.reshape(corner, (-1, *[1] * (locations.ndim - 1)))
+        node = low + offset
+        weight = np.prod(1.0 - np.abs(locations - node), axis=0)
+        yield weight, np.ravel_multi_index(tuple(node), shape, mode=modes)
+
+
+def _interpolation(
+    locations: FloatArray, shape: tuple[int, ...], periodic: Sequence[bool]
+) -> Any:
+    """Return a sparse matrix that interpolates values of this shape, at (axes, ...).
+
+    It takes a tenth of the time of `interpolated`, if the locations stay the same.
+    """
+    from scipy.sparse import csr_array
+
+    weights, columns = zip(*_corners(locations, shape, periodic), strict=True)
+    n_corners = len(weights)
+    weight = np.stack(weights, axis=-1).ravel()
+    column = np.stack(columns, axis=-1).ravel()
+    starts = np.arange(0, len(weight) + 1, n_corners)
+    return csr_array((weight, column, starts), (len(starts) - 1, math.prod(shape)))
 
 
 def _after_strides(
@@ -186,10 +215,7 @@ def cost_to_go(model: Model, grid: Grid, *, begin: CostToGo | None = None) -> Co
         found = np.asarray(mean + average @ after.reshape(len(mean), -1))
         return found.reshape(after.shape)
 
-    def ahead(costs: FloatArray, places: FloatArray) -> FloatArray:
-        """Return the cost-to-go `costs` at node indices."""
-        return interpolated(closed(costs, grid, states), places)
-
+    periodic = (*grid.periodic, states.kind == "periodic")
     if begin is None:
         values = np.zeros(tail.shape[:-1])
         n_sweeps = MOST_SWEEPS
@@ -198,15 +224,17 @@ def cost_to_go(model: Model, grid: Grid, *, begin: CostToGo | None = None) -> Co
         n_sweeps = 1
     for _ in range(n_sweeps):
         before = values
-        costs = tail + ahead(before, locations)
+        costs = tail + interpolated(closed(before, grid, states), locations)
         best = costs.argmin(axis=-1)[..., None]
         values = expected(np.take_along_axis(costs, best, axis=-1)[..., 0])
         if np.abs(values - before).max() < TOLERANCE:
             return CostToGo(values, grid, states)
         best_tail = np.take_along_axis(tail, best, axis=-1)[..., 0]
         best_locations = np.take_along_axis(locations, best[None], axis=-1)[..., 0]
+        ahead = _interpolation(best_locations, values.shape, periodic)
         for _ in range(SWEEPS_BETWEEN):
-            values = expected(best_tail + ahead(values, best_locations))
+            after = (ahead @ values.ravel()).reshape(values.shape)
+            values = expected(best_tail + after)
     if begin is not None:
         return CostToGo(values, grid, states)
     raise AnalysisError(

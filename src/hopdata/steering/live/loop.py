@@ -307,8 +307,12 @@ class ControlLoop(Worker):
         self._decide_all()
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Process frames as one batch, and plan at the last stance among them."""
+        """Process frames as one batch, and plan at the last stance among them.
+
+        Those in the buffer count as processed.
+        """
         with self._observing:
+            self._seen = self._buffer.written
             self._observe(frames)
         self._decide_all()
 
@@ -322,6 +326,7 @@ class ControlLoop(Worker):
             frames = self._buffer.since(self._seen)
             if frames:
                 self.counts.overrun += frames[0].index - self._seen
+                self._seen = frames[-1].index + 1
                 self._observe(frames)
 
     def _observe(self, frames: Sequence[Frame]) -> None:
@@ -338,7 +343,6 @@ class ControlLoop(Worker):
                 told = _Told(stance, frame, at_stance, self._pose, self._boom_angle)
                 self._told.append(told)
                 is_told = True
-        self._seen = frames[-1].index + 1
         newest = frames[-1].captured_s
         self.watch.expect(
             "frames", newest + self.limits.pose_age_s, self._no_frame_since(newest)

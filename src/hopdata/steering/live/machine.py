@@ -30,13 +30,17 @@ class State(StrEnum):
 
 
 class Event(StrEnum):
-    """What may happen to a drive."""
+    """What may happen to a drive.
+
+    It is ended by the operator's key, a signal, the end of its time, or a fault that
+    ends it, such as a robot that leaves the arena.
+    """
 
     ARM = "the operator arms it"
     ARM_IN_VAIN = "the operator arms it while a fault lasts"
     STANCE = "a stance is seen"
     FAULT = "a fault begins"
-    END = "the end: the operator, a signal, the time, or a fault that ends it"
+    END = "the drive is ended"
 
 
 class Told(StrEnum):
@@ -250,3 +254,19 @@ class Machine:
         if step.changes or event is Event.ARM_IN_VAIN or (is_fault and is_kept):
             self.steps.append(step)
         return step
+
+
+def table(command_s: float) -> list[tuple[str, str, str, str, str]]:
+    """Return the transitions in words: state, event, next state, told, within.
+
+    Parameters
+    ----------
+    command_s : float
+        As in `within_s`.
+    """
+    rows = []
+    for one in TRANSITIONS:
+        limit_s = within_s(one.told, command_s)
+        within = "-" if limit_s is None else f"{1e3 * limit_s:.0f} ms"
+        rows.append((one.source, one.event, one.target, one.told, within))
+    return [tuple(map(str, row)) for row in rows]  # type: ignore[misc]

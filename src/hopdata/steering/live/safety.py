@@ -554,6 +554,7 @@ class Watch(Worker):
 
     def arm(self) -> Message | None:
         """Arm the drive; return the fault that lasts if it cannot be armed."""
+        self.look()
         with self._lock:
             step = self.machine.arm(self._clock())
             self._obey(step)

@@ -11,6 +11,7 @@ from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 
+from hopdata.errors import counted
 from hopdata.steering.live import buffer, packets
 
 # Timeouts of a stream.
@@ -267,6 +268,9 @@ class MarkerStream(buffer.Stream):
             reasons = [s.message for s in self.states.history() if s.message]
             if reasons:
                 message += f": {reasons[-1]}"
+            if self.last_fault:
+                dropped = counted(self.counts.garbled, "packet")
+                message += f"; {dropped} dropped, the last for {self.last_fault}"
             raise packets.ConnectionLostError(message)
         return status
 
@@ -390,7 +394,8 @@ class MarkerStream(buffer.Stream):
             return
         markers = np.array(found[1], dtype=float).reshape(-1, 3)[self._places]
         if np.any(np.abs(markers) > FARTHEST_MM):  # False for NaN, a hidden marker
-            self._note_garbled("a marker farther than a kilometre away")
+            far = "a marker farther than a kilometre away; are its units mm?"
+            self._note_garbled(far)
             return
         self._keep(packet.framenumber, 1e-6 * packet.timestamp, arrival, 1e-3 * markers)
 

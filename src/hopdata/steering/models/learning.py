@@ -10,6 +10,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
+from hopdata.rigid import wrapped
 from hopdata.steering import TRAINING, child
 from hopdata.steering.frame_changes import HOPPER, FrameChanges
 from hopdata.steering.models import process as gp
@@ -24,26 +25,35 @@ IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
 def prediction_score(process: gp.FrameChangeProcess, hops: Strides) -> pd.DataFrame:
-    """Score the predicted frame changes of strides.
+    """Score the one-step predictions of strides.
 
     Returns
     -------
     DataFrame
-        One row per ``component``, with its ``unit``: ``r2``, 1 minus the mean square
-        error divided by the variance of the observed values; ``rmse``, the root mean
-        square error in that unit; ``coverage``, the fraction of the hops within the
-        central 95 % of their prediction.
+        One row per ``component`` of the change of the pose and per state whose next
+        value is learned, with its ``unit``: ``r2``, 1 minus the mean square error
+        divided by the variance of the observed values (of an angle: of its increments);
+        ``rmse``, the root mean square error in that unit; ``coverage``, the fraction of
+        the strides within the central 95 % of their prediction.
     """
-    error = process.change(hops.state, hops.inputs) - hops.change
-    sd = process.sd(hops.state, hops.inputs, observed=True)
+    observed = gp.outputs_of(hops)
+    every = range(observed.shape[1])
+    predicted, sd = process.predicted(hops.points, every, observed=True)
+    error = predicted - observed
+    learned = [state for state in hops.axes.states if not state.is_known]
+    for k, state in enumerate(learned):
+        if state in hops.axes.periodic:
+            column = gp.N_CHANGE + k
+            error[:, column] = wrapped(error[:, column])
     mean_square = np.mean(error**2, axis=0)
     is_within = np.abs(error) <= WIDTH_95 * sd
+    in_units = np.concatenate([IN_UNITS, np.ones(len(learned))])
     return pd.DataFrame(
         {
-            "component": COMPONENTS,
-            "unit": UNITS,
-            "r2": 1 - mean_square / hops.change.var(axis=0),
-            "rmse": np.sqrt(mean_square) * IN_UNITS,
+            "component": (*COMPONENTS, *(state.name for state in learned)),
+            "unit": (*UNITS, *(state.unit for state in learned)),
+            "r2": 1 - mean_square / observed.var(axis=0),
+            "rmse": np.sqrt(mean_square) * in_units,
             "coverage": np.mean(is_within, axis=0),
         }
     )

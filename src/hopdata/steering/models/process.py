@@ -192,27 +192,41 @@ class FrameChangeProcess:
 
         See `mean_at` and `sd`.
         """
-        at = embedded(points, self.n_embedded)
-        found = np.empty((len(at), N_CHANGE))
-        if not len(at):
-            return found
-        for j in range(N_CHANGE):
-            _, found[:, j] = self.regressors[j].predict(at, return_std=True)
-        of_noise = self.noise[:N_CHANGE] if observed else 0.0
-        return np.asarray(np.sqrt(found**2 + of_noise) * self.unit[:N_CHANGE])
+        return self.predicted(points, range(N_CHANGE), observed=observed)[1]
 
     @one_blas_thread()
     def _means(self, points: ArrayLike, outputs: Iterable[int]) -> FloatArray:
         """Return expected outputs (n, J) at states and inputs (n, D), by number."""
         at = embedded(points, self.n_embedded)
-        chosen_ones = list(outputs)
-        means = np.empty((len(at), len(chosen_ones)))
+        numbers = list(outputs)
+        means = np.empty((len(at), len(numbers)))
         if not len(at):
             return means
-        for k, j in enumerate(chosen_ones):
+        for k, j in enumerate(numbers):
             mean = self.regressors[j].predict(at)
             means[:, k] = self.offset[j] + self.unit[j] * mean
         return means
+
+    @one_blas_thread()
+    def predicted(
+        self, points: ArrayLike, outputs: Iterable[int], *, observed: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return means and standard deviations (n, J) of outputs, by their numbers.
+
+        See `mean_at` and `sd`.
+        """
+        at = embedded(points, self.n_embedded)
+        numbers = list(outputs)
+        means = np.empty((len(at), len(numbers)))
+        sds = np.empty_like(means)
+        if not len(at):
+            return means, sds
+        for k, j in enumerate(numbers):
+            mean, sd = self.regressors[j].predict(at, return_std=True)
+            of_noise = self.noise[j] if observed else 0.0
+            means[:, k] = self.offset[j] + self.unit[j] * mean
+            sds[:, k] = np.sqrt(sd**2 + of_noise) * self.unit[j]
+        return means, sds
 
     def _points(self, state: ArrayLike, inputs: ArrayLike) -> FloatArray:
         points = self.axes.points(state, inputs)
@@ -631,11 +645,16 @@ def training_set(strides: Strides) -> tuple[FloatArray, FloatArray]:
         excluded = strides.excluded() or "none"
         found = f"{len(used)} of {len(strides)} (excluded: {excluded})"
         raise AnalysisError.at("frame changes", wanted, found)
-    axes = used.axes
-    after = used.next_state.copy()
-    is_angle = axes.is_periodic
-    after[:, is_angle] = _increments(used.state[:, is_angle], after[:, is_angle])
-    return used.points, np.column_stack([used.change, after[:, ~axes.is_known]])
+    return used.points, outputs_of(used)
+
+
+def outputs_of(strides: Strides) -> FloatArray:
+    """Return the outputs (n, J) of strides; see `FrameChangeProcess`."""
+    is_angle = strides.axes.is_periodic
+    after = strides.next_state.copy()
+    after[:, is_angle] = _increments(strides.state[:, is_angle], after[:, is_angle])
+    learned = after[:, ~strides.axes.is_known]
+    return np.column_stack([strides.change, learned])
 
 
 def _increments(before: FloatArray, after: FloatArray) -> FloatArray:

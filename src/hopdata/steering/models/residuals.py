@@ -25,6 +25,7 @@ from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.learning import IN_UNITS, UNITS
 from hopdata.steering.models.tabulated import COMPONENTS
+from hopdata.steering.strides import Strides
 from hopdata.steering.true_hops import VELOCITY, TrueHops
 
 #: Harmonics of the boom angle in the model of a hop by its inputs.
@@ -249,28 +250,30 @@ def _raw_share(basis: FloatArray, residual: FloatArray) -> FloatArray:
 
 
 def input_features(
-    boom_angle_rad: ArrayLike,
-    swing_rad: ArrayLike,
-    *,
-    harmonics: int = HARMONICS,
-    degree: int = DEGREE,
+    strides: Strides, *, harmonics: int = HARMONICS, degree: int = DEGREE
 ) -> FloatArray:
-    """Return features of boom angle and swing, each (n,): (n, p), ones first.
+    """Return features of what is known of a stride, (n, p), ones first.
 
-    They are the products of a Fourier series of the boom angle and a polynomial of the
-    swing over its spread.
+    They are the products of a Fourier series of each periodic state and a polynomial of
+    each linear state and input over its spread: for the hopper, of boom angle and
+    swing.
     """
-    angle = np.asarray(boom_angle_rad, dtype=float)
-    swing = np.asarray(swing_rad, dtype=float)
-    spread = float(swing.std())
-    if spread > LEAST_SPREAD:
-        swing = swing / spread
     order = np.arange(1, harmonics + 1)
-    waves = order * angle[:, None]
-    around = np.column_stack([np.ones(len(angle)), np.cos(waves), np.sin(waves)])
     powers = np.arange(degree + 1)
-    across = np.asarray(swing[:, None] ** powers, dtype=float)
-    return _products(around, across)
+    n_periodic = len(strides.axes.periodic)
+    features = np.ones((len(strides), 1))
+    for k, column in enumerate(strides.points.T):
+        if k < n_periodic:
+            waves = order * column[:, None]
+            series = np.column_stack(
+                [np.ones(len(column)), np.cos(waves), np.sin(waves)]
+            )
+        else:
+            spread = float(column.std())
+            scaled = column / spread if spread > LEAST_SPREAD else column
+            series = np.asarray(scaled[:, None] ** powers, dtype=float)
+        features = _products(features, series)
+    return features
 
 
 def _products(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -293,16 +296,14 @@ def standardised(states: FloatArray) -> FloatArray:
     return np.asarray(centred / spread[varies])
 
 
-def state_features(
-    states: FloatArray, boom_angle_rad: ArrayLike, swing_rad: ArrayLike
-) -> FloatArray:
+def state_features(states: FloatArray, strides: Strides) -> FloatArray:
     """Return features (n, p) of the states at the apex, to second order.
 
-    They are the state's coordinates, their products, and their products with boom
-    angle and swing to first order. All vanish at the mean state.
+    They are the state's coordinates, their products, and their products with the
+    stride's `input_features` to first order. All vanish at the mean state.
     """
     state = standardised(states)
-    inputs = input_features(boom_angle_rad, swing_rad, harmonics=1, degree=1)
+    inputs = input_features(strides, harmonics=1, degree=1)
     # A column of the inputs is ones, so that the state alone is among the products.
     with_inputs = _products(state, inputs)
     return np.column_stack([with_inputs, _squares(state)])
@@ -345,8 +346,8 @@ def order_effects(
         If there are too few hops.
     """
     changes = hops.changes
-    inputs = input_features(changes.boom_angle_rad, changes.swing_rad)
-    of_state = state_features(hops.apex, changes.boom_angle_rad, changes.swing_rad)
+    inputs = input_features(changes)
+    of_state = state_features(hops.apex, changes)
     slopes = standardised(hops.apex)
     known: dict[str, tuple[FloatArray, FloatArray | None]] = {
         INPUTS: (inputs, None),
@@ -418,18 +419,16 @@ def decided_by(hops: TrueHops) -> pd.DataFrame:
         If there are too few hops.
     """
     changes = hops.changes
-    angle = changes.boom_angle_rad
-    swing = changes.swing_rad
-    inputs = input_features(angle, swing)
+    inputs = input_features(changes)
     # What else is known is also multiplied with these.
-    low = input_features(angle, swing, harmonics=2, degree=2)
+    low = input_features(changes, harmonics=2, degree=2)
 
-    swing_unit = max(float(swing.std()), LEAST_SPREAD)
+    swing_unit = max(float(changes.swing_rad.std()), LEAST_SPREAD)
     before = hops.previous_swing_rad / swing_unit
     of_history = _products(low, np.column_stack([before, before**2]))
     velocity = standardised(hops.apex[:, VELOCITY])
     of_velocity = _products(low, velocity)
-    of_state = state_features(hops.apex, angle, swing)
+    of_state = state_features(hops.apex, changes)
     known = {
         BY_INPUTS: inputs,
         BY_HISTORY: np.column_stack([inputs, of_history]),

@@ -66,11 +66,14 @@ class StrideTable:
     values : (n_1, ..., n_d, 3 + S) array
         Changes of pose, m, m, rad, then by how much the states change; of the states
         whose next value follows from the axes, anything.
+    noise_sd : (3,) array, optional
+        Standard deviation of the random part of a change of pose, if it is known.
     """
 
     axes: StrideAxes
     nodes: tuple[FloatArray, ...]
     values: FloatArray
+    noise_sd: FloatArray | None = None
 
     @cached_property
     def _spline(self) -> Any:
@@ -125,7 +128,7 @@ def stride_table(
     ----------
     model : object
         With `axes`, `change` and, if not all next states follow from the axes,
-        `next_state`.
+        `next_state`; it may have a `noise_sd`.
     state_limits : sequence of (float, float)
         Least and largest value of each linear state.
     """
@@ -146,4 +149,5 @@ def stride_table(
         steps[:, :n_periodic] = wrapped(steps[:, :n_periodic])
         steps[:, axes.is_known] = 0.0
     values = np.concatenate([model.change(state, inputs), steps], axis=1)
-    return StrideTable(axes, nodes, values.reshape(*grid.shape[:-1], -1))
+    values = values.reshape(*grid.shape[:-1], values.shape[-1])
+    return StrideTable(axes, nodes, values, getattr(model, "noise_sd", None))

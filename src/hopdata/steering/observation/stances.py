@@ -217,7 +217,7 @@ class StanceDetector:
         self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
         self.least_step_s = LEAST_STEP_FRAMES / rate_hz
         # A height is the mean over the body markers.
-        self.noise_m = geometry.noise_m / np.sqrt(len(geometry.body_m))
+        self.noise_m = float(geometry.noise_m) / math.sqrt(len(geometry.body_m))
         self._forget()
 
     def _forget(self) -> None:
@@ -230,11 +230,11 @@ class StanceDetector:
         self._falling: Motion | None = None
         self._armed = False
         self._turned = False
-        self._lowest_m = np.inf
+        self._lowest_m = math.inf
         self._speed = 0.0
-        self._last_s = -np.inf
+        self._last_s = -math.inf
         # Time of the last frame that was kept, and the longest gap since the fall.
-        self._kept_s = np.inf
+        self._kept_s = math.inf
         self._hole_s = 0.0
 
     def feed(self, time_s: float, height_m: float) -> Stance | None:
@@ -255,8 +255,9 @@ class StanceDetector:
         is_high = height_m > self.geometry.flight_above_m
         if is_high and (slope < 0 or not self._armed):
             self._armed = True
-            self._lowest_m = np.inf
-        self._lowest_m = min(self._lowest_m, height_m)
+            self._lowest_m = math.inf
+        if height_m < self._lowest_m:
+            self._lowest_m = height_m
         if slope < 0 and self._armed:
             self._turned = False
             if slope < -SIGMAS * noise:
@@ -273,7 +274,7 @@ class StanceDetector:
         """Keep a frame if it is plausible, and forget those that are too old."""
         if time_s < self._last_s - RESTART_S:
             self._forget()
-        if not (np.isfinite(height_m) and time_s - self._last_s > self.least_step_s):
+        if not (math.isfinite(height_m) and time_s - self._last_s > self.least_step_s):
             return False
         self._last_s = time_s
         frame = (time_s, height_m)
@@ -286,7 +287,8 @@ class StanceDetector:
             self._frames.append(self._stray)
             self._turned = False
         self._stray = None
-        self._hole_s = max(self._hole_s, time_s - self._kept_s)
+        if time_s - self._kept_s > self._hole_s:
+            self._hole_s = time_s - self._kept_s
         self._kept_s = time_s
         self._frames.append(frame)
         while self._frames[0][0] < time_s - self.window_s:
@@ -328,11 +330,11 @@ class StanceDetector:
             z1 += s * z
             z2 += ss * z
         if s0 < 2:
-            return 0.0, 0.0, np.inf
+            return 0.0, 0.0, math.inf
         if s0 < 3:  # a line
             determinant = s0 * s2 - s1 * s1
             slope = (s0 * z1 - s1 * z0) / determinant
-            return slope, np.nan, self.noise_m * np.sqrt(s0 / determinant)
+            return slope, math.nan, self.noise_m * math.sqrt(max(0.0, s0 / determinant))
         # Cramer's rule for the normal equations: cofactors of the first row, then those
         # of the others where they are needed.
         c00 = s2 * s4 - s3 * s3
@@ -344,7 +346,7 @@ class StanceDetector:
         determinant = s0 * c00 + s1 * c01 + s2 * c02
         slope = (c01 * z0 + c11 * z1 + c12 * z2) / determinant
         bend = 2 * (c02 * z0 + c12 * z1 + c22 * z2) / determinant
-        return slope, bend, self.noise_m * np.sqrt(c11 / determinant)
+        return slope, bend, self.noise_m * math.sqrt(max(0.0, c11 / determinant))
 
     def _recognised(self, rising: Motion, bend: float) -> Stance | None:
         """Return the stance before a rise, if it was low, recent and curved enough."""

@@ -196,17 +196,21 @@ class HopperTracker:
         arm = whole[:, self._boom] - centre
         in_body = np.einsum("ni,nij->nj", arm, rotation)
         angles = _angles_on(self.geometry.circle, in_body).tolist()
-        yaw = headings(rotation)
-        self._ahead = {}
-        for k in np.flatnonzero((status == SEEN) & np.isfinite(angles)).tolist():
-            self._ahead[whole[k].tobytes()] = Observation(
-                pose=np.array([centre[k, 0], centre[k, 1], yaw[k]]),
-                height_m=float(centre[k, 2]),
+        poses = np.column_stack([centre[:, :2], headings(rotation)])
+        heights = centre[:, 2].tolist()
+        residuals = fit.residual_m.tolist()
+        is_whole = (status == SEEN) & np.isfinite(angles)
+        self._ahead = {
+            whole[k].tobytes(): Observation(
+                pose=poses[k],
+                height_m=heights[k],
                 boom_angle_rad=angles[k],
-                residual_m=float(fit.residual_m[k]),
+                residual_m=residuals[k],
                 status=SEEN,
                 rotation=rotation[k],
             )
+            for k in np.flatnonzero(is_whole).tolist()
+        }
 
     def _observed(self, time_s: float, markers: FloatArray) -> Observation:
         """Observe a frame on its own, or leaning on an earlier one."""

@@ -1,15 +1,13 @@
 """Planar hopper: a point mass on one springy leg, steered by the leg's angle.
 
-It moves in the plane x, z and never turns, so it can go to a point on its line, and to
-no heading. The leg has the stiffness, damping, preload and extension of the steered
-hopper's three legs together, and is half a metre long. In contact it pushes along
-itself with F0 + k (l0 - l) - c dl/dt. Contact begins at the rest length l0 and ends at
-l0 + e, which restores energy.
+It moves in the plane x, z and never turns. The leg has the stiffness, damping, preload
+and extension of the steered hopper's three together. In contact it pushes along itself
+with F0 + k (l0 - l) - c dl/dt, from the rest length l0 until the length l0 + e, which
+restores energy.
 
 A stride is a hop from apex to apex. In flight the leg is turned ahead of the vertical
 by `NEUTRAL_S_M` times the forward speed, which slows it down (Raibert 1986), plus the
-input. The forward speed at the apex is the state; how it goes on is unknown to
-the robot and must be learned.
+input. The forward speed at the apex is the state; how it goes on must be learned.
 """
 
 import math
@@ -33,8 +31,7 @@ NEUTRAL_S_M = 0.2
 #: Unit: s. Origin: chosen.
 HOP_LIMIT_S = 3.0
 
-# The state is x, z, their velocities, and x of the foot while it stands. Parameters are
-# the first fields of `PlanarHopper` in order, then the angle of the leg.
+# State: x, z, their velocities, x of the standing foot. Parameters: the fields' order.
 MASS, STIFFNESS, DAMPING, PRELOAD, LENGTH, EXTENSION, GRAVITY, ANGLE = range(8)
 LEG, APEX, FALLEN, TOUCHED = range(4)  # guards, and the mode beside them
 
@@ -108,14 +105,14 @@ SYSTEM = System(
 class PlanarHopper:
     """The planar hopper; a `SimulatedRobot`. Its parameters are m, k, c, F0, l0, e, g.
 
-    The kicks disturb each apex; of them the velocity and the preload count.
+    The kicks disturb velocity and preload at each apex.
     """
 
     axes: ClassVar[StrideAxes] = StrideAxes(
         linear=(State(name="speed", unit="m_s"),),
         inputs=(Input(name="leg_angle", lower=-0.05, upper=0.05),),
     )
-    # Three markers of 0.6 mm, and the speed of ten frames at 100 Hz.
+    # Of three markers of 0.6 mm, and of the speed over ten frames.
     seen_sd: ClassVar[tuple[float, ...]] = (4e-4, 0.0, 0.0, 0.01)
 
     mass_kg: float = 2.7
@@ -150,5 +147,4 @@ class PlanarHopper:
 
 def stance_of(state: FloatArray, time_s: float, *, fell: bool = False) -> Stance:
     """Return the stance at an apex."""
-    pose = np.array([state[0], 0.0, 0.0])
-    return Stance(time_s, pose, state[2:3], fell=fell, inner=state)
+    return Stance(time_s, state[:1] * [1, 0, 0], state[2:3], fell=fell, inner=state)

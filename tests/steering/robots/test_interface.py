@@ -1,0 +1,136 @@
+"""What any robot does behind the interface: excited, seen, commanded, logged, replayed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hopdata.rigid import composed
+from hopdata.steering.control.objectives import Plan, PlanningError
+from hopdata.steering.robots.interface import (
+    Simulation,
+    Stance,
+    at_rest,
+    excited,
+    replayed,
+    steered,
+)
+from hopdata.steering.strides import Input, State, StrideAxes
+
+
+class Walker:
+    """Moves ahead by its input and tells the last one; falls if it is above 0.9."""
+
+    axes = StrideAxes(
+        linear=(State(name="last", unit="m", set_by="step"),),
+        inputs=(Input(name="step", unit="m", lower=-0.5, upper=1.0),),
+    )
+    seen_sd = (0.0, 0.0, 0.0, 0.0)
+
+    def release(self, pose):
+        return Stance(0.0, np.asarray(pose, dtype=float), np.zeros(1), inner="secret")
+
+    def stride(self, stance, inputs, rng):
+        step = float(inputs[0]) + 0.01 * rng.standard_normal()
+        pose = composed(stance.pose, [step, 0.0, 0.0])
+        fell = bool(inputs[0] > 0.9)
+        return Stance(stance.time_s + 1, pose, inputs.copy(), fell=fell, inner="secret")
+
+
+class Noisy(Walker):
+    """The same, seen with noise."""
+
+    seen_sd = (0.1, 0.0, 0.0, 0.2)
+
+
+class Back:
+    """Goes back by half of what it sees."""
+
+    def plan(self, pose, state, previous=None, /):
+        self.told = (pose, state, previous)
+        return Plan(np.array([-0.5 * pose[0]]), np.zeros((2, 3)), 0.0)
+
+
+class Blind:
+    """Cannot plan."""
+
+    def plan(self, *_):
+        raise PlanningError("plan: expected a pose, found none")
+
+
+def test_an_excitation_makes_one_stride_for_each_input():
+    strides = excited(Simulation(Walker(), seed=3), [0.2, -0.1, 0.4]).strides()
+    np.testing.assert_allclose(strides.inputs[:, 0], [0.2, -0.1, 0.4])
+    np.testing.assert_allclose(strides.change[:, 0], [0.2, -0.1, 0.4], atol=0.05)
+    np.testing.assert_array_equal(strides.next_state, strides.inputs)
+    np.testing.assert_array_equal(strides.state[1:], strides.inputs[:-1])
+    assert len(strides.used()) == 3
+
+
+def test_a_fall_is_no_stride_and_the_next_begins_where_it_was():
+    log = excited(Simulation(Walker(), seed=3), [0.2, 0.95, 0.3, 0.4])
+    assert log.fell
+    # The input in the stance of the fall goes to the robot that was put down again.
+    strides = log.strides()
+    np.testing.assert_allclose(strides.inputs[:, 0], [0.2, 0.4])
+    np.testing.assert_allclose(strides.change[:, 0], [0.2, 0.4], atol=0.05)
+
+
+def test_commands_are_cut_to_the_limits_of_the_inputs():
+    simulation = Simulation(Walker(), seed=3)
+    strides = excited(simulation, [-3.0]).strides()
+    assert strides.change[0, 0] == pytest.approx(-0.5, abs=0.05)
+
+
+def test_the_truth_is_not_told():
+    simulation = Simulation(Noisy(), (1.0, 2.0, 0.5), seed=4)
+    stance = next(iter(simulation.stances()))
+    assert stance.inner is None
+    assert stance.pose[0] != simulation.true_pose[0]
+    assert stance.pose[2] == 0.5
+    assert stance.state[0] != 0.0
+
+
+def test_a_controller_is_told_pose_state_and_the_inputs_before():
+    controller = Back()
+    log = steered(Simulation(Walker(), (0.8, 0, 0), seed=5), controller, strides=3)
+    pose, state, previous = controller.told
+    np.testing.assert_array_equal(pose, log.stances[-2].pose)
+    np.testing.assert_array_equal(state, previous)
+    np.testing.assert_array_equal(previous, log.inputs[-3])
+    assert len(log.strides()) == 3
+
+
+def test_it_ends_with_the_arrival():
+    log = steered(
+        Simulation(Walker(), (0.8, 0, 0), seed=5),
+        Back(),
+        strides=30,
+        arrived=lambda pose: abs(pose[0]) < 0.1,
+    )
+    assert abs(log.poses[-1, 0]) < 0.1
+    assert np.all(np.abs(log.poses[:-1, 0]) >= 0.1)
+
+
+def test_where_nothing_can_be_planned_the_robot_rests():
+    log = steered(Simulation(Walker(), seed=5), Blind(), strides=2)
+    np.testing.assert_array_equal(log.inputs[:2], 0.0)
+    one = Input(name="pace", lower=0.1, upper=0.3)
+    np.testing.assert_array_equal(at_rest(StrideAxes(inputs=(one,))), [0.1])
+
+
+def test_a_log_is_replayed_to_the_bit_by_its_own_controller_only():
+    log = steered(Simulation(Noisy(), (0.8, 0, 0), seed=5), Back(), strides=6)
+    np.testing.assert_array_equal(replayed(log, Back()), log.inputs)
+    first = replace(log.stances[0], pose=log.stances[0].pose + 1e-9)
+    changed = replace(log, stances=(first, *log.stances[1:]))
+    assert (replayed(changed, Back())[0] != log.inputs[0]).all()
+    np.testing.assert_array_equal(replayed(log, Blind())[:6], 0.0)
+
+
+def test_a_seed_gives_the_same_log_again():
+    one, again, other = (
+        excited(Simulation(Noisy(), seed=s), [0.1, 0.2]).poses for s in (7, 7, 8)
+    )
+    np.testing.assert_array_equal(one, again)
+    assert (one != other).any()
