@@ -247,7 +247,7 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(
     assert {h for h in heard if h} <= set(log.decisions.command_rad)
     assert f"the drive was ended by {told}" in set(log.events.text)
     ended = log.events[log.events.text == f"ended by {told}"]
-    assert list(ended.kind) == ["stopped", "rest"]
+    assert list(ended.kind) == ["stopped", "rest"], log.events.to_string()
     rest = ended.iloc[1]
     assert rest.sent_s > told_s
     print(f"{told}: at rest {1e3 * (rest.sent_s - told_s):.1f} ms after it")
