@@ -117,6 +117,9 @@ def checks_of(
 
 
 LOOK_UP_S = 0.5  # longest wait for a frame before the loop looks whether it is to end
+#: Most frames of a batch.
+#: Unit: frames. Origin: chosen: some 20 ms of work.
+MOST_AT_ONCE = 64
 #: Largest difference between the camera's and our time between two frames for the
 #: camera's clock to have gone on over a lost connection.
 #: Unit: s. Origin: chosen.
@@ -323,8 +326,11 @@ class ControlLoop(Worker):
         if self._buffer.written == self._seen:
             return
         with self._observing:
-            frames = self._buffer.since(self._seen)
-            if frames:
+            # A slow machine may have got far behind, and may be told to end.
+            while not self._stop.is_set():
+                frames = self._buffer.since(self._seen)[:MOST_AT_ONCE]
+                if not frames:
+                    return
                 self.counts.overrun += frames[0].index - self._seen
                 self._seen = frames[-1].index + 1
                 self._observe(frames)
@@ -336,8 +342,6 @@ class ControlLoop(Worker):
             self._on_frames(frames)
         is_told = False
         for frame in frames:
-            if self._stop.is_set():  # a slow machine may have got far behind
-                break
             stance = self._observed(frame)
             if stance is not None:
                 # Later frames must not change what was known then.
