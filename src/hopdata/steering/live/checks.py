@@ -58,7 +58,7 @@ RECENT_S = 0.5
 #: Unit: m. Origin: chosen: the size of the robot.
 TURN_M = 0.3
 #: Factor between the units that are mistaken for each other, m and mm.
-#: Unit: 1. Origin: definition.
+#: Unit: 1. Origin: convention.
 MILLI = 1000.0
 
 
