@@ -182,7 +182,11 @@ def test_a_group_runs_to_its_page(tmp_path):
     (tmp_path / "broken.h5").write_bytes(b"no recording")
     table = f"subject\tfile\tkind\nanna\t{sample}\thopper\nben\tgone.h5\t\ncara\tbroken.h5\t\n"
     (tmp_path / "samples.tsv").write_text(table)
-    few = {"prediction": {"bootstraps": 40}, "subspaces": {"bootstraps": 40}}
+    few = {
+        "prediction": {"bootstraps": 40},
+        "distances": {"enabled": False},
+        "verdict": {"flips": 99},
+    }
     config = CONFIG | {"figures": {"formats": ["svg"]}, "study": "trio", **few}
     (tmp_path / "group.yaml").write_text(yaml.safe_dump(config))
     result = subprocess.run(

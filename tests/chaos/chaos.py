@@ -29,6 +29,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import psutil
@@ -45,6 +46,8 @@ STUDY = """\
 study: small
 recordings: [{name: one, file: data/part.h5}]
 markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3], boom: [boom]}
+prediction: {bootstraps: 20, train: 30, test: 10, minimum_class: 15}
+verdict: {flips: 99}
 figures: {formats: [svg]}
 distances: {enabled: false}
 """
@@ -101,15 +104,20 @@ class Run:
         return "" if is_mistake else reason
 
 
+def compiled_in(code: Path | None) -> dict[str, str]:
+    """Return what a process must know to keep its compiled code in a folder."""
+    return {} if code is None else {"NUMBA_CACHE_DIR": str(code)}
+
+
 class Server:
     """A process that forks a Snakemake for each run; everything it starts is known."""
 
-    def __init__(self, folder: Path, code: Path, logs: Path) -> None:
+    def __init__(self, folder: Path, code: Path | None, logs: Path) -> None:
         self._folder = folder
         self._environment = {
             **os.environ,
             "PYTHONPATH": str((folder / "src").resolve()),
-            "NUMBA_CACHE_DIR": str(code),
+            **compiled_in(code),
         }
         program = ROOT / "tests" / "workflow" / "forked.py"
         self._process = subprocess.Popen(
@@ -184,13 +192,16 @@ def kill(processes: list[psutil.Process], how: int = signal.SIGKILL) -> None:
 
 @dataclass
 class Place:
-    """A checkout with its study, the files of an undisturbed run, and two servers."""
+    """A checkout with its study, the files of an undisturbed run, and a server, or two.
+
+    Its compiled code has a folder of its own, which events damage; if that is None, it is
+    the package's own, which none damages.
+    """
 
     folder: Path
-    code: Path
+    code: Path | None
     ram: bool = False
     server: Server = field(init=False)
-    other: Server = field(init=False)
     whole: dict[str, bytes] = field(default_factory=dict)
     seconds: float = 10.0
     has_page: bool = False
@@ -206,13 +217,23 @@ class Place:
         # A clock that jumps changes the date of the source, which must not lie ahead.
         os.utime(self.folder / "data/part.h5", (time.time() - _DAY_S,) * 2)
         os.chdir(self.folder)
-        self.server = Server(self.folder, self.code, self.code.parent / "first")
-        self.other = Server(self.folder, self.code, self.code.parent / "second")
+        self.server = Server(self.folder, self.code, self.folder.parent / "first")
         self.run_undisturbed()
         self.without_page = {*self.files()}
         self.has_page = True
         self.run_undisturbed()
         self.whole = self.files()
+
+    @cached_property
+    def other(self) -> Server:
+        """A second server, for events that want one."""
+        return Server(self.folder, self.code, self.folder.parent / "second")
+
+    def servers(self) -> list[Server]:
+        """Return the servers that run."""
+        if "other" in vars(self):
+            return [self.server, self.other]
+        return [self.server]
 
     def run_undisturbed(self) -> None:
         """Run, and end this program if even that fails."""
@@ -241,15 +262,16 @@ class Place:
 
     def reset(self) -> None:
         """Begin anew after a finding, so that the next event does not inherit it."""
-        kill(self.server.session() + self.other.session())
+        for server in self.servers():
+            kill(server.session())
         shutil.rmtree(RESULTS, ignore_errors=True)
         shutil.rmtree(".snakemake", ignore_errors=True)
         self.run_undisturbed()
 
     def leave(self) -> None:
         """End what runs, and remove the folder."""
-        self.server.stop()
-        self.other.stop()
+        for server in self.servers():
+            server.stop()
         os.chdir(ROOT)
         if self.ram:
             subprocess.run(["umount", "-l", self.folder], check=False)
@@ -355,7 +377,7 @@ def damage(path: Path, draw: random.Random) -> str:
     return f"{how} {path}"
 
 
-def damageable(draw: random.Random, code: Path) -> Path | None:
+def damageable(draw: random.Random, code: Path | None) -> Path | None:
     """Choose a file of any kind that a run has left."""
     kinds = [
         sorted(
@@ -364,7 +386,8 @@ def damageable(draw: random.Random, code: Path) -> Path | None:
         sorted(RESULTS.rglob("*.sha256")),
         sorted(p for p in Path(".snakemake/metadata").rglob("*") if p.is_file()),
     ]
-    if draw.random() < 0.05:  # compiling anew takes longer than all else
+    # Compiling anew takes longer than all else.
+    if draw.random() < 0.05 and code is not None:
         kinds = [sorted(code.rglob("*.nb?"))]
     kinds = [kind for kind in kinds if kind]
     if not kinds:
@@ -568,7 +591,7 @@ def commands(place: Place, draw: random.Random) -> tuple[str, Undo | None]:
     """Kill ``hopdata run`` or its Snakemake, as a user started them; run it again."""
     ask = [sys.executable, "-P", "-m", "hopdata", "run", "small.yaml", "--"]
     ask += place.targets()
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(place.code)}
+    environment = {**os.environ, **compiled_in(place.code)}
     process = subprocess.Popen(
         ask, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -693,6 +716,10 @@ def main() -> int:
     parser.add_argument("--kind", choices=kinds, help="do only events of this kind")
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--folder", type=Path, default=ROOT / "build" / "chaos")
+    parser.add_argument(
+        "--packages-code", action="store_true",
+        help="use the compiled code of the package, and do not damage it",
+    )  # fmt: skip
     options = parser.parse_args()
     folder = options.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
@@ -710,7 +737,8 @@ def main() -> int:
     if not numbers:
         print(f"all {options.events} events are done; {log}")
         return 1 if any("finding" in row for row in rows) else 0
-    place = Place(folder / "study", folder / "code")
+    code = None if options.packages_code else folder / "code"
+    place = Place(folder / "study", code)
     place.make()
     until = time.monotonic() + 60 * options.minutes
     new = []

@@ -16,9 +16,13 @@ def first_state(t, y, dy, mode, params, h, hdot):
 
 
 @field
-def dry_field(t, y, mode, params, dy):  # place (m), velocity; params: friction, belt
+def dry_field(t, y, mode, params, dy):  # place (m), velocity
+    # params: kinetic friction, speed of the belt, static friction
+    friction = params[0]
+    if mode[1] > 0:
+        friction = params[2]
     dy[0] = y[1]
-    dy[1] = -y[0] - params[0] * mode[0]
+    dy[1] = -y[0] - friction * mode[0]
 
 
 @guards
@@ -26,8 +30,25 @@ def slip(t, y, dy, mode, params, h, hdot):
     h[0], hdot[0] = y[1] - params[1], dy[1]
 
 
+@on_event
+def sticks(t, y, mode, params, guard, direction):
+    if abs(direction) == 2:
+        mode[1] = 1
+    if abs(direction) == 3:
+        mode[1] = 0
+    return 0
+
+
 # A block of 1 kg on a spring of 1 N/m, on a belt.
-dry = System(dry_field, slip, n_states=2, guard_names=("slip",), sliding=("slip",))
+dry = System(
+    dry_field,
+    slip,
+    sticks,
+    n_states=2,
+    guard_names=("slip",),
+    sliding=("slip",),
+    n_extra_modes=1,
+)
 
 
 @field

@@ -112,6 +112,7 @@ def test_sliding_is_reported_with_guard_time_and_rates():
     assert solution.t_end == pytest.approx(0.5, abs=1e-14)
     for word in ("'origin'", f"t = {solution.t_end:.17g}", "+2 below", "-3 above"):
         assert word in solution.message
+    assert "sliding=('origin',)" in solution.message  # how to declare it
 
 
 def test_crossing_is_not_sliding():

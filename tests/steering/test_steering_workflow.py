@@ -47,7 +47,7 @@ def steered(checkout):
         config["figures"] = {"formats": ["svg"]}
         config["steering"] = {
             "observations": ["corrected", "printed"],
-            "excitation": {"repeats": 1},
+            "excitation": {"n_angles": 12, "n_steps": 2, "repeats": 1},
             "model": {"training_hops": 40, "draws": 2},
             "experiments": {
                 "seeds": 1,

@@ -91,6 +91,17 @@ def completed(folder, *arguments, cores=2):
     return run.stdout + run.stderr
 
 
+def require_same_bytes(results, saved):
+    """Require that a study of one process has saved what the workflow has written."""
+    kinds = ("tables/*.csv", "figures/*.svg", "figures/*.png")
+    for kind in (*kinds, "verdict.json", "quality.json"):
+        names = {path.relative_to(results) for path in results.glob(kind)}
+        assert names, kind
+        assert names == {path.relative_to(saved) for path in saved.glob(kind)}
+        for name in names:
+            assert (saved / name).read_bytes() == (results / name).read_bytes(), name
+
+
 def edit_config(folder, edit, *, source="config/config.yaml"):
     """Write a changed copy of a config and return its path."""
     config = yaml.safe_load((folder / source).read_text())

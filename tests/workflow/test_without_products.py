@@ -8,7 +8,14 @@ import sys
 
 import pytest
 import yaml
-from checkouts import ROOT, copy_checkout, part_of_sample, planned_rules, snakemake
+from checkouts import (
+    ROOT,
+    copy_checkout,
+    part_of_sample,
+    planned_rules,
+    require_same_bytes,
+    snakemake,
+)
 
 pytestmark = pytest.mark.workflow
 
@@ -20,7 +27,7 @@ markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3], boom: [boom]
 prediction: {bootstraps: 20, train: 30, test: 10, minimum_class: 15}
 distances: {enabled: false}
 verdict: {flips: 99}
-figures: {formats: [svg]}
+figures: {formats: [svg, png]}
 """
 PRODUCTS = ["steering", "dissertation"]
 OURS = tuple(f"hopdata.{name}" for name in PRODUCTS)
@@ -79,6 +86,16 @@ def test_without_steering_a_study_runs_to_its_report(without):
     assert json.loads((results / "verdict.json").read_text())["conclusion"]
     assert (results / "figures/verdict.svg").stat().st_size > 2000
     assert "Study" in (results / "report.html").read_text()
+
+
+def test_one_process_has_the_same_bytes(without, tmp_path):
+    """A study in a notebook gives everything that two parallel processes have written."""
+    study = (
+        "import hopdata, sys; hopdata.analyse('config/short.yaml').save(sys.argv[1])"
+    )
+    run = python(without, "-c", study, tmp_path)
+    assert run.returncode == 0, run.stderr
+    require_same_bytes(without / "results/short", tmp_path)
 
 
 def test_without_steering_the_commands_and_the_notebook_work(without):

@@ -92,7 +92,7 @@ def test_every_curve_is_a_density(table):
 
 @pytest.mark.parametrize("noise_m", [0.0, 1e-4])
 def test_heights_in_whole_millimetres_have_sections_and_curves(noise_m):
-    fine = hopper(np.random.default_rng(2), noise_m=noise_m).recording
+    fine = hopper(np.random.default_rng(2), hops=150, noise_m=noise_m).recording
     coarse = replace(
         fine, positions=np.round(fine.positions + 0.0004, 3)
     )  # 0 or 1 mm, in stance
@@ -352,7 +352,7 @@ def test_thresholds_are_the_knees_of_the_ground_modes(select):
 
 
 def test_what_a_given_section_holds_is_counted():
-    fake = hopper(np.random.default_rng(4), extension_m=0.0, tilt_rad=0.06)
+    fake = hopper(np.random.default_rng(4), hops=150, extension_m=0.0, tilt_rad=0.06)
     kept = select_sections([fake.recording], pre_height_m=0.7, post_height_m=0.35)
     assert (kept.pre_height_m, kept.post_height_m) == (0.7, 0.35)
     assert kept.held["pre"] < 0.1  # few hop that high

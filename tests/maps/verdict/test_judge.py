@@ -1,6 +1,7 @@
 """The verdict on maps whose derivative is unique, or differs by a known amount."""
 
 import json
+import os
 import tracemalloc
 from dataclasses import replace
 from functools import cache
@@ -20,6 +21,7 @@ from hopdata.maps.verdict.words import CANNOT_TELL, outlook, sentence
 from hopdata.messages import Message
 
 OPTIONS = {"seed": 3, "flips": 199}
+SEEDS = range(1, 6 if "ALL" in os.environ else 3)
 
 
 def verdict(data, **options):
@@ -45,18 +47,18 @@ def test_a_map_with_kinks_is_different_and_the_interval_holds_its_size():
     answer = verdict(landings(strength=0.3))
     assert answer.conclusion == "different"
     assert answer.effect.p_value == 1 / (1 + OPTIONS["flips"])
-    exact = verdict(landings(n=5000, strength=0.3, noise=1e-3, seed=8))
+    exact = verdict(landings(n=2000, strength=0.3, noise=1e-3, seed=8))
     assert answer.effect.low < exact.effect.estimate < answer.effect.high
 
 
 @cache
 def exact_jump(strength):
     """Return the jump that many landings almost without noise have."""
-    data = landings(n=5000, strength=strength, jump=0.4, noise=1e-3, seed=8)
+    data = landings(n=2000, strength=strength, jump=0.4, noise=1e-3, seed=8)
     return verdict(data).jump.estimate
 
 
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("strength", [0.0, 0.3])
 def test_a_jump_of_the_outcome_is_a_difference_beside_kinks_or_without(seed, strength):
     none = verdict(landings(strength=strength, seed=seed))
@@ -76,7 +78,7 @@ def test_noise_of_the_states_does_not_shrink_a_jump():
     assert noisy.jump.upper_bound > exact.jump.estimate
 
 
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_session_exported_twice_cannot_tell(seed):
     data, generator = landings(n=400, seed=seed), np.random.default_rng(seed)
     twice = some(data, np.r_[:400, :400])
@@ -509,7 +511,7 @@ def test_a_bound_that_rounds_to_the_margin_is_said_to_be_above_it():
     assert "of up to 21 % of the map" in said[1]
 
 
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     data = landings(seed=seed)
     rigid = verdict(data)
