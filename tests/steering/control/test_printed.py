@@ -4,15 +4,18 @@ import numpy as np
 import pytest
 from control_models import LIMIT, ClosedForm
 
+from hopdata.errors import AnalysisError
 from hopdata.rigid import composed
 from hopdata.steering.control.objectives import (
     Horizon,
     PlanningError,
+    ToHeading,
     ToPoint,
     goal_errors,
 )
 from hopdata.steering.control.prediction import predicted_poses
 from hopdata.steering.control.printed import PrintedController
+from hopdata.steering.models.tabulated import tabulated
 
 MODEL = ClosedForm()
 
@@ -94,3 +97,45 @@ def test_a_previous_swing_that_is_not_known_is_none_at_all():
     ]
     assert np.isfinite(plans[0]).all()
     np.testing.assert_array_equal(plans[0], plans[1])
+
+
+TABLE = tabulated(MODEL, LIMIT)
+
+
+@pytest.mark.parametrize(
+    "objective", [ToPoint(point_m=(0.1, -0.2)), ToHeading(heading_rad=2.0)]
+)
+def test_the_compiled_objective_is_that_of_the_arrays(objective):
+    """With the table, values are compiled; with its rows alone, they come from arrays."""
+    horizon = Horizon(hops=4, swing_limit_rad=LIMIT)
+    rng = np.random.default_rng(np.random.SeedSequence(7))
+    for _ in range(50):
+        pose = rng.uniform(-6, 6, 3)
+        state = rng.uniform(0, 2 * np.pi, 1)
+        swings = rng.uniform(-LIMIT, LIMIT, 4)
+        # Nodes and ends of the table, where the intervals of the spline meet.
+        swings[0] = rng.choice(TABLE.swing_rad)
+        steps = np.where(swings > 0, -1e-3, 1e-3)
+        compiled, by_arrays = (
+            PrintedController(
+                model=model, objective=objective, horizon=horizon
+            ).values_from(pose, state)(swings, steps)
+            for model in (TABLE, Rows())
+        )
+        np.testing.assert_allclose(compiled, by_arrays, rtol=1e-12, atol=1e-12)
+        assert len(set(compiled.tolist())) == 5, "each swing counts"
+
+
+class Rows:
+    """The table as a model of which nothing else is known."""
+
+    def change(self, boom_angle, swing):
+        return TABLE.change(boom_angle, swing)
+
+
+def test_a_search_beyond_the_table_is_refused():
+    horizon = Horizon(swing_limit_rad=LIMIT * 1.1)
+    with pytest.raises(AnalysisError, match="swings within"):
+        PrintedController(model=TABLE, horizon=horizon).plan(
+            [3.0, 0, 0], 0.0, LIMIT * 1.1
+        )

@@ -9,8 +9,9 @@ where g_k and s_k follow from g_0 and s_0 by the one-step prediction, and the er
 the distance to the point or the absolute heading error. There is no terminal cost.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,10 +19,14 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.steering.control import objectives
 from hopdata.steering.control.prediction import StrideModel, axes_of, poses_ahead
+from hopdata.steering.models.tabulated import TabulatedMap
 
 #: Step of the finite differences of the objective.
 #: Unit: rad. Origin: convention: scipy's own, but with all differences at once.
 DIFFERENCE_RAD = 1e-8
+
+# The objective by inputs and the steps of their differences.
+Values: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,17 +94,14 @@ class PrintedController:
         n_strides = self.horizon.hops
         limits = self.horizon.limits(axes_of(self.model))
         lower, upper = (np.tile(limit, n_strides) for limit in limits)
+        values_at = self.values_from(pose, state)
 
         def value_and_slope(inputs: FloatArray) -> tuple[float, FloatArray]:
             """Return the objective, and its slope by differences within the limits."""
             at_limit = inputs + DIFFERENCE_RAD > upper
             steps = np.where(at_limit, -DIFFERENCE_RAD, DIFFERENCE_RAD)
-            # The inputs as they are, then with each of them changed in turn.
-            tried = inputs + np.vstack([np.zeros(len(inputs)), np.diag(steps)])
-            by_stride = tried.reshape(len(tried), n_strides, -1)
-            poses = poses_ahead(self.model, pose, state, by_stride)
-            values = objectives.goal_errors(self.objective, poses[1:]).sum(axis=0)
-            taken = np.diag(tried[1:] - inputs)  # the steps as rounded
+            values = values_at(inputs, steps)
+            taken = (inputs + steps) - inputs  # the steps as rounded
             return float(values[0]), (values[1:] - values[0]) / taken
 
         return minimize(
@@ -109,3 +111,51 @@ class PrintedController:
             method="L-BFGS-B",
             bounds=list(zip(lower.tolist(), upper.tolist(), strict=True)),
         )
+
+    def values_from(self, pose: FloatArray, state: ArrayLike) -> Values:
+        """Return a function that gives the objective by inputs and their steps.
+
+        It takes inputs (H U,) and steps (H U,), and returns the value at the inputs as
+        they are, then with each of them changed by its step in turn, (H U + 1,).
+        """
+        if isinstance(self.model, TabulatedMap) and self._is_within(self.model):
+            return self._compiled(self.model, pose, state)
+        n_strides = self.horizon.hops
+
+        def values(inputs: FloatArray, steps: FloatArray) -> FloatArray:
+            tried = inputs + np.vstack([np.zeros(len(inputs)), np.diag(steps)])
+            by_stride = tried.reshape(len(tried), n_strides, -1)
+            poses = poses_ahead(self.model, pose, state, by_stride)
+            errors = objectives.goal_errors(self.objective, poses[1:])
+            return np.asarray(errors.sum(axis=0))
+
+        return values
+
+    def _is_within(self, table: TabulatedMap) -> bool:
+        """Tell whether no swing of a search is beyond the table."""
+        return self.horizon.swing_limit_rad <= table.swing_limit_rad
+
+    def _compiled(
+        self, table: TabulatedMap, pose: FloatArray, state: ArrayLike
+    ) -> Values:
+        """Return the same function for the table of the hopper, compiled."""
+        from hopdata.steering.control.compiled import fill_values
+
+        knots_and_coefficients = table.spline_parts
+        start = (*pose.tolist(), float(np.asarray(state).item()))
+        is_heading = isinstance(self.objective, objectives.ToHeading)
+        numbers: tuple[float, float]
+        if isinstance(self.objective, objectives.ToHeading):
+            numbers = (self.objective.heading_rad, 0.0)
+        else:
+            numbers = self.objective.point_m
+        goal = (float(numbers[0]), float(numbers[1]))
+
+        def values(inputs: FloatArray, steps: FloatArray) -> FloatArray:
+            filled = np.empty(len(inputs) + 1)
+            fill_values(
+                knots_and_coefficients, start, inputs, steps, goal, is_heading, filled
+            )
+            return filled
+
+        return values

@@ -69,6 +69,15 @@ class TabulatedMap:
         nodes = (self.boom_angle_rad, self.swing_rad)
         return spline_of(self.values, nodes, n_periodic=1)
 
+    @property
+    def spline_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Knots of swing and boom angle, and coefficients (S', A', 3), of the spline.
+
+        For code that is compiled.
+        """
+        of_swing, of_angle = self._spline.t
+        return of_swing, of_angle, self._spline.c
+
     @cached_property
     def axes(self) -> StrideAxes:
         """Axes of the steered hopper with this limit."""
