@@ -24,7 +24,8 @@ from hopdata.steering.robot import Apex, SteeredHopper, released, steer_hop
 ID = "hopdata/SteeredHopper-v0"
 
 # What the hopper has to do, named as in the experiments.
-ORIGIN, TURN = "origin", "turn"
+ORIGIN = "origin"
+TURN = "turn"
 TASKS = (ORIGIN, TURN)
 
 #: Distance from the goal at which the hopper has arrived, and at which it starts.
@@ -242,16 +243,16 @@ class SteeredHopperEnv(gymnasium.Env[FloatArray, FloatArray]):
 
     def _observation(self) -> FloatArray:
         x, y, heading = self._stance.pose
-        ahead = np.cos(heading)
-        aside = np.sin(heading)
+        cosine = np.cos(heading)
+        sine = np.sin(heading)
         to_x = self._goal[0] - x
         to_y = self._goal[1] - y
         turn = self._goal[2] - heading
         boom = self._stance.boom_angle_rad
         seen = np.array(
             [
-                ahead * to_x + aside * to_y,
-                ahead * to_y - aside * to_x,
+                cosine * to_x + sine * to_y,
+                cosine * to_y - sine * to_x,
                 np.cos(turn),
                 np.sin(turn),
                 np.cos(boom),

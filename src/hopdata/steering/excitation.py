@@ -44,7 +44,7 @@ class ControlGrid:
     @property
     def step_rad(self) -> float:
         """Angle between neighbours on the grid."""
-        return 2 * np.pi / self.n_angles
+        return TURN / self.n_angles
 
     @property
     def steps(self) -> IntArray:

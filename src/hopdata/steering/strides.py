@@ -34,6 +34,11 @@ FAR_INPUT = "input beyond its limits"
 INPUT_MARGIN = 1e-6
 
 
+def turn_nodes(number: int) -> FloatArray:
+    """Return angles evenly spaced over a turn from 0, without its end, rad."""
+    return TURN * np.arange(number) / number
+
+
 @dataclass(frozen=True, kw_only=True)
 class Axis:
     """A number on which a stride depends.

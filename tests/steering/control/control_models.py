@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from hopdata.steering.models.tabulated import TabulatedMap, turn_nodes
+from hopdata.steering.models.tabulated import TabulatedMap
+from hopdata.steering.strides import turn_nodes
 
 LIMIT = 3 * np.pi / 8
 

@@ -251,7 +251,7 @@ def test_a_boom_that_does_not_follow_is_told_within_two_hops_and_it_is_over(
     assert hops <= 3  # two, and the one of which a part has passed
     drive.run(drive.now_s + 2.0)
     assert not any(rad for at_s, rad in drive.swings if at_s > rest.sent_s)  # for good
-    assert drive.loop._told_to_stop.is_set()
+    assert drive.loop._drive_is_over.is_set()
 
 
 @pytest.mark.parametrize("gain", [0.8, 1.2])

@@ -7,11 +7,8 @@ from steered_hops import LIMIT, chained_hops, smooth_change
 
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.process import trained_process
-from hopdata.steering.models.tabulated import (
-    TabulatedMap,
-    tabulated,
-    turn_nodes,
-)
+from hopdata.steering.models.tabulated import TabulatedMap, tabulated
+from hopdata.steering.strides import turn_nodes
 
 
 class Smooth:

@@ -46,13 +46,13 @@ class AdaptivePlanner:
             raise ConfigError.at("adaptive planner", "a model of the hopper", found)
         limit = model.swing_limit_rad
         self.correction = tables.Correction(limit, np.asarray(noise, dtype=float))
-        self._known = tables.tabulated(model, limit, **COARSE_TABLE)
+        self._table = tables.tabulated(model, limit, **COARSE_TABLE)
         booms, swings = np.meshgrid(
-            self._known.boom_angle_rad, self._known.swing_rad, indexing="ij"
+            self._table.boom_angle_rad, self._table.swing_rad, indexing="ij"
         )
         # Basis functions of the correction at the nodes of the table.
         self._functions = self.correction.functions(booms, swings)
-        coarse = cost_to_go(self._known, COARSE[type(known.cost_to_go.grid)])
+        coarse = cost_to_go(self._table, COARSE[type(known.cost_to_go.grid)])
         self._planner = replace(known, cost_to_go=coarse)
         # Pose and boom angle at the last stance.
         self._before: tuple[FloatArray, float] | None = None
@@ -70,7 +70,7 @@ class AdaptivePlanner:
         /,
     ) -> objectives.Plan:
         """Learn from the previous hop, if its swing is known, then plan."""
-        here, states = objectives.checked_state(pose, state, self._known.axes)
+        here, states = objectives.checked_state(pose, state, self._table.axes)
         boom = float(states[0])
         if self._before is not None and previous_inputs is not None:
             start, boom_before = self._before
@@ -84,13 +84,13 @@ class AdaptivePlanner:
         self, start: FloatArray, boom: float, swing: float, here: FloatArray
     ) -> None:
         """Correct the map and the cost-to-go from an observed hop."""
-        known = self._known
-        limit = known.swing_limit_rad
+        table = self._table
+        limit = table.swing_limit_rad
         swing = float(np.clip(swing, -limit, limit))
-        missed = relative(start, here) - known.change(boom, swing)[0]
+        missed = relative(start, here) - table.change(boom, swing)[0]
         missed[2] = wrapped(missed[2])
         self.correction.learn(boom, swing, missed)
-        corrected = known.values + self.correction.added(self._functions)
+        corrected = table.values + self.correction.added(self._functions)
         model = tables.TabulatedMap(corrected, limit)
         before = self._planner.cost_to_go
         improved = cost_to_go(model, before.grid, begin=before)

@@ -20,7 +20,7 @@ from hopdata.steering.control.cost_to_go import cost_to_go
 from hopdata.steering.control.grids import PointGrid
 from hopdata.steering.models.process import LENGTHS, FrameChangeProcess
 from hopdata.steering.models.tabulated import COMPONENTS, TabulatedMap, tabulated
-from hopdata.steering.strides import Strides
+from hopdata.steering.strides import TURN, Strides
 
 #: Starts of the stand-in, a metre from the point, with any heading.
 #: Unit: 1. Origin: chosen: an expected share of 0.95 then has a deviation of 0.015.
@@ -179,9 +179,9 @@ def _near(
 
 def _covered(process: FrameChangeProcess, swing_limit_rad: float) -> float:
     """Return the share of the cells of boom angle and swing with a learned hop."""
-    booms = process.points[:, 0] % (2 * np.pi)
+    booms = process.points[:, 0] % TURN
     swings = np.clip(process.points[:, 1], -swing_limit_rad, swing_limit_rad)
-    ranges = [[0.0, 2 * np.pi], [-swing_limit_rad, swing_limit_rad]]
+    ranges = [[0.0, TURN], [-swing_limit_rad, swing_limit_rad]]
     counts, _, _ = np.histogram2d(booms, swings, bins=_CELLS, range=ranges)
     return float((counts > 0).mean())
 

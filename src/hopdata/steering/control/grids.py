@@ -15,8 +15,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
 from hopdata.rigid import relative
-from hopdata.steering.models.tabulated import turn_nodes
-from hopdata.steering.strides import TURN, StrideAxes
+from hopdata.steering.strides import TURN, StrideAxes, turn_nodes
 
 #: Logarithm of the factor by which distances are closer together near the goal than at
 #: the far end of the grid.

@@ -158,7 +158,7 @@ class Planner:
         axes = self.model.axes
         here, states = objectives.checked_state(pose, state, axes)
         remaining = relative(here, self._goal(here))
-        cost, inputs = self._tried_everywhere(remaining, states)
+        cost, inputs = self._minimum(remaining, states)
         poses = poses_ahead(self.model, here, states, inputs)
         return objectives.Plan(inputs, poses, cost)
 
@@ -172,7 +172,7 @@ class Planner:
     def _search(self) -> Search:
         return Search.of(self.horizon, self.model.axes)
 
-    def _tried_everywhere(
+    def _minimum(
         self, remaining: FloatArray, state: FloatArray
     ) -> tuple[float, FloatArray]:
         """Return the least cost and its inputs (H, U), sought ever finer."""
@@ -271,9 +271,7 @@ def _tabulated(
     axes = axes_of(model)
     if axes.input_names == HOPPER.input_names:
         limit = horizon.swing_limit_rad
-        if isinstance(model, tables.TabulatedMap) and model.swing_limit_rad == limit:
-            return model
-        if isinstance(model, FrameChangeProcess):
+        if isinstance(model, tables.TabulatedMap | FrameChangeProcess):
             return model.table_within(limit)
         return tables.tabulated(model, limit)
     states = ", ".join(state.name for state in axes.states)

@@ -45,6 +45,7 @@ def predicted_change(
 ) -> FloatArray:
     """Return the changes of pose (..., 3) by states (..., S) and inputs (..., U)."""
     states, commands, shape = _rows(state, inputs)
+    # Models of one state and one input may know only (n,), see `StrideModel`.
     if states.shape[-1] == commands.shape[-1] == 1:
         change = model.change(states.ravel(), commands.ravel())
     else:
@@ -55,9 +56,9 @@ def predicted_change(
 def next_state(model: StrideModel, state: FloatArray, inputs: FloatArray) -> FloatArray:
     """Return the states (..., S) after a stride; angles are not wrapped."""
     axes = axes_of(model)
-    moved = moved_by(axes)
-    if moved is not None:
-        return np.asarray(state + inputs[..., moved])
+    moving = moving_inputs(axes)
+    if moving is not None:
+        return np.asarray(state + inputs[..., moving])
     states, commands, shape = _rows(state, inputs)
     after: Any = getattr(model, "next_state", axes.next_state)
     return np.asarray(after(states, commands)).reshape(*shape, len(axes.states))
@@ -76,8 +77,8 @@ def _rows(
 
 
 @cache
-def moved_by(axes: StrideAxes) -> list[int] | None:
-    """Return which input is added to each state in a stride.
+def moving_inputs(axes: StrideAxes) -> list[int] | None:
+    """Return the number of the input that is added to each state in a stride.
 
     None if another rule holds for any of them.
     """
@@ -119,9 +120,9 @@ def _states_before(
     model: StrideModel, state: FloatArray, inputs: FloatArray
 ) -> FloatArray:
     """Return the states (H, ..., S) before each of the strides (H, ..., U)."""
-    moved = moved_by(axes_of(model))
-    if moved is not None:  # all at once
-        steps = inputs[..., moved]
+    moving = moving_inputs(axes_of(model))
+    if moving is not None:  # all at once
+        steps = inputs[..., moving]
         return np.asarray(state + np.cumsum(steps, axis=0) - steps)
     before = [np.broadcast_to(state, (*inputs.shape[1:-1], len(state)))]
     for commanded in inputs[:-1]:

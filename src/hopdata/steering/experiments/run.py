@@ -192,7 +192,7 @@ class Run:
     frames: Frames
 
 
-class _Heard:
+class _RecordedController:
     """Passes what the loop asks on to the controller, and keeps what it answers.
 
     The loop holds the boom when a controller fails. Here only a `PlanningError` may
@@ -230,7 +230,7 @@ class _Heard:
 
 
 @dataclass
-class _Seen:
+class _AtStance:
     """What the loop knew and did at a stance."""
 
     pose: FloatArray
@@ -245,7 +245,7 @@ class _Drive:
 
     def __init__(self, watched: WatchedHopper, controller: Controller) -> None:
         sight = watched.sight
-        self.controller = _Heard(controller)
+        self.controller = _RecordedController(controller)
         self.limits = Limits(
             swing_rad=watched.robot.swing_limit_rad,
             fence_m=math.inf,  # the floor has no end
@@ -263,7 +263,7 @@ class _Drive:
             on_decision=self._note,
         )
         self._begun_s: list[float] = []
-        self.seen: dict[int, _Seen] = {}
+        self.seen: dict[int, _AtStance] = {}
 
     def hop(self) -> plant.SteeredHop:
         """Let the next hop pass, and return it.
@@ -293,7 +293,7 @@ class _Drive:
         if not decision.pose_age_s <= self.limits.pose_age_s:
             pose = np.full(3, np.nan)
         is_late = hop < len(self._begun_s) - 1
-        self.seen[hop] = _Seen(
+        self.seen[hop] = _AtStance(
             pose=pose,
             boom_angle_rad=decision.boom_angle_rad,
             plan=plan,
@@ -346,7 +346,7 @@ def run_task(watched: WatchedHopper, controller: Controller) -> Run:
 
 
 def _stances(
-    hops: list[plant.SteeredHop], swings: list[float], seen: dict[int, _Seen]
+    hops: list[plant.SteeredHop], swings: list[float], seen: dict[int, _AtStance]
 ) -> pd.DataFrame:
     """Return the table of the stances, given the swing that follows each, rad."""
     unknown = np.full(3, np.nan)

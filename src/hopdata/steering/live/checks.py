@@ -203,7 +203,7 @@ class FrameChecks:
         return bool(np.isfinite(frame.markers[place]).all())
 
     def _over(self, seen: Observation, tilt_rad: float) -> Message | None:
-        """Return whether the robot has left the arena or tips over."""
+        """Return why the drive must end: the robot has left the arena, or tips over."""
         away_m = math.hypot(*seen.pose[:2].tolist())
         limit_m = self.limits.fence_m
         if away_m > limit_m:
@@ -214,7 +214,7 @@ class FrameChecks:
         return None
 
     def _unseen(self, frame: Frame, seen: Observation) -> Message | None:
-        """Return which needed markers have not been seen for `Limits.pose_age_s`."""
+        """Return a cause if needed markers are unseen for `Limits.pose_age_s`."""
         before = self._lacking
         at_s = frame.captured_s
         self._lacking = {what: before.get(what, at_s) for what in seen.lacking}
@@ -232,7 +232,7 @@ class FrameChecks:
         return self._frozen.feed(frame, is_noisy=noise_m > LEAST_NOISE_M)
 
     def _rate_cause(self, frame: Frame) -> Message | None:
-        """Return whether numbers and times of the last frames are of another rate."""
+        """Return a cause if numbers and times of the last frames tell another rate."""
         self._recent.append((frame.number, frame.time_s))
         first = self._recent[0]
         span_s = frame.time_s - first[1]
@@ -249,7 +249,7 @@ class FrameChecks:
     def _misfit(self, seen: Observation) -> Message:
         noise_m = math.nan if self.geometry is None else self.geometry.noise_m
         values = {
-            "residual_mm": 1e3 * getattr(seen, "residual_m", math.nan),
+            "residual_mm": 1e3 * seen.residual_m,
             "limit_mm": 1e3 * MISFIT_NOISES * noise_m,
         }
         return Message("steering.markers_misfit", values)

@@ -27,7 +27,7 @@ from hopdata.steering.live.loop import (
     observers_of,
 )
 from hopdata.steering.live.machine import Machine, Step
-from hopdata.steering.live.packets import PORT
+from hopdata.steering.live.packets import LOOPBACK, PORT
 from hopdata.steering.live.safety import LAST_REST_S, Boom, Limits, Rest, rest_within
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
@@ -55,7 +55,7 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     controller: Controller,
     boom: Boom,
     *,
-    host: str = "127.0.0.1",
+    host: str = LOOPBACK,
     port: int = PORT,
     stream: Stream | None = None,
     stop: threading.Event,

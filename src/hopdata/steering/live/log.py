@@ -46,6 +46,7 @@ CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
 #: Unit: bytes. Origin: chosen. Of 75 logs that met limits of 60 kB to 3 MB none was
 #: damaged with this, with half of it, or with none.
 MARGIN_BYTES = 1 << 14
+WANTED = f"the log of a drive ({FORMAT})"  # in messages
 CODE = "S40"
 TEXT_BYTES = 200
 TEXT = f"S{TEXT_BYTES}"
@@ -159,8 +160,10 @@ class DriveLog:
             )
         self._file.swmr_mode = True
         self._taken = 0  # batches
-        # Stored as events.
-        self._told = {"states": 0, "steps": 0, "rests": 0, "boom": 0}
+        # How many of each are stored as events, and whether it is stored if the boom
+        # acknowledges anything.
+        self._n_stored = {"states": 0, "steps": 0, "rests": 0}
+        self._is_boom_stored = False
         self._look: Callable[[], None] = lambda: None
         self._stop = threading.Event()
         self._thread = threading.Thread(
@@ -191,25 +194,25 @@ class DriveLog:
     def events(self, states: Sequence[Status], watch: Watch | None = None) -> None:
         """Store what is new: states of the stream, steps of the drive, and rests."""
         waiting = self._waiting["events"]
-        for status in states[self._told["states"] :]:
+        for status in states[self._n_stored["states"] :]:
             text = _stored(status.message)
             row = (status.at_s, np.nan, status.state.encode(), b"", b"", text)
             waiting.append(row)
-        self._told["states"] = len(states)
+        self._n_stored["states"] = len(states)
         if watch is None:
             return
-        steps = watch.machine.steps[self._told["steps"] :]
-        rests = watch.rests[self._told["rests"] :]
-        if not self._told["boom"]:
-            self._told["boom"] = 1
+        steps = watch.machine.steps[self._n_stored["steps"] :]
+        rests = watch.rests[self._n_stored["rests"] :]
+        if not self._is_boom_stored:
+            self._is_boom_stored = True
             at_s = states[0].at_s if states else np.nan
             waiting.append(_event(at_s, np.nan, "boom", watch.says_of_boom()))
         for step in steps:
             waiting.append(_event(step.at_s, np.nan, _kind(step), step.cause))
         for rest in rests:
             waiting.append(_event(rest.seen_s, rest.sent_s, "rest", rest.cause))
-        self._told["steps"] += len(steps)
-        self._told["rests"] += len(rests)
+        self._n_stored["steps"] += len(steps)
+        self._n_stored["rests"] += len(rests)
 
     def start(self, look: Callable[[], None]) -> Self:
         """Start writing; `look` is called before each write, to fetch events."""
@@ -340,9 +343,8 @@ def read_log(path: str | Path) -> LoggedDrive:
     RecordingError
         If it is missing or not a log.
     """
-    wanted = f"the log of a drive ({FORMAT})"
     if not Path(path).is_file():
-        raise RecordingError.at(path, wanted, "no file")
+        raise RecordingError.at(path, WANTED, "no file")
     found = door.read(
         f"{__name__}:contents_of",
         str(path),
@@ -359,6 +361,18 @@ def read_log(path: str | Path) -> LoggedDrive:
         events=_table(tables["events"]),
         counts=_table(tables["counts"]),
     )
+
+
+# What the HDF5 library and the checks raise for a file that is no log.
+UNREADABLE = (
+    OSError,
+    LookupError,
+    ValueError,
+    TypeError,
+    ArithmeticError,
+    AttributeError,
+    RuntimeError,
+)
 
 
 def contents_of(path: str) -> dict[str, Any]:
@@ -381,9 +395,7 @@ def contents_of(path: str) -> dict[str, Any]:
             tables = {name: _plain(file[name][:]) for name in CHUNKS}
             kept = {name: np.ravel(one[:]) for name, one in file["files"].items()}
         _require_columns(setup, tables)
-    except (OSError, LookupError, ValueError, TypeError, ArithmeticError) as error:
-        raise _no_log(path) from error
-    except (AttributeError, RuntimeError) as error:
+    except UNREADABLE as error:
         raise _no_log(path) from error
     return {"setup": setup, "tables": tables, "files": kept}
 
@@ -391,8 +403,9 @@ def contents_of(path: str) -> dict[str, Any]:
 def _opened(path: str) -> Any:
     """Open a log, also one that is still written or was cut off.
 
-    Only these are opened as files that somebody writes: of those, the HDF5 library
-    waits for seconds for each part that it cannot read.
+    A log that is whole is opened as a file at rest. One that was not closed cannot be,
+    and is opened as a file that somebody writes (SWMR); there the HDF5 library waits
+    for seconds for each part that it cannot read.
     """
     import h5py
 
@@ -405,13 +418,12 @@ def _opened(path: str) -> Any:
 
 
 def _no_log(path: str) -> RecordingError:
-    wanted = f"the log of a drive ({FORMAT})"
-    return RecordingError.at(path, wanted, "another file, or a damaged one")
+    return RecordingError.at(path, WANTED, "another file, or a damaged one")
 
 
 def _earlier_log(path: str, form: str) -> RecordingError:
     found = f"one of an earlier version ({form}); replay it with the one that wrote it"
-    return RecordingError.at(path, f"the log of a drive ({FORMAT})", found)
+    return RecordingError.at(path, WANTED, found)
 
 
 def _plain(rows: NDArray[Any]) -> tuple[list[Any], NDArray[Any]]:

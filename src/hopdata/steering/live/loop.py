@@ -199,14 +199,14 @@ class ControlLoop(Worker):
         self.last_failure = ""
         self._clock = clock
         self._fault = fault
-        self._told_to_stop = stop or threading.Event()
+        self._drive_is_over = stop or threading.Event()
         self.watch = Watch(
             boom,
             machine or Machine(),
             self._ask,
             clock,
             limits=self.limits,
-            on_stop=self._told_to_stop.set,
+            on_stop=self._drive_is_over.set,
         )
         self._buffer = buffer
         self._observers = observers
@@ -228,7 +228,7 @@ class ControlLoop(Worker):
         self._poses: deque[tuple[float, _Newest]] = deque(maxlen=POSES_KEPT)
         self._boom_angle = _Newest()
         # Stances that were seen and wait for a decision.
-        self._told: list[_Told] = []
+        self._undecided: list[_SeenStance] = []
         # Monotonic time of the last stance, and its boom angle.
         self._last_stance: tuple[float, float] | None = None
         # The swing sent at it, NaN if that is not certain, and the rests up to it.
@@ -302,7 +302,7 @@ class ControlLoop(Worker):
             self.end(Message("steering.loop_failed", {"error": repr(error)}))
 
     def _is_awaited(self) -> bool:
-        return self._stop.is_set() or bool(self._told)
+        return self._stop.is_set() or bool(self._undecided)
 
     def step(self) -> None:
         """Process the frames that have come, and plan at the last stance among them."""
@@ -340,20 +340,22 @@ class ControlLoop(Worker):
             return
         if self._on_frames is not None:
             self._on_frames(frames)
-        is_told = False
+        is_stance_seen = False
         for frame in frames:
             stance = self._observed(frame)
             if stance is not None:
                 # Later frames must not change what was known then.
                 at_stance = self._pose_at(stance)
-                told = _Told(stance, frame, at_stance, self._pose, self._boom_angle)
-                self._told.append(told)
-                is_told = True
+                seen = _SeenStance(
+                    stance, frame, at_stance, self._pose, self._boom_angle
+                )
+                self._undecided.append(seen)
+                is_stance_seen = True
         newest = frames[-1].captured_s
         self.watch.expect(
             "frames", newest + self.limits.pose_age_s, self._no_frame_since(newest)
         )
-        if is_told:
+        if is_stance_seen:
             self._buffer.wake()  # the loop may wait for the next frame
 
     def _no_frame_since(self, captured_s: float) -> Callable[[float], Message]:
@@ -414,31 +416,31 @@ class ControlLoop(Worker):
 
     def _decide_all(self) -> None:
         """Decide at the stances that wait; only the last one is planned for."""
-        while self._told:
-            told = self._told.pop(0)
-            self._decide(told, overtaken=bool(self._told))
+        while self._undecided:
+            seen = self._undecided.pop(0)
+            self._decide(seen, overtaken=bool(self._undecided))
 
-    def _decide(self, told: _Told, *, overtaken: bool) -> None:
+    def _decide(self, seen: _SeenStance, *, overtaken: bool) -> None:
         """Decide at a stance, send the command, and log both."""
         self.watch.look()
-        pose = told.at_stance
-        boom = told.boom
-        stance_s = told.stance_s
+        pose = seen.pose_at_stance
+        boom_angle = seen.boom_angle
+        stance_s = seen.stance_s
         asked_s = self._clock()
-        pose_age_s = asked_s - told.pose.captured_s
-        boom_age_s = asked_s - boom.captured_s
+        pose_age_s = asked_s - seen.newest_pose.captured_s
+        boom_age_s = asked_s - boom_angle.captured_s
         boom_angle_rad = math.nan
         if boom_age_s <= self.limits.pose_age_s:
-            boom_angle_rad = boom.values[0]
+            boom_angle_rad = boom_angle.values[0]
         swung = self._swung(stance_s, boom_angle_rad)
         self._compare(swung)
         planned = math.nan
         planning_s = math.nan
         ages = {"pose": pose_age_s, "boom angle": boom_age_s}
-        outcome, reason = self._refusal(ages, asked_s - stance_s, overtaken=overtaken)
+        outcome, reason = self._admitted(ages, asked_s - stance_s, overtaken=overtaken)
         command = 0.0 if outcome == "held" else math.nan
         if outcome == "planned":
-            planned, failure = self._plan(pose, boom, swung, stance_s)
+            planned, failure = self._plan(pose, boom_angle, swung, stance_s)
             planning_s = self._clock() - asked_s
             outcome, command, reason = self._permitted(planned, failure, stance_s)
         self._sent_rad = math.nan
@@ -447,11 +449,11 @@ class ControlLoop(Worker):
             outcome, command, reason = self._sent(outcome, command, reason)
         sent_s = self._clock()
         decision = Decision(
-            stance_s=told.stance.time_s,
-            told_s=told.frame.time_s,
-            epoch=told.frame.epoch,
+            stance_s=seen.stance.time_s,
+            told_s=seen.frame.time_s,
+            epoch=seen.frame.epoch,
             pose=pose.values if len(pose.values) == 3 else (math.nan,) * 3,
-            boom_angle_rad=boom.values[0],
+            boom_angle_rad=boom_angle.values[0],
             swung_rad=math.nan if swung is None else swung,
             asked_s=asked_s,
             pose_age_s=pose_age_s,
@@ -460,7 +462,7 @@ class ControlLoop(Worker):
             planned_rad=planned,
             command_rad=command,
             planning_s=planning_s,
-            latency_s=sent_s - told.frame.arrival_s,
+            latency_s=sent_s - seen.frame.arrival_s,
             since_stance_s=sent_s - stance_s,
             reason=reason,
         )
@@ -481,10 +483,14 @@ class ControlLoop(Worker):
         self._sent_rad = command
         return outcome, command, reason
 
-    def _refusal(
+    def _admitted(
         self, ages: Mapping[str, float], stance_age_s: float, *, overtaken: bool
     ) -> tuple[Outcome, Message | None]:
-        """Return an outcome, and the reason if there is to be no planning."""
+        """Tell the watch of a stance that can be planned for, and obey what it says.
+
+        Return the outcome so far, "planned" if there is to be a plan, and otherwise the
+        reason.
+        """
         if overtaken:
             return "overtaken", Message("steering.overtaken")
         if self.watch.machine.may_swing:
@@ -544,14 +550,19 @@ class ControlLoop(Worker):
             self.end(_does_not_follow(self._wrong))
 
     def _plan(
-        self, pose: _Newest, boom: _Newest, swung: float | None, stance_s: float
+        self,
+        pose: _Newest,
+        boom_angle: _Newest,
+        swung: float | None,
+        stance_s: float,
     ) -> tuple[float, Message | None]:
         """Return the controller's swing, or NaN and the error."""
         limit_s = self.limits.command_s
         late = Message("steering.plan_late", {"limit_s": limit_s})
         self.watch.expect("plan", stance_s + limit_s, lambda _: late)
         try:
-            plan = self._controller.plan(np.array(pose.values), boom.values[0], swung)
+            here = np.array(pose.values)
+            plan = self._controller.plan(here, boom_angle.values[0], swung)
             swing = float(plan.swing_rad)
         except Exception as error:
             values = {"error": repr(error)}
@@ -618,14 +629,14 @@ class _Newest:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _SeenStance:
     """A stance, the frame that revealed it, and the newest measurements up to it."""
 
     stance: Stance
     frame: Frame
-    at_stance: _Newest  # the pose nearest to the stance
-    pose: _Newest
-    boom: _Newest
+    pose_at_stance: _Newest  # of the frame nearest to it
+    newest_pose: _Newest
+    boom_angle: _Newest
 
     @property
     def stance_s(self) -> float:

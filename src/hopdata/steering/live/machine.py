@@ -96,7 +96,8 @@ TRANSITIONS = (
     ),
 )
 
-# A drive is never armed in running or armed while a fault lasts: it rests by then.
+# There is no row for "arm in vain" in the states armed and running: a drive in them
+# rests as soon as a fault begins, so none lasts when the operator arms it.
 _TABLE = {(one.source, one.event): one for one in TRANSITIONS}
 
 
@@ -268,5 +269,6 @@ def table(command_s: float) -> list[tuple[str, str, str, str, str]]:
     for one in TRANSITIONS:
         limit_s = within_s(one.told, command_s)
         within = "-" if limit_s is None else f"{1e3 * limit_s:.0f} ms"
-        rows.append((one.source, one.event, one.target, one.told, within))
-    return [tuple(map(str, row)) for row in rows]  # type: ignore[misc]
+        words = (str(one.source), str(one.event), str(one.target), str(one.told))
+        rows.append((*words, within))
+    return rows

@@ -84,9 +84,8 @@ class UdpBoom:
         self._number_alive = self._number
         self._heard_alive = self._number
         self._heard = 0  # highest number that the robot has answered
-        self._wanted = (
-            0  # number whose answer, or a later one, acknowledges the last swing
-        )
+        # Number whose answer, or a later one, acknowledges the last swing.
+        self._wanted = 0
         self._rests = False
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)

@@ -273,6 +273,10 @@ def symmetric_limit(axes: StrideAxes) -> float | None:
 #: Unit: 1. Origin: chosen: its covariances take 600 MB. The printed model has 1,500.
 MOST_POINTS = 5_000
 
+#: Fewest nodes of an axis of a table.
+#: Unit: 1. Origin: derived: of a cubic spline.
+LEAST_NODES = 4
+
 # Bytes of its file, and of each array: up to 20 numbers for each stride, and the table.
 _MOST_BYTES = 256 * MOST_POINTS
 
@@ -345,11 +349,6 @@ def _checked_table(values: FloatArray, axes: StrideAxes) -> TabulatedMap | None:
     if not np.isfinite(values).all():
         raise ValueError("table is not finite")
     return TabulatedMap(values, limit)
-
-
-#: Fewest nodes of an axis of a table.
-#: Unit: 1. Origin: derived: of a cubic spline.
-LEAST_NODES = 4
 
 
 def _require_usable(process: FrameChangeProcess) -> None:

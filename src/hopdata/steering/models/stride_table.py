@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.rigid import wrapped
-from hopdata.steering.strides import TURN, StrideAxes
+from hopdata.steering.strides import TURN, StrideAxes, turn_nodes
 
 #: Number of nodes of a periodic state.
 #: Unit: 1. Origin: chosen: as in the table of the hopper.
@@ -134,10 +134,10 @@ def stride_table(
     """
     axes: StrideAxes = model.axes
     n_states = len(axes.states)
-    turn = TURN * np.arange(PERIODIC_NODES) / PERIODIC_NODES
     spans = [*state_limits, *zip(axes.lower, axes.upper, strict=True)]
     spaced = [np.linspace(*span, LINEAR_NODES) for span in spans]
-    nodes = (*(turn for _ in axes.periodic), *spaced)
+    turns = [turn_nodes(PERIODIC_NODES) for _ in axes.periodic]
+    nodes = (*turns, *spaced)
     grid = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1)
     points = grid.reshape(-1, len(nodes))
     state = points[:, :n_states]

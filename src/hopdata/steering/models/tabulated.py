@@ -16,10 +16,8 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.steering.frame_changes import hopper_axes
 from hopdata.steering.models.stride_table import MARGIN, spline_of
-from hopdata.steering.strides import TURN, StrideAxes, side_by_side
+from hopdata.steering.strides import TURN, StrideAxes, side_by_side, turn_nodes
 
-# What a controller needs of a model: frame changes of many hops at once.
-#
 # Conventions of all models: the frame change is (x, y, heading) in the frame of the
 # first stance, in m, m, rad. Angles are in rad. The boom angle is periodic: adding a
 # whole turn gives the same frame change.
@@ -28,7 +26,7 @@ COMPONENTS = ("dx", "dy", "dtheta")
 
 
 class FrameChangeMap(Protocol):
-    """Frame change as a function of state and inputs.
+    """Frame change as a function of state and inputs, of many strides at once.
 
     One state and one input may be arrays (n,), such as the hopper's boom angles and
     swings.
@@ -36,14 +34,6 @@ class FrameChangeMap(Protocol):
 
     def change(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
         """Return the frame changes (n, 3), by states (n, S) and inputs (n, U)."""
-        ...
-
-
-class StrideModel(FrameChangeMap, Protocol):
-    """A map that also says to which state a stride leads."""
-
-    def next_state(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
-        """Return the states (n, S) after strides; periodic ones in [0, 2 pi)."""
         ...
 
 
@@ -138,11 +128,6 @@ def tabulated(
     angle, swing = np.meshgrid(turn_nodes(angles), grid, indexing="ij")
     values = model.change(angle.ravel(), swing.ravel())
     return TabulatedMap(values.reshape(angles, swings, 3), swing_limit_rad)
-
-
-def turn_nodes(number: int) -> FloatArray:
-    """Return angles evenly spaced over a turn from 0, without its end, rad."""
-    return TURN * np.arange(number) / number
 
 
 # Errors of a map, learned as they appear: a recursive regression with forgetting.

@@ -573,7 +573,7 @@ def find_stances(
     below_m = geometry.stance_below_m
     above_m = geometry.flight_above_m
     visits = find_visits(known_time, known_height, below_m, above_m)
-    recognised = _recognised(known_time, known_height, geometry)
+    recognised = _stances_in(known_time, known_height, geometry)
     by_visit = _by_visit(known_time, visits, recognised)
     links = [
         _link(known_time, known_height, visits, by_visit, k, above_m)
@@ -598,7 +598,7 @@ def find_stances(
     )
 
 
-def _recognised(
+def _stances_in(
     time: FloatArray, height: FloatArray, geometry: HopperGeometry
 ) -> list[Stance]:
     """Return the stances that a detector recognises in heights that are known."""

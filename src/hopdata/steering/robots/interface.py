@@ -1,10 +1,10 @@
-"""What steering asks of a robot: five methods, and nothing else.
+"""What steering asks of a robot, and the log of its strides.
 
 A robot that is steered (`Robot`) tells its `axes`, yields its `stances` (the pose
 source) and takes a `command` (the actuator). A robot that is simulated
-(`SimulatedRobot`) tells its `axes`, can be put down (`release`) and makes one `stride`;
-`Simulation` makes the first kind of it. Excitation, learning, controllers, log and
-replay use these five.
+(`SimulatedRobot`) tells its `axes` and how well it is seen (`seen_sd`), can be put down
+(`release`) and makes one `stride`; `Simulation` makes the first kind of it. Excitation,
+learning, controllers, log and replay use nothing else of a robot.
 """
 
 from __future__ import annotations

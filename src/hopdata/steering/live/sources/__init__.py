@@ -1,4 +1,4 @@
-"""Sources of poses besides Qualisys: one module for each, which needs its library.
+"""Sources of markers; each besides Qualisys has a module here, and needs its library.
 
 `SOURCES` has those of ``hopdata drive --source``. Each is a stream like
 `hopdata.steering.live.stream.MarkerStream` (the source "qualisys"), with the same

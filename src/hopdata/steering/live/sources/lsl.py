@@ -22,9 +22,17 @@ from hopdata.steering.live.sources.threaded import Sample, ThreadedStream
 #: Type of the streams that are looked for if none is named.
 MOCAP = "MoCap"
 AXES = ("PositionX", "PositionY", "PositionZ")
+# Length of each unit, m, by the names that streams give it.
 METRES = {
-    **dict.fromkeys(("meters", "metres", "meter", "metre", "m"), 1.0),
-    **dict.fromkeys(("millimeters", "millimetres", "millimeter", "mm"), 1e-3),
+    "meters": 1.0,
+    "metres": 1.0,
+    "meter": 1.0,
+    "metre": 1.0,
+    "m": 1.0,
+    "millimeters": 1e-3,
+    "millimetres": 1e-3,
+    "millimeter": 1e-3,
+    "mm": 1e-3,
 }
 #: Longest wait for a sample, after which the reader looks whether it is to end.
 #: Unit: s. Origin: chosen.

@@ -21,8 +21,15 @@ from hopdata.steering.live.sources.threaded import Sample, ThreadedStream
 
 # Systems that the library knows.
 SYSTEMS = (
-    *("vicon", "optitrack", "optitrack_closed_source", "qualisys", "nokov", "vrpn"),
-    *("motionanalysis", "fzmotion", "mock"),
+    "vicon",
+    "optitrack",
+    "optitrack_closed_source",
+    "qualisys",
+    "nokov",
+    "vrpn",
+    "motionanalysis",
+    "fzmotion",
+    "mock",
 )
 #: Distance of the points of a body from its origin.
 #: Unit: m. Origin: chosen.
