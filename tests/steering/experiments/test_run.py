@@ -11,6 +11,7 @@ from hopdata.steering.control.objectives import PlanningError
 from hopdata.steering.experiments.run import (
     MEASURED,
     PREDICTED,
+    RUN_RTOL,
     WatchedHopper,
     run_task,
 )
@@ -169,3 +170,19 @@ def test_the_pure_simulation_follows_the_controller_s_own_predictions(swinging):
         table[["x_m", "y_m"]].iloc[0], poses(made, MEASURED)[0, :2]
     )
     assert len(table) == TASK.hops + 1
+
+
+@pytest.mark.parametrize("is_impeded", [False, True])
+def test_the_integrator_errs_far_less_than_the_cameras(monkeypatch, is_impeded):
+    def true_poses(rtol):
+        monkeypatch.setattr("hopdata.steering.experiments.run.RUN_RTOL", rtol)
+        board = None
+        if is_impeded:
+            board = board_for("origin", start().pose, drag_n=4.0, ahead_m=-0.3)
+        made = run(Swings(0.4, -0.7, 0.2), board=board)
+        assert bool(made.stances["touched"].any()) == is_impeded
+        return poses(made, POSE)
+
+    exact = true_poses(1e-12)
+    assert np.abs(true_poses(RUN_RTOL) - exact).max() < 1e-4 * sight().camera.noise_m
+    assert np.abs(true_poses(1e-3) - exact).max() > 1e-4 * sight().camera.noise_m

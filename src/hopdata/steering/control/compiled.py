@@ -21,7 +21,7 @@ DEGREE = 3
 
 @kept_njit(error_model="numpy")
 def interval_of(knots, place):  # type: ignore[no-untyped-def]
-    """Return the k for which knots k and k + 1 enclose a place; the ends extrapolate."""
+    """Return the k of the knots k and k + 1 about a place; the ends extrapolate."""
     low = DEGREE
     high = len(knots) - DEGREE - 1
     while high - low > 1:

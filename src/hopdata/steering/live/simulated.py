@@ -68,6 +68,8 @@ class SimulatedHopper:
         The last hop.
     board : Board or None
         The board where it is now.
+    rtol : float or None
+        Relative tolerance of the integrator, None for its own.
     """
 
     def __init__(
@@ -86,6 +88,7 @@ class SimulatedHopper:
         self.rate_hz = rate_hz
         self.last: SteeredHop | None = None
         self.board = board
+        self.rtol: float | None = None
         self._swings = swings
         self._view = view
         self._kicks = kicks
@@ -116,6 +119,7 @@ class SimulatedHopper:
             rng=self._kicks,
             rate_hz=self.rate_hz,
             board=self.board,
+            rtol=self.rtol,
         )
         if self.board is not None:
             self.board = self.board.pushed(hop)
