@@ -1,5 +1,6 @@
 """Every subset of each list of choices in the block ``steering`` runs, down to the page."""
 
+from dataclasses import replace
 from functools import cache
 from itertools import permutations
 from pathlib import Path
@@ -244,9 +245,7 @@ def test_every_experiment_of_the_printed_controller_alone_is_drawn(controllers, 
 def test_a_study_in_which_nothing_is_seen_says_so(quick, tmp_path, monkeypatch):
     unseen = REAL_RUN(_setting(), POLICIES[tasks.NONE], _start())
     blank = unseen.stances.assign(**dict.fromkeys(study.MEASURED, np.nan))
-    made = type(unseen)(
-        blank, unseen.blind, unseen.last_error, unseen.outcome, unseen.frames
-    )
+    made = replace(unseen, stances=blank)
     monkeypatch.setattr(study.Setting, "run", lambda *_: made)
     tables = steered([tasks.NONE])
     assert tables["example"].empty

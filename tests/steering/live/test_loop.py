@@ -33,7 +33,7 @@ class Tracker:
         return SimpleNamespace(
             pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0], lacking=(),
             status=MISFIT if markers[2, 1] > 0 else SEEN,
-            rotation=np.diag([1.0, 1.0, np.cos(markers[2, 2])]),
+            rotation=np.diag([1.0, 1.0, np.cos(markers[2, 2])]), residual_m=0.0,
         )  # fmt: skip
 
 

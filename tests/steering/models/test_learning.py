@@ -18,7 +18,7 @@ from hopdata.steering.models.learning import (
     random_split,
     smooth_truth,
     smoothness_scores,
-    tested,
+    trained_and_scored,
     training_table,
     with_intervals,
 )
@@ -172,7 +172,7 @@ def test_next_states_that_are_learned_are_scored_beside_the_pose():
     options = replace(RECOMMENDED, restarts=0)
     walked = walked_strides(160)
     train, test = np.arange(110), np.arange(110, 160)
-    _, score = tested(walked, train, test, options, 0)
+    _, score = trained_and_scored(walked, train, test, options, 0)
     assert score["component"].tolist() == ["dx", "dy", "dtheta", "gait", "speed"]
     assert score["unit"].tolist() == ["mm", "mm", "deg", "rad", "m_s"]
     assert score["r2"].min() > 0.9
@@ -180,6 +180,8 @@ def test_next_states_that_are_learned_are_scored_beside_the_pose():
     rng = np.random.default_rng(1)
     drawn = walked.next_state.copy()
     drawn[:, 2] = rng.permutation(drawn[:, 2])
-    _, score = tested(replace(walked, next_state=drawn), train, test, options, 0)
+    _, score = trained_and_scored(
+        replace(walked, next_state=drawn), train, test, options, 0
+    )
     r2 = score.set_index("component")["r2"]
     assert r2["speed"] < 0.2 < r2["gait"]

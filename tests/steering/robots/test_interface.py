@@ -119,6 +119,16 @@ def test_where_nothing_can_be_planned_the_robot_rests():
     np.testing.assert_array_equal(at_rest(StrideAxes(inputs=(one,))), [0.1])
 
 
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_what_is_no_number_is_not_commanded(number):
+    class Broken:
+        def plan(self, *_):
+            return Plan(np.array([number]), np.zeros((2, 3)), 0.0)
+
+    log = steered(Simulation(Walker(), seed=1), Broken(), strides=2)
+    np.testing.assert_array_equal(log.inputs[:-1], np.zeros((2, 1)))
+
+
 def test_a_log_is_replayed_to_the_bit_by_its_own_controller_only():
     log = steered(Simulation(Noisy(), (0.8, 0, 0), seed=5), Back(), strides=6)
     np.testing.assert_array_equal(replayed(log, Back()), log.inputs)

@@ -538,7 +538,8 @@ class Screen:
         self._drawn = now
         lines = self._picture(loop, stream, now - self._begun)
         up = f"\033[{self._n_lines_drawn}A" if self._n_lines_drawn else ""
-        width = os.get_terminal_size().columns - 1  # wrapped lines would leave remains
+        columns = os.get_terminal_size().columns or 80  # 0 where nobody has set it
+        width = columns - 1  # wrapped lines would leave remains
         drawn = [f"\033[K{printable(line[:width])}" for line in lines]
         screen = terminal.raw_stream(sys.stdout)
         print(up + "\n".join(drawn), file=screen, flush=True)

@@ -59,7 +59,7 @@ def prediction_score(process: gp.FrameChangeProcess, hops: Strides) -> pd.DataFr
     )
 
 
-def tested(
+def trained_and_scored(
     hops: Strides,
     train: FloatArray,
     test: FloatArray,
@@ -119,7 +119,7 @@ def learning_scores(
         for draw, stream in enumerate(streams):
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
-                _, score = tested(hops, train, test, chosen, seed + draw)
+                _, score = trained_and_scored(hops, train, test, chosen, seed + draw)
                 name_parts = name if isinstance(name, tuple) else (name,)
                 columns = dict(zip(names, name_parts, strict=True))
                 columns |= {"hops": size, "draw": draw}

@@ -126,8 +126,9 @@ def load_geometry(path: str | Path) -> HopperGeometry:
             raise ValueError(f"its format is {content['format']!r}")
         return _from_json(content)
     except (ValueError, KeyError, TypeError, OverflowError) as error:
+        found = f"no {error}" if isinstance(error, KeyError) else error
         raise RecordingError(
-            f"{path}: expected a {FORMAT} as JSON, found: {error}"
+            f"{path}: expected a {FORMAT} as JSON, found: {found}"
         ) from None
 
 

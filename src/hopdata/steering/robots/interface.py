@@ -230,7 +230,8 @@ def steered(
 ) -> Log:
     """Let a controller steer a robot until it has arrived or fallen.
 
-    Where the controller cannot plan, the inputs are those at rest.
+    Where the controller cannot plan, or plans what is no number, the inputs are those
+    at rest.
 
     Parameters
     ----------
@@ -273,10 +274,10 @@ def _planned(
 ) -> FloatArray:
     """Return the next inputs that a controller plans, or those at rest."""
     try:
-        plan = controller.plan(stance.pose, stance.state, previous)
+        planned = controller.plan(stance.pose, stance.state, previous).inputs[0]
     except PlanningError:
         return at_rest(axes)
-    return plan.inputs[0]
+    return planned if np.isfinite(planned).all() else at_rest(axes)
 
 
 def _logged(robot: Robot, chosen: Choice) -> Log:
