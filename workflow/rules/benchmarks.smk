@@ -108,21 +108,6 @@ for tables_of_product in sorted(HERE.parents[1].glob("benchmarks/*/benchmarks.sm
     include: tables_of_product
 
 
-def drawer_of(figure):
-    """Return the program that draws a figure of the benchmarks."""
-    product = os.path.dirname(figure)
-    return PROGRAMS / product / f"{product or 'benchmark'}_figures.py"
-
-
-def benchmark_captions():
-    """Return the captions of all figures of the benchmarks."""
-    captions = []
-    for figure in BENCHMARK_FIGURES:
-        product, name = os.path.split(figure)
-        captions.append(f"{PROGRAMS / product / 'captions' if product else CAPTIONS}/{name}.md")
-    return captions
-
-
 for program, tables in BENCHMARK_TABLES.items():
     benchmark_name = os.path.basename(program)
 
@@ -185,7 +170,7 @@ rule benchmark_page:
             f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}",
             name=map(os.path.basename, BENCHMARK_FIGURES),
         ),
-        captions=benchmark_captions(),
+        captions=captions_of(BENCHMARK_FIGURES),
     output:
         f"{BENCHMARKS}/README.md",
     log:

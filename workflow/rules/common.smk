@@ -156,3 +156,18 @@ def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress", DAMA
                 files = {folder / f"{module}.py", *(folder / module).glob("*.py")}
                 waiting += [one for one in files - found if one.is_file()]
     return sorted(found)
+
+
+def drawer_of(figure):
+    """Return the program that draws a figure of the benchmarks."""
+    product = os.path.dirname(figure)
+    return PROGRAMS / product / f"{product or 'benchmark'}_figures.py"
+
+
+def captions_of(figures):
+    """Return the captions of figures of the benchmarks."""
+    captions = []
+    for figure in figures:
+        product, name = os.path.split(figure)
+        captions.append(f"{PROGRAMS / product / 'captions' if product else CAPTIONS}/{name}.md")
+    return captions
