@@ -11,6 +11,6 @@ def test_the_simulated_robot_is_driven(capsys):
         r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL
     )
     compile(with_a_robot, str(PAGE), "exec")
-    assert "seconds=6.0" in without
-    exec(compile(without.replace("seconds=6.0", "seconds=1.2"), str(PAGE), "exec"), {})
+    assert "seconds=8.0" in without
+    exec(compile(without.replace("seconds=8.0", "seconds=2.0"), str(PAGE), "exec"), {})
     assert re.search(r"\d s  planned", capsys.readouterr().out)
