@@ -28,6 +28,7 @@ TABLES = {
     *("read_bases", "write_subspaces", "save_process", "load_process", "load_geometry"),
     *(
         "from_table",
+        "learned_and_rest",
         "to_table",
         "true_map_of",
         "true_map_table",

@@ -474,6 +474,7 @@ def _read_saved(path):
 
 
 def _models():
+    from hopdata.steering.frame_changes import HOPPER
     from hopdata.steering.models.process import FrameChangeProcess, save_process
 
     rng = np.random.default_rng(np.random.SeedSequence(1))
@@ -481,7 +482,8 @@ def _models():
     process = FrameChangeProcess(
         smoothness=1.5,
         periodic=True,
-        inputs=turns,
+        axes=HOPPER,
+        points=turns,
         outputs=rng.standard_normal((9, 3)),
         offset=np.zeros(3),
         unit=np.ones(3),
@@ -502,8 +504,8 @@ def _load_model(path):
 
 
 def _is_model(model):
-    assert model.inputs.dtype == np.float64
-    for name in ("inputs", "outputs", "offset", "unit", "variance", "noise"):
+    assert model.points.dtype == np.float64
+    for name in ("points", "outputs", "offset", "unit", "variance", "noise"):
         assert np.isfinite(getattr(model, name)).all(), name
 
 
