@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hopdata.errors import AnalysisError, ConfigError
 from hopdata.rigid import composed
 from hopdata.steering.control.objectives import Plan, PlanningError
 from hopdata.steering.robots.interface import (
@@ -144,3 +145,25 @@ def test_a_seed_gives_the_same_log_again():
     )
     np.testing.assert_array_equal(one, again)
     assert (one != other).any()
+
+
+def test_deviations_for_too_few_numbers_are_refused():
+    class Short(Walker):
+        seen_sd = (0.0, 0.0)
+
+    with pytest.raises(ConfigError, match=r"seen_sd: expected .* numbers.*found 2"):
+        Simulation(Short())
+
+
+def test_a_stride_to_nowhere_is_an_error_and_a_fall_is_none():
+    class Lost(Walker):
+        def stride(self, stance, inputs, rng):
+            after = super().stride(stance, inputs, rng)
+            return replace(after, pose=np.full(3, np.nan), fell=self.fell)
+
+    lost = Lost()
+    lost.fell = False
+    with pytest.raises(AnalysisError, match="stride: expected a pose and a state"):
+        excited(Simulation(lost), [0.1, 0.1])
+    lost.fell = True
+    assert excited(Simulation(lost), [0.1, 0.1]).fell

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.errors import AnalysisError, require
 from hopdata.steering.control.objectives import Controller, PlanningError
 from hopdata.steering.strides import StrideAxes, Strides, recorded_strides
 
@@ -107,11 +108,20 @@ class Simulation:
     ----------
     true_pose : (3,) array
         Pose in the newest stance, as nobody sees it.
+
+    Raises
+    ------
+    ConfigError
+        If `seen_sd` has not one number for x, y, the heading, and each state.
     """
 
     def __init__(
         self, robot: SimulatedRobot, pose: ArrayLike = (0.0, 0.0, 0.0), *, seed: Any = 0
     ) -> None:
+        n_numbers = 3 + len(robot.axes.states)
+        n_found = np.size(robot.seen_sd)
+        wanted = f"{n_numbers} numbers: of x, y, the heading, and each state"
+        require(n_found == n_numbers, "seen_sd", wanted, n_found)
         self._robot = robot
         self._pose = np.asarray(pose, dtype=float)
         self.true_pose = self._pose
@@ -129,7 +139,13 @@ class Simulation:
         return self._robot.axes
 
     def stances(self) -> Iterator[Stance]:
-        """Put the robot down, and let it make strides for ever."""
+        """Put the robot down, and let it make strides for ever.
+
+        Raises
+        ------
+        AnalysisError
+            If a stride ends at a pose or state that is no number, and in no fall.
+        """
         stance = self._robot.release(self._pose)
         stance = replace(stance, follows=False)
         while True:
@@ -139,6 +155,7 @@ class Simulation:
                 yield self._seen(replace(after, pose=stance.pose, state=stance.state))
                 after = self._robot.release(stance.pose)
                 after = replace(after, follows=False)
+            _require_finite(after)
             stance = replace(after, time_s=max(after.time_s, stance.time_s))
 
     def command(self, inputs: FloatArray, /) -> None:
@@ -154,6 +171,13 @@ class Simulation:
         pose = stance.pose + error[:3]
         state = self.axes.wrapped(stance.state + error[3:])
         return replace(stance, pose=pose, state=state, inner=None)
+
+
+def _require_finite(stance: Stance) -> None:
+    numbers = [*stance.pose, *stance.state]
+    if not np.isfinite(numbers).all():
+        wanted = "a pose and a state of numbers, or fell=True"
+        raise AnalysisError.at("stride", wanted, numbers)
 
 
 def at_rest(axes: StrideAxes) -> FloatArray:
