@@ -45,7 +45,8 @@ cause is the end of 100 ms without a frame or without a marker that is needed, t
 frame of exchanged, mirrored or frozen markers, 200 ms without a plan, the end of 200 ms
 after the first heartbeat without an answer, or otherwise the first frame or call that
 shows the fault; for a boom that does not move it is not known, so that row has no
-times. The row `all` counts stances: `seen` stances have at most single frames missing
+times, and `unfelt` counts those to which fewer than two swings were sent that are
+large enough for the loop to compare: they need bring no rest. The row `all` counts stances: `seen` stances have at most single frames missing
 about them; `lost` of these were not reported, and `invented` ones did not happen. Each
 sent swing is judged by the true stance at its own time: `off_m` and `off_rad` are the
 largest deviations from that stance of the pose (and boom angle) used for planning.
@@ -83,7 +84,13 @@ from hopdata.steering.control.waypoints import WayPointFollower, WayPoints
 from hopdata.steering.frame_changes import frame_changes
 from hopdata.steering.live.buffer import Status
 from hopdata.steering.live.drive import Drive, drive
-from hopdata.steering.live.loop import ControlLoop, Decision, checks_of, observers_of
+from hopdata.steering.live.loop import (
+    LEAST_SWING_RAD,
+    ControlLoop,
+    Decision,
+    checks_of,
+    observers_of,
+)
 from hopdata.steering.live.machine import State
 from hopdata.steering.live.packets import StreamParameters
 from hopdata.steering.live.safety import LOOK_S, Limits, UdpBoom
@@ -396,6 +403,9 @@ UNSEEN = {"frames repeated", "frames held up", "server gone", "markers exchanged
           "leaves the arena", "tips over"}  # fmt: skip
 # The operator arms the drive this long after a fault, and tries this often.
 OPERATOR_S, TRY_S, STUCK_S = 0.3, 0.2, 5.0
+# Swings above this can be told from none: the loop's least one, and as much for errors of
+# the boom angle.
+COMPARED_RAD = 2 * LEAST_SWING_RAD
 
 
 @dataclass
@@ -403,7 +413,8 @@ class Fault:
     """One fault: its span on the hopper's clock, its effect, and when the boom rested.
 
     `cause_s` is when it can be known. `armed_s` is when the operator armed the drive
-    again, and `code` how it was named.
+    again, and `code` how it was named. `n_unfollowed` is the number of swings that a
+    boom that does not move should have made, and that are large enough to compare.
     """
 
     kind: str
@@ -417,6 +428,13 @@ class Fault:
     refused: bool = False
     pair: tuple[int, int] = (0, 1)
     code: str = ""
+    n_unfollowed: int = 0
+
+    @property
+    def is_unfelt(self) -> bool:
+        """Whether a boom did not move, but was hardly told to."""
+        is_dead = self.kind == "boom does not move"
+        return is_dead and self.n_unfollowed < LIMITS.wrong_swings
 
 
 @dataclass
@@ -642,6 +660,7 @@ class Rehearsal:
             raise OSError("not connected")
         dead = self._active() == "boom does not move"
         self.boom.swing(0.0 if dead else rad)
+        fault.n_unfollowed += dead and abs(rad) > COMPARED_RAD
         self.unsafe += abs(rad) > LIMITS.swing_rad
         must = KINDS[fault.kind][2] if fault.kind else ""
         if not must or self.now_s < fault.begin_s:
@@ -713,6 +732,7 @@ def off_by(
 def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
     for kind, (_, _, must, codes) in KINDS.items():
         those = [f for f in done.faults if f.kind == kind]
+        felt = [f for f in those if must and not f.is_unfelt]
         caused = [f for f in those if must and not np.isnan(f.cause_s)]
         # The boom may have been told to stay for another reason just before.
         delays = [1e3 * max(0.0, f.rest_s - f.cause_s) for f in caused]
@@ -722,8 +742,9 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
             "rest_ms_p50": np.median(known) if known else np.nan,
             "rest_ms_max": max(known, default=np.nan),
             "late": sum(delay > 1e3 * ALLOWED_S for delay in known),
-            "no_rest": sum(bool(must) and np.isnan(f.rest_s) for f in those),
-            "misnamed": sum(bool(must) and f.code not in codes for f in those),
+            "no_rest": sum(np.isnan(f.rest_s) for f in felt),
+            "misnamed": sum(f.code not in codes for f in felt),
+            "unfelt": sum(f.is_unfelt for f in those),
             "moved": sum(f.moved for f in those),
         }  # fmt: skip
     hops = done.hopper.hops[:-2]
