@@ -8,6 +8,9 @@ import re
 import sys
 from pathlib import Path
 
+from docutils.nodes import SkipNode
+from latex2mathml.converter import convert
+
 from hopdata import __version__ as release
 
 ROOT = Path(__file__).parents[1]
@@ -24,7 +27,7 @@ PAGES = {
         "integrator_step", "integrator_proof", "integrator_method", "printed_method",
     ],
     "Understand": [
-        "dissertation", "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign",
+        "dissertation", "c1", "gradient", "filter", "verdict", "verdict_json", "verdict_method", "verdict_campaign",
         "unseen_order", "impacts", "contacts", "limits", "reliability", "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
@@ -48,7 +51,7 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 240  # s, of a cell
 myst_heading_anchors = 4
-myst_enable_extensions = ["deflist"]
+myst_enable_extensions = ["deflist", "dollarmath"]
 
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
@@ -56,6 +59,7 @@ autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"hopdata {release}"
 html_copy_source = False
@@ -99,8 +103,23 @@ def _whole_lines(app, failed):
         )
 
 
+def _formula_in_a_line(translator, node):
+    """Write a formula as MathML, which browsers set themselves, without a network."""
+    translator.body.append(convert(node.astext()))
+    raise SkipNode
+
+
+def _formula_by_itself(translator, node):
+    formula = convert(node.astext(), display="block")
+    translator.body.append(f'<div class="math">{formula}</div>\n')
+    raise SkipNode
+
+
 def setup(app):
     """Connect what Sphinx calls."""
+    app.add_html_math_renderer(
+        "mathml", (_formula_in_a_line, None), (_formula_by_itself, None)
+    )
     app.connect("source-read", _contents)
     app.connect("build-finished", _first_page)
     app.connect("build-finished", _whole_lines)
