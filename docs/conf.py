@@ -28,7 +28,7 @@ PAGES = {
     ],
     "Understand": [
         "dissertation", "c1", "gradient", "filter", "verdict", "verdict_json", "verdict_method", "verdict_campaign",
-        "unseen_order", "impacts", "contacts", "limits", "reliability", "architecture", "decisions",
+        "unseen_order", "impacts", "contacts", "contacts_study", "contacts_method", "limits", "reliability", "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip
@@ -111,7 +111,7 @@ def _formula_in_a_line(translator, node):
 
 def _formula_by_itself(translator, node):
     formula = convert(node.astext(), display="block")
-    translator.body.append(f'<div class="math">{formula}</div>\n')
+    translator.body.append(f'<div class="formula">{formula}</div>\n')
     raise SkipNode
 
 
