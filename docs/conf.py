@@ -23,7 +23,8 @@ PAGES = {
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "The integrator": [
-        "integrator", "integrator_choices", "sliding", "known_instants", "gradients",
+        "integrator", "integrator_examples", "integrator_reference", "integrator_many", "integrator_compiled",
+        "integrator_choices", "sliding", "known_instants", "gradients",
         "integrator_step", "integrator_proof", "integrator_method", "printed_method",
     ],
     "Understand": [
