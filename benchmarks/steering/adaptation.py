@@ -45,7 +45,7 @@ from hopdata.jobs import write_table
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering import child
 from hopdata.steering.control.adaptive import AdaptivePlanner
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task

@@ -36,11 +36,10 @@ import pandas as pd
 from hopdata.arrays import FloatArray
 from hopdata.jobs import write_table
 from hopdata.steering import child
+from hopdata.steering.control.interface import Controller, Plan
 from hopdata.steering.control.objectives import (
-    Controller,
     Horizon,
     Objective,
-    Plan,
     ToHeading,
     ToPoint,
     goal_errors,

@@ -16,13 +16,8 @@ from hopdata.steering.control.grids import (
     PointGrid,
     state_nodes,
 )
-from hopdata.steering.control.objectives import (
-    Horizon,
-    PlanningError,
-    ToHeading,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import PlanningError
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.prediction import poses_ahead
 from hopdata.steering.control.printed import PrintedController

@@ -13,13 +13,8 @@ from hopdata.rigid import composed
 from hopdata.steering.control.adaptive import AdaptivePlanner
 from hopdata.steering.control.cost_to_go import DISCOUNT, TOLERANCE
 from hopdata.steering.control.grids import SHARPNESS, HeadingGrid, PointGrid
-from hopdata.steering.control.objectives import (
-    Horizon,
-    PlanningError,
-    ToHeading,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import PlanningError
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.prediction import predicted_poses
 from hopdata.steering.models.tabulated import Correction, tabulated

@@ -6,13 +6,8 @@ from control_models import LIMIT, ClosedForm
 
 from hopdata.errors import AnalysisError
 from hopdata.rigid import composed
-from hopdata.steering.control.objectives import (
-    Horizon,
-    PlanningError,
-    ToHeading,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import PlanningError
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
 from hopdata.steering.control.prediction import predicted_poses
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.models.tabulated import tabulated

@@ -20,13 +20,8 @@ from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
 from hopdata.dissertation.steered import Learned, learned, rms
 from hopdata.rigid import wrapped
 from hopdata.steering import FLOOR, child
-from hopdata.steering.control.objectives import (
-    Controller,
-    Horizon,
-    ToHeading,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import Controller
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
 from hopdata.steering.control.prediction import predicted_poses
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints

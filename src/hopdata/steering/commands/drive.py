@@ -20,7 +20,7 @@ from hopdata.errors import ConfigError, counted, printable, require
 from hopdata.messages import Message
 
 if TYPE_CHECKING:
-    from hopdata.steering.control.objectives import Controller
+    from hopdata.steering.control.interface import Controller
     from hopdata.steering.live.buffer import Stream
     from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.loop import ControlLoop, Decision

@@ -13,6 +13,7 @@ from hopdata.rigid import relative, wrapped
 from hopdata.steering.control import objectives
 from hopdata.steering.control.cost_to_go import cost_to_go
 from hopdata.steering.control.grids import Grid, HeadingGrid, PointGrid
+from hopdata.steering.control.interface import Plan, checked_state
 from hopdata.steering.control.planner import Planner
 from hopdata.steering.models import tabulated as tables
 
@@ -68,9 +69,9 @@ class AdaptivePlanner:
         state: ArrayLike,
         previous_inputs: ArrayLike | None = None,
         /,
-    ) -> objectives.Plan:
+    ) -> Plan:
         """Learn from the previous hop, if its swing is known, then plan."""
-        here, states = objectives.checked_state(pose, state, self._table.axes)
+        here, states = checked_state(pose, state, self._table.axes)
         boom = float(states[0])
         if self._before is not None and previous_inputs is not None:
             start, boom_before = self._before

@@ -50,6 +50,7 @@ from hopdata.steering.control.grids import (
     PointGrid,
     not_arrived,
 )
+from hopdata.steering.control.interface import Plan, checked_state
 from hopdata.steering.control.prediction import (
     StrideModel,
     axes_of,
@@ -152,15 +153,15 @@ class Planner:
         state: ArrayLike,
         previous_inputs: ArrayLike | None = None,
         /,
-    ) -> objectives.Plan:
+    ) -> Plan:
         """Plan from a pose and the states; the previous inputs are ignored."""
         del previous_inputs
         axes = self.model.axes
-        here, states = objectives.checked_state(pose, state, axes)
+        here, states = checked_state(pose, state, axes)
         remaining = relative(here, self._goal(here))
         cost, inputs = self._minimum(remaining, states)
         poses = poses_ahead(self.model, here, states, inputs)
-        return objectives.Plan(inputs, poses, cost)
+        return Plan(inputs, poses, cost)
 
     def _goal(self, here: FloatArray) -> list[float]:
         """Return the pose of the goal; what does not count of it is as it is here."""

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.steering.control import objectives
+from hopdata.steering.control.interface import Plan, checked_state
 from hopdata.steering.control.prediction import StrideModel, axes_of, poses_ahead
 from hopdata.steering.models.tabulated import TabulatedMap
 
@@ -62,16 +63,16 @@ class PrintedController:
         state: ArrayLike,
         previous_inputs: ArrayLike | None = None,
         /,
-    ) -> objectives.Plan:
+    ) -> Plan:
         """Plan from a pose and the states; one search begins with the last inputs."""
         axes = axes_of(self.model)
-        here, states = objectives.checked_state(pose, state, axes)
+        here, states = checked_state(pose, state, axes)
         firsts = self.first_inputs(previous_inputs)
         ends = [self.descended(here, states, first) for first in firsts]
         solved = min(ends, key=lambda end: end.fun)
         inputs = solved.x.reshape(self.horizon.hops, -1)
         poses = poses_ahead(self.model, here, states, inputs)
-        return objectives.Plan(inputs, poses, float(solved.fun))
+        return Plan(inputs, poses, float(solved.fun))
 
     def first_inputs(
         self, previous_inputs: ArrayLike | None

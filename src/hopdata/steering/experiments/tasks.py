@@ -13,6 +13,7 @@ from hopdata.rigid import wrapped
 from hopdata.steering import START, child
 from hopdata.steering.control import objectives
 from hopdata.steering.control.adaptive import AdaptivePlanner
+from hopdata.steering.control.interface import Controller, Plan
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
@@ -194,7 +195,7 @@ def draw_starts(
 
 # The controllers.
 
-Policy: TypeAlias = Callable[[Start], objectives.Controller]
+Policy: TypeAlias = Callable[[Start], Controller]
 
 PRINTED = "printed"
 PLANNER = "planner"
@@ -247,11 +248,11 @@ class Unheeding:
 
     def plan(
         self, pose: ArrayLike, _state: ArrayLike, _inputs: ArrayLike | None = None, /
-    ) -> objectives.Plan:
+    ) -> Plan:
         """Return the swing; where it leads is unknown."""
         swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)
         poses = np.array([pose, [np.nan] * 3], dtype=float)
-        return objectives.Plan(swing, poses, np.nan)
+        return Plan(swing, poses, np.nan)
 
 
 def policies(
@@ -291,11 +292,11 @@ def policies(
             return task.way_points.legs()[0]
         return goal_of(task.manoeuvre, start)
 
-    def going(controller: PrintedController | Any) -> objectives.Controller:
+    def going(controller: PrintedController | Any) -> Controller:
         """Return the controller, or one that leads it from point to point."""
         if task.manoeuvre == WAYPOINTS:
             return WayPointFollower(controller, task.way_points)
-        known: objectives.Controller = controller
+        known: Controller = controller
         return known
 
     def steered(controller: PrintedController | Any) -> Policy:
@@ -308,7 +309,7 @@ def policies(
     def adaptive() -> Policy:
         known = planning(learned)
 
-        def policy(start: Start) -> objectives.Controller:
+        def policy(start: Start) -> Controller:
             towards_goal = known.towards(goal(start.pose))
             return going(AdaptivePlanner(towards_goal, model.noise_sd))
 
