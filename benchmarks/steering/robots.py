@@ -47,7 +47,7 @@ from hopdata.steering.control.objectives import (
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.excitation import excitation
-from hopdata.steering.models.process import trained_process
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.robots.interface import (
     Log,
     SimulatedRobot,

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray
 from hopdata.errors import require
 from hopdata.rigid import wrapped
-from hopdata.steering.frame_changes import HOPPER
+from hopdata.steering.frame_changes import is_hopper
 from hopdata.steering.strides import StrideAxes
 
 
@@ -65,7 +65,7 @@ class Horizon:
 
     def limits(self, axes: StrideAxes) -> tuple[FloatArray, FloatArray]:
         """Return the least and the largest inputs of a stride, (U,) each."""
-        if axes.input_names == HOPPER.input_names:
+        if is_hopper(axes):
             limit = np.array([self.swing_limit_rad])
             return -limit, limit
         return axes.lower, axes.upper

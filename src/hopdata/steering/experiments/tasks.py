@@ -17,8 +17,9 @@ from hopdata.steering.control.interface import Controller, Plan
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
+from hopdata.steering.frame_changes import hopper_axes
 from hopdata.steering.models.process import FrameChangeProcess
-from hopdata.steering.models.tabulated import TabulatedMap
+from hopdata.steering.models.stride_table import StrideTable
 
 ORIGIN, TURN, WAYPOINTS = "origin", "turn", "waypoints"
 
@@ -285,7 +286,8 @@ def policies(
     horizon = objectives.Horizon(
         hops=options["horizon"], swing_limit_rad=swing_limit_rad
     )
-    learned = model.table_within(swing_limit_rad)
+    axes = hopper_axes(swing_limit_rad)
+    learned = model.within(axes.lower, axes.upper)
 
     def goal(start: ArrayLike) -> objectives.Objective:
         if task.manoeuvre == WAYPOINTS:
@@ -302,7 +304,7 @@ def policies(
     def steered(controller: PrintedController | Any) -> Policy:
         return lambda start: going(controller.towards(goal(start.pose)))
 
-    def planning(known: TabulatedMap) -> Planner:
+    def planning(known: StrideTable) -> Planner:
         shorter = replace(horizon, hops=options["planner_horizon"])
         return planner(known, goal(np.zeros(3)), horizon=shorter)
 
@@ -324,6 +326,6 @@ def policies(
         ADAPTIVE: adaptive,
         RANDOM: lambda: unheeding(swing_limit_rad),
         NONE: lambda: unheeding(0.0),
-        CEILING: lambda: steered(planning(TabulatedMap(truth, swing_limit_rad))),
+        CEILING: lambda: steered(planning(StrideTable.evenly_spaced(axes, truth))),
     }
     return {name: chosen("controller", name, makers)() for name in names}
