@@ -18,6 +18,7 @@ from hopdata.rigid import composed, relative, wrapped
 from hopdata.steering.control.adaptive import COARSE
 from hopdata.steering.control.cost_to_go import cost_to_go
 from hopdata.steering.control.grids import PointGrid
+from hopdata.steering.goals import ARRIVED_M, MOST_STRIDES
 from hopdata.steering.models.process import LENGTHS, FrameChangeProcess
 from hopdata.steering.models.tabulated import COMPONENTS, TabulatedMap, tabulated
 from hopdata.steering.strides import TURN, Strides
@@ -28,9 +29,6 @@ STARTS = 200
 #: Distance of the starts from the point.
 #: Unit: m. Origin: convention: that of the experiments.
 DISTANCE_M = 1.0
-#: Hops within which it must arrive.
-#: Unit: hops. Origin: convention: that of the experiments.
-HOPS = 50
 #: Swings that are tried in each hop.
 #: Unit: 1. Origin: chosen: the planner tries as many in the first of two hops.
 SWINGS = 31
@@ -94,7 +92,7 @@ def forecast(
     hops: Strides,
     *,
     swing_limit_rad: float,
-    width_m: float = 0.11,
+    width_m: float = ARRIVED_M,
 ) -> Forecast:
     """Tell what to expect of a model.
 
@@ -143,7 +141,7 @@ def _arrived(
     y = DISTANCE_M * np.sin(bearing)
     pose = np.column_stack([x, y, heading])
     boom = np.full(STARTS, np.pi)
-    for _ in range(HOPS):
+    for _ in range(MOST_STRIDES):
         on_the_way = np.hypot(pose[:, 0], pose[:, 1]) > width_m
         pose = pose[on_the_way]
         boom = boom[on_the_way]
