@@ -18,7 +18,7 @@ PAGES = {
     "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "another_robot",
               "new_scene"],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
-    "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
+    "Look up": ["gallery", "api", "json", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "The integrator": [
         "integrator", "integrator_choices", "sliding", "known_instants", "gradients",
         "integrator_step", "integrator_proof", "integrator_method", "printed_method",

@@ -13,7 +13,7 @@ from typing import Any
 
 from hopdata.bundled import SNAKEFILE
 from hopdata.causes import OomKills, oom_kills, signal_told
-from hopdata.commands import deaths
+from hopdata.commands import answers, deaths
 from hopdata.commands.owner import (
     DRY,
     LOCKS,
@@ -103,15 +103,21 @@ def run_workflow(
     elif code:
         _report_failure(said, log, oom_before)
     elif listed:
+        answers.give(planned=progress.planned)
         print(plan_told(study, progress.planned))
     return code
 
 
 def _started(command: Sequence[str], *, listed: bool) -> subprocess.Popen[str]:
     """Start Snakemake; its table is kept from the terminal if it is to be read."""
+    out: int | None = None
+    if listed:
+        out = subprocess.DEVNULL
+    elif answers.is_asked():
+        out = 2  # stdout holds the answer alone
     return subprocess.Popen(
         command,
-        stdout=subprocess.DEVNULL if listed else None,
+        stdout=out,
         stderr=subprocess.PIPE,
         # Python would look for modules in the working folder first, for Snakemake and
         # for its jobs. That is a study's folder, into which anyone may have put files.
