@@ -339,7 +339,7 @@ def show(found: ContactTimes, notes: Sequence[str]) -> None:
     """Print the contacts of each landing, and what to know about them."""
     from hopdata.landings.contacts.remarks import one_for_all_feet
 
-    print(found.told())
+    print(found)
     several = found.orders["recording"].nunique() > 1
     has_orders = bool((found.orders["feet"] > 1).any())
     by_landing = dict(list(found.table.groupby(["recording", "landing"], sort=False)))
