@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 PAGES = {
     "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "another_robot",
               "new_scene"],
-    "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
+    "Do": ["results", "group", "live", "cluster", "formats", "configuration", "plugins", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "json", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "The integrator": [
         "integrator", "integrator_examples", "integrator_reference", "integrator_many", "integrator_compiled",
