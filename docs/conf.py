@@ -8,6 +8,9 @@ import re
 import sys
 from pathlib import Path
 
+from docutils.nodes import SkipNode
+from latex2mathml.converter import convert
+
 from hopdata import __version__ as release
 
 ROOT = Path(__file__).parents[1]
@@ -20,12 +23,13 @@ PAGES = {
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
     "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "The integrator": [
-        "integrator", "integrator_choices", "sliding", "known_instants", "gradients",
+        "integrator", "integrator_examples", "integrator_reference", "integrator_many", "integrator_compiled",
+        "integrator_choices", "sliding", "known_instants", "gradients",
         "integrator_step", "integrator_proof", "integrator_method", "printed_method",
     ],
     "Understand": [
-        "dissertation", "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign",
-        "unseen_order", "impacts", "contacts", "limits", "reliability", "architecture", "decisions",
+        "dissertation", "c1", "gradient", "filter", "verdict", "verdict_json", "verdict_method", "verdict_campaign",
+        "unseen_order", "impacts", "contacts", "contacts_study", "contacts_method", "limits", "reliability", "architecture", "decisions",
         "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip
@@ -48,7 +52,7 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 240  # s, of a cell
 myst_heading_anchors = 4
-myst_enable_extensions = ["deflist"]
+myst_enable_extensions = ["deflist", "dollarmath"]
 
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
@@ -56,6 +60,7 @@ autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"hopdata {release}"
 html_copy_source = False
@@ -99,8 +104,23 @@ def _whole_lines(app, failed):
         )
 
 
+def _formula_in_a_line(translator, node):
+    """Write a formula as MathML, which browsers set themselves, without a network."""
+    translator.body.append(convert(node.astext()))
+    raise SkipNode
+
+
+def _formula_by_itself(translator, node):
+    formula = convert(node.astext(), display="block")
+    translator.body.append(f'<div class="formula">{formula}</div>\n')
+    raise SkipNode
+
+
 def setup(app):
     """Connect what Sphinx calls."""
+    app.add_html_math_renderer(
+        "mathml", (_formula_in_a_line, None), (_formula_by_itself, None)
+    )
     app.connect("source-read", _contents)
     app.connect("build-finished", _first_page)
     app.connect("build-finished", _whole_lines)
