@@ -45,13 +45,14 @@ from hopdata.jobs import write_table
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering import child
 from hopdata.steering.control.adaptive import AdaptivePlanner
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task
 from hopdata.steering.experiments.tasks import FELL, ORIGIN, Task, draw_starts
 from hopdata.steering.frame_changes import frame_changes
-from hopdata.steering.models.process import FrameChangeProcess, trained_process
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances

@@ -96,7 +96,7 @@ from hopdata.steering.live.packets import StreamParameters
 from hopdata.steering.live.safety import LOOK_S, Limits, UdpBoom
 from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, TrueHop
 from hopdata.steering.live.stream import MarkerStream
-from hopdata.steering.models.process import trained_process
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances

@@ -36,11 +36,10 @@ import pandas as pd
 from hopdata.arrays import FloatArray
 from hopdata.jobs import write_table
 from hopdata.steering import child
+from hopdata.steering.control.interface import Controller, Plan
 from hopdata.steering.control.objectives import (
-    Controller,
     Horizon,
     Objective,
-    Plan,
     ToHeading,
     ToPoint,
     goal_errors,
@@ -48,7 +47,7 @@ from hopdata.steering.control.objectives import (
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.excitation import excitation
-from hopdata.steering.models.process import trained_process
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.robots.interface import (
     Log,
     SimulatedRobot,

@@ -61,11 +61,8 @@ from hopdata.steering.experiments.run import Run, Sight
 from hopdata.steering.experiments.study import Setting
 from hopdata.steering.live.clocked import Transport
 from hopdata.steering.models.learning import learned_and_rest, prediction_score
-from hopdata.steering.models.process import (
-    FrameChangeProcess,
-    process_of,
-    trained_process,
-)
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.training import process_of, trained_process
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.robot import SteeredHopper, robot_and_camera
@@ -396,10 +393,7 @@ def foretold(number: int, name: str, taught: str) -> dict[str, Any]:
     scores = prediction_score(of_model.process, of_world.rest)
     for score in scores.itertuples():
         row[f"r2_{score.component}"] = score.r2
-    _, plain, _ = settings()
-    expected = forecast(
-        of_model.process, of_world.rest, swing_limit_rad=plain.swing_limit_rad
-    )
+    expected = forecast(of_model.process, of_world.rest, state=[np.pi])
     row |= expected.columns()
     said = warning(scores.assign(**expected.columns()))
     return {**row, "named": said is not None, "note": ""}

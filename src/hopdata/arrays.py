@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from importlib import import_module
+from pkgutil import resolve_name
 from threading import Lock, local
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +37,7 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "Shown",
+    "figure_function",
     "h5py",
     "one_blas_thread",
     "pd",
@@ -44,6 +46,15 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+
+def figure_function(place: str) -> Any:
+    """Return the function ``module:function`` of `hopdata.figures`.
+
+    It is imported only when something is drawn. The stages of a study depend on this
+    module, but no result of theirs depends on a figure.
+    """
+    return resolve_name(f"hopdata.figures.{place}")
 
 
 class Shown(Told):

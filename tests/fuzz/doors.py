@@ -475,7 +475,8 @@ def _read_saved(path):
 
 def _models():
     from hopdata.steering.frame_changes import HOPPER
-    from hopdata.steering.models.process import FrameChangeProcess, save_process
+    from hopdata.steering.models.process import FrameChangeProcess
+    from hopdata.steering.models.process_file import save_process
 
     rng = np.random.default_rng(np.random.SeedSequence(1))
     turns = rng.uniform(-1.1, 1.1, (9, 2))
@@ -498,7 +499,7 @@ def _models():
 
 
 def _load_model(path):
-    from hopdata.steering.models.process import load_process
+    from hopdata.steering.models.process_file import load_process
 
     return load_process(path)
 

@@ -16,7 +16,8 @@ from hopdata.steering.live.buffer import Status, StreamCounts
 from hopdata.steering.live.log import read_log
 from hopdata.steering.live.machine import Machine
 from hopdata.steering.live.safety import NoBoom, Watch
-from hopdata.steering.models.process import FrameChangeProcess, save_process
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.process_file import save_process
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
 

@@ -7,7 +7,7 @@ import pytest
 
 from hopdata.errors import AnalysisError, ConfigError
 from hopdata.rigid import composed
-from hopdata.steering.control.objectives import Plan, PlanningError
+from hopdata.steering.control.interface import Plan, PlanningError
 from hopdata.steering.robots.interface import (
     Simulation,
     Stance,

@@ -20,7 +20,7 @@ from hopdata.errors import ConfigError, counted, printable, require
 from hopdata.messages import Message
 
 if TYPE_CHECKING:
-    from hopdata.steering.control.objectives import Controller
+    from hopdata.steering.control.interface import Controller
     from hopdata.steering.live.buffer import Stream
     from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.loop import ControlLoop, Decision
@@ -226,7 +226,7 @@ def _warn_of(folder: Path | None) -> None:
 
 def _files(folder: Path | None, progress: Callable[[str], None]) -> dict[str, bytes]:
     """Return the model's files; without a folder, those of the simulated hopper."""
-    from hopdata.steering.models.process import load_process, save_process
+    from hopdata.steering.models.process_file import load_process, save_process
     from hopdata.steering.observation.geometry import load_geometry
 
     with tempfile.TemporaryDirectory() as temporary:
@@ -247,7 +247,7 @@ def _learned() -> tuple[Any, Any]:
     import numpy as np
 
     from hopdata.steering.excitation import ControlGrid, eulerian_excitation
-    from hopdata.steering.models.process import trained_process
+    from hopdata.steering.models.training import trained_process
     from hopdata.steering.observation.observe import observe_recordings
     from hopdata.steering.robot import SteeredHopper
     from hopdata.steering.trial import record_trial
@@ -269,7 +269,7 @@ def _parts(
     from hopdata.steering.control.adaptive import AdaptivePlanner
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
     from hopdata.steering.control.planner import planner
-    from hopdata.steering.models.process import load_process
+    from hopdata.steering.models.process_file import load_process
     from hopdata.steering.observation.geometry import load_geometry
 
     with tempfile.TemporaryDirectory() as folder:
@@ -283,7 +283,7 @@ def _parts(
     else:
         goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
     horizon = Horizon(hops=PLANNED_HOPS, swing_limit_rad=setup["limits"]["swing_rad"])
-    model = process.table_within(horizon.swing_limit_rad)
+    model = process.within(*horizon.limits(process.axes))
     controller = planner(model, goal, horizon=horizon)
     # The first plan loads what it needs, which would delay the first hop.
     controller.plan(START, math.pi)

@@ -7,15 +7,16 @@ depends on one, the heading error. Beside these there is a state of the robot, o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
 from hopdata.rigid import relative
-from hopdata.steering.strides import TURN, StrideAxes, turn_nodes
+from hopdata.steering.models.stride_table import StrideTable
+from hopdata.steering.strides import TURN, turn_nodes
 
 #: Logarithm of the factor by which distances are closer together near the goal than at
 #: the far end of the grid.
@@ -149,23 +150,17 @@ class HeadingGrid(_Grid):
 Grid: TypeAlias = PointGrid | HeadingGrid
 
 
+def coarse(grid: Grid) -> Grid:
+    """Return a grid with so few nodes that a cost-to-go takes some 20 ms a sweep."""
+    if isinstance(grid, PointGrid):
+        return replace(grid, distances=20, bearings=24, states=16, inputs=9)
+    return replace(grid, heading_errors=90, states=32, inputs=17)
+
+
 def not_arrived(grid: Grid, remaining: FloatArray) -> FloatArray:
     """Return how far stances are from being arrivals, from 0 (arrived) to 1."""
     ratio = grid.errors(remaining) / grid.width
     return np.asarray(1.0 - 1.0 / (1.0 + ratio**SHARPNESS))
-
-
-class Model(Protocol):
-    """A tabulated model; see `hopdata.steering.models.stride_table`."""
-
-    @property
-    def axes(self) -> StrideAxes:
-        """Names of states and inputs, and the limits of the inputs."""
-        ...
-
-    def change(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
-        """Return the changes of pose (n, 3)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -203,7 +198,7 @@ class StateNodes:
         return np.asarray(np.clip(share, 0.0, 1.0) * (self.number - 1))
 
 
-def state_nodes(model: Model, number: int) -> StateNodes:
+def state_nodes(model: StrideTable, number: int) -> StateNodes:
     """Return the nodes of the state of a tabulated model.
 
     Raises
@@ -219,5 +214,5 @@ def state_nodes(model: Model, number: int) -> StateNodes:
         raise ConfigError.at("planner", "a robot with at most one state", names)
     if axes.periodic:
         return StateNodes(number, 0.0, TURN, "periodic")
-    places: FloatArray = model.nodes[0]  # type: ignore[attr-defined]
+    places = model.nodes[0]
     return StateNodes(number, float(places[0]), float(places[-1]), "linear")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.steering import robot as plant
-from hopdata.steering.control.objectives import Controller, Plan, PlanningError
+from hopdata.steering.control.interface import Controller, Plan, PlanningError
 from hopdata.steering.experiments.tasks import (
     Outcome,
     Start,

@@ -18,7 +18,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import require
 from hopdata.messages import Message
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer
 from hopdata.steering.live.checks import FrameChecks
 from hopdata.steering.live.loop import ControlLoop, Decision, Observers

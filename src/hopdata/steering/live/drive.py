@@ -17,7 +17,7 @@ from typing import Any, Self
 
 from hopdata.errors import ConfigError
 from hopdata.messages import Message
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
 from hopdata.steering.live.buffer import LoopCounts, Status, Stream, StreamCounts
 from hopdata.steering.live.log import DriveLog
 from hopdata.steering.live.loop import (

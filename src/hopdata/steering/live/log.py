@@ -30,7 +30,7 @@ from hopdata.errors import ConfigError, RecordingError
 from hopdata.foreign import door
 from hopdata.messages import Message
 from hopdata.recordings.readers.hdf5_checks import require_sound
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, Status
 from hopdata.steering.live.checks import FrameChecks
 from hopdata.steering.live.loop import ControlLoop, Decision, Observers

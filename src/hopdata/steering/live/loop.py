@@ -19,7 +19,7 @@ import numpy as np
 
 from hopdata.messages import Message
 from hopdata.rigid import wrapped
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Worker
 from hopdata.steering.live.checks import Findings, FrameChecks
 from hopdata.steering.live.machine import Machine, State, Told

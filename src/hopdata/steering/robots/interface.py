@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError, require
-from hopdata.steering.control.objectives import Controller, PlanningError
+from hopdata.steering.control.interface import Controller, PlanningError
 from hopdata.steering.strides import StrideAxes, Strides, recorded_strides
 
 
