@@ -21,7 +21,7 @@ PAGES = {
     "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "another_robot",
               "new_scene"],
     "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
-    "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
+    "Look up": ["gallery", "api", "json", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
     "The integrator": [
         "integrator", "integrator_examples", "integrator_reference", "integrator_many", "integrator_compiled",
         "integrator_choices", "sliding", "known_instants", "gradients",

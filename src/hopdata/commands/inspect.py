@@ -12,7 +12,7 @@ import numpy as np
 
 from hopdata import __version__
 from hopdata.arrays import pd
-from hopdata.commands import devices, listing, terminal
+from hopdata.commands import answers, devices, listing, terminal
 from hopdata.commands.guesses import inspected, with_effects
 from hopdata.errors import HopdataError, counted
 from hopdata.landings.role_guesses import guessed_roles
@@ -43,6 +43,7 @@ def inspect(options: argparse.Namespace) -> int:
     inspection = with_effects(inspected(options))
     beside = _beside_markers(options, inspection)
     listing.show(inspection, str(options.file), devices.lines_of(beside))
+    answers.give(files=[listing.fields_of(inspection, options.file)], page=options.html)
     if options.html is not None:
         with terminal.progress_line("drawing the page"):
             page = inspection_html(inspection, options.file.name, beside)

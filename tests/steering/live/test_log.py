@@ -14,9 +14,11 @@ from test_loop import LENIENT, Boom, Controller, Detector, Tracker
 from hopdata.errors import ConfigError, RecordingError
 from hopdata.messages import Message
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Status
-from hopdata.steering.live.log import DriveLog, _reserve, read_log, replay
+from hopdata.steering.live.log import DriveLog, _reserve
+from hopdata.steering.live.log_reading import read_log
 from hopdata.steering.live.loop import ControlLoop
 from hopdata.steering.live.machine import Machine
+from hopdata.steering.live.replay import replay
 
 LONG_FAULT = Message("steering.log_failed", {"failure": "ä" * 300})
 

@@ -21,11 +21,12 @@ from hopdata.messages import Message
 
 if TYPE_CHECKING:
     from hopdata.steering.control.interface import Controller
+    from hopdata.steering.live.actuator import Boom
     from hopdata.steering.live.buffer import Stream
+    from hopdata.steering.live.limits import Limits
     from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.loop import ControlLoop, Decision
     from hopdata.steering.live.rehearsal import Performed
-    from hopdata.steering.live.safety import Boom, Limits
     from hopdata.steering.observation.geometry import HopperGeometry
 
 # Files of what was learned.
@@ -155,7 +156,7 @@ def log_path(named: Path | None) -> Path:
 
 
 def _limits(options: argparse.Namespace) -> Limits:
-    from hopdata.steering.live.safety import Limits
+    from hopdata.steering.live.limits import Limits
 
     return Limits(swing_rad=options.swing_limit, fence_m=options.fence)
 
@@ -165,7 +166,7 @@ def _boom_and_stream(
 ) -> tuple[Boom, Stream]:
     """Return what moves, and what is seen."""
     from hopdata.steering.live import sources
-    from hopdata.steering.live.safety import NoBoom, UdpBoom
+    from hopdata.steering.live.actuator import NoBoom, UdpBoom
     from hopdata.steering.live.simulated import (
         LiveHopper,
         SimulatedBoom,
@@ -375,10 +376,10 @@ def _row(done: Performed) -> str:
 
 def replay(options: argparse.Namespace) -> int:
     """Feed a log to the same controller; exit code 1 if a plan differs."""
-    from hopdata.steering.live.log import read_log
-    from hopdata.steering.live.log import replay as replayed
+    from hopdata.steering.live.limits import Limits
+    from hopdata.steering.live.log_reading import read_log
     from hopdata.steering.live.loop import checks_of, observers_of
-    from hopdata.steering.live.safety import Limits
+    from hopdata.steering.live.replay import replay as replayed
 
     log = read_log(options.log)
     _require_settings(options.log, log.setup)
@@ -418,7 +419,7 @@ def _require_settings(log: Path, setup: Mapping[str, Any]) -> None:
     ConfigError
         If one is missing or of another kind.
     """
-    from hopdata.steering.live.safety import Limits
+    from hopdata.steering.live.limits import Limits
 
     place = f"{log}: setup"
     heading = setup.get("heading_deg")

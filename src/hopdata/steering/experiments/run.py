@@ -27,9 +27,9 @@ from hopdata.steering.experiments.tasks import (
     progress_of,
 )
 from hopdata.steering.live.clocked import ClockedDrive, Transport
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.loop import Decision, checks_of, observers_of
-from hopdata.steering.live.machine import State
-from hopdata.steering.live.safety import Limits
+from hopdata.steering.live.machine import DriveState
 from hopdata.steering.live.simulated import SimulatedBoom, SimulatedHopper
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import StanceDetector
@@ -281,7 +281,7 @@ class _Drive:
         """
         self._begun_s.append(self.hopper.apex_s)
         loop = self.clocked.loop
-        if loop.state is State.RESTING:  # the operator stands by
+        if loop.state is DriveState.RESTING:  # the operator stands by
             loop.arm()
         self.clocked.run_hop()
         if self.controller.failure is not None:

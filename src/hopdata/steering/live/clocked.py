@@ -19,13 +19,15 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import require
 from hopdata.messages import Message
 from hopdata.steering.control.interface import Controller
+from hopdata.steering.live.actuator import Boom
 from hopdata.steering.live.buffer import Frame, FrameBuffer
 from hopdata.steering.live.checks import FrameChecks
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.loop import ControlLoop, Decision, Observers
 from hopdata.steering.live.machine import Machine
-from hopdata.steering.live.safety import LOOK_S, Boom, Limits
+from hopdata.steering.live.watch import WATCH_S
 
-BUFFERED = 256  # frames: more than come during the longest plan
+PLAN_FRAMES = 256  # frames: more than come during the longest plan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +138,7 @@ class ClockedDrive:
         self._source = source
         self._transport = transport or Transport()
         self._lost = lost
-        self._buffer = FrameBuffer(BUFFERED)
+        self._buffer = FrameBuffer(PLAN_FRAMES)
         self.loop = ControlLoop(
             self._buffer,
             observers,
@@ -151,7 +153,7 @@ class ClockedDrive:
             clock=lambda: self.now_s,
         )
         self._on_the_way: deque[Frame] = deque()
-        self._look_s = 0.5 * LOOK_S
+        self._look_s = 0.5 * WATCH_S
 
     def run(self, until_s: float, *, ended: Callable[[], bool] = lambda: False) -> None:
         """Drive until just before a time, or until something holds."""
@@ -197,7 +199,7 @@ class ClockedDrive:
         return arrival_s, self._arrive
 
     def _look(self) -> None:
-        self._look_s += LOOK_S
+        self._look_s += WATCH_S
         self.loop.watch.look()
 
     def _hop(self) -> None:

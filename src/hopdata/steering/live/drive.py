@@ -18,7 +18,15 @@ from typing import Any, Self
 from hopdata.errors import ConfigError
 from hopdata.messages import Message
 from hopdata.steering.control.interface import Controller
-from hopdata.steering.live.buffer import LoopCounts, Status, Stream, StreamCounts
+from hopdata.steering.live.actuator import Boom
+from hopdata.steering.live.buffer import (
+    CAPACITY,
+    LoopCounts,
+    Status,
+    Stream,
+    StreamCounts,
+)
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.log import DriveLog
 from hopdata.steering.live.loop import (
     ControlLoop,
@@ -28,13 +36,13 @@ from hopdata.steering.live.loop import (
 )
 from hopdata.steering.live.machine import Machine, Step
 from hopdata.steering.live.packets import LOOPBACK, PORT
-from hopdata.steering.live.safety import LAST_REST_S, Boom, Limits, Rest, rest_within
+from hopdata.steering.live.sender import LAST_REST_S, rest_within
 from hopdata.steering.live.stream import MarkerStream, Patience
+from hopdata.steering.live.watch import Rest
 from hopdata.steering.observation.geometry import HopperGeometry
 
 # Time between calls of `on_look` and checks of `stop`, in the caller's thread.
-LOOK_S = 0.02
-BUFFERED = 4096  # frames
+OPERATOR_S = 0.02
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # used if the operating system has them
 
 
@@ -110,7 +118,7 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
     on_look : callable, optional
-        Called every `LOOK_S` with the loop and the stream, in the caller's thread.
+        Called every `OPERATOR_S` with the loop and the stream, in the caller's thread.
     log : DriveLog, optional
         Written during the drive, and closed at its end.
     rest_without_log : bool
@@ -137,7 +145,7 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
             host=host,
             port=port,
             rate_hz=rate_hz,
-            capacity=BUFFERED,
+            capacity=CAPACITY,
             patience=patience,
         )
     needed_log = log if rest_without_log else None
@@ -163,7 +171,7 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
                 try:
                     stream.wait_until_streaming(first_frame_s)
                     end_s = math.inf if seconds is None else time.monotonic() + seconds
-                    while time.monotonic() < end_s and not stop.wait(LOOK_S):
+                    while time.monotonic() < end_s and not stop.wait(OPERATOR_S):
                         if on_look is not None:
                             on_look(loop, stream)
                 finally:

@@ -20,17 +20,19 @@ import numpy as np
 from hopdata.messages import Message
 from hopdata.rigid import wrapped
 from hopdata.steering.control.interface import Controller
+from hopdata.steering.live.actuator import Boom, NoBoom
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Worker
 from hopdata.steering.live.checks import Findings, FrameChecks
-from hopdata.steering.live.machine import Machine, State, Told
-from hopdata.steering.live.safety import Boom, Limits, NoBoom, Watch
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.machine import DriveState, Machine, Told
+from hopdata.steering.live.watch import Watch
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.stances import Stance, StanceDetector
+from hopdata.steering.observation.stances import DetectedStance, StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker
 
 # The decision at each stance, and its reason.
 
-Outcome = Literal["planned", "cut", "held", "overtaken", "waiting"]
+DecisionOutcome = Literal["planned", "cut", "held", "overtaken", "waiting"]
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Decision:
     asked_s: float
     pose_age_s: float
     boom_age_s: float
-    outcome: Outcome
+    outcome: DecisionOutcome
     planned_rad: float
     command_rad: float
     planning_s: float
@@ -145,7 +147,7 @@ class ControlLoop(Worker):
 
     Use it as a context manager, or with `start` and `close`. Without threads, on a
     clock of your own, call `step` when frames have come and `watch.look` every
-    `hopdata.steering.live.safety.LOOK_S`, as `hopdata.steering.live.clocked` does.
+    `hopdata.steering.live.watch.WATCH_S`, as `hopdata.steering.live.clocked` does.
 
     Parameters
     ----------
@@ -161,7 +163,7 @@ class ControlLoop(Worker):
         Returns new checks of frames; called with `observers`. By default they know
         neither geometry nor rate.
     machine : Machine, optional
-        State machine of the drive. By default, it waits until it is armed; with
+        DriveState machine of the drive. By default, it waits until it is armed; with
         `Machine(is_armed=True)` the first swing is sent at the first stance.
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
@@ -264,7 +266,7 @@ class ControlLoop(Worker):
             self.watch.close()
 
     @property
-    def state(self) -> State:
+    def state(self) -> DriveState:
         """State of the drive."""
         return self.watch.machine.state
 
@@ -367,7 +369,7 @@ class ControlLoop(Worker):
 
         return why
 
-    def _observed(self, frame: Frame) -> Stance | None:
+    def _observed(self, frame: Frame) -> DetectedStance | None:
         """Process a frame, and return the stance it reveals, if any."""
         self.counts.frames += 1
         if self._last is not None and not _same_clock(self._last, frame):
@@ -394,7 +396,7 @@ class ControlLoop(Worker):
             self._heed(self._checks.failed(error))
             return None
 
-    def _pose_at(self, stance: Stance) -> _Newest:
+    def _pose_at(self, stance: DetectedStance) -> _Newest:
         """Return the pose of the frame nearest to a stance, for which models are made.
 
         When the stance is recognised, the hopper has moved on for two or three frames.
@@ -469,8 +471,8 @@ class ControlLoop(Worker):
         self._log(decision)
 
     def _sent(
-        self, outcome: Outcome, command: float, reason: Message | None
-    ) -> tuple[Outcome, float, Message | None]:
+        self, outcome: DecisionOutcome, command: float, reason: Message | None
+    ) -> tuple[DecisionOutcome, float, Message | None]:
         """Send a command; return outcome, command and reason as they then are."""
         try:
             refused = self.watch.swing(command)
@@ -485,7 +487,7 @@ class ControlLoop(Worker):
 
     def _admitted(
         self, ages: Mapping[str, float], stance_age_s: float, *, overtaken: bool
-    ) -> tuple[Outcome, Message | None]:
+    ) -> tuple[DecisionOutcome, Message | None]:
         """Tell the watch of a stance that can be planned for, and obey what it says.
 
         Return the outcome so far, "planned" if there is to be a plan, and otherwise the
@@ -575,7 +577,7 @@ class ControlLoop(Worker):
 
     def _permitted(
         self, swing: float, failure: Message | None, stance_s: float
-    ) -> tuple[Outcome, float, Message | None]:
+    ) -> tuple[DecisionOutcome, float, Message | None]:
         """Return outcome and command for a planned swing, and why they differ."""
         late_s = self._clock() - stance_s
         limit = self.limits.swing_rad
@@ -632,7 +634,7 @@ class _Newest:
 class _SeenStance:
     """A stance, the frame that revealed it, and the newest measurements up to it."""
 
-    stance: Stance
+    stance: DetectedStance
     frame: Frame
     pose_at_stance: _Newest  # of the frame nearest to it
     newest_pose: _Newest
