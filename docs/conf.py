@@ -112,7 +112,9 @@ def _formula_in_a_line(translator, node):
 
 def _formula_by_itself(translator, node):
     formula = convert(node.astext(), display="block")
-    translator.body.append(f'<div class="formula">{formula}</div>\n')
+    translator.body.append(
+        f'<div class="formula" style="padding: 0.4em 0">{formula}</div>\n'
+    )
     raise SkipNode
 
 

@@ -50,7 +50,7 @@ from hopdata.steering.live.seen_robots import (
     SeenRobot,
     released,
 )
-from hopdata.steering.models.process import trained_process
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.bodies import (
     NothingShown,
     Shown,
