@@ -29,16 +29,20 @@ ROOMS = {
 HEAD = """\
 # Troubleshooting
 
-<!-- Written by `make docs` from the messages of the code and packaging/what_to_do.toml. -->
+<!-- Written by `make docs` from the messages and packaging/what_to_do.toml. -->
 
-After this page you know what a message means and what to do about it. Search it for the message's words, or for its
-code. Codes stand in `verdict.json` (`notes`, `messages`), in `provenance.json`, and in what `to_dict` of a message
-gives. Words in braces are filled in. An empty last column: the sentence says it itself, or nothing is to be done.
+After this page you know what a message means and what to do about it. Search it for the
+message's words, or for its code. Codes stand in `verdict.json` (`notes`, `messages`).
+Words in braces are filled in. If the last column is empty, the sentence says it itself,
+or nothing is to be done.
 
-An **error** has no code. It is one line: the file, line or key; what was expected; what was found; what to do. The
-exit code is then 1. `hopdata doctor` says what the installation lacks, and `results/STUDY/logs` has a log of each job.
-If a run was interrupted, the same command goes on.
+An **error** has no code. It is one line: the file, line or key; what was expected; what
+was found; what to do. The exit code is then 1. `hopdata doctor` says what the
+installation lacks, and `results/STUDY/logs` has a log of each job. If a run was
+interrupted, the same command goes on.
 """
+
+TABLE = "| code | message | what to do |\n|---|---|---|\n"
 
 
 def codes() -> dict[str, str]:
@@ -97,9 +101,7 @@ def written() -> str:
     for room, title in ROOMS.items():
         parts.append(f"\n## {title}\n")
         for heading, names in _sections(room):
-            parts.append(
-                f"\n### {heading}\n\n| code | message | what to do |\n|---|---|---|\n"
-            )
+            parts.append(f"\n### {heading}\n\n{TABLE}")
             for name in names:
                 code = f"{room}.{name}"
                 cells = (f"`{code}`", _cell(templates[code]), done.get(code, ""))
