@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata import __version__
 from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report.group import by_answer, summaries
@@ -267,7 +266,6 @@ def build_group_page(
         has_conditions=len({row["condition"] for row in rows}) > 1,
         members=members,
         conditions=show.table_of(title, group["conditions"], CONDITIONS),
-        version=__version__,
     )
 
 
