@@ -21,6 +21,7 @@ SHARED = {
     "code_cache",
     "digests",
     "errors",
+    "feet",
     "jobs",
     "messages",
     "private_numba",
