@@ -51,6 +51,7 @@ from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task
 from hopdata.steering.experiments.tasks import FELL, ORIGIN, Task, draw_starts
 from hopdata.steering.frame_changes import frame_changes
+from hopdata.steering.goals import ARRIVED_M
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
@@ -62,7 +63,7 @@ from hopdata.synthesis.camera import MotionCapture, draw_floor
 
 STARTS, LEARNED = 12, 100
 LEG = 2  # the weakest leg: changing it costs the planner most (chosen on seed 101)
-FIRST, SECOND = (Task(manoeuvre=ORIGIN, near=0.11, hops=hops) for hops in (40, 50))
+FIRST, SECOND = (Task(manoeuvre=ORIGIN, near=ARRIVED_M, hops=hops) for hops in (40, 50))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -47,6 +47,7 @@ from hopdata.steering.control.objectives import (
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.excitation import excitation
+from hopdata.steering.goals import ARRIVED_M, TURNED_RAD
 from hopdata.steering.models.training import trained_process
 from hopdata.steering.robots.interface import (
     Log,
@@ -63,7 +64,7 @@ from hopdata.steering.robots.steered_hopper import StridingHopper
 from hopdata.steering.strides import StrideAxes
 
 LEARNED, STARTS = 100, 30
-NEAR_M, NEAR_RAD = 0.11, np.pi / 12
+NEAR_M, NEAR_RAD = ARRIVED_M, TURNED_RAD
 
 
 def on_the_line(rng: np.random.Generator) -> FloatArray:

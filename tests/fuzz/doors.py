@@ -522,7 +522,7 @@ def _logs():
 
 
 def _read_log(path):
-    from hopdata.steering.live.log import read_log
+    from hopdata.steering.live.log_reading import read_log
 
     return read_log(path)
 

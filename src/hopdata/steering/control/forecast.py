@@ -21,6 +21,7 @@ from hopdata.steering.control.objectives import Horizon, goal_errors
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.prediction import next_state, predicted_change
 from hopdata.steering.frame_changes import is_hopper
+from hopdata.steering.goals import ARRIVED_M
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.models.training import LENGTHS, outputs_of
 from hopdata.steering.strides import COMPONENTS, TURN, StrideAxes, Strides
@@ -62,7 +63,7 @@ class Way:
     """
 
     distance_m: float = 1.0
-    width_m: float = 0.11
+    width_m: float = ARRIVED_M
     strides: int = 50
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
 from hopdata.rigid import relative
+from hopdata.steering.goals import ARRIVED_M, FENCE_M, TURNED_RAD
 from hopdata.steering.models.stride_table import StrideTable
 from hopdata.steering.strides import TURN, turn_nodes
 
@@ -75,8 +76,8 @@ class PointGrid(_Grid):
     bearings: int = 48
     states: int = 32
     inputs: int = 25
-    farthest_m: float = 3.0
-    width: float = 0.11
+    farthest_m: float = FENCE_M
+    width: float = ARRIVED_M
     tail_cost_per_m: float = TAIL_COST_PER_M
 
     @property
@@ -125,7 +126,7 @@ class HeadingGrid(_Grid):
     heading_errors: int = 180
     states: int = 72
     inputs: int = 37
-    width: float = np.pi / 12
+    width: float = TURNED_RAD
 
     periodic = (True,)
 

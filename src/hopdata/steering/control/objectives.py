@@ -10,6 +10,7 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import require
 from hopdata.rigid import wrapped
 from hopdata.steering.frame_changes import is_hopper
+from hopdata.steering.goals import SWING_LIMIT_RAD
 from hopdata.steering.strides import StrideAxes
 
 
@@ -55,7 +56,7 @@ class Horizon:
     """
 
     hops: int = 3
-    swing_limit_rad: float = 3 * np.pi / 8
+    swing_limit_rad: float = SWING_LIMIT_RAD
 
     def __post_init__(self) -> None:
         require(self.hops in range(1, 17), "hops", "1 to 16", self.hops)
