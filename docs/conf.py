@@ -21,20 +21,23 @@ PAGES = {
         "another_robot", "new_scene",
     ],
     "How to": [
-        "protocol", "results", "cannot_tell", "reporting", "group", "cluster", "live", "../CONTRIBUTING",
+        "protocol", "results", "cannot_tell", "reporting", "contacts", "group", "cluster", "live", "plugins",
+        "../CONTRIBUTING",
     ],
     "Explanation": [
-        "c1", "gradient", "filter", "contacts", "verdict", "verdict_method", "verdict_campaign",
+        "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
         "unseen_order", "impacts", "limits", "comparison", "dissertation", "architecture", "decisions",
         "reliability",
     ],
     "Reference": [
-        "faq", "troubleshooting", "glossary", "configuration", "formats", "api", "gallery", "constants",
+        "faq", "troubleshooting", "glossary", "configuration", "formats", "verdict_json", "contacts_study",
+        "json", "api", "gallery", "constants",
         "platforms", "licences", "../CHANGELOG", "../SECURITY",
         "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
     "The integrator": [
-        "integrator", "integrator_choices", "sliding", "known_instants", "gradients",
+        "integrator", "integrator_examples", "integrator_reference", "integrator_many", "integrator_compiled",
+        "integrator_choices", "sliding", "known_instants", "gradients",
         "integrator_step", "integrator_proof", "integrator_method", "printed_method",
     ],
 }  # fmt: skip

@@ -128,7 +128,7 @@ def test_columns(table):
     feet = ["foot1", "foot2", "foot3"]
     assert list(table.columns) == [
         "recording",
-        "index",
+        "touchdown",
         "method",
         "t_pre_s",
         "t_post_s",
@@ -137,14 +137,14 @@ def test_columns(table):
         *(f"common_{foot}_s" for foot in feet),
         "schedule",
         "probability",
-        "class",
+        "order_class",
         "runner_up",
         "runner_up_probability",
         "spread_s",
         "excluded",
         "reason",
     ]
-    assert table["index"].tolist() == list(range(120))
+    assert table["touchdown"].tolist() == list(range(120))
     assert table["t_pre_s"].is_monotonic_increasing
     assert table["excluded"].dtype == bool
     assert not table["excluded"].any()
@@ -257,8 +257,8 @@ def test_contacts_outside_the_transition_are_left_out(scene):
 def test_ambiguous_orders_are_a_class_of_their_own(scene, table):
     doubtful = table["probability"] < 0.9
     assert doubtful.any()
-    np.testing.assert_array_equal(table["class"] == "ambiguous", doubtful)
-    assert (table["class"] == table["schedule"])[~doubtful].all()
+    np.testing.assert_array_equal(table["order_class"] == "ambiguous", doubtful)
+    assert (table["order_class"] == table["schedule"])[~doubtful].all()
     assert (table["runner_up"] != table["schedule"]).all()
     assert (table["runner_up_probability"] <= table["probability"] + 0.02).all()
     both = table["probability"] + table["runner_up_probability"]
@@ -295,13 +295,13 @@ def test_example_is_of_median_spread_in_the_surer_half_of_the_commonest_schedule
     example = example_touchdown([scene.recording], table)
     assert list(example.columns) == [
         "recording",
-        "index",
+        "touchdown",
         "time_s",
         "foot",
         "height_m",
         "velocity_m_s",
     ]
-    row = table.iloc[example["index"].iloc[0]]
+    row = table.iloc[example["touchdown"].iloc[0]]
     counts = table["schedule"].value_counts()
     assert counts[row["schedule"]] == counts.max()
     alike = table[(table["schedule"] == row["schedule"]) & ~table["excluded"]]
@@ -559,7 +559,7 @@ def test_a_landing_from_below_the_pre_section_is_listed(scene, table):
     low = found["reason"] == "body stayed below the pre section"
     assert 5 <= low.sum() <= 13  # 12 of 120; without the first top if it is one of them
     assert found.loc[low, "excluded"].all()
-    assert found["index"].tolist() == list(range(len(found)))
+    assert found["touchdown"].tolist() == list(range(len(found)))
     contacts = [f"contact_foot{i}_s" for i in (1, 2, 3)]
     near = table.loc[
         np.searchsorted(table["t_post_s"], found.loc[low, "t_post_s"] - 0.05)

@@ -54,7 +54,7 @@ def contacts_html(found: ContactTimes, *, title: str, notes: Sequence[str]) -> s
         "contacts.html.j2",
         version=__version__,
         title=title,
-        answer=found.told() + ".",
+        answer=f"{found}.",
         highlights=_highlights(found),
         notes=told,
         pictures=_pictures(found, shown),

@@ -92,6 +92,22 @@ def verdict_figure(
 
 
 @style.styled
+def size_figure(verdict: Mapping[str, Any]) -> Figure:
+    """Draw the difference and its uncertainty alone; without an answer, the reason.
+
+    Parameters
+    ----------
+    verdict : mapping
+        Contents of ``verdict.json``.
+    """
+    if verdict.get("effect") is None:
+        return style.message_figure(_said(verdict, SAID_WIDTH_BESIDE))
+    figure = style.paper_figure(style.SINGLE_COLUMN_MM, ROW_MM)
+    _draw_size(figure.subplots(), verdict, _top(verdict))
+    return figure
+
+
+@style.styled
 def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
     """Draw the verdicts of several studies below each other, on one scale.
 

@@ -60,7 +60,7 @@ def touchdowns(item, found, name="hopper"):
     table = pd.DataFrame(found, columns=[f"contact_{foot}_s" for foot in FEET])
     table.insert(0, "recording", name)
     table["schedule"] = schedule_names(np.asarray(found))
-    table["class"] = table["schedule"]
+    table["order_class"] = table["schedule"]
     table["excluded"], table["reason"] = False, ""
     return table
 

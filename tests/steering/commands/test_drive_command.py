@@ -12,11 +12,13 @@ from hopdata.messages import Message
 from hopdata.steering.commands import drive
 from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live import log, rehearsal
+from hopdata.steering.live.actuator import NoBoom
 from hopdata.steering.live.buffer import Status, StreamCounts
-from hopdata.steering.live.log import read_log
+from hopdata.steering.live.log_reading import read_log
 from hopdata.steering.live.machine import Machine
-from hopdata.steering.live.safety import NoBoom, Watch
-from hopdata.steering.models.process import FrameChangeProcess, save_process
+from hopdata.steering.live.watch import Watch
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.process_file import save_process
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from hopdata.steering.control.forecast import LEAST_ARRIVED, forecast, warning
-from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.frame_changes import FrameChanges, hopper_axes
 from hopdata.steering.models.learning import prediction_score
-from hopdata.steering.models.process import trained_process
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.strides import USED
 from steering.steered_hops import LIMIT, smooth_change
 
@@ -25,12 +25,13 @@ def made(n, *, noise_m=0.005, step=1.0, seed=1):
         swing_rad=swing,
         change=change,
         reason=np.full(n, USED),
+        axes=hopper_axes(LIMIT),
     )
 
 
-def foretold(learned, rest, **options):
+def foretold(learned, rest):
     process = trained_process(learned)
-    expected = forecast(process, rest, swing_limit_rad=LIMIT, **options)
+    expected = forecast(process, rest, state=[np.pi])
     scores = prediction_score(process, rest).assign(**expected.columns())
     return expected, warning(scores)
 
@@ -84,6 +85,7 @@ def test_errors_on_the_way_count_though_the_mean_error_is_small(sound):
         swing_rad=rest.inputs[:, 0],
         change=change,
         reason=rest.reason,
+        axes=rest.axes,
     )
     expected, said = foretold(learned, wrong)
     assert expected.error_m < 0.02

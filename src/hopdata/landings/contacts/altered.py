@@ -16,7 +16,7 @@ from hopdata.recordings.quality.processing import (
 
 #: Delay of contacts by a low-pass filter, in periods of its cut-off (17 ms at 12 Hz);
 #: this is stated as an error that all contacts share.
-#: Unit: periods. Origin: measured: docs/contacts.md, "Positions that are not the
+#: Unit: periods. Origin: measured: docs/contacts_method.md, "Positions that are not the
 #: cameras' own".
 FILTER_DELAYS = 0.21
 

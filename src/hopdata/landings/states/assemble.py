@@ -91,7 +91,7 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
     require_choice("touchdowns.ambiguous", ambiguous, TREATMENTS)
     recordings = list(recordings)
     if ambiguous == "pool":
-        is_sure = table["class"] != AMBIGUOUS
+        is_sure = table["order_class"] != AMBIGUOUS
         table = table.assign(schedule=table["schedule"].where(is_sure, ""))
     if not home_marker:
         home_marker = farthest_marker(recordings)
@@ -188,7 +188,7 @@ def farthest_marker(recordings: Sequence[Recording]) -> str:
 def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
     """Return the touchdown table with touchdowns that have no pair excluded."""
     paired = set(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
-    rows = zip(table["recording"], table["index"], strict=True)
+    rows = zip(table["recording"], table["touchdown"], strict=True)
     has_no_pair = np.array([row not in paired for row in rows])
     stateless = has_no_pair & ~table["excluded"].to_numpy(bool)
     table = table.copy()
@@ -303,7 +303,7 @@ def _pairs_of(
         schedule=kept["schedule"].to_numpy(str),
         spread_s=kept["spread_s"].to_numpy(float),
         recording=kept["recording"].to_numpy(str),
-        index=kept["index"].to_numpy(np.int64),
+        index=kept["touchdown"].to_numpy(np.int64),
         body_markers=recording.names("body"),
         x_se=x_se[whole],
         y_se=y_se[whole],
