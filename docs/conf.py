@@ -16,21 +16,32 @@ from hopdata import __version__ as release
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 
-#: The contents at the side: the pages by their use.
+#: The contents at the side, by what a reader came for: tutorials to follow, guides for a
+#: task, explanations to understand, and what is looked up.
 PAGES = {
-    "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "another_robot",
-              "new_scene"],
-    "Do": ["results", "group", "live", "cluster", "formats", "configuration", "plugins", "../CONTRIBUTING"],
-    "Look up": ["gallery", "api", "json", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
+    "Tutorials": [
+        "first_study", "real_recording", "notebook", "own_recording", "plan", "steering",
+        "another_robot", "new_scene",
+    ],
+    "How to": [
+        "protocol", "results", "cannot_tell", "reporting", "group", "cluster", "live", "../CONTRIBUTING",
+    ],
+    "Explanation": [
+        "c1", "gradient", "filter", "contacts", "contacts_study", "verdict", "verdict_method",
+        "verdict_campaign",
+        "unseen_order", "impacts", "contacts_method", "limits", "comparison", "dissertation", "architecture", "decisions",
+        "reliability",
+    ],
+    "Reference": [
+        "faq", "troubleshooting", "glossary", "configuration", "formats", "verdict_json", "json", "api",
+        "plugins", "gallery", "constants",
+        "platforms", "licences", "../CHANGELOG", "../SECURITY",
+        "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
+    ],
     "The integrator": [
         "integrator", "integrator_examples", "integrator_reference", "integrator_many", "integrator_compiled",
         "integrator_choices", "sliding", "known_instants", "gradients",
         "integrator_step", "integrator_proof", "integrator_method", "printed_method",
-    ],
-    "Understand": [
-        "dissertation", "c1", "gradient", "filter", "verdict", "verdict_json", "verdict_method", "verdict_campaign",
-        "unseen_order", "impacts", "contacts", "contacts_study", "contacts_method", "limits", "reliability", "architecture", "decisions",
-        "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip
 
@@ -112,7 +123,9 @@ def _formula_in_a_line(translator, node):
 
 def _formula_by_itself(translator, node):
     formula = convert(node.astext(), display="block")
-    translator.body.append(f'<div class="formula">{formula}</div>\n')
+    translator.body.append(
+        f'<div class="formula" style="padding: 0.4em 0">{formula}</div>\n'
+    )
     raise SkipNode
 
 

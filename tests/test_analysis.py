@@ -1,6 +1,7 @@
 """A study in one process; `tests/workflow` tests that its bytes are those of the workflow."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -48,7 +49,11 @@ def short_study(sample_path):
     return hd.study(read_recording(sample_path).part(slice(4_000)))
 
 
-@pytest.mark.parametrize("size", [1 / 256, 0.01, 1.3, 4.0])
+#: From a flea to an elephant; each is a study.
+ANIMALS = [1 / 256, 0.01, 1.3, 4.0] if "ALL" in os.environ else [1 / 256, 4.0]
+
+
+@pytest.mark.parametrize("size", ANIMALS)
 def test_what_is_found_does_not_depend_on_the_size_of_the_animal(short_study, size):
     one, seen = short_study, short_study.imported[0]
     root = np.sqrt(size)

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from hopdata.arrays import pd
+from hopdata.feet import foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report import tables, verdict
@@ -41,7 +42,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         text, ``labels_right`` by method (%), and ``study``. ``method``, by which the
         contacts were found; ``scaling``, the ``scene`` of the scaling study and how
         many ``controls`` it has; ``has_forces``, whether contacts were compared with
-        forces.
+        forces; ``mainly``, which orders differ most, in words;
+        ``feet``, their names with their numbers.
     """
     truth = inputs.truth or {}
     slopes = _by_name(truth, "scaling_slope_")
@@ -65,6 +67,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "has_forces": _has_forces(inputs.overlay),
         "estimate_errors": _by_name(truth, "map_estimate_error_"),
         "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
+        "feet": _numbered(_feet(inputs)),
+        "mainly": str((inputs.verdict or {}).get("mainly") or ""),
     }
 
 
@@ -496,10 +500,22 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "own_devices": tables.own_devices_table(inputs.overlay),
         "prediction": tables.prediction_table(inputs.prediction),
         "distances": tables.distances_table(inputs.distances),
-        "orders": verdict.orders_table(inputs.verdict),
+        "orders": verdict.orders_table(inputs.verdict, _feet(inputs)),
         "truth": tables.truth_table(inputs.truth),
         **tables.record_tables(inputs.provenance or {}),
     }
+
+
+def _feet(inputs: ReportInputs) -> tuple[str, ...]:
+    """Return the names of the feet, as schedules number them."""
+    if inputs.touchdowns is None:
+        return ()
+    return foot_names(inputs.touchdowns.columns)
+
+
+def _numbered(feet: Sequence[str]) -> str:
+    """Return feet with their numbers, ``1 toe, 2 heel``; empty if there are none."""
+    return ", ".join(f"{number} {name}" for number, name in enumerate(feet, start=1))
 
 
 def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> Sequence[Message]:

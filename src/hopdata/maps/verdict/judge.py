@@ -111,8 +111,8 @@ class Verdict(Shown):
         Levels of the tests of ``effect`` and ``jump``. One or both find a difference
         where there is none in 1 - confidence of such studies.
     orders
-        Size of each pair of contact orders, or of feet: see
-        `hopdata.maps.verdict.orders.PairEffect`.
+        Size of each pair of contact orders, or of feet, and of each order against all
+        others: see `hopdata.maps.verdict.orders.PairEffect`.
     mainly
         Which orders differ most, in words; empty if no pair was found.
     gross_errors
@@ -333,13 +333,15 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
+    if answer.conclusion != DIFFERENT:
+        limited += limits.own_maps(sizes.orders)
     messages = {
         "sentence": answer.sentence,
         "outlook": answer.outlook,
         "compared": comparison.what,
         "contacts": contacts,
     }
-    most = which.mainly(sizes.orders, landings.expected)
+    most = which.mainly(sizes.orders, landings.expected, sizes.alone)
     if most is not None:
         messages["mainly"] = most
     return Verdict(
