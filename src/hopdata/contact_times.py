@@ -181,8 +181,8 @@ class ContactTimes(Shown):
                 & (self.table["landing"] == landing["landing"])
             ]
             instants = own.loc[own["contact_s"].notna(), "contact_s"]
-            begin_s = instants.min() - SHOWN_BEFORE_S * recording.pace
-            end_s = instants.max() + SHOWN_AFTER_S * recording.pace
+            begin_s = instants.min() - SHOWN_BEFORE_S * recording.time_scale
+            end_s = instants.max() + SHOWN_AFTER_S * recording.time_scale
             start, stop = np.searchsorted(recording.time, [begin_s, end_s])
             for foot in own["foot"]:
                 marker = recording.markers.index(foot)
@@ -574,7 +574,7 @@ def _contact_rows(
             if not is_found:
                 code = REMARKS.get(status, "landings.contact_not_determined")
                 remark = str(Message(code))
-            elif se_s >= UNDETERMINED_S * recording.pace:
+            elif se_s >= UNDETERMINED_S * recording.time_scale:
                 remark = str(Message("landings.contact_without_kink"))
             of_landing.append(
                 (
