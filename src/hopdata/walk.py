@@ -361,13 +361,31 @@ class Study(Shown):
             draft.write_text(page, encoding="utf-8")
         return place
 
-    def _report_inputs(self, drawn: Path) -> Any:
-        """Return what the page shows, with the figures of a folder."""
+    @told_call
+    def methods(self) -> Any:
+        """Return the methods paragraph for a paper, with this study's numbers.
+
+        Returns
+        -------
+        hopdata.report.methods.Methods
+            ``text``, and ``bibtex`` of what it cites; ``print`` shows both.
+        """
+        from hopdata.report.methods import methods
+        from hopdata.report.page import study_facts
+
+        inputs = self._report_inputs(None)
+        record = inputs.provenance
+        return methods(study_facts(inputs), inputs.verdict, inputs.recordings, record)
+
+    def _report_inputs(self, drawn: Path | None) -> Any:
+        """Return what the page shows, with the figures of a folder if it has any."""
         from hopdata.provenance import provenance
         from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 
         captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
-        files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
+        files: list[Path] = []
+        if drawn is not None:
+            files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
         digests = {one.place: one.source_sha256 for one in self.imported}
         distances = None
         notes = [*self._result("prediction_notes")]
