@@ -412,6 +412,7 @@ class Study(Shown):
             distances_asked=self.asks_for_distances,
             faults=self._result("faults"),
             remarks=self._result("remarks"),
+            one_or_own=self._result("one_or_own"),
             notes=notes,
         )
 

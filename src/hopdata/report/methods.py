@@ -122,7 +122,7 @@ def _of_sections(facts: Mapping[str, Any]) -> Message | None:
     return Message("report.methods_sections", values)
 
 
-def _of_verdict(verdict: Mapping[str, Any]) -> list[Message | str]:
+def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
     if not verdict:
         return []
     values = {
@@ -132,14 +132,13 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message | str]:
         "landings": f"{verdict.get('n_landings') or 0:,}",
         **CITED,
     }
-    said: list[Message | str] = [Message("report.methods_map", values)]
+    said = [Message("report.methods_map", values)]
     effect = verdict.get("effect")
     if verdict.get("decided_by") == "jump":
         said.append(Message("report.methods_jump", values))
     elif effect is not None:
         values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
         said.append(Message("report.methods_size", values))
-    said.append(str(verdict.get("sentence") or ""))
     return said
 
 
