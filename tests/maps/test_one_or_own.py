@@ -75,7 +75,7 @@ def test_with_too_few_landings_or_one_order_there_is_nothing():
     assert one_or_own(x, y, schedule).empty
     x, y, schedule = study()
     assert one_or_own(x, y, np.full(len(x), "1>2")).empty
-    assert list(one_or_own(x[:0], y[:0], schedule[:0]))[0] == "outcome"
+    assert next(iter(one_or_own(x[:0], y[:0], schedule[:0]))) == "outcome"
 
 
 def test_the_interval_of_a_median_holds_it_as_often_as_said():
