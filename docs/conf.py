@@ -8,29 +8,37 @@ import re
 import sys
 from pathlib import Path
 
-from docutils.nodes import SkipNode
-from latex2mathml.converter import convert
-
 from hopdata import __version__ as release
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 
-#: The contents at the side: the pages by their use.
+#: The contents at the side, by what a reader came for: tutorials to follow, guides for a
+#: task, explanations to understand, and what is looked up.
 PAGES = {
-    "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "another_robot",
-              "new_scene"],
-    "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
-    "Look up": ["gallery", "api", "json", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
+    "Tutorials": [
+        "first_study", "real_recording", "notebook", "own_recording", "plan", "steering",
+        "another_robot", "new_scene",
+    ],
+    "How to": [
+        "protocol", "results", "cannot_tell", "reporting", "contacts", "group", "cluster", "live", "plugins",
+        "../CONTRIBUTING",
+    ],
+    "Explanation": [
+        "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
+        "unseen_order", "impacts", "limits", "comparison", "dissertation", "architecture", "decisions",
+        "reliability",
+    ],
+    "Reference": [
+        "faq", "troubleshooting", "glossary", "configuration", "formats", "verdict_json", "contacts_study",
+        "json", "api", "gallery", "constants",
+        "platforms", "licences", "../CHANGELOG", "../SECURITY",
+        "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
+    ],
     "The integrator": [
         "integrator", "integrator_examples", "integrator_reference", "integrator_many", "integrator_compiled",
         "integrator_choices", "sliding", "known_instants", "gradients",
         "integrator_step", "integrator_proof", "integrator_method", "printed_method",
-    ],
-    "Understand": [
-        "dissertation", "c1", "gradient", "filter", "verdict", "verdict_json", "verdict_method", "verdict_campaign",
-        "unseen_order", "impacts", "contacts", "contacts_study", "contacts_method", "limits", "reliability", "architecture", "decisions",
-        "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
 }  # fmt: skip
 
@@ -52,7 +60,7 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 240  # s, of a cell
 myst_heading_anchors = 4
-myst_enable_extensions = ["deflist", "dollarmath"]
+myst_enable_extensions = ["deflist"]
 
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
@@ -60,7 +68,6 @@ autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 
-html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"hopdata {release}"
 html_copy_source = False
@@ -104,23 +111,8 @@ def _whole_lines(app, failed):
         )
 
 
-def _formula_in_a_line(translator, node):
-    """Write a formula as MathML, which browsers set themselves, without a network."""
-    translator.body.append(convert(node.astext()))
-    raise SkipNode
-
-
-def _formula_by_itself(translator, node):
-    formula = convert(node.astext(), display="block")
-    translator.body.append(f'<div class="formula">{formula}</div>\n')
-    raise SkipNode
-
-
 def setup(app):
     """Connect what Sphinx calls."""
-    app.add_html_math_renderer(
-        "mathml", (_formula_in_a_line, None), (_formula_by_itself, None)
-    )
     app.connect("source-read", _contents)
     app.connect("build-finished", _first_page)
     app.connect("build-finished", _whole_lines)

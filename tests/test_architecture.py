@@ -21,6 +21,7 @@ SHARED = {
     "code_cache",
     "digests",
     "errors",
+    "feet",
     "interchange",
     "jobs",
     "messages",
@@ -77,7 +78,9 @@ ABOVE = {
         *("stages", "provenance"),
     },
     "analysis": {"config", "landings", "maps", "recordings", "stages", "walk"},
-    "contact_times": {"landings", "recordings"},
+    "contact_times": {"analysis", "landings", "recordings"},
+    "inspecting": {"commands", "landings", "recordings"},
+    "saved": {"line", "maps", "stages", "walk"},
     "samples": {"config", "maps"},
     "group": {"config", "maps", "report", "walk"},
 }

@@ -60,24 +60,27 @@ def figure_function(place: str) -> Any:
 class Shown(Told):
     """A result that a notebook shows as one line and a small table.
 
-    Subclasses are dataclasses with ``repr=False``. They return the line from `told` and
-    may return the table from `rows`.
+    Subclasses are dataclasses with ``repr=False``. They return the line from `_told`
+    and may return the table from `_rows`. `str` gives the line alone.
     """
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return a description in one line."""
         raise NotImplementedError
 
-    def rows(self) -> dict[str, Any]:
+    def _rows(self) -> dict[str, Any]:
         """Return the columns of the table; there are none by default."""
         return {}
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.told()}>"
+        return f"<{type(self).__name__} {self._told()}>"
+
+    def __str__(self) -> str:
+        return self._told()
 
     def _repr_html_(self) -> str:
         line = f"<p>{escape(repr(self))}</p>"
-        columns = self.rows()
+        columns = self._rows()
         if not columns:
             return line
         table = pd.DataFrame(columns)

@@ -114,7 +114,7 @@ class Recording(Shown):
             if found != shape:
                 raise ArgumentError.at(name, f"an array of shape {shape}", found)
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return the name, the size and the share of positions seen."""
         seen = 0.0
         if self.positions.size:
@@ -124,7 +124,7 @@ class Recording(Shown):
             f"at {self.rate_hz:g} Hz, {seen:.3g} % seen"
         )
 
-    def rows(self) -> dict[str, Any]:
+    def _rows(self) -> dict[str, Any]:
         """Return each marker, its role and in how many of the frames it was seen, %."""
         return {
             "marker": self.markers,
@@ -582,7 +582,7 @@ class Recording(Shown):
         return scale_of(sampled(self.positions)[:, markers])
 
     @property
-    def pace(self) -> float:
+    def time_scale(self) -> float:
         """Factor for times: the root of the scale.
 
         Gravity is the same at all sizes.
@@ -891,7 +891,7 @@ class Truth(Shown):
     true_effect: float = float("nan")
     longer_m: FloatArray | None = None
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return the numbers of landings and feet."""
         n_landings, n_feet = self.contact_times.shape
         return f"of {n_landings} landings on {n_feet} feet"

@@ -57,7 +57,7 @@ def check(options: argparse.Namespace) -> int:
                 print("\n".join([_summary(recording, config), *lines]))
                 of_first_study.append(recording)
             else:
-                print(f"study {config['study']}: {recording.told()}")
+                print(f"study {config['study']}: {recording}")
             answers.give_also("recordings", **_fields_of(recording, config))
             of_study.append(recording)
         remarks += _remarks(of_study, config)

@@ -341,7 +341,7 @@ def show(found: ContactTimes, notes: Sequence[str]) -> None:
     """Print the contacts of each landing, and what to know about them."""
     from hopdata.landings.contacts.remarks import one_for_all_feet
 
-    print(found.told())
+    print(found)
     answers.give(
         contacts=found.table.to_dict("records"), orders=found.orders.to_dict("records")
     )

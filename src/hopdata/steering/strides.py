@@ -297,6 +297,11 @@ def _rows(values: ArrayLike, width: int, what: str) -> FloatArray:
     return array
 
 
+def at_rest(axes: StrideAxes) -> FloatArray:
+    """Return the inputs (U,) of a robot that is not steered: nearest to zero."""
+    return np.clip(0.0, axes.lower, axes.upper)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Strides:
     """Strides between stances, one per row.

@@ -148,7 +148,7 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     # such delays.
     assert {h.swing_rad for h in hops if h.swing_rad != 0} <= set(commanded)
     written = read_log(tmp_path / "drive.h5")
-    np.testing.assert_array_equal(written.decisions.command_rad, commanded)
+    np.testing.assert_array_equal(written.decisions.command_swing_rad, commanded)
     assert "streaming" in set(written.events.kind)
 
 
@@ -246,7 +246,7 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(
         heard.append(robot.swings.newest())
     assert heard[-1] == 0.0
     log = read_log(tmp_path / "drive.h5")
-    assert {h for h in heard if h} <= set(log.decisions.command_rad)
+    assert {h for h in heard if h} <= set(log.decisions.command_swing_rad)
     assert f"the drive was ended by {told}" in set(log.events.text)
     ended = log.events[log.events.text == f"ended by {told}"]
     assert list(ended.kind) == ["stopped", "rest"], log.events.to_string()

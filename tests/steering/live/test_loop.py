@@ -31,7 +31,8 @@ class Tracker:
         if np.isnan(markers[0, 0]):
             pose[:] = np.nan
         return SimpleNamespace(
-            pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0], lacking=(),
+            pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0],
+            state=(markers[1, 0],), lacking=(),
             status=MISFIT if markers[2, 1] > 0 else SEEN,
             rotation=np.diag([1.0, 1.0, np.cos(markers[2, 2])]), residual_m=0.0,
         )  # fmt: skip

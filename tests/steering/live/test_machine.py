@@ -112,7 +112,7 @@ def test_each_transition_is_made_and_the_boom_told_in_its_time(row):
         assert drive.told[0][0] - begun_s <= REST_WITHIN_S
     else:
         assert drive.told == []  # a swing is sent by the loop, once it is planned
-    assert (drive.watch.swing(0.3) is None) == (
+    assert (drive.watch.send((0.3,)) is None) == (
         row.target in (DriveState.ARMED, DriveState.RUNNING)
     )
 

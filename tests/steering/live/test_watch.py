@@ -40,13 +40,13 @@ def test_a_rest_is_not_lifted_when_its_cause_is_gone_but_when_it_is_armed():
     boom, causes = Kept(), {"outside": KEY}
     watch = guard(boom, lambda: causes)
     watch.look()
-    assert watch.swing(0.1) == watch.cause == KEY
+    assert watch.send((0.1,)) == watch.cause == KEY
     assert watch.arm() == KEY
     causes["outside"] = None
     watch.look()
-    assert watch.swing(0.1) == KEY
+    assert watch.send((0.1,)) == KEY
     assert watch.arm() is None
-    assert watch.swing(0.1) is None
+    assert watch.send((0.1,)) is None
     assert boom.swings[-1] == 0.1
     assert set(boom.swings[:-1]) == {0.0}
 
@@ -88,12 +88,12 @@ def test_a_rest_is_sent_until_it_is_heard_and_no_longer():
         UdpBoom(robot.port) as boom,
         watched(boom) as (watch, cause),
     ):
-        assert watch.swing(0.3) is None
+        assert watch.send((0.3,)) is None
         cause.append(KEY)
         wait_until(
             lambda: len(robot.take()) >= 6
         )  # the swing, four lost rests, and one heard
-        wait_until(lambda: robot.take() and watch._sender._rest is None)
+        wait_until(lambda: robot.take() and watch._sender._unheard_rest is None)
         heard = len(robot.take())
         time.sleep(0.1)  # ten looks
         assert len(robot.take()) == heard
@@ -110,7 +110,7 @@ def test_a_swing_is_not_repeated_though_it_is_not_heard():
         UdpBoom(robot.port) as boom,
         watched(boom) as (watch, _),
     ):
-        assert watch.swing(0.3) is None
+        assert watch.send((0.3,)) is None
         time.sleep(0.1)
         assert [rad for _, rad in robot.take()] == [0.3]
 
@@ -140,10 +140,10 @@ def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
     boom = BlockedBoom(1)
     watch = guard(boom, command_s=1.0)
     with watch:
-        assert watch.swing(0.1) is None
-        assert watch.swing(0.2).code == "steering.boom_blocked"
+        assert watch.send((0.1,)) is None
+        assert watch.send((0.2,)).code == "steering.boom_blocked"
         wait_until(lambda: watch.machine.state is DriveState.RESTING)
-        assert watch.swing(0.3) == watch.cause  # refused at once
+        assert watch.send((0.3,)) == watch.cause  # refused at once
         assert watch.arm() is not None  # it still blocks
         assert boom.swings == [0.1, 0.2]
         assert not watch.rests  # none has arrived
@@ -151,9 +151,9 @@ def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
         wait_until(lambda: watch.rests)
         assert boom.swings[:3] == [0.1, 0.2, 0.0]
         wait_until(lambda: not watch.machine.lasting)
-        assert watch.swing(0.4) is not None
+        assert watch.send((0.4,)) is not None
         assert watch.arm() is None
-        assert watch.swing(0.5) is None
+        assert watch.send((0.5,)) is None
     assert 0.4 not in boom.swings
     assert boom.swings[-1] == 0.5
 
@@ -161,7 +161,7 @@ def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
 def test_a_driver_that_takes_its_time_but_returns_is_no_cause():
     boom = SimpleNamespace(swing=lambda _: time.sleep(0.05))
     with guard(boom, command_s=LONG_S) as watch:
-        assert watch.swing(0.1) is None
+        assert watch.send((0.1,)) is None
         assert watch.cause is None
     assert not watch.rests
 
@@ -170,9 +170,9 @@ def test_of_commands_that_wait_only_the_newest_is_sent():
     boom = BlockedBoom(0)
     sender = Sender(boom, time.monotonic)
     with sender:
-        first = sender.put(0.1)
+        first = sender.put((0.1,))
         wait_until(lambda: boom.swings)
-        second, third = sender.put(0.2), sender.put(0.3)
+        second, third = sender.put((0.2,)), sender.put((0.3,))
         boom.released.set()
         assert third.done.wait(LONG_S)
     assert boom.swings == [0.1, 0.3]
@@ -183,7 +183,7 @@ def test_a_driver_that_never_returns_is_an_error_at_the_end(monkeypatch):
     monkeypatch.setattr(sender, "LAST_REST_S", 0.1)
     boom = BlockedBoom(0)
     watch = guard(boom, command_s=0.05).start()
-    watch.swing(0.1)
+    watch.send((0.1,))
     with pytest.raises(
         LiveError, match=r"the boom's driver has not returned for 0\.\d s"
     ):
@@ -223,9 +223,9 @@ def test_a_boom_that_fails_to_tell_is_sent_its_rests_all_the_same():
     watch = guard(boom, lambda: cause, command_s=LONG_S)
     watch.start()
     try:
-        assert watch.swing(0.0) is None
+        assert watch.send((0.0,)) is None
         wait_until(lambda: len(boom.swings) > 3)
-        assert watch.swing(0.3) is None
+        assert watch.send((0.3,)) is None
         cause["outside"] = KEY
         wait_until(lambda: watch.rests)
         assert boom.swings[-1] == 0.0
@@ -250,8 +250,8 @@ def test_a_swing_that_was_given_up_is_followed_by_a_rest_and_never_sent_later():
     watch = guard(boom, command_s=0.05)
     # Without the watch's own looks, which would send a rest as well
     watch._sender.start()
-    assert watch.swing(0.4).code == "steering.boom_blocked"
-    assert watch.swing(0.2).code == "steering.boom_blocked"  # refused by now
+    assert watch.send((0.4,)).code == "steering.boom_blocked"
+    assert watch.send((0.2,)).code == "steering.boom_blocked"  # refused by now
     boom.go.set()
     wait_until(lambda: boom.swings[-1] == 0.0)
     time.sleep(0.05)
@@ -339,7 +339,7 @@ def test_a_boom_that_answers_nothing_is_told_about_and_runs():
     _, watch = beaten(lambda _: Kept())
     assert not watch.is_acknowledging
     assert watch.says_of_boom().code == "steering.acknowledging_nothing"
-    assert watch.swing(0.3) is None
+    assert watch.send((0.3,)) is None
 
 
 def test_heartbeats_over_udp_are_answered_until_the_robot_is_silent(swings):

@@ -8,12 +8,18 @@ otherwise. A jump of the outcome is a difference whatever the derivatives are.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
+from hopdata.arrays import (
+    BoolArray,
+    FloatArray,
+    Shown,
+    figure_function,
+    one_blas_thread,
+)
 from hopdata.errors import AnalysisError, told_call
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import data, inputs, limits
@@ -23,6 +29,11 @@ from hopdata.maps.verdict.data import Measured, Options
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.sizes import at_contact, sizes_of
 from hopdata.maps.verdict.so_far import so_far
+from hopdata.maps.verdict.what_now import (
+    Limit,
+    limits_of_reason,
+    what_limits_most,
+)
 from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.maps.verdict.words import (
     ASKED,
@@ -105,8 +116,8 @@ class Verdict(Shown):
         Levels of the tests of ``effect`` and ``jump``. One or both find a difference
         where there is none in 1 - confidence of such studies.
     orders
-        Size of each pair of contact orders, or of feet: see
-        `hopdata.maps.verdict.orders.PairEffect`.
+        Size of each pair of contact orders, or of feet, and of each order against all
+        others: see `hopdata.maps.verdict.orders.PairEffect`.
     mainly
         Which orders differ most, in words; empty if no pair was found.
     gross_errors
@@ -121,6 +132,10 @@ class Verdict(Shown):
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
+    what_now
+        If the study cannot tell: the causes that limit it, the one that costs most
+        first, each with its ``cause``, ``costs`` (by how much the detectable size would
+        fall without it), ``said`` in words, ``code`` and ``values``: see `what_now`.
     messages
         Codes and values of ``sentence``, ``outlook``, ``compared``, ``contacts`` and
         ``mainly``, where these are not empty.
@@ -156,13 +171,14 @@ class Verdict(Shown):
     gross_errors: Mapping[str, Sequence[int]] = field(default_factory=dict)
     so_far: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
+    what_now: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return the sentence."""
         return self.sentence
 
-    def rows(self) -> dict[str, Any]:
+    def _rows(self) -> dict[str, Any]:
         """Return the size of the difference, its interval and bounds."""
         if self.effect is None:
             return {}
@@ -171,6 +187,51 @@ class Verdict(Shown):
     def to_dict(self) -> dict[str, Any]:
         """Return all values, for ``verdict.json``."""
         return asdict(self)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> "Verdict":
+        """Return the verdict of which `to_dict` made `content`.
+
+        Raises
+        ------
+        AnalysisError
+            If it is not what `to_dict` returns; the message names what differs.
+        """
+        wanted = {one.name for one in fields(cls)}
+        if {*content} != wanted:
+            odd = ", ".join(sorted(wanted ^ {*content}))
+            found = f"other ones ({odd}): it is of another version of hopdata"
+            raise AnalysisError.at("verdict", "the values of this version", found)
+        values = dict(content)
+        for name in ("effect", "effect_over_landings", "jump"):
+            if values[name] is not None:
+                values[name] = EffectSize(**values[name])
+        values["session"] = tuple(values["session"])
+        values["messages"] = {
+            name: Message.from_dict(one) for name, one in values["messages"].items()
+        }
+        return cls(**values)
+
+    @told_call
+    def plot(self, *, ax: Any = None, style: str | None = None) -> Any:
+        """Draw the size of the difference with its interval, and the answer.
+
+        `hopdata.Study.plot` also shows what it means for a landing.
+
+        Parameters
+        ----------
+        ax : Axes or Figure, optional
+            Where to draw; by default a figure of its own.
+        style : str, optional
+            ``"nature"``, ``"ieee"`` or ``"poster"``.
+
+        Returns
+        -------
+        Figure
+            Or, with `ax`, what was drawn into.
+        """
+        draw = figure_function("verdict:size_figure")
+        return draw(self.to_dict(), ax=ax, style=style)
 
 
 @told_call
@@ -282,15 +343,22 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
+    if answer.conclusion != DIFFERENT:
+        limited += limits.own_maps(sizes.orders)
     messages = {
         "sentence": answer.sentence,
         "outlook": answer.outlook,
         "compared": comparison.what,
         "contacts": contacts,
     }
-    most = which.mainly(sizes.orders, landings.expected)
+    most = which.mainly(sizes.orders, landings.expected, sizes.alone)
     if most is not None:
         messages["mainly"] = most
+    now: list[Limit] = []
+    if answer.conclusion == CANNOT_TELL:
+        now = what_limits_most(
+            over_landings, fit, landings, margin=margin, alike=sizes.alike
+        )
     return Verdict(
         conclusion=answer.conclusion,
         sentence=str(answer.sentence),
@@ -321,6 +389,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         session=fit.session,
         gross_errors=sound.left_out,
         notes=[*left_out, *limits.gross_errors(sound), *limited],
+        what_now=[one.to_dict() for one in now],
         messages=messages,
     )
 
@@ -368,6 +437,10 @@ def _no_answer(
         flips=options.flips,
         so_far=known_so_far,
         notes=[*left_out, note],
+        what_now=[
+            one.to_dict()
+            for one in limits_of_reason(error, known_so_far.get("orders", ()))
+        ],
         messages=messages,
     )
 

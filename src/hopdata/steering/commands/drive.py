@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -403,12 +403,16 @@ def replay(options: argparse.Namespace) -> int:
     for event in log.events[log.events["kind"] == "rest"].itertuples():
         print(f"  at rest at {event.sent_s:.3f} s: {event.text}")
     other = plans[~plans["same"]]
-    for plan in other.itertuples():
-        angles = f"planned {plan.then_rad!r} then, {plan.now_rad!r} now"
-        print(f"  {plan.told_s:.3f} s: {angles}")
+    for plan in other.to_dict("records"):
+        inputs = f"planned {_listed(plan['then'])} then, {_listed(plan['now'])} now"
+        print(f"  {plan['told_s']:.3f} s: {inputs}")
     n_same = len(plans) - len(other)
     print(f"{n_same} of {counted(len(plans), 'plan')} the same to the bit")
     return terminal.PROBLEM if len(other) else terminal.OK
+
+
+def _listed(inputs: Sequence[float]) -> str:
+    return ", ".join(map(repr, inputs))
 
 
 def _require_settings(log: Path, setup: Mapping[str, Any]) -> None:

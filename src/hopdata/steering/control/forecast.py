@@ -55,7 +55,7 @@ class Way:
     Parameters
     ----------
     distance_m : float
-        Distance of the starts from the point; they are all around it, with any heading.
+        Distance of the starts from the point, if they are not given.
     width_m : float
         Radius of the goal region.
     strides : int
@@ -114,6 +114,7 @@ def forecast(
     strides: Strides,
     *,
     way: Way | None = None,
+    starts: ArrayLike | None = None,
     state: ArrayLike | None = None,
     state_limits: tuple[float, float] | None = None,
 ) -> Forecast:
@@ -127,6 +128,9 @@ def forecast(
         At least `NEIGHBOURS` used strides of the same robot that were not learned from.
     way : Way, optional
         By default that of the experiments.
+    starts : (N, 3) array, optional
+        Poses from which it must arrive, relative to the point; by default `STARTS`
+        around it.
     state : (S,) array, optional
         State at the starts; by default those of the strides, in turn.
     state_limits : (float, float), optional
@@ -136,12 +140,18 @@ def forecast(
     error = outputs_of(strides) - _predicted(process, strides)
     distance = np.hypot(error[:, 0], error[:, 1])
     step = np.hypot(strides.change[:, 0], strides.change[:, 1])
+    rng = np.random.default_rng(0)
+    if starts is None:
+        poses = _around(way, rng)
+    else:
+        poses = np.array(starts, dtype=float)
     first = strides.state if state is None else np.atleast_2d(state)
+    states = np.resize(first, (len(poses), first.shape[1]))
     stand_in = _StandIn(
         _one_step_planner(process, way, state_limits), strides.points, error
     )
     return Forecast(
-        arrived=stand_in.arrived(way, np.resize(first, (STARTS, first.shape[1]))),
+        arrived=stand_in.arrived(way, poses, states, rng),
         error_m=float(np.sqrt(np.mean(distance**2))),
         step_m=float(np.median(step)),
         width_m=way.width_m,
@@ -189,14 +199,19 @@ class _StandIn:
     points: FloatArray
     error: FloatArray
 
-    def arrived(self, way: Way, state: FloatArray) -> float:
-        """Return the share of starts with these states (`STARTS`, S) that arrive."""
+    def arrived(
+        self,
+        way: Way,
+        pose: FloatArray,
+        state: FloatArray,
+        rng: np.random.Generator,
+    ) -> float:
+        """Return the share of starts that arrive, by poses (N, 3) and states (N, S)."""
         model = self.planner.model
         axes = model.axes
         tried = _tried(axes)
         is_learned = ~axes.is_known
-        rng = np.random.default_rng(0)
-        pose = _starts(way, rng)
+        n_starts = len(pose)
         for _ in range(way.strides):
             on_the_way = goal_errors(self.planner.objective, pose) > way.width_m
             pose = pose[on_the_way]
@@ -212,7 +227,7 @@ class _StandIn:
             state = next_state(model, state, inputs)
             state[:, is_learned] += lent[:, len(COMPONENTS) :]
         left = goal_errors(self.planner.objective, pose) > way.width_m
-        return 1.0 - int(left.sum()) / STARTS
+        return 1.0 - int(left.sum()) / n_starts
 
     def _near(
         self, state: FloatArray, inputs: FloatArray, rng: np.random.Generator
@@ -236,7 +251,7 @@ def _tried(axes: StrideAxes) -> FloatArray:
     return input_nodes(axes.lower, axes.upper, number)
 
 
-def _starts(way: Way, rng: np.random.Generator) -> FloatArray:
+def _around(way: Way, rng: np.random.Generator) -> FloatArray:
     """Return poses (`STARTS`, 3) around the point, with any heading."""
     bearing, heading = rng.uniform(-np.pi, np.pi, (2, STARTS))
     x = way.distance_m * np.cos(bearing)

@@ -125,16 +125,26 @@ class Planner:
     Parameters
     ----------
     model : StrideTable
+        Model of which the cost-to-go is.
     objective : ToPoint or ToHeading
     horizon : Horizon
     cost_to_go : CostToGo
         Of the same kind as the objective; one serves all points, or all headings.
+    near_model : StrideModel, optional
+        Model of the strides within the horizon, by default the same. It may have more
+        states, after those of the cost-to-go.
     """
 
     model: StrideTable
     objective: objectives.Objective
     horizon: objectives.Horizon
     cost_to_go: CostToGo
+    near_model: StrideModel | None = None
+
+    @property
+    def predictor(self) -> StrideModel:
+        """The model of the strides within the horizon."""
+        return self.near_model or self.model
 
     def towards(self, objective: objectives.Objective) -> Planner:
         """Return a planner with another objective.
@@ -154,11 +164,10 @@ class Planner:
     ) -> Plan:
         """Plan from a pose and the states; the previous inputs are ignored."""
         del previous_inputs
-        axes = self.model.axes
-        here, states = checked_state(pose, state, axes)
+        here, states = checked_state(pose, state, self.predictor.axes)
         remaining = self.remaining(here)
         cost, inputs = self._minimum(remaining, states)
-        poses = poses_ahead(self.model, here, states, inputs)
+        poses = poses_ahead(self.predictor, here, states, inputs)
         return Plan(inputs, poses, cost)
 
     def remaining(self, here: FloatArray) -> FloatArray:
@@ -223,8 +232,8 @@ class Planner:
                 total = total + goes_on
                 weight = DISCOUNT * goes_on
             before = state[..., None, :]
-            change = predicted_change(self.model, before, inputs)
-            state = next_state(self.model, before, inputs)
+            change = predicted_change(self.predictor, before, inputs)
+            state = next_state(self.predictor, before, inputs)
             remaining = relative(change, remaining[..., None, :])
             total = total[..., None]
             weight = weight[..., None]

@@ -1,10 +1,15 @@
-"""The boom: what moves it, and its driver over UDP."""
+"""Actuators: what takes the inputs of the next stride, and a driver over UDP."""
 
 import socket
 import time
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol, Self
+from typing import Any, Protocol, Self, TypeAlias
 
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.steering.live.decisions import Numbers
 from hopdata.steering.live.packets import LOOPBACK, PortError
 
 #: Time without a line after which the robot itself keeps its boom where it is.
@@ -37,11 +42,42 @@ class Boom(Protocol):
         """
 
 
+class Actuator(Protocol):
+    """Takes the inputs of the next stride, for a robot of any axes.
+
+    It may have the methods `acknowledged`, `alive` and `heard`, as a `Boom`.
+    """
+
+    def command(self, inputs: FloatArray, /) -> None:
+        """Let the next stride have these inputs (U,).
+
+        They replace inputs that were sent before and have not been used.
+        """
+
+
+Driven: TypeAlias = Boom | Actuator
+
+
+def driver_of(actuator: Driven) -> Callable[[Numbers], None]:
+    """Return what sends inputs: an actuator's `command`, or a boom's `swing`."""
+    whole: Any = actuator
+    if hasattr(actuator, "command"):
+        return lambda inputs: whole.command(np.array(inputs))
+    return lambda inputs: whole.swing(inputs[0])
+
+
 class NoBoom:
     """Sends nothing."""
 
     def swing(self, rad: float) -> None:
         """Leave the boom alone."""
+
+
+class NoActuator:
+    """Sends nothing to any robot."""
+
+    def command(self, inputs: FloatArray, /) -> None:
+        """Leave the robot alone."""
 
 
 class UdpBoom:

@@ -19,13 +19,15 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import require
 from hopdata.messages import Message
 from hopdata.steering.control.interface import Controller
-from hopdata.steering.live.actuator import Boom
+from hopdata.steering.live.actuator import Driven
 from hopdata.steering.live.buffer import Frame, FrameBuffer
 from hopdata.steering.live.checks import FrameChecks
+from hopdata.steering.live.decisions import Decision
 from hopdata.steering.live.limits import Limits
-from hopdata.steering.live.loop import ControlLoop, Decision, Observers
+from hopdata.steering.live.loop import ControlLoop, Observers
 from hopdata.steering.live.machine import Machine
 from hopdata.steering.live.watch import WATCH_S
+from hopdata.steering.strides import StrideAxes
 
 PLAN_FRAMES = 256  # frames: more than come during the longest plan
 
@@ -96,8 +98,8 @@ class ClockedDrive:
     observers : callable
         As in `ControlLoop`; see `hopdata.steering.live.loop.observers_of`.
     controller : Controller
-    boom : Boom
-    limits, checks, on_decision, on_frames, fault
+    boom : Boom or Actuator
+    axes, limits, checks, on_decision, on_frames, fault
         As in `ControlLoop`.
     machine : Machine, optional
         One that is armed, by default.
@@ -121,8 +123,9 @@ class ClockedDrive:
         source: HoppingSource,
         observers: Observers,
         controller: Controller,
-        boom: Boom,
+        boom: Driven,
         *,
+        axes: StrideAxes | None = None,
         limits: Limits | None = None,
         checks: Callable[[], FrameChecks] | None = None,
         machine: Machine | None = None,
@@ -144,6 +147,7 @@ class ClockedDrive:
             observers,
             controller,
             boom,
+            axes=axes,
             limits=limits,
             checks=checks,
             machine=machine or Machine(is_armed=True),

@@ -3,9 +3,10 @@
 Others may read the file while it is written (HDF5's SWMR), and if the process dies,
 only the last moment is lost. `frames` are those that the loop took, in order, with the
 number of the batch they came in (`taken`). `decisions` has the columns of `Decision`,
-and the code of the reason. `events` are states of the stream, changes of the state of
-the drive with their causes (code, values and words), and rests of the boom. `counts`
-are the counters.
+and the code of the reason; states and inputs are in the order of the robot's axes,
+which the attribute `axes` holds. `events` are states of the stream, changes of the
+state of the drive with their causes (code, values and words), and rests of the boom.
+`counts` are the counters.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ import numpy as np
 
 from hopdata.errors import ConfigError
 from hopdata.messages import Message
+from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live.buffer import Frame, Status
-from hopdata.steering.live.loop import Decision
+from hopdata.steering.live.decisions import Decision
 from hopdata.steering.live.machine import Event, Step
 from hopdata.steering.live.watch import Watch
+from hopdata.steering.strides import StrideAxes
 
-FORMAT = "hopdata drive 2"
+FORMAT = "hopdata drive 3"
 WRITE_S = 0.25  # time between writes
 # Rows for which the file grows at once: some seconds of frames and of stances.
 CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
@@ -59,13 +62,18 @@ KINDS: dict[str, Any] = {
     "outcome": "S16",
     "reason": TEXT,
 }
-DECISION = np.dtype(
-    [
-        *((one.name, KINDS.get(one.name, "f8")) for one in fields(Decision)),
-        ("code", CODE),
-    ]
-)
+INPUTS = ("previous", "planned", "command")  # columns with a number for each input
 COUNT = np.dtype([("at_s", "f8"), ("count", "S40"), ("value", "i8")])
+
+
+def decision_type(axes: StrideAxes) -> np.dtype[Any]:
+    """Return the type of a row of the table of decisions, for a robot's axes."""
+    kinds = KINDS | {"state": f"({len(axes.states)},)f8"}
+    kinds |= {name: f"({len(axes.inputs)},)f8" for name in INPUTS}
+    if not axes.states:
+        kinds["state"] = "(1,)f8"  # HDF5 has no empty one; it is not a number
+    columns = [(one.name, kinds.get(one.name, "f8")) for one in fields(Decision)]
+    return np.dtype([*columns, ("code", CODE)])
 
 
 def frame_type(n_markers: int) -> np.dtype[Any]:
@@ -99,6 +107,8 @@ class DriveLog:
         Settings of the drive, stored as JSON.
     files : mapping
         Contents of the files used for the drive, by name.
+    axes : StrideAxes
+        States and inputs of the robot; by default the hopper's.
 
     Attributes
     ----------
@@ -121,6 +131,7 @@ class DriveLog:
         *,
         setup: Mapping[str, object],
         files: Mapping[str, bytes],
+        axes: StrideAxes = HOPPER,
     ) -> None:
         import h5py
 
@@ -134,12 +145,14 @@ class DriveLog:
             how = "a file that exists already; name another one"
             raise ConfigError.at(f"log {path}", "a new file", how) from None
         self._file.attrs.update(format=FORMAT, setup=json.dumps(dict(setup)))
+        self._file.attrs["axes"] = json.dumps(axes.as_dict())
+        self._axes = axes
         kept = self._file.create_group("files")
         for name, content in files.items():
             kept[name] = np.frombuffer(content, dtype=np.uint8)
         types = {
             "frames": frame_type(markers),
-            "decisions": DECISION,
+            "decisions": decision_type(axes),
             "events": EVENT,
             "counts": COUNT,
         }
@@ -179,7 +192,10 @@ class DriveLog:
 
     def decision(self, decision: Decision) -> None:
         """Store a decision."""
-        row = tuple(_stored(value) for value in vars(decision).values())
+        values = vars(decision)
+        if not self._axes.states:
+            values = values | {"state": (np.nan,)}
+        row = tuple(_stored(value) for value in values.values())
         code = "" if decision.reason is None else decision.reason.code
         self._waiting["decisions"].append((*row, code.encode()))
 

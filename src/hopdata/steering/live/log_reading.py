@@ -16,24 +16,42 @@ from hopdata.arrays import pd
 from hopdata.errors import RecordingError
 from hopdata.foreign import door
 from hopdata.recordings.readers.hdf5_checks import require_sound
+from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live.log import (
     CHUNKS,
     COUNT,
-    DECISION,
     EVENT,
     FORMAT,
+    INPUTS,
+    decision_type,
     frame_type,
 )
+from hopdata.steering.strides import StrideAxes
 
 EARLIER = ("hopdata drive 1",)  # written by versions whose loop went on by itself
-WANTED = f"the log of a drive ({FORMAT})"  # in messages
+# One of a version that drove the hopper alone; its columns by their present names.
+OF_HOPPER = "hopdata drive 2"
+RENAMED = {
+    "boom_angle_rad": "state",
+    "swung_rad": "previous",
+    "boom_age_s": "state_age_s",
+    "planned_rad": "planned",
+    "command_rad": "command",
+}
+WANTED = "the log of a drive, as hopdata drive writes it (a file such as drive.h5)"
 
 
 @dataclass(frozen=True)
 class LoggedDrive:
-    """Contents of a log: tables as in the file, with decoded texts."""
+    """Contents of a log: tables as in the file, with decoded texts.
+
+    In `decisions` states and inputs have a column each, named by the robot's `axes`:
+    for the hopper ``boom_angle_rad, previous_swing_rad, planned_swing_rad,
+    command_swing_rad``.
+    """
 
     setup: dict[str, Any]
+    axes: StrideAxes
     files: dict[str, bytes]
     frames: NDArray[Any]
     decisions: pd.DataFrame
@@ -59,11 +77,13 @@ def read_log(path: str | Path) -> LoggedDrive:
         reader="the HDF5 library",
     )
     tables = {name: _rows(*found["tables"][name]) for name in CHUNKS}
+    axes = StrideAxes.of_dict(found["axes"])
     return LoggedDrive(
         setup=found["setup"],
+        axes=axes,
         files={name: one.tobytes() for name, one in found["files"].items()},
         frames=tables["frames"],
-        decisions=_table(tables["decisions"]),
+        decisions=_by_axis(_table(tables["decisions"]), axes),
         events=_table(tables["events"]),
         counts=_table(tables["counts"]),
     )
@@ -95,15 +115,20 @@ def contents_of(path: str) -> dict[str, Any]:
             form = str(file.attrs["format"])
             if form in EARLIER:
                 raise _earlier_log(path, form)
-            if form != FORMAT:
+            if form not in (FORMAT, OF_HOPPER):
                 raise ValueError
             setup = json.loads(file.attrs["setup"])
             tables = {name: _plain(file[name][:]) for name in CHUNKS}
+            axes = HOPPER
+            if form == FORMAT:
+                axes = StrideAxes.of_dict(json.loads(file.attrs["axes"]))
+            else:
+                tables["decisions"] = _renamed(*tables["decisions"])
             kept = {name: np.ravel(one[:]) for name, one in file["files"].items()}
-        _require_columns(setup, tables)
+        _require_columns(setup, tables, axes)
     except UNREADABLE as error:
         raise _no_log(path) from error
-    return {"setup": setup, "tables": tables, "files": kept}
+    return {"setup": setup, "axes": axes.as_dict(), "tables": tables, "files": kept}
 
 
 def _opened(path: str) -> Any:
@@ -150,7 +175,37 @@ def _rows(columns: Sequence[Any], content: NDArray[Any]) -> NDArray[Any]:
     return np.frombuffer(content.tobytes(), np.dtype(kinds))
 
 
-def _require_columns(setup: object, tables: Mapping[str, Any]) -> None:
+def _renamed(
+    columns: Sequence[Any], content: NDArray[Any]
+) -> tuple[list[Any], NDArray[Any]]:
+    """Return the decisions of a log of the hopper alone, with their present names."""
+    present = []
+    for name, kind, shape in columns:
+        is_vector = RENAMED.get(name) in ("state", *INPUTS)
+        present.append((RENAMED.get(name, name), kind, (1,) if is_vector else shape))
+    return present, content
+
+
+def _by_axis(table: pd.DataFrame, axes: StrideAxes) -> pd.DataFrame:
+    """Return decisions with a column for each state and input."""
+    columns: dict[str, Any] = {}
+    n_states = len(axes.states)
+    for name in table.columns:
+        rows = table[name].tolist()
+        if name == "state":
+            for k, column in enumerate(axes.columns[:n_states]):
+                columns[column] = [row[k] for row in rows]
+        elif name in INPUTS:
+            for k, axis in enumerate(axes.inputs):
+                columns[f"{name}_{axis.column}"] = [row[k] for row in rows]
+        else:
+            columns[name] = rows
+    return pd.DataFrame(columns)
+
+
+def _require_columns(
+    setup: object, tables: Mapping[str, Any], axes: StrideAxes
+) -> None:
     """Require the columns that a log has, with rows of numbers of their kind.
 
     Raises
@@ -166,7 +221,7 @@ def _require_columns(setup: object, tables: Mapping[str, Any]) -> None:
             n_markers = shape[0]
     wanted = {
         "frames": frame_type(n_markers),
-        "decisions": DECISION,
+        "decisions": decision_type(axes),
         "events": EVENT,
         "counts": COUNT,
     }

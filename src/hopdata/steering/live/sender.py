@@ -10,8 +10,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from hopdata.steering.live.actuator import Boom
+from hopdata.steering.live.actuator import Driven, driver_of
 from hopdata.steering.live.buffer import Worker
+from hopdata.steering.live.decisions import Numbers
 from hopdata.steering.live.packets import LiveError
 
 #: Time between rests that are sent again.
@@ -31,7 +32,7 @@ logger = logging.getLogger(__name__)
 
 
 class Command:
-    """A swing on its way to the boom, and what became of it.
+    """Inputs on their way to the actuator, and what became of them.
 
     `done` is set once the boom's driver has returned, or a newer command came before it
     was called (`replaced`). `sent_s` is when the driver returned, s; `error` is what it
@@ -39,8 +40,9 @@ class Command:
     driver is not called for it.
     """
 
-    def __init__(self, rad: float) -> None:
-        self.rad = rad
+    def __init__(self, inputs: Numbers, *, is_rest: bool) -> None:
+        self.inputs = inputs
+        self.is_rest = is_rest
         self.done = threading.Event()
         self.replaced = False
         self.withdrawn = False
@@ -61,10 +63,16 @@ class Sender(Worker):
     """
 
     def __init__(
-        self, boom: Boom, clock: Callable[[], float], alive_s: float = 0.02
+        self,
+        boom: Driven,
+        clock: Callable[[], float],
+        alive_s: float = 0.02,
+        rest: Numbers = (0.0,),
     ) -> None:
         super().__init__("hopdata-boom", self._run)
         self._boom: Any = boom
+        self._drive = driver_of(boom)
+        self.rest = rest
         self._clock = clock
         self._alive_s = alive_s
         # Numbers and times of heartbeats that are not answered yet.
@@ -76,13 +84,13 @@ class Sender(Worker):
         self.is_acknowledging = all(hasattr(boom, name) for name in names)
         self._waiting: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._last: Command | None = None
-        self._rest: Command | None = None  # not heard yet
+        self._unheard_rest: Command | None = None
         self._called_s = math.inf  # when the driver was called that has not returned
         self._fails_to_tell = False
 
-    def put(self, rad: float) -> Command:
-        """Give the boom a swing; returns at once if the thread runs."""
-        command = Command(rad)
+    def put(self, inputs: Numbers) -> Command:
+        """Give the actuator inputs; returns at once if the thread runs."""
+        command = Command(inputs, is_rest=inputs == self.rest)
         self._last = command
         if self._thread.ident is None:
             self._send(command)
@@ -128,7 +136,7 @@ class Sender(Worker):
         until_s = time.monotonic() + LAST_REST_S
         if self._last is not None:
             self._last.done.wait(LAST_REST_S)
-        while self._rest is not None and time.monotonic() < until_s:
+        while self._unheard_rest is not None and time.monotonic() < until_s:
             time.sleep(0.1 * REPEAT_S)
         self._stop.set()
         self._thread.join(LAST_REST_S)
@@ -136,7 +144,7 @@ class Sender(Worker):
             raise LiveError(
                 f"the boom's driver has not returned for {self.blocked_s():.1f} s"
             )
-        if self._rest is not None:
+        if self._unheard_rest is not None:
             logger.error("the boom did not acknowledge the last rest")
 
     def _run(self) -> None:
@@ -162,11 +170,11 @@ class Sender(Worker):
 
     def _insist(self) -> None:
         """Send a rest again that failed, or that the boom has not heard."""
-        rest = self._rest
+        rest = self._unheard_rest
         if rest is None:
             return
         if rest.error is None and self._is_heard():
-            self._rest = None
+            self._unheard_rest = None
         else:
             self._send(rest)
 
@@ -214,15 +222,15 @@ class Sender(Worker):
         if command.withdrawn:
             command.done.set()
             return
-        self._rest = command if command.rad == 0.0 else None
+        self._unheard_rest = command if command.is_rest else None
         failed_before = command.error is not None
         self._called_s = self._clock()
         try:
-            self._boom.swing(command.rad)
+            self._drive(command.inputs)
             failure: BaseException | None = None
         except BaseException as error:  # whatever it is, the thread goes on
             failure = error
-            if command.rad == 0.0 and not failed_before:
+            if command.is_rest and not failed_before:
                 logger.error("the boom failed to rest: %r", error)
         self._called_s = math.inf
         if math.isnan(command.sent_s) and failure is None:
@@ -231,8 +239,8 @@ class Sender(Worker):
         command.done.set()
 
 
-def rest_within(boom: Boom, seconds: float) -> bool:
-    """Command a boom to rest from a thread of its own.
+def rest_within(boom: Driven, seconds: float, rest: Numbers = (0.0,)) -> bool:
+    """Command an actuator to rest from a thread of its own.
 
     Return whether its driver has returned. For the end of a drive, where the sender's
     thread may never have begun, or is blocked.
@@ -241,7 +249,7 @@ def rest_within(boom: Boom, seconds: float) -> bool:
 
     def send() -> None:
         with suppress(Exception):  # the robot may be gone
-            boom.swing(0.0)
+            driver_of(boom)(rest)
         returned.set()
 
     threading.Thread(target=send, name="hopdata-last-rest", daemon=True).start()

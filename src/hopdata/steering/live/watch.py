@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Self
 
 from hopdata.messages import Message
-from hopdata.steering.live.actuator import Boom
+from hopdata.steering.live.actuator import Driven
 from hopdata.steering.live.buffer import Worker
+from hopdata.steering.live.decisions import Numbers
 from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.machine import Machine, Step, Told, Why
 from hopdata.steering.live.sender import Command, Sender
@@ -41,7 +42,7 @@ class Watch(Worker):
 
     Parameters
     ----------
-    boom : Boom
+    boom : Boom or Actuator
     machine : Machine
         The state of the drive.
     ask : callable
@@ -52,6 +53,8 @@ class Watch(Worker):
         Of these, `command_s` is also the longest time for the boom's driver to return.
     on_stop : callable, optional
         Called when the drive is over, from the thread in which it ended.
+    rest : tuple of float
+        The inputs at rest.
 
     Attributes
     ----------
@@ -61,13 +64,14 @@ class Watch(Worker):
 
     def __init__(
         self,
-        boom: Boom,
+        boom: Driven,
         machine: Machine,
         ask: Callable[[], Mapping[str, Message | None]] = dict,
         clock: Callable[[], float] = time.monotonic,
         *,
         limits: Limits | None = None,
         on_stop: Callable[[], None] = lambda: None,
+        rest: Numbers = (0.0,),
     ) -> None:
         super().__init__("hopdata-watch", self._run)
         self.machine = machine
@@ -76,11 +80,13 @@ class Watch(Worker):
         self._clock = clock
         self._limits = limits or Limits()
         self._on_stop = on_stop
-        self._sender = Sender(boom, clock, self._limits.alive_s)
+        self._sender = Sender(boom, clock, self._limits.alive_s, rest)
         self._lock = threading.RLock()
         # The rest that may not have arrived yet, and what brought it about.
         self._rest: Command | None = None
         self._unrecorded: list[Step] = []
+        # The last command whose driver did not return in time.
+        self._given_up: Command | None = None
         self._n_logged = 0
 
     @property
@@ -162,8 +168,8 @@ class Watch(Worker):
         with self._lock:
             self.machine.met(source)
 
-    def swing(self, rad: float) -> Message | None:
-        """Send a swing and return None, or return why it was not sent.
+    def send(self, inputs: Numbers) -> Message | None:
+        """Send inputs and return None, or return why they were not sent.
 
         Raises
         ------
@@ -173,9 +179,10 @@ class Watch(Worker):
         with self._lock:
             if not self.machine.may_swing:
                 return self.cause or Message("steering.not_armed")
-            command = self._sender.put(rad)
+            command = self._sender.put(inputs)
         if not command.done.wait(self._limits.command_s):
             command.withdrawn = True
+            self._given_up = command
             for_s = self._limits.command_s
             blocked = Message("steering.boom_blocked", {"for_s": for_s})
             self.fail("driver", blocked)  # its rest follows at once
@@ -213,7 +220,9 @@ class Watch(Worker):
 
     def _blocked(self) -> Message | None:
         for_s = self._sender.blocked_s()
-        if for_s <= self._limits.command_s:
+        given_up = self._given_up
+        is_waiting = given_up is not None and not given_up.done.is_set()
+        if for_s <= self._limits.command_s and not is_waiting:
             return None
         return Message("steering.boom_blocked", {"for_s": for_s})
 
@@ -230,7 +239,7 @@ class Watch(Worker):
         if step.told is not Told.REST:
             return
         self._record()
-        self._rest = self._sender.put(0.0)
+        self._rest = self._sender.put(self._sender.rest)
         if step.changes:
             self._unrecorded.append(step)
 
