@@ -469,8 +469,8 @@ STATES = np.zeros((20, 18))
             "simulation: expected keys with values",
         ),
         (
-            lambda: hd.Recording.from_arrays([0, 1], STATES, FEET),
-            "from_arrays: .*'feet'",
+            lambda: hd.Recording.from_arrays([0, 1], STATES),
+            "from_arrays: .*'markers'",
         ),
         (
             lambda: hd.Recording("a", [0, 1], STATES, (), (), 1.0),
