@@ -159,7 +159,7 @@ def test_all_is_saved_where_no_noise_is_expected(study, tmp_path):
 
 
 def test_a_folder_that_is_not_whole_or_of_another_version_is_told(study, tmp_path):
-    saved = study[0].save(tmp_path / "one")
+    saved = study[0].save(tmp_path / "version 1.2")  # no file, for all its dot
     touchdowns = saved / "tables" / "touchdowns.csv"
     table = touchdowns.read_text()
     touchdowns.write_text(table.replace("touchdown,", "index,", 1))
@@ -203,7 +203,6 @@ def test_the_name_of_a_file_is_no_folder(study, tmp_path):
     ):
         study[0].save(tmp_path / "written")
     assert [path.name for path in tmp_path.iterdir()] == ["written"]
-    assert study[0].save(tmp_path / "version 1.2").is_dir()
 
 
 def test_a_file_with_its_roles_gives_the_recording_s_numbers(study, sample_path):
@@ -470,8 +469,8 @@ STATES = np.zeros((20, 18))
             "simulation: expected keys with values",
         ),
         (
-            lambda: hd.Recording.from_arrays([0, 1], STATES, FEET),
-            "from_arrays: .*'feet'",
+            lambda: hd.Recording.from_arrays([0, 1], STATES),
+            "from_arrays: .*'markers'",
         ),
         (
             lambda: hd.Recording("a", [0, 1], STATES, (), (), 1.0),
