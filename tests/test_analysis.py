@@ -499,6 +499,11 @@ def test_results_are_shown_in_a_line_and_a_small_table(study):
         assert "array(" not in repr(result)
     for result in shown[:-1]:
         assert len(result._repr_html_()) < 4000
+    for stage in (study.foot_contacts(), study.home_frame(), study.floors["monday"]):
+        assert len(repr(stage)) < 300
+        assert "array(" not in repr(stage)
+        assert "\n" not in repr(stage)
+    assert f"{study.verdict}" == study.verdict.sentence
     assert "<td>my foot1</td>" in study.recordings[0]._repr_html_()
 
 
