@@ -14,6 +14,7 @@ from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live import log, rehearsal
 from hopdata.steering.live.actuator import NoBoom
 from hopdata.steering.live.buffer import Status, StreamCounts
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.log_reading import read_log
 from hopdata.steering.live.machine import Machine
 from hopdata.steering.live.watch import Watch
@@ -223,9 +224,13 @@ def test_an_act_without_its_rest_is_marked_and_gives_exit_code_1(capsys, monkeyp
         yield rehearsal.Performed(third, frozen, 0.03, obeyed=False)
 
     monkeypatch.setattr(rehearsal, "perform", perform)
-    monkeypatch.setattr(rehearsal, "simulated_geometry", lambda: None)
+    names = SimpleNamespace(body_names=("a", "b", "c"), boom_name="boom")
+    monkeypatch.setattr(rehearsal, "simulated_geometry", lambda: names)
     assert main(["drive", "--rehearse"]) == 1
-    rows = capsys.readouterr().out.splitlines()[3:]
+    out = capsys.readouterr().out.splitlines()
+    n_acts = len(rehearsal.acts(("a", "b", "c", "boom"), Limits()))
+    assert out[1].startswith(f"{n_acts} acts, some ")
+    rows = out[4:]
     assert [row[0] for row in rows[:6]] == [" ", "!", "!", "!", "!", "!"]
     assert rows[1].endswith("-  NO REST")
     assert "TOO LATE, beyond 50 ms" in rows[2]
