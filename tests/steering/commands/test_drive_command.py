@@ -1,6 +1,7 @@
 """A drive of the simulated hopper from the command line, and the replay of its log."""
 
 import errno
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -303,3 +304,34 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
     assert "faults   none now" in lines()[-1]
     watch.end(Message("steering.the_end"))
     assert lines()[1] == "STOPPED  the end"
+
+
+def test_before_it_is_armed_the_screen_shows_no_number_that_is_none(capsys):
+    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""))
+    nan = float("nan")
+    decision = SimpleNamespace(
+        pose=(1.0, nan, nan),
+        boom_angle_rad=3.0,
+        command_rad=nan,
+        planning_s=nan,
+        since_stance_s=0.02,
+        outcome="waiting",
+        reason=Message("steering.not_armed"),
+    )
+    screen.decided(decision)
+    said = capsys.readouterr().out
+    assert "nan" not in said.replace("title", "")
+    assert "x +1.00 m, y not seen, heading not seen, boom 172 deg" in said
+    assert "waiting: no swing is sent; the operator has not armed it" in said
+
+
+def test_a_client_that_is_missing_is_told_before_the_model_is_read(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "qtm_rt", None)
+    nowhere = str(tmp_path / "nowhere")
+    options = ["--host", "127.0.0.1", "--dry-run", "--armed", "--model", nowhere]
+    assert main(["drive", *options]) != 0
+    err = capsys.readouterr().err
+    assert "pip install 'hopdata[live]'" in err
+    assert "nowhere" not in err
