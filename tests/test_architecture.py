@@ -21,6 +21,7 @@ SHARED = {
     "code_cache",
     "digests",
     "errors",
+    "feet",
     "interchange",
     "jobs",
     "messages",

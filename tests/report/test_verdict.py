@@ -1,5 +1,5 @@
 import pytest
-from fake_study import full_study, no_answer, verdict
+from fake_study import full_study, no_answer, touchdowns, verdict
 from test_page import Page
 
 from hopdata.messages import Message
@@ -111,11 +111,18 @@ def test_notes_stand_under_the_verdict():
 def test_which_orders_differ_is_said_and_tabled():
     pair = {"of": "map", "first": "1>2", "second": "2>1", "estimate": 0.4}
     pair |= {"low": 0.2, "high": 0.5, "p_value": 0.0005}
+    pair |= {"n_first": 31, "n_second": 47, "allowed": 0.1}
     known = verdict(orders=[pair], mainly="most of all: landings with foot 1 first")
     page = Page(build_report(full_study(verdict=known)))
     assert "Which orders differ: most of all: landings with foot 1 first." in page.text
-    assert "map 1 → 2 and 2 → 1 40.0 20.0 50.0 0.0005" in page.text
+    row = "two maps 1 → 2 and 2 → 1 31, 47 40.0 20.0 50.0 0.0005"
+    assert row in page.text
+    for assumed in ("max T over 1999 random sign", "Up to 10 % is no evidence"):
+        assert assumed in page.text.replace("\u00a0", " ")
     assert "Which orders differ:" not in Page(build_report(full_study())).text
+    named = touchdowns().assign(contact_toe_s=0.0, contact_heel_s=0.0)
+    page = Page(build_report(full_study(verdict=known, touchdowns=named)))
+    assert "toe → heel and heel → toe" in page.text
 
 
 @pytest.mark.parametrize("code", ["maps.no_difference", "maps.of_an_older_version"])

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.commands import answers, devices, listing, terminal
 from hopdata.commands.guesses import inspected, with_effects
@@ -113,7 +112,6 @@ def inspection_html(
         span = (*ends, first_s, last_s)
     return rendered(
         "inspection.html.j2",
-        version=__version__,
         title=file,
         answer=listing.answer(inspection),
         highlights=_highlights(inspection),

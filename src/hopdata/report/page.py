@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from hopdata.arrays import pd
+from hopdata.feet import foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report import tables, verdict
@@ -41,7 +42,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         text, ``labels_right`` by method (%), and ``study``. ``method``, by which the
         contacts were found; ``scaling``, the ``scene`` of the scaling study and how
         many ``controls`` it has; ``has_forces``, whether contacts were compared with
-        forces.
+        forces; ``mainly``, which orders differ most, in words;
+        ``feet``, their names with their numbers.
     """
     truth = inputs.truth or {}
     slopes = _by_name(truth, "scaling_slope_")
@@ -65,6 +67,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "has_forces": _has_forces(inputs.overlay),
         "estimate_errors": _by_name(truth, "map_estimate_error_"),
         "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
+        "feet": _numbered(_feet(inputs)),
+        "mainly": str((inputs.verdict or {}).get("mainly") or ""),
     }
 
 
@@ -246,6 +250,8 @@ def _shown(
 
 
 GAPS = "recording_gaps"
+#: The page of the documentation on studies that cannot tell.
+CANNOT_TELL_PAGE = "https://github.com/hopdata/hopdata/blob/main/docs/cannot_tell.md"
 PLACES: dict[str, str] = show.WORDS["places"]
 
 
@@ -292,6 +298,8 @@ def build_report(inputs: ReportInputs) -> str:
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
+        what_now=verdict.what_now(inputs.verdict),
+        cannot_tell=CANNOT_TELL_PAGE,
         distances_asked=inputs.distances_asked,
         verdict_notes=[_note(note) for note in known.get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
@@ -496,10 +504,22 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "own_devices": tables.own_devices_table(inputs.overlay),
         "prediction": tables.prediction_table(inputs.prediction),
         "distances": tables.distances_table(inputs.distances),
-        "orders": verdict.orders_table(inputs.verdict),
+        "orders": verdict.orders_table(inputs.verdict, _feet(inputs)),
         "truth": tables.truth_table(inputs.truth),
         **tables.record_tables(inputs.provenance or {}),
     }
+
+
+def _feet(inputs: ReportInputs) -> tuple[str, ...]:
+    """Return the names of the feet, as schedules number them."""
+    if inputs.touchdowns is None:
+        return ()
+    return foot_names(inputs.touchdowns.columns)
+
+
+def _numbered(feet: Sequence[str]) -> str:
+    """Return feet with their numbers, ``1 toe, 2 heel``; empty if there are none."""
+    return ", ".join(f"{number} {name}" for number, name in enumerate(feet, start=1))
 
 
 def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> Sequence[Message]:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata import __version__
+from hopdata.feet import with_foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report.group import by_answer, summaries
@@ -37,6 +37,12 @@ def reach(verdict: Verdict | None) -> list[Message]:
         values = {name: facts[name] for name in names}
         said.append(Message("report.unless_spent", values))
     return said
+
+
+def what_now(verdict: Verdict | None) -> list[Message | str]:
+    """Return what limits a study that cannot tell, the cause that costs most first."""
+    causes = (verdict or {}).get("what_now") or []
+    return [told(cause, str(cause.get("said", ""))) for cause in causes]
 
 
 def worded(verdict: Verdict, name: str) -> Message | str:
@@ -194,25 +200,72 @@ def _true_effect(truth: Mapping[str, Mapping[str, Any]] | None) -> str | None:
     return _percent(float(true))
 
 
-ORDERS: show.Columns = {
-    "of": lambda row: str(row["of"]),
-    "orders": lambda row: f"{_arrows(row['first'])} and {_arrows(row['second'])}",
-    "size (%)": show.decimals("estimate", 1, 100.0),
-    "from (%)": show.decimals("low", 1, 100.0),
-    "to (%)": show.decimals("high", 1, 100.0),
-    "p": lambda row: show.significant(row["p_value"], 2),
+# What a size of a pair is of, in words.
+OF_PAIR = {
+    "map": Message("report.pair_of_maps"),
+    "order": Message("report.order_of_all"),
+    "jump": Message("report.pair_of_feet"),
 }
 
 
-def orders_table(verdict: Verdict | None) -> show.Table | None:
-    """Return one row for each two contact orders, or feet, that are compared."""
+def orders_table(
+    verdict: Verdict | None, feet: Sequence[str] = ()
+) -> show.Table | None:
+    """Return one row for each two contact orders, or feet, and for each order.
+
+    Parameters
+    ----------
+    verdict : mapping, optional
+        Contents of ``verdict.json``.
+    feet : sequence of str
+        Names of the feet; without them their numbers stay.
+    """
     rows = (verdict or {}).get("orders") or []
-    note = Message("report.orders_note")
-    return show.table_of("Which contact orders differ", rows, ORDERS, note=note)
+    if not rows:
+        return None
+    columns: show.Columns = {
+        "compared": lambda row: str(OF_PAIR[row["of"]]),
+        "orders or feet": lambda row: _compared(row, feet),
+        "landings": _landings_of_pair,
+        "size (%)": show.decimals("estimate", 1, 100.0),
+        "from (%)": show.decimals("low", 1, 100.0),
+        "to (%)": show.decimals("high", 1, 100.0),
+        "p": lambda row: show.significant(row["p_value"], 2),
+    }
+    return show.table_of(
+        "Which contact orders differ", rows, columns, note=_orders_note(verdict or {})
+    )
 
 
-def _arrows(order: str) -> str:
-    return order.replace(">", " → ")
+def _orders_note(verdict: Verdict) -> Message:
+    """Say how intervals and p-values were made, and what was assumed."""
+    rows = verdict["orders"]
+    values = {
+        "confidence": show.percent(100 * verdict["confidence"]),
+        "flips": show.count(verdict.get("flips")),
+        "p_least": show.significant(1.0 / (1.0 + (verdict.get("flips") or 0)), 2),
+    }
+    allowed = [row.get("allowed") for row in rows if row["of"] != "jump"]
+    known = [size for size in allowed if size is not None]
+    if not known:
+        return Message("report.orders_note", values)
+    values["allowed"] = _percent(max(known))
+    return Message("report.orders_note_allowed", values)
+
+
+def _compared(row: Mapping[str, Any], feet: Sequence[str]) -> str:
+    first = with_foot_names(row["first"], feet)
+    if row["of"] == "order":
+        return first
+    second = with_foot_names(row["second"], feet)
+    return str(Message("report.pair", {"first": first, "second": second}))
+
+
+def _landings_of_pair(row: Mapping[str, Any]) -> str:
+    """Return the number of landings of either; verdicts of before do not tell it."""
+    if row.get("n_first") is None:
+        return show.MISSING
+    return f"{show.count(row['n_first'])}, {show.count(row['n_second'])}"
 
 
 # The page of a group: answer, forest plot, conditions, and every member with its link.
@@ -267,7 +320,6 @@ def build_group_page(
         has_conditions=len({row["condition"] for row in rows}) > 1,
         members=members,
         conditions=show.table_of(title, group["conditions"], CONDITIONS),
-        version=__version__,
     )
 
 

@@ -230,11 +230,11 @@ def steer_hop(
     frame_times = np.empty(0)
     markers = np.empty((0, len(robot.markers.body_m) + 1, 3))
     if rate_hz > 0:
-        is_frame = np.isin(times, frames)
+        is_frame = _are_among(frames, times)
         frame_times = times[is_frame]
         markers = _markers(robot, hop, is_frame)
         # Frames that nearly coincide with a searched instant would spoil the parabola.
-        is_searched = np.isin(times, searched)
+        is_searched = _are_among(searched, times)
         search = replace(hop, states=hop.states[is_searched])
         times = times[is_searched]
     return SteeredHop(
@@ -254,6 +254,17 @@ def _searched_times(limit_s: float) -> FloatArray:
     times = np.arange(0.0, limit_s, STANCE_SEARCH_S)
     times.flags.writeable = False
     return times
+
+
+def _are_among(some: FloatArray, times: FloatArray) -> BoolArray:
+    """Tell which of the first of all times (K,) are some of all; both increase.
+
+    `numpy.isin` does not know that, and takes more than twice as long.
+    """
+    places = np.searchsorted(times, some)
+    found = np.zeros(len(times), dtype=bool)
+    found[places[places < len(times)]] = True
+    return found
 
 
 def _frame_times(start_s: float, limit_s: float, rate_hz: float) -> FloatArray:

@@ -87,6 +87,24 @@ def landings(
     return Landings(before, after, times, x * scale, y * out)
 
 
+def kinks_of_feet(seed, *, feet=3, pair=0.0, jump=0.0, last=0.0, first=0.0):
+    """Return states and instants of a C1 map, with kinks of feet 1 and 2, or others.
+
+    `pair` scales |t_1 - t_2|, `jump` its sign, `last` and `first` the delay of the last
+    foot and the lead of the first.
+    """
+    data = landings(450, seed=seed, feet=feet, curvature=0.0)
+    t = data.instants - data.instants.mean(axis=1, keepdims=True)
+    apart = t[:, 0] - t[:, 1]
+    change = pair * np.abs(apart) + last * t.max(axis=1) - first * t.min(axis=1)
+    change = change + jump * 0.01 * np.sign(apart)
+    # All markers move, and move faster, along x.
+    after = data.after.copy()
+    after[:, 0:9:3] += 1.0 * change[:, None]
+    after[:, 9::3] += 20.0 * change[:, None]
+    return data.before, after, data.instants
+
+
 def legs_and_feet(n, scatter, strength, seed=1):
     """Return landings whose legs scatter by `scatter` spreads, and their feet.
 

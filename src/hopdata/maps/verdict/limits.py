@@ -1,11 +1,13 @@
 """The notes of a verdict: what limits the answer, and what was done about it."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from hopdata.arrays import BoolArray
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import inputs, rows
 from hopdata.maps.verdict.model import LEFT, KinkFit
+from hopdata.maps.verdict.orders import OF_ORDER, PairEffect, arrows
 from hopdata.maps.verdict.signs import IN_A_ROW
 from hopdata.maps.verdict.words import percent
 from hopdata.messages import Message
@@ -102,6 +104,17 @@ def what_limits(
         change = [str(Message(SESSION_CODES[name])) for name in fit.session]
         notes.append(_note("session", change=" and ".join(change)))
     return notes
+
+
+def own_maps(effects: Sequence[PairEffect]) -> Notes:
+    """Return a note on orders with a map of their own that no kink or jump shows."""
+    found = []
+    for effect in effects:
+        if effect.of == OF_ORDER and effect.low > 0.0:
+            found.append(arrows(effect.first))
+    if not found:
+        return []
+    return [_note("own_map", orders=", ".join(found))]
 
 
 def _note(name: str, **values: Any) -> dict[str, Any]:

@@ -148,8 +148,8 @@ class KinkFit:
     jumps
         Steps of the outcome beside the kinks; None if no steps can be fitted.
     smooth, shown
-        Smooth terms of the landings in the window, and the (n, K) kinks that were
-        fitted beside them; None for steps.
+        Smooth terms of the landings in the window, None for steps; and the (n, K) kinks
+        or steps that were fitted.
     nearest
         What the nearest landings alone would leave; None if the window is theirs.
     """
@@ -253,6 +253,7 @@ def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
     of_jumps = max(LEFT_OF_JUMPS * of_window, OF_ALLOWED * allowed)
     of_jumps *= steps.faded(beside_kinks, seen)
     jumps = _kink_fit(landings, fit, linear, seen, rows, of_jumps, of_jumps)
+    jumps = replace(jumps, shown=steps.shown @ seen)
     return replace(found, linear=linear, jumps=jumps)
 
 

@@ -57,9 +57,13 @@ LEAST_SEEN = 0.1
 #: Unit: 1. Origin: chosen.
 TOGETHER = 0.8
 
-# What a pair differs in.
+# What a pair differs in, and an order differs in from all others.
 OF_MAP = "map"
 OF_JUMP = "jump"
+OF_ORDER = "order"
+
+# With what an order is compared that is compared with all others.
+OTHERS = "others"
 
 
 @dataclass(frozen=True)
@@ -70,14 +74,20 @@ class PairEffect:
     ----------
     of
         ``"map"``: relative difference of the Jacobians; ``"jump"``: jump of the outcome
-        as a share of what the mean map makes of the inputs.
+        as a share of what the mean map makes of the inputs; ``"order"``: what a map of
+        its own changes of an order's outcomes, likewise (see `own_maps`).
     first, second
-        The orders, as ``"1>2>3"``; for pairs of feet ``"1>2"`` and ``"2>1"``.
+        The orders, as ``"1>2>3"``; for pairs of feet ``"1>2"`` and ``"2>1"``; if an
+        order is compared with all others, the second is ``"others"``.
     estimate, low, high
         Size and interval as those of the study, `EffectSize`; all intervals hold
         together. `low` is above zero if the two differ.
     p_value
         Adjusted for the number of pairs.
+    n_first, n_second
+        Number of landings of either.
+    allowed
+        Size that is no evidence, since smooth terms may leave it.
     """
 
     of: str
@@ -87,6 +97,9 @@ class PairEffect:
     low: float
     high: float
     p_value: float
+    n_first: int
+    n_second: int
+    allowed: float
 
 
 def orders_table(effects: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -174,8 +187,22 @@ def _as_large(drawn: FloatArray, found: float) -> tuple[IntArray, int]:
 
 
 @dataclass(frozen=True)
-class _Pair:
-    """A pair that is compared, the root of its squared size, what is no evidence."""
+class Part:
+    """A pair that is compared.
+
+    Attributes
+    ----------
+    of, names
+        What it differs in, and the two names: see `PairEffect`.
+    fit, errors
+        Kinks, jumps or a map of its own, and random errors of their coefficients.
+    root
+        Root of its squared size.
+    allowed
+        Size that is no evidence.
+    counts
+        Number of landings of either.
+    """
 
     of: str
     names: tuple[str, str]
@@ -183,10 +210,11 @@ class _Pair:
     errors: SignedErrors
     root: FloatArray
     allowed: float
+    counts: tuple[int, int]
 
 
 def pair_effects(
-    pairs: Sequence[_Pair],
+    pairs: Sequence[Part],
     *,
     alike: bool,
     joint_p_value: float,
@@ -240,6 +268,9 @@ def pair_effects(
                 low=ends.low,
                 high=ends.high,
                 p_value=p_value,
+                n_first=pair.counts[0],
+                n_second=pair.counts[1],
+                allowed=pair.allowed,
             )
         )
     return effects
@@ -250,7 +281,7 @@ def pairs_of_maps(
     errors: SignedErrors,
     landings: SectionLandings,
     comparison: Comparison,
-) -> list[_Pair]:
+) -> list[Part]:
     """Return the pairs whose maps are compared; the mean of their squares is e^2."""
     changes = comparing.changes_of_map(fit, landings, comparison)
     weights = comparing.weights_of_map(fit, landings, comparison)
@@ -262,7 +293,8 @@ def pairs_of_maps(
             continue
         root = np.kron(change.T, weights)
         allowed = float(np.sqrt(square / mean_square) * fit.allowed)
-        pairs.append(_Pair(OF_MAP, names, fit, errors, root, allowed))
+        counts = _landings_of(names, landings.expected[fit.rows])
+        pairs.append(Part(OF_MAP, names, fit, errors, root, allowed, counts))
     return pairs
 
 
@@ -271,7 +303,7 @@ def pairs_of_jumps(
     errors: SignedErrors,
     landings: SectionLandings,
     comparison: Comparison,
-) -> list[_Pair]:
+) -> list[Part]:
     """Return the pairs of feet at whose exchange the outcome may jump.
 
     `fit` is that of the kinks, and `errors` are those of its jumps.
@@ -288,8 +320,20 @@ def pairs_of_jumps(
             continue
         root = np.kron(2.0 * seen[None, :], weights)
         names = comparing.names_of_feet(i, j)
-        pairs.append(_Pair(OF_JUMP, names, steps, errors, root, steps.allowed))
+        counts = _landings_of(names, instants)
+        part = Part(OF_JUMP, names, steps, errors, root, steps.allowed, counts)
+        pairs.append(part)
     return pairs
+
+
+def _landings_of(names: tuple[str, str], instants: FloatArray) -> tuple[int, int]:
+    """Return how many landings come in either order, of all feet or of two."""
+    counts = []
+    for name in names:
+        feet = [int(foot) - 1 for foot in _feet(name)]
+        in_order = np.diff(instants[:, feet], axis=1) > 0.0
+        counts.append(int(in_order.all(axis=1).sum()))
+    return counts[0], counts[1]
 
 
 # What the differences have in common, in words.
@@ -302,7 +346,9 @@ PLACES = {
 Parted = Callable[[tuple[str, ...], tuple[str, ...]], bool]
 
 
-def mainly(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
+def mainly(
+    effects: Sequence[PairEffect], instants: FloatArray, alone: str = ""
+) -> Message | None:
     """Return which orders differ most, or which feet; None if no pair was found.
 
     What a group of pairs has in common is said if all of the group were found and even
@@ -316,7 +362,11 @@ def mainly(effects: Sequence[PairEffect], instants: FloatArray) -> Message | Non
         See `pair_effects`.
     instants
         (n, feet) expected contact instants.
+    alone
+        The order that alone differs, if there is one: see `own_maps`.
     """
+    if alone:
+        return Message("maps.mainly_alone", {"order": arrows(alone)})
     of_maps = [effect for effect in effects if effect.of == OF_MAP]
     of_jumps = [effect for effect in effects if effect.of == OF_JUMP]
     maps = _mainly_maps(of_maps, instants)

@@ -7,10 +7,12 @@ A landing is left out if it is far from what all others tell:
 - its contact instants are far from those that are expected;
 - its outcome is far from what a map of low order foretells, the same for all landings.
 
-None of these looks at whether contact orders differ: that map has kinks and steps of
-any size, and only the length of a miss counts, not its direction. In a landing that has
-one derivative, what the map misses of the landings that stay is therefore as likely to
-have either sign as before, which is all that random signs ask for.
+Of a contact order most of whose outcomes are far off none is left out: that is a map of
+its own. Apart from this, nothing here looks at whether contact orders differ: the map
+has kinks and steps of any size, and only the length of a miss counts, not its
+direction. In a landing that has one derivative, what the map misses of the landings
+that stay is therefore as likely to have either sign as before, which is all that random
+signs ask for.
 
 How far is too far is read from the study (`too_far`): a study with heavy tails has wide
 limits, and loses next to nothing.
@@ -26,7 +28,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.maps.coordinates import LANDINGS_PER_TERM, kinks, monomials, split_states
 from hopdata.maps.verdict import averaged
-from hopdata.maps.verdict.inputs import STATE, SectionLandings
+from hopdata.maps.verdict.inputs import LEAST_CLASS, STATE, SectionLandings
 from hopdata.maps.verdict.linear import FLAT, whitened
 from hopdata.maps.verdict.smooth import WAYS
 
@@ -61,6 +63,12 @@ FAR_OFF = 30.0
 #: Least slack of a landing (one minus its leverage) by which a residual is divided.
 #: Unit: 1. Origin: chosen.
 LEAST_SLACK = 0.05
+
+#: Outcomes that are far off in more than this share of the landings of a contact order
+#: are no mistakes: the order has a map of its own.
+#: Unit: 1. Origin: chosen: sound studies lose less than 1 % of their landings, and of
+#: an order with a map of its own nearly all are far off.
+OF_ORDER = 0.25
 
 # Passes of the reweighted fit, which settles in fewer.
 PASSES = 10
@@ -135,7 +143,22 @@ def gross(landings: SectionLandings) -> Mapping[str, BoolArray]:
     missed = misses(rough[near], landings.outputs[near], n_steps)
     far_outcomes = np.zeros(len(late), dtype=bool)
     far_outcomes[near] = _beyond(missed)
+    far_outcomes &= ~_of_orders_that_are_far(landings, far_outcomes)
     return {FAR_STATE: far_states, CONTACTS: is_late, OUTCOME: far_outcomes}
+
+
+def _of_orders_that_are_far(
+    landings: SectionLandings, far_outcomes: BoolArray
+) -> BoolArray:
+    """Return which landings are of contact orders whose outcomes are far off, (n,)."""
+    order = np.argsort(landings.expected, axis=1, kind="stable")
+    _, of_landing, counts = np.unique(
+        order, axis=0, return_inverse=True, return_counts=True
+    )
+    of_landing = of_landing.ravel()
+    n_far = np.bincount(of_landing[far_outcomes], minlength=len(counts))
+    are_far = (n_far > OF_ORDER * counts) & (counts >= LEAST_CLASS)
+    return np.asarray(are_far[of_landing])
 
 
 def _rough_map(landings: SectionLandings) -> tuple[FloatArray, int]:

@@ -11,18 +11,24 @@ from hopdata.maps.verdict.data import Options
 from hopdata.maps.verdict.effect import AtContact, EffectSize
 from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import KinkFit, err_alike
+from hopdata.maps.verdict.own_maps import own_maps
 from hopdata.maps.verdict.signs import Draws, signed_errors
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sizes of a study, the levels of their tests, and the size of each pair."""
+    """The sizes of a study, the levels of their tests, and the size of each pair.
+
+    `orders` has the pairs, then each order against all others; `alone` is the order
+    that alone differs, or empty.
+    """
 
     effect: EffectSize
     jump: EffectSize | None
     alike: bool
     levels: dict[str, float]
     orders: list[which.PairEffect]
+    alone: str
 
 
 def sizes_of(
@@ -73,7 +79,9 @@ def sizes_of(
         pairs, alike=alike, joint_p_value=joint.p_value, confidence=options.confidence
     )
     levels = dict(zip(("effect", "jump"), joint.of_each, strict=False))
-    return Sizes(effects[0], jump, alike, levels, of_pairs)
+    own = own_maps(fit, landings, comparison, options, alike=alike)
+    every = [*of_pairs, *own.effects]
+    return Sizes(effects[0], jump, alike, levels, every, own.alone)
 
 
 def at_contact(

@@ -297,7 +297,7 @@ class ControlLoop(Worker):
             return
         with self._observing:
             # A slow machine may have got far behind, and may be told to end.
-            while not self._stop.is_set():
+            while self._buffer.written != self._seen and not self._stop.is_set():
                 frames = self._buffer.since(self._seen)[:MOST_AT_ONCE]
                 if not frames:
                     return

@@ -232,7 +232,10 @@ class Machine:
         """Look at the time, and return what that does."""
         steps = []
         for source, deadline in list(self._deadlines.items()):
-            cause = deadline.why(at_s) if at_s > deadline.due_s else None
+            is_due = at_s > deadline.due_s
+            if not is_due and source not in self.lasting:
+                continue
+            cause = deadline.why(at_s) if is_due else None
             step = self.report(source, cause, at_s)
             if step is not None:
                 steps.append(step)

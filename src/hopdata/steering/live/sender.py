@@ -113,7 +113,9 @@ class Sender(Worker):
 
     def unheard_s(self) -> float:
         """Return for how long the oldest heartbeat has not been answered, s."""
-        with suppress(IndexError):
+        if not self._unheard:
+            return 0.0
+        with suppress(IndexError):  # it may be answered meanwhile
             return max(0.0, self._clock() - self._unheard[0][1])
         return 0.0
 

@@ -205,7 +205,10 @@ class Watch(Worker):
         asked["acknowledgement"] = self._unacknowledged()
         with self._lock:  # held for a few assignments only
             now = self._clock()
+            lasting = self.machine.lasting
             for source, cause in asked.items():
+                if cause is None and source not in lasting:
+                    continue
                 step = self.machine.report(source, cause, now)
                 if step is not None:
                     self._obey(step)

@@ -1,0 +1,13 @@
+from hopdata.feet import foot_names, with_foot_names
+
+
+def test_the_contact_columns_name_the_feet_in_their_order():
+    columns = ["t_pre_s", "contact_R_heel_s", "contact_a b_s", "se_R_heel_s"]
+    assert foot_names(columns) == ("R_heel", "a b")
+    assert foot_names(["schedule"]) == ()
+
+
+def test_an_order_is_named_only_if_each_foot_has_a_name():
+    assert with_foot_names("2>1", ("toe", "heel")) == "heel → toe"
+    assert with_foot_names("3>1", ("toe", "heel")) == "3 → 1"
+    assert with_foot_names("others", ("toe",)) == "others"
