@@ -204,8 +204,9 @@ def _roles_of(recording: Recording) -> _RolesOf:
     for role in ("feet", "body"):
         names = ", ".join(getattr(roles, role))
         reason = roles.reasons.get(role)
-        values = {"place": recording.place, "role": role, "names": names or "none"}
-        remark = Message("landings.role_guessed", {**values, "reason": reason or ""})
+        values: Contents = {"place": recording.place, "role": role}
+        values |= {"names": names or "none", "reason": reason or ""}
+        remark = Message("landings.role_guessed", values)
         remarks.append(str(remark).removesuffix("; "))
         if role in roles.unsure:
             values["other"] = roles.unsure[role]
@@ -431,7 +432,8 @@ def _of_study(recording: Recording, progress: Progress) -> Recording:
             values = {"place": recording.place, "role": key}
             raise RecordingError(Message("landings.role_missing", values))
     roles = zip(recording.markers, recording.roles, strict=True)
-    return recording[[name for name, role in roles if role != "other"]]
+    kept: Recording = recording[[name for name, role in roles if role != "other"]]
+    return kept
 
 
 def _other_feet(recording: Recording, roles: Contents) -> list[str]:

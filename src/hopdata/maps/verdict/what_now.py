@@ -37,15 +37,15 @@ LEAST_SHARE = 0.03
 OF_INPUTS = slice(2, 5)
 OF_OUTPUTS = slice(5, 8)
 
-# Reasons for which there is no size, and what then limits the study.
+# Reasons for which there is no size -> what then limits the study, and its sentence.
 REASONS = {
-    "maps.too_few_landings": "landings",
-    "maps.too_few_orders": "orders",
-    "maps.no_two_feet": "orders",
-    "maps.same_instants": "spread",
-    "maps.states_do_not_vary": "spread",
-    "maps.orders_not_foretold": "posture",
-    "maps.markers_move_apart": "noise",
+    "maps.too_few_landings": ("landings", "maps.none_for_landings"),
+    "maps.too_few_orders": ("orders", "maps.none_for_orders"),
+    "maps.no_two_feet": ("orders", "maps.none_for_orders"),
+    "maps.same_instants": ("spread", "maps.none_for_spread"),
+    "maps.states_do_not_vary": ("spread", "maps.none_for_spread"),
+    "maps.orders_not_foretold": ("posture", "maps.none_for_posture"),
+    "maps.markers_move_apart": ("noise", "maps.none_for_noise"),
 }
 
 
@@ -84,14 +84,15 @@ def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]
 
     `orders` are those that occur, with their ``landings``: see `so_far`.
     """
-    cause = REASONS.get(str(error.code))
-    if cause is None:
+    found = REASONS.get(str(error.code))
+    if found is None:
         return []
+    cause, sentence = found
     values = dict(getattr(error.args[0], "values", {}))
     values |= {"least_of_order": LEAST_CLASS}
     told = [f"{one['order']} ({one['landings']})" for one in orders]
     values["orders"] = ", ".join(told) or "none"
-    return [Limit(cause, None, Message(f"maps.none_for_{cause}", values))]
+    return [Limit(cause, None, Message(sentence, values))]
 
 
 @dataclass(frozen=True)
@@ -211,10 +212,10 @@ def _of_posture(fit: KinkFit, landings: SectionLandings, parts: _Parts) -> Limit
         "share": f"{100 * landings.foretold:.1f} %",
         "well": percent(inputs.WELL_FORETOLD),
     }
-    name = "limit_posture"
+    name = "maps.limit_posture"
     if landings.posture is inputs.Posture.NOT_SEEN:
-        name = "limit_posture_not_seen"
-    return Limit("posture", costs, Message(f"maps.{name}", values))
+        name = "maps.limit_posture_not_seen"
+    return Limit("posture", costs, Message(name, values))
 
 
 def _of_spread(fit: KinkFit, landings: SectionLandings) -> Limit:
