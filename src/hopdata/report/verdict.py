@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata import __version__
 from hopdata.feet import with_foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
