@@ -197,11 +197,9 @@ def _roles_of(recording: Recording) -> _RolesOf:
 
     inspection = replace(inspect(recording), place=recording.place)
     roles = guessed_roles(inspection)
-    joined = {marker: foot for foot, own in roles.joined.items() for marker in own}
-    feet: dict[str, list[str]] = {}
-    for marker in roles.feet:
-        feet.setdefault(joined.get(marker, marker), []).append(marker)
-    with_roles = recording.with_roles(feet=feet, body=roles.body, boom=roles.boom)
+    with_roles = recording.with_roles(feet=roles.feet, body=roles.body, boom=roles.boom)
+    # The markers stay in the order of the file, as for the commands.
+    joined = tuple((foot, tuple(own)) for foot, own in roles.joined.items())
     remarks = [*recording.remarks]
     for role in ("feet", "body"):
         names = ", ".join(getattr(roles, role))
@@ -213,7 +211,7 @@ def _roles_of(recording: Recording) -> _RolesOf:
             values["other"] = roles.unsure[role]
             remarks.append(str(Message("landings.role_not_sure", values)))
     questions = open_questions(inspection, roles)
-    found = replace(with_roles, remarks=tuple(remarks))
+    found = replace(with_roles, remarks=tuple(remarks), joined=joined)
     return _RolesOf(found, list(roles.problems), questions)
 
 

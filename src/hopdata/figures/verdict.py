@@ -52,7 +52,7 @@ def verdict_figure(
     Parameters
     ----------
     verdict : mapping
-        Contents of ``verdict.json``; see docs/verdict.md.
+        Contents of ``verdict.json``; see docs/verdict_json.md.
     touchdowns : DataFrame
         The touchdown table; its two most common orders of contact are drawn.
     truth : DataFrame, optional

@@ -250,6 +250,8 @@ def _shown(
 
 
 GAPS = "recording_gaps"
+#: The page of the documentation on studies that cannot tell.
+CANNOT_TELL_PAGE = "https://github.com/hopdata/hopdata/blob/main/docs/cannot_tell.md"
 PLACES: dict[str, str] = show.WORDS["places"]
 
 
@@ -296,6 +298,8 @@ def build_report(inputs: ReportInputs) -> str:
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
+        what_now=verdict.what_now(inputs.verdict),
+        cannot_tell=CANNOT_TELL_PAGE,
         distances_asked=inputs.distances_asked,
         verdict_notes=[_note(note) for note in known.get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),

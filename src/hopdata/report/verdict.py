@@ -39,6 +39,12 @@ def reach(verdict: Verdict | None) -> list[Message]:
     return said
 
 
+def what_now(verdict: Verdict | None) -> list[Message | str]:
+    """Return what limits a study that cannot tell, the cause that costs most first."""
+    causes = (verdict or {}).get("what_now") or []
+    return [told(cause, str(cause.get("said", ""))) for cause in causes]
+
+
 def worded(verdict: Verdict, name: str) -> Message | str:
     """Return the sentence or the outlook of a verdict, by its code if it has one."""
     as_written = verdict.get(name) or ""

@@ -82,7 +82,7 @@ def test_a_model_that_will_probably_not_reach_a_point_is_named_before_the_start(
     tmp_path, capsys
 ):
     head = "expected_arrivals,error_over_width,step_over_width,covered,unresolved"
-    for arrivals, words in ((0.98, ""), (0.4, "no effect of the swing on dx and dy")):
+    for arrivals, words in ((0.98, ""), (0.4, "no effect of the inputs on dx and dy")):
         rows = f"{head}\n{arrivals},0.3,0.5,0.6,dx dy\n"
         (tmp_path / drive.SCORES).write_text(rows)
         drive._warn_of(tmp_path)
