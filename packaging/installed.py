@@ -86,7 +86,6 @@ def table(sizes):
 
 def main():
     """Print the table."""
-    """Print the table."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     sizes = {
         plain(one.metadata["Name"]): size_mb(one)
