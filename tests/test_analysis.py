@@ -477,7 +477,7 @@ STATES = np.zeros((20, 18))
         ),
         (
             lambda: hd.Recording.from_arrays([0, 1], STATES, FEET),
-            "from_arrays: .*'feet'",
+            r"positions: expected shape \(2, 3, 3\)",
         ),
         (
             lambda: hd.Recording("a", [0, 1], STATES, (), (), 1.0),
