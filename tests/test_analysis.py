@@ -479,6 +479,10 @@ STATES = np.zeros((20, 18))
             "from_arrays: .*'markers'",
         ),
         (
+            lambda: hd.Recording.from_arrays([0, 1], STATES, FEET),
+            r"positions: expected shape \(2, 3, 3\)",
+        ),
+        (
             lambda: hd.Recording("a", [0, 1], STATES, (), (), 1.0),
             "time: expected an array of",
         ),
