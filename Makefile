@@ -33,7 +33,7 @@ help:
 	@echo "make lint       run ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     reformat the files with ruff and snakefmt"
 	@echo "make rules      write workflow/rules/line.smk, two tables and a picture from src/hopdata/stages.py"
-	@echo "make docs       write docs/configuration.md from the schema and docs/constants.md from the code"
+	@echo "make docs       write docs/configuration.md from the schema, docs/constants.md from the code and docs/troubleshooting.md from the messages"
 	@echo "make site       build the documentation into build/site; runs the tutorials and checks links"
 	@echo "make sample     simulate the recordings of data/sample again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
@@ -133,6 +133,7 @@ rules: $(VENV)/.run
 docs: $(VENV)/.run
 	$(BIN)/hopdata config-docs --out docs/configuration.md
 	$(BIN)/python benchmarks/constants.py page
+	$(BIN)/python packaging/troubleshooting.py
 
 site: $(VENV)/.docs
 	rm -rf build/site
@@ -216,7 +217,7 @@ lock:
 	$(LOCK) pyproject.toml --extra fuzz -c requirements-dev.lock -o requirements-fuzz.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 	$(LOCK) pyproject.toml --extra dissertation -c requirements-bench.lock -o requirements-dissertation.lock
-	printf 'furo>=2024.8\ngymnasium>=1.0\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
+	printf 'furo>=2024.8\ngymnasium>=1.0\nipykernel>=6.29\nlatex2mathml>=3.77\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
 	  $(LOCK) - -c requirements-dev.lock -o requirements-docs.lock
 # Installs quickly, and builds hopdata and Snakemake's dependency connection-pool, which is published only as source.
 	printf 'hatchling>=1.27,<2\npip>=26\nsetuptools\n' | $(LOCK) - -c requirements-dev.lock -o requirements-build.lock

@@ -373,8 +373,8 @@ def compare(
             errors += ((near[hit[0]] - landing) / stated).tolist()
             right = (np.argsort(near[hit[0]]) == np.argsort(landing)).all()
             rows["likely_right"] += right
-            rows["sure"] += row["class"] != "ambiguous"
-            rows["right"] += right and row["class"] != "ambiguous"
+            rows["sure"] += row["order_class"] != "ambiguous"
+            rows["right"] += right and row["order_class"] != "ambiguous"
     z = np.array(errors)
     return rows | {
         "ambiguous": 1 - rows["sure"] / max(rows["found"], 1),

@@ -512,7 +512,7 @@ def state_row(case: Case, recording: Recording) -> dict[str, float]:
     pairs, table = touchdowns(recording, case)
     contacts = {recording.name: case.truth.contact_times}
     rows = true_rows(pairs, table, case.true, contacts, recording.names("foot"))
-    share = table.set_index("index")["filled_share"].loc[pairs.index].to_numpy()
+    share = table.set_index("touchdown")["filled_share"].loc[pairs.index].to_numpy()
     out: dict[str, float] = {
         "descents": len(table),
         "used": int((~table["excluded"]).sum()),
@@ -642,7 +642,7 @@ def _on_moved(
         pairs = assemble_pairs([flat], table, **heights)
     except AnalysisError:
         return {"refused": True, "moving": False}
-    used = table[~table["excluded"]].set_index("index").loc[pairs.index]
+    used = table[~table["excluded"]].set_index("touchdown").loc[pairs.index]
     kinds = ("contact", "se", "common")
     instant, own, common = (
         used.filter(regex=f"^{k}_.*_s$").to_numpy() / root for k in kinds

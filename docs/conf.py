@@ -13,20 +13,32 @@ from hopdata import __version__ as release
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 
-#: The contents at the side: the pages by their use.
+#: The contents at the side, by what a reader came for: tutorials to follow, guides for a
+#: task, explanations to understand, and what is looked up.
 PAGES = {
-    "Learn": ["first_study", "notebook", "own_recording", "plan", "steering", "another_robot",
-              "new_scene"],
-    "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
-    "Look up": ["gallery", "api", "glossary", "constants", "platforms", "licences", "../CHANGELOG", "../SECURITY"],
-    "The integrator": [
-        "integrator", "integrator_choices", "sliding", "known_instants", "gradients",
-        "integrator_step", "integrator_proof", "integrator_method", "printed_method",
+    "Tutorials": [
+        "first_study", "real_recording", "notebook", "own_recording", "plan", "steering",
+        "another_robot", "new_scene",
     ],
-    "Understand": [
-        "dissertation", "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign",
-        "unseen_order", "impacts", "contacts", "limits", "reliability", "architecture", "decisions",
+    "How to": [
+        "protocol", "results", "cannot_tell", "reporting", "contacts", "group", "cluster", "live", "plugins",
+        "../CONTRIBUTING",
+    ],
+    "Explanation": [
+        "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
+        "unseen_order", "impacts", "limits", "comparison", "dissertation", "architecture", "decisions",
+        "reliability",
+    ],
+    "Reference": [
+        "faq", "troubleshooting", "glossary", "configuration", "formats", "verdict_json", "contacts_study",
+        "json", "api", "gallery", "constants",
+        "platforms", "licences", "../CHANGELOG", "../SECURITY",
         "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
+    ],
+    "The integrator": [
+        "integrator", "integrator_examples", "integrator_reference", "integrator_many", "integrator_compiled",
+        "integrator_choices", "sliding", "known_instants", "gradients",
+        "integrator_step", "integrator_proof", "integrator_method", "printed_method",
     ],
 }  # fmt: skip
 

@@ -1,6 +1,7 @@
 """A study in one process; `tests/workflow` tests that its bytes are those of the workflow."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -8,12 +9,14 @@ from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_up_hopper import MARKERS, hopping
 from written_files import write_c3d
 
 import hopdata as hd
 from hopdata.errors import ArgumentError, absent
+from hopdata.figures.style import save_figure
 from hopdata.landings.contacts.timing import METHODS
 from hopdata.maps import subspaces
 from hopdata.maps.verdict.model import LEFT
@@ -46,7 +49,11 @@ def short_study(sample_path):
     return hd.study(read_recording(sample_path).part(slice(4_000)))
 
 
-@pytest.mark.parametrize("size", [1 / 256, 0.01, 1.3, 4.0])
+#: From a flea to an elephant; each is a study.
+ANIMALS = [1 / 256, 0.01, 1.3, 4.0] if "ALL" in os.environ else [1 / 256, 4.0]
+
+
+@pytest.mark.parametrize("size", ANIMALS)
 def test_what_is_found_does_not_depend_on_the_size_of_the_animal(short_study, size):
     one, seen = short_study, short_study.imported[0]
     root = np.sqrt(size)
@@ -123,10 +130,65 @@ def test_what_a_notebook_looks_at(study):
 
 
 def test_all_is_saved_where_no_noise_is_expected(study, tmp_path):
-    study[0].save(tmp_path)
+    study = study[0]
+    study.save(tmp_path)
     checks = json.loads((tmp_path / "quality.json").read_text())
     assert any(check["value"] is None for check in checks)
-    assert (tmp_path / "figures" / "verdict.svg").is_file()
+    drawn = (tmp_path / "figures" / "verdict.svg").read_text()
+
+    loaded = hd.load(tmp_path)
+    assert loaded.verdict == study.verdict
+    assert repr(loaded).endswith(f"'monday': {study.verdict.sentence}>")
+    assert [*loaded.tables] == [*study.tables]
+    for name, table in study.tables.items():
+        pd.testing.assert_frame_equal(loaded.tables[name], table, check_exact=True)
+    np.testing.assert_array_equal(loaded.pairs.x, study.pairs.x)
+    np.testing.assert_array_equal(loaded.quality["value"], study.quality["value"])
+    assert loaded.sections == study.sections
+    save_figure(loaded.plot(), tmp_path / "again", formats=["svg"])
+    assert (tmp_path / "again.svg").read_text() == drawn
+    for wrong, told in (
+        (lambda: loaded.recordings, "level/monday.h5.*, found none"),
+        (loaded.foot_contacts, "foot_contacts: expected a study that computes"),
+        (lambda: loaded.plot("verdit"), "did you mean 'verdict'"),
+        (lambda: hd.load(tmp_path / "verdict.json"), "folder: expected the folder of"),
+        (lambda: hd.load(tmp_path.parent), f"no provenance.*: {tmp_path.name}"),
+    ):
+        with pytest.raises(hd.HopdataError, match=told):
+            wrong()
+
+
+def test_a_folder_that_is_not_whole_or_of_another_version_is_told(study, tmp_path):
+    saved = study[0].save(tmp_path / "one")
+    touchdowns = saved / "tables" / "touchdowns.csv"
+    table = touchdowns.read_text()
+    touchdowns.write_text(table.replace("touchdown,", "index,", 1))
+    with pytest.raises(hd.HopdataError, match="columns touchdown, found index, as bef"):
+        _ = hd.load(saved).touchdowns
+    touchdowns.unlink()
+    with pytest.raises(hd.HopdataError, match=r"found none named tables/touchdowns.cs"):
+        hd.load(saved)
+    provenance = json.loads((saved / "provenance.json").read_text())
+    provenance["versions"]["hopdata"] = "0.0.9"
+    (saved / "provenance.json").write_text(json.dumps(provenance))
+    with pytest.raises(hd.HopdataError, match=r"hopdata 0\.1\.0, found one of 0\.0\.9"):
+        hd.load(saved)
+    del provenance["config"]
+    (saved / "provenance.json").write_text(json.dumps(provenance))
+    with pytest.raises(hd.HopdataError, match="the versions and the configuration"):
+        hd.load(saved)
+    (saved / "provenance.json").unlink()
+    with pytest.raises(hd.HopdataError, match="its run has not ended"):
+        hd.load(saved)
+
+
+def test_no_name_of_a_figure_computes_anything(short_study):
+    figures = hd.study(short_study.imported[0]).figures
+    assert figures.verdict.__doc__.startswith("Draw the verdict")
+    assert "<td>Draw the verdict" in figures._repr_html_()
+    assert not figures.of._returned
+    with pytest.raises(hd.HopdataError, match="the arguments ax, style"):
+        figures.verdict(axes=3)
 
 
 def test_the_name_of_a_file_is_no_folder(study, tmp_path):
@@ -280,25 +342,65 @@ def test_roles_are_those_of_the_file_and_otherwise_guessed(tmp_path):
     assert (read.names("foot"), read.names("body")) == (MARKERS[3:6], MARKERS[:3])
 
     guessed = c3d_of(tmp_path, hopping(5, n_frames=800)[1])
-    read = hd.read(guessed)
+    bare = hd.read(guessed)
+    assert bare.markers == MARKERS
+    assert {*bare.roles} == {"other"}
+    read = hd.guess(bare)
     assert {*read.names("foot")} == {*MARKERS[3:6]}
     assert {*read.names("body")} == {*MARKERS[:3]}
-    assert len(hd.contacts(read).found) > 9
+    assert "feet guessed: toe1, toe2, toe3; rest near the floor" in read.remarks[-2]
+    np.testing.assert_array_equal(read["toe1"], bare["toe1"])
+    alone = hd.contacts(bare)
+    assert len(alone.found) > 9
+    assert alone.remarks[0].code == "landings.role_guessed"
+    pd.testing.assert_frame_equal(alone.table, hd.contacts(guessed).table)
+    by_hand = bare.with_roles(feet=MARKERS[3:6], body=MARKERS[:3])
+    pd.testing.assert_frame_equal(alone.table, hd.contacts(by_hand).table)
     told = []
     prepared = hd.study(guessed, progress=told.append)
     assert {*prepared.config["markers"]["feet"]} == {*MARKERS[3:6]}
     assert any("markers.feet: toe1" in line for line in told)
+    of_arrays = hd.study(bare, progress=told.append)
+    for key in ("markers", "sections", "feet"):
+        assert of_arrays.config[key] == prepared.config[key]
+    assert any(line.startswith("foot: toe1") for line in told)
+
+
+def test_files_are_joined_by_the_markers_that_all_have(tmp_path):
+    _, positions = hopping(5, n_frames=400)
+    first = c3d_of(tmp_path, positions)
+    (tmp_path / "later").mkdir()
+    second = c3d_of(tmp_path / "later", positions[:, :-1], MARKERS[:-1])
+    joined = hd.read([first, second])
+    assert joined.markers == MARKERS[:-1]
+    assert any(
+        "left out: 1 marker, which not all of the 2 files have" in remark
+        for remark in joined.remarks
+    )
 
 
 def test_roles_that_cannot_be_guessed_are_asked_for_in_one_line(tmp_path):
     time, positions = hopping(5, n_frames=800)
     still = c3d_of(tmp_path, np.repeat(positions[:1], len(time), axis=0))
-    with pytest.raises(hd.HopdataError, match=r"feet, body: .*markers\.feet: ") as told:
-        hd.read(still)
-    assert "\n" not in str(told.value)
+    bare = hd.read(still)  # which needs no roles
+    for ask, wanted in (
+        (lambda: hd.study(still), r"feet, body: .*markers\.feet: "),
+        (lambda: hd.guess(bare), r"give the roles by recording\.with_roles\(feet=\["),
+        (lambda: hd.study(bare), r"give the roles by recording\.with_roles\(feet=\["),
+        (
+            lambda: hd.study(bare.with_roles(feet=MARKERS[3:6])),
+            r"the role body, found none: recording\.with_roles\(body=\[",
+        ),
+    ):
+        with pytest.raises(hd.HopdataError, match=wanted) as told:
+            ask()
+        assert "\n" not in str(told.value)
     # One of the roles alone is no guess.
     with pytest.raises(hd.HopdataError, match="feet, body: expected names of markers"):
-        hd.read(still, feet=MARKERS[3:6])
+        hd.study(still, feet=MARKERS[3:6])
+    only_feet = hd.read(still, feet=MARKERS[3:6])
+    assert only_feet.names("foot") == MARKERS[3:6]
+    assert len(only_feet.markers) == len(MARKERS)
 
 
 STATES = np.zeros((20, 18))
@@ -562,8 +664,8 @@ def test_positions_have_named_axes_where_xarray_is_installed(sample_path):
         with pytest.raises(hd.HopdataError, match="expected the package xarray"):
             recording.to_xarray()
     else:
-        array = recording.to_xarray()
-        foot = array.sel(marker="foot2", axis="z")
+        array = recording.to_xarray()["position"]
+        foot = array.sel(keypoints="foot2", space="z").squeeze()
         np.testing.assert_array_equal(foot, recording.feet[:, 1, 2])
         assert array.attrs["units"] == "m"
 

@@ -22,6 +22,7 @@ SHARED = {
     "digests",
     "errors",
     "feet",
+    "interchange",
     "jobs",
     "messages",
     "private_numba",
@@ -77,7 +78,9 @@ ABOVE = {
         *("stages", "provenance"),
     },
     "analysis": {"config", "landings", "maps", "recordings", "stages", "walk"},
-    "contact_times": {"landings", "recordings"},
+    "contact_times": {"analysis", "landings", "recordings"},
+    "inspecting": {"commands", "landings", "recordings"},
+    "saved": {"line", "maps", "stages", "walk"},
     "samples": {"config", "maps"},
     "group": {"config", "maps", "report", "walk"},
 }

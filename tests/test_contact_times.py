@@ -171,10 +171,12 @@ def test_curves_surround_the_contacts():
 
 def test_what_has_no_foot_is_refused():
     recording = walking({"left": [1.0]})
-    without = hd.Recording.from_arrays(
-        recording.time, recording.positions, recording.markers, feet=[], body=[]
-    )
-    with pytest.raises(AnalysisError, match="at least 1 foot marker"):
+    rising = np.linspace(0.5, 2.0, 300)[:, None, None] * np.ones(3)
+    without = hd.Recording.from_arrays(np.arange(300) / 100, rising, ["wand"])
+    with pytest.raises(AnalysisError, match=r"at least 1 foot marker.*with_roles"):
         contacts(without)
-    with pytest.raises(ArgumentError, match="recordings: expected a recording"):
+    for wrong in (3, [recording, None], []):
+        with pytest.raises(ArgumentError, match="recordings: expected a recording"):
+            contacts(wrong)
+    with pytest.raises(hd.HopdataError, match=r"jump\.c3d: expected a file"):
         contacts(["jump.c3d"])

@@ -101,7 +101,7 @@ def numbers(recordings, change=None):
         [change.of(one) for one in recordings][:: change.recordings], **QUICK
     )
     effect, sections, units = study.verdict.effect, study.sections, study.units
-    table = study.touchdowns.sort_values(["recording", "index"])
+    table = study.touchdowns.sort_values(["recording", "touchdown"])
     contacts = table[[f"contact_{foot}_s" for foot in FEET]].to_numpy() - change.later_s
     prediction = study.prediction().prediction_summary.set_index("model")
     distances = study.constraint_subspaces().distance_summary.set_index("kind")

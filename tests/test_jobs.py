@@ -202,7 +202,7 @@ def test_tables_keep_empty_text_and_nine_digits(tmp_path):
 
 def test_tables_without_rows_leave_the_types_of_the_others_alone(tmp_path):
     full = pd.DataFrame(
-        {"recording": ["a", "b"], "index": [0, 1], "excluded": [True, False]}
+        {"recording": ["a", "b"], "touchdown": [0, 1], "excluded": [True, False]}
     )
     write_table(tmp_path / "full.csv", full)
     write_table(tmp_path / "empty.csv", full[:0])

@@ -1,4 +1,4 @@
-"""A user's package provides a reader and a scene, which hopdata finds once it is installed."""
+"""A user's package provides a reader, a scene, a method and a figure, which hopdata finds once it is installed."""
 
 import os
 import subprocess
@@ -17,6 +17,12 @@ assert abs(recording.rate_hz - 100) < 1e-6
 made, truth = hd.synthesize("stiff_quadruped", simulation={"hops": 2})
 assert len(made.names("foot")) == 4
 assert '"side_stiffness_n_m": 90.0' in truth.parameters_json
+made, _ = hd.synthesize("hopper", simulation={"hops": 30}, seed=1)
+printed = hd.study(made, touchdowns={"method": "velocity_minimum"}).touchdowns
+own = hd.study(made, touchdowns={"method": "lowest_speed"})
+apart = own.touchdowns["contact_foot1_s"] - printed["contact_foot1_s"]
+assert apart.count() > 20 and apart.abs().median() < 0.03, apart.describe()
+assert own.figures.spreads().axes[0].patches
 """
 
 

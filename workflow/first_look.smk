@@ -3,6 +3,8 @@
 snakemake --cores 2 --snakefile workflow/first_look.smk --workflow-profile profiles/default
 """
 
+from snakemake_logger_plugin_hopdata import is_telling
+
 from hopdata.causes import oom_kills
 from hopdata.commands import deaths, owner
 from hopdata.config.loading import read_yaml
@@ -46,4 +48,5 @@ onstart:
 
 
 onerror:
-    deaths.tell(log, oom_before=OOM_BEFORE)
+    if not is_telling():
+        deaths.tell(log, oom_before=OOM_BEFORE)

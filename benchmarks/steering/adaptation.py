@@ -45,13 +45,15 @@ from hopdata.jobs import write_table
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering import child
 from hopdata.steering.control.adaptive import AdaptivePlanner
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task
 from hopdata.steering.experiments.tasks import FELL, ORIGIN, Task, draw_starts
 from hopdata.steering.frame_changes import frame_changes
-from hopdata.steering.models.process import FrameChangeProcess, trained_process
+from hopdata.steering.goals import ARRIVED_M
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances
@@ -61,7 +63,7 @@ from hopdata.synthesis.camera import MotionCapture, draw_floor
 
 STARTS, LEARNED = 12, 100
 LEG = 2  # the weakest leg: changing it costs the planner most (chosen on seed 101)
-FIRST, SECOND = (Task(manoeuvre=ORIGIN, near=0.11, hops=hops) for hops in (40, 50))
+FIRST, SECOND = (Task(manoeuvre=ORIGIN, near=ARRIVED_M, hops=hops) for hops in (40, 50))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,19 +11,22 @@ BENCHMARK_TABLES |= {
     "steering/worlds": ["worlds.csv", "worlds_models.csv"],
     "steering/live_loop": ["live_loop.csv", "live_faults.csv"],
     "steering/robots": ["robots.csv"],
+    "steering/forecasts": ["forecasts.csv"],
     "steering/environment_speed": ["environment_speed.csv"],
 }
 BENCHMARK_ARGUMENTS |= {
     "steering/adaptation": "--seeds 1",
     "steering/environment_speed": "--strides 2000 --hops 200",
+    "steering/forecasts": "--seeds 2",
     "steering/frame_change_models": "--recordings 4 --draws 3",
     "steering/live_loop": "--seconds 15 --hops 300",
     "steering/pose": "--hops 125 --frames 12000",
     "steering/robots": "--seeds 1",
-    "steering/worlds": "--seeds 1 --controllers planner",
+    "steering/worlds": "--seeds 1 --controllers planner 'planner, last step'",
 }
 UNTIMED |= {
     "steering/adaptation",
+    "steering/forecasts",
     "steering/frame_change_models",
     "steering/pose",
     "steering/robots",
@@ -34,4 +37,5 @@ BENCHMARK_FIGURES |= {
     "steering/learning_curve": ["frame_change_learning.csv"],
     "steering/kernel_smoothness": ["frame_change_kernels.csv"],
     "steering/adaptation": ["adaptation_return.csv"],
+    "steering/worlds": ["worlds.csv"],
 }

@@ -53,14 +53,14 @@ from hopdata.steering.models.learning import (
     smoothness_scores,
     with_intervals,
 )
-from hopdata.steering.models.process import (
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.stride_table import StrideTable
+from hopdata.steering.models.training import (
     PRINTED,
     RECOMMENDED,
-    FrameChangeProcess,
     trained_process,
     training_set,
 )
-from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper
@@ -327,12 +327,12 @@ def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
 
 
 def tabulation_error(
-    table: TabulatedMap, model: FrameChangeProcess, *, points: int = 2000, seed: int = 0
+    table: StrideTable, model: FrameChangeProcess, *, points: int = 2000, seed: int = 0
 ) -> FloatArray:
     """Return the largest error (3,) of a table at random points, m, m, rad."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     angle = rng.uniform(0, 2 * np.pi, points)
-    swing = rng.uniform(-table.swing_limit_rad, table.swing_limit_rad, points)
+    swing = rng.uniform(table.axes.lower, table.axes.upper, points)
     error = table.change(angle, swing) - model.change(angle, swing)
     return np.asarray(np.abs(error).max(axis=0))
 
@@ -341,9 +341,10 @@ def cost_rows(
     hops: FrameChanges, other: FrameChanges, seed: int
 ) -> Iterator[dict[str, Any]]:
     """Yield the time of each way to ask a model, and the largest error of its table."""
+    swing_limits = np.array([LIMIT])
     for name in ("printed", "recommended"):
         process = trained_process(hops, MODELS[name], seed=seed)
-        table = tabulated(process, LIMIT)
+        table = process.within(-swing_limits, swing_limits)
         largest = tabulation_error(table, process)
         for n in (1, 1000):
             angles, swings = np.resize(training_set(other)[0], (n, 2)).T.copy()

@@ -82,8 +82,10 @@ from hopdata.rigid import wrapped
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.waypoints import WayPointFollower, WayPoints
 from hopdata.steering.frame_changes import frame_changes
+from hopdata.steering.live.actuator import UdpBoom
 from hopdata.steering.live.buffer import Status
 from hopdata.steering.live.drive import Drive, drive
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.loop import (
     LEAST_SWING_RAD,
     ControlLoop,
@@ -91,12 +93,12 @@ from hopdata.steering.live.loop import (
     checks_of,
     observers_of,
 )
-from hopdata.steering.live.machine import State
+from hopdata.steering.live.machine import DriveState
 from hopdata.steering.live.packets import StreamParameters
-from hopdata.steering.live.safety import LOOK_S, Limits, UdpBoom
 from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, TrueHop
 from hopdata.steering.live.stream import MarkerStream
-from hopdata.steering.models.process import trained_process
+from hopdata.steering.live.watch import WATCH_S
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances
@@ -232,7 +234,7 @@ def run(
 
     def operate(loop: ControlLoop, _: object) -> None:
         """Arm the drive again as soon as the fault is gone."""
-        if loop.state is State.RESTING:
+        if loop.state is DriveState.RESTING:
             loop.arm()
 
     try:
@@ -528,7 +530,7 @@ class Rehearsal:
         fault = self.fault
         is_over = not fault.kind or self.now_s > fault.end_s + OPERATOR_S
         is_early = self.now_s < fault.begin_s
-        is_idle = self.loop.state in (State.WAITING, State.RESTING)
+        is_idle = self.loop.state in (DriveState.WAITING, DriveState.RESTING)
         if not is_idle or self.now_s < self.try_s or not (is_over or is_early):
             return
         self.try_s = self.now_s + TRY_S
@@ -559,7 +561,7 @@ class Rehearsal:
                     if self.pauses.random() < 0.02
                     else 0.0
                 )
-                self.look_s = self.now_s + LOOK_S + min(late, 0.02)
+                self.look_s = self.now_s + WATCH_S + min(late, 0.02)
         self.now_s = max(self.now_s, to_s)
 
     def _arrivals(self) -> Iterator[tuple[float, int, float, np.ndarray]]:
@@ -692,11 +694,11 @@ class Rehearsal:
         if self.now_s < fault.end_s + ANEW_S:
             return
         must = KINDS[fault.kind][2] if fault.kind else ""
-        if self.loop.state is State.STOPPED:
+        if self.loop.state is DriveState.STOPPED:
             self.wrong_ends += must != "over"
             self.begin_drive()
             return
-        if self.loop.state not in (State.ARMED, State.RUNNING):
+        if self.loop.state not in (DriveState.ARMED, DriveState.RUNNING):
             if self.now_s < fault.end_s + STUCK_S:
                 return
             self.stuck += 1

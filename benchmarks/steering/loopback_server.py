@@ -19,6 +19,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError, require_choice
+from hopdata.steering.live.actuator import SILENCE_S
 from hopdata.steering.live.buffer import LoopThread
 from hopdata.steering.live.packets import (
     COMMAND,
@@ -33,7 +34,6 @@ from hopdata.steering.live.packets import (
     PortError,
     header_fault,
 )
-from hopdata.steering.live.safety import SILENCE_S
 
 GREETING = "QTM RT Interface connected"
 NO_MORE_DATA = 4
@@ -265,7 +265,7 @@ def listening_socket(host: str, port: int) -> socket.socket:
         raise PortError(f"cannot listen on {host}, port {port}: {error}") from error
 
 
-# The robot's side: it receives the lines of `hopdata.steering.live.safety.UdpBoom`.
+# The robot's side: it receives the lines of `hopdata.steering.live.actuator.UdpBoom`.
 
 LONGEST_LINE = 200
 

@@ -36,11 +36,10 @@ import pandas as pd
 from hopdata.arrays import FloatArray
 from hopdata.jobs import write_table
 from hopdata.steering import child
+from hopdata.steering.control.interface import Controller, Plan
 from hopdata.steering.control.objectives import (
-    Controller,
     Horizon,
     Objective,
-    Plan,
     ToHeading,
     ToPoint,
     goal_errors,
@@ -48,7 +47,8 @@ from hopdata.steering.control.objectives import (
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.excitation import excitation
-from hopdata.steering.models.process import trained_process
+from hopdata.steering.goals import ARRIVED_M, TURNED_RAD
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.robots.interface import (
     Log,
     SimulatedRobot,
@@ -64,7 +64,7 @@ from hopdata.steering.robots.steered_hopper import StridingHopper
 from hopdata.steering.strides import StrideAxes
 
 LEARNED, STARTS = 100, 30
-NEAR_M, NEAR_RAD = 0.11, np.pi / 12
+NEAR_M, NEAR_RAD = ARRIVED_M, TURNED_RAD
 
 
 def on_the_line(rng: np.random.Generator) -> FloatArray:

@@ -8,6 +8,7 @@ the boom, the preload of one leg, or how it is seen. In each world, of each seed
 controller steers to the origin from the same starts, one metre away with any heading,
 within 50 hops. `learned anew` knows 100 hops of an excitation in that world, and `as it
 was` 100 hops of the plain world; the random swings and the resting boom know nothing.
+The planner that knows the last step has learned anew from 100 hops with their last step.
 Seeds are those of a steering study with its default `seed`: starts, kicks and noise of
 the plain world are those of the study's first starts.
 
@@ -51,6 +52,9 @@ from hopdata.steering import (
     child,
 )
 from hopdata.steering.control.forecast import forecast, warning
+from hopdata.steering.control.last_step import LastStepPlanner
+from hopdata.steering.control.objectives import Horizon
+from hopdata.steering.control.planner import planner
 from hopdata.steering.excitation import (
     ControlGrid,
     eulerian_excitation,
@@ -60,12 +64,10 @@ from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import Run, Sight
 from hopdata.steering.experiments.study import Setting
 from hopdata.steering.live.clocked import Transport
+from hopdata.steering.models.last_step import SettledModel, with_last_step
 from hopdata.steering.models.learning import learned_and_rest, prediction_score
-from hopdata.steering.models.process import (
-    FrameChangeProcess,
-    process_of,
-    trained_process,
-)
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.training import process_of, trained_process
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.robot import SteeredHopper, robot_and_camera
@@ -73,7 +75,9 @@ from hopdata.steering.strides import Strides
 from hopdata.steering.trial import record_trial
 from hopdata.synthesis.camera import MotionCapture, draw_floor
 
-CONTROLLERS = (tasks.PLANNER, tasks.PRINTED, tasks.RANDOM, tasks.NONE)
+LAST_STEP = "planner, last step"
+CONTROLLERS = (tasks.PLANNER, LAST_STEP, tasks.PRINTED, tasks.RANDOM, tasks.NONE)
+LEARNED = (*tasks.LEARNED, LAST_STEP)
 PLAIN = "plain"
 ANEW = "learned anew"
 AS_IT_WAS = "as it was"
@@ -171,11 +175,15 @@ WORLDS: Mapping[str, World] = {
 
 @dataclass(frozen=True)
 class Learned:
-    """A model, the geometry to see with, and the hops that were not learned from."""
+    """A model, the geometry to see with, and the hops that were not learned from.
+
+    `changes` are all hops, in the order in which they were made.
+    """
 
     geometry: HopperGeometry
     process: FrameChangeProcess
     rest: Strides
+    changes: Strides
 
 
 @cache
@@ -224,7 +232,7 @@ def learned(number: int, name: str) -> Learned | str:
         process = trained_process(train, process_of(options))
     except HopdataError as error:
         return str(error)
-    return Learned(observed.geometry, process, rest)
+    return Learned(observed.geometry, process, rest, observed.changes)
 
 
 def with_lost_frames(
@@ -262,14 +270,15 @@ def cells(
     """
     for controller, seed, name in product(controllers, seeds, worlds):
         is_seen_otherwise = not WORLDS[name].changes_robot and name != PLAIN
-        if controller not in tasks.LEARNED:
+        if controller not in LEARNED:
             if not is_seen_otherwise:
                 yield Cell(seed, name, UNLEARNED, controller)
             continue
         of_world = WORLDS[name]
         if name == PLAIN or of_world.changes_excitation:
             yield Cell(seed, name, ANEW, controller)
-        if name != PLAIN and of_world.observation == CORRECTED:
+        is_old = name != PLAIN and of_world.observation == CORRECTED
+        if is_old and controller != LAST_STEP:
             yield Cell(seed, name, AS_IT_WAS, controller)
 
 
@@ -279,6 +288,8 @@ def policy_of(controller: str, number: int, name: str) -> tasks.Policy:
     steering, plain, _ = settings()
     found = learned(number, name)
     options = steering["experiments"]
+    if controller == LAST_STEP:
+        return last_step_policy(found, number)
     made = tasks.policies(
         [controller],
         steering["control"],
@@ -288,6 +299,21 @@ def policy_of(controller: str, number: int, name: str) -> tasks.Policy:
         swing_limit_rad=plain.swing_limit_rad,
     )
     return made[controller]
+
+
+def last_step_policy(found: Learned, number: int) -> tasks.Policy:
+    """Return the planner that knows the last step, learned from as many hops."""
+    steering, plain, _ = settings()
+    options = steering["model"]
+    hops = with_last_step(found.changes)
+    train, _ = learned_and_rest(hops, options, seed=seed_of(number))
+    process = trained_process(train, process_of(options))
+    horizon = Horizon(
+        hops=steering["control"]["planner_horizon"],
+        swing_limit_rad=plain.swing_limit_rad,
+    )
+    known = planner(SettledModel(process), horizon=horizon)
+    return lambda _start: LastStepPlanner(known, process)
 
 
 @one_blas_thread()
@@ -396,10 +422,7 @@ def foretold(number: int, name: str, taught: str) -> dict[str, Any]:
     scores = prediction_score(of_model.process, of_world.rest)
     for score in scores.itertuples():
         row[f"r2_{score.component}"] = score.r2
-    _, plain, _ = settings()
-    expected = forecast(
-        of_model.process, of_world.rest, swing_limit_rad=plain.swing_limit_rad
-    )
+    expected = forecast(of_model.process, of_world.rest, state=[np.pi])
     row |= expected.columns()
     said = warning(scores.assign(**expected.columns()))
     return {**row, "named": said is not None, "note": ""}

@@ -28,7 +28,10 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 TESTS = ROOT / "tests" / "hybrid"
 LOCK = ROOT / "requirements-dev.lock"
-PAGES = ("integrator", "integrator_method", "sliding", "gradients")
+PAGES = (
+    *("integrator", "integrator_examples", "integrator_reference", "integrator_many"),
+    *("integrator_compiled", "integrator_method", "sliding", "gradients"),
+)
 RUN_PAGES = """
 import sys
 

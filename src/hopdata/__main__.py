@@ -66,7 +66,7 @@ def _command(given: list[str]) -> int:
     try:
         _check_folder()
         with _blamed(options.run):
-            code: int = resolve_name(options.run)(options)
+            code = _run(options)
         sys.stdout.flush()
         return code
     except HopdataError as error:
@@ -79,6 +79,15 @@ def _command(given: list[str]) -> int:
     except KeyboardInterrupt:
         print("hopdata: interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+def _run(options: argparse.Namespace) -> int:
+    command: Callable[[argparse.Namespace], int] = resolve_name(options.run)
+    if getattr(options, "json", False):
+        from hopdata.commands.answers import in_json
+
+        return in_json(options, options.command, command)
+    return command(options)
 
 
 def _check_folder() -> None:
@@ -129,22 +138,28 @@ class _Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, message)
 
 
-def _parser(complete_files: Mapping[str, Any] | None = None) -> argparse.ArgumentParser:
+def _parser(completes: Mapping[str, Any] | None = None) -> argparse.ArgumentParser:
     """Return the parser of the whole command line.
 
     Parameters
     ----------
-    complete_files : mapping, optional
-        How each shell completes the name of a file, as in `shtab.FILE`.
+    completes : mapping, optional
+        How each shell completes the values of options, by what they are: see
+        `hopdata.commands.completion`.
     """
     parser: argparse.ArgumentParser = _Parser(
         prog="hopdata",
+        usage="%(prog)s [-h] [--version] COMMAND ...",
         description=TABLE["description"],
-        epilog=TABLE["overview"] + TABLE["exit_codes"],
+        epilog=_commands_listed() + TABLE["overview"] + TABLE["exit_codes"],
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"hopdata {__version__}")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    # The commands are listed under headings of their own; completion needs them here.
+    told = argparse.SUPPRESS if completes is None else "commands"
+    commands = parser.add_subparsers(
+        metavar="COMMAND", required=True, dest="command", help=told
+    )
     for name, entry in COMMANDS.items():
         command = commands.add_parser(
             name,
@@ -156,33 +171,48 @@ def _parser(complete_files: Mapping[str, Any] | None = None) -> argparse.Argumen
         )
         command.set_defaults(run=entry["run"])
         if entry.get("reads_file"):
-            _add_options(command, TABLE["recording"], complete_files)
-        _add_options(command, entry.get("options", []), complete_files)
+            _add_options(command, TABLE["recording"], completes)
+        _add_options(command, entry.get("options", []), completes)
+        if entry.get("json"):
+            _add_options(command, TABLE["json"], completes)
     return parser
+
+
+def _commands_listed() -> str:
+    """List the commands with their summaries, under the headings of their groups."""
+    groups: dict[str, list[str]] = {group: [] for group in TABLE["groups"]}
+    width = max(map(len, COMMANDS))
+    for name, entry in COMMANDS.items():
+        line = f"  {name:{width}}  {entry['summary']}"
+        groups.setdefault(entry.get("group", "further commands"), []).append(line)
+    listed = ""
+    for group, lines in groups.items():
+        listed += f"{group}:\n" + "\n".join(lines) + "\n\n"
+    return listed
 
 
 def _add_options(
     command: argparse.ArgumentParser,
     options: list[dict[str, Any]],
-    complete_files: Mapping[str, Any] | None,
+    completes: Mapping[str, Any] | None,
 ) -> None:
     for option in options:
         given = dict(option)
         flags = given.pop("flags")
+        is_path = given.get("type") == "path"
+        kind = given.pop("completes", "file" if is_path else None)
         if "type" in given:
             given["type"] = TYPES[given["type"]]
         action = command.add_argument(*flags, **given)
-        is_file = action.type is Path or action.metavar == "CONFIG"
-        if is_file and complete_files is not None:
-            action.complete = complete_files  # type: ignore[attr-defined]
+        if completes is not None and kind is not None:
+            action.complete = completes[kind]  # type: ignore[attr-defined]
 
 
 def completion(options: argparse.Namespace) -> int:
-    """Print the script by which a shell completes commands, options and files."""
-    import shtab
+    """Print the script by which a shell completes the command line."""
+    from hopdata.commands.completion import COMPLETES, script
 
-    parser = _parser(complete_files=shtab.FILE)
-    print(shtab.complete(parser, shell=options.shell))
+    print(script(_parser(COMPLETES), options.shell))
     return OK
 
 

@@ -17,16 +17,25 @@ from hopdata.errors import (
     require,
     told_call,
 )
+from hopdata.messages import Message
 from hopdata.recording import Recording, Truth, marker_names, numbers
 from hopdata.stages import LINE
 from hopdata.walk import Contents, Progress, Study
 
 if TYPE_CHECKING:
     from hopdata.maps.verdict.judge import Verdict
-    from hopdata.messages import Message
     from hopdata.recordings.raw import RawRecording
 
-__all__ = ["SNAKEFILE", "Study", "analyse", "plan", "read", "study", "synthesize"]
+__all__ = [
+    "SNAKEFILE",
+    "Study",
+    "analyse",
+    "guess",
+    "plan",
+    "read",
+    "study",
+    "synthesize",
+]
 #: Differences that `plan` lists, beyond what smooth terms may leave, as shares of the
 #: map.
 BEYOND = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
@@ -52,8 +61,10 @@ def read(
     file : path or sequence of path
         A file, or several in chronological order.
     feet, body : sequence of str
-        Names of the markers to keep, by role. If neither is given, they are those that
-        the file states; otherwise they are guessed, as ``hopdata init`` does.
+        Names of markers by role. If both are given, only these markers are kept, body
+        first. Otherwise all markers of the file are kept, with the roles that it
+        states, if any; `Recording.with_roles` gives roles later, and `guess` guesses
+        them.
     name : str, optional
         Name of the recording; by default the name of the file.
     options
@@ -69,18 +80,17 @@ def read(
     Raises
     ------
     RecordingError
-        If the file cannot be read or lacks a marker, or if a guessed role is not sure;
-        the message then names the candidates.
+        If the file cannot be read or lacks a marker.
 
     Examples
     --------
-    >>> feet, body = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
-    >>> read("data/sample/hopper.h5", feet=feet, body=body)
-    <Recording 'hopper': 6 markers, 106,334 frames at 100 Hz, 100 % seen>
+    >>> recording = read("data/sample/hopper.h5")
+    >>> recording
+    <Recording 'hopper': 7 markers, 106,334 frames at 100 Hz, 100 % seen>
 
     This file states the roles of its markers:
 
-    >>> read("data/sample/hopper.h5").names("foot")
+    >>> recording.names("foot")
     ('foot1', 'foot2', 'foot3')
     """
     from hopdata.recordings.importing import import_recording
@@ -93,15 +103,116 @@ def read(
         "feet": [*marker_names("feet", feet)],
         "body": [*marker_names("body", body)],
     }
-    found = _guessed(first, markers, options)
-    options = {"vertical_axis": found.axis, **options}
+    question = None
+    if "vertical_axis" not in options:
+        options["vertical_axis"], question = _up_of(first, markers, options)
+    has_both = all(markers.values())
     recording, _ = import_recording(
-        file, name=name or first.stem, markers=found.markers, **options
+        file, name=name or first.stem, markers=markers if has_both else None, **options
     )
-    if found.question is None:
+    if not has_both and any(markers.values()):
+        given = {role: names for role, names in markers.items() if names}
+        recording = recording.with_roles(**given)
+    if question is None:
         return recording
-    remark = f"{first}: {found.question}"
+    remark = f"{first}: {question}"
     return replace(recording, remarks=(*recording.remarks, remark))
+
+
+def _up_of(
+    file: Path, markers: Contents, options: Contents
+) -> tuple[str, Message | None]:
+    """Return the file's axis that points up, and the question if that is not sure."""
+    from hopdata.landings.role_guesses import roles_in_file, which_axis
+    from hopdata.recordings.quality.orientation import guess_unit_and_up
+    from hopdata.recordings.readers.formats import read_raw
+
+    raw = read_raw(file, rate_hz=options.get("rate_hz"))
+    known = {role: names for role, names in markers.items() if names}
+    _, up = guess_unit_and_up(
+        raw, unit=_known(options, "unit"), markers=known or roles_in_file(raw)
+    )
+    return up.value, None if up.is_sure else which_axis(up)
+
+
+# Roles that are guessed of a recording.
+
+
+@dataclass(frozen=True)
+class _RolesOf:
+    """A recording with guessed roles.
+
+    Parameters
+    ----------
+    recording : Recording
+        With the roles that could be guessed, and what was guessed in its remarks.
+    problems : list of Message
+        Roles that could not be guessed.
+    questions : list of Message
+        Those, and roles that are not sure.
+    """
+
+    recording: Recording
+    problems: list[Message]
+    questions: list[Message]
+
+
+@told_call
+def guess(source: str | Path | Sequence[str | Path] | Recording) -> Recording:
+    """Guess which markers are feet and body, as ``hopdata init`` does.
+
+    Parameters
+    ----------
+    source : Recording, path or sequence of path
+        A recording, or the files of one; roles that it has are not looked at.
+
+    Returns
+    -------
+    Recording
+        With the roles; its ``remarks`` say what was guessed and why, and what of it is
+        not sure. `Recording.with_roles` puts a wrong guess right.
+
+    Raises
+    ------
+    RecordingError
+        If no feet or no body can be found.
+    """
+    recording = source if isinstance(source, Recording) else read(source)
+    found = _roles_of(recording)
+    if found.problems:
+        raise _not_guessed(recording, found.problems)
+    return found.recording
+
+
+def _not_guessed(recording: Recording, why: Sequence[Message]) -> RecordingError:
+    """Return the error for roles that are not known, with the call that gives them."""
+    reasons = "; ".join(str(one) for one in why)
+    values = {"place": recording.place, "why": reasons}
+    return RecordingError(Message("landings.roles_not_guessed", values))
+
+
+def _roles_of(recording: Recording) -> _RolesOf:
+    from hopdata.landings.role_guesses import guessed_roles, open_questions
+    from hopdata.recordings.quality.inspection import inspect
+
+    inspection = replace(inspect(recording), place=recording.place)
+    roles = guessed_roles(inspection)
+    with_roles = recording.with_roles(feet=roles.feet, body=roles.body, boom=roles.boom)
+    # The markers stay in the order of the file, as for the commands.
+    joined = tuple((foot, tuple(own)) for foot, own in roles.joined.items())
+    remarks = [*recording.remarks]
+    for role in ("feet", "body"):
+        names = ", ".join(getattr(roles, role))
+        reason = roles.reasons.get(role)
+        values = {"place": recording.place, "role": role, "names": names or "none"}
+        remark = Message("landings.role_guessed", {**values, "reason": reason or ""})
+        remarks.append(str(remark).removesuffix("; "))
+        if role in roles.unsure:
+            values["other"] = roles.unsure[role]
+            remarks.append(str(Message("landings.role_not_sure", values)))
+    questions = open_questions(inspection, roles)
+    found = replace(with_roles, remarks=tuple(remarks), joined=joined)
+    return _RolesOf(found, list(roles.problems), questions)
 
 
 @dataclass(frozen=True)
@@ -130,7 +241,13 @@ class _Guessed:
 
 
 def _guessed(file: Path, markers: Contents, options: Contents) -> _Guessed:
-    """Guess the vertical axis of a file, its other feet, and roles if none is given."""
+    """Guess the vertical axis of a file, its other feet, and roles if none is given.
+
+    Raises
+    ------
+    RecordingError
+        If a guessed role is not sure; the message names the candidates.
+    """
     from hopdata.landings.role_guesses import which_axis
     from hopdata.recordings.axes import rotate_up
     from hopdata.recordings.quality.landing_markers import feet_between
@@ -251,6 +368,8 @@ def _study_of_recordings(
 ) -> Study:
     from hopdata.recordings.plausibility import check_plausible
 
+    given = recordings
+    recordings = tuple(_of_study(one, progress) for one in given)
     every = [
         {"feet": [*one.names("foot")], "body": [*one.names("body")]}
         for one in recordings
@@ -258,6 +377,16 @@ def _study_of_recordings(
     if any(roles != every[0] for roles in every):
         raise RecordingError.at("source", "the same markers in the same order", every)
     keys = dict(keys)
+    if any(not _has_roles(one) for one in given):
+        pairs = zip(given, every, strict=True)
+        other_feet = [foot for one, roles in pairs for foot in _other_feet(one, roles)]
+        keys = _with_other_feet(keys, other_feet, progress)
+    joined = recordings[0].joined
+    if any(one.joined != joined for one in recordings):
+        all_feet = [dict(one.joined) for one in recordings]
+        raise RecordingError.at("source", "the same markers on each foot", all_feet)
+    if joined:
+        keys["feet"] = [{"name": name, "markers": [*own]} for name, own in joined]
     beside = {entry["name"]: entry for entry in keys.pop("recordings", [])}
     names = [one.name for one in recordings]
     unknown = [name for name in beside if name not in names]
@@ -273,6 +402,60 @@ def _study_of_recordings(
     return Study(config, recordings, progress)
 
 
+def _has_roles(recording: Recording) -> bool:
+    """Tell whether any marker is a foot or on the body."""
+    return bool(recording.indices("foot") or recording.indices("body"))
+
+
+def _of_study(recording: Recording, progress: Progress) -> Recording:
+    """Return the markers with a role of a recording; roles are guessed without any.
+
+    Raises
+    ------
+    RecordingError
+        If a guessed role is not sure, or if only feet or only a body are given.
+    """
+    if not _has_roles(recording):
+        found = _roles_of(recording)
+        if found.problems:
+            raise _not_guessed(recording, found.questions)
+        if found.questions:
+            questions = "; ".join(str(one) for one in found.questions)
+            values = {"place": recording.place, "questions": questions}
+            raise RecordingError(Message("landings.roles_not_sure", values))
+        recording = found.recording
+        for role in ("foot", "body"):
+            progress(f"{role}: {', '.join(recording.names(role))}, guessed")
+    for role, key in (("foot", "feet"), ("body", "body")):
+        if not recording.indices(role):
+            values = {"place": recording.place, "role": key}
+            raise RecordingError(Message("landings.role_missing", values))
+    roles = zip(recording.markers, recording.roles, strict=True)
+    return recording[[name for name, role in roles if role != "other"]]
+
+
+def _other_feet(recording: Recording, roles: Contents) -> list[str]:
+    """Return the markers of a recording that land at other times than its feet."""
+    from hopdata.recordings.quality.landing_markers import feet_between
+
+    of_feet = roles["feet"]
+    return feet_between(
+        recording.markers, recording.positions, recording.rate_hz, of_feet
+    )
+
+
+def _with_other_feet(
+    keys: Contents, other_feet: Sequence[str], progress: Progress
+) -> Contents:
+    """Return the keys; where other feet land too, frames are those of the landings."""
+    sections = keys.get("sections") or {}
+    if not other_feet or "frames" in sections:
+        return keys
+    named = ", ".join(dict.fromkeys(other_feet))
+    progress(f"sections.frames: landings, since other feet land too ({named})")
+    return {**keys, "sections": {**sections, "frames": "landings"}}
+
+
 def _file_of(recording: Recording) -> str:
     """Return the file of a recording; its name if it was not read from one."""
     if recording.source in ("", SIMULATED):
@@ -285,11 +468,9 @@ def _with_guesses(
 ) -> tuple[Contents, Contents]:
     """Return the keys and roles of a motion-capture file, with what is guessed."""
     options = keys.get("input") or {}
-    sections = keys.get("sections") or {}
     check_keys("configuration", keys)
     guessed = _guessed(file, roles, options)
     axis = guessed.axis
-    other_feet = guessed.other_feet
     progress(f"reading {file} with {axis} up")
     if guessed.question is not None:
         progress(f"input.{guessed.question}")
@@ -301,10 +482,7 @@ def _with_guesses(
         found["feet"] = [
             {"name": name, "markers": own} for name, own in guessed.joined.items()
         ]
-    if other_feet and "frames" not in sections:
-        found["sections"] = {**sections, "frames": "landings"}
-        named = ", ".join(other_feet)
-        progress(f"sections.frames: landings, since other feet land too ({named})")
+    found = _with_other_feet(found, guessed.other_feet, progress)
     return found, guessed.markers
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from importlib import import_module
+from pkgutil import resolve_name
 from threading import Lock, local
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +37,7 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "Shown",
+    "figure_function",
     "h5py",
     "one_blas_thread",
     "pd",
@@ -46,27 +48,39 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+def figure_function(place: str) -> Any:
+    """Return the function ``module:function`` of `hopdata.figures`.
+
+    It is imported only when something is drawn. The stages of a study depend on this
+    module, but no result of theirs depends on a figure.
+    """
+    return resolve_name(f"hopdata.figures.{place}")
+
+
 class Shown(Told):
     """A result that a notebook shows as one line and a small table.
 
-    Subclasses are dataclasses with ``repr=False``. They return the line from `told` and
-    may return the table from `rows`.
+    Subclasses are dataclasses with ``repr=False``. They return the line from `_told`
+    and may return the table from `_rows`. `str` gives the line alone.
     """
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return a description in one line."""
         raise NotImplementedError
 
-    def rows(self) -> dict[str, Any]:
+    def _rows(self) -> dict[str, Any]:
         """Return the columns of the table; there are none by default."""
         return {}
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.told()}>"
+        return f"<{type(self).__name__} {self._told()}>"
+
+    def __str__(self) -> str:
+        return self._told()
 
     def _repr_html_(self) -> str:
         line = f"<p>{escape(repr(self))}</p>"
-        columns = self.rows()
+        columns = self._rows()
         if not columns:
             return line
         table = pd.DataFrame(columns)

@@ -6,14 +6,14 @@ descents of the body and in those of each foot, and each contact is timed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, Shown, pd
+from hopdata.arrays import FloatArray, Shown, figure_function, pd
 from hopdata.errors import (
     AnalysisError,
     ArgumentError,
@@ -41,6 +41,10 @@ SURE = 0.9
 #: Share of the heights of a foot below which it is taken to stand if it never rests.
 #: Unit: 1. Origin: chosen.
 LOWEST_SHARE = 0.02
+
+#: Landings whose heights are drawn if no number is asked for.
+#: Unit: landings. Origin: chosen.
+MOST_DRAWN = 24
 
 # Time about the contacts of a landing of which the page shows curves, of an animal of
 # 1 m, s.
@@ -177,8 +181,8 @@ class ContactTimes(Shown):
                 & (self.table["landing"] == landing["landing"])
             ]
             instants = own.loc[own["contact_s"].notna(), "contact_s"]
-            begin_s = instants.min() - SHOWN_BEFORE_S * recording.pace
-            end_s = instants.max() + SHOWN_AFTER_S * recording.pace
+            begin_s = instants.min() - SHOWN_BEFORE_S * recording.time_scale
+            end_s = instants.max() + SHOWN_AFTER_S * recording.time_scale
             start, stop = np.searchsorted(recording.time, [begin_s, end_s])
             for foot in own["foot"]:
                 marker = recording.markers.index(foot)
@@ -192,7 +196,51 @@ class ContactTimes(Shown):
                 parts.append(pd.DataFrame(track))
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
-    def told(self) -> str:
+    @told_call
+    def plot(self, *, ax: Any = None, style: str | None = None) -> Any:
+        """Draw how long after the first foot each foot touched, in all landings.
+
+        Without two feet that land together, the heights of the feet are drawn, as by
+        `plot_landings`.
+
+        Parameters
+        ----------
+        ax : Axes or Figure, optional
+            Where to draw; by default a figure of its own.
+        style : str, optional
+            ``"nature"``, ``"ieee"`` or ``"poster"``.
+
+        Returns
+        -------
+        Figure
+            Or, with `ax`, what was drawn into.
+        """
+        if not self.orders["probability"].notna().any():
+            return self.plot_landings(ax=ax, style=style)
+        draw = figure_function("contacts:spread_figure")
+        return draw(self.table, self.orders, self.feet, ax=ax, style=style)
+
+    @told_call
+    def plot_landings(
+        self, most: int = MOST_DRAWN, *, ax: Any = None, style: str | None = None
+    ) -> Any:
+        """Draw the heights of the feet about the contacts of the first landings.
+
+        Parameters
+        ----------
+        most : int
+            Landings to draw.
+        ax, style
+            As for `plot`.
+        """
+        shown = self.orders.head(most)
+        keys = ["recording", "landing"]
+        own = self.table.merge(shown[keys], on=keys)
+        draw = figure_function("contacts:landings_figure")
+        curves = self.curves(shown)
+        return draw(curves, own, shown, self.feet, ax=ax, style=style)
+
+    def _told(self) -> str:
         """Return how many contacts there are, and how sure their orders are."""
         n_contacts = counted(len(self.found), "contact")
         told = f"{n_contacts} in {counted(len(self.orders), 'landing')}"
@@ -204,14 +252,14 @@ class ContactTimes(Shown):
             told += f"; {n_sure} of {counted(int(ordered.sum()), 'order')} sure"
         return told
 
-    def rows(self) -> dict[str, Any]:
+    def _rows(self) -> dict[str, Any]:
         """Return the table for a notebook."""
         return {str(name): self.table[name] for name in self.table}
 
 
 @told_call
 def contacts(
-    recordings: Recording | Sequence[Recording],
+    recordings: Recording | str | Path | Sequence[Recording | str | Path],
     *,
     feet: Sequence[Mapping[str, Any]] = (),
     floor: Mapping[str, Any] | None = None,
@@ -223,19 +271,23 @@ def contacts(
 
     Parameters
     ----------
-    recordings : Recording or sequence of Recording
-        Of `hopdata.read`, or made from arrays. One foot is enough, and no body is
-        needed.
+    recordings : Recording or path, or sequence of them
+        Recordings of `hopdata.read`, or made from arrays; of the path of a file all
+        markers are read. One foot is enough, and no body is needed. If no marker has
+        the role of a foot, all feet are guessed, as ``hopdata contacts`` does, and a
+        remark says which.
     feet : sequence of mapping
         Feet with several markers, as ``feet`` of the configuration: ``name`` and
-        ``markers`` of each. The first of its markers to land counts.
+        ``markers`` of each. The first of its markers to land counts. By default those
+        that were named by `hopdata.Recording.with_roles`.
     floor : mapping, optional
         Options of `hopdata.landings.floor.fit_floor`.
     sure : float
         Probability from which on an order is sure.
     files : sequence of path, or of several
-        The file of each recording, or its files in order of time. The contacts are
-        compared with the onsets of the force plates in them.
+        The file of each recording, or its files in order of time; by default those
+        that are given by their path. The contacts are compared with the onsets of the
+        force plates in them.
     **options
         Options of `hopdata.landings.contacts.find.find_study_landings`, such as
         ``gravity``.
@@ -248,9 +300,9 @@ def contacts(
     Raises
     ------
     AnalysisError
-        If a recording has no foot.
+        If a recording has no foot, and none can be guessed.
     RecordingError
-        If two recordings hold the same bytes.
+        If a file cannot be read, or two recordings hold the same bytes.
 
     Examples
     --------
@@ -260,28 +312,38 @@ def contacts(
     >>> len(found.orders)
     5
     """
-    several = _as_several(recordings)
+    several, of_files = _as_several(recordings)
     require_distinct(several)
     remarks: list[Message] = []
     levelled = []
     for recording in several:
-        ready, on_floor = _levelled(recording, floor or {})
-        ready = join_feet(ready, feet)
-        remarks += on_floor
+        known, guessed = _with_feet(recording)
+        ready, on_floor = _levelled(known, floor or {})
+        groups = [*feet] or [
+            {"name": name, "markers": [*own]} for name, own in known.joined
+        ]
+        ready = join_feet(replace(ready, joined=()), groups)
+        remarks += guessed + on_floor
         levelled.append(ready)
-    # The recordings of one call learn from one another.
-    tables = find_study_landings(levelled, of_feet=True, **options)
-    remarks += contact_remarks(levelled, tables)
+    tables: dict[int, pd.DataFrame] = {}
+    for alike in _with_the_same_feet(levelled):
+        # The recordings of one call learn from one another.
+        group = [levelled[number] for number in alike]
+        of_group = find_study_landings(group, of_feet=True, **options)
+        remarks += contact_remarks(group, of_group)
+        tables |= zip(alike, of_group, strict=True)
     remarks += resampled_remarks(levelled)
     rows: list[tuple[Any, ...]] = []
     orders: list[tuple[Any, ...]] = []
-    for ready, landings in zip(levelled, tables, strict=True):
+    for number, ready in enumerate(levelled):
+        landings = tables[number]
         of_recording = _landed(landings, ready.names("foot"))
         rows += _contact_rows(ready, of_recording)
         orders += _order_rows(ready, of_recording, sure)
         if not len(of_recording):
             remarks.append(Message("landings.no_landing", {"recording": ready.name}))
     table = pd.DataFrame(rows, columns=list(COLUMNS))
+    files = files or of_files
     if len(files):
         table, of_plates = _with_plates(table, levelled, files)
         remarks += of_plates
@@ -367,16 +429,88 @@ def _in_order(tables: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFr
     return whole.loc[order].reset_index(drop=True)
 
 
-def _as_several(recordings: Recording | Sequence[Recording]) -> list[Recording]:
-    """Return a recording or several as a list."""
-    if isinstance(recordings, Recording):
-        return [recordings]
-    several = list(recordings)
-    if not several or not all(isinstance(one, Recording) for one in several):
-        # A path is read by `hopdata.read`, which finds the feet, or asks for them.
-        wanted = "a recording or several, by hd.read or hd.Recording.from_arrays"
-        raise ArgumentError.at("recordings", wanted, f"{recordings!r}"[:60])
-    return several
+def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
+    """Return recordings, and the files of each that was given by its path.
+
+    Files of the same name in different folders get names that differ. No files are
+    returned if none is given by its path.
+    """
+    from hopdata.analysis import read
+
+    several = given
+    if isinstance(given, Recording | str | Path) or not isinstance(given, Iterable):
+        several = [given]
+    found: list[Recording] = []
+    files: list[list[Path]] = []
+    for one in several:
+        if isinstance(one, str | Path):
+            taken = [other.name for other in found]
+            name = Path(one).stem
+            number = 2
+            while name in taken:
+                name = f"{Path(one).stem}_{number}"
+                number += 1
+            found.append(read(one, name=name))
+            files.append([Path(one)])
+        elif isinstance(one, Recording):
+            found.append(one)
+            files.append([])
+        else:
+            wanted = "a recording, the path of a file, or several"
+            raise ArgumentError.at("recordings", wanted, f"{one!r}"[:60])
+    if not found:
+        raise ArgumentError.at("recordings", "a recording or several", "none")
+    return found, files if any(files) else []
+
+
+def _with_feet(recording: Recording) -> tuple[Recording, list[Message]]:
+    """Return a recording with all its feet; they are guessed if none has the role.
+
+    Markers without a role are left out then.
+
+    Raises
+    ------
+    AnalysisError
+        If no foot is found.
+    """
+    if recording.indices("foot"):
+        return recording, []
+    from hopdata.landings.role_guesses import guessed_roles
+    from hopdata.recordings.quality.every_foot import every_foot
+    from hopdata.recordings.quality.inspection import inspect
+
+    if len(recording.time) < 2 or not recording.markers:
+        found = f"{len(recording.time)} frames of {len(recording.markers)} markers"
+        raise AnalysisError.at(recording.place, "two frames or more", found)
+    inspection = replace(inspect(recording), place=recording.place)
+    roles = guessed_roles(inspection)
+    feet, joined = every_foot(inspection, roles)
+    if not feet:
+        why = "; ".join(str(problem) for problem in roles.problems)
+        values = {"place": recording.place, "why": why or "by names and motion"}
+        raise AnalysisError(Message("landings.no_feet_for_contacts", values))
+    foot_of = {marker: foot for foot, own in joined.items() for marker in own}
+    body = recording.names("body") or roles.body
+    with_roles = recording.with_roles(
+        feet=feet, body=[name for name in body if name not in feet]
+    )
+    # The markers stay in the order of the file, as for the command.
+    groups = tuple((foot, tuple(own)) for foot, own in joined.items())
+    with_roles = replace(with_roles, joined=groups)
+    kept = [*with_roles.names("body"), *with_roles.names("foot")]
+    names = ", ".join(dict.fromkeys(foot_of.get(name, name) for name in feet))
+    values = {"place": recording.place, "role": "feet", "names": names}
+    reason = roles.reasons.get("feet") or ""
+    remark = Message("landings.role_guessed", {**values, "reason": reason})
+    return with_roles[kept], [remark]
+
+
+def _with_the_same_feet(recordings: Sequence[Recording]) -> list[list[int]]:
+    """Return the numbers of the recordings that have the same feet."""
+    alike: dict[tuple[str, ...], list[int]] = {}
+    for number, recording in enumerate(recordings):
+        alike.setdefault(recording.names("foot"), []).append(number)
+    return list(alike.values())
 
 
 def side_of(foot: str) -> str:
@@ -394,8 +528,6 @@ def _levelled(
     A foot that never rests, as in a file that ends with the landing, stands where it is
     lowest.
     """
-    if not recording.indices("foot"):
-        raise AnalysisError.at(recording.place, "at least 1 foot marker", "none")
     recording = without_held_frames(recording)
     try:
         model = fit_floor(recording, **options)
@@ -442,7 +574,7 @@ def _contact_rows(
             if not is_found:
                 code = REMARKS.get(status, "landings.contact_not_determined")
                 remark = str(Message(code))
-            elif se_s >= UNDETERMINED_S * recording.pace:
+            elif se_s >= UNDETERMINED_S * recording.time_scale:
                 remark = str(Message("landings.contact_without_kink"))
             of_landing.append(
                 (

@@ -30,6 +30,7 @@ from typing import Any
 
 from hopdata.errors import ConfigError, HopdataError
 from hopdata.foreign.plugins import blamed, name_of
+from hopdata.messages import Message
 
 #: Group of the entry points.
 GROUP = "hopdata.products"
@@ -116,7 +117,13 @@ class Product:
 def _declared() -> Mapping[str, Product | None]:
     """Return the products of the entry points; None where the package is missing."""
     products: dict[str, Product | None] = {}
-    for entry in entry_points(group=GROUP):
+    # hopdata's own first, so that no other package takes their names.
+    own_first = sorted(entry_points(group=GROUP), key=lambda entry: not _is_own(entry))
+    for entry in own_first:
+        if entry.name in products:
+            values = {"plugin": name_of("product", entry), "used": "another one"}
+            _FAULTS[entry.name] = str(Message("foreign.clash", values))
+            continue
         try:
             with blamed(name_of("product", entry), entry.name):
                 products[entry.name] = _sound_product(entry)
@@ -125,6 +132,10 @@ def _declared() -> Mapping[str, Product | None]:
             products[entry.name] = None
             _FAULTS[entry.name] = str(error)
     return products
+
+
+def _is_own(entry: EntryPoint) -> bool:
+    return entry.value.partition(".")[0] == __name__.partition(".")[0]
 
 
 #: Why products that are installed cannot be used, by name.

@@ -1,17 +1,19 @@
 """The `Recording`: marker positions over time, in SI units, with z up."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray, Shown
+from hopdata import interchange
+from hopdata.arrays import BoolArray, FloatArray, Shown, figure_function
 from hopdata.errors import (
     ArgumentError,
     RecordingError,
+    chosen,
     mismatch,
     require_choice,
     told_call,
@@ -76,6 +78,8 @@ class Recording(Shown):
     filled : (N, M) bool array, optional
         True for positions that were not seen but filled in; None if no gaps were
         filled.
+    joined : tuple of (str, tuple of str)
+        Feet with several of the foot markers: name, and those markers.
     """
 
     name: str
@@ -90,6 +94,7 @@ class Recording(Shown):
     events: tuple[Event, ...] = ()
     remarks: tuple[str, ...] = ()
     filled: BoolArray | None = None
+    joined: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     def __post_init__(self) -> None:
         n_frames = len(self.time)
@@ -109,7 +114,7 @@ class Recording(Shown):
             if found != shape:
                 raise ArgumentError.at(name, f"an array of shape {shape}", found)
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return the name, the size and the share of positions seen."""
         seen = 0.0
         if self.positions.size:
@@ -119,7 +124,7 @@ class Recording(Shown):
             f"at {self.rate_hz:g} Hz, {seen:.3g} % seen"
         )
 
-    def rows(self) -> dict[str, Any]:
+    def _rows(self) -> dict[str, Any]:
         """Return each marker, its role and in how many of the frames it was seen, %."""
         return {
             "marker": self.markers,
@@ -127,39 +132,302 @@ class Recording(Shown):
             "seen (%)": 100 * fraction_seen(self),
         }
 
-    def to_xarray(self) -> Any:
-        """Return the positions as an ``xarray.DataArray`` with named axes.
+    # Markers and roles.
+
+    @told_call
+    def with_roles(
+        self,
+        *,
+        feet: Iterable[str] | Mapping[str, Iterable[str]] | None = None,
+        body: Iterable[str] | None = None,
+        boom: Iterable[str] | None = None,
+    ) -> Self:
+        """Return a recording in which these markers are feet, body or boom.
+
+        Parameters
+        ----------
+        feet : iterable of str, or mapping, optional
+            A marker for each foot; or the markers of each foot by its name, as in
+            ``{"left": ["LHEE", "LTOE"]}``.
+        body : iterable of str, optional
+            Three markers or more on one rigid part.
+        boom : iterable of str, optional
+            Markers of a boom that holds the animal.
 
         Returns
         -------
-        DataArray, (N, M, 3)
-            Positions in m along ``time`` (s), ``marker`` (with its ``role``) and
-            ``axis`` (x, y, and z up).
+        Recording
+            Markers of a role that is not given keep it. Those with a role come first,
+            body before feet before boom, each in the order given; the others follow.
+
+        Raises
+        ------
+        HopdataError
+            If a name is no marker of the recording, or is given twice.
+
+        Examples
+        --------
+        >>> time, markers = np.arange(5) / 100, ["hip1", "hip2", "hip3", "toe", "wand"]
+        >>> recording = Recording.from_arrays(time, np.zeros((5, 5, 3)), markers)
+        >>> recording.with_roles(feet=["toe"], body=["hip1", "hip2", "hip3"]).roles
+        ('body', 'body', 'body', 'foot', 'other')
+        """
+        joined = self.joined
+        if feet is not None:
+            feet, joined = _feet_and_joined(feet)
+        given = {"body": body, "foot": feet, "boom": boom}
+        key_of = {"body": "body", "foot": "feet", "boom": "boom"}
+        markers_of: dict[str, tuple[str, ...]] = {}
+        for role, names in given.items():
+            if names is not None:
+                markers_of[role] = marker_names(key_of[role], names)
+                for one in markers_of[role]:
+                    require_choice(key_of[role], one, self.markers)
+        named = [name for names in markers_of.values() for name in names]
+        marker_names(" and ".join(key_of[role] for role in markers_of), named)
+        for role in given:
+            if role not in markers_of:
+                kept = [name for name in self.names(role) if name not in named]
+                markers_of[role] = tuple(kept)
+        role_of = {name: role for role in given for name in markers_of[role]}
+        for name, role in zip(self.markers, self.roles, strict=True):
+            is_free = role in given and name not in role_of
+            role_of.setdefault(name, "other" if is_free else role)
+        return replace(
+            self._of_markers(list(role_of)), roles=(*role_of.values(),), joined=joined
+        )
+
+    def __contains__(self, marker: object) -> bool:
+        return marker in self.markers
+
+    def __getitem__(self, key: str | Sequence[str] | slice) -> Any:
+        """Return what the markers of these names did, or some of the frames.
+
+        Parameters
+        ----------
+        key : str, sequence of str, or slice
+            ``recording["toe"]`` is an array (N, 3), m, of the recording's own memory.
+            ``recording[["toe", "heel"]]`` is a recording of these markers, and
+            ``recording[100:200]`` one of these frames (`part`). For a span of time
+            take `between`.
+        """
+        if isinstance(key, str):
+            require_choice("marker", key, self.markers)
+            return self.positions[:, self.markers.index(key)]
+        if isinstance(key, slice):
+            return self.part(key)
+        if isinstance(key, list | tuple):
+            names = marker_names("markers", key)
+            for one in names:
+                require_choice("marker", one, self.markers)
+            return self._of_markers(names)
+        wanted = "the name of a marker, a list of names, or a slice of frames"
+        raise ArgumentError.at("recording[...]", wanted, f"{key!r}")
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.markers)
+
+    def _of_markers(self, names: Sequence[str]) -> Self:
+        """Return a recording of these markers, in this order."""
+        order = [self.markers.index(name) for name in names]
+        if order == list(range(len(self.markers))):
+            return self
+        kept = [(foot, own) for foot, own in self.joined if {*own} <= {*names}]
+        return replace(
+            self,
+            positions=self.positions[:, _together(order)],
+            markers=tuple(names),
+            roles=tuple(self.roles[one] for one in order),
+            filled=None if self.filled is None else self.filled[:, _together(order)],
+            joined=tuple(kept),
+        )
+
+    # To and from other libraries.
+
+    def _parts(self) -> dict[str, Any]:
+        """Return the parts that `hopdata.interchange` takes."""
+        parts = {one.name: getattr(self, one.name) for one in fields(self)}
+        parts["events"] = [[one.label, one.time_s] for one in self.events]
+        parts["remarks"] = list(self.remarks)
+        return parts
+
+    @classmethod
+    def _from_parts(
+        cls,
+        parts: Mapping[str, Any],
+        feet: Iterable[str] | Mapping[str, Iterable[str]] | None,
+        body: Iterable[str] | None,
+        name: str | None,
+    ) -> Self:
+        """Return a recording of the parts that `hopdata.interchange` returns."""
+        time = parts["time"]
+        _check_stamps(time)
+        markers = marker_names("markers", parts["markers"])
+        roles = interchange.roles_of(parts, markers)
+        for role in roles:
+            require_choice("role", role, ROLES)
+        rate_hz = interchange.rate_that_fits(time, parts.get("rate_hz"))
+        if rate_hz is None:
+            time, rate_hz = _settled(time)
+        found = cls(
+            name=name or parts.get("name", "recording"),
+            time=time,
+            positions=parts["positions"],
+            markers=markers,
+            roles=tuple(roles),
+            rate_hz=rate_hz,
+            source=parts.get("source", ""),
+            source_sha256=parts.get("source_sha256", ""),
+            vertical_axis=parts.get("vertical_axis", "z"),
+            events=tuple(Event(*one) for one in parts.get("events", ())),
+            remarks=tuple(parts.get("remarks", ())),
+            filled=parts["filled"],
+            joined=tuple((foot, tuple(own)) for foot, own in parts.get("joined", ())),
+        )
+        if feet is None and body is None:
+            return found
+        return found.with_roles(feet=feet, body=body)
+
+    @told_call
+    def to_xarray(self, *, individual: str = interchange.INDIVIDUAL) -> Any:
+        """Return the recording as a dataset of poses, as the package movement has them.
+
+        Parameters
+        ----------
+        individual : str
+            Label of the animal.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``position`` in m along ``time`` (s), ``space`` (x, y, and z up),
+            ``keypoints`` (with their ``role``) and ``individuals``; ``confidence``,
+            which motion capture does not tell (NaN); ``filled``, if gaps were filled.
+            The attributes ``fps``, ``time_unit``, ``source_file`` and ``ds_type`` are
+            those of movement; ``hopdata`` holds the rest, so that `from_xarray`
+            returns this recording again, bit by bit.
 
         Raises
         ------
         RecordingError
             If xarray is not installed.
         """
-        try:
-            from xarray import DataArray
-        except ImportError:
-            raise RecordingError.at(
-                "to_xarray", "the package xarray", "none: pip install xarray"
-            ) from None
-        coordinates: dict[str, Any] = {
-            "time": self.time,
-            "marker": list(self.markers),
-            "axis": ["x", "y", "z"],
-            "role": ("marker", list(self.roles)),
+        return interchange.dataset_of(self._parts(), individual)
+
+    @classmethod
+    @told_call
+    def from_xarray(
+        cls,
+        data: Any,
+        *,
+        individual: str | None = None,
+        feet: Iterable[str] | Mapping[str, Iterable[str]] | None = None,
+        body: Iterable[str] | None = None,
+        name: str | None = None,
+    ) -> Self:
+        """Return the recording in a dataset of poses, of hopdata or of movement.
+
+        Parameters
+        ----------
+        data : xarray.Dataset or xarray.DataArray
+            Positions, m, z up, along ``time``, ``space`` (x, y, z), ``keypoints`` and,
+            if there are any, ``individuals``, in any order.
+        individual : str, optional
+            Which animal, if there are several.
+        feet, body, name
+            As for `with_roles`; by default what the dataset says.
+
+        Raises
+        ------
+        HopdataError
+            If it is no such dataset; the message says what is missing.
+        """
+        parts = interchange.parts_of_dataset(data, individual)
+        return cls._from_parts(parts, feet, body, name)
+
+    @told_call
+    def to_pandas(self, layout: str = "wide") -> Any:
+        """Return the positions as a table, m and s.
+
+        Parameters
+        ----------
+        layout : {"wide", "long"}
+            ``"wide"``: a row for each frame, by its time ``time_s``; the columns have
+            two levels, ``marker`` and ``axis``, so that ``table["toe"]["z"]`` is a
+            height. ``"long"``: a row for each frame and marker, with the columns
+            ``time_s, marker, role, x_m, y_m, z_m``, and ``filled`` if gaps were filled.
+
+        Returns
+        -------
+        DataFrame
+            The rest of the recording is in its ``attrs``, so that `from_pandas` returns
+            this recording again, bit by bit (of a wide table without ``filled``).
+        """
+        tables = {"wide": interchange.wide_table, "long": interchange.long_table}
+        return chosen("layout", layout, tables)(self._parts())
+
+    @classmethod
+    @told_call
+    def from_pandas(
+        cls,
+        table: Any,
+        *,
+        feet: Iterable[str] | Mapping[str, Iterable[str]] | None = None,
+        body: Iterable[str] | None = None,
+        name: str | None = None,
+    ) -> Self:
+        """Return the recording in a table, wide or long; see `to_pandas`.
+
+        Parameters
+        ----------
+        table : DataFrame
+            Positions, m, z up, and times, s; NaN, or no row, where a marker was not
+            seen.
+        feet, body, name
+            As for `with_roles`; by default what the table says.
+
+        Raises
+        ------
+        HopdataError
+            If it is no such table; the message says what is missing.
+        """
+        parts = interchange.parts_of_table(table)
+        return cls._from_parts(parts, feet, body, name)
+
+    @told_call
+    def plot(
+        self,
+        markers: Sequence[str] | None = None,
+        *,
+        ax: Any = None,
+        style: str | None = None,
+    ) -> Any:
+        """Draw the heights of markers over time.
+
+        Parameters
+        ----------
+        markers : sequence of str, optional
+            By default the feet, and the body's mean; without roles all markers.
+        ax : Axes or Figure, optional
+            Where to draw; by default a figure of its own.
+        style : str, optional
+            ``"nature"``, ``"ieee"`` or ``"poster"``.
+
+        Returns
+        -------
+        Figure
+            Or, with `ax`, what was drawn into.
+        """
+        shown = self if markers is None else self[list(markers)]
+        heights = {
+            name: shown.positions[:, number, 2]
+            for number, name in enumerate(shown.markers)
         }
-        return DataArray(
-            self.positions,
-            coords=coordinates,
-            dims=["time", "marker", "axis"],
-            name=self.name,
-            attrs={"units": "m", "rate_hz": self.rate_hz, "source": self.source},
-        )
+        roles = dict(zip(shown.markers, shown.roles, strict=True))
+        if markers is not None:
+            roles = dict.fromkeys(heights, "other")
+        draw = figure_function("recording:heights_figure")
+        return draw(shown.time, heights, roles, ax=ax, style=style)
 
     @classmethod
     @told_call
@@ -169,8 +437,8 @@ class Recording(Shown):
         positions: ArrayLike,
         markers: Iterable[str],
         *,
-        feet: Iterable[str],
-        body: Iterable[str],
+        feet: Iterable[str] = (),
+        body: Iterable[str] = (),
         name: str = "recording",
     ) -> Self:
         """Make a recording from arrays.
@@ -186,7 +454,7 @@ class Recording(Shown):
             The M marker names.
         feet, body : iterable of str
             Names of the foot and body markers; the other markers are kept without a
-            role.
+            role. `with_roles` gives them later, and `hopdata.guess` guesses them.
         name : str
             Name of the recording.
 
@@ -215,8 +483,8 @@ class Recording(Shown):
                 "positions", f"shape {shape} (frames, markers, 3)", places.shape
             )
         marker_names("feet and body", (*of_foot, *of_body))
-        for key, chosen in (("feet", of_foot), ("body", of_body)):
-            for one in chosen:
+        for key, names in (("feet", of_foot), ("body", of_body)):
+            for one in names:
                 require_choice(key, one, known)
 
         role = dict.fromkeys(of_foot, "foot") | dict.fromkeys(of_body, "body")
@@ -259,6 +527,39 @@ class Recording(Shown):
             rate_hz=self.rate_hz / (frames.step or 1),
         )
 
+    @told_call
+    def between(self, begin_s: float | None = None, end_s: float | None = None) -> Self:
+        """Return a recording of the frames between two instants, both included.
+
+        Parameters
+        ----------
+        begin_s, end_s : float, optional
+            On the clock of `time`, s; by default from the first frame, to the last.
+
+        Raises
+        ------
+        ArgumentError
+            If fewer than two frames are between them.
+        """
+        ends = []
+        for key, value in (("begin_s", begin_s), ("end_s", end_s)):
+            is_number = isinstance(value, int | float | np.number) and value == value
+            if value is not None and not is_number:
+                raise ArgumentError.at(key, "a time in s", f"{value!r}")
+            ends.append(value)
+        start = 0
+        stop = len(self.time)
+        if ends[0] is not None:
+            start = int(np.searchsorted(self.time, ends[0], "left"))
+        if ends[1] is not None:
+            stop = int(np.searchsorted(self.time, ends[1], "right"))
+        if stop - start < 2:
+            first, last = self.time[[0, -1]] if len(self.time) else (np.nan, np.nan)
+            wanted = f"two frames or more; those of {self.place} are at "
+            wanted += f"{first:g} to {last:g} s"
+            raise ArgumentError.at("begin_s, end_s", wanted, f"{begin_s} and {end_s}")
+        return self.part(slice(start, stop))
+
     @cached_property
     def body(self) -> FloatArray:
         """Body markers, (N, B, 3), m."""
@@ -281,12 +582,30 @@ class Recording(Shown):
         return scale_of(sampled(self.positions)[:, markers])
 
     @property
-    def pace(self) -> float:
+    def time_scale(self) -> float:
         """Factor for times: the root of the scale.
 
         Gravity is the same at all sizes.
         """
         return float(np.sqrt(self.scale))
+
+
+def _feet_and_joined(
+    feet: Iterable[str] | Mapping[str, Iterable[str]],
+) -> tuple[tuple[str, ...], tuple[tuple[str, tuple[str, ...]], ...]]:
+    """Return the markers of feet, and which of them are on one foot."""
+    if not isinstance(feet, Mapping):
+        return marker_names("feet", feet), ()
+    markers: list[str] = []
+    joined = []
+    for foot, names in feet.items():
+        own = marker_names(f"feet.{foot}", names)
+        if not own:
+            raise RecordingError.at(f"feet.{foot}", "a marker or several", "none")
+        markers += own
+        if own != (foot,):
+            joined.append((str(foot), own))
+    return marker_names("feet", markers), tuple(joined)
 
 
 def _check_stamps(stamps: FloatArray) -> None:
@@ -572,7 +891,7 @@ class Truth(Shown):
     true_effect: float = float("nan")
     longer_m: FloatArray | None = None
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return the numbers of landings and feet."""
         n_landings, n_feet = self.contact_times.shape
         return f"of {n_landings} landings on {n_feet} feet"

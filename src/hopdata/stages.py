@@ -57,7 +57,11 @@ PAIRS = Kind(
     write="hopdata.landings.states.pairs:write_pairs",
     read="hopdata.landings.states.pairs:read_pairs",
 )
-VERDICT = Kind(write="hopdata.jobs:write_fields", read="hopdata.jobs:read_json")
+VERDICT = Kind(
+    write="hopdata.jobs:write_fields",
+    read="hopdata.jobs:read_json",
+    restore="hopdata.maps.verdict.judge:Verdict.from_dict",
+)
 
 
 def number_of(config: Options, recording: str) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import wraps
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,10 +19,17 @@ from hopdata import stages
 from hopdata.arrays import Shown, pd
 from hopdata.bundled import SNAKEFILE
 from hopdata.config import consistency
-from hopdata.errors import ArgumentError, absent, told_call
-from hopdata.figures.catalogue import FIGURES, OF_DISTANCES, function_of, tables_of
-from hopdata.jobs import whole_file, write_json, write_table
-from hopdata.line import RECORDING, Stage
+from hopdata.errors import ArgumentError, absent, require_choice, told_call
+from hopdata.figures.catalogue import (
+    FIGURES,
+    OF_DISTANCES,
+    drawn_by_package,
+    function_of,
+    of_packages,
+    tables_of,
+)
+from hopdata.jobs import whole_file, write_json
+from hopdata.line import RECORDING, Result, Stage
 from hopdata.recording import Recording
 from hopdata.recordings.readers import hdf5
 from hopdata.stages import LINE
@@ -59,7 +66,7 @@ class Study(Shown):
     #: Each result that is known, by name; by recording if each has one.
     _results: dict[str, Any] = field(default_factory=dict, init=False)
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return the name and the answer."""
         answer = "no verdict yet"
         if "verdict" in self._results:
@@ -313,6 +320,30 @@ class Study(Shown):
         """Functions that draw: ``study.figures.verdict(style="nature")``."""
         return Figures(self)
 
+    @told_call
+    def plot(
+        self, figure: str = "verdict", *, ax: Any = None, style: str | None = None
+    ) -> Any:
+        """Draw a figure of the study; `figures` has each as a function.
+
+        Parameters
+        ----------
+        figure : str
+            One of ``study.figures.names``, such as ``"verdict"`` or ``"schedule"``.
+        ax : Axes or Figure, optional
+            Where to draw; by default a figure of its own.
+        style : str, optional
+            ``"nature"``, ``"ieee"`` or ``"poster"``.
+
+        Returns
+        -------
+        Figure
+            Or, with `ax`, what was drawn into.
+        """
+        names = [*self.figures.names, *self.figures.of_packages]
+        require_choice("figure", figure, names)
+        return getattr(self.figures, figure)(ax=ax, style=style)
+
     def content(self, file: str) -> Any:
         """Return the content that the workflow's file of this path would have.
 
@@ -379,14 +410,12 @@ class Study(Shown):
 
     def _report_inputs(self, drawn: Path | None) -> Any:
         """Return what the page shows, with the figures of a folder if it has any."""
-        from hopdata.provenance import provenance
         from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 
         captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
         files: list[Path] = []
         if drawn is not None:
             files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
-        digests = {one.place: one.source_sha256 for one in self.imported}
         distances = None
         notes = [*self._result("prediction_notes")]
         if self.asks_for_distances:
@@ -402,7 +431,7 @@ class Study(Shown):
             filled=self._result("filled"),
             sections=self.sections.to_dict(),
             units=self.units,
-            provenance=provenance(self.config, digests, []),
+            provenance=self._provenance(),
             floors={name: floor.to_dict() for name, floor in self.floors.items()},
             verdict=self.verdict.to_dict(),
             quality=self._result("quality"),
@@ -426,7 +455,11 @@ class Study(Shown):
 
     @told_call
     def save(self, folder: str | Path) -> Path:
-        """Write ``verdict.json``, ``quality.json``, ``tables`` and ``figures``.
+        """Write the results and the figures, as the workflow does: see `hopdata.load`.
+
+        These are ``verdict.json``, ``quality.json``, ``sections.json``, ``units.json``,
+        ``pairs.h5``, ``maps``, ``tables``, ``figures``, and ``provenance.json`` with
+        the configuration and the versions.
 
         Parameters
         ----------
@@ -450,12 +483,29 @@ class Study(Shown):
             raise ArgumentError.at(
                 "folder", "the name of a folder", f"'{base}'; name one {how}"
             )
-        write_json(base / "verdict.json", self.verdict.to_dict())
-        write_json(base / "quality.json", self._result("quality"))
-        for name, table in self.tables.items():
-            write_table(base / "tables" / f"{name}.csv", table)
+        for name, result in self._results_of_the_whole().items():
+            result.write(base / result.path, self._result(name))
         self._draw(base / "figures", **self.config["figures"])
+        # Last, so that a folder that has it is complete.
+        write_json(base / "provenance.json", self._provenance())
         return base
+
+    def _results_of_the_whole(self) -> dict[str, Result]:
+        """Return the results that the study has once, not for each recording."""
+        found = {}
+        for stage in LINE.stages.values():
+            if stage.name == "constraint_subspaces" and not self.asks_for_distances:
+                continue
+            for name, result in stage.results.items():
+                if not result.wildcards:
+                    found[name] = result
+        return found
+
+    def _provenance(self) -> Contents:
+        from hopdata.provenance import provenance
+
+        digests = {one.place: one.source_sha256 for one in self.imported}
+        return provenance(self.config, digests, [])
 
 
 #: Names that end so are meant as files.
@@ -493,16 +543,52 @@ class Figures:
             drawings.remove(OF_DISTANCES)
         return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
 
+    @property
+    def of_packages(self) -> list[str]:
+        """Names of the figures that installed packages bring (docs/plugins.md)."""
+        return sorted(of_packages())
+
     def __dir__(self) -> list[str]:
-        return sorted(self.names)
+        return sorted({*self.names, *self.of_packages, "names", "of_packages"})
 
     def __repr__(self) -> str:
-        names = ", ".join(self.names)
+        names = ", ".join([*self.names, *self.of_packages])
         return f"<figures of study '{self.of.config['study']}': {names}>"
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name in of_packages():
+            return self._of_package(name)
         if name.startswith("_") or name not in self.names:
-            raise absent("study.figures", name, self.names)
+            raise absent("study.figures", name, [*self.names, *self.of_packages])
         full = self.names[name]
-        contents = [self.of.content(file) for file in tables_of(full)]
-        return partial(function_of(full), *contents)
+        draw = function_of(full)
+
+        # What it shows is computed when it is drawn: looking at a name, as programs do
+        # that complete them, must not run a study.
+        @wraps(draw.func)
+        def drawn(*, ax: Any = None, style: str | None = None) -> Any:
+            contents = [self.of.content(file) for file in tables_of(full)]
+            return draw(*contents, ax=ax, style=style)
+
+        del drawn.__wrapped__  # its signature is that of `drawn`
+        drawn.__name__ = name
+        return told_call(drawn)
+
+    def _of_package(self, name: str) -> Callable[..., Any]:
+        entry = of_packages()[name]
+
+        from hopdata.figures.style import styled
+
+        @styled
+        def drawn() -> Any:
+            return drawn_by_package(entry, self.of.content)
+
+        drawn.__name__ = name
+        return drawn
+
+    def _repr_html_(self) -> str:
+        rows = ""
+        for name, full in self.names.items():
+            summary = str(function_of(full).func.__doc__).splitlines()[0]
+            rows += f"<tr><td><code>{name}</code></td><td>{escape(summary)}</td></tr>"
+        return f"<table>{rows}</table>"

@@ -77,7 +77,7 @@ def test_few_landings_are_counted_and_more_are_asked_for(check):
 def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
     columns = {
         "schedule": orders * 15,
-        "class": orders * 15,
+        "order_class": orders * 15,
         "excluded": False,
         "reason": "",
     }
@@ -97,7 +97,9 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
     )
     lines = forecast.describe(found, config, [])
     assert found.vain == "its verdict is out of reach"
-    unsure = forecast.Forecast(touchdowns.assign(**{"class": "ambiguous"}), 1.0, 0.1)
+    unsure = forecast.Forecast(
+        touchdowns.assign(**{"order_class": "ambiguous"}), 1.0, 0.1
+    )
     assert unsure.vain == "100 % of its contact orders are unsure"
     assert forecast.Forecast(touchdowns, 1.0, 0.1).vain == ""
     mixed = forecast.Forecast(touchdowns, 1.0, 0.1, kinds="by their velocity")
@@ -117,7 +119,7 @@ def test_the_foot_that_makes_orders_unsure_is_named():
     feet = ["a", "b", "c"]
     columns = {
         "schedule": "1>2>3",
-        "class": "ambiguous",
+        "order_class": "ambiguous",
         "excluded": False,
         "reason": "",
     }
@@ -137,7 +139,7 @@ def test_the_foot_that_makes_orders_unsure_is_named():
     )
     assert changes[0] == "take a off markers.feet: of the others' orders 0 % are unsure"
     sure = forecast.Forecast(
-        touchdowns.assign(**{"class": "1>2>3"}), 1.0, reason="none"
+        touchdowns.assign(**{"order_class": "1>2>3"}), 1.0, reason="none"
     )
     assert not any("take a off" in line for line in forecast.describe(sure, config, []))
 
@@ -162,7 +164,7 @@ def test_a_foot_that_only_drags_is_to_be_left_out():
     reason = "body stayed below the pre section"
     columns = {
         "schedule": "1>2>3",
-        "class": "1>2>3",
+        "order_class": "1>2>3",
         "excluded": True,
         "reason": reason,
     }
@@ -201,7 +203,7 @@ def test_where_no_height_holds_the_landings_none_is_to_be_set():
         {
             "reason": "post section never reached",
             "excluded": True,
-            "class": "",
+            "order_class": "",
             "schedule": "1>2>3",
         }
         | {f"contact_{foot}_s": 0.0 for foot in "abc"},
@@ -298,7 +300,7 @@ def test_what_is_seen_says_how_near_the_verdict_is():
 
 def lost_for(reason, feet=("a", "b")):
     """Return a forecast and configuration with 20 landings, ten of them lost."""
-    columns = {"schedule": "1>2", "class": "1>2"}
+    columns = {"schedule": "1>2", "order_class": "1>2"}
     table = pd.DataFrame(columns, index=range(20))
     for foot in feet:
         table[f"contact_{foot}_s"] = 0.0
@@ -367,7 +369,7 @@ def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
     values = {"least": 10, "commonest": "1 → 2 has 9", "what_is_missing": "meet"}
     for code in (forecast.TOO_FEW_ORDERS, forecast.NO_TWO_FEET):
         assert Message(code, values).text()
-    columns = {"schedule": "1>2", "class": "1>2", "excluded": False, "reason": ""}
+    columns = {"schedule": "1>2", "order_class": "1>2", "excluded": False, "reason": ""}
     touchdowns = pd.DataFrame(
         columns | {"contact_a_s": 0.0, "contact_b_s": 0.0}, index=range(30)
     )

@@ -97,26 +97,37 @@ def test_a_table_in_a_pipe_is_the_plain_text(capsys):
     assert capsys.readouterr().out == "n\n1\n2\n"
 
 
-def test_jobs_in_a_log_are_a_line_each(capsys):
+def test_stages_in_a_log_are_a_line_each(capsys):
     with terminal.progress_bar("sample") as show:
-        show(1, 10, "after 2 s")
-        show(2, 10, "rule 1 s, about 8 s left")
+        show(1, 10, "about 9 s left")  # no stage has ended, and it was told of just now
+        show(2, 10, "about 8 s left", "rule 1.0 s")
+        show(10, 10, "after 9.5 s")
     assert capsys.readouterr().err == (
-        "sample: 1 of 10 jobs done, after 2 s\n"
-        "sample: 2 of 10 jobs done, rule 1 s, about 8 s left\n"
+        "sample: rule 1.0 s; 2 of 10 jobs done, about 8 s left\n"
+        "sample: 10 of 10 jobs done, after 9.5 s\n"
     )
 
 
-def test_jobs_on_a_terminal_are_a_bar():
+def test_a_log_of_a_long_stage_says_how_far_it_is(capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "_QUIET_S", 0.0)
+    with terminal.progress_bar("sample") as show:
+        show(1, 10, "about 9 s left")
+    assert capsys.readouterr().err == "sample: 1 of 10 jobs done, about 9 s left\n"
+
+
+def test_jobs_on_a_terminal_are_a_bar_of_one_line():
     code = (
         "from hopdata.commands import terminal\n"
-        "with terminal.progress_bar('[b]sample') as show:\n"  # no markup of rich
-        "    show(3, 10, '[b]about 8 s left')\n"
+        "with terminal.progress_bar('[b]sample' + 90 * 'e') as show:\n"  # no markup of rich
+        "    show(3, 10, '[b]about 8 s left', '[b]rule 1.0 s')\n"
     )
-    returned, written = on_a_terminal(code)
+    returned, written = on_a_terminal(code, COLUMNS="80")
     assert returned == 0, written
-    shown = SIGNS.sub("", written)
-    assert re.search(r"\[b\]sample .*3/10 jobs done \[b\]about 8 s left", shown)
+    lines = SIGNS.sub("", written).replace("\r", "\n").split("\n")
+    assert all(len(line) <= 80 for line in lines)
+    assert "  [b]rule 1.0 s" in lines
+    bar = r"\[b\]sampleeeeeeeeeee… .* +3/10 jobs done \[b\]about 8 s left *"
+    assert any(re.fullmatch(bar, line) for line in lines)
 
 
 def test_plan_and_doctor_draw_their_tables(tmp_path):

@@ -71,4 +71,6 @@ def test_the_code_in_the_page_on_the_verdict_runs():
 
 
 def test_the_page_shows_the_example_as_it_is():
-    assert (DOCS / "examples/two_legs.py").read_text() in code_blocks("integrator.md")
+    assert (DOCS / "examples/two_legs.py").read_text() in code_blocks(
+        "integrator_reference.md"
+    )

@@ -87,7 +87,7 @@ def touchdown(n_feet: int = 3, seed: int = 2) -> dict[str, object]:
     rng = np.random.default_rng(seed)
     row: dict[str, object] = {
         "recording": "hopper",
-        "index": 7,
+        "touchdown": 7,
         "method": "kink",
         "t_pre_s": 12.34,
         "t_post_s": 12.47,
@@ -117,7 +117,7 @@ def example(row: dict[str, object], n_feet: int = 3, seed: int = 3) -> pd.DataFr
             pd.DataFrame(
                 {
                     "recording": "hopper",
-                    "index": 7,
+                    "touchdown": 7,
                     "time_s": time,
                     "foot": name,
                     "height_m": height,

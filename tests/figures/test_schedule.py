@@ -151,7 +151,7 @@ def test_without_an_example_the_figure_says_so():
 
 def test_the_row_of_the_example_is_found_by_recording_and_index():
     row = touchdown(3)
-    others = [row | {"index": 6}, row | {"recording": "other"}]
+    others = [row | {"touchdown": 6}, row | {"recording": "other"}]
     table = pd.DataFrame([*others, row])
     assert touchdown_of(example(row), table) == row
     assert touchdown_of(example(row), table.iloc[:2]) == {}

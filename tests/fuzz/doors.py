@@ -475,7 +475,8 @@ def _read_saved(path):
 
 def _models():
     from hopdata.steering.frame_changes import HOPPER
-    from hopdata.steering.models.process import FrameChangeProcess, save_process
+    from hopdata.steering.models.process import FrameChangeProcess
+    from hopdata.steering.models.process_file import save_process
 
     rng = np.random.default_rng(np.random.SeedSequence(1))
     turns = rng.uniform(-1.1, 1.1, (9, 2))
@@ -498,7 +499,7 @@ def _models():
 
 
 def _load_model(path):
-    from hopdata.steering.models.process import load_process
+    from hopdata.steering.models.process_file import load_process
 
     return load_process(path)
 
@@ -521,7 +522,7 @@ def _logs():
 
 
 def _read_log(path):
-    from hopdata.steering.live.log import read_log
+    from hopdata.steering.live.log_reading import read_log
 
     return read_log(path)
 

@@ -53,7 +53,7 @@ def tables():
             "method": ["kink"] * 10,
             "schedule": ["1>2"] * 10,
             "probability": [1.0] * 10,
-            "class": ["1>2"] * 10,
+            "order_class": ["1>2"] * 10,
             "excluded": [False] * 9 + [True],
             "reason": [""] * 9 + ["late"],
         }

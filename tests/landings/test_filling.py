@@ -102,7 +102,7 @@ def test_wins_touchdowns_and_their_states_are_as_good_as_seen_ones(scene, gappy)
     ]
     assert len(pairs[1]) > 1.5 * len(pairs[0])
     clean = assemble_pairs([scene.clean], tables[1], **HEIGHTS)
-    share = mark_filled(done, tables[1]).set_index("index")["filled_share"]
+    share = mark_filled(done, tables[1]).set_index("touchdown")["filled_share"]
     found, at, _ = np.intersect1d(pairs[1].index, clean.index, return_indices=True)
     rows = np.searchsorted(clean.index, found)
     error = np.sqrt(((pairs[1].x[at, :15] - clean.x[rows, :15]) ** 2).mean(axis=1))
@@ -117,7 +117,7 @@ def test_touchdowns_that_rest_on_filled_places_are_told_and_may_be_left_out(gapp
     told = mark_filled(done, table)
     pd.testing.assert_frame_equal(told.drop(columns="filled_share"), table)
     row = told[told["filled_share"] > 0].iloc[0]
-    reach_s = 0.22 * done.pace
+    reach_s = 0.22 * done.time_scale
     after_begin = done.time >= row["t_pre_s"] - reach_s
     frames = after_begin & (done.time < row["t_post_s"] + reach_s)
     body = done.filled[:, done.indices("body")]

@@ -164,9 +164,9 @@ def test_a_sloping_floor_under_an_animal_of_a_millimetre_is_that_under_one_of_a_
     bent,
 ):
     tilted = on_floor(bent, lambda x, y: 0.07 * x - 0.01 * y, np.zeros(3))
-    size, pace = 4.0**-5, 2.0**-5
-    small = replace(tilted, time=pace * tilted.time, positions=size * tilted.positions,
-                    rate_hz=tilted.rate_hz / pace)  # fmt: skip
+    size, time_scale = 4.0**-5, 2.0**-5
+    small = replace(tilted, time=time_scale * tilted.time, positions=size * tilted.positions,
+                    rate_hz=tilted.rate_hz / time_scale)  # fmt: skip
     here, there = (fit_floor(one, degree=1) for one in (tilted, small))
     assert (there.n_points, there.degree) == (here.n_points, here.degree)
 
@@ -645,7 +645,7 @@ def test_a_gap_of_a_few_milliseconds_at_a_section_costs_no_landing():
     assert again["excluded"].equals(table["excluded"])
     assert abs(again["t_pre_s"] - table["t_pre_s"]).max() < 1e-3
     refused = touchdown_table(replace(flat, positions=lost), **heights)
-    assert refused["reason"][first["index"]] == "frames missing at the pre section"
+    assert refused["reason"][first["touchdown"]] == "frames missing at the pre section"
 
 
 NOISE_M, BAND_M = 0.0006, 0.02

@@ -128,7 +128,7 @@ def test_columns(table):
     feet = ["foot1", "foot2", "foot3"]
     assert list(table.columns) == [
         "recording",
-        "index",
+        "touchdown",
         "method",
         "t_pre_s",
         "t_post_s",
@@ -137,14 +137,14 @@ def test_columns(table):
         *(f"common_{foot}_s" for foot in feet),
         "schedule",
         "probability",
-        "class",
+        "order_class",
         "runner_up",
         "runner_up_probability",
         "spread_s",
         "excluded",
         "reason",
     ]
-    assert table["index"].tolist() == list(range(120))
+    assert table["touchdown"].tolist() == list(range(120))
     assert table["t_pre_s"].is_monotonic_increasing
     assert table["excluded"].dtype == bool
     assert not table["excluded"].any()
@@ -247,7 +247,7 @@ def test_contacts_outside_the_transition_are_left_out(scene):
     early = touchdown_table(
         scene.recording, **(SECTIONS | {"pre_height_m": PRE_HEIGHT_M - 0.05})
     )
-    continued = early["t_pre_s"].to_numpy() - CONTINUED_S * scene.recording.pace
+    continued = early["t_pre_s"].to_numpy() - CONTINUED_S * scene.recording.time_scale
     truly_early = (contacts < continued[:, None]).any(axis=1)
     assert 0 < truly_early.sum() < 120
     said_early = early["reason"].str.contains("down before the pre section").to_numpy()
@@ -257,8 +257,8 @@ def test_contacts_outside_the_transition_are_left_out(scene):
 def test_ambiguous_orders_are_a_class_of_their_own(scene, table):
     doubtful = table["probability"] < 0.9
     assert doubtful.any()
-    np.testing.assert_array_equal(table["class"] == "ambiguous", doubtful)
-    assert (table["class"] == table["schedule"])[~doubtful].all()
+    np.testing.assert_array_equal(table["order_class"] == "ambiguous", doubtful)
+    assert (table["order_class"] == table["schedule"])[~doubtful].all()
     assert (table["runner_up"] != table["schedule"]).all()
     assert (table["runner_up_probability"] <= table["probability"] + 0.02).all()
     both = table["probability"] + table["runner_up_probability"]
@@ -295,13 +295,13 @@ def test_example_is_of_median_spread_in_the_surer_half_of_the_commonest_schedule
     example = example_touchdown([scene.recording], table)
     assert list(example.columns) == [
         "recording",
-        "index",
+        "touchdown",
         "time_s",
         "foot",
         "height_m",
         "velocity_m_s",
     ]
-    row = table.iloc[example["index"].iloc[0]]
+    row = table.iloc[example["touchdown"].iloc[0]]
     counts = table["schedule"].value_counts()
     assert counts[row["schedule"]] == counts.max()
     alike = table[(table["schedule"] == row["schedule"]) & ~table["excluded"]]
@@ -451,12 +451,12 @@ PRINTED = [name for name, find in METHODS.items() if find is not None]
 @pytest.mark.parametrize("size", [1.0, 0.25])
 def test_contacts_are_found_by_the_method_asked_for(scene, method, size):
     """Before the sections are known as between them, and in an animal of any size."""
-    pace = np.sqrt(size)
+    time_scale = np.sqrt(size)
     recording = replace(
         scene.recording,
-        time=scene.recording.time * pace,
+        time=scene.recording.time * time_scale,
         positions=scene.recording.positions * size,
-        rate_hz=scene.recording.rate_hz / pace,
+        rate_hz=scene.recording.rate_hz / time_scale,
     )
     # The pre section is so high that the smoothed velocity has its minimum below it.
     sections = {
@@ -559,7 +559,7 @@ def test_a_landing_from_below_the_pre_section_is_listed(scene, table):
     low = found["reason"] == "body stayed below the pre section"
     assert 5 <= low.sum() <= 13  # 12 of 120; without the first top if it is one of them
     assert found.loc[low, "excluded"].all()
-    assert found["index"].tolist() == list(range(len(found)))
+    assert found["touchdown"].tolist() == list(range(len(found)))
     contacts = [f"contact_foot{i}_s" for i in (1, 2, 3)]
     near = table.loc[
         np.searchsorted(table["t_post_s"], found.loc[low, "t_post_s"] - 0.05)

@@ -49,7 +49,7 @@ def touchdowns(
     return pd.DataFrame(
         {
             "recording": rng.choice(recordings, n),
-            "index": np.arange(n),
+            "touchdown": np.arange(n),
             "method": "kink",
             "t_pre_s": 0.64 * np.arange(n),
             "t_post_s": 0.64 * np.arange(n) + 0.13,
@@ -59,7 +59,7 @@ def touchdowns(
             "excluded": bad,
             "reason": np.where(bad, rng.choice(reasons, n), ""),
         }
-    ).assign(**{"class": lambda table: table["schedule"]})
+    ).assign(**{"order_class": lambda table: table["schedule"]})
 
 
 def sections() -> dict[str, object]:

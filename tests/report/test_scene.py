@@ -30,10 +30,10 @@ def falling(frames=300):
 
 def landings(excluded=False):
     table = {
-        "recording": "fall", "index": [0, 1], "t_pre_s": [0.2, 0.8], "t_post_s": [0.4, np.nan],
+        "recording": "fall", "touchdown": [0, 1], "t_pre_s": [0.2, 0.8], "t_post_s": [0.4, np.nan],
         "contact_toe</script>_s": [0.3, 0.9], "contact_heel_s": [0.32, np.nan],
         "schedule": ["1>2", "1>2"], "spread_s": 0.02, "excluded": [excluded, True],
-        "reason": ["", "foot 2 was not seen"], "class": "1>2", "probability": 0.99,
+        "reason": ["", "foot 2 was not seen"], "order_class": "1>2", "probability": 0.99,
     }  # fmt: skip
     return pd.DataFrame(table)
 

@@ -94,7 +94,7 @@ CONTACTS = pd.DataFrame(
         "status": ["matched", "missed", "missed", "invented"],
         "external_s": [1.0, 2.0, 3.0, np.nan],
         "found_s": [1.0, np.nan, np.nan, 4.0],
-        "index": [0, np.nan, 2, 3],
+        "touchdown": [0, np.nan, 2, 3],
         "reason": ["", "no descent through the pre section", "poor fit of foot 1", ""],
     }
 )
@@ -247,7 +247,7 @@ def test_reasons_name_the_feet():
 
 
 def test_landings_come_before_the_descents_in_which_no_foot_landed():
-    data = touchdowns().assign(index=range(len(touchdowns())))
+    data = touchdowns().assign(touchdown=range(len(touchdowns())))
     out = data[data["excluded"]].index
     data.loc[out[::2], "reason"] = tables.NO_FOOT_LANDED
     rows = [row[1:3] for row in tables.excluded_table(data).rows]
@@ -404,9 +404,10 @@ def test_filled_gaps_with_the_marker_most_often_unseen_first():
 def test_ambiguous_touchdowns_are_counted_by_schedule():
     data = touchdowns()
     assert {row[2] for row in tables.schedules_table(data).rows} == {"0"}
-    data["class"] = data["schedule"].where(data.index % 7 != 0, "ambiguous")
+    data["order_class"] = data["schedule"].where(data.index % 7 != 0, "ambiguous")
     table = tables.schedules_table(data)
     used = data[~data["excluded"]]
     assert (
-        sum(int(row[2]) for row in table.rows) == (used["class"] == "ambiguous").sum()
+        sum(int(row[2]) for row in table.rows)
+        == (used["order_class"] == "ambiguous").sum()
     )

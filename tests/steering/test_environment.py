@@ -22,7 +22,7 @@ from hopdata.steering.environment import (
     ARRIVED_M,
     FENCE_M,
     ID,
-    MOST_HOPS,
+    MOST_STRIDES,
     TASKS,
     SteeredHopperEnv,
 )  # fmt: skip
@@ -129,7 +129,7 @@ def test_time_cuts_an_episode_off_without_an_end():
     made.reset(seed=1, options=RELEASED_UPRIGHT)
     assert made.step(np.zeros(1))[2:4] == (False, False)
     assert made.step(np.zeros(1))[2:4] == (False, True)
-    assert gymnasium.spec(ID).max_episode_steps == MOST_HOPS
+    assert gymnasium.spec(ID).max_episode_steps == MOST_STRIDES
 
 
 def test_a_half_turn_is_a_task_of_its_own():

@@ -13,7 +13,7 @@ from hopdata.steering.experiments.outcomes import truth_entries
 from hopdata.steering.frame_changes import TILTED, FrameChanges
 from hopdata.steering.models import learning as learning_curve
 from hopdata.steering.models.learning import learn, learning_tables
-from hopdata.steering.models.process import PRINTED, RECOMMENDED, process_of
+from hopdata.steering.models.training import PRINTED, RECOMMENDED, process_of
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.robot import SteeredHopper, robot_and_camera
 from hopdata.steering.strides import USED

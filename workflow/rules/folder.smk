@@ -13,6 +13,7 @@ sys.path[:] = [place for place in sys.path if Path(place).resolve() != Path.cwd(
 
 from snakemake.benchmark import benchmarked
 from snakemake.script import PythonScript
+from snakemake_logger_plugin_hopdata import is_telling
 
 from hopdata.causes import oom_kills
 from hopdata.commands import deaths, healing, owner
@@ -132,5 +133,6 @@ onstart:
 
 onerror:
     # Snakemake's page of text ends in one line that says why; `hopdata run` says it itself.
-    if owner.STARTED_BY_HOPDATA not in os.environ:
+    # So does the logger plugin.
+    if owner.STARTED_BY_HOPDATA not in os.environ and not is_telling():
         deaths.tell(log, oom_before=OOM_BEFORE)

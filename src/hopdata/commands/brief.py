@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hopdata.commands import terminal
+from hopdata.commands import answers, listing, terminal
 from hopdata.commands.guesses import inspected
 from hopdata.errors import HopdataError, counted, printable
 from hopdata.landings.role_guesses import guessed_roles
@@ -34,8 +34,10 @@ def inspect_briefly(files: Sequence[Path], options: argparse.Namespace) -> int:
             inspection = inspected(of_one)
             line = brief_line(inspection, f"{file}")
             is_sound = not inspection.n_problems
+            answers.give_also("files", **listing.fields_of(inspection, file), line=line)
         except HopdataError as error:
             line = _refused(file, error)
+            answers.give_also("files", file=file, error=answers.error_fields(error))
             is_sound = False
         print(printable(line), flush=True)
         if not is_sound:

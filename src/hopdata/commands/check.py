@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, one_blas_thread
-from hopdata.commands import listing, terminal
+from hopdata.commands import answers, listing, terminal
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.messages import Message
 from hopdata.recordings.external import (
@@ -20,6 +20,7 @@ from hopdata.recordings.external import (
 )
 
 if TYPE_CHECKING:
+    from hopdata.commands.forecast import Forecast
     from hopdata.recording import Recording
 
 
@@ -37,6 +38,7 @@ def check(options: argparse.Namespace) -> int:
     if len(configs) > 1:
         group = f", the first of {len(configs)} of a group"
     print(f"study {first['study']}{group}")
+    answers.give(study=first["study"], studies=len(configs), recordings=[])
     mistakes: list[str] = []
     remarks: list[str] = []
     of_first_study: list[Recording] = []
@@ -55,9 +57,11 @@ def check(options: argparse.Namespace) -> int:
                 print("\n".join([_summary(recording, config), *lines]))
                 of_first_study.append(recording)
             else:
-                print(f"study {config['study']}: {recording.told()}")
+                print(f"study {config['study']}: {recording}")
+            answers.give_also("recordings", **_fields_of(recording, config))
             of_study.append(recording)
         remarks += _remarks(of_study, config)
+    answers.give(notes=remarks)
     for remark in remarks:
         print(f"note: {remark}")
     if mistakes:
@@ -176,6 +180,7 @@ def _conclusion(
     why_not = ""
     if len(recordings) == len(config["recordings"]):
         why_not = _foretell(config, recordings)
+    answers.give(but=why_not or None)
     if not why_not and remarks:
         why_not = str(Message("commands.see_notes"))
     if why_not:
@@ -199,10 +204,45 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
     except AnalysisError as error:
         return _contacts_instead(config, recordings, error)
     print("\n".join(describe(forecast, config, recordings)))
+    _give_forecast(forecast)
     if forecast.stops:
         will_stop = AnalysisError(forecast.reason)
         return _contacts_instead(config, recordings, will_stop)
     return forecast.vain
+
+
+def _fields_of(recording: Recording, config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a recording as a field of ``--json``."""
+    from hopdata.recording import fraction_seen
+
+    seen = fraction_seen(recording)
+    return {
+        "study": config["study"],
+        "name": recording.name,
+        "frames": len(recording.time),
+        "rate_hz": recording.rate_hz,
+        "duration_s": recording.time[-1] - recording.time[0],
+        "seen_share": dict(zip(recording.markers, seen.tolist(), strict=True)),
+    }
+
+
+def _give_forecast(forecast: Forecast) -> None:
+    """Give what the study will probably find, for ``--json``."""
+    excluded = forecast.touchdowns["excluded"].astype(bool)
+    answers.give(
+        forecast={
+            "examined_share": forecast.frames_share,
+            "landings": forecast.landings,
+            "touchdowns_examined": len(excluded),
+            "touchdowns_used": int((~excluded).sum()),
+            "detectable": forecast.detectable,
+            "allowed": forecast.allowed,
+            "reason": {"code": forecast.code, "text": forecast.reason}
+            if forecast.reason
+            else None,
+            "stops": forecast.stops,
+        }
+    )
 
 
 def _contacts_instead(

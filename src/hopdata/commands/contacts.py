@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata.commands import listing, terminal
+from hopdata.commands import answers, listing, terminal
 from hopdata.errors import ConfigError, HopdataError, RecordingError, did_you_mean
 from hopdata.messages import Message
 
@@ -112,7 +112,9 @@ def contacts(options: argparse.Namespace) -> int:
     _require_events(options, trials)
     with terminal.progress_line("timing contacts"):
         found = timed(trials)
-    show(found, [note for trial in trials for note in trial.notes])
+    notes = [note for trial in trials for note in trial.notes]
+    show(found, notes)
+    answers.give(notes=[*notes, *map(str, found.remarks)])
     _write(options, trials, found)
     return terminal.OK if len(found.found) else terminal.PROBLEM
 
@@ -339,7 +341,10 @@ def show(found: ContactTimes, notes: Sequence[str]) -> None:
     """Print the contacts of each landing, and what to know about them."""
     from hopdata.landings.contacts.remarks import one_for_all_feet
 
-    print(found.told())
+    print(found)
+    answers.give(
+        contacts=found.table.to_dict("records"), orders=found.orders.to_dict("records")
+    )
     several = found.orders["recording"].nunique() > 1
     has_orders = bool((found.orders["feet"] > 1).any())
     by_landing = dict(list(found.table.groupby(["recording", "landing"], sort=False)))
@@ -465,6 +470,7 @@ def _write(
     options: argparse.Namespace, trials: Sequence[Trial], found: ContactTimes
 ) -> None:
     """Write what was asked for, and say where it is."""
+    answers.give(table=options.out, page=options.html)
     if options.out is not None:
         _write_tables(options.out, found)
     if options.html is not None:
@@ -472,6 +478,7 @@ def _write(
     for kind in options.events or ():
         for trial in trials:
             for path in write_events(kind, trial, found, options):
+                answers.give_also("events", format=kind, file=path)
                 print(f"events: {path}")
 
 

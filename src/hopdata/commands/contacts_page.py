@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata import __version__
 from hopdata.messages import Message
 from hopdata.report.formatting import MISSING, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
@@ -52,9 +51,8 @@ def contacts_html(found: ContactTimes, *, title: str, notes: Sequence[str]) -> s
         told.append(str(Message("commands.rows_limited", values)))
     return rendered(
         "contacts.html.j2",
-        version=__version__,
         title=title,
-        answer=found.told() + ".",
+        answer=f"{found}.",
         highlights=_highlights(found),
         notes=told,
         pictures=_pictures(found, shown),

@@ -151,6 +151,19 @@ def why(said: Sequence[str], *, oom_before: OomKills | None) -> str:
     return ""
 
 
+def own_words(said: Sequence[str]) -> str:
+    """Return the error that a failed job has told itself; empty if none has."""
+    for failure in _failures("".join(said)):
+        if failure.said:
+            return failure.said
+    return ""
+
+
+def failed_jobs(said: Sequence[str]) -> list[str]:
+    """Return the names of the jobs that failed."""
+    return [failure.name for failure in _failures("".join(said))]
+
+
 def tell(logs: Iterable[str | Path], *, oom_before: OomKills | None) -> None:
     """Print the line that says why a run failed, from what Snakemake has logged.
 

@@ -158,7 +158,7 @@ class Forecast:
         used = self.touchdowns[~self.touchdowns["excluded"]]
         if not len(used):
             return 0.0
-        return float((used["class"] == AMBIGUOUS).mean())
+        return float((used["order_class"] == AMBIGUOUS).mean())
 
     def unsure_without(self, foot: str, feet: Sequence[str], below: float) -> float:
         """Return the share of landings used whose order is unsure without a foot.

@@ -6,13 +6,12 @@ import argparse
 import io
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata import __version__
 from hopdata.arrays import pd
-from hopdata.commands import devices, listing, terminal
+from hopdata.commands import answers, devices, listing, terminal
 from hopdata.commands.guesses import inspected, with_effects
 from hopdata.errors import HopdataError, counted
 from hopdata.landings.role_guesses import guessed_roles
@@ -43,6 +42,7 @@ def inspect(options: argparse.Namespace) -> int:
     inspection = with_effects(inspected(options))
     beside = _beside_markers(options, inspection)
     listing.show(inspection, str(options.file), devices.lines_of(beside))
+    answers.give(files=[listing.fields_of(inspection, options.file)], page=options.html)
     if options.html is not None:
         with terminal.progress_line("drawing the page"):
             page = inspection_html(inspection, options.file.name, beside)
@@ -76,7 +76,7 @@ def view(options: argparse.Namespace) -> int:
     page = rendered(
         "view.html.j2",
         title=options.file.name,
-        told=shown.told(),
+        told=str(shown),
         scene=recording_scene(shown),
     )
     out = options.out or Path(tempfile.gettempdir(), f"{options.file.name}.html")
@@ -112,7 +112,6 @@ def inspection_html(
         span = (*ends, first_s, last_s)
     return rendered(
         "inspection.html.j2",
-        version=__version__,
         title=file,
         answer=listing.answer(inspection),
         highlights=_highlights(inspection),
@@ -151,9 +150,33 @@ def _timeline(
     The ends are shares of the picture's width.
     """
     from hopdata.figures.catalogue import FORMATS
-    from hopdata.figures.quality import recording_gaps_figure
     from hopdata.figures.style import style_context
 
+    figure = drawn_gaps(inspection, found)
+    buffer = io.BytesIO()
+    with style_context():
+        figure.savefig(buffer, format="svg", metadata=dict(FORMATS["svg"]))
+    ends = tuple(x for axes in figure.axes for x in axes.get_position().intervalx)
+    return buffer.getvalue(), ends
+
+
+def drawn_gaps(
+    inspection: Inspection, found: list[Suspect] | None = None, **options: Any
+) -> Any:
+    """Draw when each marker was seen, and what looks wrong.
+
+    Parameters
+    ----------
+    inspection : Inspection
+    found : list of Suspect, optional
+        What looks wrong; by default that of the inspection.
+    **options
+        ``ax`` and ``style``: see `hopdata.figures.style.styled`.
+    """
+    from hopdata.figures.quality import recording_gaps_figure
+
+    if found is None:
+        found = inspection.suspects()
     time = inspection.time - inspection.time[0]
     last = len(time) - 1
     # The figure groups rows by recording; here is one, without a name.
@@ -173,16 +196,12 @@ def _timeline(
         "marker": inspection.markers,
         "duration_s": inspection.duration_s,
     }
-    figure = recording_gaps_figure(
+    return recording_gaps_figure(
         pd.DataFrame(markers),
         pd.DataFrame(gaps, columns=["recording", "marker", "start_s", "stop_s"]),
         pd.DataFrame(faults, columns=["recording", "marker", "start_s", "kind"]),
+        **options,
     )
-    buffer = io.BytesIO()
-    with style_context():
-        figure.savefig(buffer, format="svg", metadata=dict(FORMATS["svg"]))
-    ends = tuple(x for axes in figure.axes for x in axes.get_position().intervalx)
-    return buffer.getvalue(), ends
 
 
 def _suspect_table(found: list[Suspect]) -> Table:

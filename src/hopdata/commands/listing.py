@@ -7,7 +7,8 @@ import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from math import isfinite
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from hopdata.commands import terminal
 from hopdata.errors import counted
@@ -317,3 +318,53 @@ def _further(n_suspects: int) -> list[str]:
     if n_suspects <= MOST_SUSPECTS:
         return []
     return [f"    and {n_suspects - MOST_SUSPECTS} more; --html lists all"]
+
+
+# The same for scripts.
+
+
+def fields_of(inspection: Inspection, file: Path) -> dict[str, Any]:
+    """Return what `inspect` found in a file, as fields of ``--json``."""
+    guesses = {
+        "unit": inspection.unit,
+        "up": inspection.up,
+        "rate": inspection.rate,
+    }
+    markers = []
+    for gaps, noise_m in zip(inspection.gaps, inspection.noise_m, strict=True):
+        marker: dict[str, Any] = {"name": gaps.marker, "noise_m": noise_m}
+        marker["gaps"] = gaps.count
+        marker["longest_gap_frames"] = gaps.longest
+        marker["unseen_share"] = gaps.share
+        markers.append(marker)
+    suspects = [
+        {
+            "kind": one.kind,
+            "markers": one.markers,
+            "first_frame": one.start + 1,
+            "last_frame": one.stop,
+            "time_s": one.time_s,
+            "message": one.message,
+        }
+        for one in inspection.suspects()
+    ]
+    return {
+        "file": file,
+        "frames": len(inspection.time),
+        "rate_hz": inspection.rate_hz,
+        "duration_s": inspection.duration_s,
+        **{
+            name: {"value": one.value, "sure": one.is_sure, "reason": one.reason}
+            for name, one in guesses.items()
+        },
+        "dropped_frames": inspection.timing.n_dropped,
+        "markers": markers,
+        "clusters": [
+            {
+                "markers": [inspection.markers[marker] for marker in one.markers],
+                "noise_m": one.noise,
+            }
+            for one in inspection.clusters
+        ],
+        "suspects": suspects,
+    }

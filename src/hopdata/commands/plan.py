@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hopdata.analysis import planned
+from hopdata.commands import answers
 from hopdata.commands.terminal import OK, print_table
 from hopdata.commands.values import require_number, values_of
 from hopdata.commands.workflow import run_workflow
@@ -53,6 +54,20 @@ def plan(options: argparse.Namespace) -> int:
         for difference in sorted(asked)
     }
     _print_needed(needed)
+    answers.give(
+        pilot={
+            "file": file,
+            "landings": landings,
+            "feet": feet,
+            "power": power,
+            "detectable": detectable,
+        },
+        plan=[
+            {"difference": difference, "landings": number}
+            for difference, number in needed.items()
+        ],
+        figure=options.figure,
+    )
     if options.figure is not None:
         _draw(options.figure, needed, (landings, detectable), power)
     return OK

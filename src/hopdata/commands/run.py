@@ -7,12 +7,14 @@ import filecmp
 import re
 import shutil
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hopdata import products
 from hopdata.bundled import SNAKEFILE
+from hopdata.commands import answers
 from hopdata.commands.terminal import OK, PROBLEM, write_text
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
@@ -67,7 +69,9 @@ def run(options: argparse.Namespace) -> int:
         snakefile=asked.snakefile,
         if_locked=options.if_locked,
     )
+    answers.give(study=asked.study, dry_run=is_dry(passed))
     if code:
+        answers.give(log=Path("results", asked.study, "logs", "run.log"))
         return _contacts_instead(asked, is_part=options.until is not None)
     if is_dry(passed):
         return OK
@@ -146,6 +150,7 @@ def _print_results_of(name: str, study: str) -> None:
     for result in LINE.stages[name].results.values():
         pattern = re.sub(r"\{\w+\}", "*", result.path)
         for file in sorted(Path("results", study).glob(pattern)):
+            answers.give_also("files", file=file)
             print(file)
 
 
@@ -154,15 +159,25 @@ def _print_answer(asked: _Run) -> None:
     answer, page = asked.answer, asked.page
     if answer is None or page is None or not (page.exists() and answer.exists()):
         return
-    print(read_json(answer)["sentence"])
+    found = read_json(answer)
+    answers.give(answer=answer, page=page, verdict=_verdict_of(found))
+    print(found["sentence"])
     checks = answer.with_name("quality.json")
     if checks.exists():
-        good, others = quality_summary(read_json(checks))
+        quality = read_json(checks)
+        answers.give(quality=quality)
+        good, others = quality_summary(quality)
         told = f"quality of the data: {good}"
         if others:
             told += f"; {others}"
         print(told)
     print(page)
+
+
+def _verdict_of(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what scripts read of a verdict, or of the answer of a group."""
+    keys = ("conclusion", "sentence", "n_landings", "n_feet", "power", "effect")
+    return {key: found[key] for key in keys if key in found}
 
 
 # A study again.
@@ -197,6 +212,7 @@ def _run_again(options: argparse.Namespace) -> int:
     names = ["verdict.json", *tables]
     same, different, unreadable = filecmp.cmpfiles(old, new, names, shallow=False)
     print(f"{new}: {len(same)} of {len(names)} files are the same bytes")
+    answers.give(results=new, same=same, different=sorted(different + unreadable))
     for name in sorted(different + unreadable):
         if (new / name).exists():
             print(f"  {name} differs")

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from hopdata.bundled import SNAKEFILE
 from hopdata.causes import OomKills, oom_kills, signal_told
-from hopdata.commands import deaths
+from hopdata.commands import answers, deaths
 from hopdata.commands.owner import (
     DRY,
     LOCKS,
@@ -30,15 +27,10 @@ from hopdata.commands.owner import (
     wait_for_others,
     who_is_at_work,
 )
+from hopdata.commands.progress import Progress, parted, plan_told
 from hopdata.commands.terminal import progress_bar
-from hopdata.errors import counted, require
+from hopdata.errors import require
 
-#: Snakemake's messages on jobs: start, end and count.
-_SAID = re.compile(
-    r" +jobid: (\d+)|Finished jobid: (\d+) \(Rule: (\w+)\)|(\d+) of (\d+) steps \("
-)
-#: The last row of Snakemake's table of the jobs that it will run.
-_PLANNED = re.compile(r"total +(\d+)$")
 #: Lines of Snakemake that are shown if it fails and nothing of hopdata says why.
 _LAST_LINES = 12
 
@@ -74,10 +66,8 @@ def run_workflow(
         # Snakemake caches downloads there.
         os.environ.setdefault("XDG_CACHE_HOME", os.path.abspath(".snakemake"))
     oom_before = oom_kills()
-    # The table of a dry run is read below; that of a run goes to the user's terminal.
+    # What a dry run would do is told below; the table of Snakemake is kept back.
     listed = "--dry-run" in options
-    given_cores = options[options.index("--cores") + 1]
-    cores = int(given_cores) if given_cores.isdigit() else os.cpu_count() or 1
     command = _command(config, snakefile, options, listed=listed)
     with (
         _passed_on() as requests,
@@ -86,11 +76,14 @@ def run_workflow(
         progress_bar(study) as show,
     ):
         requests.pass_to(snakemake)
-        progress = Progress(show, cores)
+        progress = Progress(show)
+        said: list[str] = []
         try:
             for line in snakemake.stderr or ():
-                progress.take(line)
-            table = "".join(snakemake.stdout or ())
+                text, event = parted(line)
+                if event is not None:
+                    progress.take(event)
+                _take_text(text, said)
             code = snakemake.wait()
         except KeyboardInterrupt:
             # Snakemake receives it too, ends its jobs and unlocks the folder.
@@ -101,24 +94,30 @@ def run_workflow(
         # Snakemake itself complains if a folder is not writable.
         with suppress(OSError):
             # The log of a run that is refused would take the place of the living run's.
-            if not _is_refused(progress.said):
+            if not _is_refused(said):
                 log.parent.mkdir(parents=True, exist_ok=True)
-                log.write_text("".join(progress.said), encoding="utf-8")
+                log.write_text("".join(said), encoding="utf-8")
     if code < 0:
         told = signal_told(-code, oom_before=oom_before)
         print(f"hopdata: error: Snakemake: {told}", file=sys.stderr)
     elif code:
-        _report_failure(progress.said, log, oom_before)
+        _report_failure(said, log, oom_before)
     elif listed:
-        print(_planned(study, table))
+        answers.give(planned=progress.planned)
+        print(plan_told(study, progress.planned))
     return code
 
 
 def _started(command: Sequence[str], *, listed: bool) -> subprocess.Popen[str]:
     """Start Snakemake; its table is kept from the terminal if it is to be read."""
+    out: int | None = None
+    if listed:
+        out = subprocess.DEVNULL
+    elif answers.is_asked():
+        out = 2  # stdout holds the answer alone
     return subprocess.Popen(
         command,
-        stdout=subprocess.PIPE if listed else None,
+        stdout=out,
         stderr=subprocess.PIPE,
         # Python would look for modules in the working folder first, for Snakemake and
         # for its jobs. That is a study's folder, into which anyone may have put files.
@@ -198,79 +197,21 @@ def _command(
     profile = SNAKEFILE.parent / "profiles" / "default"  # also that of a group
     command: list[Any] = [sys.executable, "-m", "snakemake"]
     command += ["--configfile", config, "--snakefile", snakefile]
+    command += ["--logger", "hopdata", "--logger-hopdata-records"]
     command += ["--workflow-profile", profile, "--nocolor", *options]
     if listed:
         command += ["--quiet", "rules", "host", "reason"]
     return [str(word) for word in command]
 
 
-class Progress:
-    """What Snakemake has said, and how far it is.
-
-    Parameters
-    ----------
-    show
-        Takes the number of jobs that are done, that of all jobs, and a remark.
-    cores
-        Number of jobs that run at once.
-
-    Attributes
-    ----------
-    said
-        All its lines.
-    """
-
-    def __init__(self, show: Callable[[int, int, str], None], cores: int) -> None:
-        self.said: list[str] = []
-        self._show = show
-        self._cores = cores
-        self._start = time.monotonic()
-        #: When each job began, by its number.
-        self._begun: dict[str, float] = {}
-        #: How long each finished job took, s.
-        self._took: list[float] = []
-        self._last_job = ""
-        #: How many jobs will run; None before Snakemake has said so.
-        self._planned: int | None = None
-
-    def take(self, line: str) -> None:
-        """Take a line; show it if it is one of hopdata, or tell how far the run is."""
-        is_new = line not in self.said
-        self.said.append(line)
-        if line.startswith("hopdata:") and is_new:
-            print(line, end="", file=sys.stderr, flush=True)
-        planned = _PLANNED.match(line)
-        if planned:
-            self._planned = int(planned[1])
-        found = _SAID.match(line)
-        if not found:
-            return
-        begins, ends, rule, done, number = found.groups()
-        if begins:
-            self._begun[begins] = time.monotonic()
-        elif ends:
-            seconds = time.monotonic() - self._begun.get(ends, self._start)
-            self._took.append(seconds)
-            self._last_job = f"{rule} {seconds:.0f} s"
-        else:
-            # With --until, the count of steps holds jobs that will not run.
-            number_that_runs = self._planned or int(number)
-            self._show_step(int(done), number_that_runs)
-
-    def _show_step(self, done: int, number: int) -> None:
-        mean_s = fmean(self._took or [0.0])
-        left_s = (number - done) * mean_s / self._cores
-        if left_s:
-            when = f"{self._last_job}, about {_in_words(left_s)} left"
-        else:
-            when = f"after {_in_words(time.monotonic() - self._start)}"
-        self._show(done, number, when)
-
-
-def _in_words(seconds: float) -> str:
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min"
+def _take_text(text: str, said: list[str]) -> None:
+    """Keep what Snakemake or a job has said; show it at once if hopdata says it."""
+    if not text:
+        return
+    is_new = text not in said
+    said.append(text)
+    if text.startswith("hopdata:") and is_new:
+        print(text, end="", file=sys.stderr, flush=True)
 
 
 def _report_failure(said: Sequence[str], log: Path, oom_before: OomKills) -> None:
@@ -292,15 +233,3 @@ def _report_failure(said: Sequence[str], log: Path, oom_before: OomKills) -> Non
 def _is_refused(said: Sequence[str]) -> bool:
     """Tell whether Snakemake found its files locked by another run."""
     return any("cannot be locked" in line for line in said)
-
-
-def _planned(study: str, table: str) -> str:
-    """List what would run, a line per stage, from Snakemake's table of a dry run."""
-    rows = re.findall(r"^(\w+) +(\d+)$", table.partition("\ntotal ")[0], re.MULTILINE)
-    lines = [
-        f"  {rule:20} {counted(int(number), 'job')}"
-        for rule, number in rows
-        if rule != "all"
-    ]
-    first = "would run" if lines else "nothing to do"
-    return "\n".join([f"{study}: {first}", *lines])

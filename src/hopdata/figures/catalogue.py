@@ -6,15 +6,18 @@ To add a figure, write its function in one of this package's modules and its ent
 own, of functions in their own modules.
 """
 
+import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
 from hopdata import products
+from hopdata.foreign.plugins import blamed, name_of, plugins
 
 # A date or library version in a file would change its bytes although the data are the
 # same.
@@ -76,6 +79,36 @@ for product in products.installed():
         FIGURES |= _drawings(product.catalogue, f"{product.package}.figures")
 
 
+@cache
+def of_packages() -> dict[str, EntryPoint]:
+    """Return the figures of installed packages (``hopdata.figures``), by name.
+
+    Each is a function that takes the contents of its ``files`` and returns a figure.
+    """
+    own = {
+        re.sub(r"^fig\d_\d_", "", name) for names in FIGURES.values() for name in names
+    }
+    return plugins("hopdata.figures", "figure", own)
+
+
+def drawn_by_package(entry: EntryPoint, content: Callable[[str], Any]) -> Any:
+    """Return the figure of another package, whose errors are told as its own.
+
+    Parameters
+    ----------
+    entry : EntryPoint
+        One of `of_packages`.
+    content : callable
+        Takes the path of a file of the results, and returns what is in it.
+    """
+    with blamed(name_of("figure", entry), entry.name):
+        draw = entry.load()
+        files = getattr(draw, "files", ())
+    contents = [content(file) for file in files]
+    with blamed(name_of("figure", entry), entry.name):
+        return draw(*contents)
+
+
 def tables_of(name: str, *, simulated: bool = False) -> tuple[str, ...]:
     """Return the files that a figure is drawn from, relative to the results."""
     drawing = _drawing(name)
@@ -89,7 +122,7 @@ def source_of(name: str) -> Path:
     return _drawing(name).source
 
 
-def function_of(name: str) -> Callable[..., Any]:
+def function_of(name: str) -> partial[Any]:
     """Return the function that draws a figure, with its options."""
     drawing = _drawing(name)
     return partial(resolve_name(drawing.place), **drawing.options)

@@ -35,7 +35,7 @@ def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, A
         return {}
     shown = example.iloc[0]
     of_recording = touchdowns["recording"] == shown["recording"]
-    rows = touchdowns[of_recording & (touchdowns["index"] == shown["index"])]
+    rows = touchdowns[of_recording & (touchdowns["touchdown"] == shown["touchdown"])]
     if rows.empty:
         return {}
     return {str(key): value for key, value in rows.to_dict("records")[0].items()}

@@ -52,7 +52,7 @@ def verdict_figure(
     Parameters
     ----------
     verdict : mapping
-        Contents of ``verdict.json``; see docs/verdict.md.
+        Contents of ``verdict.json``; see docs/verdict_json.md.
     touchdowns : DataFrame
         The touchdown table; its two most common orders of contact are drawn.
     truth : DataFrame, optional
@@ -88,6 +88,22 @@ def verdict_figure(
     estimated = _percent(verdict["effect"]["estimate"])
     words = f"true: {_percent(true)}, estimated: {estimated}"
     _write(left, words, (100.0 * true, TRUE_ROW), style.INK, top)
+    return figure
+
+
+@style.styled
+def size_figure(verdict: Mapping[str, Any]) -> Figure:
+    """Draw the difference and its uncertainty alone; without an answer, the reason.
+
+    Parameters
+    ----------
+    verdict : mapping
+        Contents of ``verdict.json``.
+    """
+    if verdict.get("effect") is None:
+        return style.message_figure(_said(verdict, SAID_WIDTH_BESIDE))
+    figure = style.paper_figure(style.SINGLE_COLUMN_MM, ROW_MM)
+    _draw_size(figure.subplots(), verdict, _top(verdict))
     return figure
 
 

@@ -1,15 +1,17 @@
 """Code that other packages bring: its errors are told in one line, with its name.
 
-A package that is installed beside hopdata may bring readers, scenes and products by
-entry points. It is code and is trusted as such, but its errors may be of any kind, and
-a traceback through hopdata would say nothing to a user about whom to ask.
+A package that is installed beside hopdata may bring readers, scenes, labelling methods,
+figures and products by entry points (docs/plugins.md). It is code and is trusted as
+such, but its errors may be of any kind, and a traceback through hopdata would say
+nothing to a user about whom to ask.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, entry_points
 
 from hopdata.errors import ConfigError, HopdataError
 from hopdata.foreign.budget import MOST_WORDS
@@ -28,6 +30,40 @@ def name_of(kind: str, entry: EntryPoint) -> str:
     """
     package = f"{entry.dist.name} " if entry.dist is not None else ""
     return f"the {kind} '{entry.name}' of the package {package}({entry.value})"
+
+
+def plugins(group: str, kind: str, own: Container[str]) -> dict[str, EntryPoint]:
+    """Return what other packages bring to a group of entry points, by name.
+
+    A name that hopdata has itself, or that an earlier package brings, is not taken; a
+    warning says whose is used.
+
+    Parameters
+    ----------
+    group : str
+        Such as ``"hopdata.readers"``.
+    kind : str
+        What it brings, as for `name_of`.
+    own : container of str
+        hopdata's own names.
+    """
+    found: dict[str, EntryPoint] = {}
+    for entry in sorted(entry_points(group=group), key=_place_of):
+        used = "hopdata's own"
+        if entry.name in found:
+            used = name_of(kind, found[entry.name])
+        elif entry.name not in own:
+            found[entry.name] = entry
+            continue
+        values = {"plugin": name_of(kind, entry), "used": used}
+        warnings.warn(str(Message("foreign.clash", values)), stacklevel=2)
+    return found
+
+
+def _place_of(entry: EntryPoint) -> tuple[str, str, str]:
+    """Return what orders entry points, however their packages lie on the path."""
+    package = entry.dist.name if entry.dist is not None else ""
+    return entry.name, package, entry.value
 
 
 @contextmanager

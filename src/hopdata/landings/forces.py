@@ -340,7 +340,7 @@ def example_landing(
         return pd.DataFrame(columns=list(EXAMPLE_COLUMNS))
     by_difference = matched.sort_values("difference_s", kind="stable")
     middle = by_difference.iloc[(len(matched) - 1) // 2]
-    same = overlay[(overlay["index"] == middle["index"]) & is_matched]
+    same = overlay[(overlay["touchdown"] == middle["touchdown"]) & is_matched]
     origin = float(same["external_s"].min())
     feet = recording.names("foot")
     # Names of feet may hold spaces, so they are looked for between two of them.

@@ -69,7 +69,7 @@ COLUMNS = (
     "se_s",
     "difference_s",
     "first_foot",
-    "index",
+    "touchdown",
     "excluded",
     "reason",
 )
@@ -266,7 +266,7 @@ def _compared(
 ) -> pd.DataFrame:
     """Tabulate the contacts of a column in order of time."""
     table = pd.DataFrame(rows, columns=list(COLUMNS[len(SHARED_COLUMNS) :]))
-    table["index"] = table["index"].astype("Int64")
+    table["touchdown"] = table["touchdown"].astype("Int64")
     table["difference_s"] = table["found_s"] - table["external_s"]
     time = table["external_s"].fillna(table["found_s"])
     by_time = time.sort_values(kind="stable").index
@@ -290,7 +290,11 @@ def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     first = np.empty(0, dtype=np.int64)
     if len(rows):
         first = np.nanargmin(instants[rows], axis=1)
-    own = touchdowns[["index", "excluded", "reason"]].iloc[rows].reset_index(drop=True)
+    own = (
+        touchdowns[["touchdown", "excluded", "reason"]]
+        .iloc[rows]
+        .reset_index(drop=True)
+    )
     own = own.astype({"excluded": bool}).fillna({"reason": ""})
     return own.assign(
         found_s=instants[rows, first],
@@ -332,7 +336,7 @@ def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:
     if instant > row["t_post_s"] + LATE_S:
         return {"reason": NO_DESCENT}
     return {
-        "index": row["index"],
+        "touchdown": row["touchdown"],
         "excluded": bool(row["excluded"]),
         "reason": row["reason"] or OTHER_TIME,
     }

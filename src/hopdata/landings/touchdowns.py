@@ -138,7 +138,7 @@ def touchdown_table(
     -------
     pandas.DataFrame
         One row for each descent through the pre section, in order of time: recording,
-        index, method, t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each
+        touchdown, method, t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each
         foot, common_<foot>_s (the error that all instants of a foot may share, not in
         se), schedule (the most probable one), probability, class (the schedule or
         ``ambiguous``), runner_up and its runner_up_probability, spread_s, excluded,
@@ -190,7 +190,7 @@ def touchdown_table(
     landed = (contacts.status == descents.LANDED).any(axis=1) | hidden
     table["t_pre_s"] = table["t_pre_s"].where(crosses, spans[:, 0])
     table = table[through | landed].reset_index(drop=True)
-    return table.assign(index=np.arange(len(table)))
+    return table.assign(touchdown=np.arange(len(table)))
 
 
 def touchdown_tables(
@@ -251,7 +251,7 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
         out = table["excluded"].to_numpy(bool)
         is_of_foot = any(f"contact_{name}_s" in table for name in markers)
         if numbers:
-            chosen = table["index"].isin(numbers) & ~out
+            chosen = table["touchdown"].isin(numbers) & ~out
         elif is_of_foot:
             chosen = inside  # a foot was removed by hand, so its contacts do not count
         elif markers:
@@ -270,7 +270,7 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
 
 def _require_numbers(numbers: set[int], table: pd.DataFrame) -> None:
     """Raise an error if a landing that is named does not exist."""
-    for number in sorted(numbers - set(table["index"])):
+    for number in sorted(numbers - set(table["touchdown"])):
         name = ""
         if len(table):
             name = table["recording"].iloc[0]
@@ -334,8 +334,8 @@ def _table(
     reasons = exclusion_reasons(
         transitions,
         contacts,
-        longest_gap_s=descents.longest_gap_s(recording.time, recording.pace),
-        continued_s=descents.CONTINUED_S * recording.pace,
+        longest_gap_s=descents.longest_gap_s(recording.time, recording.time_scale),
+        continued_s=descents.CONTINUED_S * recording.time_scale,
     )
     if ambiguous == "exclude":
         order_is_ambiguous = Message(exclusion.ORDER_AMBIGUOUS).text()
@@ -344,7 +344,7 @@ def _table(
                 reasons[row] = order_is_ambiguous
     columns: dict[str, Any] = {
         "recording": recording.name,
-        "index": np.arange(len(transitions)),
+        "touchdown": np.arange(len(transitions)),
         "t_pre_s": transitions.t_pre,
         "t_post_s": transitions.t_post,
     }
@@ -356,7 +356,7 @@ def _table(
         columns[f"common_{foot}_s"] = common[i]
     columns["schedule"] = names
     columns["probability"] = probability
-    columns["class"] = classes
+    columns["order_class"] = classes
     columns["runner_up"] = [
         other if name else "" for name, other in zip(names, seconds, strict=True)
     ]

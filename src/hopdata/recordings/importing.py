@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread
-from hopdata.errors import RecordingError, did_you_mean, require_choice
+from hopdata.errors import RecordingError, counted, did_you_mean, require_choice
 from hopdata.foreign import door
-from hopdata.recording import Event, Recording, Truth
+from hopdata.messages import Message
+from hopdata.recording import ROLES, Event, Recording, Truth
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.processing import recorded_frames
@@ -183,7 +184,7 @@ def import_recording(
     path: str | Path | Sequence[str | Path],
     *,
     name: str,
-    markers: Mapping[str, Sequence[str]],
+    markers: Mapping[str, Sequence[str]] | None,
     unit: str = "auto",
     vertical_axis: str = "z",
     rate_hz: float | None = None,
@@ -201,9 +202,10 @@ def import_recording(
         `join`).
     name : str
         Name of the recording in the study.
-    markers : mapping
+    markers : mapping or None
         Marker names for each of ``"body"``, ``"feet"``, ``"boom"``; the result keeps
-        this order.
+        this order. None for all markers of the file, with the roles that it states; of
+        several files those that all of them have.
     unit : {"auto", "m", "mm"}
         Unit of the file's positions. ``"auto"`` takes the format's own unit, or the
         other one if only that gives a plausible size; a remark says so.
@@ -242,7 +244,11 @@ def import_recording(
     for one in paths:
         file = read_raw(one, rate_hz=rate_hz, least_score=least_score)
         stated_roles.append(dict(zip(file.markers, file.roles, strict=False)))
-        pieces.append(_chosen(one, file, markers))
+        if markers is not None:
+            file = _chosen(one, file, markers)
+        pieces.append(file)
+    if markers is None:
+        pieces = _all_shared(pieces)
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
     alike = orientation.speak_for_silent(sources, pieces, unit)
     raw = join(paths, alike) if len(paths) > 1 else pieces[0]
@@ -253,13 +259,15 @@ def import_recording(
         on_unit = orientation.unit_remarks(sources, pieces, raw, taken)
         remarks += [str(remark) for remark in on_unit]
     vertical_axis, on_up = orientation.choose_up(
-        vertical_axis, sources[0], raw, taken, markers
+        vertical_axis, sources[0], raw, taken, markers or {}
     )
     remarks += [str(remark) for remark in on_up]
     _to_metres_and_z_up(raw.positions, taken, vertical_axis)
-    roles = []
-    for key, role in ROLE_OF_KEY.items():
-        roles += [role] * len(markers.get(key) or ())
+    roles = _roles_of_file(raw)
+    if markers is not None:
+        roles = []
+        for key, role in ROLE_OF_KEY.items():
+            roles += [role] * len(markers.get(key) or ())
     recording = Recording(
         name=name,
         time=raw.time,
@@ -301,7 +309,8 @@ def _without_made_up_frames(recording: Recording) -> Recording:
     longest = np.diff(recording.time).max(initial=0.0) * recording.rate_hz
     if not longest < 1.5:  # with missing frames it is not every second one
         return recording
-    kept = recording.part(recorded_frames(recording.body))
+    of_part = recording.body if recording.indices("body") else recording.positions
+    kept = recording.part(recorded_frames(of_part))
     if len(kept.time) == len(recording.time):
         return kept
     remark = (
@@ -372,6 +381,50 @@ def _chosen(
     )
 
 
+def _all_shared(raws: Sequence[RawRecording]) -> list[RawRecording]:
+    """Return what was read with the markers that all files have, in the first's order.
+
+    The name of a file's only subject is left out.
+    """
+    plain = [replace(raw, markers=without_subject(raw.markers)) for raw in raws]
+    if all(raw.markers == plain[0].markers for raw in plain):
+        return plain
+    shared = set(plain[0].markers).intersection(*(raw.markers for raw in plain))
+    names = [name for name in plain[0].markers if name in shared]
+    found = []
+    for raw in plain:
+        order = [raw.markers.index(name) for name in names]
+        left_out = len(raw.markers) - len(names)
+        remarks = raw.remarks
+        if left_out:
+            markers = counted(left_out, "marker")
+            values = {"markers": markers, "files": len(plain)}
+            remarks = (*remarks, Message("recordings.not_in_all_files", values))
+        roles = [role for name, role in _named_roles(raw) if name in shared]
+        positions = _only(raw.positions, order)
+        found.append(
+            replace(
+                raw,
+                markers=tuple(names),
+                positions=positions,
+                roles=tuple(roles) if raw.roles else (),
+                remarks=remarks,
+            )
+        )
+    return found
+
+
+def _named_roles(raw: RawRecording) -> list[tuple[str, str]]:
+    """Return each marker with the role that the file states; ``other`` without one."""
+    stated = [role if role in ROLES else "other" for role in raw.roles]
+    stated += ["other"] * (len(raw.markers) - len(stated))
+    return list(zip(raw.markers, stated, strict=True))
+
+
+def _roles_of_file(raw: RawRecording) -> list[str]:
+    return [role for _, role in _named_roles(raw)]
+
+
 def _advice(marker: str, asked: Sequence[str], raw: RawRecording) -> str:
     """Return advice on a configured marker that the file does not have."""
     if set(marker.split()) <= set(raw.markers):
@@ -408,6 +461,8 @@ def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth 
 
     body = recording.names("body")
     feet = recording.names("foot")
+    if not body or not feet:
+        return None
     if not is_truth_of(roles, body=body, feet=feet):
         return None
     truth: Truth | None = door.read(

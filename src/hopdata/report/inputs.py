@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.errors import NO_BREAK_SPACES, ConfigError, printable
 from hopdata.messages import ENGLISH, Message
@@ -350,6 +351,7 @@ def rendered(
         lstrip_blocks=True,
         finalize=_shown,
     )
+    environment.globals["version"] = __version__
     environment.globals["say"] = partial(sentence, language=language)
     environment.filters["said"] = partial(said, language=language)
     style = (TEMPLATES / "report.css").read_text(encoding="utf-8")

@@ -164,7 +164,7 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
         row = (
             schedule.replace(">", " → "),
             show.count(len(group)),
-            show.count((group["class"] == "ambiguous").sum()),
+            show.count((group["order_class"] == "ambiguous").sum()),
             show.fixed(100 * len(group) / len(used), 1),
             show.fixed(1e3 * group["spread_s"].median(), 2),
             show.fixed(group["probability"].mean(), 3),
@@ -387,7 +387,7 @@ def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
         "recording": show.text("recording"),
         "column": show.text("column"),
         "contact": show.text("status"),
-        "descent": show.counted("index"),
+        "descent": show.counted("touchdown"),
         "reason": show.text("reason"),
         "time (s)": _time_of_unmatched,
     }
@@ -559,7 +559,7 @@ def excluded_table(
     columns: dict[str, show.Cell] = {
         "recording": show.text("recording"),
         "reason": show.text("reason"),
-        "descent": show.counted("index"),
+        "descent": show.counted("touchdown"),
         "time (s)": show.decimals("t_pre_s", 2),
     }
     if by_name:

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.feet import with_foot_names
 from hopdata.messages import Message
@@ -365,7 +364,6 @@ def build_group_page(
         has_conditions=len({row["condition"] for row in rows}) > 1,
         members=members,
         conditions=show.table_of(title, group["conditions"], CONDITIONS),
-        version=__version__,
     )
 
 

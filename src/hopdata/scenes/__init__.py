@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
-from importlib.metadata import entry_points
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 from hopdata.errors import require_choice
-from hopdata.foreign.plugins import blamed, name_of
+from hopdata.foreign.plugins import blamed, name_of, plugins
 
 if TYPE_CHECKING:
     from hopdata.scenes.scene import Scene
@@ -20,11 +19,7 @@ _OWN = {
     "hopper": "hopdata.scenes.hopper_parameters:HopperParameters",
     "quadruped": "hopdata.scenes.quadruped:Quadruped",
 }
-_PLUGINS = {
-    entry.name: entry
-    for entry in entry_points(group="hopdata.scenes")
-    if entry.name not in _OWN
-}
+_PLUGINS = plugins("hopdata.scenes", "scene", _OWN)
 SCENES = {name: entry.value for name, entry in _PLUGINS.items()} | _OWN
 STANDARD = "hopper"
 

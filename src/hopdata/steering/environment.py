@@ -19,6 +19,7 @@ from gymnasium.spaces import Box
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError, ArgumentError, require_choice
 from hopdata.rigid import wrapped
+from hopdata.steering.goals import ARRIVED_M, FENCE_M, MOST_STRIDES, TURNED_RAD
 from hopdata.steering.robot import Apex, SteeredHopper, released, steer_hop
 
 ID = "hopdata/SteeredHopper-v0"
@@ -28,22 +29,12 @@ ORIGIN = "origin"
 TURN = "turn"
 TASKS = (ORIGIN, TURN)
 
-#: Distance from the goal at which the hopper has arrived, and at which it starts.
+#: Distance from the goal at which the hopper starts.
 #: Unit: m. Origin: chosen: as in the experiments of the study.
-ARRIVED_M = 0.11
 START_M = 1.0
-#: Error of the heading below which the half turn is made.
-#: Unit: rad. Origin: chosen: as in the experiments of the study.
-TURNED_RAD = np.pi / 12
-#: Distance from the origin beyond which the hopper has left the floor of the lab.
-#: Unit: m. Origin: chosen: as the fence of a live drive.
-FENCE_M = 3.0
 #: Bound of the observed coordinates; a hop is shorter than 1 m.
 #: Unit: m. Origin: derived: the fence, the start and one hop, rounded up.
 FARTHEST_M = 10.0
-#: Hops after which `gymnasium.make` truncates an episode.
-#: Unit: 1. Origin: chosen: as in the experiments of the study.
-MOST_HOPS = 50
 #: Parts of the reward besides the progress: of a hop, of an arrival, and of a fall or
 #: the fence.
 #: Unit: 1. Origin: chosen.
@@ -291,7 +282,7 @@ def register() -> None:
         gymnasium.register(
             id=ID,
             entry_point="hopdata.steering.environment:SteeredHopperEnv",
-            max_episode_steps=MOST_HOPS,
+            max_episode_steps=MOST_STRIDES,
         )
 
 

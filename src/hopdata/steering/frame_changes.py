@@ -77,6 +77,11 @@ def hopper_axes(swing_limit_rad: float = np.pi) -> StrideAxes:
 HOPPER = hopper_axes()
 
 
+def is_hopper(axes: StrideAxes) -> bool:
+    """Tell whether these are axes of the steered hopper, with whatever limit."""
+    return axes.input_names == HOPPER.input_names
+
+
 class FrameChanges(Strides):
     """Strides of the steered hopper: its hops, made by `hops` or `frame_changes`."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -22,6 +22,10 @@ from hopdata.rigid import relative
 TextArray = NDArray[np.str_]
 
 TURN = 2 * np.pi
+
+# Components of a change of pose: x and y, m, and heading, rad, in the frame of the
+# first stance.
+COMPONENTS = ("dx", "dy", "dtheta")
 
 USED = ""
 NO_POSE = "pose missing"
@@ -190,6 +194,21 @@ class StrideAxes:
         """Names of the columns of states and inputs in a table, (S + U,)."""
         return tuple(axis.column for axis in self.axes)
 
+    def has_limits(self, lower: FloatArray, upper: FloatArray) -> bool:
+        """Tell whether these (U,) are the limits of the inputs."""
+        is_same = np.array_equal(lower, self.lower)
+        return is_same and np.array_equal(upper, self.upper)
+
+    def between(self, lower: FloatArray, upper: FloatArray) -> Self:
+        """Return the axes with other limits (U,) of the inputs."""
+        inputs = [
+            replace(axis, lower=low, upper=high)
+            for axis, low, high in zip(
+                self.inputs, lower.tolist(), upper.tolist(), strict=True
+            )
+        ]
+        return replace(self, inputs=tuple(inputs))
+
     def as_dict(self) -> dict[str, list[dict[str, Any]]]:
         """Return the axes as what JSON can hold."""
         kinds = ("periodic", "linear", "inputs")
@@ -276,6 +295,11 @@ def _rows(values: ArrayLike, width: int, what: str) -> FloatArray:
         wanted = f"{what} (n, {width})"
         raise AnalysisError.at("stride", wanted, np.shape(values))
     return array
+
+
+def at_rest(axes: StrideAxes) -> FloatArray:
+    """Return the inputs (U,) of a robot that is not steered: nearest to zero."""
+    return np.clip(0.0, axes.lower, axes.upper)
 
 
 @dataclass(frozen=True, kw_only=True)

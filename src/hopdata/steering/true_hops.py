@@ -20,10 +20,8 @@ from hopdata.scenes.body import YAW
 from hopdata.scenes.scene import Control
 from hopdata.steering import robot as plant
 from hopdata.steering.frame_changes import FrameChanges
-from hopdata.steering.strides import USED, TextArray
+from hopdata.steering.strides import TURN, USED, TextArray
 from hopdata.synthesis.hops import Hop
-
-TURN = 2 * np.pi
 
 VELOCITY = slice(6, 9)  # columns of the state of a body
 

@@ -11,7 +11,7 @@ from pages import DOCS
 
 from hopdata.hybrid import System, solve_batch
 
-PAGE = (DOCS / "integrator.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "integrator_many.md").read_text(encoding="utf-8")
 NUMPYS = {name: f"arc{name[1:]}" for name in ("asin", "acos", "atan", "asinh", "acosh")}
 NUMPYS |= {"atanh": "arctanh", "atan2": "arctan2"}
 OF_TWO = ("min", "max", "minimum", "maximum", "mod", "hypot", "atan2")
@@ -87,7 +87,7 @@ def test_a_field_of_all_functions_on_the_page_runs_in_lanes():
 
 
 def test_guards_of_all_ranges_on_the_page_are_proven_in_lanes():
-    names = listed("Ranges in lanes know", "with others")
+    names = listed("Ranges in lanes know", "In guards")
     assert {"floor", "hypot", "min", "exp"} <= set(names)
     terms = [call for name in names for call in calls(name)]
     total = " + ".join([*terms, "x**2 + x % 0.7 - z / 2.0"])

@@ -300,7 +300,7 @@ def test_a_foot_without_a_kink_gets_the_spread_of_the_laws():
     assert np.sqrt(np.mean((scatter / se[known, 1]) ** 2)) < 1.25
 
 
-@pytest.mark.parametrize("landings", [2, 5, 10, 20])
+@pytest.mark.parametrize("landings", [2, 5, 10, 20] if "ALL" in os.environ else [2, 10])
 def test_errors_from_few_landings_are_as_large_as_stated(landings):
     """Pushes that so few landings cannot show are kept; otherwise the ratio is 1.3 to 1.7."""
     squares = []

@@ -54,7 +54,7 @@ def test_shape_order_and_sections():
 
 def test_ambiguous_touchdowns_can_serve_without_a_schedule():
     doubtful = TABLE.assign(
-        **{"class": TABLE["schedule"].where(TABLE.index % 5 != 0, "ambiguous")}
+        **{"order_class": TABLE["schedule"].where(TABLE.index % 5 != 0, "ambiguous")}
     )
     kept, pooled = pairs(table=doubtful), pairs(table=doubtful, ambiguous="pool")
     np.testing.assert_array_equal(kept.schedule, TABLE["schedule"])
@@ -222,7 +222,7 @@ def test_a_state_without_frames_is_left_out_and_logged(caplog):
         f"too few frames of the body markers for states at {at_s:.2f} s" in caplog.text
     )
     marked = exclude_stateless(TABLE, found)
-    assert marked.loc[marked["excluded"], "index"].tolist() == [5]
+    assert marked.loc[marked["excluded"], "touchdown"].tolist() == [5]
     assert marked.loc[5, "reason"] == STATELESS
     assert not exclude_stateless(TABLE, pairs())["excluded"].any()
     assert {r.levelname for r in caplog.records} == {"INFO"}, (

@@ -196,7 +196,9 @@ def test_touchdowns_find_their_true_landing_by_time():
     true = SimpleNamespace(**{name: value[kept] for name, value in vars(true).items()})
     instants = np.arange(COUNT)[:, None] * 0.6 + [0.0, 0.01, 0.02]
     pairs = SimpleNamespace(recording=np.full(4, "one"), index=np.array([9, 2, 4, 3]))
-    table = pd.DataFrame({"recording": "one", "index": [2, 3, 4, 9], "excluded": False})
+    table = pd.DataFrame(
+        {"recording": "one", "touchdown": [2, 3, 4, 9], "excluded": False}
+    )
     table[[f"contact_{foot}_s" for foot in FEET]] = instants[[11, 7, 20, 3]] + 0.004
     table.loc[2, "contact_a_s"] += 3000.0
     rows = true_rows(pairs, table, true, {"one": instants}, FEET)

@@ -8,7 +8,7 @@ from loopback_server import Faults, FaultSource, Outage
 from hopdata.errors import ConfigError
 from hopdata.steering.live.packets import HEADER
 from hopdata.steering.live.simulated import TrueHop
-from hopdata.steering.robot import Stance
+from hopdata.steering.robot import HopperStance
 
 
 def fates(faults, n, seed=5, n_markers=4):
@@ -67,9 +67,10 @@ def test_wrong_rates_and_kinds_are_refused():
 def test_a_swing_under_faults_is_judged_by_its_own_stance():
     """When its pose was seen does not matter; a wrong pose, boom angle or stance is found."""
     stances = [
-        Stance(k, np.array([0.1 * k, 0, 6 + k]), 3.0 + k, False, False) for k in (1, 2)
+        HopperStance(k, np.array([0.1 * k, 0, 6 + k]), 3.0 + k, False, False)
+        for k in (1, 2)
     ]
-    stances.append(Stance(np.nan, np.full(3, np.nan), 5.0, True, False))
+    stances.append(HopperStance(np.nan, np.full(3, np.nan), 5.0, True, False))
     hops = [TrueHop(k - 0.3, 0.5, stance) for k, stance in enumerate(stances, start=1)]
 
     def off(told_s, **wrong):

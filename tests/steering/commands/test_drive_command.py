@@ -12,11 +12,13 @@ from hopdata.messages import Message
 from hopdata.steering.commands import drive
 from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live import log, rehearsal
+from hopdata.steering.live.actuator import NoBoom
 from hopdata.steering.live.buffer import Status, StreamCounts
-from hopdata.steering.live.log import read_log
+from hopdata.steering.live.log_reading import read_log
 from hopdata.steering.live.machine import Machine
-from hopdata.steering.live.safety import NoBoom, Watch
-from hopdata.steering.models.process import FrameChangeProcess, save_process
+from hopdata.steering.live.watch import Watch
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.process_file import save_process
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
 
@@ -80,7 +82,7 @@ def test_a_model_that_will_probably_not_reach_a_point_is_named_before_the_start(
     tmp_path, capsys
 ):
     head = "expected_arrivals,error_over_width,step_over_width,covered,unresolved"
-    for arrivals, words in ((0.98, ""), (0.4, "no effect of the swing on dx and dy")):
+    for arrivals, words in ((0.98, ""), (0.4, "no effect of the inputs on dx and dy")):
         rows = f"{head}\n{arrivals},0.3,0.5,0.6,dx dy\n"
         (tmp_path / drive.SCORES).write_text(rows)
         drive._warn_of(tmp_path)

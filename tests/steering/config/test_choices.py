@@ -7,7 +7,7 @@ from choices import enumerations
 from hopdata.config.schema import load_schema
 from hopdata.steering import OBSERVATIONS
 from hopdata.steering.experiments import tasks
-from hopdata.steering.models import process as models
+from hopdata.steering.models import training as models
 
 # For each table, a call with a name that it may not know.
 ASKED = {

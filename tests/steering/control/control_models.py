@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from hopdata.steering.models.tabulated import TabulatedMap
+from hopdata.steering.frame_changes import hopper_axes
+from hopdata.steering.models.stride_table import StrideTable
 from hopdata.steering.strides import turn_nodes
 
 LIMIT = 3 * np.pi / 8
@@ -11,8 +12,11 @@ LIMIT = 3 * np.pi / 8
 class ClosedForm:
     """A model like the plant: moves forward, turns with the swing, slows near a boom of pi."""
 
-    def change(self, boom_angle, swing):
-        return self.change_and_gradient(boom_angle, swing)[0]
+    axes = hopper_axes(LIMIT)
+    next_state = axes.next_state
+
+    def change(self, state, inputs):
+        return self.change_and_gradient(np.ravel(state), np.ravel(inputs))[0]
 
     def change_and_gradient(self, boom_angle, swing):
         phi, u = np.asarray(boom_angle, float), np.asarray(swing, float)
@@ -36,7 +40,8 @@ def table(angles=96, swings=33):
     grid = np.meshgrid(
         turn_nodes(angles), np.linspace(-LIMIT, LIMIT, swings), indexing="ij"
     )
-    return TabulatedMap(ClosedForm().change(*grid), LIMIT)
+    values = ClosedForm().change_and_gradient(*grid)[0]
+    return StrideTable.evenly_spaced(hopper_axes(LIMIT), values)
 
 
 def random_states(n, seed, *, reach_m=1.0):

@@ -9,6 +9,7 @@ from control_models import LIMIT, table
 from hopdata.errors import AnalysisError, ConfigError
 from hopdata.rigid import composed
 from hopdata.steering.control.adaptive import AdaptivePlanner
+from hopdata.steering.control.correction import Correction
 from hopdata.steering.control.cost_to_go import DISCOUNT, TOLERANCE
 from hopdata.steering.control.grids import (
     SHARPNESS,
@@ -16,17 +17,12 @@ from hopdata.steering.control.grids import (
     PointGrid,
     state_nodes,
 )
-from hopdata.steering.control.objectives import (
-    Horizon,
-    PlanningError,
-    ToHeading,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import PlanningError
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.prediction import poses_ahead
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.models.stride_table import StrideTable, stride_table
+from hopdata.steering.models.stride_table import StrideTable, tabulated
 from hopdata.steering.strides import Input, State, StrideAxes
 
 TURN = Input(name="turn", lower=-0.5, upper=0.7)
@@ -41,6 +37,9 @@ class Unicycle:
     def change(self, _state, inputs):
         turn = inputs[:, 0]
         return np.column_stack([0.1 + 0 * turn, 0.02 * turn, turn])
+
+    def next_state(self, state, inputs):
+        return self.axes.next_state(state, inputs)
 
 
 class Pacing(Unicycle):
@@ -99,9 +98,7 @@ def test_the_hopper_is_one_robot_of_many():
         periodic=(State(name="arm", moved_by="turn"),),
         inputs=(Input(name="turn", lower=-LIMIT, upper=LIMIT),),
     )
-    nodes = (hopper.boom_angle_rad, hopper.swing_rad)
-    values = np.concatenate([hopper.values, 0 * hopper.values[..., :1]], axis=-1)
-    other = StrideTable(renamed, nodes, values)
+    other = StrideTable(renamed, hopper.nodes, hopper.values)
     grid = PointGrid(distances=12, bearings=12, states=12, inputs=9)
     own, same = (planner(one, ToPoint(), grid=grid) for one in (hopper, other))
     np.testing.assert_allclose(
@@ -161,7 +158,7 @@ def test_scatter_and_tail_cost_are_those_of_the_robot():
         noise_sd = np.array([0.01, 0.02, 0.03])
 
     small = PointGrid(distances=8, bearings=8, inputs=5)
-    own = planner(stride_table(Known()), ToHeading()).cost_to_go.grid
+    own = planner(tabulated(Known()), ToHeading()).cost_to_go.grid
     assert own.scatter == (0.01, 0.02, 0.03)
     assert planner(Known(), grid=small).cost_to_go.grid == small
 
@@ -212,10 +209,50 @@ def test_the_limits_of_a_state_that_an_input_sets_are_the_input_s():
     assert (found.lower, found.upper) == (-0.5, 0.7)
 
 
-def test_the_adaptive_planner_is_the_hopper_s():
-    plain = planner(Unicycle(), grid=PointGrid(distances=8, bearings=8, inputs=5))
-    with pytest.raises(ConfigError, match="expected a model of the hopper, found one"):
-        AdaptivePlanner(plain, np.ones(3))
+@dataclass(frozen=True)
+class Slipping(Unicycle):
+    """Turns less than it did, and goes aside."""
+
+    def change(self, state, inputs):
+        return super().change(state, inputs) * [1, 1, 0.5] + [0, 0.03, 0.15]
+
+
+def test_an_adaptive_planner_learns_of_any_robot_what_has_changed():
+    known = planner(Unicycle(), grid=COARSE)
+    changed = Slipping()
+    noise = np.array([0.005, 0.005, 0.02])
+    missed = {}
+    for name in ("as it was", "adaptive"):
+        controller = known
+        if name == "adaptive":
+            controller = AdaptivePlanner(known, noise)
+        pose = np.array([0.9, 0.0, 0.3])
+        before = None
+        missed[name] = []
+        for _ in range(30):
+            plan = controller.plan(pose, (), before)
+            before = plan.inputs[0]
+            pose = composed(pose, changed.change(None, plan.inputs[:1])[0])
+            missed[name].append(abs(pose[2] - plan.poses[1, 2]))
+    assert np.median(missed["as it was"][15:]) > 0.1
+    assert np.median(missed["adaptive"][15:]) < 0.02
+
+
+def test_a_correction_has_functions_of_each_state_and_input():
+    axes = StrideAxes(
+        periodic=(State(name="arm", moved_by="turn"),),
+        linear=Glider.axes.linear,
+        inputs=(TURN,),
+    )
+    correction = Correction(axes, np.full(3, 0.02), [(-0.5, 0.5)])
+    rng = np.random.default_rng(1)
+    points = rng.uniform([0, -0.5, -0.5], [6, 0.5, 0.7], (400, 3))
+    bias = np.column_stack([np.cos(points[:, 0]), points[:, 1], points[:, 2]])
+    for point, missed in zip(points, bias, strict=True):
+        correction.learn(point, missed)
+    found = correction.added(correction.functions(points))
+    assert found.shape == (400, 3)
+    assert (np.std(found - bias, axis=0) < 0.3 * np.std(bias, axis=0)).all()
 
 
 # The printed controller, and what all controllers are told.
@@ -270,7 +307,7 @@ def test_states_that_are_none_are_refused(state):
 
 def test_a_table_is_as_the_model_between_its_nodes():
     model = Glider()
-    found = stride_table(model, [(-0.5, 0.5)])
+    found = tabulated(model, state_limits=[(-0.5, 0.5)])
     rng = np.random.default_rng(1)
     state, inputs = rng.uniform([-0.5, -0.2], [0.5, 0.2], (50, 2)).T[..., None]
     np.testing.assert_allclose(
@@ -299,7 +336,7 @@ def test_a_learned_angle_is_tabulated_around_the_turn():
             arm = np.reshape(state, (-1, 1))
             return (arm + 0.3 * np.sin(arm) + np.reshape(inputs, (-1, 1))) % (2 * np.pi)
 
-    found = stride_table(Spinning())
+    found = tabulated(Spinning())
     arms = np.linspace(-1.0, 7.0, 40)
     turns = np.linspace(-0.5, 0.7, 40)
     after = found.next_state(arms, turns)

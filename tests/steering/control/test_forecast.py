@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from hopdata.steering.control.forecast import LEAST_ARRIVED, forecast, warning
-from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.control.forecast import LEAST_ARRIVED, Way, forecast, warning
+from hopdata.steering.frame_changes import FrameChanges, hopper_axes
 from hopdata.steering.models.learning import prediction_score
-from hopdata.steering.models.process import trained_process
-from hopdata.steering.strides import USED
+from hopdata.steering.models.training import trained_process
+from hopdata.steering.strides import USED, Input, StrideAxes, Strides
 from steering.steered_hops import LIMIT, smooth_change
 
 
@@ -25,12 +25,13 @@ def made(n, *, noise_m=0.005, step=1.0, seed=1):
         swing_rad=swing,
         change=change,
         reason=np.full(n, USED),
+        axes=hopper_axes(LIMIT),
     )
 
 
-def foretold(learned, rest, **options):
+def foretold(learned, rest):
     process = trained_process(learned)
-    expected = forecast(process, rest, swing_limit_rad=LIMIT, **options)
+    expected = forecast(process, rest, state=[np.pi])
     scores = prediction_score(process, rest).assign(**expected.columns())
     return expected, warning(scores)
 
@@ -84,6 +85,7 @@ def test_errors_on_the_way_count_though_the_mean_error_is_small(sound):
         swing_rad=rest.inputs[:, 0],
         change=change,
         reason=rest.reason,
+        axes=rest.axes,
     )
     expected, said = foretold(learned, wrong)
     assert expected.error_m < 0.02
@@ -94,3 +96,41 @@ def test_errors_on_the_way_count_though_the_mean_error_is_small(sound):
 def test_scores_without_a_forecast_say_nothing(sound):
     process = trained_process(sound[0])
     assert warning(prediction_score(process, sound[1])) is None
+
+
+# A robot that is not the hopper: no state, a turn as input.
+
+UNICYCLE = StrideAxes(inputs=(Input(name="turn", unit="", lower=-1.0, upper=1.0),))
+
+
+def rolled(n, *, turn_rad=0.5, seed=1):
+    """Return strides of a unicycle that turns by as much at the largest input."""
+    rng = np.random.default_rng(seed)
+    turn = rng.uniform(-1, 1, n)
+    change = np.column_stack([np.full(n, 0.08), 0.02 * turn, turn_rad * turn])
+    change += rng.standard_normal((n, 3)) * [0.005, 0.005, 0.02]
+    none = np.empty((n, 0))
+    return Strides(
+        axes=UNICYCLE,
+        recording=np.full(n, "rolled"),
+        time_s=0.5 * np.arange(n),
+        state=none,
+        inputs=turn[:, None],
+        change=change,
+        next_state=none,
+        reason=np.full(n, USED),
+    )
+
+
+@pytest.mark.parametrize(("turn_rad", "is_named"), [(0.5, False), (-0.2, True)])
+def test_it_tells_of_any_robot_whether_its_model_will_do(turn_rad, is_named):
+    process = trained_process(rolled(60))
+    fresh = rolled(60, turn_rad=turn_rad, seed=2)
+    way = Way(distance_m=0.8, width_m=0.1, strides=40)
+    expected = forecast(process, fresh, way=way)
+    said = warning(prediction_score(process, fresh).assign(**expected.columns()))
+    assert (said is not None) == is_named
+    assert expected.width_m == 0.1
+    # Straight ahead from behind, any model arrives; from beside it, not one that errs.
+    ahead = forecast(process, fresh, way=way, starts=np.tile([-0.8, 0.0, 0.0], (9, 1)))
+    assert ahead.arrived == 1.0 or is_named

@@ -11,18 +11,15 @@ from scipy.interpolate import RegularGridInterpolator
 from hopdata.errors import ConfigError
 from hopdata.rigid import composed
 from hopdata.steering.control.adaptive import AdaptivePlanner
+from hopdata.steering.control.correction import Correction
 from hopdata.steering.control.cost_to_go import DISCOUNT, TOLERANCE
 from hopdata.steering.control.grids import SHARPNESS, HeadingGrid, PointGrid
-from hopdata.steering.control.objectives import (
-    Horizon,
-    PlanningError,
-    ToHeading,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import PlanningError
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.prediction import predicted_poses
-from hopdata.steering.models.tabulated import Correction, tabulated
+from hopdata.steering.frame_changes import hopper_axes
+from hopdata.steering.models.stride_table import tabulated
 
 TABLE = table()
 COARSE = PointGrid(distances=24, bearings=24, states=16, inputs=9)
@@ -146,7 +143,12 @@ SIZES = [
 class Uneven:
     """A model that moves sideways, and turns with the boom in neutral."""
 
-    def change(self, boom_angle, swing):
+    axes = hopper_axes(LIMIT)
+    next_state = axes.next_state
+
+    def change(self, state, inputs):
+        boom_angle = np.ravel(state)
+        swing = np.ravel(inputs)
         c, s, one = np.cos(boom_angle), np.sin(boom_angle), np.ones_like(boom_angle)
         waves = np.stack([one, c, s, swing, swing * c, swing * s])
         return (np.array(SIZES) @ waves).T
@@ -154,7 +156,9 @@ class Uneven:
 
 def test_beyond_the_grid_it_does_not_dawdle():
     """Forty hops of about 7 cm, including the turn at the beginning, from twice as far."""
-    uneven = planner(tabulated(Uneven(), LIMIT, angles=32, swings=13), grid=COARSE)
+    uneven = planner(
+        tabulated(Uneven(), periodic_nodes=32, linear_nodes=13), grid=COARSE
+    )
     for heading in (0.0, 2.0, 4.0):
         pose, boom = np.array([6.0, 0.0, heading]), 1.0
         for _ in range(40):
@@ -228,7 +232,7 @@ def flown_changed(controller, hops, bias=BIAS, seed=0):
         plan = controller.plan(pose, boom, swung)
         swung = plan.swing_rad
         chance = bias + NOISE * rng.standard_normal(3)
-        pose = composed(pose, ClosedForm().change(boom, swung) + chance)
+        pose = composed(pose, ClosedForm().change(boom, swung)[0] + chance)
         boom += swung
         errors.append(float(goal_errors(ToPoint(), pose)))
         missed.append(abs(pose[2] - plan.poses[1][2]))
@@ -253,9 +257,9 @@ def test_where_nothing_has_changed_little_is_learned(to_point):
 def learned(hops, bias, correction=None):
     """Return what random swings teach about a plant that deviates from its map by `bias`."""
     rng = np.random.default_rng(np.random.SeedSequence(hops))
-    correction = correction or Correction(LIMIT, NOISE)
-    for boom, swing in rng.uniform([0.0, -LIMIT], [2 * np.pi, LIMIT], (hops, 2)):
-        correction.learn(boom, swing, bias + NOISE * rng.standard_normal(3))
+    correction = correction or Correction(hopper_axes(LIMIT), NOISE)
+    for point in rng.uniform([0.0, -LIMIT], [2 * np.pi, LIMIT], (hops, 2)):
+        correction.learn(point, bias + NOISE * rng.standard_normal(3))
     return correction
 
 
@@ -273,11 +277,12 @@ def test_what_is_not_seen_again_is_forgotten():
 
 
 def test_a_single_disturbed_hop_counts_for_little():
-    correction = Correction(LIMIT, NOISE)
+    correction = Correction(hopper_axes(LIMIT), NOISE)
+    point = np.array([1.0, 0.2])
     for _ in range(40):
-        correction.learn(1.0, 0.2, np.zeros(3))
-    correction.learn(1.0, 0.2, np.array([0.5, 0.5, 1.5]))
-    assert abs(correction.added(correction.functions(1.0, 0.2))[2]) < 1.5 / 20
+        correction.learn(point, np.zeros(3))
+    correction.learn(point, np.array([0.5, 0.5, 1.5]))
+    assert abs(correction.added(correction.functions(point))[2]) < 1.5 / 20
 
 
 def test_a_first_stance_teaches_nothing(to_point):

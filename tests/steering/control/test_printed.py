@@ -6,16 +6,11 @@ from control_models import LIMIT, ClosedForm
 
 from hopdata.errors import AnalysisError
 from hopdata.rigid import composed
-from hopdata.steering.control.objectives import (
-    Horizon,
-    PlanningError,
-    ToHeading,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import PlanningError
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
 from hopdata.steering.control.prediction import predicted_poses
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.models.tabulated import tabulated
+from hopdata.steering.models.stride_table import tabulated
 
 MODEL = ClosedForm()
 
@@ -24,9 +19,9 @@ def test_a_rollout_composes_the_frame_changes():
     poses = predicted_poses(
         MODEL, np.array([0.1, 0.2, 3.0]), 1.0, np.array([0.5, -0.2])
     )
-    first = composed([0.1, 0.2, 3.0], MODEL.change(1.0, 0.5))
+    first = composed([0.1, 0.2, 3.0], MODEL.change(1.0, 0.5)[0])
     np.testing.assert_allclose(poses[1], first)
-    np.testing.assert_allclose(poses[2], composed(first, MODEL.change(1.5, -0.2)))
+    np.testing.assert_allclose(poses[2], composed(first, MODEL.change(1.5, -0.2)[0]))
 
 
 def test_the_plan_is_a_minimum_within_the_bounds():
@@ -69,10 +64,14 @@ def test_a_search_from_several_starts_finds_the_better_of_two_dips():
 class Ridge:
     """A hopper that goes ahead if the boom swings to either side, and farther if to `side`."""
 
+    axes = MODEL.axes
+    next_state = axes.next_state
+
     def __init__(self, side):
         self.side = side
 
-    def change(self, _boom_angle, swing):
+    def change(self, _state, inputs):
+        swing = inputs[:, 0]
         ahead = 0.1 * swing**2 + 0.02 * self.side * swing
         return np.column_stack([ahead, 0 * ahead, 0 * ahead])
 
@@ -99,7 +98,7 @@ def test_a_previous_swing_that_is_not_known_is_none_at_all():
     np.testing.assert_array_equal(plans[0], plans[1])
 
 
-TABLE = tabulated(MODEL, LIMIT)
+TABLE = tabulated(MODEL)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +113,7 @@ def test_the_compiled_objective_is_that_of_the_arrays(objective):
         state = rng.uniform(0, 2 * np.pi, 1)
         swings = rng.uniform(-LIMIT, LIMIT, 4)
         # Nodes and ends of the table, where the intervals of the spline meet.
-        swings[0] = rng.choice(TABLE.swing_rad)
+        swings[0] = rng.choice(TABLE.nodes[1])
         steps = np.where(swings > 0, -1e-3, 1e-3)
         compiled, by_arrays = (
             PrintedController(
@@ -129,13 +128,16 @@ def test_the_compiled_objective_is_that_of_the_arrays(objective):
 class Rows:
     """The table as a model of which nothing else is known."""
 
-    def change(self, boom_angle, swing):
-        return TABLE.change(boom_angle, swing)
+    axes = TABLE.axes
+    next_state = axes.next_state
+
+    def change(self, state, inputs):
+        return TABLE.change(state, inputs)
 
 
 def test_a_search_beyond_the_table_is_refused():
     horizon = Horizon(swing_limit_rad=LIMIT * 1.1)
-    with pytest.raises(AnalysisError, match="swings within"):
+    with pytest.raises(AnalysisError, match="inputs within"):
         PrintedController(model=TABLE, horizon=horizon).plan(
             [3.0, 0, 0], 0.0, LIMIT * 1.1
         )

@@ -9,12 +9,8 @@ from control_models import table
 from hopdata.errors import ConfigError
 from hopdata.steering.control.adaptive import AdaptivePlanner
 from hopdata.steering.control.grids import PointGrid
-from hopdata.steering.control.objectives import (
-    Horizon,
-    PlanningError,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import PlanningError
+from hopdata.steering.control.objectives import Horizon, ToPoint, goal_errors
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.prediction import predicted_poses
 from hopdata.steering.control.printed import PrintedController

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hopdata.steering.control.objectives import Plan
+from hopdata.steering.control.interface import Plan
 from hopdata.steering.experiments.run import Sight
 from hopdata.steering.experiments.tasks import Start
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry

@@ -7,7 +7,7 @@ import pytest
 from seen_hopper import ROBOT, Swings, gaps, sight, start
 
 from hopdata.rigid import wrapped
-from hopdata.steering.control.objectives import PlanningError
+from hopdata.steering.control.interface import PlanningError
 from hopdata.steering.experiments.run import (
     MEASURED,
     PREDICTED,

@@ -21,8 +21,9 @@ from hopdata.steering.experiments.tasks import (
     progress_of,
     task_of,
 )
-from hopdata.steering.models.process import trained_process
-from hopdata.steering.models.tabulated import TabulatedMap
+from hopdata.steering.frame_changes import hopper_axes
+from hopdata.steering.models.stride_table import StrideTable
+from hopdata.steering.models.training import trained_process
 
 TOUCH = Task(manoeuvre="origin", near=0.2, hops=4)
 
@@ -180,7 +181,7 @@ def test_every_controller_that_plans_follows_way_points(name):
 def test_random_swings_and_none_heed_nothing_and_are_the_same_again():
     names = ["random", "none"]
     options = {"horizon": 3, "planner_horizon": 2}
-    model = TabulatedMap(TRUTH, LIMIT)
+    model = StrideTable.evenly_spaced(hopper_axes(LIMIT), TRUTH)
     task = Task(manoeuvre="turn", near=0.3, hops=25)
     made = policies(
         names, options, task, model=model, truth=TRUTH, swing_limit_rad=LIMIT

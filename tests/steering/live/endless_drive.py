@@ -5,9 +5,9 @@ import threading
 
 from test_drive import LENIENT, Controller, geometry
 
+from hopdata.steering.live.actuator import UdpBoom
 from hopdata.steering.live.drive import drive
 from hopdata.steering.live.log import DriveLog
-from hopdata.steering.live.safety import UdpBoom
 
 port, swing_port, path = sys.argv[1:]
 with UdpBoom(int(swing_port)) as boom:

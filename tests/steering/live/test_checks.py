@@ -9,7 +9,7 @@ from test_drive import geometry as simple_geometry
 
 from hopdata.steering.live.buffer import Frame
 from hopdata.steering.live.checks import IN_A_ROW, FrameChecks
-from hopdata.steering.live.safety import Limits
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.simulated import LiveHopper
 from hopdata.steering.observation.tracking import HopperTracker
 from hopdata.steering.robot import SteeredHopper

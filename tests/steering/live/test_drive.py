@@ -14,11 +14,13 @@ from loopback import LONG_S, our_threads, wait_until
 from loopback_server import Faults, LoopbackServer, Outage, UdpSwings
 
 from hopdata.errors import ConfigError
+from hopdata.steering.live.actuator import UdpBoom
 from hopdata.steering.live.drive import drive
-from hopdata.steering.live.log import DriveLog, read_log
-from hopdata.steering.live.machine import State
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.log import DriveLog
+from hopdata.steering.live.log_reading import read_log
+from hopdata.steering.live.machine import DriveState
 from hopdata.steering.live.packets import ConnectionLostError, LabelError
-from hopdata.steering.live.safety import Limits, UdpBoom
 from hopdata.steering.live.simulated import LiveHopper
 from hopdata.steering.live.stream import Patience
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
@@ -146,7 +148,7 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     # such delays.
     assert {h.swing_rad for h in hops if h.swing_rad != 0} <= set(commanded)
     written = read_log(tmp_path / "drive.h5")
-    np.testing.assert_array_equal(written.decisions.command_rad, commanded)
+    np.testing.assert_array_equal(written.decisions.command_swing_rad, commanded)
     assert "streaming" in set(written.events.kind)
 
 
@@ -166,7 +168,7 @@ def test_after_the_server_has_been_away_the_hopper_is_driven_on_by_its_operator(
 
     def operate(loop, stream):
         is_back = stream.counts.connections == 2 and stream.counts.frames > 100
-        if loop.state is State.RESTING and is_back and loop.arm() is None:
+        if loop.state is DriveState.RESTING and is_back and loop.arm() is None:
             arms.append(len(loop.decisions()))
 
     with Robot(outages=[Outage(1.0, 0.2, kind)], seed=4) as robot:
@@ -244,7 +246,7 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(
         heard.append(robot.swings.newest())
     assert heard[-1] == 0.0
     log = read_log(tmp_path / "drive.h5")
-    assert {h for h in heard if h} <= set(log.decisions.command_rad)
+    assert {h for h in heard if h} <= set(log.decisions.command_swing_rad)
     assert f"the drive was ended by {told}" in set(log.events.text)
     ended = log.events[log.events.text == f"ended by {told}"]
     assert list(ended.kind) == ["stopped", "rest"], log.events.to_string()

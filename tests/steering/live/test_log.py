@@ -14,9 +14,11 @@ from test_loop import LENIENT, Boom, Controller, Detector, Tracker
 from hopdata.errors import ConfigError, RecordingError
 from hopdata.messages import Message
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Status
-from hopdata.steering.live.log import DriveLog, _reserve, read_log, replay
+from hopdata.steering.live.log import DriveLog, _reserve
+from hopdata.steering.live.log_reading import RENAMED, read_log
 from hopdata.steering.live.loop import ControlLoop
 from hopdata.steering.live.machine import Machine
+from hopdata.steering.live.replay import replay
 
 LONG_FAULT = Message("steering.log_failed", {"failure": "ä" * 300})
 
@@ -82,7 +84,7 @@ def test_a_log_is_read_back(tmp_path):
         reason = "" if decision.reason is None else str(decision.reason)[:100]
         assert (row.outcome, row.reason) == (decision.outcome, reason)
         assert row.code == ("" if decision.reason is None else decision.reason.code)
-        np.testing.assert_equal(row.command_rad, decision.command_rad)
+        np.testing.assert_equal(row.command_swing_rad, decision.command_rad)
     assert {"planned", "held", "overtaken"} == set(log.decisions.outcome)
     events = log.events.set_index("kind")
     assert list(log.events.kind) == [
@@ -103,7 +105,7 @@ def test_a_log_played_again_gives_the_same_plans_to_the_bit(tmp_path):
     asked = [d.planned_rad for d in decisions if math.isfinite(d.planning_s)]
     assert 3 < len(asked) < len(decisions)
     assert plans.same.all()
-    assert list(plans.now_rad) == list(plans.then_rad) == asked
+    assert [now for (now,) in plans.now] == [then for (then,) in plans.then] == asked
 
 
 def test_another_controller_plans_otherwise(tmp_path):
@@ -112,7 +114,7 @@ def test_another_controller_plans_otherwise(tmp_path):
         read_log(tmp_path / "drive.h5"), observers, Controller(), limits=LENIENT
     )
     assert not plans.same.any()
-    assert set(plans.now_rad) == {0.25}
+    assert set(plans.now) == {(0.25,)}
 
 
 def test_a_log_without_a_frame_is_played_too(tmp_path):
@@ -135,7 +137,7 @@ def test_what_is_no_log_is_refused(tmp_path, content, found):
     path = tmp_path / "drive.h5"
     if content is not None:
         path.write_bytes(content)
-    message = f"drive.h5: expected the log of a drive .*, found {found}"
+    message = f"drive.h5: expected the log of a drive.*, found {found}"
     with pytest.raises(RecordingError, match=message):
         read_log(path)
 
@@ -148,6 +150,30 @@ def test_a_log_of_an_earlier_version_is_refused_in_one_line(tmp_path):
     with pytest.raises(RecordingError, match="found one of an earlier version") as told:
         read_log(path)
     assert len(str(told.value).splitlines()) == 1
+
+
+def test_a_log_of_the_hopper_alone_is_read_and_played(tmp_path):
+    path = tmp_path / "drive.h5"
+    logged(path, Learner())
+    with h5py.File(path, "r+") as file:
+        file.attrs["format"] = "hopdata drive 2"
+        del file.attrs["axes"]
+        rows = file["decisions"][:]
+        new = {new: old for old, new in RENAMED.items()}
+        kinds = []
+        for name in rows.dtype.names:
+            is_vector = rows.dtype[name].shape == (1,)
+            kinds.append((new.get(name, name), "f8" if is_vector else rows.dtype[name]))
+        earlier = np.zeros(len(rows), kinds)
+        for name in rows.dtype.names:
+            earlier[new.get(name, name)] = np.reshape(
+                rows[name], earlier[new.get(name, name)].shape
+            )
+        del file["decisions"]
+        file["decisions"] = earlier
+    log = read_log(path)
+    assert log.decisions.planned_swing_rad.notna().sum() > 3
+    assert replay(log, observers, Learner(), limits=LENIENT).same.all()
 
 
 def test_a_log_never_replaces_a_file(tmp_path):

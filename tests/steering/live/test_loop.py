@@ -10,9 +10,9 @@ from loopback import LONG_S, our_threads, wait_until
 
 from hopdata.messages import Message
 from hopdata.steering.live.buffer import Frame, FrameBuffer
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.loop import ControlLoop
-from hopdata.steering.live.machine import Machine, State
-from hopdata.steering.live.safety import Limits
+from hopdata.steering.live.machine import DriveState, Machine
 from hopdata.steering.observation.tracking import MISFIT, SEEN
 
 PERIOD_S = 0.01
@@ -31,7 +31,8 @@ class Tracker:
         if np.isnan(markers[0, 0]):
             pose[:] = np.nan
         return SimpleNamespace(
-            pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0], lacking=(),
+            pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0],
+            state=(markers[1, 0],), lacking=(),
             status=MISFIT if markers[2, 1] > 0 else SEEN,
             rotation=np.diag([1.0, 1.0, np.cos(markers[2, 2])]), residual_m=0.0,
         )  # fmt: skip
@@ -253,12 +254,12 @@ def test_a_drive_that_nobody_has_armed_sends_nothing():
         (waited,) = bench.decided(1)
         assert bench.boom.swings == []
         assert bench.controller.asked == []
-        assert bench.loop.state is State.WAITING
+        assert bench.loop.state is DriveState.WAITING
         assert bench.loop.arm() is None
-        assert bench.loop.state is State.ARMED
+        assert bench.loop.state is DriveState.ARMED
         bench.frame(stance=True)
         bench.decided(2)
-        assert bench.loop.state is State.RUNNING
+        assert bench.loop.state is DriveState.RUNNING
     assert (waited.outcome, str(waited.reason)) == (
         "waiting", "the operator has not armed it",
     )  # fmt: skip
@@ -269,7 +270,7 @@ def test_a_drive_that_nobody_has_armed_sends_nothing():
 def test_a_drive_without_a_frame_cannot_be_armed():
     loop = Bench(machine=Machine()).loop
     assert loop.arm().code == "steering.no_frame_yet"
-    assert loop.state is State.WAITING
+    assert loop.state is DriveState.WAITING
 
 
 def test_a_plan_that_is_made_after_the_end_is_not_sent():

@@ -7,22 +7,26 @@ import pytest
 
 from hopdata.messages import Message
 from hopdata.steering.live import machine
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.machine import (
     REST_WITHIN_S,
     TRANSITIONS,
+    DriveState,
     Event,
     Machine,
-    State,
     Told,
 )
-from hopdata.steering.live.safety import LOOK_S, Limits, Watch
+from hopdata.steering.live.watch import WATCH_S, Watch
 
 PAGE = Path(__file__).parents[3] / "docs" / "live.md"
 FAULT = Message("steering.stream_lost", {"state": "lost", "reason": "hung up"})
 OTHER = Message("steering.controller_failed", {"error": "no way out"})
 KEY = Message("steering.operators_key")
 # It rests by then, so these never happen.
-IMPOSSIBLE = {(State.ARMED, Event.ARM_IN_VAIN), (State.RUNNING, Event.ARM_IN_VAIN)}
+IMPOSSIBLE = {
+    (DriveState.ARMED, Event.ARM_IN_VAIN),
+    (DriveState.RUNNING, Event.ARM_IN_VAIN),
+}
 
 
 class Clocked:
@@ -44,29 +48,29 @@ class Clocked:
         return self.watch.machine.state
 
     def let_pass(self, seconds):
-        """Let time pass; the watch looks every `LOOK_S`, halfway between events."""
+        """Let time pass; the watch looks every `WATCH_S`, halfway between events."""
         until_s = self.now_s + seconds
-        look_s = (self.now_s // LOOK_S + 0.5) * LOOK_S
+        look_s = (self.now_s // WATCH_S + 0.5) * WATCH_S
         while look_s <= until_s:
             if look_s > self.now_s:
                 self.now_s = look_s
                 self.watch.look()
-            look_s += LOOK_S
+            look_s += WATCH_S
         self.now_s = until_s
 
 
 def brought_to(state):
     """Return a drive in a state."""
-    drive = Clocked(armed=state not in (State.WAITING, State.STOPPED))
+    drive = Clocked(armed=state not in (DriveState.WAITING, DriveState.STOPPED))
     drive.let_pass(1.0)
-    if state is State.RUNNING:
+    if state is DriveState.RUNNING:
         drive.watch.stance()
-    if state is State.RESTING:
+    if state is DriveState.RESTING:
         drive.faults["outside"] = FAULT
         drive.let_pass(0.1)
         drive.faults["outside"] = None
         drive.let_pass(0.1)
-    if state is State.STOPPED:
+    if state is DriveState.STOPPED:
         drive.watch.end(KEY)
     drive.told.clear()
     assert drive.state is state
@@ -77,7 +81,7 @@ def make(drive, event):
     """Make an event happen."""
     if event is Event.ARM_IN_VAIN:
         drive.faults["outside"] = FAULT
-        drive.let_pass(2 * LOOK_S)
+        drive.let_pass(2 * WATCH_S)
         drive.told.clear()
         drive.watch.machine.steps.clear()
     begun_s = drive.now_s
@@ -108,28 +112,28 @@ def test_each_transition_is_made_and_the_boom_told_in_its_time(row):
         assert drive.told[0][0] - begun_s <= REST_WITHIN_S
     else:
         assert drive.told == []  # a swing is sent by the loop, once it is planned
-    assert (drive.watch.swing(0.3) is None) == (
-        row.target in (State.ARMED, State.RUNNING)
+    assert (drive.watch.send((0.3,)) is None) == (
+        row.target in (DriveState.ARMED, DriveState.RUNNING)
     )
 
 
 def test_each_state_knows_each_event_once():
     rows = [(row.source, row.event) for row in TRANSITIONS]
     assert len(rows) == len(set(rows))
-    assert set(rows) == set(itertools.product(State, Event)) - IMPOSSIBLE
+    assert set(rows) == set(itertools.product(DriveState, Event)) - IMPOSSIBLE
 
 
 def test_only_the_operator_leads_out_of_rest_and_nothing_out_of_the_end():
     ways = {(row.event, row.target) for row in TRANSITIONS if row.source == "resting"}
-    out = {way for way in ways if way[1] is not State.RESTING}
-    assert out == {(Event.ARM, State.ARMED), (Event.END, State.STOPPED)}
-    ends = {row.target for row in TRANSITIONS if row.source is State.STOPPED}
-    assert ends == {State.STOPPED}
+    out = {way for way in ways if way[1] is not DriveState.RESTING}
+    assert out == {(Event.ARM, DriveState.ARMED), (Event.END, DriveState.STOPPED)}
+    ends = {row.target for row in TRANSITIONS if row.source is DriveState.STOPPED}
+    assert ends == {DriveState.STOPPED}
 
 
 def test_a_swing_is_due_only_where_the_drive_is_armed():
     due = {row.source for row in TRANSITIONS if row.told is Told.SWING}
-    assert due == {State.ARMED, State.RUNNING}
+    assert due == {DriveState.ARMED, DriveState.RUNNING}
 
 
 def test_a_fault_that_is_gone_changes_nothing_but_that_it_may_be_armed():
@@ -138,7 +142,7 @@ def test_a_fault_that_is_gone_changes_nothing_but_that_it_may_be_armed():
     assert drive.report("outside", FAULT, 1.1) is None  # it lasts
     assert drive.arm(1.2).transition.event is Event.ARM_IN_VAIN
     assert drive.report("outside", None, 1.3) is None
-    assert drive.state is State.RESTING
+    assert drive.state is DriveState.RESTING
     assert drive.cause == FAULT
     assert drive.arm(1.4).changes
     assert drive.cause is None
@@ -166,7 +170,7 @@ def test_a_fault_that_flickers_at_rest_is_noted_once():
 def test_a_fault_that_is_over_at_once_does_not_forbid_to_arm():
     drive = Machine(is_armed=True)
     assert drive.fail("plan", OTHER, 1.0).told is Told.REST
-    assert drive.arm(1.1).transition.target is State.ARMED
+    assert drive.arm(1.1).transition.target is DriveState.ARMED
 
 
 def test_what_is_due_is_a_fault_from_then_on_until_it_has_come():
@@ -175,7 +179,7 @@ def test_what_is_due_is_a_fault_from_then_on_until_it_has_come():
     assert drive.tick(1.0) == []
     (step,) = drive.tick(1.01)
     assert step.cause.values == {"at_s": 1.01}
-    assert drive.state is State.RESTING
+    assert drive.state is DriveState.RESTING
     drive.expect("frames", 2.0, lambda _: FAULT)
     drive.tick(1.5)
     assert not drive.lasting
@@ -188,9 +192,9 @@ def test_what_is_due_is_a_fault_from_then_on_until_it_has_come():
 def test_a_fault_before_it_is_armed_is_told_and_nothing_else():
     drive = Machine()
     assert drive.report("frames", FAULT, 1.0).told is Told.NOTHING
-    assert drive.state is State.WAITING
+    assert drive.state is DriveState.WAITING
     assert drive.arm(1.1).cause == FAULT
-    assert drive.state is State.WAITING
+    assert drive.state is DriveState.WAITING
 
 
 def test_the_page_has_the_table_of_the_code():

@@ -9,17 +9,19 @@ import pytest
 
 from hopdata.messages import Message
 from hopdata.steering.live import rehearsal
+from hopdata.steering.live.actuator import NoBoom
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.loop import LEAST_SWING_RAD
 from hopdata.steering.live.machine import (
+    DriveState,
     Event,
     Machine,
-    State,
     Step,
     Told,
     Transition,
 )
 from hopdata.steering.live.rehearsal import Act, Performed, SimulatedDrive, acts
-from hopdata.steering.live.safety import Limits, NoBoom, Watch
+from hopdata.steering.live.watch import Watch
 
 NAMES = ("body1", "body2", "body3", "boom")
 LIMITS = Limits()
@@ -59,8 +61,10 @@ def test_an_act_needs_the_machine(name, geometry, monkeypatch):
 
     def stays(machine, event, at_s, cause, **_):
         told = Told.SWING if event is Event.STANCE else Told.NOTHING
-        machine.state = State.RUNNING
-        return Step(at_s, Transition(State.RUNNING, event, State.RUNNING, told), cause)
+        machine.state = DriveState.RUNNING
+        return Step(
+            at_s, Transition(DriveState.RUNNING, event, DriveState.RUNNING, told), cause
+        )
 
     monkeypatch.setattr(Machine, "_make", stays)
     assert not rehearsal._on_simulated_clock(ACTS[name], geometry, LIMITS).is_right
@@ -72,8 +76,8 @@ def test_a_drive_that_goes_on_by_itself_is_found_out(geometry, monkeypatch):
 
     def report_and_resume(machine, source, cause, at_s):
         step = report(machine, source, cause, at_s)
-        if machine.state is State.RESTING and not machine.lasting:
-            machine.state = State.RUNNING
+        if machine.state is DriveState.RESTING and not machine.lasting:
+            machine.state = DriveState.RUNNING
         return step
 
     monkeypatch.setattr(Machine, "report", report_and_resume)

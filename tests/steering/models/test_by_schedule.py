@@ -7,11 +7,10 @@ import pandas as pd
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.steering.models import by_schedule
-from hopdata.steering.models import process as gp
+from hopdata.steering.models import by_schedule, training
 from steering.made_hops import made_hops
 
-FAST = replace(gp.RECOMMENDED, restarts=0)
+FAST = replace(training.RECOMMENDED, restarts=0)
 
 
 def errors(hops, sizes=(60, 400)):
@@ -44,7 +43,7 @@ def test_schedules_that_do_not_matter_only_cost_hops():
 
 def test_the_conditioned_mean_is_that_of_the_process():
     hops = made_hops(80, noise=0.01)
-    process = gp.trained_process(hops.rows(slice(0, 40)).changes, FAST)
+    process = training.trained_process(hops.rows(slice(0, 40)).changes, FAST)
     changes = hops.changes
     known = changes.points
     other = replace(process, points=known[40:], outputs=changes.change[40:])
@@ -57,7 +56,7 @@ def test_a_schedule_never_seen_is_predicted_by_the_mean_of_all():
     hops = made_hops(60, order_of_state=False)
     known = hops.rows(hops.landing != "3>1>2")
     fresh = hops.rows(hops.landing == "3>1>2")
-    process = gp.trained_process(known.changes, FAST)
+    process = training.trained_process(known.changes, FAST)
     found = by_schedule.predictions(process, known, fresh)
     np.testing.assert_array_equal(found.known, np.tile(process.offset, (len(fresh), 1)))
     assert np.isfinite(found.unknown).all()

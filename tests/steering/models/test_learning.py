@@ -22,11 +22,7 @@ from hopdata.steering.models.learning import (
     training_table,
     with_intervals,
 )
-from hopdata.steering.models.process import (
-    PRINTED,
-    RECOMMENDED,
-    trained_process,
-)
+from hopdata.steering.models.training import PRINTED, RECOMMENDED, trained_process
 
 NOISE = np.array([3e-3, 3e-3, 2e-2])
 

@@ -10,17 +10,15 @@ from steered_hops import LIMIT, WALKER, chained_hops, smooth_change, walked_stri
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.steering.frame_changes import HOPPER, hopper_axes
 from hopdata.steering.models.kernels import SMOOTHNESSES
-from hopdata.steering.models.process import (
-    MOST_POINTS,
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.process_file import MOST_POINTS, load_process, save_process
+from hopdata.steering.models.training import (
     PRINTED,
     RECOMMENDED,
-    FrameChangeProcess,
     ProcessOptions,
     axis_units,
     fitted_regressor,
     hyper_parameters,
-    load_process,
-    save_process,
     trained_process,
     training_set,
     without_copies,
@@ -235,9 +233,10 @@ def test_another_file_is_no_process(tmp_path):
 
 def test_a_table_is_within_the_limits_of_the_input():
     process = replace(trained_process(HOPS), axes=hopper_axes(LIMIT))
-    assert process.table.swing_limit_rad == LIMIT
-    assert process.table_within(LIMIT) is process.table
-    assert process.table_within(0.5).swing_limit_rad == 0.5
+    limit = np.array([LIMIT])
+    assert process.table.axes.has_limits(-limit, limit)
+    assert process.within(-limit, limit) is process.table
+    assert process.within(-limit / 2, limit / 2).axes.upper == LIMIT / 2
     walker = trained_process(walked_strides(40), replace(RECOMMENDED, restarts=0))
     assert walker.table is None
 

@@ -7,7 +7,7 @@ import pytest
 
 from hopdata.errors import AnalysisError, ConfigError
 from hopdata.rigid import composed
-from hopdata.steering.control.objectives import Plan, PlanningError
+from hopdata.steering.control.interface import Plan, PlanningError
 from hopdata.steering.robots.interface import (
     Simulation,
     Stance,
@@ -77,10 +77,70 @@ def test_a_fall_is_no_stride_and_the_next_begins_where_it_was():
     np.testing.assert_allclose(strides.change[:, 0], [0.2, 0.4], atol=0.05)
 
 
-def test_commands_are_cut_to_the_limits_of_the_inputs():
-    simulation = Simulation(Walker(), seed=3)
-    strides = excited(simulation, [-3.0]).strides()
-    assert strides.change[0, 0] == pytest.approx(-0.5, abs=0.05)
+class Real:
+    """A robot that is no simulation: it keeps all that is commanded, and may fail."""
+
+    axes = Walker.axes
+
+    def __init__(self, fails_at=None):
+        self.commands = []
+        self._simulation = Simulation(Walker(), (5.0, 0, 0), seed=3)
+        self._fails_at = fails_at
+
+    def stances(self):
+        return self._simulation.stances()
+
+    def command(self, inputs, /):
+        if len(self.commands) == self._fails_at:
+            self._fails_at = None
+            raise OSError("no answer from the motor")
+        self.commands.append(inputs.tolist())
+        self._simulation.command(inputs)
+
+
+@pytest.mark.parametrize("number", [-3.0, np.nan])
+def test_an_excitation_beyond_the_limits_is_refused_before_anything_moves(number):
+    robot = Real()
+    with pytest.raises(
+        ConfigError, match=r"inputs of stride 1: expected from \[-0.5\]"
+    ):
+        excited(robot, [0.1, number, 0.2])
+    assert robot.commands == []
+
+
+def test_inputs_beyond_the_limits_never_reach_a_robot_and_it_is_said(caplog):
+    robot = Real()
+    log = steered(robot, Back(), strides=6)  # it plans -2.5 from 5 m away
+    assert min(min(robot.commands)) == -0.5
+    assert log.cut[:2].all()
+    assert not steered(Real(), Blind(), strides=3).cut.any()
+    assert "inputs [-2.5] cut to their limits: [-0.5]" in caplog.text
+    again = replayed(log, Back())
+    np.testing.assert_array_equal(again, log.inputs)
+
+
+def test_a_robot_or_controller_that_fails_leaves_the_log_whole_and_the_robot_at_rest(
+    caplog,
+):
+    robot = Real(fails_at=3)
+    log = steered(robot, Back(), strides=9)
+    assert log.failure == "stride 4: OSError('no answer from the motor')"
+    assert len(log.stances) == len(log.inputs) == 4
+    assert robot.commands[-1] == [0.0]
+    assert len(log.strides()) == 3
+    assert caplog.text.count("the robot rests, and its log ends") == 1
+
+    class Broken(Back):
+        def plan(self, pose, *others):
+            if pose[0] < 4.2:
+                raise ZeroDivisionError
+            return super().plan(pose, *others)
+
+    robot = Real()
+    log = steered(robot, Broken(), strides=9)
+    assert "ZeroDivisionError" in log.failure
+    assert robot.commands[-1] == [0.0]
+    assert len(log.stances) > 2
 
 
 def test_the_truth_is_not_told():

@@ -21,7 +21,7 @@ from hopdata.steering import turning
 from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.models import by_schedule, residuals
 from hopdata.steering.models.learning import IN_UNITS
-from hopdata.steering.models.tabulated import COMPONENTS
+from hopdata.steering.strides import COMPONENTS
 from hopdata.steering.true_hops import TrueHops, true_hops
 from hopdata.synthesis.trial import Kicks
 

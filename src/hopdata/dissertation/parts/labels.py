@@ -785,7 +785,7 @@ def _examples(both: _Both) -> dict[str, pd.DataFrame]:
     recordings = [both.recording]
     printed = both.printed.touchdowns
     example = example_touchdown(recordings, printed)
-    shown = printed[printed["index"] == example["index"].iloc[0]]
+    shown = printed[printed["touchdown"] == example["touchdown"].iloc[0]]
     ours = _used(both.ours.touchdowns)
     nearest = (ours["t_pre_s"] - float(shown["t_pre_s"].iloc[0])).abs().idxmin()
     same = ours.loc[[nearest]]

@@ -20,13 +20,8 @@ from hopdata.steering.excitation import ControlGrid
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models import learning
-from hopdata.steering.models.process import (
-    PRINTED,
-    RECOMMENDED,
-    TURN,
-    FrameChangeProcess,
-    relearned,
-)
+from hopdata.steering.models.process import TURN, FrameChangeProcess
+from hopdata.steering.models.training import PRINTED, RECOMMENDED, relearned
 from hopdata.steering.observation.observe import (
     phasor_poses,
     printed_stance_pairs,

@@ -20,13 +20,8 @@ from hopdata.dissertation.rows import Agreement, Made, Row, over_seeds
 from hopdata.dissertation.steered import Learned, learned, rms
 from hopdata.rigid import wrapped
 from hopdata.steering import FLOOR, child
-from hopdata.steering.control.objectives import (
-    Controller,
-    Horizon,
-    ToHeading,
-    ToPoint,
-    goal_errors,
-)
+from hopdata.steering.control.interface import Controller
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
 from hopdata.steering.control.prediction import predicted_poses
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
@@ -40,7 +35,7 @@ from hopdata.steering.experiments.run import (
     run_task,
 )
 from hopdata.steering.experiments.study import Setting, example_of, simulated, typical
-from hopdata.steering.models.tabulated import FrameChangeMap, tabulated
+from hopdata.steering.models.interface import StrideModel
 from hopdata.steering.robot import robot_and_camera
 from hopdata.steering.trial import POSE
 from hopdata.synthesis.camera import draw_floor
@@ -264,8 +259,9 @@ def bearing_of(pose: FloatArray) -> float:
 def _optima(studies: Sequence[_Study]) -> Row:
     values: dict[str, list[float]] = {"single": [], "four": []}
     for study in studies:
-        model = tabulated(study.printed.process, study.printed.swing_limit_rad)
+        process = study.printed.process
         horizon = Horizon(hops=3, swing_limit_rad=study.printed.swing_limit_rad)
+        model = process.within(*horizon.limits(process.axes))
         controller = PrintedController(model=model, horizon=horizon)
         missed = []
         for pose, boom in _states(study, PLANS):
@@ -322,7 +318,7 @@ def _times(studies: Sequence[_Study]) -> Row:
         limit = study.printed.swing_limit_rad
         slow = study.printed.process
         horizon = Horizon(hops=3, swing_limit_rad=limit)
-        table = tabulated(study.printed.process, limit)
+        table = slow.within(*horizon.limits(slow.axes))
         quick = PrintedController(model=table, horizon=horizon)
         start = study.starts("origin", 1)[0]
         planner = study.policies[tasks.ORIGIN][PLANNER](start)
@@ -354,7 +350,7 @@ def _milliseconds(plan: Callable[[], Any]) -> float:
 
 
 def _as_printed(
-    model: FrameChangeMap, pose: FloatArray, boom_rad: float, limit_rad: float
+    model: StrideModel, pose: FloatArray, boom_rad: float, limit_rad: float
 ) -> Any:
     """Plan by SciPy's L-BFGS-B with its own differences, from no swing."""
     from scipy.optimize import minimize

@@ -25,9 +25,10 @@ HEAD = (
     "why",
 )
 INTRODUCTION = """\
-What the dissertation *C1-Smooth Multi-Contact Dynamics for Robotics* prints, what the
-printed method gives here, and what hopdata's own method gives, in the order of the
-text.
+Here you can look up each result of the dissertation *C1-Smooth Multi-Contact Dynamics
+for Robotics*: what it prints, what the printed method gives here, and what hopdata's
+own method gives. The order is that of the text.
+
 `snakemake --cores 2 dissertation` measures every number, and makes
 `results/dissertation/index.html`, the same table with the figures;
 `make dissertation-docs` then writes this page from it. The key `printed: true` gives a

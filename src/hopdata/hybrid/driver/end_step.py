@@ -277,19 +277,22 @@ def flips_at_start(p: problem.Problem, m: Memory, k: int, resolution: float) -> 
 
 
 @kernel_apart
-def is_behind_flip(
+def is_off_surface(
     p: problem.Problem, m: Memory, k: int, dt: float, resolution: float
 ) -> bool:
-    """Return whether guard k has flipped before the end of the step, taken again.
+    """Return whether guard k is not on its surface at the end of the step, taken again.
 
-    Then its rate there has not shown the way back, and the new step has an interpolant
-    of its own. A guard is so where the errors of the steps alone move it.
+    The new step has an interpolant of its own, so it must be searched, too. Behind the
+    surface, the guard has flipped earlier than expected, where the errors of the steps
+    alone move it. Before it, the step may have passed both the flip and a return soon
+    after it, as at a pole.
     """
     if m.clock[at.SPAN] > dt:
         return False  # the step ends on the interpolant of the longer one
     rate = m.guards[at.RATE1, k]
     noise = problem.blur(m.guards[at.SIZE, k], rate, resolution)
-    return problem.margin_of(p, m, k, at.H1) < -problem.MOST_ROUNDINGS * noise
+    distance = abs(problem.margin_of(p, m, k, at.H1))
+    return distance > problem.MOST_ROUNDINGS * noise
 
 
 @kernel
@@ -358,7 +361,7 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
             dt = land_behind_jump(p, m, k, theta * dt, resolution)
             break
         dt, k = land(p, m, k, theta * dt, resolution)
-        if not is_behind_flip(p, m, k, dt, resolution):
+        if not is_off_surface(p, m, k, dt, resolution):
             break
     t = m.clock[at.T] + dt
     note_poles(p, m, resolution)

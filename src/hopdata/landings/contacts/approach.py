@@ -48,13 +48,15 @@ LEAST_FRAMES = 5
 RESTING_FRAME = 3
 
 #: Height above where it stands at which a foot may touch: skin gives.
-#: Unit: m. Origin: measured: on three runs (docs/contacts.md, "The earliest contact").
+#: Unit: m. Origin: measured: on three runs (docs/contacts_method.md, "The earliest
+#: contact").
 SKIN_M = 0.004
 
 #: Time constant of the softest contact: a foot may touch higher by the way of its
 #: fastest fall in this time. From 9 to 13 ms the orders are the same; at 7 ms true
 #: kinks are lost.
-#: Unit: s. Origin: measured: on three runs (docs/contacts.md, "The earliest contact").
+#: Unit: s. Origin: measured: on three runs (docs/contacts_method.md, "The earliest
+#: contact").
 SOFTEST_S = 0.01
 
 #: Time between two frames, in usual ones, above which something may be hidden.

@@ -89,7 +89,7 @@ STEP_OF_STANCE = 2
 LEARNING_LANDINGS = 400
 
 #: Compliances tried for the law of stance. One of more than 10 ms is not believed
-#: (docs/contacts.md), so the last lies just beyond.
+#: (docs/contacts_method.md), so the last lies just beyond.
 #: Unit: s. Origin: chosen.
 COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
 

@@ -53,7 +53,7 @@ SEARCH_FRAMES = 1.5
 
 #: Log likelihood by which the data must speak against something, such as pushes. That
 #: it must be a loss is measured: when pushes had to show a gain to stay, errors were
-#: 1.35 to 1.7 times as large as stated (docs/contacts.md, "Few landings").
+#: 1.35 to 1.7 times as large as stated (docs/contacts_method.md, "Few landings").
 #: Unit: 1 (log likelihood). Origin: chosen.
 TELLING_LOSS = 20.0
 

@@ -48,7 +48,7 @@ APART_STEPS = 1.5
 SOFTNESS_NODES = 1001
 
 #: Prior odds of a soft against a hard contact.
-#: Unit: 1. Origin: chosen: docs/contacts.md, "Two errors".
+#: Unit: 1. Origin: chosen: docs/contacts_method.md, "Two errors".
 SOFTNESS_ODDS = 6.0
 
 #: Standard deviations from zero at which a contact is surely soft; instants then move
@@ -59,7 +59,7 @@ SURE_OF_SOFT = 2.0
 #: Factor on the standard deviation of the compliance, since the likelihood takes the
 #: learned law for known.
 #: Unit: 1. Origin: measured: on three simulated animals (`few_rows` of
-#: benchmarks/contact_instants.py, table in docs/contacts.md).
+#: benchmarks/contact_instants.py, table in docs/contacts_method.md).
 OVERSURE = 1.3
 
 #: Share of the compliance added to the common error, since no foot stops exactly

@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from importlib.metadata import EntryPoint
 
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
-from hopdata.errors import chosen, require_choice
+from hopdata.errors import ConfigError, chosen, require_choice
+from hopdata.foreign.plugins import blamed, name_of, plugins
 from hopdata.landings.contacts import descents, kink_law, passes
 from hopdata.landings.contacts.approach import approaches
 from hopdata.landings.contacts.bounces import bounce_errors
@@ -60,12 +62,47 @@ FALL_S = 0.08
 #: Unit: 1. Origin: chosen.
 NEAR_GRAVITY = 0.2
 
-#: Methods by name: a function that finds instants between the sections, or None for
-#: the kink fit.
-METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
+Method = Callable[..., tuple[FloatArray, FloatArray]]
+_OWN: dict[str, Method | None] = {
     "kink": None,
     "velocity_minimum": partial(velocity_minima, parabola=False),
     "velocity_minimum_parabola": partial(velocity_minima, parabola=True),
+}
+
+
+def _of_package(entry: EntryPoint) -> Method:
+    """Return a method of another package, whose errors are told as its own."""
+    plugin = name_of("labelling method", entry)
+    key = "touchdowns.method"
+
+    def find_instants(
+        time: FloatArray,
+        heights: FloatArray,
+        transitions: descents.Transitions,
+        noise_m: float,
+    ) -> tuple[FloatArray, FloatArray]:
+        with blamed(plugin, key):
+            found = entry.load()(time, heights, transitions, noise_m=noise_m)
+            instant, se = (np.array(one, float) for one in found)
+        shape = (len(transitions), heights.shape[1])
+        if instant.shape != shape or se.shape != shape:
+            wanted = f"instants and standard errors of shape {shape} by {plugin}"
+            raise ConfigError.at(key, wanted, f"{instant.shape} and {se.shape}")
+        return instant, se
+
+    return find_instants
+
+
+#: Methods by name: a function that finds instants between the sections, or None for
+#: the kink fit. Installed packages add theirs by entry points (``hopdata.labelling``).
+METHODS: dict[str, Method | None] = {
+    **_OWN,
+    **{
+        name: _of_package(entry)
+        for name, entry in plugins(
+            "hopdata.labelling", "labelling method", _OWN
+        ).items()
+    },
 }
 
 

@@ -181,10 +181,10 @@ def example_touchdown(
     Returns
     -------
     pandas.DataFrame
-        recording, index, time_s (from the pre section), foot, height_m, velocity_m_s
-        (by the filter of the printed method). Among the touchdowns with the most common
-        schedule, those at least as sure as the median are kept, and the one with the
-        median spread is taken.
+        recording, touchdown, time_s (from the pre section), foot, height_m,
+        velocity_m_s (by the filter of the printed method). Among the touchdowns with
+        the most common schedule, those at least as sure as the median are kept, and the
+        one with the median spread is taken.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def example_touchdown(
     velocity[about] = savitzky_golay_velocity(heights[about], rate_hz)
     columns = {
         "recording": recording.name,
-        "index": int(row["index"]),
+        "touchdown": int(row["touchdown"]),
         "time_s": np.tile(time[shown] - row["t_pre_s"], len(feet)),
         "foot": np.repeat(feet, len(shown)),
         "height_m": heights[shown].T.ravel(),
@@ -228,5 +228,5 @@ def _typical(table: pd.DataFrame) -> pd.Series:
     sure = alike[alike["probability"] >= alike["probability"].median()]
     if sure.empty:
         sure = alike
-    ranked = sure.sort_values(["spread_s", "recording", "index"])
+    ranked = sure.sort_values(["spread_s", "recording", "touchdown"])
     return ranked.iloc[(len(ranked) - 1) // 2]

@@ -155,7 +155,7 @@ class Sections(Shown):
             landings_only=chosen("sections.frames", self.frames, FRAMES),
         )
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Describe the heights of the two sections."""
         pre_mm, post_mm = 1e3 * self.pre_height_m, 1e3 * self.post_height_m
         return f"{pre_mm:.1f} mm before, {post_mm:.1f} mm after the landing"

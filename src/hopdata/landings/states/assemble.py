@@ -91,7 +91,7 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
     require_choice("touchdowns.ambiguous", ambiguous, TREATMENTS)
     recordings = list(recordings)
     if ambiguous == "pool":
-        is_sure = table["class"] != AMBIGUOUS
+        is_sure = table["order_class"] != AMBIGUOUS
         table = table.assign(schedule=table["schedule"].where(is_sure, ""))
     if not home_marker:
         home_marker = farthest_marker(recordings)
@@ -188,7 +188,7 @@ def farthest_marker(recordings: Sequence[Recording]) -> str:
 def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
     """Return the touchdown table with touchdowns that have no pair excluded."""
     paired = set(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
-    rows = zip(table["recording"], table["index"], strict=True)
+    rows = zip(table["recording"], table["touchdown"], strict=True)
     has_no_pair = np.array([row not in paired for row in rows])
     stateless = has_no_pair & ~table["excluded"].to_numpy(bool)
     table = table.copy()
@@ -239,7 +239,7 @@ def _states(
         height_m=pre_height_m,
         side="before",
         contact=contacts.min(axis=1),
-        pace=recording.pace,
+        time_scale=recording.time_scale,
         **options,
     )
     post = section_states(
@@ -249,7 +249,7 @@ def _states(
         height_m=post_height_m,
         side="after",
         contact=contacts.max(axis=1),
-        pace=recording.pace,
+        time_scale=recording.time_scale,
         **options,
     )
     return pre, post
@@ -275,7 +275,7 @@ def _pairs_of(
         t_pre,
         used["t_post_s"].to_numpy(),
         marker=marker,
-        pace=recording.pace,
+        time_scale=recording.time_scale,
     )
     x, x_se = _in_home_frame(home, pre)
     y, y_se = _in_home_frame(home, post)
@@ -290,7 +290,7 @@ def _pairs_of(
         contacts=instants.to_numpy(float),
         contacts_se=instants_se,
         window_s=window_s,
-        pace=recording.pace,
+        time_scale=recording.time_scale,
     )
     whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
     if not whole.all():
@@ -303,7 +303,7 @@ def _pairs_of(
         schedule=kept["schedule"].to_numpy(str),
         spread_s=kept["spread_s"].to_numpy(float),
         recording=kept["recording"].to_numpy(str),
-        index=kept["index"].to_numpy(np.int64),
+        index=kept["touchdown"].to_numpy(np.int64),
         body_markers=recording.names("body"),
         x_se=x_se[whole],
         y_se=y_se[whole],

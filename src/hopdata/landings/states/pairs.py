@@ -67,13 +67,13 @@ class Pairs(Shown):
     feet_se: FloatArray | None = None
     time_s: FloatArray | None = None
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Describe the numbers of landings, orders and coordinates."""
         orders = len(set(self.schedule))
         counts = f"{len(self)} landings in {orders} orders"
         return f"of {counts}, {self.x.shape[1]} coordinates each"
 
-    def rows(self) -> dict[str, Any]:
+    def _rows(self) -> dict[str, Any]:
         """Count the landings for each order of contacts."""
         orders, counts = np.unique(self.schedule, return_counts=True)
         return {"order of contacts": orders, "landings": counts}

@@ -100,7 +100,7 @@ def score_contacts(
     labels = usable["schedule"].astype("string").fillna("").to_numpy(str)
     true_labels = np.array(schedule_names(true), dtype=str)
     right = (labels == true_labels) & (labels != "")
-    unambiguous = (usable["class"] != AMBIGUOUS).to_numpy()
+    unambiguous = (usable["order_class"] != AMBIGUOUS).to_numpy()
     right_of_all = float("nan")
     if n_landings:
         right_of_all = right.sum() / n_landings
@@ -185,7 +185,7 @@ def _true_heights(item: Truth, recording: Recording) -> FloatArray:
         item.body_height,
         spans[descent[inside]],
         instants[inside],
-        pace=recording.pace,
+        time_scale=recording.time_scale,
     )
 
 
@@ -258,7 +258,7 @@ def true_rows(
         Names of the feet, in the order of the truth.
     """
     columns = [f"contact_{foot}_s" for foot in feet]
-    by_touchdown = table.set_index(["recording", "index"])[columns]
+    by_touchdown = table.set_index(["recording", "touchdown"])[columns]
     touchdowns = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
     found = by_touchdown.loc[touchdowns].to_numpy(float)
 

@@ -107,7 +107,7 @@ class EffectSize(Shown):
     detectable_nearest: float
     allowed_nearest: float
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return the estimate, its interval, the bound and the detectable size."""
         size = f"{self.estimate:.2g}, {self.low:.2g} to {self.high:.2g}"
         bound = f"at most {self.upper_bound:.2g}"

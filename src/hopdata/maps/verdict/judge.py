@@ -8,12 +8,18 @@ otherwise. A jump of the outcome is a difference whatever the derivatives are.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
+from hopdata.arrays import (
+    BoolArray,
+    FloatArray,
+    Shown,
+    figure_function,
+    one_blas_thread,
+)
 from hopdata.errors import AnalysisError, told_call
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import data, inputs, limits
@@ -168,11 +174,11 @@ class Verdict(Shown):
     what_now: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
-    def told(self) -> str:
+    def _told(self) -> str:
         """Return the sentence."""
         return self.sentence
 
-    def rows(self) -> dict[str, Any]:
+    def _rows(self) -> dict[str, Any]:
         """Return the size of the difference, its interval and bounds."""
         if self.effect is None:
             return {}
@@ -181,6 +187,51 @@ class Verdict(Shown):
     def to_dict(self) -> dict[str, Any]:
         """Return all values, for ``verdict.json``."""
         return asdict(self)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> "Verdict":
+        """Return the verdict of which `to_dict` made `content`.
+
+        Raises
+        ------
+        AnalysisError
+            If it is not what `to_dict` returns; the message names what differs.
+        """
+        wanted = {one.name for one in fields(cls)}
+        if {*content} != wanted:
+            odd = ", ".join(sorted(wanted ^ {*content}))
+            found = f"other ones ({odd}): it is of another version of hopdata"
+            raise AnalysisError.at("verdict", "the values of this version", found)
+        values = dict(content)
+        for name in ("effect", "effect_over_landings", "jump"):
+            if values[name] is not None:
+                values[name] = EffectSize(**values[name])
+        values["session"] = tuple(values["session"])
+        values["messages"] = {
+            name: Message.from_dict(one) for name, one in values["messages"].items()
+        }
+        return cls(**values)
+
+    @told_call
+    def plot(self, *, ax: Any = None, style: str | None = None) -> Any:
+        """Draw the size of the difference with its interval, and the answer.
+
+        `hopdata.Study.plot` also shows what it means for a landing.
+
+        Parameters
+        ----------
+        ax : Axes or Figure, optional
+            Where to draw; by default a figure of its own.
+        style : str, optional
+            ``"nature"``, ``"ieee"`` or ``"poster"``.
+
+        Returns
+        -------
+        Figure
+            Or, with `ax`, what was drawn into.
+        """
+        draw = figure_function("verdict:size_figure")
+        return draw(self.to_dict(), ax=ax, style=style)
 
 
 @told_call

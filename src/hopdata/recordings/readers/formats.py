@@ -6,7 +6,7 @@ which plain arrays come back.
 
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 
 from hopdata.errors import HopdataError, RecordingError
 from hopdata.foreign import door
+from hopdata.foreign.plugins import plugins
 from hopdata.recording import SLOWEST_S, Event
 from hopdata.recordings import raw as reading
 from hopdata.recordings.budget import unpacked_mb
@@ -73,8 +74,7 @@ _LIBRARIES: dict[str, tuple[str, ...]] = {
 @cache
 def _others() -> dict[str, EntryPoint]:
     """Return the readers of installed packages (``hopdata.readers``) by suffix."""
-    found = {one.name: one for one in entry_points(group="hopdata.readers")}
-    return {suffix: one for suffix, one in found.items() if suffix not in READERS}
+    return plugins("hopdata.readers", "reader", READERS)
 
 
 def suffixes() -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,12 +20,13 @@ from hopdata.errors import ConfigError, counted, printable, require
 from hopdata.messages import Message
 
 if TYPE_CHECKING:
-    from hopdata.steering.control.objectives import Controller
+    from hopdata.steering.control.interface import Controller
+    from hopdata.steering.live.actuator import Boom
     from hopdata.steering.live.buffer import Stream
+    from hopdata.steering.live.limits import Limits
     from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.loop import ControlLoop, Decision
     from hopdata.steering.live.rehearsal import Performed
-    from hopdata.steering.live.safety import Boom, Limits
     from hopdata.steering.observation.geometry import HopperGeometry
 
 # Files of what was learned.
@@ -155,7 +156,7 @@ def log_path(named: Path | None) -> Path:
 
 
 def _limits(options: argparse.Namespace) -> Limits:
-    from hopdata.steering.live.safety import Limits
+    from hopdata.steering.live.limits import Limits
 
     return Limits(swing_rad=options.swing_limit, fence_m=options.fence)
 
@@ -165,7 +166,7 @@ def _boom_and_stream(
 ) -> tuple[Boom, Stream]:
     """Return what moves, and what is seen."""
     from hopdata.steering.live import sources
-    from hopdata.steering.live.safety import NoBoom, UdpBoom
+    from hopdata.steering.live.actuator import NoBoom, UdpBoom
     from hopdata.steering.live.simulated import (
         LiveHopper,
         SimulatedBoom,
@@ -226,7 +227,7 @@ def _warn_of(folder: Path | None) -> None:
 
 def _files(folder: Path | None, progress: Callable[[str], None]) -> dict[str, bytes]:
     """Return the model's files; without a folder, those of the simulated hopper."""
-    from hopdata.steering.models.process import load_process, save_process
+    from hopdata.steering.models.process_file import load_process, save_process
     from hopdata.steering.observation.geometry import load_geometry
 
     with tempfile.TemporaryDirectory() as temporary:
@@ -247,7 +248,7 @@ def _learned() -> tuple[Any, Any]:
     import numpy as np
 
     from hopdata.steering.excitation import ControlGrid, eulerian_excitation
-    from hopdata.steering.models.process import trained_process
+    from hopdata.steering.models.training import trained_process
     from hopdata.steering.observation.observe import observe_recordings
     from hopdata.steering.robot import SteeredHopper
     from hopdata.steering.trial import record_trial
@@ -269,7 +270,7 @@ def _parts(
     from hopdata.steering.control.adaptive import AdaptivePlanner
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
     from hopdata.steering.control.planner import planner
-    from hopdata.steering.models.process import load_process
+    from hopdata.steering.models.process_file import load_process
     from hopdata.steering.observation.geometry import load_geometry
 
     with tempfile.TemporaryDirectory() as folder:
@@ -283,7 +284,7 @@ def _parts(
     else:
         goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
     horizon = Horizon(hops=PLANNED_HOPS, swing_limit_rad=setup["limits"]["swing_rad"])
-    model = process.table_within(horizon.swing_limit_rad)
+    model = process.within(*horizon.limits(process.axes))
     controller = planner(model, goal, horizon=horizon)
     # The first plan loads what it needs, which would delay the first hop.
     controller.plan(START, math.pi)
@@ -375,10 +376,10 @@ def _row(done: Performed) -> str:
 
 def replay(options: argparse.Namespace) -> int:
     """Feed a log to the same controller; exit code 1 if a plan differs."""
-    from hopdata.steering.live.log import read_log
-    from hopdata.steering.live.log import replay as replayed
+    from hopdata.steering.live.limits import Limits
+    from hopdata.steering.live.log_reading import read_log
     from hopdata.steering.live.loop import checks_of, observers_of
-    from hopdata.steering.live.safety import Limits
+    from hopdata.steering.live.replay import replay as replayed
 
     log = read_log(options.log)
     _require_settings(options.log, log.setup)
@@ -402,12 +403,16 @@ def replay(options: argparse.Namespace) -> int:
     for event in log.events[log.events["kind"] == "rest"].itertuples():
         print(f"  at rest at {event.sent_s:.3f} s: {event.text}")
     other = plans[~plans["same"]]
-    for plan in other.itertuples():
-        angles = f"planned {plan.then_rad!r} then, {plan.now_rad!r} now"
-        print(f"  {plan.told_s:.3f} s: {angles}")
+    for plan in other.to_dict("records"):
+        inputs = f"planned {_listed(plan['then'])} then, {_listed(plan['now'])} now"
+        print(f"  {plan['told_s']:.3f} s: {inputs}")
     n_same = len(plans) - len(other)
     print(f"{n_same} of {counted(len(plans), 'plan')} the same to the bit")
     return terminal.PROBLEM if len(other) else terminal.OK
+
+
+def _listed(inputs: Sequence[float]) -> str:
+    return ", ".join(map(repr, inputs))
 
 
 def _require_settings(log: Path, setup: Mapping[str, Any]) -> None:
@@ -418,7 +423,7 @@ def _require_settings(log: Path, setup: Mapping[str, Any]) -> None:
     ConfigError
         If one is missing or of another kind.
     """
-    from hopdata.steering.live.safety import Limits
+    from hopdata.steering.live.limits import Limits
 
     place = f"{log}: setup"
     heading = setup.get("heading_deg")

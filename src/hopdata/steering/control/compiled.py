@@ -1,4 +1,4 @@
-"""The printed controller's objective, compiled for the hopper's table.
+"""The printed controller's objective, compiled for a table over an angle and an input.
 
 It does the arithmetic of `prediction.poses_ahead` and `objectives.goal_errors` number
 by number in the same order. A search asks for some sixty values of a few hops each, and

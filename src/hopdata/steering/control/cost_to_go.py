@@ -32,12 +32,12 @@ from hopdata.rigid import relative
 from hopdata.steering.control.grids import (
     N_SAMPLES,
     Grid,
-    Model,
     StateNodes,
     not_arrived,
     state_nodes,
 )
 from hopdata.steering.control.prediction import next_state, predicted_change
+from hopdata.steering.models.stride_table import StrideTable
 
 #: Weight of the next stance relative to this one.
 #: Unit: 1. Origin: chosen.
@@ -165,7 +165,7 @@ def _interpolation(
 
 
 def _after_strides(
-    model: Model, grid: Grid, states: StateNodes
+    model: StrideTable, grid: Grid, states: StateNodes
 ) -> tuple[FloatArray, FloatArray]:
     """Return tail costs and node indices after strides from all nodes.
 
@@ -183,7 +183,9 @@ def _after_strides(
     return tail, np.stack([*grid.locations(remaining), of_state])
 
 
-def cost_to_go(model: Model, grid: Grid, *, begin: CostToGo | None = None) -> CostToGo:
+def cost_to_go(
+    model: StrideTable, grid: Grid, *, begin: CostToGo | None = None
+) -> CostToGo:
     """Compute the cost-to-go on a grid by policy iteration.
 
     The best inputs are chosen, their cost is evaluated over several strides, and they
@@ -192,7 +194,7 @@ def cost_to_go(model: Model, grid: Grid, *, begin: CostToGo | None = None) -> Co
 
     Parameters
     ----------
-    model : TabulatedMap or StrideTable
+    model : StrideTable
         Of a robot with at most one state.
     grid : PointGrid or HeadingGrid
     begin : CostToGo, optional

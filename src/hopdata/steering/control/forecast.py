@@ -1,40 +1,39 @@
-"""Whether a model will take the robot to a point, told before the first run.
+"""Whether a model will take a robot to a point, told before the first run.
 
-A controller that knows the model steers a stand-in for the robot: each of its hops ends
-where the model predicts, plus the model's error in a hop that it has not learned from,
-of about the same boom angle and swing. So the errors count where the way needs them,
-the size of a step and of a turn count too, and no robot is needed.
+A planner that looks one stride ahead steers a stand-in for the robot: each of its
+strides ends where the model predicts, plus the model's error in a stride that it has
+not learned from, of about the same states and inputs. So the errors count where the way
+needs them, the size of a step and of a turn count too, and no robot is needed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.messages import Message
-from hopdata.rigid import composed, relative, wrapped
-from hopdata.steering.control.adaptive import COARSE
-from hopdata.steering.control.cost_to_go import cost_to_go
-from hopdata.steering.control.grids import PointGrid
-from hopdata.steering.models.process import LENGTHS, FrameChangeProcess
-from hopdata.steering.models.tabulated import COMPONENTS, TabulatedMap, tabulated
-from hopdata.steering.strides import TURN, Strides
+from hopdata.rigid import composed, wrapped
+from hopdata.steering.control.cost_to_go import cost_to_go, input_nodes
+from hopdata.steering.control.objectives import Horizon, goal_errors
+from hopdata.steering.control.planner import Planner, planner
+from hopdata.steering.control.prediction import next_state, predicted_change
+from hopdata.steering.frame_changes import is_hopper
+from hopdata.steering.goals import ARRIVED_M
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.training import LENGTHS, outputs_of
+from hopdata.steering.strides import COMPONENTS, TURN, StrideAxes, Strides
 
-#: Starts of the stand-in, a metre from the point, with any heading.
+#: Starts of the stand-in.
 #: Unit: 1. Origin: chosen: an expected share of 0.95 then has a deviation of 0.015.
 STARTS = 200
-#: Distance of the starts from the point.
-#: Unit: m. Origin: convention: that of the experiments.
-DISTANCE_M = 1.0
-#: Hops within which it must arrive.
-#: Unit: hops. Origin: convention: that of the experiments.
-HOPS = 50
-#: Swings that are tried in each hop.
-#: Unit: 1. Origin: chosen: the planner tries as many in the first of two hops.
-SWINGS = 31
-#: Hops nearest in boom angle and swing of which one lends its error.
+#: Inputs that are tried in each stride, by the number of inputs of the robot.
+#: Unit: 1. Origin: chosen: as many as the planner tries in the first of two strides; of
+#: two inputs more, since they are not refined.
+INPUTS_TRIED = {1: 31, 2: 81}
+#: Strides nearest in states and inputs of which one lends its error.
 #: Unit: 1. Origin: chosen: the excitation makes each move this often.
 NEIGHBOURS = 3
 #: Least share of the starts from which a sound model arrives.
@@ -43,8 +42,29 @@ LEAST_ARRIVED = 0.95
 
 # Length scales within this factor of their upper bound are at it.
 _AT_BOUND = 0.99
-# Cells of the plane of boom angle and swing whose share with a hop is counted.
-_CELLS = (16, 7)
+# Cells of the space of states and inputs whose share with a stride is counted, along a
+# periodic state and along any other axis.
+_PERIODIC_CELLS = 16
+_LINEAR_CELLS = 7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """The task that is foretold: to come near a point.
+
+    Parameters
+    ----------
+    distance_m : float
+        Distance of the starts from the point, if they are not given.
+    width_m : float
+        Radius of the goal region.
+    strides : int
+        Strides within which the robot must arrive.
+    """
+
+    distance_m: float = 1.0
+    width_m: float = ARRIVED_M
+    strides: int = 50
 
 
 @dataclass(frozen=True)
@@ -56,18 +76,18 @@ class Forecast:
     arrived
         Share of the starts from which the stand-in arrives.
     error_m
-        Root mean square distance of a hop from its prediction, on hops that were not
-        learned from, m.
+        Root mean square distance of a stride from its prediction, on strides that were
+        not learned from, m.
     step_m
         Median distance between neighbouring stances, m.
     width_m
         Radius of the goal region, m.
     covered
-        Share of the cells of the plane of boom angle and swing in which a hop was
+        Share of the cells of the space of states and inputs in which a stride was
         learned.
     unresolved
-        Components whose length scale in the swing is at its upper bound: the model
-        sees no effect of the swing on them.
+        Components whose length scales in all inputs are at their upper bound: the model
+        sees no effect of the inputs on them.
     """
 
     arrived: float
@@ -91,108 +111,188 @@ class Forecast:
 @one_blas_thread()
 def forecast(
     process: FrameChangeProcess,
-    hops: Strides,
+    strides: Strides,
     *,
-    swing_limit_rad: float,
-    width_m: float = 0.11,
+    way: Way | None = None,
+    starts: ArrayLike | None = None,
+    state: ArrayLike | None = None,
+    state_limits: tuple[float, float] | None = None,
 ) -> Forecast:
     """Tell what to expect of a model.
 
     Parameters
     ----------
     process : FrameChangeProcess
-    hops : Strides
-        At least `NEIGHBOURS` hops of the same robot that were not learned from.
-    swing_limit_rad : float
-        Largest swing.
-    width_m : float
-        Radius of the goal region, m.
+        Of a robot that the planner supports.
+    strides : Strides
+        At least `NEIGHBOURS` used strides of the same robot that were not learned from.
+    way : Way, optional
+        By default that of the experiments.
+    starts : (N, 3) array, optional
+        Poses from which it must arrive, relative to the point; by default `STARTS`
+        around it.
+    state : (S,) array, optional
+        State at the starts; by default those of the strides, in turn.
+    state_limits : (float, float), optional
+        See `planner`.
     """
-    inputs = np.column_stack([hops.state, hops.inputs])
-    error = hops.change - process.change(hops.state, hops.inputs)
+    way = way or Way()
+    error = outputs_of(strides) - _predicted(process, strides)
     distance = np.hypot(error[:, 0], error[:, 1])
-    step = np.hypot(hops.change[:, 0], hops.change[:, 1])
+    step = np.hypot(strides.change[:, 0], strides.change[:, 1])
+    rng = np.random.default_rng(0)
+    if starts is None:
+        poses = _around(way, rng)
+    else:
+        poses = np.array(starts, dtype=float)
+    first = strides.state if state is None else np.atleast_2d(state)
+    states = np.resize(first, (len(poses), first.shape[1]))
+    stand_in = _StandIn(
+        _one_step_planner(process, way, state_limits), strides.points, error
+    )
     return Forecast(
-        arrived=_arrived(
-            tabulated(process, swing_limit_rad),
-            inputs,
-            error,
-            width_m,
-        ),
+        arrived=stand_in.arrived(way, poses, states, rng),
         error_m=float(np.sqrt(np.mean(distance**2))),
         step_m=float(np.median(step)),
-        width_m=width_m,
-        covered=_covered(process, swing_limit_rad),
+        width_m=way.width_m,
+        covered=_covered(process),
         unresolved=_unresolved(process),
     )
 
 
-def _arrived(
-    model: TabulatedMap, inputs: FloatArray, error: FloatArray, width_m: float
-) -> float:
-    """Return the share of the starts from which the stand-in arrives.
+def _predicted(process: FrameChangeProcess, strides: Strides) -> FloatArray:
+    """Return the expected outputs (n, J) of strides; see `FrameChangeProcess`."""
+    return process.predicted(strides.points, range(len(process.offset)))[0]
 
-    `inputs` (n, 2) and `error` (n, 3) are those of the hops that lend their errors.
+
+def _one_step_planner(
+    process: FrameChangeProcess, way: Way, state_limits: tuple[float, float] | None
+) -> Planner:
+    """Return a planner that looks one stride ahead, on a coarse grid."""
+    horizon = Horizon(hops=1)
+    if is_hopper(process.axes):
+        limit = float(process.axes.upper[0])
+        horizon = Horizon(hops=1, swing_limit_rad=limit)
+    found = planner(process, horizon=horizon, few_nodes=True, state_limits=state_limits)
+    grid = found.cost_to_go.grid
+    if grid.width == way.width_m:
+        return found
+    own = cost_to_go(found.model, replace(grid, width=way.width_m))
+    return replace(found, cost_to_go=own)
+
+
+@dataclass(frozen=True)
+class _StandIn:
+    """A robot whose strides end where a model predicts, plus errors that are lent.
+
+    Parameters
+    ----------
+    planner : Planner
+        Looks one stride ahead.
+    points : (n, S + U) array
+        States and inputs of the strides that lend their errors.
+    error : (n, J) array
+        Errors of their predicted outputs.
     """
-    limit = model.swing_limit_rad
-    swings = np.linspace(-limit, limit, SWINGS)
-    ahead = cost_to_go(model, COARSE[PointGrid])
-    rng = np.random.default_rng(0)
+
+    planner: Planner
+    points: FloatArray
+    error: FloatArray
+
+    def arrived(
+        self,
+        way: Way,
+        pose: FloatArray,
+        state: FloatArray,
+        rng: np.random.Generator,
+    ) -> float:
+        """Return the share of starts that arrive, by poses (N, 3) and states (N, S)."""
+        model = self.planner.model
+        axes = model.axes
+        tried = _tried(axes)
+        is_learned = ~axes.is_known
+        n_starts = len(pose)
+        for _ in range(way.strides):
+            on_the_way = goal_errors(self.planner.objective, pose) > way.width_m
+            pose = pose[on_the_way]
+            state = state[on_the_way]
+            if not len(pose):
+                break
+            remaining = self.planner.remaining(pose)
+            best = self.planner.costs(remaining, state, [tried]).argmin(axis=-1)
+            inputs = tried[best]
+            lent = self.error[self._near(state, inputs, rng)]
+            change = predicted_change(model, state, inputs) + lent[:, : len(COMPONENTS)]
+            pose = composed(pose, change)
+            state = next_state(model, state, inputs)
+            state[:, is_learned] += lent[:, len(COMPONENTS) :]
+        left = goal_errors(self.planner.objective, pose) > way.width_m
+        return 1.0 - int(left.sum()) / n_starts
+
+    def _near(
+        self, state: FloatArray, inputs: FloatArray, rng: np.random.Generator
+    ) -> IntArray:
+        """Return for each stride one of the `NEIGHBOURS` nearest to it, by number."""
+        axes = self.planner.model.axes
+        here = np.concatenate([state, inputs], axis=1)
+        apart = self.points - here[:, None]
+        n_periodic = len(axes.periodic)
+        apart[..., :n_periodic] = wrapped(apart[..., :n_periodic])
+        distance = np.sqrt(np.sum((apart / _units(axes, self.points)) ** 2, axis=-1))
+        nearest = np.argsort(distance, axis=1, kind="stable")
+        chosen = rng.integers(0, NEIGHBOURS, len(here))
+        return np.asarray(nearest[np.arange(len(here)), chosen])
+
+
+def _tried(axes: StrideAxes) -> FloatArray:
+    """Return the inputs (n, U) that are tried in each stride."""
+    n_inputs = len(axes.inputs)
+    number = round(INPUTS_TRIED[n_inputs] ** (1 / n_inputs))
+    return input_nodes(axes.lower, axes.upper, number)
+
+
+def _around(way: Way, rng: np.random.Generator) -> FloatArray:
+    """Return poses (`STARTS`, 3) around the point, with any heading."""
     bearing, heading = rng.uniform(-np.pi, np.pi, (2, STARTS))
-    x = DISTANCE_M * np.cos(bearing)
-    y = DISTANCE_M * np.sin(bearing)
-    pose = np.column_stack([x, y, heading])
-    boom = np.full(STARTS, np.pi)
-    for _ in range(HOPS):
-        on_the_way = np.hypot(pose[:, 0], pose[:, 1]) > width_m
-        pose = pose[on_the_way]
-        boom = boom[on_the_way]
-        if not len(pose):
-            break
-        # Axes: the starts still on the way, and the swings to choose from.
-        booms = np.broadcast_to(boom[:, None], (len(pose), SWINGS))
-        tried = np.broadcast_to(swings, booms.shape)
-        change = model.change(booms.ravel(), tried.ravel()).reshape(*booms.shape, 3)
-        point = np.zeros_like(pose)
-        point[:, 2] = pose[:, 2]
-        remaining = relative(change, relative(pose, point)[:, None, :])
-        best = ahead.at(remaining, (booms + tried)[..., None]).argmin(axis=1)
-        swing = swings[best]
-        predicted = change[np.arange(len(pose)), best]
-        lent = error[_near(inputs, boom, swing, rng)]
-        pose = composed(pose, predicted + lent)
-        boom = boom + swing
-    left = int((np.hypot(pose[:, 0], pose[:, 1]) > width_m).sum())
-    return 1.0 - left / STARTS
+    x = way.distance_m * np.cos(bearing)
+    y = way.distance_m * np.sin(bearing)
+    return np.column_stack([x, y, heading])
 
 
-def _near(
-    inputs: FloatArray, boom: FloatArray, swing: FloatArray, rng: np.random.Generator
-) -> FloatArray:
-    """Return for each hop one of the `NEIGHBOURS` hops nearest to it, by number."""
-    of_boom = wrapped(inputs[:, 0] - boom[:, None])
-    of_swing = inputs[:, 1] - swing[:, None]
-    nearest = np.argsort(np.hypot(of_boom, of_swing), axis=1, kind="stable")
-    chosen = rng.integers(0, NEIGHBOURS, len(boom))
-    return np.asarray(nearest[np.arange(len(boom)), chosen])
+def _units(axes: StrideAxes, points: FloatArray) -> FloatArray:
+    """Return the units (S + U,) in which points are apart: rad, else deviations."""
+    spread = points.std(axis=0)
+    is_angle = np.array([axis.unit == "rad" for axis in axes.axes])
+    return np.where(is_angle | (spread == 0), 1.0, spread)
 
 
-def _covered(process: FrameChangeProcess, swing_limit_rad: float) -> float:
-    """Return the share of the cells of boom angle and swing with a learned hop."""
-    booms = process.points[:, 0] % TURN
-    swings = np.clip(process.points[:, 1], -swing_limit_rad, swing_limit_rad)
-    ranges = [[0.0, TURN], [-swing_limit_rad, swing_limit_rad]]
-    counts, _, _ = np.histogram2d(booms, swings, bins=_CELLS, range=ranges)
+def _covered(process: FrameChangeProcess) -> float:
+    """Return the share of the cells of states and inputs with a learned stride."""
+    axes = process.axes
+    n_states = len(axes.states)
+    n_periodic = len(axes.periodic)
+    points = process.points.copy()
+    points[:, :n_periodic] %= TURN
+    points[:, n_states:] = np.clip(points[:, n_states:], axes.lower, axes.upper)
+    ranges = [(0.0, TURN)] * n_periodic
+    linear = points[:, n_periodic:n_states].T
+    ranges += [(float(values.min()), float(values.max())) for values in linear]
+    ranges += zip(axes.lower.tolist(), axes.upper.tolist(), strict=True)
+    bins = [_PERIODIC_CELLS] * n_periodic
+    bins += [_LINEAR_CELLS] * (len(ranges) - n_periodic)
+    counts, _ = np.histogramdd(points, bins=bins, range=ranges)
     return float((counts > 0).mean())
 
 
 def _unresolved(process: FrameChangeProcess) -> tuple[str, ...]:
-    """Return the components on which the model sees no effect of the swing."""
-    # The bound is in units of the swing's deviation.
-    largest = _AT_BOUND * LENGTHS[1] * float(process.points[:, 1].std())
-    scales = process.length_scales[:, 1]
+    """Return the components on which the model sees no effect of the inputs."""
+    n_states = len(process.axes.states)
+    # The bound is in units of the input's deviation.
+    largest = _AT_BOUND * LENGTHS[1] * process.points[:, n_states:].std(axis=0)
+    scales = process.length_scales[: len(COMPONENTS), n_states:]
+    is_flat = (scales >= largest).all(axis=1)
     return tuple(
-        name for name, scale in zip(COMPONENTS, scales, strict=True) if scale >= largest
+        name for name, flat in zip(COMPONENTS, is_flat.tolist(), strict=True) if flat
     )
 
 

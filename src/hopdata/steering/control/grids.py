@@ -7,15 +7,17 @@ depends on one, the heading error. Beside these there is a state of the robot, o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
 from hopdata.rigid import relative
-from hopdata.steering.strides import TURN, StrideAxes, turn_nodes
+from hopdata.steering.goals import ARRIVED_M, FENCE_M, TURNED_RAD
+from hopdata.steering.models.stride_table import StrideTable
+from hopdata.steering.strides import TURN, turn_nodes
 
 #: Logarithm of the factor by which distances are closer together near the goal than at
 #: the far end of the grid.
@@ -74,8 +76,8 @@ class PointGrid(_Grid):
     bearings: int = 48
     states: int = 32
     inputs: int = 25
-    farthest_m: float = 3.0
-    width: float = 0.11
+    farthest_m: float = FENCE_M
+    width: float = ARRIVED_M
     tail_cost_per_m: float = TAIL_COST_PER_M
 
     @property
@@ -124,7 +126,7 @@ class HeadingGrid(_Grid):
     heading_errors: int = 180
     states: int = 72
     inputs: int = 37
-    width: float = np.pi / 12
+    width: float = TURNED_RAD
 
     periodic = (True,)
 
@@ -149,23 +151,17 @@ class HeadingGrid(_Grid):
 Grid: TypeAlias = PointGrid | HeadingGrid
 
 
+def coarse(grid: Grid) -> Grid:
+    """Return a grid with so few nodes that a cost-to-go takes some 20 ms a sweep."""
+    if isinstance(grid, PointGrid):
+        return replace(grid, distances=20, bearings=24, states=16, inputs=9)
+    return replace(grid, heading_errors=90, states=32, inputs=17)
+
+
 def not_arrived(grid: Grid, remaining: FloatArray) -> FloatArray:
     """Return how far stances are from being arrivals, from 0 (arrived) to 1."""
     ratio = grid.errors(remaining) / grid.width
     return np.asarray(1.0 - 1.0 / (1.0 + ratio**SHARPNESS))
-
-
-class Model(Protocol):
-    """A tabulated model; see `hopdata.steering.models.stride_table`."""
-
-    @property
-    def axes(self) -> StrideAxes:
-        """Names of states and inputs, and the limits of the inputs."""
-        ...
-
-    def change(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
-        """Return the changes of pose (n, 3)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -203,7 +199,7 @@ class StateNodes:
         return np.asarray(np.clip(share, 0.0, 1.0) * (self.number - 1))
 
 
-def state_nodes(model: Model, number: int) -> StateNodes:
+def state_nodes(model: StrideTable, number: int) -> StateNodes:
     """Return the nodes of the state of a tabulated model.
 
     Raises
@@ -219,5 +215,5 @@ def state_nodes(model: Model, number: int) -> StateNodes:
         raise ConfigError.at("planner", "a robot with at most one state", names)
     if axes.periodic:
         return StateNodes(number, 0.0, TURN, "periodic")
-    places: FloatArray = model.nodes[0]  # type: ignore[attr-defined]
+    places = model.nodes[0]
     return StateNodes(number, float(places[0]), float(places[-1]), "linear")

@@ -46,21 +46,20 @@ from hopdata.steering.control.cost_to_go import (
 from hopdata.steering.control.grids import (
     Grid,
     HeadingGrid,
-    Model,
     PointGrid,
+    coarse,
     not_arrived,
 )
+from hopdata.steering.control.interface import Plan, checked_state
 from hopdata.steering.control.prediction import (
-    StrideModel,
-    axes_of,
     next_state,
     poses_ahead,
     predicted_change,
 )
-from hopdata.steering.frame_changes import HOPPER
-from hopdata.steering.models import tabulated as tables
+from hopdata.steering.frame_changes import is_hopper
+from hopdata.steering.models.interface import StrideModel
 from hopdata.steering.models.process import FrameChangeProcess
-from hopdata.steering.models.stride_table import StrideTable, stride_table
+from hopdata.steering.models.stride_table import StrideTable, tabulated
 from hopdata.steering.strides import StrideAxes
 
 #: Number of values tried of an input in each stride before refinement, by the number
@@ -125,17 +124,27 @@ class Planner:
 
     Parameters
     ----------
-    model : TabulatedMap or StrideTable
+    model : StrideTable
+        Model of which the cost-to-go is.
     objective : ToPoint or ToHeading
     horizon : Horizon
     cost_to_go : CostToGo
         Of the same kind as the objective; one serves all points, or all headings.
+    near_model : StrideModel, optional
+        Model of the strides within the horizon, by default the same. It may have more
+        states, after those of the cost-to-go.
     """
 
-    model: Model
+    model: StrideTable
     objective: objectives.Objective
     horizon: objectives.Horizon
     cost_to_go: CostToGo
+    near_model: StrideModel | None = None
+
+    @property
+    def predictor(self) -> StrideModel:
+        """The model of the strides within the horizon."""
+        return self.near_model or self.model
 
     def towards(self, objective: objectives.Objective) -> Planner:
         """Return a planner with another objective.
@@ -152,21 +161,26 @@ class Planner:
         state: ArrayLike,
         previous_inputs: ArrayLike | None = None,
         /,
-    ) -> objectives.Plan:
+    ) -> Plan:
         """Plan from a pose and the states; the previous inputs are ignored."""
         del previous_inputs
-        axes = self.model.axes
-        here, states = objectives.checked_state(pose, state, axes)
-        remaining = relative(here, self._goal(here))
+        here, states = checked_state(pose, state, self.predictor.axes)
+        remaining = self.remaining(here)
         cost, inputs = self._minimum(remaining, states)
-        poses = poses_ahead(self.model, here, states, inputs)
-        return objectives.Plan(inputs, poses, cost)
+        poses = poses_ahead(self.predictor, here, states, inputs)
+        return Plan(inputs, poses, cost)
 
-    def _goal(self, here: FloatArray) -> list[float]:
-        """Return the pose of the goal; what does not count of it is as it is here."""
+    def remaining(self, here: FloatArray) -> FloatArray:
+        """Return the pose of the goal relative to poses (..., 3).
+
+        What does not count of the goal's pose is as it is here.
+        """
+        goal = here.copy()
         if isinstance(self.objective, objectives.ToHeading):
-            return [*here[:2].tolist(), self.objective.heading_rad]
-        return [*self.objective.point_m, float(here[2])]
+            goal[..., 2] = self.objective.heading_rad
+        else:
+            goal[..., :2] = self.objective.point_m
+        return relative(here, goal)
 
     @cached_property
     def _search(self) -> Search:
@@ -188,10 +202,24 @@ class Planner:
     def _best(
         self, remaining: FloatArray, state: FloatArray, tried: Sequence[FloatArray]
     ) -> tuple[float, FloatArray]:
-        """Return the least cost over all sequences of the inputs tried, and its inputs.
+        """Return the least cost over the sequences that are tried, and its inputs."""
+        total = self.costs(remaining, state, tried)
+        best = np.unravel_index(total.argmin(), total.shape)
+        chosen = [inputs[k] for inputs, k in zip(tried, best, strict=True)]
+        return float(total[best]), np.array(chosen)
 
-        Each stride adds an axis to the arrays, with the inputs (n, U) that are tried in
-        it.
+    def costs(
+        self, remaining: FloatArray, state: FloatArray, tried: Sequence[FloatArray]
+    ) -> FloatArray:
+        """Return the costs (..., n_1, ..., n_H) of all sequences of the inputs tried.
+
+        Parameters
+        ----------
+        remaining : (..., 3) array
+            Remaining poses.
+        state : (..., S) array
+        tried : sequence of (n, U) array
+            Inputs that are tried in each stride; each adds an axis to the costs.
         """
         grid = self.cost_to_go.grid
         total = np.zeros(())
@@ -204,15 +232,12 @@ class Planner:
                 total = total + goes_on
                 weight = DISCOUNT * goes_on
             before = state[..., None, :]
-            change = predicted_change(self.model, before, inputs)
-            state = next_state(self.model, before, inputs)
+            change = predicted_change(self.predictor, before, inputs)
+            state = next_state(self.predictor, before, inputs)
             remaining = relative(change, remaining[..., None, :])
             total = total[..., None]
             weight = weight[..., None]
-        total = total + weight * self.cost_to_go.at(remaining, state)
-        best = np.unravel_index(total.argmin(), total.shape)
-        chosen = [inputs[k] for inputs, k in zip(tried, best, strict=True)]
-        return float(total[best]), np.array(chosen)
+        return np.asarray(total + weight * self.cost_to_go.at(remaining, state))
 
 
 def planner(
@@ -221,6 +246,7 @@ def planner(
     *,
     horizon: objectives.Horizon | None = None,
     grid: Grid | None = None,
+    few_nodes: bool = False,
     state_limits: tuple[float, float] | None = None,
 ) -> Planner:
     """Return a planner after computing its cost-to-go, which takes a few seconds.
@@ -231,13 +257,14 @@ def planner(
     Parameters
     ----------
     model : StrideModel
-        A model that has no `axes` is one of the hopper.
     objective : ToPoint or ToHeading, optional
         By default to the origin.
     horizon : Horizon, optional
         By default two strides.
     grid : PointGrid or HeadingGrid, optional
         By default the hopper's; for another robot with its own scatter and tail cost.
+    few_nodes : bool
+        Whether the default grid has so few nodes that the cost-to-go takes a second.
     state_limits : (float, float), optional
         Least and largest value of a linear state; by default those of the strides that
         the model has learned from, or of the input that sets it.
@@ -255,8 +282,10 @@ def planner(
     if grid is None:
         to_heading = isinstance(objective, objectives.ToHeading)
         grid = HeadingGrid() if to_heading else PointGrid()
-        if isinstance(table, StrideTable):
+        if not is_hopper(table.axes):
             grid = _grid_of(grid, table)
+        if few_nodes:
+            grid = coarse(grid)
     return Planner(table, objective, horizon, cost_to_go(table, grid))
 
 
@@ -264,31 +293,29 @@ def _tabulated(
     model: StrideModel,
     horizon: objectives.Horizon,
     state_limits: tuple[float, float] | None,
-) -> tables.TabulatedMap | StrideTable:
+) -> StrideTable:
     """Return the model as a table, for which this robot must be supported."""
-    if isinstance(model, StrideTable):
-        return model
-    axes = axes_of(model)
-    if axes.input_names == HOPPER.input_names:
-        limit = horizon.swing_limit_rad
-        if isinstance(model, tables.TabulatedMap | FrameChangeProcess):
-            return model.table_within(limit)
-        return tables.tabulated(model, limit)
-    states = ", ".join(state.name for state in axes.states)
+    axes = model.axes
     if len(axes.states) > 1:
+        states = ", ".join(state.name for state in axes.states)
         raise ConfigError.at("planner", "a robot with at most one state", states)
     if len(axes.inputs) > MOST_INPUTS:
         found = ", ".join(axes.input_names)
         raise ConfigError.at("planner", f"at most {MOST_INPUTS} inputs", found)
-    limits = []
+    lower, upper = horizon.limits(axes)
+    if isinstance(model, StrideTable):
+        return model.within(lower, upper)
     if axes.linear:
         limits = [state_limits or _limits_of_state(model)]
-    return stride_table(model, limits)
+        return tabulated(model, state_limits=limits, lower=lower, upper=upper)
+    if isinstance(model, FrameChangeProcess):  # which may have its table already
+        return model.within(lower, upper)
+    return tabulated(model, lower=lower, upper=upper)
 
 
 def _limits_of_state(model: StrideModel) -> tuple[float, float]:
     """Return the least and the largest value of the only, linear state."""
-    axes = axes_of(model)
+    axes = model.axes
     (state,) = axes.linear
     if state.set_by:
         source = axes.input_names.index(state.set_by)

@@ -8,36 +8,14 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.rigid import turned
-from hopdata.steering.frame_changes import HOPPER
+from hopdata.steering.models.interface import StrideModel
 from hopdata.steering.strides import StrideAxes
-
-
-class StrideModel(Protocol):
-    """What a controller needs of a model.
-
-    It may also have `axes`, else they are the hopper's, and `next_state`, else the next
-    states follow from the axes.
-    """
-
-    def change(self, state: FloatArray, inputs: FloatArray, /) -> FloatArray:
-        """Return the changes of pose (n, 3) by states (n, S) and inputs (n, U).
-
-        For one state and one input they may be (n,).
-        """
-        ...
-
-
-def axes_of(model: StrideModel) -> StrideAxes:
-    """Return the axes of a model; one that has none is of the hopper."""
-    axes: StrideAxes = getattr(model, "axes", HOPPER)
-    return axes
 
 
 def predicted_change(
@@ -45,23 +23,17 @@ def predicted_change(
 ) -> FloatArray:
     """Return the changes of pose (..., 3) by states (..., S) and inputs (..., U)."""
     states, commands, shape = _rows(state, inputs)
-    # Models of one state and one input may know only (n,), see `StrideModel`.
-    if states.shape[-1] == commands.shape[-1] == 1:
-        change = model.change(states.ravel(), commands.ravel())
-    else:
-        change = model.change(states, commands)
-    return np.asarray(change).reshape(*shape, 3)
+    return np.asarray(model.change(states, commands)).reshape(*shape, 3)
 
 
 def next_state(model: StrideModel, state: FloatArray, inputs: FloatArray) -> FloatArray:
     """Return the states (..., S) after a stride; angles are not wrapped."""
-    axes = axes_of(model)
-    moving = moving_inputs(axes)
+    moving = moving_inputs(model.axes)
     if moving is not None:
         return np.asarray(state + inputs[..., moving])
     states, commands, shape = _rows(state, inputs)
-    after: Any = getattr(model, "next_state", axes.next_state)
-    return np.asarray(after(states, commands)).reshape(*shape, len(axes.states))
+    after = np.asarray(model.next_state(states, commands))
+    return after.reshape(*shape, len(model.axes.states))
 
 
 def _rows(
@@ -120,7 +92,7 @@ def _states_before(
     model: StrideModel, state: FloatArray, inputs: FloatArray
 ) -> FloatArray:
     """Return the states (H, ..., S) before each of the strides (H, ..., U)."""
-    moving = moving_inputs(axes_of(model))
+    moving = moving_inputs(model.axes)
     if moving is not None:  # all at once
         steps = inputs[..., moving]
         return np.asarray(state + np.cumsum(steps, axis=0) - steps)

@@ -18,8 +18,11 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.steering.control import objectives
-from hopdata.steering.control.prediction import StrideModel, axes_of, poses_ahead
-from hopdata.steering.models.tabulated import TabulatedMap
+from hopdata.steering.control.interface import Plan, checked_state
+from hopdata.steering.control.prediction import poses_ahead
+from hopdata.steering.models.interface import StrideModel
+from hopdata.steering.models.process import has_table
+from hopdata.steering.models.stride_table import StrideTable
 
 #: Step of the finite differences of the objective.
 #: Unit: rad. Origin: convention: scipy's own, but with all differences at once.
@@ -62,22 +65,22 @@ class PrintedController:
         state: ArrayLike,
         previous_inputs: ArrayLike | None = None,
         /,
-    ) -> objectives.Plan:
+    ) -> Plan:
         """Plan from a pose and the states; one search begins with the last inputs."""
-        axes = axes_of(self.model)
-        here, states = objectives.checked_state(pose, state, axes)
+        axes = self.model.axes
+        here, states = checked_state(pose, state, axes)
         firsts = self.first_inputs(previous_inputs)
         ends = [self.descended(here, states, first) for first in firsts]
         solved = min(ends, key=lambda end: end.fun)
         inputs = solved.x.reshape(self.horizon.hops, -1)
         poses = poses_ahead(self.model, here, states, inputs)
-        return objectives.Plan(inputs, poses, float(solved.fun))
+        return Plan(inputs, poses, float(solved.fun))
 
     def first_inputs(
         self, previous_inputs: ArrayLike | None
     ) -> tuple[tuple[float, ...], ...]:
         """Return the inputs (U,) at which the searches begin, without repeats."""
-        lower, upper = self.horizon.limits(axes_of(self.model))
+        lower, upper = self.horizon.limits(self.model.axes)
         middle = (lower + upper) / 2
         half = (upper - lower) / 4
         firsts = [middle + half, middle, middle - half]
@@ -92,7 +95,7 @@ class PrintedController:
         from scipy.optimize import minimize
 
         n_strides = self.horizon.hops
-        limits = self.horizon.limits(axes_of(self.model))
+        limits = self.horizon.limits(self.model.axes)
         lower, upper = (np.tile(limit, n_strides) for limit in limits)
         values_at = self.values_from(pose, state)
 
@@ -118,7 +121,7 @@ class PrintedController:
         It takes inputs (H U,) and steps (H U,), and returns the value at the inputs as
         they are, then with each of them changed by its step in turn, (H U + 1,).
         """
-        if isinstance(self.model, TabulatedMap) and self._is_within(self.model):
+        if isinstance(self.model, StrideTable) and self._is_compiled_for(self.model):
             return self._compiled(self.model, pose, state)
         n_strides = self.horizon.hops
 
@@ -131,14 +134,17 @@ class PrintedController:
 
         return values
 
-    def _is_within(self, table: TabulatedMap) -> bool:
-        """Tell whether no swing of a search is beyond the table."""
-        return self.horizon.swing_limit_rad <= table.swing_limit_rad
+    def _is_compiled_for(self, table: StrideTable) -> bool:
+        """Tell whether it is over one angle and one input, none beyond its limits."""
+        axes = table.axes
+        lower, upper = self.horizon.limits(axes)
+        is_within = bool((lower >= axes.lower).all() and (upper <= axes.upper).all())
+        return has_table(axes) and is_within
 
     def _compiled(
-        self, table: TabulatedMap, pose: FloatArray, state: ArrayLike
+        self, table: StrideTable, pose: FloatArray, state: ArrayLike
     ) -> Values:
-        """Return the same function for the table of the hopper, compiled."""
+        """Return the same function for a table over an angle and an input, compiled."""
         from hopdata.steering.control.compiled import fill_values
 
         knots_and_coefficients = table.spline_parts

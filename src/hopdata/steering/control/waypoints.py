@@ -14,12 +14,8 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import require
-from hopdata.steering.control.objectives import (
-    Plan,
-    ToPoint,
-    checked_pose,
-    goal_errors,
-)
+from hopdata.steering.control.interface import Plan, checked_pose
+from hopdata.steering.control.objectives import ToPoint, goal_errors
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.rigid import wrapped
 from hopdata.steering.experiments import tasks
-from hopdata.steering.models.tabulated import FrameChangeMap
+from hopdata.steering.models.interface import StrideModel
 from hopdata.steering.trial import TrueFrameChanges
 
 #: Least success rate required of the planner in its worst seed.
@@ -105,7 +105,7 @@ def truth_entries(
     true_motion: pd.DataFrame,
     stances: pd.DataFrame,
     true_stances: pd.DataFrame,
-    model: FrameChangeMap,
+    model: StrideModel,
     true_map: TrueFrameChanges,
 ) -> dict[str, dict[str, Any]]:
     """Return the ``value, unit, what`` of each score by name.
@@ -118,7 +118,7 @@ def truth_entries(
     stances, true_stances : DataFrame
         One row per stance: ``time_s``, and ``follows``, whether the previous row is the
         stance one hop before.
-    model : FrameChangeMap
+    model : StrideModel
     true_map : TrueFrameChanges
     """
     scores = {
@@ -177,9 +177,7 @@ def _pair_times(stances: pd.DataFrame) -> FloatArray:
     return np.column_stack([time[second - 1], time[second]])
 
 
-def _model_scores(
-    model: FrameChangeMap, true_map: TrueFrameChanges
-) -> dict[str, Score]:
+def _model_scores(model: StrideModel, true_map: TrueFrameChanges) -> dict[str, Score]:
     """Score the learned map on the true one's grid, averaged over the last swing."""
     angle, swing = np.meshgrid(
         true_map.boom_angle_rad, true_map.swing_rad, indexing="ij"

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.steering import robot as plant
-from hopdata.steering.control.objectives import Controller, Plan, PlanningError
+from hopdata.steering.control.interface import Controller, Plan, PlanningError
 from hopdata.steering.experiments.tasks import (
     Outcome,
     Start,
@@ -27,12 +27,12 @@ from hopdata.steering.experiments.tasks import (
     progress_of,
 )
 from hopdata.steering.live.clocked import ClockedDrive, Transport
-from hopdata.steering.live.loop import Decision, checks_of, observers_of
-from hopdata.steering.live.machine import State
-from hopdata.steering.live.safety import Limits
+from hopdata.steering.live.decisions import Decision
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.loop import Detector, checks_of, observers_of
+from hopdata.steering.live.machine import DriveState
 from hopdata.steering.live.simulated import SimulatedBoom, SimulatedHopper
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker
 from hopdata.steering.trial import POSE
 from hopdata.synthesis.camera import CurvedFloor, MotionCapture
@@ -139,7 +139,7 @@ class WatchedHopper:
             self.tracker.fit_ahead(seen)
         return seen
 
-    def observers(self) -> tuple[HopperTracker, StanceDetector]:
+    def observers(self) -> tuple[HopperTracker, Detector]:
         """Return a new tracker, told of frames ahead, and a new stance detector."""
         make = observers_of(self.sight.geometry, self.sight.camera.rate_hz)
         self.tracker, detector = make()
@@ -281,7 +281,7 @@ class _Drive:
         """
         self._begun_s.append(self.hopper.apex_s)
         loop = self.clocked.loop
-        if loop.state is State.RESTING:  # the operator stands by
+        if loop.state is DriveState.RESTING:  # the operator stands by
             loop.arm()
         self.clocked.run_hop()
         if self.controller.failure is not None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import one_blas_thread, pd
 from hopdata.rigid import composed, inverse
 from hopdata.steering import FLOOR, child
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
 from hopdata.steering.experiments import run as watched
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import MEASURED, PREDICTED, Run

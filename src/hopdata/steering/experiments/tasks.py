@@ -13,11 +13,13 @@ from hopdata.rigid import wrapped
 from hopdata.steering import START, child
 from hopdata.steering.control import objectives
 from hopdata.steering.control.adaptive import AdaptivePlanner
+from hopdata.steering.control.interface import Controller, Plan
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.waypoints import Progress, WayPointFollower, WayPoints
+from hopdata.steering.frame_changes import hopper_axes
 from hopdata.steering.models.process import FrameChangeProcess
-from hopdata.steering.models.tabulated import TabulatedMap
+from hopdata.steering.models.stride_table import StrideTable
 
 ORIGIN, TURN, WAYPOINTS = "origin", "turn", "waypoints"
 
@@ -194,7 +196,7 @@ def draw_starts(
 
 # The controllers.
 
-Policy: TypeAlias = Callable[[Start], objectives.Controller]
+Policy: TypeAlias = Callable[[Start], Controller]
 
 PRINTED = "printed"
 PLANNER = "planner"
@@ -247,11 +249,11 @@ class Unheeding:
 
     def plan(
         self, pose: ArrayLike, _state: ArrayLike, _inputs: ArrayLike | None = None, /
-    ) -> objectives.Plan:
+    ) -> Plan:
         """Return the swing; where it leads is unknown."""
         swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)
         poses = np.array([pose, [np.nan] * 3], dtype=float)
-        return objectives.Plan(swing, poses, np.nan)
+        return Plan(swing, poses, np.nan)
 
 
 def policies(
@@ -284,31 +286,32 @@ def policies(
     horizon = objectives.Horizon(
         hops=options["horizon"], swing_limit_rad=swing_limit_rad
     )
-    learned = model.table_within(swing_limit_rad)
+    axes = hopper_axes(swing_limit_rad)
+    learned = model.within(axes.lower, axes.upper)
 
     def goal(start: ArrayLike) -> objectives.Objective:
         if task.manoeuvre == WAYPOINTS:
             return task.way_points.legs()[0]
         return goal_of(task.manoeuvre, start)
 
-    def going(controller: PrintedController | Any) -> objectives.Controller:
+    def going(controller: PrintedController | Any) -> Controller:
         """Return the controller, or one that leads it from point to point."""
         if task.manoeuvre == WAYPOINTS:
             return WayPointFollower(controller, task.way_points)
-        known: objectives.Controller = controller
+        known: Controller = controller
         return known
 
     def steered(controller: PrintedController | Any) -> Policy:
         return lambda start: going(controller.towards(goal(start.pose)))
 
-    def planning(known: TabulatedMap) -> Planner:
+    def planning(known: StrideTable) -> Planner:
         shorter = replace(horizon, hops=options["planner_horizon"])
         return planner(known, goal(np.zeros(3)), horizon=shorter)
 
     def adaptive() -> Policy:
         known = planning(learned)
 
-        def policy(start: Start) -> objectives.Controller:
+        def policy(start: Start) -> Controller:
             towards_goal = known.towards(goal(start.pose))
             return going(AdaptivePlanner(towards_goal, model.noise_sd))
 
@@ -323,6 +326,6 @@ def policies(
         ADAPTIVE: adaptive,
         RANDOM: lambda: unheeding(swing_limit_rad),
         NONE: lambda: unheeding(0.0),
-        CEILING: lambda: steered(planning(TabulatedMap(truth, swing_limit_rad))),
+        CEILING: lambda: steered(planning(StrideTable.evenly_spaced(axes, truth))),
     }
     return {name: chosen("controller", name, makers)() for name in names}

@@ -46,6 +46,11 @@ class Frame:
     index: int = -1
 
 
+#: Frames that are kept of a stream in real time.
+#: Unit: frames. Origin: chosen: 8 s at 500 Hz.
+CAPACITY = 4096
+
+
 class FrameBuffer:
     """Holds the newest frames.
 
@@ -249,7 +254,9 @@ class LoopThread(Worker):
 
 # States of a live stream, with a log of when and why each began.
 
-State = Literal["idle", "connecting", "streaming", "stale", "lost", "failed", "closed"]
+StreamState = Literal[
+    "idle", "connecting", "streaming", "stale", "lost", "failed", "closed"
+]
 
 LONGEST_LOG = 10_000
 
@@ -258,7 +265,7 @@ LONGEST_LOG = 10_000
 class Status:
     """State of the stream since `at_s` on the monotonic clock, s, and its cause."""
 
-    state: State
+    state: StreamState
     at_s: float
     message: str = ""
 
@@ -282,13 +289,13 @@ class StatusLog:
         with self._changed:
             return tuple(self._log)
 
-    def report(self, state: State, message: str = "") -> None:
+    def report(self, state: StreamState, message: str = "") -> None:
         """Enter a state."""
         with self._changed:
             self._log.append(Status(state, time.monotonic(), message))
             self._changed.notify_all()
 
-    def wait_for(self, *states: State, timeout_s: float) -> Status | None:
+    def wait_for(self, *states: StreamState, timeout_s: float) -> Status | None:
         """Wait for one of these states; return it, or None after the timeout."""
         with self._changed:
             reached = self._changed.wait_for(

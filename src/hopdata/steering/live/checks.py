@@ -20,8 +20,8 @@ from hopdata.arrays import FloatArray
 from hopdata.messages import Message
 from hopdata.rigid import wrapped
 from hopdata.steering.live.buffer import Frame
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.packets import RATE_SLACK
-from hopdata.steering.live.safety import Limits
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.tracking import (
     KNOWN,

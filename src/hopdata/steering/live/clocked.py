@@ -18,14 +18,18 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import require
 from hopdata.messages import Message
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
+from hopdata.steering.live.actuator import Driven
 from hopdata.steering.live.buffer import Frame, FrameBuffer
 from hopdata.steering.live.checks import FrameChecks
-from hopdata.steering.live.loop import ControlLoop, Decision, Observers
+from hopdata.steering.live.decisions import Decision
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.loop import ControlLoop, Observers
 from hopdata.steering.live.machine import Machine
-from hopdata.steering.live.safety import LOOK_S, Boom, Limits
+from hopdata.steering.live.watch import WATCH_S
+from hopdata.steering.strides import StrideAxes
 
-BUFFERED = 256  # frames: more than come during the longest plan
+PLAN_FRAMES = 256  # frames: more than come during the longest plan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,8 +98,8 @@ class ClockedDrive:
     observers : callable
         As in `ControlLoop`; see `hopdata.steering.live.loop.observers_of`.
     controller : Controller
-    boom : Boom
-    limits, checks, on_decision, on_frames, fault
+    boom : Boom or Actuator
+    axes, limits, checks, on_decision, on_frames, fault
         As in `ControlLoop`.
     machine : Machine, optional
         One that is armed, by default.
@@ -119,8 +123,9 @@ class ClockedDrive:
         source: HoppingSource,
         observers: Observers,
         controller: Controller,
-        boom: Boom,
+        boom: Driven,
         *,
+        axes: StrideAxes | None = None,
         limits: Limits | None = None,
         checks: Callable[[], FrameChecks] | None = None,
         machine: Machine | None = None,
@@ -136,12 +141,13 @@ class ClockedDrive:
         self._source = source
         self._transport = transport or Transport()
         self._lost = lost
-        self._buffer = FrameBuffer(BUFFERED)
+        self._buffer = FrameBuffer(PLAN_FRAMES)
         self.loop = ControlLoop(
             self._buffer,
             observers,
             controller,
             boom,
+            axes=axes,
             limits=limits,
             checks=checks,
             machine=machine or Machine(is_armed=True),
@@ -151,7 +157,7 @@ class ClockedDrive:
             clock=lambda: self.now_s,
         )
         self._on_the_way: deque[Frame] = deque()
-        self._look_s = 0.5 * LOOK_S
+        self._look_s = 0.5 * WATCH_S
 
     def run(self, until_s: float, *, ended: Callable[[], bool] = lambda: False) -> None:
         """Drive until just before a time, or until something holds."""
@@ -197,7 +203,7 @@ class ClockedDrive:
         return arrival_s, self._arrive
 
     def _look(self) -> None:
-        self._look_s += LOOK_S
+        self._look_s += WATCH_S
         self.loop.watch.look()
 
     def _hop(self) -> None:

@@ -17,24 +17,35 @@ from typing import Any, Self
 
 from hopdata.errors import ConfigError
 from hopdata.messages import Message
-from hopdata.steering.control.objectives import Controller
-from hopdata.steering.live.buffer import LoopCounts, Status, Stream, StreamCounts
+from hopdata.steering.control.interface import Controller
+from hopdata.steering.frame_changes import HOPPER
+from hopdata.steering.live.actuator import Driven
+from hopdata.steering.live.buffer import (
+    CAPACITY,
+    LoopCounts,
+    Status,
+    Stream,
+    StreamCounts,
+)
+from hopdata.steering.live.decisions import Decision, is_hopper
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.log import DriveLog
 from hopdata.steering.live.loop import (
     ControlLoop,
-    Decision,
+    Observers,
     checks_of,
     observers_of,
 )
 from hopdata.steering.live.machine import Machine, Step
 from hopdata.steering.live.packets import LOOPBACK, PORT
-from hopdata.steering.live.safety import LAST_REST_S, Boom, Limits, Rest, rest_within
+from hopdata.steering.live.sender import LAST_REST_S, rest_within
 from hopdata.steering.live.stream import MarkerStream, Patience
+from hopdata.steering.live.watch import Rest
 from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.strides import StrideAxes, at_rest
 
 # Time between calls of `on_look` and checks of `stop`, in the caller's thread.
-LOOK_S = 0.02
-BUFFERED = 4096  # frames
+OPERATOR_S = 0.02
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # used if the operating system has them
 
 
@@ -53,8 +64,10 @@ class Drive:
 def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     geometry: HopperGeometry,
     controller: Controller,
-    boom: Boom,
+    boom: Driven,
     *,
+    axes: StrideAxes | None = None,
+    observers: Observers | None = None,
     host: str = LOOPBACK,
     port: int = PORT,
     stream: Stream | None = None,
@@ -88,8 +101,13 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     controller : Controller
         Plans the swings, like those of `hopdata.steering.control`; of a plan only its
         `swing_rad` is used.
-    boom : Boom
-        Gets each swing.
+    boom : Boom or Actuator
+        Gets each swing, or the inputs of each stride.
+    axes : StrideAxes, optional
+        States and inputs of the robot; by default the hopper's.
+    observers : callable, optional
+        Returns a new tracker and a new detector of stances, as `apex_observers` of
+        `hopdata.steering.observation.bodies`; by default those of a hopper.
     host, port : str, int
         Address of the camera system; the loopback address by default.
     stream : Stream, optional
@@ -110,7 +128,7 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
     on_look : callable, optional
-        Called every `LOOK_S` with the loop and the stream, in the caller's thread.
+        Called every `OPERATOR_S` with the loop and the stream, in the caller's thread.
     log : DriveLog, optional
         Written during the drive, and closed at its end.
     rest_without_log : bool
@@ -129,24 +147,28 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
         At the end, after SIGINT, SIGTERM or SIGHUP (a closed terminal), with 128 plus
         the number of the signal: 130, 143 or 129.
     """
-    _check_parts(geometry, controller, boom)
-    names = (*geometry.body_names, str(geometry.boom_name))
+    axes = axes or HOPPER
+    _check_parts(geometry, controller, boom, axes)
+    names = geometry.body_names
+    if geometry.boom_name is not None:
+        names = (*names, geometry.boom_name)
     if stream is None:
         stream = MarkerStream(
             names,
             host=host,
             port=port,
             rate_hz=rate_hz,
-            capacity=BUFFERED,
+            capacity=CAPACITY,
             patience=patience,
         )
     needed_log = log if rest_without_log else None
     limits = limits or Limits()
     loop = ControlLoop(
         stream.buffer,
-        observers_of(geometry, rate_hz),
+        observers or observers_of(geometry, rate_hz),
         controller,
         boom,
+        axes=axes,
         limits=limits,
         checks=checks_of(geometry, rate_hz, limits),
         machine=Machine(is_armed=armed),
@@ -163,14 +185,14 @@ def drive(  # noqa: PLR0913 - the parts of the loop and its options, by name
                 try:
                     stream.wait_until_streaming(first_frame_s)
                     end_s = math.inf if seconds is None else time.monotonic() + seconds
-                    while time.monotonic() < end_s and not stop.wait(LOOK_S):
+                    while time.monotonic() < end_s and not stop.wait(OPERATOR_S):
                         if on_look is not None:
                             on_look(loop, stream)
                 finally:
                     loop.end(_why_it_ends(signals.first))
         finally:
             # Once more, in case the loop's own thread has not begun or is blocked.
-            rest_within(boom, LAST_REST_S)
+            rest_within(boom, LAST_REST_S, tuple(at_rest(axes).tolist()))
             if signals.first is not None:
                 ended = f"the drive was ended by {signals.first.name}"
                 stream.states.report("closed", ended)
@@ -267,16 +289,20 @@ class _Signals:
             raise SystemExit(128 + self.first)
 
 
-def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -> None:
+def _check_parts(
+    geometry: HopperGeometry, controller: Controller, boom: Driven, axes: StrideAxes
+) -> None:
     """Refuse at once any parts with which no swing could be planned or sent."""
-    if geometry.boom_name is None or geometry.circle is None:
+    has_boom = geometry.boom_name is not None and geometry.circle is not None
+    if is_hopper(axes) and not has_boom:
         found = (
             "none; calibrate with a recording that has a marker with the role boom "
             "(markers.boom)"
         )
         raise ConfigError.at("geometry", "a boom and its circle", found)
     _check_method("controller", controller, "plan")
-    _check_method("boom", boom, "swing")
+    moves_boom = is_hopper(axes) and not hasattr(boom, "command")
+    _check_method("boom", boom, "swing" if moves_boom else "command")
     given = [name for name in ("alive", "heard") if hasattr(boom, name)]
     if len(given) == 1:
         wanted = "both of the methods alive and heard, or none of them"

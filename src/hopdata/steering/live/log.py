@@ -1,11 +1,12 @@
-"""Log of a drive: an HDF5 file, written during the drive, read back and replayed.
+"""Log of a drive: an HDF5 file, written during the drive.
 
 Others may read the file while it is written (HDF5's SWMR), and if the process dies,
 only the last moment is lost. `frames` are those that the loop took, in order, with the
 number of the batch they came in (`taken`). `decisions` has the columns of `Decision`,
-and the code of the reason. `events` are states of the stream, changes of the state of
-the drive with their causes (code, values and words), and rests of the boom. `counts`
-are the counters.
+and the code of the reason; states and inputs are in the order of the robot's axes,
+which the attribute `axes` holds. `events` are states of the stream, changes of the
+state of the drive with their causes (code, values and words), and rests of the boom.
+`counts` are the counters.
 """
 
 from __future__ import annotations
@@ -18,27 +19,22 @@ import os
 import shutil
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.arrays import pd
-from hopdata.errors import ConfigError, RecordingError
-from hopdata.foreign import door
+from hopdata.errors import ConfigError
 from hopdata.messages import Message
-from hopdata.recordings.readers.hdf5_checks import require_sound
-from hopdata.steering.control.objectives import Controller
-from hopdata.steering.live.buffer import Frame, FrameBuffer, Status
-from hopdata.steering.live.checks import FrameChecks
-from hopdata.steering.live.loop import ControlLoop, Decision, Observers
-from hopdata.steering.live.machine import Event, Machine, State, Step, Told, Transition
-from hopdata.steering.live.safety import Limits, NoBoom, Watch
+from hopdata.steering.frame_changes import HOPPER
+from hopdata.steering.live.buffer import Frame, Status
+from hopdata.steering.live.decisions import Decision
+from hopdata.steering.live.machine import Event, Step
+from hopdata.steering.live.watch import Watch
+from hopdata.steering.strides import StrideAxes
 
-FORMAT = "hopdata drive 2"
-EARLIER = ("hopdata drive 1",)  # written by versions whose loop went on by itself
+FORMAT = "hopdata drive 3"
 WRITE_S = 0.25  # time between writes
 # Rows for which the file grows at once: some seconds of frames and of stances.
 CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
@@ -46,7 +42,6 @@ CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
 #: Unit: bytes. Origin: chosen. Of 75 logs that met limits of 60 kB to 3 MB none was
 #: damaged with this, with half of it, or with none.
 MARGIN_BYTES = 1 << 14
-WANTED = f"the log of a drive ({FORMAT})"  # in messages
 CODE = "S40"
 TEXT_BYTES = 200
 TEXT = f"S{TEXT_BYTES}"
@@ -67,16 +62,21 @@ KINDS: dict[str, Any] = {
     "outcome": "S16",
     "reason": TEXT,
 }
-DECISION = np.dtype(
-    [
-        *((one.name, KINDS.get(one.name, "f8")) for one in fields(Decision)),
-        ("code", CODE),
-    ]
-)
+INPUTS = ("previous", "planned", "command")  # columns with a number for each input
 COUNT = np.dtype([("at_s", "f8"), ("count", "S40"), ("value", "i8")])
 
 
-def _frame_type(n_markers: int) -> np.dtype[Any]:
+def decision_type(axes: StrideAxes) -> np.dtype[Any]:
+    """Return the type of a row of the table of decisions, for a robot's axes."""
+    kinds = KINDS | {"state": f"({len(axes.states)},)f8"}
+    kinds |= {name: f"({len(axes.inputs)},)f8" for name in INPUTS}
+    if not axes.states:
+        kinds["state"] = "(1,)f8"  # HDF5 has no empty one; it is not a number
+    columns = [(one.name, kinds.get(one.name, "f8")) for one in fields(Decision)]
+    return np.dtype([*columns, ("code", CODE)])
+
+
+def frame_type(n_markers: int) -> np.dtype[Any]:
     """Return the type of a row of the table of frames."""
     return np.dtype(
         [
@@ -107,6 +107,8 @@ class DriveLog:
         Settings of the drive, stored as JSON.
     files : mapping
         Contents of the files used for the drive, by name.
+    axes : StrideAxes
+        States and inputs of the robot; by default the hopper's.
 
     Attributes
     ----------
@@ -129,6 +131,7 @@ class DriveLog:
         *,
         setup: Mapping[str, object],
         files: Mapping[str, bytes],
+        axes: StrideAxes = HOPPER,
     ) -> None:
         import h5py
 
@@ -142,12 +145,14 @@ class DriveLog:
             how = "a file that exists already; name another one"
             raise ConfigError.at(f"log {path}", "a new file", how) from None
         self._file.attrs.update(format=FORMAT, setup=json.dumps(dict(setup)))
+        self._file.attrs["axes"] = json.dumps(axes.as_dict())
+        self._axes = axes
         kept = self._file.create_group("files")
         for name, content in files.items():
             kept[name] = np.frombuffer(content, dtype=np.uint8)
         types = {
-            "frames": _frame_type(markers),
-            "decisions": DECISION,
+            "frames": frame_type(markers),
+            "decisions": decision_type(axes),
             "events": EVENT,
             "counts": COUNT,
         }
@@ -187,7 +192,10 @@ class DriveLog:
 
     def decision(self, decision: Decision) -> None:
         """Store a decision."""
-        row = tuple(_stored(value) for value in vars(decision).values())
+        values = vars(decision)
+        if not self._axes.states:
+            values = values | {"state": (np.nan,)}
+        row = tuple(_stored(value) for value in values.values())
         code = "" if decision.reason is None else decision.reason.code
         self._waiting["decisions"].append((*row, code.encode()))
 
@@ -321,286 +329,3 @@ def _kind(step: Step) -> str:
     if step.transition.event is Event.ARM_IN_VAIN:
         return "arm in vain"
     return "fault"
-
-
-@dataclass(frozen=True)
-class LoggedDrive:
-    """Contents of a log: tables as in the file, with decoded texts."""
-
-    setup: dict[str, Any]
-    files: dict[str, bytes]
-    frames: NDArray[Any]
-    decisions: pd.DataFrame
-    events: pd.DataFrame
-    counts: pd.DataFrame
-
-
-def read_log(path: str | Path) -> LoggedDrive:
-    """Read a log, even if its drive is still running or was cut off.
-
-    Raises
-    ------
-    RecordingError
-        If it is missing or not a log.
-    """
-    if not Path(path).is_file():
-        raise RecordingError.at(path, WANTED, "no file")
-    found = door.read(
-        f"{__name__}:contents_of",
-        str(path),
-        place=path,
-        n_bytes=door.size_of(path),
-        reader="the HDF5 library",
-    )
-    tables = {name: _rows(*found["tables"][name]) for name in CHUNKS}
-    return LoggedDrive(
-        setup=found["setup"],
-        files={name: one.tobytes() for name, one in found["files"].items()},
-        frames=tables["frames"],
-        decisions=_table(tables["decisions"]),
-        events=_table(tables["events"]),
-        counts=_table(tables["counts"]),
-    )
-
-
-# What the HDF5 library and the checks raise for a file that is no log.
-UNREADABLE = (
-    OSError,
-    LookupError,
-    ValueError,
-    TypeError,
-    ArithmeticError,
-    AttributeError,
-    RuntimeError,
-)
-
-
-def contents_of(path: str) -> dict[str, Any]:
-    """Return what a log holds as plain values: each table as its columns and its bytes.
-
-    Raises
-    ------
-    RecordingError
-        If it is not a log.
-    """
-    try:
-        with _opened(path) as file:
-            require_sound(file, math.inf)  # no link to another file
-            form = str(file.attrs["format"])
-            if form in EARLIER:
-                raise _earlier_log(path, form)
-            if form != FORMAT:
-                raise ValueError
-            setup = json.loads(file.attrs["setup"])
-            tables = {name: _plain(file[name][:]) for name in CHUNKS}
-            kept = {name: np.ravel(one[:]) for name, one in file["files"].items()}
-        _require_columns(setup, tables)
-    except UNREADABLE as error:
-        raise _no_log(path) from error
-    return {"setup": setup, "tables": tables, "files": kept}
-
-
-def _opened(path: str) -> Any:
-    """Open a log, also one that is still written or was cut off.
-
-    A log that is whole is opened as a file at rest. One that was not closed cannot be,
-    and is opened as a file that somebody writes (SWMR); there the HDF5 library waits
-    for seconds for each part that it cannot read.
-    """
-    import h5py
-
-    try:
-        return h5py.File(path, "r", libver="latest", locking=False)
-    except OSError as error:
-        if "already open" not in str(error):
-            raise
-    return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
-
-
-def _no_log(path: str) -> RecordingError:
-    return RecordingError.at(path, WANTED, "another file, or a damaged one")
-
-
-def _earlier_log(path: str, form: str) -> RecordingError:
-    found = f"one of an earlier version ({form}); replay it with the one that wrote it"
-    return RecordingError.at(path, WANTED, found)
-
-
-def _plain(rows: NDArray[Any]) -> tuple[list[Any], NDArray[Any]]:
-    """Return the columns of a table (name, type and shape of each) and its bytes."""
-    columns: list[Any] = []
-    for name in rows.dtype.names or ():
-        kind = rows.dtype[name]
-        if kind.base.kind not in "fiS":
-            raise ValueError(f"column {name} of {kind}")
-        columns.append((name, kind.base.str, kind.shape))
-    packed = rows.astype(np.dtype(columns))
-    return columns, np.frombuffer(packed.tobytes(), np.uint8)
-
-
-def _rows(columns: Sequence[Any], content: NDArray[Any]) -> NDArray[Any]:
-    """Return the table that `_plain` took apart."""
-    kinds = [(name, kind, tuple(shape)) for name, kind, shape in columns]
-    return np.frombuffer(content.tobytes(), np.dtype(kinds))
-
-
-def _require_columns(setup: object, tables: Mapping[str, Any]) -> None:
-    """Require the columns that a log has, with rows of numbers of their kind.
-
-    Raises
-    ------
-    ValueError
-        If one is missing or of another type.
-    """
-    if not isinstance(setup, dict):
-        raise ValueError("no settings")
-    n_markers = 0
-    for name, _, shape in tables["frames"][0]:
-        if name == "markers" and shape:
-            n_markers = shape[0]
-    wanted = {
-        "frames": _frame_type(n_markers),
-        "decisions": DECISION,
-        "events": EVENT,
-        "counts": COUNT,
-    }
-    for table, kinds in wanted.items():
-        found = {name: (kind, tuple(shape)) for name, kind, shape in tables[table][0]}
-        for name in kinds.names or ():
-            one = kinds[name]
-            if found.get(name) != (one.base.str, one.shape):
-                raise ValueError(f"column {name} of {table}")
-
-
-def _table(rows: NDArray[Any]) -> pd.DataFrame:
-    """Return the rows as a table, with decoded texts."""
-    columns: dict[str, list[Any]] = {}
-    for name in rows.dtype.names or ():
-        columns[name] = list(rows[name])
-        if rows.dtype[name].kind == "S":
-            texts = [text.decode(errors="replace") for text in rows[name]]
-            columns[name] = texts
-    return pd.DataFrame(columns)
-
-
-# Replay of a log in the loop.
-
-
-def replay(
-    log: LoggedDrive,
-    observers: Observers,
-    controller: Controller,
-    *,
-    limits: Limits | None = None,
-    checks: Callable[[], FrameChecks] | None = None,
-) -> pd.DataFrame:
-    """Replay the frames of a log in a loop, in their batches and at their times.
-
-    Nothing is sent. The controller is called wherever it was called in the drive, so a
-    learning controller learns the same again.
-
-    Returns
-    -------
-    DataFrame
-        One row per stance at which it was called: ``told_s``, the swings planned in the
-        drive and now (``then_rad, now_rad``), and ``same``, whether inputs and swing
-        are identical to the bit.
-    """
-    # Each decision by the frame that revealed its stance, whose time is `told_s`.
-    decided: dict[tuple[int, float], Any] = {}
-    for row in log.decisions.to_dict("records"):
-        decided[row["epoch"], row["told_s"]] = row
-    batches: list[NDArray[Any]] = []
-    if len(log.frames):
-        begins = np.flatnonzero(np.diff(log.frames["taken"])) + 1
-        batches = np.split(log.frames, begins)
-    buffer = FrameBuffer(max(map(len, batches), default=1))
-    machine = _ReplayedMachine(is_armed=True)
-    drive = _Replayed(machine)
-    rows: list[tuple[float, float, float, bool]] = []
-
-    def compare(made: Decision) -> None:
-        before = decided.get((made.epoch, made.told_s))
-        if before is None or not _was_called(before):
-            return
-        is_same = _bits(before) == _bits(vars(made))
-        rows.append((made.told_s, before["planned_rad"], made.planned_rad, is_same))
-
-    loop = ControlLoop(
-        buffer,
-        observers,
-        controller,
-        NoBoom(),
-        limits=limits,
-        checks=checks,
-        machine=machine,
-        on_decision=compare,
-        clock=lambda: drive.now_s,
-    )
-    for batch in batches:
-        frames = [Frame(*row.item()[1:]) for row in batch]
-        keys = [(frame.epoch, frame.time_s) for frame in frames]
-        drive.go_to([decided[key] for key in keys if key in decided], frames[-1])
-        for frame in frames:
-            buffer.write(frame)
-        loop.take(frames)
-    return pd.DataFrame(rows, columns=["told_s", "then_rad", "now_rad", "same"])
-
-
-@dataclass
-class _ReplayedMachine(Machine):
-    """Has a swing planned where one was planned then, whatever else happens.
-
-    What brought the drive to rest is not all in its log: the time that a driver took is
-    not, for instance.
-    """
-
-    plans: bool = True
-
-    @property
-    def may_swing(self) -> bool:
-        return self.plans
-
-    def _make(
-        self,
-        event: Event,
-        at_s: float,
-        cause: Message | None,
-        *,
-        is_kept: bool = True,  # noqa: ARG002 - nothing is kept
-    ) -> Step:
-        told = Told.NOTHING
-        if event is Event.STANCE and self.plans:
-            told = Told.SWING
-        stays = Transition(State.RUNNING, event, State.RUNNING, told)
-        return Step(at_s, stays, cause)
-
-
-@dataclass
-class _Replayed:
-    """The clock of a drive that is replayed, and whether its controller was called."""
-
-    machine: _ReplayedMachine
-    now_s: float = 0.0
-
-    def go_to(self, decisions: Sequence[Mapping[str, Any]], last: Frame) -> None:
-        """Set both for a batch: as at its last decision, if there is one."""
-        if not decisions:
-            self.now_s = last.arrival_s
-            self.machine.plans = True
-            return
-        decision = decisions[-1]
-        self.now_s = decision["asked_s"]
-        self.machine.plans = _was_called(decision)
-
-
-def _was_called(decision: Mapping[str, Any]) -> bool:
-    """Return whether the controller was called: only then has its planning a time."""
-    return bool(np.isfinite(decision["planning_s"]))
-
-
-def _bits(decision: Mapping[str, Any]) -> bytes:
-    """Return what a plan depends on, and the plan, bit by bit."""
-    names = ("pose", "boom_angle_rad", "swung_rad", "planned_rad")
-    numbers = [np.asarray(decision[name], dtype=float) for name in names]
-    return np.hstack(numbers).tobytes()

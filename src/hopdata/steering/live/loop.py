@@ -12,88 +12,44 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, Self, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Protocol, Self, TypeAlias
 
 import numpy as np
 
+from hopdata.arrays import FloatArray
 from hopdata.messages import Message
 from hopdata.rigid import wrapped
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.interface import Controller
+from hopdata.steering.frame_changes import HOPPER
+from hopdata.steering.live.actuator import Driven, NoActuator, NoBoom
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Worker
 from hopdata.steering.live.checks import Findings, FrameChecks
-from hopdata.steering.live.machine import Machine, State, Told
-from hopdata.steering.live.safety import Boom, Limits, NoBoom, Watch
+from hopdata.steering.live.decisions import (
+    Decision,
+    DecisionOutcome,
+    Numbers,
+    is_hopper,
+    planned_inputs,
+)
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.machine import DriveState, Machine, Told
+from hopdata.steering.live.watch import Watch
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.stances import Stance, StanceDetector
-from hopdata.steering.observation.tracking import HopperTracker
-
-# The decision at each stance, and its reason.
-
-Outcome = Literal["planned", "cut", "held", "overtaken", "waiting"]
+from hopdata.steering.observation.stances import DetectedStance, StanceDetector
+from hopdata.steering.observation.tracking import HopperTracker, Observation
+from hopdata.steering.strides import StrideAxes, at_rest
 
 
-@dataclass(frozen=True)
-class Decision:
-    """A stance and the resulting command.
+class Detector(Protocol):
+    """Recognises stances in one height after the other."""
 
-    Parameters
-    ----------
-    stance_s : float
-        Time of the stance, camera time, s.
-    told_s : float
-        Camera time of the frame that revealed it, s.
-    epoch : int
-        The camera clock of these times; see `hopdata.steering.live.buffer.Frame`.
-    pose : (x_m, y_m, heading_rad)
-        Pose of the frame nearest to the stance, of those up to the frame that revealed
-        it; NaN if there was none.
-    boom_angle_rad : float
-        Newest boom angle up to that frame.
-    swung_rad : float
-        Measured swing since the previous stance; NaN if unknown.
-    asked_s : float
-        Time of the decision on the loop's clock, s.
-    pose_age_s, boom_age_s : float
-        Ages of the newest pose and boom angle up to that frame, at the decision, s.
-    outcome : str
-        "planned": the controller's command was sent. "cut": so it was, clipped to the
-        limit. "held": the boom was commanded to stay, for `reason`. "overtaken":
-        nothing was sent, since another stance had been seen in the meantime. "waiting":
-        nothing was sent, since the operator has not armed the drive.
-    planned_rad : float
-        The controller's swing; NaN if it was not called, or failed.
-    command_rad : float
-        Swing that was sent, rad; NaN if none.
-    planning_s : float
-        Time that the controller took, s; NaN if it was not called.
-    latency_s : float
-        From the arrival of the frame that revealed the stance to the command, s.
-    since_stance_s : float
-        From the stance itself to the command, s.
-    reason : Message or None
-        Why the planned swing was not sent as it is.
-    """
-
-    stance_s: float
-    told_s: float
-    epoch: int
-    pose: tuple[float, float, float]
-    boom_angle_rad: float
-    swung_rad: float
-    asked_s: float
-    pose_age_s: float
-    boom_age_s: float
-    outcome: Outcome
-    planned_rad: float
-    command_rad: float
-    planning_s: float
-    latency_s: float
-    since_stance_s: float
-    reason: Message | None
+    def feed(self, time_s: float, height_m: float) -> DetectedStance | None:
+        """Take the next frame; return the stance it reveals, if any."""
+        ...
 
 
-Observers: TypeAlias = Callable[[], tuple[HopperTracker, StanceDetector]]
+Observers: TypeAlias = Callable[[], tuple[HopperTracker, Detector]]
 
 
 def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
@@ -112,7 +68,9 @@ def checks_of(
     geometry: HopperGeometry, rate_hz: float, limits: Limits
 ) -> Callable[[], FrameChecks]:
     """Return a maker of the checks of frames that `observers_of` observes."""
-    names = (*geometry.body_names, str(geometry.boom_name))
+    names = geometry.body_names
+    if geometry.boom_name is not None:
+        names = (*names, geometry.boom_name)
     return lambda: FrameChecks(limits, geometry, names, rate_hz)
 
 
@@ -145,7 +103,7 @@ class ControlLoop(Worker):
 
     Use it as a context manager, or with `start` and `close`. Without threads, on a
     clock of your own, call `step` when frames have come and `watch.look` every
-    `hopdata.steering.live.safety.LOOK_S`, as `hopdata.steering.live.clocked` does.
+    `hopdata.steering.live.watch.WATCH_S`, as `hopdata.steering.live.clocked` does.
 
     Parameters
     ----------
@@ -155,13 +113,17 @@ class ControlLoop(Worker):
         Returns a new tracker and a new stance detector; called when a camera clock
         begins.
     controller : Controller
-    boom : Boom
+    boom : Boom or Actuator
+        What is commanded at each stance.
+    axes : StrideAxes, optional
+        States and inputs of the robot; by default the hopper's. No input beyond its
+        limits there is sent.
     limits : Limits
     checks : callable, optional
         Returns new checks of frames; called with `observers`. By default they know
         neither geometry nor rate.
     machine : Machine, optional
-        State machine of the drive. By default, it waits until it is armed; with
+        DriveState machine of the drive. By default, it waits until it is armed; with
         `Machine(is_armed=True)` the first swing is sent at the first stance.
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
@@ -182,8 +144,9 @@ class ControlLoop(Worker):
         buffer: FrameBuffer,
         observers: Observers,
         controller: Controller,
-        boom: Boom,
+        boom: Driven,
         *,
+        axes: StrideAxes | None = None,
         limits: Limits | None = None,
         checks: Callable[[], FrameChecks] | None = None,
         machine: Machine | None = None,
@@ -195,6 +158,10 @@ class ControlLoop(Worker):
     ) -> None:
         super().__init__("hopdata-control", self._run)
         self.limits = limits or Limits()
+        self.axes = axes or HOPPER
+        self._lower, self._upper = input_limits(self.axes, self.limits)
+        self._at_rest: Numbers = tuple(at_rest(self.axes).tolist())
+        self._unknown: Numbers = (math.nan,) * len(self._at_rest)
         self.counts = LoopCounts()
         self.last_failure = ""
         self._clock = clock
@@ -207,6 +174,7 @@ class ControlLoop(Worker):
             clock,
             limits=self.limits,
             on_stop=self._drive_is_over.set,
+            rest=self._at_rest,
         )
         self._buffer = buffer
         self._observers = observers
@@ -226,18 +194,20 @@ class ControlLoop(Worker):
         self._pose = _Newest()
         # The last poses, with their camera times: a stance may have been at any.
         self._poses: deque[tuple[float, _Newest]] = deque(maxlen=POSES_KEPT)
-        self._boom_angle = _Newest()
+        self._state = _Newest((math.nan,) * len(self.axes.states))
         # Stances that were seen and wait for a decision.
         self._undecided: list[_SeenStance] = []
-        # Monotonic time of the last stance, and its boom angle.
-        self._last_stance: tuple[float, float] | None = None
-        # The swing sent at it, NaN if that is not certain, and the rests up to it.
-        self._sent_rad = math.nan
+        # Monotonic time of the last stance, and the states there.
+        self._last_stance: tuple[float, Numbers] | None = None
+        # The inputs sent at it, NaN if that is not certain, and the rests up to it.
+        self._sent_then = self._unknown
+        # The inputs that the robot has now, NaN if that is not certain.
+        self._in_force = self._at_rest
         self._rests_then = 0
         # Swings sent and measured, one after the other, that differ.
         self._wrong: list[tuple[float, float]] = []
         # A boom that gets nothing cannot be expected to follow.
-        self._is_sending = not isinstance(boom, NoBoom)
+        self._is_sending = not isinstance(boom, NoBoom | NoActuator)
         if not self.watch.machine.is_armed:
             self.watch.report("frames", Message("steering.no_frame_yet"))
 
@@ -264,7 +234,7 @@ class ControlLoop(Worker):
             self.watch.close()
 
     @property
-    def state(self) -> State:
+    def state(self) -> DriveState:
         """State of the drive."""
         return self.watch.machine.state
 
@@ -327,7 +297,7 @@ class ControlLoop(Worker):
             return
         with self._observing:
             # A slow machine may have got far behind, and may be told to end.
-            while not self._stop.is_set():
+            while self._buffer.written != self._seen and not self._stop.is_set():
                 frames = self._buffer.since(self._seen)[:MOST_AT_ONCE]
                 if not frames:
                     return
@@ -346,9 +316,7 @@ class ControlLoop(Worker):
             if stance is not None:
                 # Later frames must not change what was known then.
                 at_stance = self._pose_at(stance)
-                seen = _SeenStance(
-                    stance, frame, at_stance, self._pose, self._boom_angle
-                )
+                seen = _SeenStance(stance, frame, at_stance, self._pose, self._state)
                 self._undecided.append(seen)
                 is_stance_seen = True
         newest = frames[-1].captured_s
@@ -367,7 +335,7 @@ class ControlLoop(Worker):
 
         return why
 
-    def _observed(self, frame: Frame) -> Stance | None:
+    def _observed(self, frame: Frame) -> DetectedStance | None:
         """Process a frame, and return the stance it reveals, if any."""
         self.counts.frames += 1
         if self._last is not None and not _same_clock(self._last, frame):
@@ -385,8 +353,7 @@ class ControlLoop(Worker):
             if math.isfinite(sum(pose)):
                 self._pose = _Newest(pose, frame.captured_s)
                 self._poses.append((frame.time_s, self._pose))
-            if math.isfinite(seen.boom_angle_rad):
-                self._boom_angle = _Newest((seen.boom_angle_rad,), frame.captured_s)
+            self._note_state(seen, frame)
             return self._detector.feed(frame.time_s, seen.height_m)
         except Exception as error:
             self.counts.failed += 1
@@ -394,7 +361,16 @@ class ControlLoop(Worker):
             self._heed(self._checks.failed(error))
             return None
 
-    def _pose_at(self, stance: Stance) -> _Newest:
+    def _note_state(self, seen: Observation, frame: Frame) -> None:
+        """Keep the states that a frame shows, if it shows all that are measured."""
+        is_shown = [
+            math.isfinite(number) or bool(axis.set_by)
+            for axis, number in zip(self.axes.states, seen.state, strict=True)
+        ]
+        if all(is_shown):
+            self._state = _Newest(seen.state, frame.captured_s)
+
+    def _pose_at(self, stance: DetectedStance) -> _Newest:
         """Return the pose of the frame nearest to a stance, for which models are made.
 
         When the stance is recognised, the hopper has moved on for two or three frames.
@@ -423,69 +399,98 @@ class ControlLoop(Worker):
     def _decide(self, seen: _SeenStance, *, overtaken: bool) -> None:
         """Decide at a stance, send the command, and log both."""
         self.watch.look()
-        pose = seen.pose_at_stance
-        boom_angle = seen.boom_angle
-        stance_s = seen.stance_s
-        asked_s = self._clock()
-        pose_age_s = asked_s - seen.newest_pose.captured_s
-        boom_age_s = asked_s - boom_angle.captured_s
-        boom_angle_rad = math.nan
-        if boom_age_s <= self.limits.pose_age_s:
-            boom_angle_rad = boom_angle.values[0]
-        swung = self._swung(stance_s, boom_angle_rad)
-        self._compare(swung)
-        planned = math.nan
+        known = self._known_at(seen)
+        self._compare(known)
+        ages_s = {"pose": known.pose_age_s, **known.state_ages_s}
+        stance_age_s = known.asked_s - known.stance_s
+        outcome, reason = self._admitted(ages_s, stance_age_s, overtaken=overtaken)
+        planned = self._unknown
         planning_s = math.nan
-        ages = {"pose": pose_age_s, "boom angle": boom_age_s}
-        outcome, reason = self._admitted(ages, asked_s - stance_s, overtaken=overtaken)
-        command = 0.0 if outcome == "held" else math.nan
+        command = self._at_rest if outcome == "held" else self._unknown
         if outcome == "planned":
-            planned, failure = self._plan(pose, boom_angle, swung, stance_s)
-            planning_s = self._clock() - asked_s
-            outcome, command, reason = self._permitted(planned, failure, stance_s)
-        self._sent_rad = math.nan
+            planned, failure = self._plan(known)
+            planning_s = self._clock() - known.asked_s
+            outcome, command, reason = self._permitted(planned, failure, known.stance_s)
+        self._in_force = self._inputs_in_force()
+        self._sent_then = self._unknown
         self._rests_then = len(self.watch.rests)
-        if math.isfinite(command):
+        if math.isfinite(sum(command)):
             outcome, command, reason = self._sent(outcome, command, reason)
         sent_s = self._clock()
+        pose = known.pose
         decision = Decision(
             stance_s=seen.stance.time_s,
             told_s=seen.frame.time_s,
             epoch=seen.frame.epoch,
-            pose=pose.values if len(pose.values) == 3 else (math.nan,) * 3,
-            boom_angle_rad=boom_angle.values[0],
-            swung_rad=math.nan if swung is None else swung,
-            asked_s=asked_s,
-            pose_age_s=pose_age_s,
-            boom_age_s=boom_age_s,
+            pose=pose if len(pose) == 3 else (math.nan,) * 3,
+            state=known.state,
+            previous=self._unknown if known.previous is None else known.previous,
+            asked_s=known.asked_s,
+            pose_age_s=known.pose_age_s,
+            state_age_s=known.state_age_s,
             outcome=outcome,
-            planned_rad=planned,
-            command_rad=command,
+            planned=planned,
+            command=command,
             planning_s=planning_s,
             latency_s=sent_s - seen.frame.arrival_s,
-            since_stance_s=sent_s - stance_s,
+            since_stance_s=sent_s - known.stance_s,
             reason=reason,
         )
         self._log(decision)
 
+    def _known_at(self, seen: _SeenStance) -> _Known:
+        """Return what is known at a stance now."""
+        asked_s = self._clock()
+        state_age_s = asked_s - seen.state.captured_s
+        state = list(seen.state.values)
+        ages_s = {}
+        for k, axis in enumerate(self.axes.states):
+            if axis.set_by:
+                place = self.axes.input_names.index(axis.set_by)
+                state[k] = self._inputs_in_force()[place]
+            if math.isfinite(state[k]) or not axis.set_by:
+                is_measured = not axis.set_by
+                age_s = state_age_s if is_measured else 0.0
+                ages_s[axis.name.replace("_", " ")] = age_s
+            else:
+                ages_s[axis.name.replace("_", " ")] = math.inf
+        known = _Known(
+            stance_s=seen.stance_s,
+            asked_s=asked_s,
+            pose=seen.pose_at_stance.values,
+            pose_age_s=asked_s - seen.newest_pose.captured_s,
+            state=tuple(state),
+            state_age_s=state_age_s,
+            state_ages_s=ages_s,
+        )
+        return replace(known, previous=self._previous(known))
+
+    def _inputs_in_force(self) -> Numbers:
+        """Return the inputs that the robot has; after a rest, those at rest."""
+        if len(self.watch.rests) != self._rests_then:
+            return self._at_rest
+        return self._in_force
+
     def _sent(
-        self, outcome: Outcome, command: float, reason: Message | None
-    ) -> tuple[Outcome, float, Message | None]:
+        self, outcome: DecisionOutcome, command: Numbers, reason: Message | None
+    ) -> tuple[DecisionOutcome, Numbers, Message | None]:
         """Send a command; return outcome, command and reason as they then are."""
         try:
-            refused = self.watch.swing(command)
+            refused = self.watch.send(command)
         except Exception as error:
             failed = Message("steering.boom_failed", {"error": repr(error)})
             self.watch.fail("boom", failed)
+            self._in_force = self._unknown
             return outcome, command, failed  # it may have begun to move
         if refused is not None:
-            return "held", 0.0, reason or refused
-        self._sent_rad = command
+            return "held", self._at_rest, reason or refused
+        self._sent_then = command
+        self._in_force = command
         return outcome, command, reason
 
     def _admitted(
         self, ages: Mapping[str, float], stance_age_s: float, *, overtaken: bool
-    ) -> tuple[Outcome, Message | None]:
+    ) -> tuple[DecisionOutcome, Message | None]:
         """Tell the watch of a stance that can be planned for, and obey what it says.
 
         Return the outcome so far, "planned" if there is to be a plan, and otherwise the
@@ -519,26 +524,44 @@ class ControlLoop(Worker):
                 return Message("steering.stale", values)
         return None
 
-    def _swung(self, stance_s: float, boom_angle_rad: float) -> float | None:
-        """Return the measured swing since the last stance, if that was a hop before."""
+    def _previous(self, known: _Known) -> Numbers | None:
+        """Return the inputs of the stride that led to a stance, if they are known.
+
+        They are measured if a state shows them: one that an input moves. Otherwise they
+        are those that were sent.
+        """
         before = self._last_stance
-        self._last_stance = (stance_s, boom_angle_rad)
+        is_fresh = known.state_age_s <= self.limits.pose_age_s
+        state = known.state if is_fresh else (math.nan,) * len(known.state)
+        self._last_stance = (known.stance_s, state)
         if before is None:
             return None
-        before_s, before_rad = before
-        if stance_s - before_s > self.limits.hop_s:
+        before_s, before_state = before
+        if known.stance_s - before_s > self.limits.hop_s:
             return None
-        swing = float(wrapped(boom_angle_rad - before_rad))
-        return swing if math.isfinite(swing) else None
+        previous = list(self._inputs_in_force())
+        for k, axis in enumerate(self.axes.states):
+            if axis.moved_by:
+                moved = float(state[k] - before_state[k])
+                if self.axes.is_periodic[k]:
+                    moved = float(wrapped(moved))
+                previous[self.axes.input_names.index(axis.moved_by)] = moved
+        return tuple(previous) if math.isfinite(sum(previous)) else None
 
-    def _compare(self, swung: float | None) -> None:
-        """Compare the last hop's swing with the one sent; wrong ones end the drive."""
-        if not self._is_sending:
+    def _compare(self, known: _Known) -> None:
+        """Compare the last stride's inputs with those sent; wrong ones end the drive.
+
+        Only an angle that an input moves shows by how much it was moved.
+        """
+        moved_by = [axis.moved_by for axis in self.axes.periodic if axis.moved_by]
+        if not self._is_sending or not moved_by:
             return
-        sent = self._sent_rad
+        place = self.axes.input_names.index(moved_by[0])
+        sent = self._sent_then[place]
         is_certain = math.isfinite(sent) and len(self.watch.rests) == self._rests_then
-        if swung is None or not is_certain:
+        if known.previous is None or not is_certain:
             return
+        swung = known.previous[place]
         if max(abs(sent), abs(swung)) < LEAST_SWING_RAD:
             return
         difference = abs(float(wrapped(swung - sent)))
@@ -549,47 +572,58 @@ class ControlLoop(Worker):
         if len(self._wrong) >= self.limits.wrong_swings:
             self.end(_does_not_follow(self._wrong))
 
-    def _plan(
-        self,
-        pose: _Newest,
-        boom_angle: _Newest,
-        swung: float | None,
-        stance_s: float,
-    ) -> tuple[float, Message | None]:
-        """Return the controller's swing, or NaN and the error."""
+    def _plan(self, known: _Known) -> tuple[Numbers, Message | None]:
+        """Return the controller's inputs, or NaN and the error."""
         limit_s = self.limits.command_s
         late = Message("steering.plan_late", {"limit_s": limit_s})
-        self.watch.expect("plan", stance_s + limit_s, lambda _: late)
+        self.watch.expect("plan", known.stance_s + limit_s, lambda _: late)
         try:
-            here = np.array(pose.values)
-            plan = self._controller.plan(here, boom_angle.values[0], swung)
-            swing = float(plan.swing_rad)
+            here = np.array(known.pose)
+            inputs = planned_inputs(
+                self._controller, self.axes, here, known.state, known.previous
+            )
         except Exception as error:
             values = {"error": repr(error)}
-            return math.nan, Message("steering.controller_failed", values)
+            return self._unknown, Message("steering.controller_failed", values)
         finally:
             self.watch.met("plan")
-        if not math.isfinite(swing):
-            return math.nan, Message("steering.no_number", {"swing": swing})
-        return swing, None
+        if len(inputs) != len(self._unknown):
+            wrong = f"expected {len(self._unknown)} inputs, found {len(inputs)}"
+            values = {"error": wrong}
+            return self._unknown, Message("steering.controller_failed", values)
+        for number in inputs:
+            if not math.isfinite(number):
+                return self._unknown, Message("steering.no_number", {"swing": number})
+        return inputs, None
 
     def _permitted(
-        self, swing: float, failure: Message | None, stance_s: float
-    ) -> tuple[Outcome, float, Message | None]:
-        """Return outcome and command for a planned swing, and why they differ."""
+        self, planned: Numbers, failure: Message | None, stance_s: float
+    ) -> tuple[DecisionOutcome, Numbers, Message | None]:
+        """Return outcome and command for planned inputs, and why they differ."""
         late_s = self._clock() - stance_s
-        limit = self.limits.swing_rad
         if self._stop.is_set():
-            return "held", 0.0, Message("steering.ended_meanwhile")
+            return "held", self._at_rest, Message("steering.ended_meanwhile")
         if failure is None and late_s > self.limits.command_s:
             failure = Message("steering.plan_came_late", {"late_s": late_s})
         if failure is not None:
             self.watch.fail("plan", failure)
-            return "held", 0.0, failure
-        if abs(swing) > limit:
-            values = {"planned_rad": swing, "limit_rad": limit}
-            return "cut", math.copysign(limit, swing), Message("steering.cut", values)
-        return "planned", swing, None
+            return "held", self._at_rest, failure
+        within = np.clip(planned, self._lower, self._upper)
+        command: Numbers = tuple(within.tolist())
+        if command != planned:
+            return "cut", command, self._cut(planned, command)
+        return "planned", planned, None
+
+    def _cut(self, planned: Numbers, command: Numbers) -> Message:
+        """Say which input was beyond its limits."""
+        if is_hopper(self.axes):
+            values = {"planned_rad": planned[0], "limit_rad": self.limits.swing_rad}
+            return Message("steering.cut", values)
+        both = zip(self.axes.inputs, planned, command, strict=True)
+        cut = [(one, wanted, sent) for one, wanted, sent in both if wanted != sent]
+        axis, wanted, sent = cut[0]
+        named = {"input": axis.column, "planned": wanted, "limit": sent}
+        return Message("steering.cut_input", named)
 
     def _log(self, decision: Decision) -> None:
         self._decisions.append(decision)
@@ -598,6 +632,17 @@ class ControlLoop(Worker):
                 self._on_decision(decision)
             except Exception as error:
                 self.last_failure = repr(error)
+
+
+def input_limits(axes: StrideAxes, limits: Limits) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the largest inputs (U,) that are sent.
+
+    The hopper's swing has the limit of the drive, and others those of their axes.
+    """
+    if is_hopper(axes):
+        largest = np.array([limits.swing_rad])
+        return -largest, largest
+    return axes.lower, axes.upper
 
 
 def _does_not_follow(wrong: Sequence[tuple[float, float]]) -> Message:
@@ -629,14 +674,28 @@ class _Newest:
 
 
 @dataclass(frozen=True)
+class _Known:
+    """What is known at a stance: pose and states there, and how old they are, s."""
+
+    stance_s: float  # on the monotonic clock
+    asked_s: float
+    pose: Numbers
+    pose_age_s: float
+    state: Numbers
+    state_age_s: float
+    state_ages_s: dict[str, float]  # by the name of each state
+    previous: Numbers | None = None
+
+
+@dataclass(frozen=True)
 class _SeenStance:
     """A stance, the frame that revealed it, and the newest measurements up to it."""
 
-    stance: Stance
+    stance: DetectedStance
     frame: Frame
     pose_at_stance: _Newest  # of the frame nearest to it
     newest_pose: _Newest
-    boom_angle: _Newest
+    state: _Newest
 
     @property
     def stance_s(self) -> float:

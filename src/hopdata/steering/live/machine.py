@@ -14,7 +14,7 @@ from typing import TypeAlias
 from hopdata.messages import Message
 
 
-class State(StrEnum):
+class DriveState(StrEnum):
     """State of a drive.
 
     Waiting: the operator has not armed it yet. Armed: the first swing is sent at the
@@ -60,33 +60,37 @@ REST_WITHIN_S = 0.05
 class Transition:
     """A row of the table: what an event does in a state."""
 
-    source: State
+    source: DriveState
     event: Event
-    target: State
+    target: DriveState
     told: Told
 
 
-def _stays(state: State, told: Told, *events: Event) -> tuple[Transition, ...]:
+def _stays(state: DriveState, told: Told, *events: Event) -> tuple[Transition, ...]:
     return tuple(Transition(state, event, state, told) for event in events)
 
 
 TRANSITIONS = (
-    Transition(State.WAITING, Event.ARM, State.ARMED, Told.NOTHING),
-    *_stays(State.WAITING, Told.NOTHING, Event.ARM_IN_VAIN, Event.STANCE, Event.FAULT),
-    Transition(State.WAITING, Event.END, State.STOPPED, Told.REST),
-    *_stays(State.ARMED, Told.NOTHING, Event.ARM),
-    Transition(State.ARMED, Event.STANCE, State.RUNNING, Told.SWING),
-    Transition(State.ARMED, Event.FAULT, State.RESTING, Told.REST),
-    Transition(State.ARMED, Event.END, State.STOPPED, Told.REST),
-    *_stays(State.RUNNING, Told.NOTHING, Event.ARM),
-    *_stays(State.RUNNING, Told.SWING, Event.STANCE),
-    Transition(State.RUNNING, Event.FAULT, State.RESTING, Told.REST),
-    Transition(State.RUNNING, Event.END, State.STOPPED, Told.REST),
-    Transition(State.RESTING, Event.ARM, State.ARMED, Told.NOTHING),
-    *_stays(State.RESTING, Told.REST, Event.ARM_IN_VAIN, Event.STANCE, Event.FAULT),
-    Transition(State.RESTING, Event.END, State.STOPPED, Told.REST),
+    Transition(DriveState.WAITING, Event.ARM, DriveState.ARMED, Told.NOTHING),
     *_stays(
-        State.STOPPED,
+        DriveState.WAITING, Told.NOTHING, Event.ARM_IN_VAIN, Event.STANCE, Event.FAULT
+    ),
+    Transition(DriveState.WAITING, Event.END, DriveState.STOPPED, Told.REST),
+    *_stays(DriveState.ARMED, Told.NOTHING, Event.ARM),
+    Transition(DriveState.ARMED, Event.STANCE, DriveState.RUNNING, Told.SWING),
+    Transition(DriveState.ARMED, Event.FAULT, DriveState.RESTING, Told.REST),
+    Transition(DriveState.ARMED, Event.END, DriveState.STOPPED, Told.REST),
+    *_stays(DriveState.RUNNING, Told.NOTHING, Event.ARM),
+    *_stays(DriveState.RUNNING, Told.SWING, Event.STANCE),
+    Transition(DriveState.RUNNING, Event.FAULT, DriveState.RESTING, Told.REST),
+    Transition(DriveState.RUNNING, Event.END, DriveState.STOPPED, Told.REST),
+    Transition(DriveState.RESTING, Event.ARM, DriveState.ARMED, Told.NOTHING),
+    *_stays(
+        DriveState.RESTING, Told.REST, Event.ARM_IN_VAIN, Event.STANCE, Event.FAULT
+    ),
+    Transition(DriveState.RESTING, Event.END, DriveState.STOPPED, Told.REST),
+    *_stays(
+        DriveState.STOPPED,
         Told.REST,
         Event.ARM,
         Event.ARM_IN_VAIN,
@@ -158,7 +162,7 @@ class Machine:
 
     Attributes
     ----------
-    state : State
+    state : DriveState
     cause : Message or None
         Why it rests or is over: the fault that brought it there.
     lasting : dict
@@ -168,7 +172,7 @@ class Machine:
     """
 
     is_armed: bool = False
-    state: State = field(init=False)
+    state: DriveState = field(init=False)
     cause: Message | None = field(default=None, init=False)
     lasting: dict[str, Message] = field(default_factory=dict, init=False)
     steps: list[Step] = field(default_factory=list, init=False)
@@ -178,12 +182,12 @@ class Machine:
     _noted: set[str] = field(default_factory=set, init=False)
 
     def __post_init__(self) -> None:
-        self.state = State.ARMED if self.is_armed else State.WAITING
+        self.state = DriveState.ARMED if self.is_armed else DriveState.WAITING
 
     @property
     def may_swing(self) -> bool:
         """Whether a swing may be sent."""
-        return self.state in (State.ARMED, State.RUNNING)
+        return self.state in (DriveState.ARMED, DriveState.RUNNING)
 
     def arm(self, at_s: float) -> Step:
         """Arm the drive, unless a fault lasts."""
@@ -228,7 +232,10 @@ class Machine:
         """Look at the time, and return what that does."""
         steps = []
         for source, deadline in list(self._deadlines.items()):
-            cause = deadline.why(at_s) if at_s > deadline.due_s else None
+            is_due = at_s > deadline.due_s
+            if not is_due and source not in self.lasting:
+                continue
+            cause = deadline.why(at_s) if is_due else None
             step = self.report(source, cause, at_s)
             if step is not None:
                 steps.append(step)
@@ -249,7 +256,7 @@ class Machine:
         self.state = transition.target
         if step.changes:
             self._noted.clear()
-            is_resting = self.state in (State.RESTING, State.STOPPED)
+            is_resting = self.state in (DriveState.RESTING, DriveState.STOPPED)
             self.cause = cause if is_resting else None
         is_fault = event is Event.FAULT
         if step.changes or event is Event.ARM_IN_VAIN or (is_fault and is_kept):

@@ -99,14 +99,14 @@ PARTS = (
     Part(
         WATCH,
         "thread",
-        "safety:Watch",
+        "watch:Watch",
         "every 10 ms looks for a cause to rest; then lets no swing pass until armed",
         printed=False,
     ),
     Part(
         SENDER,
         "thread",
-        "safety:Sender",
+        "sender:Sender",
         "calls the boom's driver, which may block; heartbeats; insists on a rest",
         printed=False,
     ),
@@ -119,9 +119,9 @@ FLOWS = (
     Flow(STREAM, BUFFER, "Frame", "buffer:FrameBuffer.write", printed=True),
     Flow(BUFFER, CONTROL, "frames since", "buffer:FrameBuffer.since", printed=True),
     Flow(BUFFER, WATCH, "frames since", "buffer:FrameBuffer.since", printed=False),
-    Flow(CONTROL, WATCH, "swing", "safety:Watch.swing", printed=False),
-    Flow(WATCH, SENDER, "swing or rest", "safety:Sender.put", printed=False),
-    Flow(SENDER, ROBOT, "swing", "safety:Boom.swing", printed=True),
+    Flow(CONTROL, WATCH, "swing", "watch:Watch.send", printed=False),
+    Flow(WATCH, SENDER, "swing or rest", "sender:Sender.put", printed=False),
+    Flow(SENDER, ROBOT, "swing", "actuator:Boom.swing", printed=True),
     Flow(CONTROL, LOG, "frames, decisions", "log:DriveLog.decision", printed=False),
 )
 

@@ -31,11 +31,11 @@ from hopdata.messages import Message
 from hopdata.steering.live.buffer import Stream
 from hopdata.steering.live.clocked import ClockedDrive
 from hopdata.steering.live.drive import drive
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.log import DriveLog
 from hopdata.steering.live.loop import ControlLoop, checks_of, observers_of
 from hopdata.steering.live.machine import REST_WITHIN_S, Machine
 from hopdata.steering.live.packets import LiveError
-from hopdata.steering.live.safety import Limits
 from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, SimulatedStream
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry

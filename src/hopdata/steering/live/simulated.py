@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.steering.live.buffer import Frame, Stream
+from hopdata.steering.live.buffer import CAPACITY, Frame, Stream
 from hopdata.steering.robot import (
     Apex,
     Board,
-    Stance,
+    HopperStance,
     SteeredHop,
     SteeredHopper,
     released,
@@ -31,7 +31,7 @@ class TrueHop:
 
     start_s: float
     swing_rad: float
-    stance: Stance
+    stance: HopperStance
 
 
 # What cameras show of the true markers (K, M, 3) of K frames, m, given their times, s.
@@ -230,7 +230,7 @@ class SimulatedStream(Stream):
     """
 
     def __init__(self, hopper: LiveHopper, *, speed: float = 1.0) -> None:
-        super().__init__("hopdata-simulated", self._hop, 4096)
+        super().__init__("hopdata-simulated", self._hop, CAPACITY)
         self._hopper = hopper
         self._speed = speed
 

@@ -239,15 +239,33 @@ class MarkerStream(buffer.Stream):
         self._epoch = -1
         self._last_good_s = 0.0
 
+    @classmethod
+    def client(cls) -> Any:
+        """Return the client library of the source.
+
+        Raises
+        ------
+        ClientAbsentError
+            If it is not installed.
+        """
+        try:
+            import qtm_rt
+        except ImportError as error:
+            raise packets.ClientAbsentError(
+                "reading a live stream needs the client qtm-rt: "
+                "pip install 'hopdata[live]'"
+            ) from error
+        return qtm_rt
+
     def start(self) -> Self:
         """Start connecting.
 
         Raises
         ------
         ClientAbsentError
-            If the client library of the protocol is not installed.
+            If the client library of the source is not installed.
         """
-        self._client = _client()
+        self._client = self.client()
         return super().start()
 
     def wait_until_streaming(self, timeout_s: float = 30.0) -> buffer.Status:
@@ -435,13 +453,3 @@ class MarkerStream(buffer.Stream):
 
 def _loss(line: packets.Line) -> Exception:
     return line.error or packets.ConnectionLostError("the server has hung up")
-
-
-def _client() -> Any:
-    try:
-        import qtm_rt
-    except ImportError as error:
-        raise packets.ClientAbsentError(
-            "reading a live stream needs the client qtm-rt: pip install 'hopdata[live]'"
-        ) from error
-    return qtm_rt

@@ -21,10 +21,11 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
-from hopdata.steering.models import process as gp
+from hopdata.steering.models import training
 from hopdata.steering.models.kernels import embedded
 from hopdata.steering.models.learning import IN_UNITS, UNITS
-from hopdata.steering.models.tabulated import COMPONENTS
+from hopdata.steering.models.process import N_CHANGE, FrameChangeProcess
+from hopdata.steering.strides import COMPONENTS
 from hopdata.steering.true_hops import TrueHops
 
 #: Numbers of hops to learn from: from the dissertation's 100 to 100 for each of the 36
@@ -43,7 +44,7 @@ MODELS = (AGNOSTIC, KNOWN, UNKNOWN)
 
 @one_blas_thread()
 def conditioned_mean(
-    process: gp.FrameChangeProcess, known: TrueHops, points: FloatArray
+    process: FrameChangeProcess, known: TrueHops, points: FloatArray
 ) -> FloatArray:
     """Return the mean (n, 3) of a process that has seen these hops instead, at points.
 
@@ -52,9 +53,9 @@ def conditioned_mean(
     """
     changes = known.changes
     other = replace(process, points=changes.points, outputs=changes.change)
-    means = np.empty((len(points), gp.N_CHANGE))
+    means = np.empty((len(points), N_CHANGE))
     at = embedded(points, process.n_embedded)
-    for j in range(gp.N_CHANGE):
+    for j in range(N_CHANGE):
         standardised = other.regressor(j).predict(at)
         means[:, j] = process.offset[j] + process.unit[j] * standardised
     return means
@@ -74,7 +75,7 @@ class Predictions:
 
 
 def predictions(
-    process: gp.FrameChangeProcess, known: TrueHops, fresh: TrueHops
+    process: FrameChangeProcess, known: TrueHops, fresh: TrueHops
 ) -> Predictions:
     """Predict fresh hops from known ones, with one model for all and one a schedule.
 
@@ -106,12 +107,12 @@ def predictions(
 
 
 def _nearness(
-    process: gp.FrameChangeProcess, own: TrueHops, points: FloatArray
+    process: FrameChangeProcess, own: TrueHops, points: FloatArray
 ) -> FloatArray:
     """Return how much some hops correlate with points in all, (n, 3)."""
     at = embedded(points, process.n_embedded)
     seen = embedded(own.changes.points, process.n_embedded)
-    sums = [process.kernel(j)(at, seen).sum(axis=1) for j in range(gp.N_CHANGE)]
+    sums = [process.kernel(j)(at, seen).sum(axis=1) for j in range(N_CHANGE)]
     return np.column_stack(sums)
 
 
@@ -121,7 +122,7 @@ def schedule_curve(
     *,
     fresh: int,
     seed: int = 0,
-    options: gp.ProcessOptions | None = None,
+    options: training.ProcessOptions | None = None,
 ) -> pd.DataFrame:
     """Return the errors of the three models on fresh hops, by hops to learn from.
 
@@ -154,12 +155,12 @@ def schedule_curve(
     if len(hops) < needed:
         raise AnalysisError.at("schedules", f"at least {needed} hops", len(hops))
     if options is None:
-        options = replace(gp.RECOMMENDED, restarts=0)
+        options = replace(training.RECOMMENDED, restarts=0)
     order = np.random.default_rng(seed).permutation(len(hops))
     unseen = hops.rows(order[:fresh])
     pool = order[fresh:]
     first = hops.rows(pool[: min(sizes)])
-    process = gp.trained_process(first.changes, options, seed=seed)
+    process = training.trained_process(first.changes, options, seed=seed)
     tables = []
     for size in sizes:
         found = predictions(process, hops.rows(pool[:size]), unseen)

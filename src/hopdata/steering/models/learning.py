@@ -13,9 +13,10 @@ from hopdata.errors import AnalysisError
 from hopdata.rigid import wrapped
 from hopdata.steering import TRAINING, child
 from hopdata.steering.frame_changes import HOPPER, FrameChanges
-from hopdata.steering.models import process as gp
-from hopdata.steering.models.tabulated import COMPONENTS
-from hopdata.steering.strides import TURN, USED, Strides
+from hopdata.steering.models import training
+from hopdata.steering.models.kernels import SMOOTHNESSES
+from hopdata.steering.models.process import N_CHANGE, FrameChangeProcess
+from hopdata.steering.strides import COMPONENTS, TURN, USED, Strides
 
 #: Half of the central 95 % of a hop's prediction, in deviations.
 #: Unit: 1. Origin: table: the standard normal distribution.
@@ -24,7 +25,7 @@ UNITS = ("mm", "mm", "deg")
 IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
-def prediction_score(process: gp.FrameChangeProcess, hops: Strides) -> pd.DataFrame:
+def prediction_score(process: FrameChangeProcess, hops: Strides) -> pd.DataFrame:
     """Score the one-step predictions of strides.
 
     Returns
@@ -36,14 +37,14 @@ def prediction_score(process: gp.FrameChangeProcess, hops: Strides) -> pd.DataFr
         ``rmse``, the root mean square error in that unit; ``coverage``, the fraction of
         the strides within the central 95 % of their prediction.
     """
-    observed = gp.outputs_of(hops)
+    observed = training.outputs_of(hops)
     every = range(observed.shape[1])
     predicted, sd = process.predicted(hops.points, every, observed=True)
     error = predicted - observed
     learned = [state for state in hops.axes.states if not state.is_known]
     for k, state in enumerate(learned):
         if state in hops.axes.periodic:
-            column = gp.N_CHANGE + k
+            column = N_CHANGE + k
             error[:, column] = wrapped(error[:, column])
     mean_square = np.mean(error**2, axis=0)
     is_within = np.abs(error) <= WIDTH_95 * sd
@@ -63,11 +64,11 @@ def trained_and_scored(
     hops: Strides,
     train: FloatArray,
     test: FloatArray,
-    options: gp.ProcessOptions,
+    options: training.ProcessOptions,
     seed: int,
-) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
+) -> tuple[FrameChangeProcess, pd.DataFrame]:
     """Train on some rows of a table of strides, and score on other rows."""
-    process = gp.trained_process(hops.rows(train), options, seed=seed)
+    process = training.trained_process(hops.rows(train), options, seed=seed)
     return process, prediction_score(process, hops.rows(test))
 
 
@@ -81,7 +82,7 @@ def random_split(
 
 def learning_scores(
     changes: Strides,
-    options: Mapping[Any, gp.ProcessOptions],
+    options: Mapping[Any, training.ProcessOptions],
     sizes: Sequence[int],
     *,
     draws: int,
@@ -164,7 +165,7 @@ PRINTED_MAP_RAD = np.pi / 4
 
 @one_blas_thread()
 def map_table(
-    process: gp.FrameChangeProcess, swing_limit_rad: float, *, swings: int = 33
+    process: FrameChangeProcess, swing_limit_rad: float, *, swings: int = 33
 ) -> pd.DataFrame:
     """Tabulate mean and standard deviation over three turns of the boom and all swings.
 
@@ -197,21 +198,21 @@ def map_table(
 
 
 @one_blas_thread()
-def printed_map_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
+def printed_map_table(process: FrameChangeProcess) -> pd.DataFrame:
     """Tabulate Fig. 3.3 as printed, on the hops that a process was trained on.
 
     The printed model learns from them, and the swings are within 45 degrees. See
     `map_table`.
     """
-    return map_table(gp.relearned(process, gp.PRINTED), PRINTED_MAP_RAD)
+    return map_table(training.relearned(process, training.PRINTED), PRINTED_MAP_RAD)
 
 
-def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
+def training_table(process: FrameChangeProcess) -> pd.DataFrame:
     """Return the training hops of a process, with the columns of `map_table`.
 
     Copies of hops a turn before and after are left out.
     """
-    points, outputs = gp.without_copies(process)
+    points, outputs = training.without_copies(process)
     table = pd.DataFrame(points, columns=list(HOPPER.columns))
     table[list(COLUMNS)] = outputs * IN_UNITS
     return table
@@ -229,17 +230,17 @@ def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
 # noise to variance, not on the units. Once the length scale is fitted and the variance
 # is not, the units matter.
 
-_FITTED = replace(gp.PRINTED, length_scale=None, noise=None)
-READINGS: Mapping[str, gp.ProcessOptions] = {
+_FITTED = replace(training.PRINTED, length_scale=None, noise=None)
+READINGS: Mapping[str, training.ProcessOptions] = {
     # As in the formula: variance and length scale 1, noise 0.1; in mm and rad.
-    "printed, all fixed": gp.PRINTED,
+    "printed, all fixed": training.PRINTED,
     # The length scale is fitted, the rest as before.
-    "printed, length fitted": replace(gp.PRINTED, length_scale=None),
+    "printed, length fitted": replace(training.PRINTED, length_scale=None),
     # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: 0.1 is only the initial value of
     # the noise.
     "printed, length and noise fitted, mm": _FITTED,
     "printed, length and noise fitted, m": replace(_FITTED, length_unit_m=1.0),
-    "standardised, all fitted": gp.RECOMMENDED,
+    "standardised, all fitted": training.RECOMMENDED,
 }
 
 
@@ -249,8 +250,8 @@ def smoothness_scores(
     train: int = 100,
     draws: int,
     seed: int,
-    readings: Mapping[str, gp.ProcessOptions] = READINGS,
-    smoothnesses: Sequence[float] = gp.SMOOTHNESSES,
+    readings: Mapping[str, training.ProcessOptions] = READINGS,
+    smoothnesses: Sequence[float] = SMOOTHNESSES,
 ) -> pd.DataFrame:
     """Score smoothnesses, by default four, in each reading of the set-up.
 
@@ -323,7 +324,7 @@ LEFT_TO_TEST = 2
 @one_blas_thread()
 def learn(
     changes: Strides, options: Mapping[str, Any], *, seed: np.random.SeedSequence
-) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
+) -> tuple[FrameChangeProcess, pd.DataFrame]:
     """Learn from a random selection of ``steering.model.training_hops`` hops.
 
     Parameters
@@ -346,7 +347,7 @@ def learn(
     """
     n_train = options["training_hops"]
     train, rest = learned_and_rest(changes, options, seed=seed)
-    process = gp.trained_process(train, gp.process_of(options))
+    process = training.trained_process(train, training.process_of(options))
     score = prediction_score(process, rest)
     return process, score.assign(training_hops=n_train, test_hops=len(rest))
 
@@ -375,7 +376,7 @@ def hops_to_learn_from(changes: Strides, training_hops: int) -> Strides:
     """
     hops = changes.used()
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
-    least = gp.LEAST_HOPS + LEFT_TO_TEST
+    least = training.LEAST_HOPS + LEFT_TO_TEST
     if len(hops) < least:
         wanted = f"at least {least} hops that can be used, to learn from and to test on"
         raise AnalysisError.at("steering", wanted, f"{len(hops)} {left_out}")
@@ -389,7 +390,7 @@ def hops_to_learn_from(changes: Strides, training_hops: int) -> Strides:
 
 # How many hops it takes to learn the frame change, and whether the kernel matters.
 
-MODELS = {"printed": gp.PRINTED, "recommended": gp.RECOMMENDED}
+MODELS = {"printed": training.PRINTED, "recommended": training.RECOMMENDED}
 #: Numbers of hops of the learning curve.
 #: Unit: 1. Origin: chosen.
 SIZES = (20, 35, 60, 100, 170)

@@ -24,8 +24,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.learning import IN_UNITS, UNITS
-from hopdata.steering.models.tabulated import COMPONENTS
-from hopdata.steering.strides import Strides
+from hopdata.steering.strides import COMPONENTS, Strides
 from hopdata.steering.true_hops import VELOCITY, TrueHops
 
 #: Harmonics of the boom angle in the model of a hop by its inputs.

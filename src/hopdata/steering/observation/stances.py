@@ -165,7 +165,7 @@ LEAST_STEP_FRAMES = 0.1
 
 
 @dataclass(frozen=True)
-class Stance:
+class DetectedStance:
     """A recognised stance.
 
     Parameters
@@ -237,7 +237,7 @@ class StanceDetector:
         self._kept_s = math.inf
         self._hole_s = 0.0
 
-    def feed(self, time_s: float, height_m: float) -> Stance | None:
+    def feed(self, time_s: float, height_m: float) -> DetectedStance | None:
         """Take the next frame; return the stance it reveals, if any.
 
         Parameters
@@ -348,7 +348,7 @@ class StanceDetector:
         bend = 2 * (c02 * z0 + c12 * z1 + c22 * z2) / determinant
         return slope, bend, self.noise_m * math.sqrt(max(0.0, c11 / determinant))
 
-    def _recognised(self, rising: Motion, bend: float) -> Stance | None:
+    def _recognised(self, rising: Motion, bend: float) -> DetectedStance | None:
         """Return the stance before a rise, if it was low, recent and curved enough."""
         assert self._falling is not None
         before_s, _, fall = self._falling
@@ -368,7 +368,7 @@ class StanceDetector:
             return None
         self._armed = False
         self._falling = None
-        return Stance(
+        return DetectedStance(
             time_s=float(lowest_s),
             height_m=float(self._lowest_m),
             bridged=is_bridged,
@@ -600,7 +600,7 @@ def find_stances(
 
 def _stances_in(
     time: FloatArray, height: FloatArray, geometry: HopperGeometry
-) -> list[Stance]:
+) -> list[DetectedStance]:
     """Return the stances that a detector recognises in heights that are known."""
     if len(time) < 2:
         return []
@@ -610,8 +610,8 @@ def _stances_in(
 
 
 def _by_visit(
-    time: FloatArray, visits: Visits, recognised: list[Stance]
-) -> list[Stance | None]:
+    time: FloatArray, visits: Visits, recognised: list[DetectedStance]
+) -> list[DetectedStance | None]:
     """Return the stance of each visit, or None where none was recognised.
 
     A stance whose lowest point is in a gap may have no visit, since no frame is low;
@@ -632,7 +632,7 @@ def _link(
     time: FloatArray,
     height: FloatArray,
     visits: Visits,
-    by_visit: list[Stance | None],
+    by_visit: list[DetectedStance | None],
     k: int,
     above_m: float,
 ) -> str | None:

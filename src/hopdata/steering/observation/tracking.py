@@ -72,6 +72,11 @@ class Observation:
     lacking: tuple[str, ...] = ()
 
     @property
+    def state(self) -> tuple[float, ...]:
+        """States of the robot that the frame shows; the hopper's is its boom angle."""
+        return (self.boom_angle_rad,)
+
+    @property
     def known(self) -> bool:
         """Whether there is a pose."""
         return self.status in KNOWN

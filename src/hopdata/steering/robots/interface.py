@@ -9,18 +9,20 @@ learning, controllers, log and replay use nothing else of a robot.
 
 from __future__ import annotations
 
+import logging
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Any, Protocol, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import AnalysisError, require
-from hopdata.steering.control.objectives import Controller, PlanningError
-from hopdata.steering.strides import StrideAxes, Strides, recorded_strides
+from hopdata.steering.control.interface import Controller, PlanningError
+from hopdata.steering.strides import StrideAxes, Strides, at_rest, recorded_strides
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,37 @@ class SimulatedRobot(Protocol):
     ) -> Stance:
         """Make one stride with these inputs (U,)."""
         ...
+
+
+class PathRobot(ABC):
+    """A simulated robot that tells its path, as cameras need it: a `SimulatedRobot`."""
+
+    axes: ClassVar[StrideAxes]
+    seen_sd: ClassVar[tuple[float, ...]]
+
+    @abstractmethod
+    def release(self, pose: ArrayLike, /) -> Stance:
+        """Put the robot down at a pose (3,)."""
+
+    @abstractmethod
+    def path(
+        self,
+        stance: Stance,
+        inputs: FloatArray,
+        rng: np.random.Generator,
+        times_s: FloatArray,
+    ) -> tuple[Stance, FloatArray]:
+        """Make one stride with inputs (U,).
+
+        Return the next stance, and the robot's own states (K, N) at the times after the
+        first stance, up to the next.
+        """
+
+    def stride(
+        self, stance: Stance, inputs: FloatArray, rng: np.random.Generator
+    ) -> Stance:
+        """Make one stride with these inputs (U,)."""
+        return self.path(stance, inputs, rng, np.empty(0))[0]
 
 
 class Simulation:
@@ -180,11 +213,6 @@ def _require_finite(stance: Stance) -> None:
         raise AnalysisError.at("stride", wanted, numbers)
 
 
-def at_rest(axes: StrideAxes) -> FloatArray:
-    """Return the inputs (U,) of a robot that is not steered: nearest to zero."""
-    return np.clip(0.0, axes.lower, axes.upper)
-
-
 @dataclass(frozen=True)
 class Log:
     """Log of a robot: its stances, and what was commanded in each.
@@ -196,11 +224,18 @@ class Log:
         The K stances, as they were seen.
     inputs : (K, U) array
         Inputs commanded in each; NaN in the last one.
+    cut : (K,) bool array
+        Where what was chosen was beyond the limits of the inputs, and was cut to them.
+    failure : str
+        Why it ended early: what the robot or the controller raised. Empty if neither
+        did. The robot was then commanded to rest.
     """
 
     axes: StrideAxes
     stances: tuple[Stance, ...]
     inputs: FloatArray
+    cut: BoolArray
+    failure: str = ""
 
     @property
     def fell(self) -> bool:
@@ -226,6 +261,8 @@ class Log:
         )
 
 
+logger = logging.getLogger(__name__)
+
 # What is commanded in a stance, by it and by the inputs of the stride that led to it;
 # None ends the log.
 Choice: TypeAlias = Callable[[Stance, FloatArray | None], FloatArray | None]
@@ -239,8 +276,18 @@ def excited(robot: Robot, inputs: ArrayLike) -> Log:
     robot : Robot
     inputs : (n, U) or (n,) array
         What is commanded, stride by stride.
+
+    Raises
+    ------
+    ConfigError
+        If one is beyond its limits, or no number; nothing has moved by then.
     """
     wanted = np.asarray(inputs, dtype=float).reshape(-1, len(robot.axes.inputs))
+    is_within = (robot.axes.lower <= wanted) & (wanted <= robot.axes.upper)
+    place = f"inputs of stride {int(np.argmin(is_within.all(axis=1)))}"
+    limits = f"from {robot.axes.lower.tolist()} to {robot.axes.upper.tolist()}"
+    found = wanted[~is_within.all(axis=1)][:1].tolist()
+    require(bool(is_within.all()), place, limits, found)
     remaining = iter(wanted)
     return _logged(robot, lambda _stance, _previous: next(remaining, None))
 
@@ -285,7 +332,8 @@ def replayed(log: Log, controller: Controller) -> FloatArray:
     previous = None
     for k, stance in enumerate(log.stances):
         if np.isfinite(log.inputs[k]).all():
-            again[k] = _planned(controller, stance, previous, log.axes)
+            planned = _planned(controller, stance, previous, log.axes)
+            again[k] = np.clip(planned, log.axes.lower, log.axes.upper)
             previous = log.inputs[k]
     return again
 
@@ -305,17 +353,45 @@ def _planned(
 
 
 def _logged(robot: Robot, chosen: Choice) -> Log:
-    """Command in each stance what is chosen there, until nothing is."""
-    stances = []
-    commanded = []
-    previous: FloatArray | None = None
-    nothing = np.full(len(robot.axes.inputs), np.nan)
-    for stance in robot.stances():
-        inputs = chosen(stance, previous)
-        stances.append(stance)
-        commanded.append(nothing if inputs is None else inputs)
-        if inputs is None:
-            break
-        robot.command(inputs)
-        previous = inputs
-    return Log(robot.axes, tuple(stances), np.array(commanded))
+    """Command in each stance what is chosen there, until nothing is.
+
+    What is chosen is cut to the limits of the inputs. If the robot or what chooses
+    fails, the robot is commanded to rest, and the log ends there.
+    """
+    stances: list[Stance] = []
+    commanded: list[FloatArray] = []
+    cut: list[bool] = []
+    failure = ""
+    try:
+        for stance in robot.stances():
+            stances.append(stance)
+            commanded.append(np.full(len(robot.axes.inputs), np.nan))
+            cut.append(False)
+            previous = commanded[-2] if len(commanded) > 1 else None
+            inputs = chosen(stance, previous)
+            if inputs is None:
+                break
+            within = np.clip(inputs, robot.axes.lower, robot.axes.upper)
+            cut[-1] = bool((within != inputs).any())
+            if cut[-1]:
+                said = "stride %d: inputs %s cut to their limits: %s"
+                logger.warning(said, len(stances), inputs, within)
+            robot.command(within)
+            commanded[-1] = within
+    except AnalysisError:  # of a simulation that cannot go on
+        _rest(robot)
+        raise
+    except Exception as error:
+        failure = f"stride {len(stances)}: {error!r}"
+        logger.error("the robot rests, and its log ends: %s", failure)
+        _rest(robot)
+    inputs_sent = np.array(commanded).reshape(-1, len(robot.axes.inputs))
+    return Log(robot.axes, tuple(stances), inputs_sent, np.array(cut), failure)
+
+
+def _rest(robot: Robot) -> None:
+    """Command a robot to rest; one that is gone cannot."""
+    try:
+        robot.command(at_rest(robot.axes))
+    except Exception as error:
+        logger.error("the robot could not be commanded to rest: %r", error)

@@ -2,12 +2,10 @@
 
 It moves in the plane x, z and never turns. The leg has the stiffness, damping, preload
 and extension of the steered hopper's three together. In contact it pushes along itself
-with F0 + k (l0 - l) - c dl/dt, from the rest length l0 until the length l0 + e, which
-restores energy.
-
-A stride is a hop from apex to apex. In flight the leg is turned ahead of the vertical
-by `NEUTRAL_S_M` times the forward speed, which slows it down (Raibert 1986), plus the
-input. The forward speed at the apex is the state; how it goes on must be learned.
+with F0 + k (l0 - l) - c dl/dt, from the rest length l0 until l0 + e: energy comes back.
+In flight it is turned ahead of the vertical by `NEUTRAL_S_M` times the forward speed,
+which slows it down (Raibert 1986), plus the input. A stride leads from apex to apex;
+the speed there is the state, and how it goes on must be learned.
 """
 
 import math
@@ -15,12 +13,13 @@ from dataclasses import astuple, dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, field, guards, on_event, solve
 from hopdata.steering.robot import SOFT_KICKS
-from hopdata.steering.robots.interface import Stance
+from hopdata.steering.robots.interface import PathRobot, Stance
 from hopdata.steering.strides import Input, State, StrideAxes
 from hopdata.synthesis.trial import Kicks
 
@@ -31,7 +30,7 @@ NEUTRAL_S_M = 0.2
 #: Unit: s. Origin: chosen.
 HOP_LIMIT_S = 3.0
 
-# State: x, z, their velocities, x of the standing foot. Parameters: the fields' order.
+# State: x, z, velocities, x of the standing foot. Parameters: the fields' order.
 MASS, STIFFNESS, DAMPING, PRELOAD, LENGTH, EXTENSION, GRAVITY, ANGLE = range(8)
 LEG, APEX, FALLEN, TOUCHED = range(4)  # guards, and the mode beside them
 
@@ -102,7 +101,7 @@ SYSTEM = System(
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanarHopper:
+class PlanarHopper(PathRobot):
     """The planar hopper; a `SimulatedRobot`. Its parameters are m, k, c, F0, l0, e, g.
 
     The kicks disturb velocity and preload at each apex.
@@ -130,9 +129,9 @@ class PlanarHopper:
         height = self.leg_length_m + self.release_height_m
         return stance_of(np.array([np.ravel(pose)[0], height, 0.0, 0.0, 0.0]), 0.0)
 
-    def stride(
-        self, stance: Stance, inputs: FloatArray, rng: np.random.Generator
-    ) -> Stance:
+    def path(
+        self, stance: Stance, inputs: FloatArray, rng: Generator, times_s: FloatArray
+    ) -> tuple[Stance, FloatArray]:
         """Hop with the leg turned ahead by inputs (1,) more than its neutral angle."""
         state = stance.inner.copy()
         state[2:4] += self.kicks.velocity_m_s * rng.standard_normal(2)
@@ -140,9 +139,10 @@ class PlanarHopper:
         params[PRELOAD] *= 1 + self.kicks.preload_fraction * rng.standard_normal()
         params[ANGLE] = NEUTRAL_S_M * state[2] + inputs[0]
         mode = [-1, 1 if state[3] > 0 else -1, -1, 0]
-        end = solve(SYSTEM, (0.0, HOP_LIMIT_S), state, params=params, mode=mode)
-        is_apex = end.t_end < HOP_LIMIT_S and end.events.guard[-1] == APEX
-        return stance_of(end.y_end, stance.time_s + end.t_end, fell=not is_apex)
+        span = (0.0, HOP_LIMIT_S)
+        end = solve(SYSTEM, span, state, params=params, mode=mode, t_eval=times_s)
+        fell = end.t_end >= HOP_LIMIT_S or end.events.guard[-1] != APEX
+        return stance_of(end.y_end, stance.time_s + end.t_end, fell=fell), end.y.T
 
 
 def stance_of(state: FloatArray, time_s: float, *, fell: bool = False) -> Stance:

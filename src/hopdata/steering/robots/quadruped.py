@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
@@ -24,7 +25,7 @@ from hopdata.scenes import quadruped as scene
 from hopdata.scenes.body import N_STATES, YAW
 from hopdata.scenes.scene import Variant
 from hopdata.steering.robot import SOFT_KICKS
-from hopdata.steering.robots.interface import Stance
+from hopdata.steering.robots.interface import PathRobot, Stance
 from hopdata.steering.strides import Input, State, StrideAxes
 from hopdata.synthesis.hops import fly_hop, level_state
 from hopdata.synthesis.trial import Kicks, kicked
@@ -76,7 +77,7 @@ class StridingQuadruped(scene.Quadruped):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SteeredQuadruped:
+class SteeredQuadruped(PathRobot):
     """The steered quadruped; a `SimulatedRobot`.
 
     Parameters
@@ -111,9 +112,9 @@ class SteeredQuadruped:
         state[[0, 1, YAW]] = pose
         return stance_of(state, 0.0, difference=0.0)
 
-    def stride(
-        self, stance: Stance, inputs: FloatArray, rng: np.random.Generator
-    ) -> Stance:
+    def path(
+        self, stance: Stance, inputs: FloatArray, rng: Generator, times_s: FloatArray
+    ) -> tuple[Stance, FloatArray]:
         """Hop with strides whose difference, right less left, is inputs (1,), m."""
         noise = rng.standard_normal(scene.N_LEGS)
         factors = 1 + self.kicks.preload_fraction * noise
@@ -126,9 +127,11 @@ class SteeredQuadruped:
             kicked(stance.inner, self.kicks, rng),
             variant=HalfStrides((left_m / 2, right_m / 2)),
             preloads_n=self.body.preload_n * shares * factors,
+            frame_times_s=times_s,
         )
         time_s = stance.time_s + hop.end_time_s
-        return stance_of(hop.end_state, time_s, difference=difference, fell=hop.fell)
+        end = stance_of(hop.end_state, time_s, difference=difference, fell=hop.fell)
+        return end, hop.states
 
 
 def stance_of(

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pkgutil import resolve_name
 
 from hopdata.errors import chosen
+from hopdata.steering.live.buffer import CAPACITY
 from hopdata.steering.live.stream import MarkerStream
 
 QUALISYS = "qualisys"
@@ -25,6 +26,19 @@ SOURCES = {
 }
 
 
+def require_client(source: str) -> None:
+    """Require the client library of a source, before any work is done.
+
+    Raises
+    ------
+    ConfigError
+        If no source has this name.
+    ClientAbsentError
+        If its library is not installed.
+    """
+    resolve_name(chosen("--source", source, SOURCES)).client()
+
+
 def stream_of(
     source: str,
     labels: Sequence[str],
@@ -32,7 +46,7 @@ def stream_of(
     host: str,
     port: int,
     rate_hz: float,
-    capacity: int = 4096,
+    capacity: int = CAPACITY,
 ) -> MarkerStream:
     """Return the stream of a source.
 

@@ -36,7 +36,7 @@ METRES = {
 }
 #: Longest wait for a sample, after which the reader looks whether it is to end.
 #: Unit: s. Origin: chosen.
-LOOK_S = 0.05
+PULL_S = 0.05
 
 
 class LslStream(ThreadedStream):
@@ -57,7 +57,7 @@ class LslStream(ThreadedStream):
         first_s = None
         try:
             while not ended.is_set():
-                values, time_s = inlet.pull_sample(timeout=LOOK_S)
+                values, time_s = inlet.pull_sample(timeout=PULL_S)
                 arrival_s = time.monotonic()
                 if values is None:
                     continue

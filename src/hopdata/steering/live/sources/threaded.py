@@ -6,10 +6,11 @@ import asyncio
 import importlib
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Sample:
     markers: FloatArray
 
 
-class ThreadedStream(MarkerStream):
+class ThreadedStream(MarkerStream, ABC):
     """Reads frames that a library waits for; options are those of `MarkerStream`.
 
     A subclass says which library it needs, and yields the frames in `_samples`, which
@@ -55,23 +56,24 @@ class ThreadedStream(MarkerStream):
     library: ClassVar[str]
     extra: ClassVar[str]
 
-    def start(self) -> Self:
-        """Start connecting.
+    @classmethod
+    def client(cls) -> Any:
+        """Return the library of the source.
 
         Raises
         ------
         ClientAbsentError
-            If the library is not installed.
+            If it is not installed.
         """
         try:
-            self._client: Any = importlib.import_module(self.library)
+            return importlib.import_module(cls.library)
         except (ImportError, RuntimeError) as error:  # pylsl raises it without liblsl
             raise packets.ClientAbsentError(
-                f"this source needs {self.library} ({error}): "
-                f"pip install 'hopdata[{self.extra}]'"
+                f"this source needs {cls.library} ({error}): "
+                f"pip install 'hopdata[{cls.extra}]'"
             ) from error
-        return super(MarkerStream, self).start()
 
+    @abstractmethod
     def _samples(self, ended: threading.Event) -> Iterator[Sample]:
         """Connect, then yield each frame until `ended` is set.
 
@@ -80,7 +82,6 @@ class ThreadedStream(MarkerStream):
         LiveError
             If the source is set up differently, cannot be reached, or is lost.
         """
-        raise NotImplementedError
 
     async def _session(self) -> None:
         """Connect and read until the connection is lost, which raises an exception."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from hopdata.jobs import read_table, reported, write_table
 from hopdata.steering.experiments.study import horizons_of
-from hopdata.steering.models.process import load_process
+from hopdata.steering.models.process_file import load_process
 from hopdata.steering.observation.geometry import load_geometry
 from hopdata.steering.trial import true_map_of
 

@@ -6,7 +6,7 @@ from hopdata.jobs import reported, write_json, write_table
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 from hopdata.steering.control.forecast import forecast
 from hopdata.steering.models.learning import learn, learned_and_rest
-from hopdata.steering.models.process import save_process
+from hopdata.steering.models.process_file import save_process
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.strides import to_table
 from hopdata.steering.trial import simulate_excitation
@@ -35,7 +35,7 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
     )
     process, scores = learn(observed.changes, steering["model"], seed=seed)
     _, rest = learned_and_rest(observed.changes, steering["model"], seed=seed)
-    expected = forecast(process, rest, swing_limit_rad=limit)
+    expected = forecast(process, rest, state=[np.pi])
     scores = scores.assign(**expected.columns())
     save_process(output.model, process)
     observed.geometry.save(output.geometry)

@@ -8,7 +8,7 @@ from hopdata.steering.models.learning import (
     printed_map_table,
     training_table,
 )
-from hopdata.steering.models.process import load_process
+from hopdata.steering.models.process_file import load_process
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
     process = load_process(snakemake.input.model)

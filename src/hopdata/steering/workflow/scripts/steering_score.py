@@ -2,7 +2,7 @@
 
 from hopdata.jobs import read_table, reported, write_json
 from hopdata.steering.experiments.outcomes import truth_entries
-from hopdata.steering.models.process import load_process
+from hopdata.steering.models.process_file import load_process
 from hopdata.steering.trial import true_map_of
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):

@@ -1,27 +1,24 @@
-import socket
+"""The watch and the sender: rests, drivers that block, heartbeats."""
+
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from loopback import LONG_S, our_threads, wait_until
 from loopback_server import UdpSwings
+from test_actuator import DeafRobot
 
-from hopdata.errors import ConfigError
 from hopdata.messages import Message
-from hopdata.steering.live import safety
-from hopdata.steering.live.machine import Machine, State
-from hopdata.steering.live.packets import LiveError, PortError
-from hopdata.steering.live.safety import (
-    Limits,
-    NoBoom,
-    Sender,
-    UdpBoom,
-    Watch,
-    rest_within,
-)
+from hopdata.steering.live import sender
+from hopdata.steering.live.actuator import NoBoom, UdpBoom
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.machine import DriveState, Machine
+from hopdata.steering.live.packets import LiveError
+from hopdata.steering.live.sender import Sender, rest_within
+from hopdata.steering.live.watch import Watch
 
 
 @pytest.fixture
@@ -29,72 +26,6 @@ def swings():
     receiver = UdpSwings()
     yield receiver
     receiver.close()
-
-
-def test_the_newest_swing_is_received_once(swings):
-    with UdpBoom(swings.port) as boom:
-        assert swings.newest() is None
-        boom.swing(0.1)
-        boom.swing(-1 / 3)
-        got = []
-        wait_until(lambda: got.append(swings.newest()) or got[-1] == -1 / 3)
-        assert swings.newest() is None
-
-
-@pytest.mark.parametrize(
-    "line", [b"", b"swing 1", b"swing x 1", b"swing 1 nan", b"go 1 2", b"\xff"]
-)
-def test_what_is_not_a_swing_is_left_out_and_counted(swings, line):
-    with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
-        UdpBoom(swings.port) as boom,
-    ):
-        sender.sendto(line, ("127.0.0.1", swings.port))
-        boom.swing(0.5)
-        got = []
-        wait_until(lambda: got.append(swings.newest()) or 0.5 in got)
-    assert swings.garbled == 1
-
-
-def test_swings_that_are_old_or_come_twice_are_left_out_and_counted(swings):
-    got = []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        for line in (b"swing 7 0.1", b"swing 9 0.3", b"swing 8 0.2", b"swing 9 0.3"):
-            sender.sendto(line, ("127.0.0.1", swings.port))
-        wait_until(lambda: got.append(swings.newest()) or swings.outdated == 2)
-        sender.sendto(b"swing 9 0.3", ("127.0.0.1", swings.port))
-        wait_until(lambda: got.append(swings.newest()) or swings.outdated == 3)
-    assert [g for g in got if g is not None][-1] == 0.3
-    assert got[-1] is None
-    assert swings.garbled == 0
-
-
-def test_a_later_drive_is_not_taken_for_old(swings):
-    got = []
-    for rad in (0.1, 0.2):
-        with UdpBoom(swings.port) as boom:
-            boom.swing(rad)
-            wait_until(lambda rad=rad: got.append(swings.newest()) or got[-1] == rad)
-        time.sleep(0.005)
-    assert swings.outdated == 0
-
-
-@pytest.mark.parametrize("port", ["x", 0, 65536, -1, 5000.0, None])
-def test_what_is_no_port_is_refused_at_once(port):
-    with pytest.raises(
-        PortError, match="port: expected a whole number from 1 to 65535, found"
-    ):
-        UdpBoom(port)
-
-
-def test_a_host_without_an_address_is_refused_at_once():
-    with pytest.raises(PortError, match=r"host: expected an IPv4 address .* '::1'"):
-        UdpBoom(5000, host="::1")
-
-
-def test_a_port_in_use_is_a_clear_error(swings):
-    with pytest.raises(PortError, match=f"127.0.0.1, port {swings.port}"):
-        UdpSwings(swings.port)
 
 
 KEY = Message("steering.operators_key")
@@ -109,13 +40,13 @@ def test_a_rest_is_not_lifted_when_its_cause_is_gone_but_when_it_is_armed():
     boom, causes = Kept(), {"outside": KEY}
     watch = guard(boom, lambda: causes)
     watch.look()
-    assert watch.swing(0.1) == watch.cause == KEY
+    assert watch.send((0.1,)) == watch.cause == KEY
     assert watch.arm() == KEY
     causes["outside"] = None
     watch.look()
-    assert watch.swing(0.1) == KEY
+    assert watch.send((0.1,)) == KEY
     assert watch.arm() is None
-    assert watch.swing(0.1) is None
+    assert watch.send((0.1,)) is None
     assert boom.swings[-1] == 0.1
     assert set(boom.swings[:-1]) == {0.0}
 
@@ -140,64 +71,6 @@ class Kept:
         self.swings.append(rad)
 
 
-def test_no_swing_at_all_and_half_a_turn_are_limits():
-    assert Limits(swing_rad=0.0).swing_rad == 0.0
-    assert Limits(swing_rad=np.pi).swing_rad == np.pi
-
-
-@pytest.mark.parametrize("name", ["swing_rad", "tilt_rad"])
-@pytest.mark.parametrize("angle", [-1.0, np.nan, np.inf, 67.5])
-def test_an_angle_that_would_not_hold_is_refused(name, angle):
-    with pytest.raises(ConfigError, match=f"{name}: expected 0 to pi, found"):
-        Limits(**{name: angle})
-
-
-@pytest.mark.parametrize(
-    "name", ["pose_age_s", "command_s", "hop_s", "alive_s", "heard_s"]
-)
-@pytest.mark.parametrize("time", [-0.1, 0.0, np.nan])
-def test_a_time_that_would_not_hold_is_refused(name, time):
-    with pytest.raises(ConfigError, match=f"{name}: expected more than 0"):
-        Limits(**{name: time})
-
-
-# A rest is sent until it is heard.
-
-
-class DeafRobot:
-    """Receives lines on a port of its own, and answers none of the first ones."""
-
-    def __init__(self, deaf_to=0, answer=b"heard %d\n"):
-        self.lines, self._deaf_to, self._answer = [], deaf_to, answer
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", 0))
-        self._socket.setblocking(False)
-        self.port = self._socket.getsockname()[1]
-
-    def take(self):
-        """Read what has come, and answer it."""
-        with suppress(BlockingIOError):
-            while True:
-                line, sender = self._socket.recvfrom(100)
-                word, number, *rad = line.split()
-                if word == b"alive":
-                    self._socket.sendto(line, sender)
-                    continue
-                self.lines.append((int(number), float(rad[0])))
-                if len(self.lines) > self._deaf_to:
-                    answer = self._answer
-                    self._socket.sendto(
-                        answer % int(number) if b"%" in answer else answer, sender
-                    )
-        return self.lines
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._socket.close()
-
-
 @contextmanager
 def watched(boom):
     """Yield a watch whose cause is in a list, and the list."""
@@ -215,12 +88,12 @@ def test_a_rest_is_sent_until_it_is_heard_and_no_longer():
         UdpBoom(robot.port) as boom,
         watched(boom) as (watch, cause),
     ):
-        assert watch.swing(0.3) is None
+        assert watch.send((0.3,)) is None
         cause.append(KEY)
         wait_until(
             lambda: len(robot.take()) >= 6
         )  # the swing, four lost rests, and one heard
-        wait_until(lambda: robot.take() and watch._sender._rest is None)
+        wait_until(lambda: robot.take() and watch._sender._unheard_rest is None)
         heard = len(robot.take())
         time.sleep(0.1)  # ten looks
         assert len(robot.take()) == heard
@@ -237,7 +110,7 @@ def test_a_swing_is_not_repeated_though_it_is_not_heard():
         UdpBoom(robot.port) as boom,
         watched(boom) as (watch, _),
     ):
-        assert watch.swing(0.3) is None
+        assert watch.send((0.3,)) is None
         time.sleep(0.1)
         assert [rad for _, rad in robot.take()] == [0.3]
 
@@ -249,49 +122,6 @@ def test_a_rest_that_is_never_heard_is_told_at_the_end(caplog):
             wait_until(lambda: watch.rests)
         assert len(robot.take()) > 10
     assert "the boom did not acknowledge the last rest" in caplog.text
-
-
-@pytest.mark.parametrize(
-    "answer",
-    [
-        b"",
-        b"heard",
-        b"heard x",
-        b"heard -1",
-        b"heard 7",
-        b"swing %d 0.0",
-        b"\xff" * 200,
-    ],
-)
-def test_what_is_no_answer_to_the_last_swing_acknowledges_nothing(answer):
-    with DeafRobot(answer=answer) as robot, UdpBoom(robot.port) as boom:
-        boom.swing(0.0)
-        wait_until(robot.take)
-        time.sleep(0.02)
-        assert not boom.acknowledged()
-
-
-def test_the_answer_to_an_earlier_swing_is_not_that_to_a_rest_but_to_any_of_the_rests(
-    swings,
-):
-    with DeafRobot() as robot, UdpBoom(robot.port) as boom:
-        boom.swing(0.2)
-        robot._answer = b"heard %d" % boom._number
-        boom.swing(0.0)
-        wait_until(lambda: len(robot.take()) == 2)
-        time.sleep(0.02)
-        assert not boom.acknowledged()
-        robot._answer = b"heard %d" % boom._number
-        boom.swing(0.0)
-        boom.swing(0.0)
-        wait_until(lambda: len(robot.take()) == 4 and boom.acknowledged())
-    with UdpBoom(swings.port) as boom:
-        boom.swing(0.1)
-        wait_until(lambda: swings.newest() == 0.1)
-        wait_until(boom.acknowledged)
-
-
-# A driver that blocks.
 
 
 class BlockedBoom:
@@ -310,10 +140,10 @@ def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
     boom = BlockedBoom(1)
     watch = guard(boom, command_s=1.0)
     with watch:
-        assert watch.swing(0.1) is None
-        assert watch.swing(0.2).code == "steering.boom_blocked"
-        wait_until(lambda: watch.machine.state is State.RESTING)
-        assert watch.swing(0.3) == watch.cause  # refused at once
+        assert watch.send((0.1,)) is None
+        assert watch.send((0.2,)).code == "steering.boom_blocked"
+        wait_until(lambda: watch.machine.state is DriveState.RESTING)
+        assert watch.send((0.3,)) == watch.cause  # refused at once
         assert watch.arm() is not None  # it still blocks
         assert boom.swings == [0.1, 0.2]
         assert not watch.rests  # none has arrived
@@ -321,9 +151,9 @@ def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
         wait_until(lambda: watch.rests)
         assert boom.swings[:3] == [0.1, 0.2, 0.0]
         wait_until(lambda: not watch.machine.lasting)
-        assert watch.swing(0.4) is not None
+        assert watch.send((0.4,)) is not None
         assert watch.arm() is None
-        assert watch.swing(0.5) is None
+        assert watch.send((0.5,)) is None
     assert 0.4 not in boom.swings
     assert boom.swings[-1] == 0.5
 
@@ -331,7 +161,7 @@ def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
 def test_a_driver_that_takes_its_time_but_returns_is_no_cause():
     boom = SimpleNamespace(swing=lambda _: time.sleep(0.05))
     with guard(boom, command_s=LONG_S) as watch:
-        assert watch.swing(0.1) is None
+        assert watch.send((0.1,)) is None
         assert watch.cause is None
     assert not watch.rests
 
@@ -340,9 +170,9 @@ def test_of_commands_that_wait_only_the_newest_is_sent():
     boom = BlockedBoom(0)
     sender = Sender(boom, time.monotonic)
     with sender:
-        first = sender.put(0.1)
+        first = sender.put((0.1,))
         wait_until(lambda: boom.swings)
-        second, third = sender.put(0.2), sender.put(0.3)
+        second, third = sender.put((0.2,)), sender.put((0.3,))
         boom.released.set()
         assert third.done.wait(LONG_S)
     assert boom.swings == [0.1, 0.3]
@@ -350,10 +180,10 @@ def test_of_commands_that_wait_only_the_newest_is_sent():
 
 
 def test_a_driver_that_never_returns_is_an_error_at_the_end(monkeypatch):
-    monkeypatch.setattr(safety, "LAST_REST_S", 0.1)
+    monkeypatch.setattr(sender, "LAST_REST_S", 0.1)
     boom = BlockedBoom(0)
     watch = guard(boom, command_s=0.05).start()
-    watch.swing(0.1)
+    watch.send((0.1,))
     with pytest.raises(
         LiveError, match=r"the boom's driver has not returned for 0\.\d s"
     ):
@@ -375,12 +205,6 @@ def test_the_last_rest_does_not_wait_for_a_driver_that_blocks():
     assert rest_within(SimpleNamespace(swing=broken), LONG_S)  # it has returned
 
 
-@pytest.mark.parametrize("wrong", [0, -1, np.nan])
-def test_a_number_of_wrong_swings_that_would_end_no_drive_is_refused(wrong):
-    with pytest.raises(ConfigError, match="wrong_swings: expected 1 or more, found"):
-        Limits(wrong_swings=wrong)
-
-
 class Deaf:
     """A boom that cannot tell whether it has heard: its line is gone."""
 
@@ -399,9 +223,9 @@ def test_a_boom_that_fails_to_tell_is_sent_its_rests_all_the_same():
     watch = guard(boom, lambda: cause, command_s=LONG_S)
     watch.start()
     try:
-        assert watch.swing(0.0) is None
+        assert watch.send((0.0,)) is None
         wait_until(lambda: len(boom.swings) > 3)
-        assert watch.swing(0.3) is None
+        assert watch.send((0.3,)) is None
         cause["outside"] = KEY
         wait_until(lambda: watch.rests)
         assert boom.swings[-1] == 0.0
@@ -426,34 +250,13 @@ def test_a_swing_that_was_given_up_is_followed_by_a_rest_and_never_sent_later():
     watch = guard(boom, command_s=0.05)
     # Without the watch's own looks, which would send a rest as well
     watch._sender.start()
-    assert watch.swing(0.4).code == "steering.boom_blocked"
-    assert watch.swing(0.2).code == "steering.boom_blocked"  # refused by now
+    assert watch.send((0.4,)).code == "steering.boom_blocked"
+    assert watch.send((0.2,)).code == "steering.boom_blocked"  # refused by now
     boom.go.set()
     wait_until(lambda: boom.swings[-1] == 0.0)
     time.sleep(0.05)
     assert boom.swings == [0.4, 0.0]
     watch._sender.close()
-
-
-def test_an_answer_counts_only_from_the_robot_and_for_a_line_that_was_sent(swings):
-    with UdpBoom(swings.port) as boom:
-        boom.swing(0.0)
-        answers = (
-            f"heard {boom._number + 1}",
-            "heard 999999999999999999",
-            "heard x",
-            "heard",
-        )
-        numbers = [number_heard(boom, answer) for answer in answers]
-        assert numbers == [0, 0, 0, 0]
-        assert number_heard(boom, f"heard {boom._number}") == boom._number
-
-
-def number_heard(boom, answer):
-    return safety._number_in(answer.encode(), b"heard", boom._number)
-
-
-# Heartbeats.
 
 
 class Clock:
@@ -503,7 +306,7 @@ def test_heartbeats_are_numbered_and_come_every_so_often():
     assert list(numbers) == list(range(1, len(numbers) + 1))
     assert np.diff(at_s) == pytest.approx(0.025, abs=0.0051)  # two looks, or three
     assert watch.is_acknowledging
-    assert watch.machine.state is State.ARMED
+    assert watch.machine.state is DriveState.ARMED
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.05, 0.15])
@@ -529,14 +332,14 @@ def test_silence_of_the_boom_brings_it_to_rest_within_50_ms_of_the_limit():
 
 def test_a_loop_that_no_longer_looks_sends_no_more_heartbeats():
     boom, _ = beaten(Answering, looks=False)
-    assert boom.sent[-1][0] < 0.1 + safety.PERMITTED_S + 0.02
+    assert boom.sent[-1][0] < 0.1 + sender.PERMITTED_S + 0.02
 
 
 def test_a_boom_that_answers_nothing_is_told_about_and_runs():
     _, watch = beaten(lambda _: Kept())
     assert not watch.is_acknowledging
     assert watch.says_of_boom().code == "steering.acknowledging_nothing"
-    assert watch.swing(0.3) is None
+    assert watch.send((0.3,)) is None
 
 
 def test_heartbeats_over_udp_are_answered_until_the_robot_is_silent(swings):
@@ -549,27 +352,3 @@ def test_heartbeats_over_udp_are_answered_until_the_robot_is_silent(swings):
         wait_until(lambda: swings.beats == 2)
         assert boom.heard() == 1
         assert not boom.acknowledged() or boom._wanted == 0
-
-
-def test_a_robot_that_hears_nothing_rests_by_itself():
-    robot = UdpSwings(silence_s=0.05)
-    try:
-        with UdpBoom(robot.port) as boom:
-            boom.swing(0.3)
-            wait_until(lambda: robot._swing == 0.3)
-            time.sleep(0.1)
-            assert robot.newest() == 0.0  # too old to be executed
-            assert robot.silences == 1
-            boom.swing(0.4)
-            wait_until(lambda: robot._swing == 0.4)
-            assert robot.newest() == 0.4
-    finally:
-        robot.close()
-
-
-def test_a_heartbeat_of_old_keeps_no_swing_alive(swings):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        for line in (b"alive 7", b"alive 6", b"alive 7"):
-            sender.sendto(line, ("127.0.0.1", swings.port))
-        wait_until(lambda: swings.outdated == 2)
-    assert swings.beats == 1

@@ -1,0 +1,167 @@
+"""How far a run of Snakemake is: from its events to a line for each stage.
+
+The events come from hopdata's logger plugin (`snakemake_logger_plugin_hopdata`), as
+mappings with the key ``event``:
+
+- ``resources``: ``cores``, the number of jobs that run at once;
+- ``planned``: ``jobs``, the number of jobs that will run of each stage;
+- ``begun``: ``job``, its number; ``stage``, the name of its rule; ``makes_files``,
+  whether it has outputs; ``at_s``, s since 1970;
+- ``ended``: ``job`` and ``at_s``.
+
+Between Snakemake and `hopdata run` they are lines of JSON among what Snakemake and its
+jobs write on stderr, each behind the record separator of RFC 7464.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping
+from statistics import fmean
+from typing import Any, Protocol
+
+from hopdata.errors import counted
+
+Event = Mapping[str, Any]
+SEPARATOR = "\x1e"
+
+
+def line_of(event: Event) -> str:
+    """Return an event as a line that `events_in` finds."""
+    return f"{SEPARATOR}{json.dumps(event)}\n"
+
+
+def parted(line: str) -> tuple[str, Event | None]:
+    """Part a line of stderr into text and an event, which may follow unfinished text.
+
+    What looks like an event and is none stays text.
+    """
+    text, separator, record = line.partition(SEPARATOR)
+    if not separator:
+        return line, None
+    try:
+        event = json.loads(record)
+    except ValueError:
+        return line, None
+    if not isinstance(event, dict) or "event" not in event:
+        return line, None
+    if text:
+        text += "\n"
+    return text, event
+
+
+class Show(Protocol):
+    """Shows how far a run is."""
+
+    def __call__(self, done: int, of: int, remark: str, stage: str = "") -> None:
+        """Show how many jobs are done, what is left, and the stage that has ended."""
+
+
+class Progress:
+    """What is known of a run.
+
+    Parameters
+    ----------
+    show : callable
+        Is called after each job.
+
+    Attributes
+    ----------
+    planned : dict
+        Number of jobs that will run of each stage.
+    """
+
+    def __init__(self, show: Show) -> None:
+        self.planned: dict[str, int] = {}
+        self._show = show
+        self._cores = 1
+        self._n_jobs = 0
+        self._n_done = 0
+        #: When the first job began, s since 1970.
+        self._start_s: float | None = None
+        #: Stage and begin of each job, by its number.
+        self._begun: dict[int, tuple[str, float]] = {}
+        #: When the first job of each stage began.
+        self._stage_begun: dict[str, float] = {}
+        self._ended: Counter[str] = Counter()
+        #: How long each finished job took, s.
+        self._took: list[float] = []
+        self._without_files: set[str] = set()
+        self._takers: dict[str, Callable[[Event], None]] = {
+            "resources": self._take_resources,
+            "planned": self._take_planned,
+            "begun": self._take_begun,
+            "ended": self._take_ended,
+        }
+
+    def take(self, event: Event) -> None:
+        """Take an event; show how far the run is if a job has ended."""
+        taker = self._takers.get(event["event"])
+        if taker is not None:
+            taker(event)
+
+    def _take_resources(self, event: Event) -> None:
+        self._cores = max(1, int(event["cores"]))
+
+    def _take_planned(self, event: Event) -> None:
+        self.planned = dict(event["jobs"])
+        self._n_jobs = sum(self.planned.values())
+
+    def _take_begun(self, event: Event) -> None:
+        stage = event["stage"]
+        at_s = float(event["at_s"])
+        if self._start_s is None:
+            self._start_s = at_s
+        self._begun[event["job"]] = (stage, at_s)
+        self._stage_begun.setdefault(stage, at_s)
+        if not event["makes_files"]:
+            self._without_files.add(stage)
+
+    def _take_ended(self, event: Event) -> None:
+        stage, begun_s = self._begun.pop(event["job"], ("", None))
+        if begun_s is None:
+            return
+        at_s = float(event["at_s"])
+        self._n_done += 1
+        self._ended[stage] += 1
+        self._took.append(at_s - begun_s)
+        of = max(self._n_jobs, self._n_done)
+        self._show(self._n_done, of, self._left(at_s), self._stage_told(stage, at_s))
+
+    def _stage_told(self, stage: str, at_s: float) -> str:
+        """Name a stage whose last job has ended, and how long it took; else nothing."""
+        number = self._ended[stage]
+        if number < self.planned.get(stage, 1) or stage in self._without_files:
+            return ""
+        took = in_words(at_s - self._stage_begun[stage])
+        jobs = f" ({counted(number, 'job')})" if number > 1 else ""
+        return f"{stage}{jobs} {took}"
+
+    def _left(self, at_s: float) -> str:
+        n_left = self._n_jobs - self._n_done
+        if n_left > 0:
+            left_s = n_left * fmean(self._took) / self._cores
+            return f"about {in_words(left_s)} left"
+        assert self._start_s is not None  # a job has ended
+        return f"after {in_words(at_s - self._start_s)}"
+
+
+def plan_told(title: str, jobs: Mapping[str, int]) -> str:
+    """List what would run, a line for each stage."""
+    lines = [
+        f"  {stage:20} {counted(number, 'job')}"
+        for stage, number in jobs.items()
+        if stage != "all"
+    ]
+    first = "would run" if lines else "nothing to do"
+    return "\n".join([f"{title}: {first}", *lines])
+
+
+def in_words(seconds: float) -> str:
+    """Write a time as a reader would say it."""
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min"
