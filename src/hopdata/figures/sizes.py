@@ -100,8 +100,9 @@ def _draw_counts(axes: Axes, rows: Sequence[Row], edges: Any) -> None:
             width,
             below,
             align="edge",
-            color=colour,
-            linewidth=0.0,
+            color="white" if conclusion == "no difference" else colour,
+            edgecolor=colour,
+            linewidth=0.5,
             label=label,
         )
         below += counts

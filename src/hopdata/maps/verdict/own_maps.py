@@ -159,26 +159,24 @@ def _effects(
     if smooth is None:
         raise ValueError("expected the smooth terms of the kinks")
     weights = comparing.weights_of_map(fit, landings, comparison)
-    fits = []
-    roots: list[FloatArray] = []
+    parts = []
+    n_all = len(fit.rows)
     for one in every:
         beside = smooth
         for other in every:
             if other.name in named and other.name != one.name:
                 beside = beside.and_also(other.terms)
-        fits.append(_with_own_map(fit, beside, one))
-        mean_square = one.terms.T @ one.terms / one.rows.sum()
-        root = np.kron(symmetric_root(mean_square), weights)
-        roots.append(np.asarray(root, float))
-    generator = named_generator(options.seed, "verdict", "own maps")
-    errors = signed_errors(fits, options.flips, generator, alike=alike)
-    parts = []
-    n_all = len(fit.rows)
-    for one, own, root, signed in zip(every, fits, roots, errors, strict=True):
+        own = _with_own_map(fit, beside, one)
+        # A generator of the same name gives every order the same signs.
+        generator = named_generator(options.seed, "verdict", "own maps")
+        (errors,) = signed_errors([own], options.flips, generator, alike=alike)
+        own = replace(own, null_scores=own.null_scores[:0])  # no longer needed
         n_own = int(one.rows.sum())
+        mean_square = one.terms.T @ one.terms / n_own
+        root = np.asarray(np.kron(symmetric_root(mean_square), weights), float)
         counts = (n_own, n_all - n_own)
         names = (one.name, OTHERS)
-        parts.append(Part(OF_ORDER, names, own, signed, root, fit.allowed, counts))
+        parts.append(Part(OF_ORDER, names, own, errors, root, fit.allowed, counts))
     return pair_effects(
         parts, alike=alike, joint_p_value=0.0, confidence=options.confidence
     )
