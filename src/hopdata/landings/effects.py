@@ -562,13 +562,15 @@ def _is_uneven(residual_m: FloatArray, *, n_markers: int) -> bool:
 
     This costs little, unlike looking for contacts.
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     squares = residual_m[np.isfinite(residual_m)] ** 2
     n_free = 3 * n_markers - 6
     if not len(squares):
         return False
-    usual = float(np.median(squares)) * n_free / chi2.median(n_free)
+    # The median of chi squared; `scipy.stats` takes a second to load.
+    median = 2 * float(gammaincinv(n_free / 2, 0.5))
+    usual = float(np.median(squares)) * n_free / median
     return bool(np.mean(squares) > UNEVEN * usual)
 
 

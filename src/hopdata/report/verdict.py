@@ -1,5 +1,7 @@
 """The verdict on the page, what it can and cannot show, and the page of a group."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
