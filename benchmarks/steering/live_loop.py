@@ -307,7 +307,8 @@ def unconnected(
 
 
 def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object]:
-    decisions = pd.DataFrame([vars(d) for d in done.decisions])
+    rows = [vars(d) | {"command_rad": d.command_rad} for d in done.decisions]
+    decisions = pd.DataFrame(rows)
     true, told = (
         np.array([h.stance.time_s for h in hops]),
         decisions.stance_s.to_numpy(),
@@ -323,7 +324,7 @@ def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object
     invented = sum(np.nanmin(np.abs(true - t)) >= NEAR_S for t in told)
     sent = decisions[decisions.outcome.isin(["planned", "cut"])]
     stale = sent[
-        (sent.pose_age_s > LIMITS.pose_age_s) | (sent.boom_age_s > LIMITS.pose_age_s)
+        (sent.pose_age_s > LIMITS.pose_age_s) | (sent.state_age_s > LIMITS.pose_age_s)
     ]
     return {
         "frames_made": served.frames,

@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
+from hopdata.steering.live.buffer import Frame
 from hopdata.steering.live.clocked import ClockedDrive, Transport
 from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.log import DriveLog
@@ -201,3 +202,16 @@ def test_a_log_by_the_names_of_its_axes_is_played_again_to_the_bit(tmp_path):
     assert not replay(logged, observers, Towards(0.03), **options).same.any()
     with h5py.File(path) as file:
         assert json.loads(file.attrs["axes"])["inputs"][0]["name"] == "leg_angle"
+
+
+@pytest.mark.parametrize(("noise_m", "usable"), [(6e-4, False), (0.0, True)])
+def test_coordinates_that_repeat_to_the_bit_are_no_measurement(noise_m, usable):
+    checks = checks_of(body_of(LABELS, BODY_M, noise_m=noise_m), 100.0, LIMITS)()
+    tracker, _ = observers()
+    found = []
+    for number in range(3):
+        lifted = np.array([0.0, 0.0, 0.5 - 0.01 * min(number, 1)])
+        markers = GEOMETRY.body_m + lifted
+        frame = Frame(0, number, 0.01 * number, 0.0, 0.01 * number, markers)
+        found.append(checks.feed(frame, tracker.feed(frame.time_s, markers)).is_usable)
+    assert found == [True, True, usable]

@@ -114,6 +114,11 @@ class _Frozen:
         values = {"frames": self._repeats, "for_s": for_s}
         return Message("steering.markers_frozen", values)
 
+    @property
+    def is_repeat(self) -> bool:
+        """Whether the last frame had the coordinates of the one before."""
+        return self._repeats > 0
+
     def _note(self, frame: Frame) -> None:
         seen = frame.markers[np.isfinite(frame.markers).all(axis=1)]
         path = self._path
@@ -173,13 +178,16 @@ class FrameChecks:
         if why is None:
             self._why_s = -math.inf
             over = self._over(seen, tilt if is_tilted else 0.0)
-        is_usable = why is None
+        frozen = self._frozen_cause(frame)
+        # Coordinates that are repeated to the bit are no measurement: a height that
+        # stands still would shift the stance.
+        is_usable = why is None and not (self._is_noisy and self._frozen.is_repeat)
         if is_usable and math.isfinite(sum(seen.pose.tolist())):
             self._good = (frame.time_s, seen.pose, seen.boom_angle_rad)
         lasting = {
             "fit": self._in_a_row(why),
             "markers": self._unseen(frame, seen),
-            "frozen": self._frozen_cause(frame),
+            "frozen": frozen,
             "rate": self._rate_cause(frame),
         }
         return Findings(is_usable, lasting, over)
@@ -228,8 +236,12 @@ class FrameChecks:
         return Message("steering.markers_unseen", values)
 
     def _frozen_cause(self, frame: Frame) -> Message | None:
-        noise_m = 0.0 if self.geometry is None else self.geometry.noise_m
-        return self._frozen.feed(frame, is_noisy=noise_m > LEAST_NOISE_M)
+        return self._frozen.feed(frame, is_noisy=self._is_noisy)
+
+    @property
+    def _is_noisy(self) -> bool:
+        """Whether the coordinates of two frames always differ."""
+        return self.geometry is not None and self.geometry.noise_m > LEAST_NOISE_M
 
     def _rate_cause(self, frame: Frame) -> Message | None:
         """Return a cause if numbers and times of the last frames tell another rate."""
