@@ -6,8 +6,7 @@
 A constant that steers a detector, an estimate or the verdict has a comment above it with
 a line ``#: Unit: ... Origin: ...``. The page is made from these comments. ``run`` makes
 each 1.5 times larger and 1.5 times smaller in a copy of the package, and repeats three
-studies: the bundled sample, its control, and a runner if the public recording is there
-(config/runner.yaml says where from). The constants of a module are first changed all
+studies: the bundled sample, its control, and the bundled runner (config/runner.yaml). The constants of a module are first changed all
 together: if that moves nothing, none of them is tried alone. The run keeps one row a
 constant, factor and study in ``benchmarks/last_run/constants.csv``; rows of constants
 and code that have not changed are not made again.

@@ -8,9 +8,6 @@ import re
 import sys
 from pathlib import Path
 
-from docutils.nodes import SkipNode
-from latex2mathml.converter import convert
-
 from hopdata import __version__ as release
 
 ROOT = Path(__file__).parents[1]
@@ -24,17 +21,17 @@ PAGES = {
         "another_robot", "new_scene",
     ],
     "How to": [
-        "protocol", "results", "cannot_tell", "reporting", "group", "cluster", "live", "../CONTRIBUTING",
+        "protocol", "results", "cannot_tell", "reporting", "contacts", "group", "cluster", "live", "plugins",
+        "../CONTRIBUTING",
     ],
     "Explanation": [
-        "c1", "gradient", "filter", "contacts", "contacts_study", "verdict", "verdict_method",
-        "verdict_campaign",
-        "unseen_order", "impacts", "contacts_method", "limits", "comparison", "dissertation", "architecture", "decisions",
+        "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
+        "unseen_order", "impacts", "limits", "comparison", "dissertation", "architecture", "decisions",
         "reliability",
     ],
     "Reference": [
-        "faq", "troubleshooting", "glossary", "configuration", "formats", "verdict_json", "json", "api",
-        "plugins", "gallery", "constants",
+        "faq", "troubleshooting", "glossary", "configuration", "formats", "verdict_json", "contacts_study",
+        "json", "api", "gallery", "constants",
         "platforms", "licences", "../CHANGELOG", "../SECURITY",
         "../benchmarks/README", "../benchmarks/steering/README", "../benchmarks/last_run/README",
     ],
@@ -63,7 +60,7 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 240  # s, of a cell
 myst_heading_anchors = 4
-myst_enable_extensions = ["deflist", "dollarmath"]
+myst_enable_extensions = ["deflist"]
 
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
@@ -71,7 +68,6 @@ autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 
-html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"hopdata {release}"
 html_copy_source = False
@@ -115,25 +111,8 @@ def _whole_lines(app, failed):
         )
 
 
-def _formula_in_a_line(translator, node):
-    """Write a formula as MathML, which browsers set themselves, without a network."""
-    translator.body.append(convert(node.astext()))
-    raise SkipNode
-
-
-def _formula_by_itself(translator, node):
-    formula = convert(node.astext(), display="block")
-    translator.body.append(
-        f'<div class="formula" style="padding: 0.4em 0">{formula}</div>\n'
-    )
-    raise SkipNode
-
-
 def setup(app):
     """Connect what Sphinx calls."""
-    app.add_html_math_renderer(
-        "mathml", (_formula_in_a_line, None), (_formula_by_itself, None)
-    )
     app.connect("source-read", _contents)
     app.connect("build-finished", _first_page)
     app.connect("build-finished", _whole_lines)

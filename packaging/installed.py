@@ -17,6 +17,8 @@ MB = 1e6
 
 
 def plain(name):
+    """Return the name of a package as indices write it."""
+    """Return a name as registries compare them."""
     return re.sub("[-_.]+", "-", name).lower()
 
 
@@ -83,6 +85,8 @@ def table(sizes):
 
 
 def main():
+    """Print the table."""
+    """Print the table."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     sizes = {
         plain(one.metadata["Name"]): size_mb(one)

@@ -128,11 +128,14 @@ def installed(wheel, tmp_path_factory):
     return folder
 
 
-def run(installed, program, *options, first=FOLDER):
-    """Run a program that finds the installed integrator, as the .pth file says."""
+def run(installed, program, *options, first=FOLDER, code=None):
+    """Run a program that finds the installed integrator, as the .pth file says.
+
+    Compiled code is kept in a folder beside it, or in another one.
+    """
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(installed / first), str(installed)]),
-        "NUMBA_CACHE_DIR": str(installed / "cache"),
+        "NUMBA_CACHE_DIR": str(code or installed / "cache"),
         "NUMBA_OPT": "0",  # compiles the integrator in less time
     }
     command = [sys.executable, *options, "-c", program, str(installed)]
@@ -188,7 +191,7 @@ def test_it_shares_no_file_with_the_whole_and_gives_way_to_it(wheel, installed):
         "import site, sys\nsite.addsitedir(sys.argv[1])\n"
         "import hopdata.hybrid, hopdata.recording\nprint(hopdata.hybrid.__file__)"
     )
-    done = run(PACKAGE.parent, program, first=".")
+    done = run(PACKAGE.parent, program, first=".", code=installed / "cache")
     assert done.returncode == 0, done.stderr
     assert Path(done.stdout.strip()).parent == PACKAGE / "hybrid"
 

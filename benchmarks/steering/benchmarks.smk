@@ -11,6 +11,7 @@ BENCHMARK_TABLES |= {
     "steering/worlds": ["worlds.csv", "worlds_models.csv"],
     "steering/live_loop": ["live_loop.csv", "live_faults.csv"],
     "steering/robots": ["robots.csv"],
+    "steering/live_robots": ["live_robots.csv"],
     "steering/forecasts": ["forecasts.csv"],
     "steering/environment_speed": ["environment_speed.csv"],
 }
@@ -20,6 +21,7 @@ BENCHMARK_ARGUMENTS |= {
     "steering/forecasts": "--seeds 2",
     "steering/frame_change_models": "--recordings 4 --draws 3",
     "steering/live_loop": "--seconds 15 --hops 300",
+    "steering/live_robots": "--seeds 1",
     "steering/pose": "--hops 125 --frames 12000",
     "steering/robots": "--seeds 1",
     "steering/worlds": "--seeds 1 --controllers planner 'planner, last step'",
@@ -28,6 +30,7 @@ UNTIMED |= {
     "steering/adaptation",
     "steering/forecasts",
     "steering/frame_change_models",
+    "steering/live_robots",
     "steering/pose",
     "steering/robots",
     "steering/worlds",

@@ -197,23 +197,22 @@ def _roles_of(recording: Recording) -> _RolesOf:
 
     inspection = replace(inspect(recording), place=recording.place)
     roles = guessed_roles(inspection)
-    joined = {marker: foot for foot, own in roles.joined.items() for marker in own}
-    feet: dict[str, list[str]] = {}
-    for marker in roles.feet:
-        feet.setdefault(joined.get(marker, marker), []).append(marker)
-    with_roles = recording.with_roles(feet=feet, body=roles.body, boom=roles.boom)
+    with_roles = recording.with_roles(feet=roles.feet, body=roles.body, boom=roles.boom)
+    # The markers stay in the order of the file, as for the commands.
+    joined = tuple((foot, tuple(own)) for foot, own in roles.joined.items())
     remarks = [*recording.remarks]
     for role in ("feet", "body"):
         names = ", ".join(getattr(roles, role))
         reason = roles.reasons.get(role)
-        values = {"place": recording.place, "role": role, "names": names or "none"}
-        remark = Message("landings.role_guessed", {**values, "reason": reason or ""})
+        values: Contents = {"place": recording.place, "role": role}
+        values |= {"names": names or "none", "reason": reason or ""}
+        remark = Message("landings.role_guessed", values)
         remarks.append(str(remark).removesuffix("; "))
         if role in roles.unsure:
             values["other"] = roles.unsure[role]
             remarks.append(str(Message("landings.role_not_sure", values)))
     questions = open_questions(inspection, roles)
-    found = replace(with_roles, remarks=tuple(remarks))
+    found = replace(with_roles, remarks=tuple(remarks), joined=joined)
     return _RolesOf(found, list(roles.problems), questions)
 
 
@@ -433,7 +432,8 @@ def _of_study(recording: Recording, progress: Progress) -> Recording:
             values = {"place": recording.place, "role": key}
             raise RecordingError(Message("landings.role_missing", values))
     roles = zip(recording.markers, recording.roles, strict=True)
-    return recording[[name for name, role in roles if role != "other"]]
+    kept: Recording = recording[[name for name, role in roles if role != "other"]]
+    return kept
 
 
 def _other_feet(recording: Recording, roles: Contents) -> list[str]:

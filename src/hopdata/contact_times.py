@@ -181,8 +181,8 @@ class ContactTimes(Shown):
                 & (self.table["landing"] == landing["landing"])
             ]
             instants = own.loc[own["contact_s"].notna(), "contact_s"]
-            begin_s = instants.min() - SHOWN_BEFORE_S * recording.pace
-            end_s = instants.max() + SHOWN_AFTER_S * recording.pace
+            begin_s = instants.min() - SHOWN_BEFORE_S * recording.time_scale
+            end_s = instants.max() + SHOWN_AFTER_S * recording.time_scale
             start, stop = np.searchsorted(recording.time, [begin_s, end_s])
             for foot in own["foot"]:
                 marker = recording.markers.index(foot)
@@ -490,15 +490,15 @@ def _with_feet(recording: Recording) -> tuple[Recording, list[Message]]:
         values = {"place": recording.place, "why": why or "by names and motion"}
         raise AnalysisError(Message("landings.no_feet_for_contacts", values))
     foot_of = {marker: foot for foot, own in joined.items() for marker in own}
-    groups: dict[str, list[str]] = {}
-    for marker in feet:
-        groups.setdefault(foot_of.get(marker, marker), []).append(marker)
     body = recording.names("body") or roles.body
     with_roles = recording.with_roles(
-        feet=groups, body=[name for name in body if name not in feet]
+        feet=feet, body=[name for name in body if name not in feet]
     )
+    # The markers stay in the order of the file, as for the command.
+    groups = tuple((foot, tuple(own)) for foot, own in joined.items())
+    with_roles = replace(with_roles, joined=groups)
     kept = [*with_roles.names("body"), *with_roles.names("foot")]
-    names = ", ".join(groups)
+    names = ", ".join(dict.fromkeys(foot_of.get(name, name) for name in feet))
     values = {"place": recording.place, "role": "feet", "names": names}
     reason = roles.reasons.get("feet") or ""
     remark = Message("landings.role_guessed", {**values, "reason": reason})
@@ -574,7 +574,7 @@ def _contact_rows(
             if not is_found:
                 code = REMARKS.get(status, "landings.contact_not_determined")
                 remark = str(Message(code))
-            elif se_s >= UNDETERMINED_S * recording.pace:
+            elif se_s >= UNDETERMINED_S * recording.time_scale:
                 remark = str(Message("landings.contact_without_kink"))
             of_landing.append(
                 (

@@ -114,8 +114,35 @@ def saved(path: str, kind: Kind) -> Any:
 
 @dataclass_transform(frozen_default=True, field_specifiers=(saved,))
 def results(cls: type[Made]) -> type[Made]:
-    """Make a class the results of a stage: a frozen dataclass of `saved` fields."""
-    return dataclass(frozen=True)(cls)
+    """Make a class the results of a stage: a frozen dataclass of `saved` fields.
+
+    It is shown in one line, not by all its tables.
+    """
+    made = dataclass(frozen=True, repr=False)(cls)
+    made.__repr__ = _shown  # type: ignore[method-assign, assignment]
+    return made
+
+
+def _shown(made: Any) -> str:
+    parts = [f"{one.name}: {in_short(getattr(made, one.name))}" for one in fields(made)]
+    return f"<{type(made).__name__} {'; '.join(parts)}>"
+
+
+#: Characters of a value that is shown as it is.
+SHORT = 120
+
+
+def in_short(value: Any) -> str:
+    """Describe a value in a few words, however large it is."""
+    if hasattr(value, "columns"):
+        return f"a table of {len(value)} rows"
+    if isinstance(value, dict):
+        inner = [name for name in value if isinstance(name, str)]
+        return f"of {', '.join(inner[:4])}{', ...' if len(inner) > 4 else ''}"
+    if isinstance(value, list):
+        return f"{len(value)} entries"
+    words = repr(value)
+    return words if len(words) <= SHORT else type(value).__name__
 
 
 # Settings, and files that no stage makes.

@@ -15,7 +15,7 @@ from hopdata import __version__
 
 PACKAGE = Path(__file__).parent
 # Suffixes of files, beside Python's, from which results follow.
-ASSETS = {".css", ".j2", ".mplstyle", ".toml", ".yaml"}
+ASSETS = {".bib", ".css", ".j2", ".mplstyle", ".toml", ".yaml"}
 # Packages whose versions are recorded.
 REPORTED = [
     "hopdata",

@@ -582,7 +582,7 @@ class Recording(Shown):
         return scale_of(sampled(self.positions)[:, markers])
 
     @property
-    def pace(self) -> float:
+    def time_scale(self) -> float:
         """Factor for times: the root of the scale.
 
         Gravity is the same at all sizes.

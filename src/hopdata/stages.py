@@ -404,16 +404,19 @@ class LandingMaps:
     map_estimates: pd.DataFrame = saved("tables/map_estimates.csv", TABLE)
     maps: Options = saved("maps/map_estimates.json", JSON)
     map_notes: list[Any] = saved("maps/map_estimates_notes.json", JSON)
+    one_or_own: pd.DataFrame = saved("tables/one_or_own.csv", TABLE)
 
 
 @LINE.stage(minutes=30, mb_a_mb=60)
 def landing_maps(pairs: Pairs, units: Options) -> LandingMaps:
     """Fit the maps through the landing, rid of noise and curvature."""
     from hopdata.maps.corrected.estimates import estimate_maps
+    from hopdata.maps.one_or_own import one_or_own
 
     instants: Any = pairs.instants  # measured pairs have them
     found = estimate_maps(pairs.x, pairs.y, instants, time_unit_s=units["time_unit_s"])
-    return LandingMaps(found.table(), found.to_dict(), found.notes)
+    foretold = one_or_own(pairs.x, pairs.y, pairs.schedule)
+    return LandingMaps(found.table(), found.to_dict(), found.notes, foretold)
 
 
 @results

@@ -392,12 +392,30 @@ class Study(Shown):
             draft.write_text(page, encoding="utf-8")
         return place
 
-    def _report_inputs(self, drawn: Path) -> Any:
-        """Return what the page shows, with the figures of a folder."""
+    @told_call
+    def methods(self) -> Any:
+        """Return the methods paragraph for a paper, with this study's numbers.
+
+        Returns
+        -------
+        hopdata.report.methods.Methods
+            ``text``, and ``bibtex`` of what it cites; ``print`` shows both.
+        """
+        from hopdata.report.methods import methods
+        from hopdata.report.page import study_facts
+
+        inputs = self._report_inputs(None)
+        record = inputs.provenance
+        return methods(study_facts(inputs), inputs.verdict, inputs.recordings, record)
+
+    def _report_inputs(self, drawn: Path | None) -> Any:
+        """Return what the page shows, with the figures of a folder if it has any."""
         from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 
         captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
-        files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
+        files: list[Path] = []
+        if drawn is not None:
+            files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
         distances = None
         notes = [*self._result("prediction_notes")]
         if self.asks_for_distances:
@@ -423,6 +441,7 @@ class Study(Shown):
             distances_asked=self.asks_for_distances,
             faults=self._result("faults"),
             remarks=self._result("remarks"),
+            one_or_own=self._result("one_or_own"),
             notes=notes,
         )
 

@@ -63,9 +63,11 @@ def faulty(tmp_path):
 
 
 def test_inspect_draws_its_tables(faulty):
-    code, written = inspect(faulty)
+    code, written = inspect(faulty, COLUMNS="80")
     assert code == 1
     text = SIGNS.sub("", written)
+    lines = text.replace("\r", "\n").split("\n")
+    assert all(len(line) <= 80 for line in lines if faulty.name not in line)
     assert re.search(r"marker +height +gaps", text)
     assert re.search(r"\[bold\] +[▁▂▃▄▅▆▇█]{50} +no gap", text)
     assert re.search(r"kind +frame +s +what", text)

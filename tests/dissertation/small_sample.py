@@ -1,5 +1,7 @@
 """A short sample and its control in place of the bundled ones."""
 
+from functools import cache
+
 import hopdata as hd
 
 ROLES = {"feet": ["foot1", "foot2", "foot3"], "body": ["body1", "body2", "body3"]}
@@ -10,6 +12,7 @@ KEYS = {
 }
 
 
+@cache
 def small_sample(hops=420):
     """Return functions in place of `study_of` and `truth_of`."""
     recordings = {}

@@ -68,9 +68,9 @@ def true_effect(given, original):
     # At the sections that a study of the given recording has.
     after = find_contacts_and_states(given)
     before = find_contacts_and_states(original, after.sections)
-    moved, _ = moved_contacts(after, before, pace=given.pace)
+    moved, _ = moved_contacts(after, before, time_scale=given.time_scale)
     true = {"common_ms": 1e3 * np.median(moved), "spread_ms": 1e3 * np.std(moved)}
-    return true | moved_states(after, before, pace=given.pace)
+    return true | moved_states(after, before, time_scale=given.time_scale)
 
 
 def within_factor(stated, true):
@@ -177,7 +177,7 @@ def test_the_recordings_of_a_study_are_compared_with_one_law():
     ]
     before = find_in_study([*original, untouched], Methods(), after[0].sections)
     for k in range(2):
-        moved, _ = moved_contacts(after[k], before[k], pace=study[k].pace)
+        moved, _ = moved_contacts(after[k], before[k], time_scale=study[k].time_scale)
         stated = told[k][0].values
         assert stated["common_ms"] == 1e3 * np.median(moved)
     # Alone it has less to learn from.

@@ -117,7 +117,7 @@ def test_touchdowns_that_rest_on_filled_places_are_told_and_may_be_left_out(gapp
     told = mark_filled(done, table)
     pd.testing.assert_frame_equal(told.drop(columns="filled_share"), table)
     row = told[told["filled_share"] > 0].iloc[0]
-    reach_s = 0.22 * done.pace
+    reach_s = 0.22 * done.time_scale
     after_begin = done.time >= row["t_pre_s"] - reach_s
     frames = after_begin & (done.time < row["t_post_s"] + reach_s)
     body = done.filled[:, done.indices("body")]

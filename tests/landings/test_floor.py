@@ -164,9 +164,9 @@ def test_a_sloping_floor_under_an_animal_of_a_millimetre_is_that_under_one_of_a_
     bent,
 ):
     tilted = on_floor(bent, lambda x, y: 0.07 * x - 0.01 * y, np.zeros(3))
-    size, pace = 4.0**-5, 2.0**-5
-    small = replace(tilted, time=pace * tilted.time, positions=size * tilted.positions,
-                    rate_hz=tilted.rate_hz / pace)  # fmt: skip
+    size, time_scale = 4.0**-5, 2.0**-5
+    small = replace(tilted, time=time_scale * tilted.time, positions=size * tilted.positions,
+                    rate_hz=tilted.rate_hz / time_scale)  # fmt: skip
     here, there = (fit_floor(one, degree=1) for one in (tilted, small))
     assert (there.n_points, there.degree) == (here.n_points, here.degree)
 

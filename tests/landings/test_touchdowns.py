@@ -247,7 +247,7 @@ def test_contacts_outside_the_transition_are_left_out(scene):
     early = touchdown_table(
         scene.recording, **(SECTIONS | {"pre_height_m": PRE_HEIGHT_M - 0.05})
     )
-    continued = early["t_pre_s"].to_numpy() - CONTINUED_S * scene.recording.pace
+    continued = early["t_pre_s"].to_numpy() - CONTINUED_S * scene.recording.time_scale
     truly_early = (contacts < continued[:, None]).any(axis=1)
     assert 0 < truly_early.sum() < 120
     said_early = early["reason"].str.contains("down before the pre section").to_numpy()
@@ -451,12 +451,12 @@ PRINTED = [name for name, find in METHODS.items() if find is not None]
 @pytest.mark.parametrize("size", [1.0, 0.25])
 def test_contacts_are_found_by_the_method_asked_for(scene, method, size):
     """Before the sections are known as between them, and in an animal of any size."""
-    pace = np.sqrt(size)
+    time_scale = np.sqrt(size)
     recording = replace(
         scene.recording,
-        time=scene.recording.time * pace,
+        time=scene.recording.time * time_scale,
         positions=scene.recording.positions * size,
-        rate_hz=scene.recording.rate_hz / pace,
+        rate_hz=scene.recording.rate_hz / time_scale,
     )
     # The pre section is so high that the smoothed velocity has its minimum below it.
     sections = {

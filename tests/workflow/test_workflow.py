@@ -215,10 +215,7 @@ def test_every_touchdown_is_accounted_for(sample):
     assert table.loc[~table["excluded"], "schedule"].str.count(">").eq(2).all()
 
 
-def test_a_real_recording_runs_to_a_report(sample, external_recording):
-    target = sample / "data" / "external"
-    target.mkdir(parents=True, exist_ok=True)
-    shutil.copy(external_recording, target)
+def test_a_real_recording_runs_to_a_report(sample):
     svg = edit_config(
         sample, lambda config: config.update(SVG), source="config/runner.yaml"
     )

@@ -270,6 +270,7 @@ rule landing_maps:
         map_estimates=f"{RESULTS}/tables/map_estimates.csv",
         maps=f"{RESULTS}/maps/map_estimates.json",
         map_notes=f"{RESULTS}/maps/map_estimates_notes.json",
+        one_or_own=f"{RESULTS}/tables/one_or_own.csv",
     log:
         f"{RESULTS}/logs/landing_maps.log",
     benchmark:

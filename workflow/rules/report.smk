@@ -16,6 +16,7 @@ rule report:
         quality=f"{RESULTS}/quality.json",
         faults=f"{RESULTS}/tables/faults.csv",
         remarks=f"{RESULTS}/tables/remarks.csv",
+        one_or_own=f"{RESULTS}/tables/one_or_own.csv",
         notes=[
             f"{RESULTS}/maps/prediction_notes.json",
             *([f"{RESULTS}/maps/distances_notes.json"] if DISTANCES else []),

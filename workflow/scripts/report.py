@@ -50,6 +50,7 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
             prediction=read_table(source.prediction),
             faults=read_table(source.faults),
             remarks=read_table(source.remarks),
+            one_or_own=read_table(source.one_or_own),
             notes=notes,
         )
     )

@@ -63,7 +63,7 @@ def check(options: argparse.Namespace) -> int:
         remarks += _remarks(of_study, config)
     answers.give(notes=remarks)
     for remark in remarks:
-        print(f"note: {remark}")
+        terminal.note(remark)
     if mistakes:
         raise RecordingError(*mistakes)
     require_distinct(of_first_study)

@@ -365,7 +365,7 @@ def show(found: ContactTimes, notes: Sequence[str]) -> None:
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
     for note in [*notes, *map(str, one_for_all_feet(found.remarks))]:
-        print(f"note: {note}")
+        terminal.note(note)
 
 
 def _cells(order: Any, own: pd.DataFrame) -> tuple[str, str, str, str]:

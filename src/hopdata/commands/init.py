@@ -249,7 +249,7 @@ def init(options: argparse.Namespace) -> int:
     print(f"{out}: written")
     print_guesses(draft, inspection, roles)
     for remark in remarks:
-        print(f"note: {remark}")
+        terminal.note(remark)
     return print_next(out, is_complete=not roles.problems)
 
 

@@ -285,7 +285,7 @@ def _write(
     of_files.print_guesses(draft, reference.inspection, roles)
     _print_notes(notes, choice.left_out, out)
     for remark in remarks:
-        print(f"note: {remark}")
+        terminal.note(remark)
     return of_files.print_next(out, is_complete=not problems)
 
 

@@ -227,7 +227,7 @@ def _rigid(inspection: Inspection) -> list[str]:
 def _wrapped(key: str, text: str) -> list[str]:
     return textwrap.wrap(
         text,
-        WIDTH,
+        terminal.width(WIDTH),
         initial_indent=f"  {key:8} ",
         subsequent_indent=" " * 11,
     )
@@ -255,7 +255,7 @@ def _legend(inspection: Inspection) -> str:
         f"{HEIGHTS[0]} low to {HEIGHTS[-1]} high, "
         f"{PARTLY} partly unseen, {UNSEEN} unseen"
     )
-    return f"  height and gaps (a column is {column_s:.3g} s; {signs})"
+    return f"  heights (a column is {column_s:.3g} s; {signs})"
 
 
 def _bars(inspection: Inspection) -> list[str]:

@@ -6,7 +6,9 @@ a log is plain text. Rich is loaded when something is drawn, since it takes time
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -76,6 +78,23 @@ def screened() -> Iterator[None]:
 def raw_stream(stream: TextIO) -> TextIO:
     """Return the stream to which hopdata may write what a terminal obeys."""
     return stream.raw if isinstance(stream, Screened) else stream
+
+
+def width(most: int) -> int:
+    """Return the columns of the terminal that shows stdout, at most so many."""
+    if not sys.stdout.isatty():
+        return most
+    return max(40, min(most, shutil.get_terminal_size().columns))
+
+
+def note(text: str) -> None:
+    """Print a note, whole words to a line on a terminal."""
+    line = f"note: {text}"
+    if sys.stdout.isatty():
+        line = textwrap.fill(
+            line, width(10**4), subsequent_indent="  ", break_on_hyphens=False
+        )
+    print(line)
 
 
 # Tables on stdout.

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from hopdata.errors import counted
+from hopdata.feet import foot_names, with_foot_names
 from hopdata.figures import style
-from hopdata.figures.schedule import ARROW
 
 # Heights of a row of two plots, of a member of a group, of a study's title, and of a
 # line of the verdict in words.
@@ -30,10 +30,10 @@ AXES = {
         "jump of the outcome between contact orders\n(% of what it varies; 0: none)"
     ),
 }
-# Conclusion: a short answer, and its colour.
+# Conclusion: a short answer, and its shade. Colours mark the feet, and nothing else.
 ANSWERS = {
-    "different": ("Different maps", style.VERMILION),
-    "no difference": ("One smooth map", style.GREEN),
+    "different": ("Different maps", style.INK),
+    "no difference": ("One smooth map", style.INK),
     "cannot tell": ("Cannot tell", style.GREY),
 }
 # An interval longer than this multiple of everything else is cut, and ends in an
@@ -52,7 +52,7 @@ def verdict_figure(
     Parameters
     ----------
     verdict : mapping
-        Contents of ``verdict.json``; see docs/verdict.md.
+        Contents of ``verdict.json``; see docs/verdict_json.md.
     touchdowns : DataFrame
         The touchdown table; its two most common orders of contact are drawn.
     truth : DataFrame, optional
@@ -80,14 +80,14 @@ def verdict_figure(
         100.0 * true,
         0.0,
         "^",
-        color=style.BLUE,
+        color=style.INK,
         markersize=5,
         clip_on=False,
         zorder=5,
     )
     estimated = _percent(verdict["effect"]["estimate"])
     words = f"true: {_percent(true)}, estimated: {estimated}"
-    _write(left, words, (100.0 * true, TRUE_ROW), style.BLUE, top)
+    _write(left, words, (100.0 * true, TRUE_ROW), style.INK, top)
     return figure
 
 
@@ -250,11 +250,11 @@ def _draw_seen(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     words = "nothing could have been seen"
     if seen < top:
         words = f"from here on, {power} of\nsuch studies find a difference"
-        axes.plot([seen, top], [SEEN_ROW, SEEN_ROW], color=style.PURPLE, linewidth=1.2)
-        start: Any = {"color": style.PURPLE, "markersize": 8, "markeredgewidth": 1.5}
+        axes.plot([seen, top], [SEEN_ROW, SEEN_ROW], color=style.GREY, linewidth=1.2)
+        start: Any = {"color": style.GREY, "markersize": 8, "markeredgewidth": 1.5}
         axes.plot(seen, SEEN_ROW, "|", **start)
-        axes.plot(top, SEEN_ROW, ">", color=style.PURPLE, markersize=4, clip_on=False)
-    _write(axes, words, (min(seen, top), SEEN_TEXT_ROW), style.PURPLE, top)
+        axes.plot(top, SEEN_ROW, ">", color=style.GREY, markersize=4, clip_on=False)
+    _write(axes, words, (min(seen, top), SEEN_TEXT_ROW), style.GREY, top)
 
 
 def _write(
@@ -357,6 +357,8 @@ def _said(verdict: Mapping[str, Any], longest: int) -> str:
     return "\n".join(textwrap.wrap(said, longest))
 
 
+# Characters of the names of all feet, beyond which feet are numbered.
+LONGEST_NAMES = 24
 # Drawing of a landing: width of the ground, height between the feet of two ranks (feet
 # that touch later are higher), height of the hips, and distance between two landings.
 WIDTH = 3.2
@@ -374,6 +376,9 @@ def _used(touchdowns: pd.DataFrame) -> pd.Series:
 def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> None:
     """Draw the two most common orders of contact, and the maps that follow."""
     counts = _used(touchdowns).value_counts()
+    names = [style.label_of(name) for name in foot_names(touchdowns.columns)]
+    if sum(map(len, names)) > LONGEST_NAMES:
+        names = []
     orders = [str(order).split(">") for order in counts.index[:2]]
     grounds = [-ROW * row for row in range(len(orders))]
     levels = [ground + 0.9 for ground in grounds]  # of the maps
@@ -384,13 +389,16 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
         ranks = [order.index(foot) for foot in sorted(order, key=int)]
         _draw_landing(axes, ranks, ground)
         number = int(counts[">".join(order)])
-        name = f"feet {ARROW.join(order)}: {counted(number, 'landing')}"
+        named = with_foot_names(">".join(order), names)
+        name = f"{named}: {counted(number, 'landing')}"
+        if not names:
+            name = f"feet {name}"
         axes.text(0.5 * WIDTH, ground - 0.65, name, ha="center", va="top")
         goal = level if are_different else middle
         look = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4}
         axes.annotate("", (6.0, goal), (WIDTH + 0.5, level), arrowprops=look)
     words = {
-        "different": [f"map of\n{ARROW.join(order)}" for order in orders],
+        "different": ["its own map"] * len(orders),
         "no difference": ["one map\nfor every order"],
         "cannot tell": ["one map,\nor several?"],
     }[conclusion]
@@ -505,7 +513,10 @@ def _draw_member(axes: Axes, row: Mapping[str, Any], place: float, top: float) -
     end = _end(row["conclusion"], row)
     interval = [100 * row["low"], 100 * min(end, top)]
     axes.plot(interval, [place, place], linewidth=width, **look)
-    axes.plot(100 * row["estimate"], place, mark, markersize=5, **look)
+    # Filled: found to differ.
+    inside = colour if row["conclusion"] == "different" else "white"
+    look_of_mark = look | {"markerfacecolor": inside}
+    axes.plot(100 * row["estimate"], place, mark, markersize=5, **look_of_mark)
     if end > top:
         axes.plot(100 * top, place, ">", markersize=4, **look)
 
@@ -550,11 +561,11 @@ def plan_figure(
     figure = style.paper_figure(style.SINGLE_COLUMN_MM, 60.0)
     axes = figure.subplots()
     sizes = [100.0 * size for size in needed]
-    axes.loglog(sizes, list(needed.values()), color=style.BLUE)
+    axes.loglog(sizes, list(needed.values()), color=style.INK)
     pilot_landings, pilot_size = pilot
     at = (100.0 * pilot_size, pilot_landings)
-    axes.plot(*at, "o", color=style.VERMILION, markersize=5)
-    style.note(axes, "pilot", at, (5, 4), color=style.VERMILION)
+    axes.plot(*at, "o", color=style.INK, markersize=5)
+    style.note(axes, "pilot", at, (5, 4), color=style.INK)
     for axis in (axes.xaxis, axes.yaxis):
         style.plain_numbers(axis)
     axes.set_xticks(sizes)

@@ -366,9 +366,9 @@ def _told_of_processing(
     if after is None or before is None:
         return []
     kind = processed.kind
-    pace = processed.recording.pace
+    time_scale = processed.recording.time_scale
     values = processed.values
-    moved, n_before = moved_contacts(after, before, pace=pace)
+    moved, n_before = moved_contacts(after, before, time_scale=time_scale)
     if not n_before:
         return []
     if not len(moved):
@@ -380,35 +380,35 @@ def _told_of_processing(
         "spread_ms": 1e3 * float(np.std(moved)),
         "lost_percent": 100 * max(0.0, 1.0 - len(moved) / n_before),
     }
-    states = moved_states(after, before, pace=pace)
+    states = moved_states(after, before, time_scale=time_scale)
     if not states:
         return [Message(f"landings.{kind}_moves_contacts", values)]
     return [Message(f"landings.{kind}_moves", {**values, **states})]
 
 
 def moved_contacts(
-    after: ContactsAndStates, before: ContactsAndStates, *, pace: float
+    after: ContactsAndStates, before: ContactsAndStates, *, time_scale: float
 ) -> tuple[FloatArray, int]:
     """Return by how much the contacts of landings moved, s, and how many there were."""
-    near = _nearest(after.begin_s, before.begin_s, pace)
+    near = _nearest(after.begin_s, before.begin_s, time_scale)
     moved = after.instants[near[:, 0]] - before.instants[near[:, 1]]
     n_before = int(np.isfinite(before.instants).sum())
     return moved[np.isfinite(moved)], n_before
 
 
-def _nearest(one: FloatArray, other: FloatArray, pace: float) -> FloatArray:
+def _nearest(one: FloatArray, other: FloatArray, time_scale: float) -> FloatArray:
     """Return which entries of two lists of instants, s, are of the same landing."""
     if not len(one) or not len(other):
         return np.zeros((0, 2), dtype=np.int64)
     apart = np.abs(one[:, None] - other[None])
     nearest = apart.argmin(axis=1)
     rows = np.arange(len(one))
-    is_same = apart[rows, nearest] < SAME_LANDING_S * pace
+    is_same = apart[rows, nearest] < SAME_LANDING_S * time_scale
     return np.column_stack([rows[is_same], nearest[is_same]])
 
 
 def moved_states(
-    after: ContactsAndStates, before: ContactsAndStates, *, pace: float
+    after: ContactsAndStates, before: ContactsAndStates, *, time_scale: float
 ) -> dict[str, float]:
     """Return the rms change of the body's states: mm and m/s at both sections.
 
@@ -416,7 +416,7 @@ def moved_states(
     """
     if after.pairs is None or before.pairs is None:
         return {}
-    near = _nearest(_touches(after.pairs), _touches(before.pairs), pace)
+    near = _nearest(_touches(after.pairs), _touches(before.pairs), time_scale)
     if not len(near):
         return {}
     found = {}
@@ -519,7 +519,7 @@ def _told_of_wobble(
     again = find_in_study(study, methods, given.sections)[number]
     moved = {}
     if again is not None:
-        moved = moved_states(again, given, pace=recording.pace)
+        moved = moved_states(again, given, time_scale=recording.time_scale)
     # Velocities hang on the window of the fit: see `_shaken`.
     moved = {key: value for key, value in moved.items() if key.endswith("_mm")}
     if not moved:
@@ -534,15 +534,15 @@ def _about_contacts(
 
     The residuals (N,), m, are those of a rigid body, from `as_rigid`.
     """
-    pace = recording.pace
-    in_flight = _within(recording.time, first_s - FLIGHT_S * pace, first_s)
+    time_scale = recording.time_scale
+    in_flight = _within(recording.time, first_s - FLIGHT_S * time_scale, first_s)
     after = _after(recording, first_s, WOBBLE_S)
     return _rms(residual_m[in_flight]), _rms(residual_m[after])
 
 
 def _after(recording: Recording, first_s: FloatArray, lasting_s: float) -> BoolArray:
     """Mark frames (N,) for some time, of an animal of 1 m, after first contacts."""
-    return _within(recording.time, first_s, first_s + lasting_s * recording.pace)
+    return _within(recording.time, first_s, first_s + lasting_s * recording.time_scale)
 
 
 def _first_contacts(found: ContactsAndStates) -> FloatArray:
@@ -562,13 +562,15 @@ def _is_uneven(residual_m: FloatArray, *, n_markers: int) -> bool:
 
     This costs little, unlike looking for contacts.
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     squares = residual_m[np.isfinite(residual_m)] ** 2
     n_free = 3 * n_markers - 6
     if not len(squares):
         return False
-    usual = float(np.median(squares)) * n_free / chi2.median(n_free)
+    # The median of chi squared; `scipy.stats` takes a second to load.
+    median = 2 * float(gammaincinv(n_free / 2, 0.5))
+    usual = float(np.median(squares)) * n_free / median
     return bool(np.mean(squares) > UNEVEN * usual)
 
 

@@ -239,7 +239,7 @@ def fill_gaps(
     if not overwrite:
         positions = positions.copy()
     if longest_s is None:
-        longest_s = LONGEST_S * recording.pace
+        longest_s = LONGEST_S * recording.time_scale
     filled = np.zeros(positions.shape[:2], bool)
     longest_frames = int(longest_s * recording.rate_hz + 1e-6)
     wanted = _short_gaps(~seen(recording.body), longest_frames)
@@ -281,7 +281,7 @@ def mark_filled(
     if recording.filled is None:
         return table
     t_pre = table["t_pre_s"].to_numpy(float)
-    reach_s = REACH_S * recording.pace
+    reach_s = REACH_S * recording.time_scale
     t_end = np.fmax(table["t_post_s"].to_numpy(float), t_pre) + reach_s
     body = recording.filled[:, recording.indices("body")]
     total = np.append(0, body.sum(axis=1).cumsum())

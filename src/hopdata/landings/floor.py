@@ -135,7 +135,7 @@ def fit_floor(
     (`hopdata.landings.floor_surface.robust_regression`).
     """
     if not rest_speed_m_s:
-        rest_speed_m_s = REST_SPEED_M_S * recording.pace
+        rest_speed_m_s = REST_SPEED_M_S * recording.time_scale
     if not rest_band_m:
         rest_band_m = REST_BAND_M * recording.scale
     if not largest_error_m:

@@ -142,9 +142,9 @@ def rest_points(
         is up to four times higher.
     """
     if not speed_m_s:
-        speed_m_s = REST_SPEED_M_S * recording.pace
+        speed_m_s = REST_SPEED_M_S * recording.time_scale
     if not window_s:
-        window_s = REST_WINDOW_S * recording.pace
+        window_s = REST_WINDOW_S * recording.time_scale
     lag = max(1, round(0.5 * window_s * recording.rate_hz))
     n_feet = recording.feet.shape[1]
     frames = []
@@ -188,9 +188,9 @@ def _slow_frames(speed: FloatArray, limit_m_s: float) -> IntArray:
 def _let_go(recording: Recording, height: FloatArray, slow: IntArray) -> BoolArray:
     """Mark the slow frames (K,) that belong to a rest after which the foot falls."""
     waits = np.diff(recording.time[slow], append=np.inf)
-    is_last = waits > PAUSE_S * recording.pace
+    is_last = waits > PAUSE_S * recording.time_scale
     last_frames = slow[is_last]
-    ahead = np.arange(1 + round(LET_GO_S * recording.pace * recording.rate_hz))
+    ahead = np.arange(1 + round(LET_GO_S * recording.time_scale * recording.rate_hz))
     after = height[np.minimum(last_frames[:, None] + ahead, len(height) - 1)]
     lowest = np.fmin.reduce(after, axis=1)
     fell = lowest < height[last_frames] - LET_GO_M * recording.scale

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyvander
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, Shown
 from hopdata.landings.floor_rests import RestPoints
 from hopdata.landings.sections.modes import robust_rms
 from hopdata.messages import Message
@@ -63,8 +63,8 @@ def along(places: FloatArray, axis: FloatArray) -> FloatArray:
     return np.asarray(places @ np.stack([axis, left], axis=1))
 
 
-@dataclass(frozen=True)
-class FloorModel:
+@dataclass(frozen=True, repr=False)
+class FloorModel(Shown):
     """A floor surface and the mount heights of the feet.
 
     Parameters
@@ -121,6 +121,11 @@ class FloorModel:
     moved_s: FloatArray = field(default_factory=lambda: np.zeros(1))
     moved_m: FloatArray = field(default_factory=lambda: np.zeros(1))
     axis: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0]))
+
+    def _told(self) -> str:
+        rests = f"{self.n_points:,} rests of {', '.join(self.feet)}"
+        scatter = f"within {1e3 * self.residual_rms_m:.2g} mm (rms)"
+        return f"of degree {self.degree} under {rests}, {scatter}"
 
     @property
     def note(self) -> str:

@@ -434,7 +434,7 @@ def feet_on(recording: Recording, plate: ForcePlate, instants: FloatArray) -> Bo
     low = feet[:, :, 2] <= LOW_M * recording.scale
     with np.errstate(invalid="ignore"):
         on_plate = inside & low
-    until = instants + ON_PLATE_S * recording.pace
+    until = instants + ON_PLATE_S * recording.time_scale
     begin = np.searchsorted(recording.time, instants)
     end = np.searchsorted(recording.time, until)
     centres = _centres_of_pressure(plate, instants, until, margin_m=margin_m)

@@ -334,8 +334,8 @@ def _table(
     reasons = exclusion_reasons(
         transitions,
         contacts,
-        longest_gap_s=descents.longest_gap_s(recording.time, recording.pace),
-        continued_s=descents.CONTINUED_S * recording.pace,
+        longest_gap_s=descents.longest_gap_s(recording.time, recording.time_scale),
+        continued_s=descents.CONTINUED_S * recording.time_scale,
     )
     if ambiguous == "exclude":
         order_is_ambiguous = Message(exclusion.ORDER_AMBIGUOUS).text()

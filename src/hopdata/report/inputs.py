@@ -180,6 +180,8 @@ class ReportInputs(PageInputs):
         ``faults.csv``.
     remarks : DataFrame, optional
         ``remarks.csv``.
+    one_or_own : DataFrame, optional
+        ``one_or_own.csv``: landings foretold by one map and by maps of their orders.
     """
 
     recordings: Sequence[Mapping[str, Any]] = ()
@@ -197,6 +199,7 @@ class ReportInputs(PageInputs):
     quality: Sequence[Mapping[str, Any]] | None = None
     faults: pd.DataFrame | None = None
     remarks: pd.DataFrame | None = None
+    one_or_own: pd.DataFrame | None = None
 
 
 def describe_recording(recording: Recording) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from hopdata.report import formatting as show
 from hopdata.report import tables, verdict
 from hopdata.report.inputs import ReportInputs, as_yaml, placed_pictures, rendered
 from hopdata.report.language import require_language
+from hopdata.report.methods import methods
 from hopdata.report.scene import landings_scene
 
 # The key numbers at the top of the page, which captions may also use.
@@ -250,6 +251,8 @@ def _shown(
 
 
 GAPS = "recording_gaps"
+#: The page of the documentation on studies that cannot tell.
+CANNOT_TELL_PAGE = "https://github.com/hopdata/hopdata/blob/main/docs/cannot_tell.md"
 PLACES: dict[str, str] = show.WORDS["places"]
 
 
@@ -296,6 +299,9 @@ def build_report(inputs: ReportInputs) -> str:
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
+        methods=methods(facts, inputs.verdict, inputs.recordings, inputs.provenance),
+        what_now=verdict.what_now(inputs.verdict),
+        cannot_tell=CANNOT_TELL_PAGE,
         distances_asked=inputs.distances_asked,
         verdict_notes=[_note(note) for note in known.get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
@@ -501,6 +507,7 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "prediction": tables.prediction_table(inputs.prediction),
         "distances": tables.distances_table(inputs.distances),
         "orders": verdict.orders_table(inputs.verdict, _feet(inputs)),
+        "one_or_own": verdict.one_or_own_table(inputs.one_or_own, _feet(inputs)),
         "truth": tables.truth_table(inputs.truth),
         **tables.record_tables(inputs.provenance or {}),
     }

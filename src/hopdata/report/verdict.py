@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata import __version__
+from hopdata.arrays import pd
 from hopdata.feet import with_foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
@@ -38,6 +38,12 @@ def reach(verdict: Verdict | None) -> list[Message]:
         values = {name: facts[name] for name in names}
         said.append(Message("report.unless_spent", values))
     return said
+
+
+def what_now(verdict: Verdict | None) -> list[Message | str]:
+    """Return what limits a study that cannot tell, the cause that costs most first."""
+    causes = (verdict or {}).get("what_now") or []
+    return [told(cause, str(cause.get("said", ""))) for cause in causes]
 
 
 def worded(verdict: Verdict, name: str) -> Message | str:
@@ -228,7 +234,11 @@ def orders_table(
         "p": lambda row: show.significant(row["p_value"], 2),
     }
     return show.table_of(
-        "Which contact orders differ", rows, columns, note=_orders_note(verdict or {})
+        "Which contact orders differ",
+        rows,
+        columns,
+        text_columns=3,
+        note=_orders_note(verdict or {}),
     )
 
 
@@ -261,6 +271,45 @@ def _landings_of_pair(row: Mapping[str, Any]) -> str:
     if row.get("n_first") is None:
         return show.MISSING
     return f"{show.count(row['n_first'])}, {show.count(row['n_second'])}"
+
+
+ONE_OR_OWN: show.Columns = {
+    "outcome": lambda row: show.with_unit(str(row["outcome"]), f"({row['unit']})"),
+    "happened": show.decimals("happened", 2),
+    "by one map": show.decimals("one_map", 2),
+    "by its order's map": show.decimals("own_map", 2),
+    "typically apart": show.decimals("apart", 2),
+    "one map misses by": show.decimals("missed_by_one", 2),
+    "own maps miss by": show.decimals("missed_by_own", 2),
+    "gain": show.decimals("gain", 2),
+    "from": show.decimals("gain_low", 2),
+    "to": show.decimals("gain_high", 2),
+}
+
+
+def one_or_own_table(
+    table: pd.DataFrame | None, feet: Sequence[str] = ()
+) -> show.Table | None:
+    """Return what one map and own maps foretell of landings, in mm and degrees.
+
+    Parameters
+    ----------
+    table : DataFrame, optional
+        ``one_or_own.csv``; nothing is shown of an empty one.
+    feet : sequence of str
+        Names of the feet; without them their numbers stay.
+    """
+    if table is None or table.empty:
+        return None
+    first = table.iloc[0]
+    values = {
+        "order": with_foot_names(str(first["order"]), feet),
+        "landings": show.count(int(first["n_landings"])),
+        "orders": show.count(int(first["n_orders"])),
+    }
+    note = Message("report.one_or_own_note", values)
+    title = str(Message("report.so_what"))
+    return show.table_of(title, table.to_dict("records"), ONE_OR_OWN, note=note)
 
 
 # The page of a group: answer, forest plot, conditions, and every member with its link.

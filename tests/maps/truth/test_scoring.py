@@ -170,7 +170,7 @@ def test_sections_by_the_true_contacts_of_landings():
     scatter = 0.001 * np.random.default_rng(1).normal(size=(59, 2))
     contacts = np.arange(59)[:, None] + [0.2, 0.3] + scatter
     item = truth_of(contacts, np.zeros((len(time), 2), bool), height)
-    recording = SimpleNamespace(time=time, pace=1.0)
+    recording = SimpleNamespace(time=time, time_scale=1.0)
     given = sections(0.55, 0.3, rule="landings")
     found = values(score_sections({"hopper": item}, given, {"hopper": recording}))
     untouched_m = 0.4 + 0.2 * np.cos(2 * np.pi * (0.2 - 0.002))

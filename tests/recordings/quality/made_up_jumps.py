@@ -135,6 +135,6 @@ def _one_jump(rng, step):
 
 
 def _sway(rng, n, rate_hz):
-    phase, pace = rng.uniform(0, 2 * np.pi, 3), rng.uniform(0.2, 0.5, 3)
+    phase, time_scale = rng.uniform(0, 2 * np.pi, 3), rng.uniform(0.2, 0.5, 3)
     time = np.arange(n)[:, None] / rate_hz
-    return np.array([0.01, 0.01, 0.002]) * np.sin(2 * np.pi * pace * time + phase)
+    return np.array([0.01, 0.01, 0.002]) * np.sin(2 * np.pi * time_scale * time + phase)

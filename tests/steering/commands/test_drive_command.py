@@ -1,6 +1,7 @@
 """A drive of the simulated hopper from the command line, and the replay of its log."""
 
 import errno
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live import log, rehearsal
 from hopdata.steering.live.actuator import NoBoom
 from hopdata.steering.live.buffer import Status, StreamCounts
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.log_reading import read_log
 from hopdata.steering.live.machine import Machine
 from hopdata.steering.live.watch import Watch
@@ -223,9 +225,13 @@ def test_an_act_without_its_rest_is_marked_and_gives_exit_code_1(capsys, monkeyp
         yield rehearsal.Performed(third, frozen, 0.03, obeyed=False)
 
     monkeypatch.setattr(rehearsal, "perform", perform)
-    monkeypatch.setattr(rehearsal, "simulated_geometry", lambda: None)
+    names = SimpleNamespace(body_names=("a", "b", "c"), boom_name="boom")
+    monkeypatch.setattr(rehearsal, "simulated_geometry", lambda: names)
     assert main(["drive", "--rehearse"]) == 1
-    rows = capsys.readouterr().out.splitlines()[3:]
+    out = capsys.readouterr().out.splitlines()
+    n_acts = len(rehearsal.acts(("a", "b", "c", "boom"), Limits()))
+    assert out[1].startswith(f"{n_acts} acts, some ")
+    rows = out[4:]
     assert [row[0] for row in rows[:6]] == [" ", "!", "!", "!", "!", "!"]
     assert rows[1].endswith("-  NO REST")
     assert "TOO LATE, beyond 50 ms" in rows[2]
@@ -298,3 +304,34 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
     assert "faults   none now" in lines()[-1]
     watch.end(Message("steering.the_end"))
     assert lines()[1] == "STOPPED  the end"
+
+
+def test_before_it_is_armed_the_screen_shows_no_number_that_is_none(capsys):
+    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""))
+    nan = float("nan")
+    decision = SimpleNamespace(
+        pose=(1.0, nan, nan),
+        boom_angle_rad=3.0,
+        command_rad=nan,
+        planning_s=nan,
+        since_stance_s=0.02,
+        outcome="waiting",
+        reason=Message("steering.not_armed"),
+    )
+    screen.decided(decision)
+    said = capsys.readouterr().out
+    assert "nan" not in said.replace("title", "")
+    assert "x +1.00 m, y not seen, heading not seen, boom 172 deg" in said
+    assert "waiting: no swing is sent; the operator has not armed it" in said
+
+
+def test_a_client_that_is_missing_is_told_before_the_model_is_read(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "qtm_rt", None)
+    nowhere = str(tmp_path / "nowhere")
+    options = ["--host", "127.0.0.1", "--dry-run", "--armed", "--model", nowhere]
+    assert main(["drive", *options]) != 0
+    err = capsys.readouterr().err
+    assert "pip install 'hopdata[live]'" in err
+    assert "nowhere" not in err

@@ -35,7 +35,7 @@ def resampled_error(recording: Recording) -> float:
     if not recording.indices("body"):
         return 0.0
     period = frames_of_pattern(middle(recording.body))
-    frame_s = 1 / recording.rate_hz / recording.pace
+    frame_s = 1 / recording.rate_hz / recording.time_scale
     return RESAMPLED_FRAMES * period * frame_s
 
 
@@ -43,7 +43,7 @@ def with_processing(recording: Recording, contacts: Contacts) -> Contacts:
     """Add to the common error what a filter or another rate did to contacts."""
     if not recording.indices("body"):
         return contacts
-    frame_s = 1 / recording.rate_hz / recording.pace
+    frame_s = 1 / recording.rate_hz / recording.time_scale
     early_s = resampled_error(recording)
     late_s = 0.0
     cut_off = low_pass(recording.body, scale=recording.scale)

@@ -323,13 +323,13 @@ def find_hidden_landings(
     return found[is_hidden & ~paused & ~_have_a_descent(found, spans)]
 
 
-def longest_gap_s(time: FloatArray, pace: float = 1.0) -> float:
+def longest_gap_s(time: FloatArray, time_scale: float = 1.0) -> float:
     """Return the longest gap at which a crossing still counts as seen, s.
 
-    `pace` is the time scale of the recording (`hopdata.recording.Recording.pace`).
+    `time_scale` is that of the recording (`hopdata.recording.Recording.time_scale`).
     """
     frame_s = float(np.median(np.diff(time)))
-    return max(LONGEST_GAP_FRAMES * frame_s, LONGEST_GAP_S * pace)
+    return max(LONGEST_GAP_FRAMES * frame_s, LONGEST_GAP_S * time_scale)
 
 
 def longest_gaps(seen: FloatArray, spans: FloatArray) -> FloatArray:

@@ -139,11 +139,15 @@ def _kink_contacts(
     for same in sorted(set(markers)):
         numbers = [n for n, own in enumerate(markers) if own == same]
         numbers.sort(key=lambda n: descending[n].recording.name)
-        paces = [descending[n].recording.pace for n in numbers]
+        paces = [descending[n].recording.time_scale for n in numbers]
         found = find_all_contacts(
             [trials[n] for n in numbers],
-            window_before_s=[_at_time_scale(window_before_s, pace) for pace in paces],
-            window_after_s=[_at_time_scale(window_after_s, pace) for pace in paces],
+            window_before_s=[
+                _at_time_scale(window_before_s, time_scale) for time_scale in paces
+            ],
+            window_after_s=[
+                _at_time_scale(window_after_s, time_scale) for time_scale in paces
+            ],
             **options,
         )
         for n, of_markers in zip(numbers, found, strict=True):
@@ -171,7 +175,7 @@ def _trial_of(found: Descending) -> Trial:
     if is_doubted.any():
         heights = np.where(is_doubted, np.nan, heights)
     return Trial(
-        recording.time / recording.pace,
+        recording.time / recording.time_scale,
         heights,
         whole_spans(found.spans),
         found.down_m,
@@ -189,7 +193,7 @@ def _printed_contacts(found: Descending, method: str) -> Contacts:
     size of the animal.
     """
     recording = found.recording
-    time_scale = recording.pace
+    time_scale = recording.time_scale
     contacts = find_contacts(
         recording.time,
         recording.feet[:, :, 2],

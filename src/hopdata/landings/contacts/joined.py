@@ -58,6 +58,7 @@ def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Record
         markers=tuple(marker.name for marker in new),
         roles=tuple(marker.role for marker in new),
         filled=filled,
+        joined=(),
     )
 
 

@@ -115,7 +115,7 @@ def resampled_remarks(recordings: Sequence[Recording]) -> list[Message]:
     ----------
     recordings : sequence of Recording
     """
-    errors_s = [resampled_error(one) * one.pace for one in recordings]
+    errors_s = [resampled_error(one) * one.time_scale for one in recordings]
     n_resampled = int(np.count_nonzero(errors_s))
     if not n_resampled:
         return []
@@ -134,9 +134,9 @@ def _bouncing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
         own = table[f"contact_{foot}_s"].to_numpy(float)
         instant[landed, i] = own[landed]
     higher_m = bounces(
-        recording.time / recording.pace,
+        recording.time / recording.time_scale,
         heights,
-        instant / recording.pace,
+        instant / recording.time_scale,
         height_noise(heights),
     )
     for i, foot in enumerate(feet):
@@ -164,7 +164,7 @@ def _doubted(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
     ):
         markers = slice(end, end + len(own))
         end += len(own)
-        spans = _spans(table, foot, recording.pace)
+        spans = _spans(table, foot, recording.time_scale)
         for code, marked in ((FILLED, is_filled), (EXCHANGED, is_exchanged)):
             of_foot = np.asarray(marked[:, markers].any(axis=1))
             lasting_s = _lasting(recording, of_foot, spans)
@@ -173,7 +173,7 @@ def _doubted(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
                 yield Counted(code, foot, n_landings, float(lasting_s.max()))
 
 
-def _spans(table: pd.DataFrame, foot: str, pace: float) -> FloatArray:
+def _spans(table: pd.DataFrame, foot: str, time_scale: float) -> FloatArray:
     """Return the times (L, 2), s, that say when a foot touched, in its landings.
 
     Without a contact it is the whole descent.
@@ -184,8 +184,8 @@ def _spans(table: pd.DataFrame, foot: str, pace: float) -> FloatArray:
     contact_s = own[f"contact_{foot}_s"].to_numpy(float)
     before_s, after_s = LONG_WINDOWS_S
     timed = np.isfinite(contact_s)
-    begin_s = np.where(timed, contact_s - before_s * pace, own["begin_s"])
-    end_s = np.where(timed, contact_s + after_s * pace, own["end_s"])
+    begin_s = np.where(timed, contact_s - before_s * time_scale, own["begin_s"])
+    end_s = np.where(timed, contact_s + after_s * time_scale, own["end_s"])
     return np.stack([begin_s, end_s], axis=1)
 
 

@@ -18,7 +18,7 @@ def table_of(found: Descending, contacts: Contacts, method: str) -> pd.DataFrame
     """Return the table of `find_study_landings` for one recording, at its own size."""
     recording = found.recording
     feet = recording.names("foot")
-    time_scale = recording.pace
+    time_scale = recording.time_scale
     contacts = _without_strangers(found, contacts)
     down = contacts.down
     if not down.size:

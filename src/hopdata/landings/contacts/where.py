@@ -62,7 +62,7 @@ def descents_of(
         raise AnalysisError.at(
             recording.name, f"at least {least_feet} foot markers", n_feet
         )
-    time_scale = recording.pace
+    time_scale = recording.time_scale
     time = recording.time / time_scale
     heights = recording.feet[:, :, 2] / recording.scale
     body = body_height(recording)

@@ -265,7 +265,7 @@ def _states(
             height_m=pre_m,
             side="before",
             contact=passed.first_s,
-            pace=recording.pace,
+            time_scale=recording.time_scale,
             **options,
         )
     ]
@@ -278,7 +278,7 @@ def _states(
                 height_m=float(height_m),
                 side="after",
                 contact=passed.last_s,
-                pace=recording.pace,
+                time_scale=recording.time_scale,
                 **options,
             )
         )

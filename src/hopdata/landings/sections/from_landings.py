@@ -102,7 +102,9 @@ def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
     seen = np.isfinite(recording.body_height)
     time = recording.time[seen]
     height = recording.body_height[seen]
-    return heights_at_contacts(time, height, spans, instant, pace=recording.pace)
+    return heights_at_contacts(
+        time, height, spans, instant, time_scale=recording.time_scale
+    )
 
 
 def heights_at_contacts(
@@ -111,7 +113,7 @@ def heights_at_contacts(
     spans: FloatArray,
     instant: FloatArray,
     *,
-    pace: float,
+    time_scale: float,
 ) -> FloatArray:
     """Return what `landing_heights` does, (K, 6), for landings that the frames show.
 
@@ -123,12 +125,12 @@ def heights_at_contacts(
         Instants of the top and the lowest point of each landing, s.
     instant : (L, n) array
         Instants of the contacts of the n feet, s.
-    pace : float
-        Pace of the recording: see `hopdata.recording.Recording.pace`.
+    time_scale : float
+        Time scale of the recording: see `hopdata.recording.Recording.time_scale`.
     """
-    lead_s = LEAD_S * pace
+    lead_s = LEAD_S * time_scale
     untouched = instant.min(axis=1) - lead_s
-    first = instant.min(axis=1) + CONTINUED_S * pace
+    first = instant.min(axis=1) + CONTINUED_S * time_scale
     last = instant.max(axis=1)
     settled = last + lead_s
     at = np.column_stack([spans[:, 0], first, last, spans[:, 1], untouched, settled])
@@ -137,7 +139,7 @@ def heights_at_contacts(
         return np.empty((0, 6))
     after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
     gap = time[after] - time[after - 1]
-    shown = (at >= time[0]) & (at <= time[-1]) & (gap <= HIDDEN_S * pace)
+    shown = (at >= time[0]) & (at <= time[-1]) & (gap <= HIDDEN_S * time_scale)
     return np.interp(at[shown.all(axis=1)], time, height)
 
 
@@ -244,7 +246,7 @@ def fall_speed(
     height_m : float
         Height of a section, m.
     """
-    half_s = HALF_SPAN_S * recording.pace
+    half_s = HALF_SPAN_S * recording.time_scale
     seen = np.isfinite(recording.body_height)
     time = recording.time[seen]
     height = recording.body_height[seen]

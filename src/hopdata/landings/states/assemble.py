@@ -239,7 +239,7 @@ def _states(
         height_m=pre_height_m,
         side="before",
         contact=contacts.min(axis=1),
-        pace=recording.pace,
+        time_scale=recording.time_scale,
         **options,
     )
     post = section_states(
@@ -249,7 +249,7 @@ def _states(
         height_m=post_height_m,
         side="after",
         contact=contacts.max(axis=1),
-        pace=recording.pace,
+        time_scale=recording.time_scale,
         **options,
     )
     return pre, post
@@ -275,7 +275,7 @@ def _pairs_of(
         t_pre,
         used["t_post_s"].to_numpy(),
         marker=marker,
-        pace=recording.pace,
+        time_scale=recording.time_scale,
     )
     x, x_se = _in_home_frame(home, pre)
     y, y_se = _in_home_frame(home, post)
@@ -290,7 +290,7 @@ def _pairs_of(
         contacts=instants.to_numpy(float),
         contacts_se=instants_se,
         window_s=window_s,
-        pace=recording.pace,
+        time_scale=recording.time_scale,
     )
     whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
     if not whole.all():

@@ -43,7 +43,7 @@ def feet_at_section(  # noqa: PLR0913 (the data, and the options of the fits)
     contacts: FloatArray,
     contacts_se: FloatArray,
     window_s: float | None = None,
-    pace: float = 1.0,
+    time_scale: float = 1.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the feet where the body crosses the pre section, with standard errors.
 
@@ -63,7 +63,7 @@ def feet_at_section(  # noqa: PLR0913 (the data, and the options of the fits)
     contacts, contacts_se : (L, F) array
         Contact instants of all feet and their standard errors, s. No frame after the
         first contact is used for any foot.
-    window_s, pace
+    window_s, time_scale
         See `hopdata.landings.states.fits.section_states`.
 
     Returns
@@ -88,7 +88,7 @@ def feet_at_section(  # noqa: PLR0913 (the data, and the options of the fits)
             contact=until,
             direction=home.direction,
             window_s=window_s,
-            pace=pace,
+            time_scale=time_scale,
         )
         velocity = home.vectors(found.velocity)
         of_instant = velocity * states.time_se[:, None, None]

@@ -118,8 +118,9 @@ class Tracks:
         Contact beyond which no frame is used, s.
     flight : bool
         Whether the section lies before the contact.
-    pace : float
-        Pace of the recording: the windows of an animal of 1 m are multiplied by it.
+    time_scale : float
+        Time scale of the recording, by which windows for an animal of 1 m are
+        multiplied.
     direction : (L, 2) array, optional
         x axes of the landings' frames; by default they follow from the markers.
     """
@@ -129,7 +130,7 @@ class Tracks:
     near: FloatArray
     contact: FloatArray
     flight: bool
-    pace: float = 1.0
+    time_scale: float = 1.0
     direction: FloatArray | None = None
 
     @property
@@ -230,19 +231,19 @@ def filtered(tracks: Tracks) -> Fit:
 def ballistic(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit straight lines under gravity to each flight by itself."""
     if not window_s:
-        window_s = BALLISTIC_WINDOW_S * tracks.pace
+        window_s = BALLISTIC_WINDOW_S * tracks.time_scale
     return tracks.fitted(window_s, 1, falling=True)
 
 
 def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit parabolas to each flight by itself."""
-    return tracks.fitted(window_s or WINDOW_S * tracks.pace, 2)
+    return tracks.fitted(window_s or WINDOW_S * tracks.time_scale, 2)
 
 
 def alone(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit each landing by itself, as where there are too few landings to learn from."""
     if not tracks.flight:
-        return tracks.fitted(window_s or WINDOW_S * tracks.pace, ALONE_DEGREE)
+        return tracks.fitted(window_s or WINDOW_S * tracks.time_scale, ALONE_DEGREE)
     return straight_or(accelerated(tracks, window_s), tracks, window_s)
 
 
@@ -323,7 +324,7 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
         (fitted(part), coefficients.least_squares(part, variance))
         for part in usual_sums()
     )
-    close_s = max(WINDOW_S * tracks.pace, LEAST_FRAMES * tracks.frame_s)
+    close_s = max(WINDOW_S * tracks.time_scale, LEAST_FRAMES * tracks.frame_s)
     close_frames = np.concatenate([part.frames for part in tracks.sums(close_s, 0)])
     is_close = close_frames >= LEAST_CLOSE
 
@@ -362,7 +363,7 @@ def _fit_closely(
     tracks, window_s
         All landings, and the wide window, s.
     """
-    close_s = min(WINDOW_S * tracks.pace, window_s)
+    close_s = min(WINDOW_S * tracks.time_scale, window_s)
     terms = fit.mean.shape[-1]
     degree = min(terms - 1, 2 if tracks.flight else ALONE_DEGREE)
     few = tracks.some(part.rows[odd])
@@ -403,7 +404,7 @@ def widest(tracks: Tracks, degrees: Sequence[int]) -> list[tuple[int, float]]:
     for degree in degrees:
         widest_s = None
         for width in WINDOWS_S:
-            window_s = width * tracks.pace
+            window_s = width * tracks.time_scale
             misfit = _misfit(some, degree, window_s)
             if misfit is None:  # too few frames; a wider window may hold enough
                 continue
@@ -464,7 +465,7 @@ def section_states(  # noqa: PLR0913 (the data, and the options of the method)
     method: str = "split_fit",
     window_s: float | None = None,
     gravity: str = "auto",
-    pace: float = 1.0,
+    time_scale: float = 1.0,
 ) -> SectionStates:
     """Fit the motion of each marker about each crossing and evaluate it on the section.
 
@@ -496,8 +497,8 @@ def section_states(  # noqa: PLR0913 (the data, and the options of the method)
         or an acceleration of its own for each marker and landing (`free`). `auto`
         learns from all landings how much accelerations differ from gravity. With few
         landings it uses gravity if that does not increase the residuals.
-    pace : float
-        Pace of the recording (`hopdata.recording.Recording.pace`).
+    time_scale : float
+        Time scale of the recording (`hopdata.recording.Recording.time_scale`).
 
     Returns
     -------
@@ -511,7 +512,7 @@ def section_states(  # noqa: PLR0913 (the data, and the options of the method)
     fit_tracks = chosen("states.method", method, METHODS)
     fit_flight = chosen("states.gravity", gravity, GRAVITIES)
     is_flight = chosen("side", side, SIDES)
-    tracks = Tracks(time, body, near, contact, is_flight, pace)
+    tracks = Tracks(time, body, near, contact, is_flight, time_scale)
     fit = fit_tracks(tracks, window_s, fit_flight)
     return cross(fit(), near, height_m)
 
@@ -524,7 +525,7 @@ def states_in_flight(
     contact: FloatArray,
     direction: FloatArray,
     window_s: float | None = None,
-    pace: float = 1.0,
+    time_scale: float = 1.0,
 ) -> InstantStates:
     """Fit the motion of markers in flight about given instants by the split fit.
 
@@ -532,19 +533,19 @@ def states_in_flight(
 
     Parameters
     ----------
-    time, markers, near, contact, window_s, pace
+    time, markers, near, contact, window_s, time_scale
         See `section_states`; `markers` (N, B, 3), m, need not be on the body.
     direction : (L, 2) array
         x axes of frames, turned about the vertical, in which the markers move much
         alike in all landings.
     """
-    tracks = Tracks(time, markers, near, contact, True, pace, direction)
+    tracks = Tracks(time, markers, near, contact, True, time_scale, direction)
     if len(near) >= LEAST_LANDINGS:
         fit = together(tracks, window_s)
     else:
         # A swinging leg's acceleration changes within the window. Within it, a cubic
         # is hardly less sure than a parabola.
-        cubics = tracks.fitted(window_s or WINDOW_S * pace, ALONE_DEGREE)
+        cubics = tracks.fitted(window_s or WINDOW_S * time_scale, ALONE_DEGREE)
         fit = straight_or(cubics, tracks, window_s)
     return at_instants(fit())
 

@@ -59,7 +59,7 @@ def home_frames(
     t_post: FloatArray,
     *,
     marker: int,
-    pace: float = 1.0,
+    time_scale: float = 1.0,
 ) -> HomeFrames:
     """Find the home frame of each touchdown (Sec. 2.2.4 of the dissertation).
 
@@ -79,8 +79,8 @@ def home_frames(
         Beginning and end of each touchdown, s.
     marker : int
         Number of the body marker on the x axis.
-    pace : float
-        Pace of the recording.
+    time_scale : float
+        Time scale of the recording.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def home_frames(
     AnalysisError
         If the marker lies at the origin in some touchdown.
     """
-    means = track_means(time, body[:, :, :2], t_pre, t_post, pace)
+    means = track_means(time, body[:, :, :2], t_pre, t_post, time_scale)
     origin = means.mean(axis=1)
     ray = means[:, marker] - origin
     length = np.hypot(ray[:, 0], ray[:, 1])
@@ -110,7 +110,7 @@ def track_means(
     tracks: FloatArray,
     t_pre: FloatArray,
     t_post: FloatArray,
-    pace: float = 1.0,
+    time_scale: float = 1.0,
 ) -> FloatArray:
     """Average tracks (N, B, k) over time between instants (L,), (L, B, k).
 
@@ -118,7 +118,7 @@ def track_means(
     `longest_gap_s`.
     """
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
-    longest_gap = longest_gap_s(time, pace) * (1 + 1e-9)
+    longest_gap = longest_gap_s(time, time_scale) * (1 + 1e-9)
     spans = np.column_stack([t_pre, t_post])
     seen = np.asarray(np.isfinite(tracks).all(axis=2))
     for b in range(tracks.shape[1]):

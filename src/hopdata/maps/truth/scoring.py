@@ -185,7 +185,7 @@ def _true_heights(item: Truth, recording: Recording) -> FloatArray:
         item.body_height,
         spans[descent[inside]],
         instants[inside],
-        pace=recording.pace,
+        time_scale=recording.time_scale,
     )
 
 

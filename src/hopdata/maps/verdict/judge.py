@@ -29,6 +29,11 @@ from hopdata.maps.verdict.data import Measured, Options
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.sizes import at_contact, sizes_of
 from hopdata.maps.verdict.so_far import so_far
+from hopdata.maps.verdict.what_now import (
+    Limit,
+    limits_of_reason,
+    what_limits_most,
+)
 from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.maps.verdict.words import (
     ASKED,
@@ -127,6 +132,10 @@ class Verdict(Shown):
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
+    what_now
+        If the study cannot tell: the causes that limit it, the one that costs most
+        first, each with its ``cause``, ``costs`` (by how much the detectable size would
+        fall without it), ``said`` in words, ``code`` and ``values``: see `what_now`.
     messages
         Codes and values of ``sentence``, ``outlook``, ``compared``, ``contacts`` and
         ``mainly``, where these are not empty.
@@ -162,6 +171,7 @@ class Verdict(Shown):
     gross_errors: Mapping[str, Sequence[int]] = field(default_factory=dict)
     so_far: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
+    what_now: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
     def _told(self) -> str:
@@ -344,6 +354,11 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     most = which.mainly(sizes.orders, landings.expected, sizes.alone)
     if most is not None:
         messages["mainly"] = most
+    now: list[Limit] = []
+    if answer.conclusion == CANNOT_TELL:
+        now = what_limits_most(
+            over_landings, fit, landings, margin=margin, alike=sizes.alike
+        )
     return Verdict(
         conclusion=answer.conclusion,
         sentence=str(answer.sentence),
@@ -374,6 +389,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         session=fit.session,
         gross_errors=sound.left_out,
         notes=[*left_out, *limits.gross_errors(sound), *limited],
+        what_now=[one.to_dict() for one in now],
         messages=messages,
     )
 
@@ -421,6 +437,10 @@ def _no_answer(
         flips=options.flips,
         so_far=known_so_far,
         notes=[*left_out, note],
+        what_now=[
+            one.to_dict()
+            for one in limits_of_reason(error, known_so_far.get("orders", ()))
+        ],
         messages=messages,
     )
 

@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Shown,
+    one_blas_thread,
+    pd,
+)
 from hopdata.errors import RecordingError
 from hopdata.messages import Message
 from hopdata.recording import Event, Recording
@@ -127,8 +134,8 @@ class Suspect(Fault):
         return str(self.message)
 
 
-@dataclass(frozen=True)
-class Inspection:
+@dataclass(frozen=True, repr=False)
+class Inspection(Shown):
     """Contents of a recording and what looks wrong with it.
 
     Parameters
@@ -183,6 +190,10 @@ class Inspection:
     treated: tuple[Message, ...] = ()
     events: tuple[Event, ...] = ()
     place: str = ""
+
+    def _told(self) -> str:
+        size = f"{len(self.markers)} markers, {len(self.time):,} frames"
+        return f"of {self.place or size}: {self.n_problems} suspects"
 
     def recording(
         self, feet: Iterable[str], body: Iterable[str], **named: str

@@ -53,6 +53,9 @@ DRAW_S = 0.25
 ACT_WIDTH = 50
 REST_WIDTH = 37
 
+# Time of an act of a rehearsal on a free machine, on the average, s.
+ACT_S = 2.0
+
 # What the operator types to arm the drive.
 ARM_KEY = "a"
 
@@ -134,6 +137,15 @@ def _require_whole(options: argparse.Namespace) -> None:
     if not options.armed and not _is_on_terminal():
         wanted = "a terminal, on which an operator arms the drive with a and Enter"
         raise ConfigError(f"--armed: expected it, or {wanted}")
+    if is_robot:
+        _require_client(options.source)
+
+
+def _require_client(source: str) -> None:
+    """Require the library of a source before the work, not after it."""
+    from hopdata.steering.live import sources
+
+    sources.require_client(source)
 
 
 def _no_model() -> ConfigError:
@@ -328,21 +340,27 @@ def _list_acts(options: argparse.Namespace) -> None:
 
 
 def _perform_acts(options: argparse.Namespace) -> int:
-    from hopdata.steering.live.rehearsal import perform, simulated_geometry
+    from hopdata.steering.live.rehearsal import acts, perform, simulated_geometry
 
     limits = _limits(options)
     with terminal.progress_line("learning the geometry of the simulated hopper"):
         geometry = simulated_geometry()
-    print("SIMULATED hopper; there is no robot\n")
+    print("SIMULATED hopper; there is no robot")
+    names = (*geometry.body_names, str(geometry.boom_name))
+    n_acts = len(acts(names, limits))
+    print(f"{counted(n_acts, 'act')}, some {n_acts * ACT_S:.0f} s on a free machine\n")
     columns = f"{'act':{ACT_WIDTH}}  {'rest expected':{REST_WIDTH}}"
     print(f"  {columns}  {'ms':>5}  what happened")
     wrong = 0
     logging.disable(logging.ERROR)  # the table says what the loop would log
     try:
-        for done in perform(geometry, limits):
-            print(_row(done), flush=True)
-            if not done.is_right:
-                wrong += 1
+        with terminal.progress_line(f"act 1 of {n_acts}") as progress:
+            for number, done in enumerate(perform(geometry, limits), start=1):
+                print(_row(done), flush=True)
+                if not done.is_right:
+                    wrong += 1
+                if number < n_acts:
+                    progress(f"act {number + 1} of {n_acts}")
     finally:
         logging.disable(logging.NOTSET)
     if wrong:
@@ -496,21 +514,28 @@ class Screen:
         """Record the decision at a stance; called in the loop's thread."""
         self._hops += 1
         x, y, heading = decision.pose
-        heading_deg = math.degrees(heading) % 360
-        boom_deg = math.degrees(decision.boom_angle_rad) % 360
-        planning_ms = 1e3 * decision.planning_s
-        spare_ms = 1e3 * (self._command_s - decision.since_stance_s)
         last_hop = (
-            f"hop {self._hops:3d}  x {x:+.2f} m, y {y:+.2f} m, "
-            f"heading {heading_deg:3.0f} deg, boom {boom_deg:3.0f} deg\n"
-            f"         {decision.outcome}: swing {decision.command_rad:+.2f} rad, "
-            f"plan took {planning_ms:.1f} ms, {spare_ms:.0f} ms to spare"
+            f"hop {self._hops:3d}  {_metres('x', x)}, {_metres('y', y)}, "
+            f"{_degrees('heading', heading)}, "
+            f"{_degrees('boom', decision.boom_angle_rad)}\n"
+            f"         {decision.outcome}: {self._swing_of(decision)}"
         )
         if decision.reason is not None:
             last_hop += f"; {decision.reason}"
         self._last_hop = last_hop
         if not self._is_live:
             print(" ".join(last_hop.split()), flush=True)
+
+    def _swing_of(self, decision: Decision) -> str:
+        """Return what was sent, and how long the plan took, if there was one."""
+        if math.isnan(decision.command_rad):
+            return "no swing is sent"
+        sent = f"swing {decision.command_rad:+.2f} rad"
+        if math.isnan(decision.planning_s):
+            return sent
+        planning_ms = 1e3 * decision.planning_s
+        spare_ms = 1e3 * (self._command_s - decision.since_stance_s)
+        return f"{sent}, plan took {planning_ms:.1f} ms, {spare_ms:.0f} ms to spare"
 
     def look(self, loop: ControlLoop, stream: Stream) -> None:
         """React to the operator's keys and update the display."""
@@ -581,6 +606,18 @@ class Screen:
             return self._refusal
         why = f"{loop.watch.cause}; " if state == "resting" else ""
         return f"{why}a and Enter to arm it"
+
+
+def _metres(name: str, place_m: float) -> str:
+    if math.isnan(place_m):
+        return f"{name} not seen"
+    return f"{name} {place_m:+.2f} m"
+
+
+def _degrees(name: str, angle_rad: float) -> str:
+    if math.isnan(angle_rad):
+        return f"{name} not seen"
+    return f"{name} {math.degrees(angle_rad) % 360:3.0f} deg"
 
 
 def _is_on_terminal() -> bool:

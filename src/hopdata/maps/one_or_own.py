@@ -1,0 +1,176 @@
+"""What a map of its own gains for the landings of a contact order, in mm and degrees.
+
+A difference of maps in per cent says little to who watches an animal. Landings are
+therefore predicted that were not fitted (cross-validation): by one map of all orders,
+and by the same with an affine map of each order beside it. Both have all second-order
+terms, so that curvature, which one smooth map has too, is no gain.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
+from hopdata.maps.coordinates import (
+    monomials,
+    rigid_states,
+    section_coordinates,
+    split_states,
+)
+from hopdata.rigid import OUTPUT_NAMES, body_shape
+
+#: Parts of the landings, each of which is predicted from the others.
+#: Unit: 1. Origin: convention: fivefold cross-validation.
+FOLDS = 5
+
+#: Landings for each fitted term; with fewer nothing is predicted.
+#: Unit: landings. Origin: chosen.
+LANDINGS_PER_TERM = 2
+
+#: Landings of an order with a map of its own, for each of its terms.
+#: Unit: landings. Origin: chosen.
+OWN_LANDINGS_PER_TERM = 3
+
+#: Confidence of the interval of the typical gain.
+#: Unit: 1. Origin: convention.
+CONFIDENCE = 0.95
+
+# Ending of an outcome's name -> its unit here, and the factor to it.
+UNITS = {
+    "_rad_s": ("°/s", float(np.degrees(1.0))),
+    "_m_s": ("mm/s", 1e3),
+    "_rad": ("°", float(np.degrees(1.0))),
+    "_m": ("mm", 1e3),
+}
+COLUMNS = (
+    *("outcome", "unit", "happened", "one_map", "own_map"),
+    *("apart", "missed_by_one", "missed_by_own", "gain", "gain_low", "gain_high"),
+    *("order", "landing", "n_landings", "n_orders"),
+)
+
+
+@one_blas_thread()
+def one_or_own(x: ArrayLike, y: ArrayLike, schedule: ArrayLike) -> pd.DataFrame:
+    """Return what one map and the orders' own maps foretell of landings not fitted.
+
+    Parameters
+    ----------
+    x, y
+        (n, 6B) home-frame states at the pre and the post section: positions, m, and
+        velocities, m/s, of the markers of a rigid body.
+    schedule
+        (n,) contact order of each landing.
+
+    Returns
+    -------
+    DataFrame
+        One row for each outcome, in ``unit``. Of an example, the landing whose two
+        predictions are as far apart as is typical: ``happened``, ``one_map`` and
+        ``own_map``, less the mean of all landings; its ``order`` and the number
+        ``landing`` of its row. Over all landings: the medians of how far the two
+        predictions are ``apart``, of how far each missed, and of the ``gain`` (by how
+        much less own maps missed) with its interval. Empty if there are too few
+        landings or a single order.
+    """
+    before = np.asarray(x, float)
+    after = np.asarray(y, float)
+    orders = np.asarray(schedule, str)
+    finite = np.isfinite(np.hstack([before, after])).all(axis=1)
+    known = np.flatnonzero(finite & (orders != ""))
+    before = before[known]
+    after = after[known]
+    orders = orders[known]
+    if len(before) < 2 or split_states(before)[0].shape[1] < 3:
+        return pd.DataFrame(columns=list(COLUMNS))
+    shape = body_shape(split_states(before)[0])
+    inputs, outcomes = section_coordinates(
+        rigid_states(before, shape), rigid_states(after, shape)
+    )
+    one, own, n_orders = _terms(inputs, orders)
+    if n_orders < 2 or len(one) < LANDINGS_PER_TERM * own.shape[1]:
+        return pd.DataFrame(columns=list(COLUMNS))
+    by_one = _foretold(one, outcomes)
+    by_own = _foretold(own, outcomes)
+    return _table(outcomes, by_one, by_own, orders, known, n_orders)
+
+
+def _terms(
+    inputs: FloatArray, orders: np.ndarray
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return the terms of one map, of own maps, and of how many orders these are."""
+    states = (inputs - inputs.mean(axis=0)) / inputs.std(axis=0).clip(1e-300)
+    affine = np.column_stack([np.ones(len(states)), states])
+    one = np.column_stack([affine, monomials(states, (2,))])
+    least = OWN_LANDINGS_PER_TERM * affine.shape[1]
+    names, counts = np.unique(orders, return_counts=True)
+    common = names[counts >= least]
+    blocks = [affine * (orders == name)[:, None] for name in common]
+    # The first order keeps the map that all share.
+    return one, np.column_stack([one, *blocks[1:]]), len(common)
+
+
+def _foretold(terms: FloatArray, outcomes: FloatArray) -> FloatArray:
+    """Return the outcomes (n, 11) foretold from the landings of other folds."""
+    foretold = np.empty_like(outcomes)
+    fold = np.arange(len(terms)) % FOLDS
+    for number in range(FOLDS):
+        held_out = fold == number
+        fitted: BoolArray = ~held_out
+        slopes = np.linalg.lstsq(terms[fitted], outcomes[fitted], rcond=None)[0]
+        foretold[held_out] = terms[held_out] @ slopes
+    return foretold
+
+
+def _table(
+    outcomes: FloatArray,
+    by_one: FloatArray,
+    by_own: FloatArray,
+    orders: np.ndarray,
+    known: np.ndarray,
+    n_orders: int,
+) -> pd.DataFrame:
+    mean = outcomes.mean(axis=0)
+    spread = outcomes.std(axis=0).clip(1e-300)
+    apart = np.abs(by_own - by_one)
+    far = np.sqrt(np.mean((apart / spread) ** 2, axis=1))
+    example = int(np.argmin(np.abs(far - np.median(far))))
+    of_one = np.abs(by_one - outcomes)
+    of_own = np.abs(by_own - outcomes)
+    rows = []
+    for k, name in enumerate(OUTPUT_NAMES):
+        ending = next(one for one in UNITS if name.endswith(one))
+        unit, factor = UNITS[ending]
+        gain, low, high = _median(of_one[:, k] - of_own[:, k])
+        rows.append(
+            {
+                "outcome": name.removesuffix(ending).replace("_", " "),
+                "unit": unit,
+                "happened": factor * (outcomes[example, k] - mean[k]),
+                "one_map": factor * (by_one[example, k] - mean[k]),
+                "own_map": factor * (by_own[example, k] - mean[k]),
+                "apart": factor * float(np.median(apart[:, k])),
+                "missed_by_one": factor * float(np.median(of_one[:, k])),
+                "missed_by_own": factor * float(np.median(of_own[:, k])),
+                "gain": factor * gain,
+                "gain_low": factor * low,
+                "gain_high": factor * high,
+                "order": orders[example],
+                "landing": int(known[example]),
+                "n_landings": len(outcomes),
+                "n_orders": n_orders,
+            }
+        )
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _median(values: FloatArray) -> tuple[float, float, float]:
+    """Return the median and its interval, whose ends are two of the values."""
+    from scipy.special import ndtri
+
+    n = len(values)
+    reach = float(ndtri(0.5 + CONFIDENCE / 2.0)) * np.sqrt(n) / 2.0
+    first = max(0, int(np.floor(n / 2.0 - reach)) - 1)
+    last = min(n - 1, int(np.ceil(n / 2.0 + reach)))
+    ordered = np.sort(values)
+    return float(np.median(values)), float(ordered[first]), float(ordered[last])

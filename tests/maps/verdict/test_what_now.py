@@ -1,0 +1,94 @@
+"""Of a study that cannot tell, the one cause that limits it is named first."""
+
+import os
+
+import numpy as np
+import pytest
+from kinked_landings import landings, legs_and_feet
+
+from hopdata.maps.verdict import judge
+
+# Scatter of the legs, in contact spreads.
+SCATTER = 1.0
+SEEDS = range(1, 11) if "ALL" in os.environ else (1,)
+
+
+def few(seed):
+    data = landings(190, seed=seed, noise=0.4, curvature=0.0)
+    return data.before, data.after, data.instants
+
+
+def noisy(seed):
+    """Return many landings whose body markers are seen badly."""
+    data = landings(1500, seed=seed, curvature=0.0)
+    rng = np.random.default_rng(seed + 50)
+    noise = np.repeat([0.0015, 0.025], 9)
+    seen = [
+        states + noise * rng.standard_normal(states.shape)
+        for states in (data.before, data.after)
+    ]
+    return *seen, data.instants
+
+
+def drifting(seed):
+    """Return landings whose speeds change in waves that no slow term follows."""
+    data = landings(900, seed=seed, noise=0.02, curvature=0.0)
+    rng = np.random.default_rng(seed)
+    wave = np.sin(np.arange(900) / 15.0 + rng.uniform(0, 6))
+    after = data.after.copy()
+    after[:, 9::3] += 0.3 * wave[:, None]
+    return data.before, after, data.instants
+
+
+def with_posture(seed):
+    """Return legs whose length varies, and whose feet are not seen before."""
+    data, _ = legs_and_feet(1500, SCATTER, 0.0, seed=seed)
+    return data.before, data.after, data.instants
+
+
+def one_order(seed):
+    data = landings(900, seed=seed, feet=2)
+    first = data.instants[:, 0] < data.instants[:, 1]
+    first[np.flatnonzero(~first)[:5]] = True
+    return data.before[first], data.after[first], data.instants[first]
+
+
+CAUSES = {
+    "landings": few,
+    "noise": noisy,
+    "drift": drifting,
+    "posture": with_posture,
+    "orders": one_order,
+}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("cause", CAUSES)
+def test_the_cause_that_limits_is_named_first(cause, seed):
+    answer = judge(*CAUSES[cause](seed), seed=seed, flips=99)
+    assert answer.conclusion == "cannot tell"
+    first = answer.what_now[0]
+    assert first["cause"] == cause
+    assert first["said"].lower().startswith(cause)
+
+
+def test_what_costs_more_stands_before_what_costs_less():
+    answer = judge(*few(2), seed=1, flips=99, margin=0.15)
+    costs = [one["costs"] for one in answer.what_now if one["costs"] is not None]
+    assert costs == sorted(costs, reverse=True)
+
+
+def test_a_study_that_can_tell_has_no_such_list():
+    data = landings(900, seed=1)
+    answer = judge(data.before, data.after, data.instants, seed=1, flips=99)
+    assert answer.conclusion == "no difference"
+    assert answer.what_now == []
+
+
+def test_too_few_landings_are_told_with_the_number_that_is_missing():
+    data = landings(100, seed=1)
+    answer = judge(data.before, data.after, data.instants, seed=1, flips=99)
+    (only,) = answer.what_now
+    assert only["cause"] == "landings"
+    # One of these is left out as far from all others.
+    assert (only["values"]["found"], only["values"]["least"]) == (99, 150)
