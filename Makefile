@@ -217,7 +217,7 @@ lock:
 	$(LOCK) pyproject.toml --extra fuzz -c requirements-dev.lock -o requirements-fuzz.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 	$(LOCK) pyproject.toml --extra dissertation -c requirements-bench.lock -o requirements-dissertation.lock
-	printf 'furo>=2024.8\ngymnasium>=1.0\nipykernel>=6.29\nlatex2mathml>=3.77\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
+	printf 'furo>=2024.8\ngymnasium>=1.0\nipykernel>=6.29\nlatex2mathml>=3.77\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.7\n' | \
 	  $(LOCK) - -c requirements-dev.lock -o requirements-docs.lock
 # Installs quickly, and builds hopdata and Snakemake's dependency connection-pool, which is published only as source.
 	printf 'hatchling>=1.27,<2\npip>=26\nsetuptools\n' | $(LOCK) - -c requirements-dev.lock -o requirements-build.lock

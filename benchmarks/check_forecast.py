@@ -40,7 +40,11 @@ sys.path[:0] = [str(ROOT / "tests" / "recordings")]
 
 from trc_files import trc_text  # noqa: E402
 
-FOLDERS = (ROOT / "data/external", *(ROOT.parent / "shared/recordings").glob("*"))
+FOLDERS = (
+    ROOT / "data/sample",
+    ROOT / "data/external",
+    *(ROOT.parent / "shared/recordings").glob("*"),
+)
 HOPS = 400
 BODY, FEET = ["body1", "body2", "body3"], ["foot1", "foot2", "foot3"]
 Fault = Callable[[Recording, np.random.Generator], Recording]

@@ -605,7 +605,11 @@ COLUMNS = (
 
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")
+FOLDERS = (
+    ROOT / "data/sample",
+    ROOT / "data/external",
+    ROOT.parent / "shared/recordings/treadmill_running",
+)
 MARKERS, FORCES = "RBDS001runT25markers.tsv", "RBDS001runT25forces.txt"
 HEADER_LINES, RUNNER_HZ, FORCE_HZ = 11, 150.0, 300.0
 AT_REST_M = (0.034, 0.045, 0.050)  # standing foot: heel, first and fifth metatarsal
