@@ -161,6 +161,14 @@ def test_the_caption_of_the_verdict_says_what_its_plots_do_not_show():
     assert "the commonest of the 6 orders" in shown["plain"]
 
 
+def test_the_caption_of_own_maps_says_of_which_landings_they_are():
+    facts = study_facts(full_study())
+    shown = render_caption(captions()["one_or_own"], facts, name="one_or_own")
+    text = " ".join(shown.paragraphs)
+    assert "in the order 2 → 1 → 3" in text
+    assert "over 621 landings, each foretold from others; 6 orders" in text
+
+
 def test_the_caption_of_the_maps_gives_their_errors():
     errors = {
         "map_estimate_error_printed": 0.133,

@@ -320,6 +320,23 @@ ONE_OR_OWN: show.Columns = {
 }
 
 
+def one_or_own_facts(
+    table: pd.DataFrame | None, feet: Sequence[str] = ()
+) -> dict[str, str]:
+    """Return the ``order`` of the example, and how many ``landings`` and ``orders``.
+
+    Without a prediction, nothing is returned.
+    """
+    if table is None or table.empty:
+        return {}
+    first = table.iloc[0]
+    return {
+        "order": with_foot_names(str(first["order"]), feet),
+        "landings": show.count(int(first["n_landings"])),
+        "orders": show.count(int(first["n_orders"])),
+    }
+
+
 def one_or_own_table(
     table: pd.DataFrame | None, feet: Sequence[str] = ()
 ) -> show.Table | None:
@@ -334,12 +351,7 @@ def one_or_own_table(
     """
     if table is None or table.empty:
         return None
-    first = table.iloc[0]
-    values = {
-        "order": with_foot_names(str(first["order"]), feet),
-        "landings": show.count(int(first["n_landings"])),
-        "orders": show.count(int(first["n_orders"])),
-    }
+    values = one_or_own_facts(table, feet)
     note = Message("report.one_or_own_note", values)
     title = str(Message("report.so_what"))
     return show.table_of(title, table.to_dict("records"), ONE_OR_OWN, note=note)
