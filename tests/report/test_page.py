@@ -114,6 +114,7 @@ def test_the_language_and_the_title_are_given():
 
 def test_every_table_is_there(full):
     assert full.captions == [
+        "So what? One landing, by one map and by its order's own",
         "Can these data be trusted?",
         "Faults of the recordings",
         "Remarks on the recordings",
