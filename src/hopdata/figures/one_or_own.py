@@ -11,7 +11,7 @@ from matplotlib.patches import Patch, Rectangle
 from hopdata.figures import style
 
 NOTHING_FORETOLD = "Too few landings, or a single order: none is foretold."
-# Of what the rows of a panel are, by their unit; panels in this order.
+# Units of the rows of a panel; panels in this order, line by line.
 PANELS = ("mm", "°", "mm/s", "°/s")
 # Height of the frame of a panel, and of each of its rows.
 FRAME_MM = 13.0
@@ -60,7 +60,8 @@ def one_or_own_figure(table: pd.DataFrame) -> Figure:
         _draw_outcomes(axes, part)
     for axes in panels.flat[len(parts) :]:
         axes.set_axis_off()
-    style.letters(panels.flat[: len(parts)])
+    # A narrow page stacks the panels column by column.
+    style.letters([axes for axes in panels.T.flat if axes.axison])
     figure.legend(handles=_legend(), loc="outside upper center", ncols=3)
     return figure
 
