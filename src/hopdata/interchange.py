@@ -20,7 +20,7 @@ from hopdata.time_stamps import RATE_TOLERANCE
 #: Parts of a recording that are neither arrays nor names of markers.
 PARTS = (
     *("name", "source", "source_sha256", "vertical_axis"),
-    *("remarks", "events", "joined"),
+    *("remarks", "events", "joined", "other_feet"),
 )
 #: Axes of a position; z points up.
 AXES = ("x", "y", "z")
