@@ -371,6 +371,67 @@ def test_roles_are_those_of_the_file_and_otherwise_guessed(tmp_path):
     assert joined.recordings[0].joined == ()
 
 
+@pytest.fixture(scope="module")
+def file_of_others(tmp_path_factory):
+    """Return a file in which toe3 lands between the landings of toe1 and toe2."""
+    positions = hopping(5, n_frames=800)[1]
+    down = positions[:, 3, 2] < positions[:, 3, 2].min() + 0.02
+    period = int(np.median(np.diff(np.flatnonzero(np.diff(down.astype(int)) > 0))))
+    positions[:, 5] = np.roll(positions[:, 5], period // 2, axis=0)
+    return c3d_of(tmp_path_factory.mktemp("others"), positions)
+
+
+TWO = {"feet": [*MARKERS[3:5]], "body": [*MARKERS[:3]]}
+BY_FOOT = {**TWO, "feet": {"left": MARKERS[3:4], "right": MARKERS[4:5]}}
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda file: (file, TWO),
+        lambda file: (file, {"markers": TWO}),
+        lambda file: (hd.read(file, **TWO), {}),
+        lambda file: (hd.read(file, **TWO, vertical_axis="z"), {}),
+        lambda file: ([hd.read(file).with_roles(**TWO)], {}),
+    ],
+)
+def test_other_feet_are_told_by_all_ways_to_a_study(asked, file_of_others):
+    source, keys = asked(file_of_others)
+    told = []
+    config = hd.study(source, **keys, progress=told.append).config
+    assert config["markers"] == {**TWO, "boom": []}
+    assert config["sections"]["frames"] == "landings"
+    assert "sections.frames: landings, since other feet land too (toe3)" in told
+    said = hd.study(source, **keys, sections={"frames": "all"}).config
+    assert said["sections"]["frames"] == "all"
+
+
+def test_feet_are_given_by_their_markers_in_all_calls(file_of_others):
+    by_foot = {"left": ["toe1", "toe3"], "right": ["toe2"]}
+    roles = {"feet": by_foot, "body": TWO["body"]}
+    config = hd.study(file_of_others, **TWO).config
+    for source, keys in (
+        (file_of_others, roles),
+        (hd.read(file_of_others, **roles), {}),
+        (config, {"feet": by_foot}),
+    ):
+        found = hd.study(source, **keys).config
+        assert feet_of(found) == ["left", "right"]
+        assert found["markers"]["feet"] == ["toe1", "toe3", "toe2"]
+
+
+def test_frames_are_all_where_no_other_feet_land(tmp_path):
+    file = c3d_of(tmp_path, hopping(5, n_frames=800)[1])
+    for source, keys in ((file, TWO), (hd.read(file, **TWO), {})):
+        assert hd.study(source, **keys).config["sections"]["frames"] == "all"
+
+
+def test_a_role_that_is_not_given_stays(file_of_others):
+    config = hd.study(file_of_others, **TWO).config
+    other = hd.study(config, feet=["toe2", "toe3"]).config["markers"]
+    assert other == {"feet": ["toe2", "toe3"], "body": TWO["body"], "boom": []}
+
+
 def test_files_are_joined_by_the_markers_that_all_have(tmp_path):
     _, positions = hopping(5, n_frames=400)
     first = c3d_of(tmp_path, positions)
@@ -409,6 +470,7 @@ def test_roles_that_cannot_be_guessed_are_asked_for_in_one_line(tmp_path):
 
 
 STATES = np.zeros((20, 18))
+TINY = hd.Recording.from_arrays(*hopping(5, n_frames=200), MARKERS, **TWO)
 
 
 @pytest.mark.parametrize(
@@ -468,6 +530,28 @@ STATES = np.zeros((20, 18))
         (lambda: hd.read("a.c3d", units="mm"), "input.units: .* did you mean 'unit'"),
         (lambda: hd.read("a.c3d", rate_hz="fast"), "input.rate_hz: expected a number"),
         (lambda: hd.read([], feet=FEET), "file: expected a path or a list of paths"),
+        (lambda: hd.read(b"abc"), "file: expected a path or a list of paths"),
+        (lambda: hd.read(["a.c3d", 3]), "file: expected a path or a list of paths"),
+        (
+            lambda: hd.study("a.c3d", feet=FEET, markers={"feet": FEET}),
+            "feet, body: expected each role once, found feet= and markers=",
+        ),
+        (
+            lambda: hd.study("a.c3d", markers="toe"),
+            "markers: expected keys with values",
+        ),
+        (
+            lambda: hd.study(TINY, recordings=[{"block": "sand"}]),
+            r"recordings\[0\]\.name: expected this key",
+        ),
+        (
+            lambda: hd.study(TINY, recordings={"name": "tiny"}),
+            "recordings: expected a list of at least 1 entry",
+        ),
+        (
+            lambda: hd.study(TINY, markers=TWO),
+            r"feet, body: expected none beside a recording.*recording\.with_roles",
+        ),
         (lambda: hd.analyse("a.c3d", input="mm"), "input: expected keys with values"),
         (lambda: hd.analyse("a.c3d", progress=True), "progress: expected a function"),
         (
@@ -479,7 +563,7 @@ STATES = np.zeros((20, 18))
             "from_arrays: .*'markers'",
         ),
         (
-            lambda: hd.Recording.from_arrays([0, 1], STATES, FEET),
+            lambda: hd.Recording.from_arrays([0, 0.1], STATES, FEET),
             r"positions: expected shape \(2, 3, 3\)",
         ),
         (

@@ -46,6 +46,14 @@ def test_an_inspection_has_tables(file):
         (lambda: hd.inspect(3), "source: expected the path of a file, or a recording"),
         (lambda: hd.inspect("no.c3d"), "no.c3d: expected a file, found none"),
         (lambda: hd.inspect(file, rate=100), "did you mean 'rate_hz'"),
+        (
+            lambda: hd.inspect(hd.read(file), unit="mm", rate_hz=50),
+            "unit, rate_hz: expected none for a recording, .* found mm",
+        ),
+        (
+            lambda: hd.inspect(hd.read(file), vertical_axis="y"),
+            "vertical_axis: expected none for a recording",
+        ),
     ):
         with pytest.raises(hd.HopdataError, match=told):
             wrong()

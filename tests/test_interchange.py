@@ -33,6 +33,7 @@ def recording():
         events=(Event("strike", 0.1),),
         remarks=("a remark",),
         filled=filled,
+        other_feet=("paw",),
     )
     return made.with_roles(feet={"left": ["heel", "toe"]})
 
@@ -145,6 +146,12 @@ def test_wrong_tables_are_told():
     ):
         with pytest.raises(HopdataError, match=told):
             hd.Recording.from_pandas(wrong)
+    unsure = recording().to_pandas("long").astype({"filled": object})
+    assert hd.Recording.from_pandas(unsure).filled.sum() == 1
+    for unknown in (np.nan, "False"):
+        unsure.loc[7, "filled"] = unknown
+        with pytest.raises(HopdataError, match=f"filled: expected .*found {unknown}"):
+            hd.Recording.from_pandas(unsure)
     with pytest.raises(HopdataError, match="layout: expected one of wide, long"):
         made.to_pandas("tall")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,13 +18,25 @@ from hopdata.errors import (
     told_call,
 )
 from hopdata.messages import Message
-from hopdata.recording import Recording, Truth, marker_names, numbers
+from hopdata.recording import (
+    Recording,
+    Truth,
+    feet_and_joined,
+    marker_names,
+    numbers,
+)
 from hopdata.stages import LINE
 from hopdata.walk import Contents, Progress, Study
 
 if TYPE_CHECKING:
     from hopdata.maps.verdict.judge import Verdict
+    from hopdata.recordings.quality.guess import Guess
     from hopdata.recordings.raw import RawRecording
+
+#: Markers of the feet, or the markers of each foot by its name.
+Feet = Iterable[str] | Mapping[str, Iterable[str]]
+#: Feet with several markers: name, and those markers.
+Joined = tuple[tuple[str, tuple[str, ...]], ...]
 
 __all__ = [
     "SNAKEFILE",
@@ -41,6 +53,8 @@ __all__ = [
 BEYOND = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
 #: Suffixes of configurations.
 YAML = (".yaml", ".yml")
+# Roles that a study needs, by their keys.
+ROLES = ("feet", "body")
 # Source of all recordings that were simulated.
 SIMULATED = "simulation"
 
@@ -49,8 +63,8 @@ SIMULATED = "simulation"
 def read(
     file: str | Path | Sequence[str | Path],
     *,
-    feet: Sequence[str] = (),
-    body: Sequence[str] = (),
+    feet: Feet = (),
+    body: Iterable[str] = (),
     name: str | None = None,
     **options: Any,
 ) -> Recording:
@@ -60,11 +74,15 @@ def read(
     ----------
     file : path or sequence of path
         A file, or several in chronological order.
-    feet, body : sequence of str
-        Names of markers by role. If both are given, only these markers are kept, body
-        first. Otherwise all markers of the file are kept, with the roles that it
-        states, if any; `Recording.with_roles` gives roles later, and `guess` guesses
-        them.
+    feet : iterable of str, or mapping
+        A marker for each foot; or the markers of each foot by its name, as in
+        ``{"left": ["LHEE", "LTOE"]}``.
+    body : iterable of str
+        Three markers or more on one rigid part. If feet and body are given, only their
+        markers are kept, body first; ``other_feet`` of the recording then names those
+        left out that land at other times. Otherwise all markers of the file are kept,
+        with the roles that it states, if any; `Recording.with_roles` gives roles later,
+        and `guess` guesses them.
     name : str, optional
         Name of the recording; by default the name of the file.
     options
@@ -95,51 +113,153 @@ def read(
     """
     from hopdata.recordings.importing import import_recording
 
-    if not file or not isinstance(file, str | Path | Sequence):
-        raise ArgumentError.at("file", "a path or a list of paths", f"{file!r}")
+    files = _files_of(file)
     check_keys("read", {"input": options})
-    first = Path(file if isinstance(file, str | Path) else file[0])
-    markers = {
-        "feet": [*marker_names("feet", feet)],
-        "body": [*marker_names("body", body)],
-    }
-    question = None
-    if "vertical_axis" not in options:
-        options["vertical_axis"], question = _up_of(first, markers, options)
-    has_both = all(markers.values())
+    markers, joined = _given_roles(feet, body)
+    found = _axis_and_other_feet(files, markers, options)
+    options.setdefault("vertical_axis", found.axis)
+    has_both = len(markers) == 2
     recording, _ = import_recording(
-        file, name=name or first.stem, markers=markers if has_both else None, **options
+        file,
+        name=name or files[0].stem,
+        markers=markers if has_both else None,
+        **options,
     )
-    if not has_both and any(markers.values()):
-        given = {role: names for role, names in markers.items() if names}
-        recording = recording.with_roles(**given)
-    if question is None:
+    if has_both:
+        recording = replace(recording, joined=joined, other_feet=found.other_feet)
+    elif markers:
+        recording = replace(recording.with_roles(**markers), joined=joined)
+    if found.question is None:
         return recording
-    remark = f"{first}: {question}"
+    remark = f"{files[0]}: {found.question}"
     return replace(recording, remarks=(*recording.remarks, remark))
 
 
-def _up_of(
-    file: Path, markers: Contents, options: Contents
-) -> tuple[str, Message | None]:
-    """Return the file's axis that points up, and the question if that is not sure."""
-    from hopdata.landings.role_guesses import roles_in_file, which_axis
-    from hopdata.recordings.quality.orientation import guess_unit_and_up
+def _files_of(file: str | Path | Sequence[str | Path]) -> list[Path]:
+    """Return the files of a recording.
+
+    Raises
+    ------
+    ArgumentError
+        If it is neither a path nor a list of paths.
+    """
+    files: Sequence[Any] = [file] if isinstance(file, str | Path) else file
+    is_list = isinstance(files, list | tuple)
+    if not file or not is_list or not all(isinstance(f, str | Path) for f in files):
+        raise ArgumentError.at("file", "a path or a list of paths", f"{file!r}")
+    return [Path(one) for one in files]
+
+
+def _given_roles(feet: Feet, body: Iterable[str]) -> tuple[Contents, Joined]:
+    """Return the markers of each role that is given, and the feet of several."""
+    names, joined = feet_and_joined(feet)
+    markers = {"feet": [*names], "body": [*marker_names("body", body)]}
+    return {role: own for role, own in markers.items() if own}, joined
+
+
+@dataclass(frozen=True)
+class _SeenInFile:
+    """What a file tells of its axis and of feet that are not analysed.
+
+    Parameters
+    ----------
+    axis : str
+        The axis that points up.
+    question : Message, optional
+        What it might be else, if it was guessed and is not sure.
+    other_feet : tuple of str
+        Markers that land at other times than the feet.
+    """
+
+    axis: str
+    question: Message | None
+    other_feet: tuple[str, ...]
+
+
+def _axis_and_other_feet(
+    files: Sequence[Path], markers: Contents, options: Contents
+) -> _SeenInFile:
+    """Look for the axis in the first of the files, and for other feet in all of them.
+
+    Feet are looked for only where both roles are given, since all markers stay
+    otherwise. A file is not read here if nothing is to be found.
+    """
+    from hopdata.landings.role_guesses import roles_in_file
     from hopdata.recordings.readers.formats import read_raw
 
-    raw = read_raw(file, rate_hz=options.get("rate_hz"))
-    known = {role: names for role, names in markers.items() if names}
-    _, up = guess_unit_and_up(
-        raw, unit=_known(options, "unit"), markers=known or roles_in_file(raw)
+    has_both = len(markers) == 2
+    axis = options.get("vertical_axis")
+    question = None
+    other_feet: list[str] = []
+    for file in files:
+        if axis is not None and not has_both:
+            break
+        raw = read_raw(file, rate_hz=options.get("rate_hz"))
+        known = {**options, "vertical_axis": axis or "auto"}
+        unit, up = _unit_and_up(raw, markers or roles_in_file(raw), known)
+        if axis is None:
+            axis = up.value
+            question = _question(up)
+        if has_both:
+            other_feet += _other_feet_in(raw, markers, unit, up)
+    return _SeenInFile(f"{axis}", question, (*dict.fromkeys(other_feet),))
+
+
+def _unit_and_up(
+    raw: RawRecording, markers: Contents, options: Contents
+) -> tuple[Guess, Guess]:
+    """Return unit and vertical axis of a file, as given or guessed."""
+    from hopdata.recordings.quality.orientation import guess_unit_and_up
+
+    return guess_unit_and_up(
+        raw,
+        unit=_known(options, "unit"),
+        up=_known(options, "vertical_axis"),
+        markers=markers,
     )
-    return up.value, None if up.is_sure else which_axis(up)
+
+
+def _question(up: Guess) -> Message | None:
+    """Return what the vertical axis might be else, if it is not sure."""
+    from hopdata.landings.role_guesses import which_axis
+
+    return None if up.is_sure else which_axis(up)
+
+
+def _other_feet_in(
+    raw: RawRecording, markers: Contents, unit: Guess, up: Guess
+) -> list[str]:
+    """Return the markers of a file that land at other times than its feet."""
+    from hopdata.recordings.axes import rotate_up
+    from hopdata.recordings.raw import METRES_PER_UNIT, without_subject
+
+    names = raw.markers
+    if not any(":" in name for own in markers.values() for name in own):
+        names = without_subject(names)
+    metres_per_unit = METRES_PER_UNIT.get(unit.value, 1.0)
+    upright = rotate_up(raw.positions * metres_per_unit, up.value)
+    seen = replace(raw, markers=names, positions=upright)
+    return _landing_apart(seen, markers["feet"], markers["body"])
+
+
+def _landing_apart(
+    seen: RawRecording | Recording, feet: Sequence[str], body: Sequence[str]
+) -> list[str]:
+    """Return markers that land at other times than the feet; positions in m, z up."""
+    from hopdata.recordings.quality.landing_markers import feet_between
+
+    known = [name for name in feet if name in seen.markers]
+    if not known or {*seen.markers} <= {*feet, *body}:
+        return []
+    between = feet_between(seen.markers, seen.positions, seen.rate_hz, known)
+    return [name for name in between if name not in body]
 
 
 # Roles that are guessed of a recording.
 
 
 @dataclass(frozen=True)
-class _RolesOf:
+class _RecordingGuess:
     """A recording with guessed roles.
 
     Parameters
@@ -178,7 +298,7 @@ def guess(source: str | Path | Sequence[str | Path] | Recording) -> Recording:
         If no feet or no body can be found.
     """
     recording = source if isinstance(source, Recording) else read(source)
-    found = _roles_of(recording)
+    found = _guess_of_recording(recording)
     if found.problems:
         raise _not_guessed(recording, found.problems)
     return found.recording
@@ -191,7 +311,7 @@ def _not_guessed(recording: Recording, why: Sequence[Message]) -> RecordingError
     return RecordingError(Message("landings.roles_not_guessed", values))
 
 
-def _roles_of(recording: Recording) -> _RolesOf:
+def _guess_of_recording(recording: Recording) -> _RecordingGuess:
     from hopdata.landings.role_guesses import guessed_roles, open_questions
     from hopdata.recordings.quality.inspection import inspect
 
@@ -205,19 +325,22 @@ def _roles_of(recording: Recording) -> _RolesOf:
         names = ", ".join(getattr(roles, role))
         reason = roles.reasons.get(role)
         values: Contents = {"place": recording.place, "role": role}
-        values |= {"names": names or "none", "reason": reason or ""}
-        remark = Message("landings.role_guessed", values)
-        remarks.append(str(remark).removesuffix("; "))
+        values["names"] = names or "none"
+        if reason:
+            values["reason"] = reason
+            remarks.append(str(Message("landings.role_guessed", values)))
+        else:
+            remarks.append(str(Message("landings.role_guessed_only", values)))
         if role in roles.unsure:
             values["other"] = roles.unsure[role]
             remarks.append(str(Message("landings.role_not_sure", values)))
     questions = open_questions(inspection, roles)
     found = replace(with_roles, remarks=tuple(remarks), joined=joined)
-    return _RolesOf(found, list(roles.problems), questions)
+    return _RecordingGuess(found, list(roles.problems), questions)
 
 
 @dataclass(frozen=True)
-class _Guessed:
+class _FileGuess:
     """What is guessed of a file like by ``hopdata init``.
 
     Parameters
@@ -241,7 +364,7 @@ class _Guessed:
     question: Message | None = None
 
 
-def _guessed(file: Path, markers: Contents, options: Contents) -> _Guessed:
+def _guess_of_file(file: Path, markers: Contents, options: Contents) -> _FileGuess:
     """Guess the vertical axis of a file, its other feet, and roles if none is given.
 
     Raises
@@ -249,33 +372,23 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> _Guessed:
     RecordingError
         If a guessed role is not sure; the message names the candidates.
     """
-    from hopdata.landings.role_guesses import which_axis
-    from hopdata.recordings.axes import rotate_up
-    from hopdata.recordings.quality.landing_markers import feet_between
-    from hopdata.recordings.quality.orientation import guess_unit_and_up
-    from hopdata.recordings.raw import METRES_PER_UNIT
     from hopdata.recordings.readers.formats import read_raw
 
     raw = read_raw(file, rate_hz=options.get("rate_hz"))
     joined: Mapping[str, list[str]] = {}
-    if not any(markers.values()):
-        markers, joined = _roles(file, raw, options)
-    if not all(markers.values()):
-        given = " and ".join(f"{role}={names}" for role, names in markers.items())
-        wanted = f"names of markers of {file} ({', '.join(raw.markers)})"
-        raise RecordingError.at("feet, body", wanted, given)
-    found_unit, found_axis = guess_unit_and_up(
-        raw,
-        unit=_known(options, "unit"),
-        up=_known(options, "vertical_axis"),
-        markers=markers,
-    )
-    metres_per_unit = METRES_PER_UNIT.get(found_unit.value, 1.0)
-    upright = rotate_up(raw.positions * metres_per_unit, found_axis.value)
-    feet = [name for name in markers["feet"] if name in raw.markers]
-    other_feet = feet_between(raw.markers, upright, raw.rate_hz, feet)
-    question = None if found_axis.is_sure else which_axis(found_axis)
-    return _Guessed(markers, found_axis.value, other_feet, joined, question)
+    if not markers:
+        markers, joined = _stated_or_guessed(file, raw, options)
+    if len(markers) < 2:
+        given = " and ".join(f"{role}={markers.get(role, [])}" for role in ROLES)
+        raise _roles_wanted(file, raw, given)
+    unit, up = _unit_and_up(raw, markers, options)
+    other_feet = _other_feet_in(raw, markers, unit, up)
+    return _FileGuess(markers, up.value, other_feet, joined, _question(up))
+
+
+def _roles_wanted(file: Path, raw: RawRecording, found: str) -> RecordingError:
+    wanted = f"names of markers of {file} ({', '.join(raw.markers)})"
+    return RecordingError.at("feet, body", wanted, found)
 
 
 def _known(options: Contents, key: str) -> str | None:
@@ -284,7 +397,7 @@ def _known(options: Contents, key: str) -> str | None:
     return None if value == "auto" else value
 
 
-def _roles(
+def _stated_or_guessed(
     file: Path, raw: RawRecording, options: Contents
 ) -> tuple[Contents, Mapping[str, list[str]]]:
     """Return the roles that a file states, or guess them, with the feet to be joined.
@@ -310,8 +423,7 @@ def _roles(
     roles = role_guesses.guessed_roles(inspection)
     questions = role_guesses.open_questions(inspection, roles)
     if questions:
-        wanted = f"names of markers of {file} ({', '.join(raw.markers)})"
-        raise RecordingError.at("feet, body", wanted, "; ".join(map(str, questions)))
+        raise _roles_wanted(file, raw, "; ".join(map(str, questions)))
     return {"feet": [*roles.feet], "body": [*roles.body]}, roles.joined
 
 
@@ -319,38 +431,55 @@ def _roles(
 def study(
     source: str | Path | Mapping[str, Any] | Recording | Sequence[Recording],
     *,
-    feet: Sequence[str] = (),
-    body: Sequence[str] = (),
+    feet: Feet = (),
+    body: Iterable[str] = (),
     progress: Progress = lambda _stage: None,
     **keys: Any,
 ) -> Study:
     """Prepare a study for use step by step; see `analyse` for arguments and errors."""
     if not callable(progress):
         raise ArgumentError.at("progress", "a function such as print", f"{progress!r}")
-    roles = {
-        "feet": [*marker_names("feet", feet)],
-        "body": [*marker_names("body", body)],
-    }
+    keys = _with_roles(keys, feet, body)
     recordings = _recordings_of(source)
     if recordings:
-        if feet or body:
-            raise RecordingError(
-                "feet, body: expected none, since the recording has its roles"
-            )
         return _study_of_recordings(recordings, keys, progress)
     if isinstance(source, Mapping):
-        return Study(load_config(_joined(source, keys, roles)), (), progress)
+        return Study(load_config(_joined(source, keys)), (), progress)
     if not isinstance(source, str | Path):
         how = "by hd.read or hd.Recording.from_arrays"
         wanted = f"a file, a configuration or recordings ({how})"
         raise RecordingError.at("source", wanted, type(source).__name__)
     if Path(source).suffix.lower() in YAML:
-        content = _joined(read_yaml(source), keys, roles)
+        content = _joined(read_yaml(source), keys)
         return Study(load_config(content, files=[source]), (), progress)
     entry = {"name": Path(source).stem, "file": str(source)}
     content = {"study": entry["name"], "recordings": [entry]}
-    guessed, roles = _with_guesses(Path(source), roles, keys, progress)
-    return Study(load_config(_joined(content, guessed, roles)), (), progress)
+    keys = _with_guesses(Path(source), keys, progress)
+    return Study(load_config(_joined(content, keys)), (), progress)
+
+
+def _with_roles(keys: Contents, feet: Feet, body: Iterable[str]) -> Contents:
+    """Return the keys with the roles that are given beside them.
+
+    Raises
+    ------
+    HopdataError
+        If the key ``markers`` is none of the schema, or gives a role as well.
+    """
+    given, joined = _given_roles(feet, body)
+    markers = keys.get("markers", {})
+    if not isinstance(markers, Mapping):
+        check_keys("configuration", {"markers": markers})
+    twice = [role for role in given if markers.get(role)]
+    if twice:
+        found = f"{twice[0]}= and markers={{'{twice[0]}': ...}}"
+        raise ArgumentError.at("feet, body", "each role once", found)
+    keys = dict(keys)
+    if given:
+        keys["markers"] = {**markers, **given}
+    if joined:
+        keys["feet"] = [{"name": name, "markers": [*own]} for name, own in joined]
+    return keys
 
 
 def _recordings_of(source: object) -> tuple[Recording, ...]:
@@ -369,38 +498,58 @@ def _study_of_recordings(
 ) -> Study:
     from hopdata.recordings.plausibility import check_plausible
 
-    given = recordings
-    recordings = tuple(_of_study(one, progress) for one in given)
-    every = [
+    if {*ROLES} & {*keys.get("markers", {})}:
+        wanted = "none beside a recording, which has its roles"
+        found = "some; give them by recording.with_roles(feet=[...], body=[...])"
+        raise RecordingError.at("feet, body", wanted, found)
+    whole = [_with_own_roles(one, progress) for one in recordings]
+    keys = _with_other_feet(keys, whole, progress)
+    recordings = tuple(_of_roles(one) for one in whole)
+    markers_of_each = [
         {"feet": [*one.names("foot")], "body": [*one.names("body")]}
         for one in recordings
     ]
-    if any(roles != every[0] for roles in every):
-        raise RecordingError.at("source", "the same markers in the same order", every)
-    keys = dict(keys)
-    if any(not _has_roles(one) for one in given):
-        pairs = zip(given, every, strict=True)
-        other_feet = [foot for one, roles in pairs for foot in _other_feet(one, roles)]
-        keys = _with_other_feet(keys, other_feet, progress)
+    markers = markers_of_each[0]
+    if any(other != markers for other in markers_of_each):
+        wanted = "the same markers in the same order"
+        raise RecordingError.at("source", wanted, markers_of_each)
     joined = recordings[0].joined
     if any(one.joined != joined for one in recordings):
         all_feet = [dict(one.joined) for one in recordings]
         raise RecordingError.at("source", "the same markers on each foot", all_feet)
     if joined:
         keys["feet"] = [{"name": name, "markers": [*own]} for name, own in joined]
-    beside = {entry["name"]: entry for entry in keys.pop("recordings", [])}
+    given_entries = _entries_by_name(keys.pop("recordings", []))
     names = [one.name for one in recordings]
-    unknown = [name for name in beside if name not in names]
+    unknown = [name for name in given_entries if name not in names]
     require(not unknown, "recordings", ", ".join(names), ", ".join(unknown))
     entries = [
-        {"name": one.name, "file": _file_of(one), **beside.get(one.name, {})}
+        {"name": one.name, "file": _file_of(one), **given_entries.get(one.name, {})}
         for one in recordings
     ]
-    content = {"study": recordings[0].name, "recordings": entries}
-    config = load_config(_joined(content, keys, every[0]), check_files=False)
+    content = {
+        "study": recordings[0].name,
+        "recordings": entries,
+        "markers": markers,
+    }
+    config = load_config(_joined(content, keys), check_files=False)
     for recording in recordings:
         check_plausible(recording, **config["quality"])
     return Study(config, recordings, progress)
+
+
+def _entries_by_name(entries: Any) -> dict[str, Contents]:
+    """Return what is given of each recording beside it.
+
+    Raises
+    ------
+    ConfigError
+        If it is no list of entries with a name.
+    """
+    if not entries:
+        return {}
+    check_keys("configuration", {"recordings": entries})
+    return {entry["name"]: entry for entry in entries}
 
 
 def _has_roles(recording: Recording) -> bool:
@@ -408,8 +557,8 @@ def _has_roles(recording: Recording) -> bool:
     return bool(recording.indices("foot") or recording.indices("body"))
 
 
-def _of_study(recording: Recording, progress: Progress) -> Recording:
-    """Return the markers with a role of a recording; roles are guessed without any.
+def _with_own_roles(recording: Recording, progress: Progress) -> Recording:
+    """Return a recording with feet and body; they are guessed if it has no roles.
 
     Raises
     ------
@@ -417,7 +566,7 @@ def _of_study(recording: Recording, progress: Progress) -> Recording:
         If a guessed role is not sure, or if only feet or only a body are given.
     """
     if not _has_roles(recording):
-        found = _roles_of(recording)
+        found = _guess_of_recording(recording)
         if found.problems:
             raise _not_guessed(recording, found.questions)
         if found.questions:
@@ -431,30 +580,45 @@ def _of_study(recording: Recording, progress: Progress) -> Recording:
         if not recording.indices(role):
             values = {"place": recording.place, "role": key}
             raise RecordingError(Message("landings.role_missing", values))
+    return recording
+
+
+def _of_roles(recording: Recording) -> Recording:
+    """Return the markers of a recording that have a role."""
     roles = zip(recording.markers, recording.roles, strict=True)
     kept: Recording = recording[[name for name, role in roles if role != "other"]]
     return kept
 
 
-def _other_feet(recording: Recording, roles: Contents) -> list[str]:
-    """Return the markers of a recording that land at other times than its feet."""
-    from hopdata.recordings.quality.landing_markers import feet_between
-
-    of_feet = roles["feet"]
-    return feet_between(
-        recording.markers, recording.positions, recording.rate_hz, of_feet
-    )
-
-
 def _with_other_feet(
+    keys: Contents, recordings: Sequence[Recording], progress: Progress
+) -> Contents:
+    """Return the keys; where markers land that are no feet, frames are of landings."""
+    if _has_frames(keys):
+        return keys
+    other_feet: list[str] = []
+    for one in recordings:
+        feet = [*one.names("foot"), *one.names("part")]
+        other_feet += one.other_feet
+        other_feet += _landing_apart(one, feet, one.names("body"))
+    return _with_frames(keys, other_feet, progress)
+
+
+def _has_frames(keys: Contents) -> bool:
+    """Tell whether the keys say which frames count, or are none of the schema."""
+    sections = keys.get("sections") or {}
+    return not isinstance(sections, Mapping) or "frames" in sections
+
+
+def _with_frames(
     keys: Contents, other_feet: Sequence[str], progress: Progress
 ) -> Contents:
-    """Return the keys; where other feet land too, frames are those of the landings."""
-    sections = keys.get("sections") or {}
-    if not other_feet or "frames" in sections:
+    """Return the keys; with other feet, the frames are those of the landings."""
+    if not other_feet or _has_frames(keys):
         return keys
     named = ", ".join(dict.fromkeys(other_feet))
     progress(f"sections.frames: landings, since other feet land too ({named})")
+    sections = keys.get("sections") or {}
     return {**keys, "sections": {**sections, "frames": "landings"}}
 
 
@@ -465,43 +629,48 @@ def _file_of(recording: Recording) -> str:
     return recording.source
 
 
-def _with_guesses(
-    file: Path, roles: Contents, keys: Contents, progress: Progress
-) -> tuple[Contents, Contents]:
-    """Return the keys and roles of a motion-capture file, with what is guessed."""
+def _with_guesses(file: Path, keys: Contents, progress: Progress) -> Contents:
+    """Return the keys for a motion-capture file, with what is guessed of it."""
+    others = {name: value for name, value in keys.items() if name != "markers"}
+    check_keys("configuration", others)
     options = keys.get("input") or {}
-    check_keys("configuration", keys)
-    guessed = _guessed(file, roles, options)
-    axis = guessed.axis
-    progress(f"reading {file} with {axis} up")
+    markers = keys.get("markers", {})
+    roles = {
+        role: [*marker_names(f"markers.{role}", markers[role])]
+        for role in ROLES
+        if markers.get(role)
+    }
+    if len(roles) == len(ROLES):
+        check_keys("configuration", {"markers": markers})
+    guessed = _guess_of_file(file, roles, options)
+    progress(f"reading {file} with {guessed.axis} up")
     if guessed.question is not None:
         progress(f"input.{guessed.question}")
     for role, names in guessed.markers.items():
-        if not roles[role]:
+        if role not in roles:
             progress(f"markers.{role}: {', '.join(names)}, of the file or guessed")
-    found = {**keys, "input": {**options, "vertical_axis": axis}}
-    if guessed.joined and "feet" not in keys:
+    found = {
+        **keys,
+        "input": {**options, "vertical_axis": guessed.axis},
+        "markers": {**markers, **guessed.markers},
+    }
+    if guessed.joined:
         found["feet"] = [
             {"name": name, "markers": own} for name, own in guessed.joined.items()
         ]
-    found = _with_other_feet(found, guessed.other_feet, progress)
-    return found, guessed.markers
+    return _with_frames(found, guessed.other_feet, progress)
 
 
-def _joined(
-    content: Mapping[str, Any], keys: Mapping[str, Any], roles: Mapping[str, Any]
-) -> Contents:
-    """Return a configuration with keys and roles given beside it.
+def _joined(content: Mapping[str, Any], keys: Mapping[str, Any]) -> Contents:
+    """Return a configuration with keys given beside it.
 
     Other keys in the same section of the configuration stay.
     """
     found = dict(content)
-    if any(roles.values()):
-        keys = {"markers": roles, **keys}
     for name, value in keys.items():
-        beside = content.get(name)
-        if isinstance(value, Mapping) and isinstance(beside, Mapping):
-            found[name] = {**beside, **value}
+        stated = content.get(name)
+        if isinstance(value, Mapping) and isinstance(stated, Mapping):
+            found[name] = {**stated, **value}
         else:
             found[name] = value
     return found
@@ -511,8 +680,8 @@ def _joined(
 def analyse(
     source: str | Path | Mapping[str, Any] | Recording | Sequence[Recording],
     *,
-    feet: Sequence[str] = (),
-    body: Sequence[str] = (),
+    feet: Feet = (),
+    body: Iterable[str] = (),
     progress: Progress = lambda _stage: None,
     **keys: Any,
 ) -> Study:
@@ -523,17 +692,24 @@ def analyse(
     source : path, mapping, Recording or list of Recording
         A configuration (YAML file or its content), a motion-capture file, or
         recordings.
-    feet, body : sequence of str
-        Marker names by role, for a motion-capture file.
+    feet : iterable of str, or mapping
+        For a motion-capture file or a configuration: a marker for each foot; or the
+        markers of each foot by its name, as in ``{"left": ["LHEE", "LTOE"]}``, which
+        makes the configuration's section ``feet``. Of a role that is not given, what
+        `source` says of it stays.
+    body : iterable of str
+        Three markers or more on one rigid part.
     progress : callable
         A function such as `print`, called with the name of each stage as it begins.
     keys
         Sections of the configuration, such as ``touchdowns={"method": "kink"}``. Other
         keys in the same section of `source` stay as they are. For recordings,
         ``recordings=[{"name": "walk2", "block": "sand"}]`` adds to what is known of
-        them. For a motion-capture file
-        the vertical axis is guessed from free fall unless ``input["vertical_axis"]`` is
-        given.
+        them, and ``markers={"feet": [...], "body": [...]}`` is the same as `feet` and
+        `body`. For a motion-capture file the vertical axis is guessed from free fall
+        unless ``input["vertical_axis"]`` is given. Where markers land at other times
+        than the feet, ``sections={"frames": "landings"}`` is set unless it is given;
+        `progress` says so.
 
     Returns
     -------

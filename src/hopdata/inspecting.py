@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 from hopdata.arrays import Shown, pd
 from hopdata.commands import devices, listing
-from hopdata.commands.guesses import inspected, with_effects
+from hopdata.commands.guesses import inspected_file, with_effects
 from hopdata.errors import ArgumentError, HopdataError, counted, told_call
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.recording import Recording
@@ -133,7 +132,7 @@ def inspect(
         A file of any known format, or a recording.
     unit, vertical_axis, rate_hz
         Of the file, if you know them; otherwise they are guessed, and the listing says
-        why.
+        why. A recording has its own.
 
     Returns
     -------
@@ -146,8 +145,15 @@ def inspect(
     ------
     RecordingError
         If the file cannot be read.
+    ArgumentError
+        If what is to be known of a file is given for a recording.
     """
     if isinstance(source, Recording):
+        of_file = {"unit": unit, "vertical_axis": vertical_axis, "rate_hz": rate_hz}
+        given = [name for name, value in of_file.items() if value is not None]
+        if given:
+            wanted = "none for a recording, which is in m, z up, at its own rate"
+            raise ArgumentError.at(", ".join(given), wanted, of_file[given[0]])
         found = replace(quality.inspect(source), place=source.place)
         found = replace(found, remarks=source.remarks, events=source.events)
         beside = devices.Devices(events=source.events)
@@ -156,10 +162,10 @@ def inspect(
         wanted = "the path of a file, or a recording"
         raise ArgumentError.at("source", wanted, f"{source!r}"[:60])
     path = Path(source)
-    options = argparse.Namespace(
-        file=path, unit=unit, vertical_axis=vertical_axis, rate=rate_hz
+    found = inspected_file(
+        path, unit=unit, vertical_axis=vertical_axis, rate_hz=rate_hz
     )
-    found = with_effects(inspected(options))
+    found = with_effects(found)
     beside = devices.devices_of(
         path,
         up=found.up.value,

@@ -1,7 +1,8 @@
 """Recordings as the tables of pandas and the labelled arrays of xarray, and back.
 
 The functions here take and return the parts of a recording (`PARTS`), so that
-`hopdata.Recording` can use them. On the way there and back no bit changes.
+`hopdata.Recording` can use them. On the way there and back no bit changes; only a wide
+table does not tell which positions were filled.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, pd
+from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.errors import ArgumentError, RecordingError
 from hopdata.time_stamps import RATE_TOLERANCE
 
 #: Parts of a recording that are neither arrays nor names of markers.
 PARTS = (
     *("name", "source", "source_sha256", "vertical_axis"),
-    *("remarks", "events", "joined"),
+    *("remarks", "events", "joined", "other_feet"),
 )
 #: Axes of a position; z points up.
 AXES = ("x", "y", "z")
@@ -145,7 +146,7 @@ def parts_of_dataset(data: Any, individual: str | None) -> Parts:
     position = position.sel(space=list(AXES)).transpose("time", "keypoints", "space")
     if filled is not None:
         filled = _of_one(filled, individual).transpose("time", "keypoints")
-        filled = filled.to_numpy().astype(bool)
+        filled = _flags(filled.to_numpy())
     roles = None
     if ROLE in position.coords:
         roles = [str(role) for role in position.coords[ROLE].to_numpy()]
@@ -158,6 +159,22 @@ def parts_of_dataset(data: Any, individual: str | None) -> Parts:
         "filled": filled,
         "rate_hz": attributes.get("fps"),
     }
+
+
+def _flags(values: np.ndarray) -> BoolArray:
+    """Return what says of each position whether it was filled.
+
+    Raises
+    ------
+    RecordingError
+        If that is not said of each; a missing value would count as True.
+    """
+    if values.dtype != bool:
+        others = [one for one in values.ravel() if one not in (True, False)]
+        if others:
+            wanted = "True or False for each position"
+            raise RecordingError.at(FILLED, wanted, f"{others[0]!s}")
+    return values.astype(bool)
 
 
 def _of_one(array: Any, individual: str | None) -> Any:
@@ -308,7 +325,7 @@ def _of_long(table: pd.DataFrame) -> Parts:
     }
     if FILLED in table:
         filled = np.zeros(len(positions), bool)
-        filled[cell] = table[FILLED].to_numpy(bool)
+        filled[cell] = _flags(table[FILLED].to_numpy())
         parts[FILLED] = filled.reshape(len(time), len(names))
     if ROLE in table:
         firsts = np.unique(number, return_index=True)[1]

@@ -80,6 +80,9 @@ class Recording(Shown):
         filled.
     joined : tuple of (str, tuple of str)
         Feet with several of the foot markers: name, and those markers.
+    other_feet : tuple of str
+        Markers of the file that were left out, and that land at other times than the
+        feet; a study then takes frames about the landings only.
     """
 
     name: str
@@ -95,6 +98,7 @@ class Recording(Shown):
     remarks: tuple[str, ...] = ()
     filled: BoolArray | None = None
     joined: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    other_feet: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n_frames = len(self.time)
@@ -174,7 +178,7 @@ class Recording(Shown):
         """
         joined = self.joined
         if feet is not None:
-            feet, joined = _feet_and_joined(feet)
+            feet, joined = feet_and_joined(feet)
         given = {"body": body, "foot": feet, "boom": boom}
         key_of = {"body": "body", "foot": "feet", "boom": "boom"}
         markers_of: dict[str, tuple[str, ...]] = {}
@@ -283,6 +287,7 @@ class Recording(Shown):
             remarks=tuple(parts.get("remarks", ())),
             filled=parts["filled"],
             joined=tuple((foot, tuple(own)) for foot, own in parts.get("joined", ())),
+            other_feet=tuple(parts.get("other_feet", ())),
         )
         if feet is None and body is None:
             return found
@@ -590,7 +595,7 @@ class Recording(Shown):
         return float(np.sqrt(self.scale))
 
 
-def _feet_and_joined(
+def feet_and_joined(
     feet: Iterable[str] | Mapping[str, Iterable[str]],
 ) -> tuple[tuple[str, ...], tuple[tuple[str, tuple[str, ...]], ...]]:
     """Return the markers of feet, and which of them are on one foot."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopdata.commands import terminal
@@ -27,25 +28,41 @@ def inspected(options: argparse.Namespace) -> Inspection:
     options : Namespace
         With ``file``, ``unit``, ``vertical_axis`` and ``rate``.
     """
+    return inspected_file(
+        options.file,
+        unit=options.unit,
+        vertical_axis=options.vertical_axis,
+        rate_hz=options.rate,
+    )
+
+
+def inspected_file(
+    file: str | Path,
+    *,
+    unit: str | None = None,
+    vertical_axis: str | None = None,
+    rate_hz: float | None = None,
+) -> Inspection:
+    """Read and measure a file; what is given of it overrides the guesses."""
     from hopdata.recordings.quality.inspection import inspect_recording
     from hopdata.recordings.raw import RateUnknownError
     from hopdata.recordings.readers.formats import read_raw
 
-    with terminal.progress_line(f"reading {options.file}") as progress:
+    with terminal.progress_line(f"reading {file}") as progress:
         try:
-            raw = read_raw(options.file, rate_hz=options.rate)
+            raw = read_raw(file, rate_hz=rate_hz)
         except RateUnknownError as error:
-            raw = read_raw(options.file, rate_hz=_ANY_RATE_HZ)
+            raw = read_raw(file, rate_hz=_ANY_RATE_HZ)
             raise _with_likely_rate(error, raw) from None
-        _require_likely_unit(options, raw)
+        _require_likely_unit(file, unit, raw)
         inspection = inspect_recording(
             raw,
-            unit=options.unit,
-            up=options.vertical_axis,
-            rate_hz=options.rate,
+            unit=unit,
+            up=vertical_axis,
+            rate_hz=rate_hz,
             progress=progress,
         )
-    return replace(inspection, place=f"{options.file}")
+    return replace(inspection, place=f"{file}")
 
 
 def _with_likely_rate(error: RateUnknownError, raw: RawRecording) -> RecordingError:
@@ -61,18 +78,18 @@ def _with_likely_rate(error: RateUnknownError, raw: RawRecording) -> RecordingEr
     return RecordingError(message)
 
 
-def _require_likely_unit(options: argparse.Namespace, raw: RawRecording) -> None:
+def _require_likely_unit(file: str | Path, unit: str | None, raw: RawRecording) -> None:
     """Refuse a unit in which the recording would be of an impossible size."""
     from hopdata.recording import extent
     from hopdata.recordings.quality.orientation import choose_unit
     from hopdata.recordings.raw import METRES_PER_UNIT
 
-    nominal = options.unit or raw.unit
+    nominal = unit or raw.unit
     likely = choose_unit(raw.positions, unit="auto", nominal=nominal)
-    if options.unit and options.unit != likely:
+    if unit and unit != likely:
         size_m = METRES_PER_UNIT[likely] * extent(raw.positions)
         wanted = f"{likely}, in which the markers span {size_m:.3g} m"
-        raise RecordingError.at(f"{options.file}: --unit", wanted, options.unit)
+        raise RecordingError.at(f"{file}: --unit", wanted, unit)
 
 
 # What a recording's processing does, in ms and mm.

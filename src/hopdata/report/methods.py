@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import Shown
+from hopdata.errors import counted
 from hopdata.messages import Message
 
 BIBTEX = Path(__file__).with_name("references.bib")
@@ -50,7 +52,7 @@ class Methods(Shown):
 
     def __str__(self) -> str:
         """Return paragraph and references."""
-        return f"{self.text}\n\n{self.bibtex}"
+        return f"{self.text}\n\n{self.bibtex}".rstrip("\n")
 
 
 def methods(
@@ -80,8 +82,15 @@ def methods(
         *_of_verdict(verdict or {}),
         _of_software(record),
     ]
-    text = " ".join(str(part) for part in parts if part)
-    return Methods(text.replace("\u00a0", " "), BIBTEX.read_text(encoding="utf-8"))
+    text = " ".join(str(part) for part in parts if part).replace("\u00a0", " ")
+    return Methods(text, _references(text))
+
+
+def _references(text: str) -> str:
+    """Return the references that a text cites, as BibTeX; empty if it cites none."""
+    entries = re.split(r"^(?=@)", BIBTEX.read_text(encoding="utf-8"), flags=re.M)
+    cited = [f"{{{key}," for key, name in CITED.items() if name in text]
+    return "".join(one for one in entries if any(key in one for key in cited))
 
 
 def _of_recordings(
@@ -91,9 +100,8 @@ def _of_recordings(
     if not rates or not facts["n_frames"]:
         return None
     one = recordings[0]
-    number = facts["n_recordings"]
     values = {
-        "recordings": "1 recording" if number == 1 else f"{number} recordings",
+        "recordings": counted(facts["n_recordings"], "recording"),
         "frames": f"{facts['n_frames']:,}",
         "rate": " and ".join(f"{rate:g}" for rate in rates),
         "body": one.get("n_body"),
