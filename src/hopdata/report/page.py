@@ -72,6 +72,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "has_forces": _has_forces(inputs.overlay),
         "estimate_errors": _by_name(truth, "map_estimate_error_"),
         "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
+        "one_or_own": verdict.one_or_own_facts(inputs.one_or_own, _feet(inputs)),
         "feet": _numbered(_feet(inputs)),
         "simulated": bool(truth) or _from_simulation(inputs),
         "mainly": str((inputs.verdict or {}).get("mainly") or ""),
@@ -288,8 +289,8 @@ def build_report(inputs: ReportInputs) -> str:
     """
     require_language(inputs.language)
     facts = study_facts(inputs)
-    all_seen = _all_seen(inputs)
-    shown = [one for one in inputs.figures if not (all_seen and one.name == GAPS)]
+    empty = _empty(inputs)
+    shown = [one for one in inputs.figures if one.name not in empty]
     known = inputs.verdict or {}
     return rendered(
         "report.html.j2",
@@ -305,7 +306,7 @@ def build_report(inputs: ReportInputs) -> str:
         lights=tables.lights(inputs.quality),
         scene=landings_scene(inputs.levelled, inputs.touchdowns),
         pictures=placed_pictures(shown, facts, PLACES, "others"),
-        all_seen=all_seen,
+        all_seen=_all_seen(inputs),
         tables=_tables(inputs),
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.meaning(inputs.verdict),
@@ -318,6 +319,16 @@ def build_report(inputs: ReportInputs) -> str:
         verdict_notes=[_note(note) for note in known.get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
     )
+
+
+def _empty(inputs: ReportInputs) -> set[str]:
+    """Return the figures that would show nothing."""
+    empty = set()
+    if _all_seen(inputs):
+        empty.add(GAPS)
+    if inputs.one_or_own is None or inputs.one_or_own.empty:
+        empty.add("one_or_own")
+    return empty
 
 
 def _all_seen(inputs: ReportInputs) -> bool:

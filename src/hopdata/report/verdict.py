@@ -112,7 +112,11 @@ def verdict_facts(
         a difference counts as none; ``over_landings``, the effect over the landings
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
-        and ``contact_spread``, how far apart the contacts are, in ms.
+        and ``contact_spread``, how far apart the contacts are, in ms; ``compared``,
+        what was compared; ``landings``, how many it is of, and ``left_out``, how many
+        are like none of these; ``foretold``, the share of their order that is;
+        ``mainly``, what differs most; ``needed``, the landings with which ``asked``
+        could be seen.
     """
     known: Verdict = verdict or {}
     effect = _deciding(known)
@@ -134,6 +138,7 @@ def verdict_facts(
         "over_landings": None,
         "holds_from": None,
         "contact_spread": None,
+        **_compared_facts(known),
     }
     if known:
         facts["confidence"] = show.percent(100 * known["confidence"])
@@ -149,6 +154,32 @@ def verdict_facts(
     if effect["detectable"] <= 1.0:
         facts["detectable"] = _percent(effect["detectable"])
     facts["difference"] = _with_interval(effect)
+    return facts
+
+
+def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
+    """Return what was compared, of how many landings, and how many would be needed."""
+    left_out: set[int] = set().union(*(verdict.get("gross_errors") or {}).values())
+    outlook = verdict.get("messages", {}).get("outlook", {}).get("values", {})
+    facts: dict[str, str | None] = {
+        "compared": verdict.get("compared") or None,
+        "landings": None,
+        "left_out": None,
+        "foretold": None,
+        "mainly": verdict.get("mainly") or None,
+        "asked": None,
+        "needed": None,
+    }
+    if verdict.get("n_landings") is not None:
+        facts["landings"] = show.count(verdict["n_landings"])
+    if left_out:
+        facts["left_out"] = show.count(len(left_out))
+    if verdict.get("foretold") is not None:
+        share = show.fixed(100 * verdict["foretold"], 1)
+        facts["foretold"] = show.with_unit(share, "%")
+    if "number" in outlook:
+        facts["asked"] = str(outlook["asked"])
+        facts["needed"] = str(outlook["number"])
     return facts
 
 
@@ -302,6 +333,23 @@ ONE_OR_OWN: show.Columns = {
 }
 
 
+def one_or_own_facts(
+    table: pd.DataFrame | None, feet: Sequence[str] = ()
+) -> dict[str, str]:
+    """Return the ``order`` of the example, and how many ``landings`` and ``orders``.
+
+    Without a prediction, nothing is returned.
+    """
+    if table is None or table.empty:
+        return {}
+    first = table.iloc[0]
+    return {
+        "order": with_foot_names(str(first["order"]), feet),
+        "landings": show.count(int(first["n_landings"])),
+        "orders": show.count(int(first["n_orders"])),
+    }
+
+
 def one_or_own_table(
     table: pd.DataFrame | None, feet: Sequence[str] = ()
 ) -> show.Table | None:
@@ -316,12 +364,7 @@ def one_or_own_table(
     """
     if table is None or table.empty:
         return None
-    first = table.iloc[0]
-    values = {
-        "order": with_foot_names(str(first["order"]), feet),
-        "landings": show.count(int(first["n_landings"])),
-        "orders": show.count(int(first["n_orders"])),
-    }
+    values = one_or_own_facts(table, feet)
     note = Message("report.one_or_own_note", values)
     title = str(Message("report.so_what"))
     return show.table_of(title, table.to_dict("records"), ONE_OR_OWN, note=note)
