@@ -18,6 +18,9 @@ Verdict = Mapping[str, Any]
 # Of what the deciding size is a share.
 OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
 
+# The cause that no further landings of the same kind mend.
+ONE_ORDER = "maps.none_for_one_order"
+
 
 def meaning(verdict: Verdict | None) -> Message:
     """Return what the quantity that decided a verdict is, and what it cannot show."""
@@ -46,6 +49,16 @@ def what_now(verdict: Verdict | None) -> list[Message | str]:
     """Return what limits a study that cannot tell, the cause that costs most first."""
     causes = (verdict or {}).get("what_now") or []
     return [told(cause, str(cause.get("said", ""))) for cause in causes]
+
+
+def decisive(verdict: Verdict | None) -> list[Message | str]:
+    """Return what the head of the page says limits a study that cannot tell.
+
+    It is the cause that costs most, and that there is one order only, if that is so.
+    """
+    causes = (verdict or {}).get("what_now") or []
+    shown = causes[:1] + [one for one in causes[1:] if one.get("code") == ONE_ORDER]
+    return [told(cause, str(cause.get("said", ""))) for cause in shown]
 
 
 def worded(verdict: Verdict, name: str) -> Message | str:
