@@ -1,10 +1,17 @@
+import pandas as pd
 import pytest
 from fake_study import full_study, no_answer, touchdowns, verdict
 from test_page import Page
 
 from hopdata.messages import Message
 from hopdata.report.page import build_report
-from hopdata.report.verdict import meaning, verdict_facts, worded
+from hopdata.report.verdict import (
+    meaning,
+    one_or_own_table,
+    orders_table,
+    verdict_facts,
+    worded,
+)
 
 
 def test_the_card_says_effect_interval_and_the_bound_that_decides():
@@ -119,7 +126,9 @@ def test_which_orders_differ_is_said_and_tabled():
     assert row in page.text
     for assumed in ("max T over 1999 random sign", "Up to 10 % is no evidence"):
         assert assumed in page.text.replace("\u00a0", " ")
-    assert "Which orders differ:" not in Page(build_report(full_study())).text
+    bare = Page(build_report(full_study())).text
+    assert "Which orders differ:" not in bare
+    assert "# Which contact orders differ" not in bare, "there is nothing to draw"
     named = touchdowns().assign(contact_toe_s=0.0, contact_heel_s=0.0)
     page = Page(build_report(full_study(verdict=known, touchdowns=named)))
     assert "toe → heel and heel → toe" in page.text
@@ -146,3 +155,32 @@ def test_a_verdict_of_this_version_is_worded_anew():
     assert worded(verdict(messages=message), "outlook") == said
     assert worded(verdict(), "outlook") == verdict()["outlook"]
     assert worded(verdict(), "mainly") == ""
+
+
+def test_rows_above_the_bound_of_the_answer_are_explained():
+    pair = {"of": "map", "first": "1>2", "second": "2>1", "estimate": 0.04}
+    pair |= {"low": 0.0, "high": 0.21, "p_value": 1.0}
+    pair |= {"n_first": 310, "n_second": 390}
+    none = orders_table(verdict(orders=[pair])).note.text().replace("\u00a0", " ")
+    assert "Landings are the 700 that were fitted, of 986" in none
+    assert "The answer's bound, 12 % (one-sided), is of all orders together" in none
+    found = orders_table(verdict(orders=[pair], conclusion="different")).note.text()
+    assert "700" in found
+    assert "answer's bound" not in found
+
+
+def test_the_figure_of_orders_has_a_letter_for_each_panel():
+    rows = [{"of": "map"}, {"of": "map"}, {"of": "jump"}]
+    assert verdict_facts(verdict(orders=rows))["kinds"] == ["map", "jump"]
+    assert verdict_facts(None)["kinds"] == []
+
+
+def test_what_own_maps_gain_is_said_in_one_sentence():
+    row = {"outcome": "climb", "unit": "mm/s", "order": "2>1", "n_landings": 621}
+    row |= {"n_orders": 2, "missed_by_one": 40.0, "gain": 10.0, "gain_high": 12.0}
+    gained = pd.DataFrame([row | {"gain_low": 8.0}, row | {"gain_low": -1.0}])
+    said = one_or_own_table(gained).note.text().replace("\u00a0", " ")
+    assert "predict 1 of 2 outcomes better" in said
+    assert "for climb, by 10 mm/s where one map misses by 40 mm/s" in said
+    nothing = one_or_own_table(gained.assign(gain_low=-1.0)).note.text()
+    assert "predict none of these outcomes better" in nothing

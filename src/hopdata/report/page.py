@@ -328,6 +328,8 @@ def _empty(inputs: ReportInputs) -> set[str]:
         empty.add(GAPS)
     if inputs.one_or_own is None or inputs.one_or_own.empty:
         empty.add("one_or_own")
+    if not (inputs.verdict or {}).get("orders"):
+        empty.add("verdict_orders")
     return empty
 
 

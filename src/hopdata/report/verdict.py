@@ -116,7 +116,8 @@ def verdict_facts(
         what was compared; ``landings``, how many it is of, and ``left_out``, how many
         are like none of these; ``foretold``, the share of their order that is;
         ``mainly``, what differs most; ``needed``, the landings with which ``asked``
-        could be seen.
+        could be seen; ``kinds`` of sizes of the orders, as the panels of their figure
+        are lettered.
     """
     known: Verdict = verdict or {}
     effect = _deciding(known)
@@ -138,6 +139,7 @@ def verdict_facts(
         "over_landings": None,
         "holds_from": None,
         "contact_spread": None,
+        "kinds": _kinds_of_sizes(known),
         **_compared_facts(known),
     }
     if known:
@@ -181,6 +183,11 @@ def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
         facts["asked"] = str(outlook["asked"])
         facts["needed"] = str(outlook["number"])
     return facts
+
+
+def _kinds_of_sizes(verdict: Verdict) -> list[str]:
+    found = {row["of"] for row in verdict.get("orders") or []}
+    return [kind for kind in OF_PAIR if kind in found]
 
 
 def _reach_facts(verdict: Verdict) -> dict[str, str]:
@@ -291,9 +298,10 @@ def orders_table(
 def _orders_note(verdict: Verdict) -> Message:
     """Say how intervals and p-values were made, and what was assumed."""
     rows = verdict["orders"]
-    values = {
+    values: dict[str, Any] = {
         "confidence": show.percent(100 * verdict["confidence"]),
         "flips": show.count(verdict.get("flips")),
+        "said": _of_all_orders(verdict),
         "p_least": show.significant(1.0 / (1.0 + (verdict.get("flips") or 0)), 2),
     }
     allowed = [row.get("allowed") for row in rows if row["of"] != "jump"]
@@ -302,6 +310,24 @@ def _orders_note(verdict: Verdict) -> Message:
         return Message("report.orders_note", values)
     values["allowed"] = _percent(max(known))
     return Message("report.orders_note_allowed", values)
+
+
+def _of_all_orders(verdict: Verdict) -> Message | str:
+    """Say which landings rows are of, and why they may exceed the bound."""
+    known = verdict.get("n_landings")
+    fitted = verdict.get("n_window")
+    if not known or not fitted:
+        return ""
+    values: dict[str, Any] = {
+        "fitted": show.count(fitted),
+        "landings": show.count(known),
+    }
+    effect = _deciding(verdict)
+    if effect is None or verdict["conclusion"] == "different":
+        return Message("report.orders_landings", values)
+    values["bound"] = _percent(effect["upper_bound"])
+    values["margin"] = _margin(verdict)
+    return Message("report.orders_landings_bound", values)
 
 
 def _compared(row: Mapping[str, Any], feet: Sequence[str]) -> str:
@@ -321,15 +347,15 @@ def _landings_of_pair(row: Mapping[str, Any]) -> str:
 
 ONE_OR_OWN: show.Columns = {
     "outcome": lambda row: show.with_unit(str(row["outcome"]), f"({row['unit']})"),
-    "happened": show.decimals("happened", 2),
-    "by one map": show.decimals("one_map", 2),
-    "by its order's map": show.decimals("own_map", 2),
-    "typically apart": show.decimals("apart", 2),
-    "one map misses by": show.decimals("missed_by_one", 2),
-    "own maps miss by": show.decimals("missed_by_own", 2),
-    "gain": show.decimals("gain", 2),
-    "from": show.decimals("gain_low", 2),
-    "to": show.decimals("gain_high", 2),
+    "example: happened": show.decimals("happened", 2),
+    "example: by one map": show.decimals("one_map", 2),
+    "example: by its order's map": show.decimals("own_map", 2),
+    "median: predictions apart": show.decimals("apart", 2),
+    "median: one map misses by": show.decimals("missed_by_one", 2),
+    "median: own maps miss by": show.decimals("missed_by_own", 2),
+    "median gain": show.decimals("gain", 2),
+    "gain from": show.decimals("gain_low", 2),
+    "gain to": show.decimals("gain_high", 2),
 }
 
 
@@ -364,10 +390,29 @@ def one_or_own_table(
     """
     if table is None or table.empty:
         return None
-    values = one_or_own_facts(table, feet)
+    values = {**one_or_own_facts(table, feet), "short": _in_short(table)}
     note = Message("report.one_or_own_note", values)
     title = str(Message("report.so_what"))
     return show.table_of(title, table.to_dict("records"), ONE_OR_OWN, note=note)
+
+
+def _in_short(table: pd.DataFrame) -> Message:
+    """Return in one sentence what own maps gain beyond chance."""
+    better = table[table["gain_low"] > 0.0]
+    if better.empty:
+        return Message("report.so_what_nothing")
+    share = better["gain"] / better["missed_by_one"]
+    most = better.loc[share.idxmax()]
+    values = {
+        "better": len(better),
+        "outcomes": len(table),
+        "most": str(most["outcome"]),
+        "gain": show.with_unit(show.significant(most["gain"], 2), str(most["unit"])),
+        "missed": show.with_unit(
+            show.significant(most["missed_by_one"], 2), str(most["unit"])
+        ),
+    }
+    return Message("report.so_what_gains", values)
 
 
 # The page of a group: answer, forest plot, conditions, and every member with its link.
