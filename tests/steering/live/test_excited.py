@@ -17,7 +17,7 @@ from hopdata.steering.live.excited import Excitation, excited_strides
 from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.loop import checks_of, observers_of
 from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom
-from hopdata.steering.models.training import ProcessOptions, trained_process
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.strides import FAR_INPUT, NO_POSE
 
@@ -45,7 +45,7 @@ def drive_of(controller, *, limits=LIMITS, seed=1):
 def excited():
     controller = Excitation(HOPPER, SWINGS, LIMITS)
     drive, hopper = drive_of(controller)
-    drive.run(60.0, ended=lambda: controller.is_over)
+    drive.run(100.0, ended=lambda: controller.is_over)
     return drive.loop.decisions(), hopper
 
 
@@ -74,15 +74,15 @@ def test_the_strides_are_those_that_the_hopper_made(excited):
 
 def test_a_model_learned_from_them_takes_the_hopper_to_a_point(excited):
     strides = excited_strides(excited[0], HOPPER, N_STRIDES, LIMITS)
-    process = trained_process(strides, ProcessOptions(restarts=0))
+    process = trained_process(strides)
     horizon = Horizon(hops=2, swing_limit_rad=LIMITS.swing_rad)
     drive, hopper = drive_of(planner(process, ToPoint(), horizon=horizon), seed=7)
-    drive.run(25.0)
+    drive.run(30.0)
     left = [np.hypot(*hop.stance.pose[:2]) for hop in hopper.hops]
     assert left[0] > 0.9
     assert min(left) < ARRIVED_M
     at_rest, _ = drive_of(Excitation(HOPPER, np.zeros((60, 1)), LIMITS), seed=7)
-    at_rest.run(25.0)
+    at_rest.run(30.0)
     poses = [one.pose for one in at_rest.loop.decisions()]
     assert min(np.hypot(*pose[:2]) for pose in poses) > 2 * ARRIVED_M
 
