@@ -18,7 +18,8 @@ from hopdata.walk import Contents, Study
 PROVENANCE = "provenance.json"
 #: Files that are missing, by name, in a message.
 MOST_NAMED = 4
-#: Columns of tables that hopdata wrote before they had other names.
+#: Columns of tables that hopdata wrote before they had other names. They changed without
+#: the version, so `load` cannot tell such a folder by that.
 FORMER_COLUMNS = {"index": "touchdown", "class": "order_class"}
 
 
@@ -115,8 +116,9 @@ def load(folder: str | Path) -> SavedStudy:
     try:
         version = content["versions"]["hopdata"]
         config = content["config"]
-        names = [entry["name"] for entry in config["recordings"]]
-        names.append(config["study"])
+        # Another program's file may lack what a study's configuration always has.
+        _ = config["study"]
+        _ = [entry["name"] for entry in config["recordings"]]
     except (KeyError, TypeError) as error:
         found = f"nothing of that ({type(error).__name__}: {error})"
         wanted = "the versions and the configuration of a study"

@@ -87,8 +87,10 @@ def _sizes(file: Path, effect: Mapping[str, Any]) -> list[float]:
 
 def _print_needed(needed: Mapping[float, int]) -> None:
     """Print the table of differences and landings, these to two digits."""
+    from hopdata.maps.verdict.words import two_digits
+
     rows = [
-        (f"{100 * difference:.2g} %", f"{int(float(f'{number:.1e}')):,}")
+        (f"{100 * difference:.2g} %", f"{two_digits(number):,}")
         for difference, number in needed.items()
     ]
     lines = [f"{difference:>10}  {landings:>8}" for difference, landings in rows]

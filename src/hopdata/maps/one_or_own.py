@@ -18,6 +18,7 @@ from hopdata.maps.coordinates import (
     section_coordinates,
     split_states,
 )
+from hopdata.maps.verdict.own_maps import LANDINGS_PER_COEFFICIENT
 from hopdata.rigid import OUTPUT_NAMES, body_shape
 
 #: Parts of the landings, each of which is predicted from the others.
@@ -27,10 +28,6 @@ FOLDS = 5
 #: Landings for each fitted term; with fewer nothing is predicted.
 #: Unit: landings. Origin: chosen.
 LANDINGS_PER_TERM = 2
-
-#: Landings of an order with a map of its own, for each of its terms.
-#: Unit: landings. Origin: chosen.
-OWN_LANDINGS_PER_TERM = 3
 
 #: Confidence of the interval of the typical gain.
 #: Unit: 1. Origin: convention.
@@ -103,11 +100,11 @@ def _terms(
     states = (inputs - inputs.mean(axis=0)) / inputs.std(axis=0).clip(1e-300)
     affine = np.column_stack([np.ones(len(states)), states])
     one = np.column_stack([affine, monomials(states, (2,))])
-    least = OWN_LANDINGS_PER_TERM * affine.shape[1]
+    least = LANDINGS_PER_COEFFICIENT * affine.shape[1]
     names, counts = np.unique(orders, return_counts=True)
     common = names[counts >= least]
     blocks = [affine * (orders == name)[:, None] for name in common]
-    # The first order keeps the map that all share.
+    # The first of these keeps the shared map, as do all orders with too few landings.
     return one, np.column_stack([one, *blocks[1:]]), len(common)
 
 

@@ -18,7 +18,13 @@ from hopdata.maps.verdict.comparison import contrasts, relative_size
 from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import KinkFit
 from hopdata.maps.verdict.saturation import LEVEL, saturation
-from hopdata.maps.verdict.signs import IN_A_ROW, Draws, crossing, signed_errors
+from hopdata.maps.verdict.signs import (
+    IN_A_ROW,
+    Draws,
+    crossing,
+    level_of,
+    signed_errors,
+)
 from hopdata.messages import Message
 
 # Programs outside take the size of known maps from here.
@@ -168,7 +174,7 @@ def effect_size(
     alike = model.err_alike(fit.scores @ root.T)
     (errors,) = signed_errors([fit], flips, generator, alike=alike)
     draws = Draws(fit, root, errors, alike=alike)
-    level = round(1.0 - confidence, 12)
+    level = level_of(confidence)
     return size_drawn(draws, fit, level_found=level, confidence=confidence, power=power)
 
 
@@ -197,7 +203,7 @@ def size_drawn(
         Confidence of the interval and the bound, and power for the detectable
         difference.
     """
-    level = round(1.0 - confidence, 12)  # 0.05, not slightly more
+    level = level_of(confidence)
     p_value = draws.p_value(fit.allowed)
     ends = interval(
         draws,

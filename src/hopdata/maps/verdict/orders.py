@@ -36,7 +36,7 @@ from hopdata.maps.verdict.comparison import Comparison
 from hopdata.maps.verdict.effect import interval
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings
 from hopdata.maps.verdict.model import KinkFit
-from hopdata.maps.verdict.signs import Draws, SignedErrors
+from hopdata.maps.verdict.signs import Draws, SignedErrors, level_of
 from hopdata.messages import Message
 
 #: Share of the level that the test of jumps has, if there can be any.
@@ -233,7 +233,7 @@ def pair_effects(
     confidence
         Confidence of all intervals together.
     """
-    level = round(1.0 - confidence, 12)
+    level = level_of(confidence)
     draws = [Draws(p.fit, p.root, p.errors, alike=alike) for p in pairs]
     usual = []
     shares = []

@@ -42,7 +42,7 @@ from hopdata.maps.verdict.orders import (
     joint_level,
     pair_effects,
 )
-from hopdata.maps.verdict.signs import Draws, signed_errors
+from hopdata.maps.verdict.signs import Draws, level_of, signed_errors
 from hopdata.maps.verdict.smooth import Smooth, fit_beside
 
 #: Landings of an order for each coefficient of a map of its own.
@@ -106,7 +106,7 @@ def own_maps(
     every = _orders(landings, fit)
     if len(every) < 2:
         return OwnMaps([])
-    level = round(1.0 - options.confidence, 12)
+    level = level_of(options.confidence)
     named: list[str] = []
     effects = _effects(every, named, fit, landings, comparison, options, alike=alike)
     while len(named) < len(every) - 1:
@@ -226,4 +226,4 @@ def _p_value_of_rest(
     for part, root, signed, share in zip(parts, roots, errors, shares, strict=True):
         draws = Draws(part, root, signed, alike=alike)
         tests.append(OneTest(draws, part.allowed, share))
-    return joint_level(tests, round(1.0 - options.confidence, 12)).p_value
+    return joint_level(tests, level_of(options.confidence)).p_value

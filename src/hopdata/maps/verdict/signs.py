@@ -42,6 +42,11 @@ class SignedErrors:
     full: FloatArray
 
 
+def level_of(confidence: float) -> float:
+    """Return the level of tests: for a confidence of 0.95 0.05, not slightly more."""
+    return round(1.0 - confidence, 12)
+
+
 def signed_errors(
     fits: Sequence[KinkFit], count: int, generator: np.random.Generator, *, alike: bool
 ) -> list[SignedErrors]:

@@ -12,7 +12,7 @@ from hopdata.maps.verdict.effect import AtContact, EffectSize
 from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import KinkFit, err_alike
 from hopdata.maps.verdict.own_maps import own_maps
-from hopdata.maps.verdict.signs import Draws, signed_errors
+from hopdata.maps.verdict.signs import Draws, level_of, signed_errors
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def sizes_of(
         which.OneTest(drawn, part.allowed, share)
         for drawn, part, share in zip(draws, fits, shares, strict=True)
     ]
-    joint = which.joint_level(tests, round(1.0 - options.confidence, 12))
+    joint = which.joint_level(tests, level_of(options.confidence))
     effects = [
         sizing.size_drawn(
             drawn,

@@ -21,7 +21,7 @@ from hopdata.maps.verdict.effect import MOST_LANDINGS, EffectSize
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings
 from hopdata.maps.verdict.model import BY_CHANCE, LEFT, KinkFit
 from hopdata.maps.verdict.signs import IN_A_ROW
-from hopdata.maps.verdict.words import percent
+from hopdata.maps.verdict.words import percent, two_digits
 from hopdata.messages import Message
 
 #: Landings of a usual good study, which a study is compared with.
@@ -101,7 +101,7 @@ def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]
 
 
 @dataclass(frozen=True)
-class _Parts:
+class _Detectable:
     """What is allowed for, the noise of the detectable size, and the margin."""
 
     allowed: float
@@ -129,37 +129,39 @@ def what_limits_most(
         Whether successive landings err alike.
     """
     shown = min(effect.detectable, 1e3)
-    parts = _Parts(fit.allowed, max(shown - fit.allowed, 0.0), margin)
+    size = _Detectable(fit.allowed, max(shown - fit.allowed, 0.0), margin)
     found = [
-        _of_landings(effect, landings, parts),
-        _of_noise(fit, landings, parts),
-        _of_posture(fit, landings, parts),
+        _of_landings(effect, landings, size),
+        _of_noise(fit, landings, size),
+        _of_posture(fit, landings, size),
         _of_spread(fit, landings),
         _of_sections(fit, landings),
-        _of_drift(fit, parts, alike=alike),
+        _of_drift(fit, size, alike=alike),
     ]
     least = LEAST_SHARE * shown
-    matter = [one for one in found if (one.costs or 0.0) > least]
-    matter.sort(key=lambda one: -(one.costs or 0.0))
-    return matter + _missing_orders(landings)
+    listed = [one for one in found if (one.costs or 0.0) > least]
+    listed.sort(key=lambda one: -(one.costs or 0.0))
+    return listed + _missing_orders(landings)
 
 
-def _of_landings(effect: EffectSize, landings: SectionLandings, parts: _Parts) -> Limit:
+def _of_landings(
+    effect: EffectSize, landings: SectionLandings, size: _Detectable
+) -> Limit:
     n_landings, n_feet = landings.expected.shape
     for_terms = inputs.landings_for_terms(n_feet)
     free = max(1.0, n_landings - for_terms)
     usual = max(free, USUAL_LANDINGS - for_terms)
-    costs = parts.noise * (1.0 - np.sqrt(free / usual))
-    values = {"landings": n_landings, "margin": percent(parts.margin)}
+    costs = size.noise * (1.0 - np.sqrt(free / usual))
+    values = {"landings": n_landings, "margin": percent(size.margin)}
     try:
-        needed = effect.landings_needed(n_landings, parts.margin, n_feet)
+        needed = effect.landings_needed(n_landings, size.margin, n_feet)
     except AnalysisError:
         needed = None
     if needed is None or needed > MOST_LANDINGS:
         return Limit(
             "landings", float(costs), Message("maps.limit_landings_no", values)
         )
-    values["needed"] = f"{int(float(f'{needed:.1e}')):,}"
+    values["needed"] = f"{two_digits(needed):,}"
     return Limit("landings", float(costs), Message("maps.limit_landings", values))
 
 
@@ -183,13 +185,13 @@ def share_of_noise(fit: KinkFit, landings: SectionLandings) -> float:
     return min(1.0, (own + handed_on) / scatter)
 
 
-def _of_noise(fit: KinkFit, landings: SectionLandings, parts: _Parts) -> Limit:
+def _of_noise(fit: KinkFit, landings: SectionLandings, size: _Detectable) -> Limit:
     share = share_of_noise(fit, landings)
-    costs = parts.noise * (1.0 - np.sqrt(1.0 - share))
-    costs += _blurred(fit, parts) * (1.0 - _share_of_posture(landings))
-    values = {"share": percent(share), "margin": percent(parts.margin)}
-    room = max(0.0, parts.margin - parts.allowed)
-    left = (room / max(parts.noise, 1e-12)) ** 2 - (1.0 - share)
+    costs = size.noise * (1.0 - np.sqrt(1.0 - share))
+    costs += _blurred(fit, size) * (1.0 - _share_of_posture(landings))
+    values = {"share": percent(share), "margin": percent(size.margin)}
+    room = max(0.0, size.margin - size.allowed)
+    left = (room / max(size.noise, 1e-12)) ** 2 - (1.0 - share)
     if share <= 0.0 or left <= 0.0:
         return Limit("noise", float(costs), Message("maps.limit_noise_no", values))
     factor = min(1.0, np.sqrt(left / share))
@@ -197,10 +199,10 @@ def _of_noise(fit: KinkFit, landings: SectionLandings, parts: _Parts) -> Limit:
     return Limit("noise", float(costs), Message("maps.limit_noise", values))
 
 
-def _blurred(fit: KinkFit, parts: _Parts) -> float:
+def _blurred(fit: KinkFit, size: _Detectable) -> float:
     """Return what it costs that kinks are averaged over what is not foretold."""
     fainter = 1.0 - 1.0 / max(fit.faded, 1.0)
-    return (parts.allowed + parts.noise) * fainter
+    return (size.allowed + size.noise) * fainter
 
 
 def _share_of_posture(landings: SectionLandings) -> float:
@@ -211,8 +213,8 @@ def _share_of_posture(landings: SectionLandings) -> float:
     return min(1.0, float(np.trace(landings.unforetold.by_posture)) / total)
 
 
-def _of_posture(fit: KinkFit, landings: SectionLandings, parts: _Parts) -> Limit:
-    costs = _blurred(fit, parts) * _share_of_posture(landings)
+def _of_posture(fit: KinkFit, landings: SectionLandings, size: _Detectable) -> Limit:
+    costs = _blurred(fit, size) * _share_of_posture(landings)
     values = {
         "share": f"{100 * landings.foretold:.1f} %",
         "well": percent(inputs.WELL_FORETOLD),
@@ -254,13 +256,14 @@ def slow_share(fit: KinkFit) -> float:
         return 0.0
     rest = rest / np.sqrt(squares)
     likeness = np.sum(rest[1:] * rest[:-1], axis=0)
-    largest = float(np.sort(likeness)[-2:].mean())  # a drift seldom shows in one only
-    if largest < BY_CHANCE / np.sqrt(len(rest)):
+    # A drift seldom shows in one outcome only.
+    of_two_likest = float(np.sort(likeness)[-2:].mean())
+    if of_two_likest < BY_CHANCE / np.sqrt(len(rest)):
         return 0.0
-    return min(1.0, largest)
+    return min(1.0, of_two_likest)
 
 
-def _of_drift(fit: KinkFit, parts: _Parts, *, alike: bool) -> Limit:
+def _of_drift(fit: KinkFit, size: _Detectable, *, alike: bool) -> Limit:
     share = slow_share(fit)
     wider = 1.0
     if alike:
@@ -269,7 +272,7 @@ def _of_drift(fit: KinkFit, parts: _Parts, *, alike: bool) -> Limit:
         wider = float(np.linalg.norm(together) / np.linalg.norm(scores))
     without = np.sqrt(1.0 - share) / max(wider, 1.0)
     values = {"share": percent(share), "wider": f"{1.0 / max(without, 1e-3):.1f}"}
-    costs = float(parts.noise * (1.0 - without))
+    costs = float(size.noise * (1.0 - without))
     return Limit("drift", costs, Message("maps.limit_drift", values))
 
 

@@ -111,14 +111,18 @@ def outlook(
     values: dict[str, Any] = {"seen": seen, "asked": percent(ASKED)}
     if needed is None:
         return Message("maps.outlook_never", values)
-    two_digits = int(float(f"{needed:.1e}"))
-    values["number"] = f"{two_digits:,}"
+    values["number"] = f"{two_digits(needed):,}"
     if needed <= landings:
         return Message("maps.outlook_enough", values)
     if needed > MOST_LANDINGS:
         values["more_spread"] = Message("maps.more_spread")
         return Message("maps.outlook_spread", values)
     return Message("maps.outlook_more", values)
+
+
+def two_digits(number: float) -> int:
+    """Return a number rounded to two digits, since more of a plan mean nothing."""
+    return int(float(f"{number:.1e}"))
 
 
 def jump_said(jump: EffectSize, confidence: float) -> Message:
