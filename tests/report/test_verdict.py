@@ -6,6 +6,7 @@ from test_page import Page
 from hopdata.messages import Message
 from hopdata.report.page import build_report
 from hopdata.report.verdict import (
+    answer,
     meaning,
     one_or_own_table,
     orders_table,
@@ -70,6 +71,14 @@ def test_a_study_without_an_answer_has_a_page_that_says_why():
         assert words in page.text
 
 
+def test_without_a_size_there_is_no_empty_figure_of_orders():
+    without = full_study(verdict=no_answer())
+    drawn = [one for one in without.figures if one.name != "verdict_orders"]
+    none = build_report(full_study(verdict=no_answer(), figures=drawn))
+    assert len(drawn) < len(without.figures)
+    assert build_report(without) == none
+
+
 def test_the_answer_is_not_told_again_by_its_picture():
     """Without a number, the picture would repeat the sentence."""
     told = no_answer()
@@ -126,9 +135,7 @@ def test_which_orders_differ_is_said_and_tabled():
     assert row in page.text
     for assumed in ("max T over 1999 random sign", "Up to 10 % is no evidence"):
         assert assumed in page.text.replace("\u00a0", " ")
-    bare = Page(build_report(full_study())).text
-    assert "Which orders differ:" not in bare
-    assert "# Which contact orders differ" not in bare, "there is nothing to draw"
+    assert "Which orders differ:" not in Page(build_report(full_study())).text
     named = touchdowns().assign(contact_toe_s=0.0, contact_heel_s=0.0)
     page = Page(build_report(full_study(verdict=known, touchdowns=named)))
     assert "toe → heel and heel → toe" in page.text
@@ -184,3 +191,20 @@ def test_what_own_maps_gain_is_said_in_one_sentence():
     assert "for climb, by 10 mm/s where one map misses by 40 mm/s" in said
     nothing = one_or_own_table(gained.assign(gain_low=-1.0)).note.text()
     assert "predict none of these outcomes better" in nothing
+
+
+def test_what_the_answer_leaves_open_stands_apart_in_ms():
+    values = {"compared": "6 contact orders", "where": " over these landings"}
+    values |= {"bound": "13 %", "confidence": "95 %", "margin": "20 %"}
+    message = {"code": "maps.no_difference_at_contact", "values": values}
+    values["spreads"] = "0.73"
+    known = verdict(messages={"sentence": message}, sentence="As written.")
+    known |= {"holds_from": 0.00814, "contact_spread": 0.0112}
+    said, reservation = answer(known)
+    assert str(said).endswith("over these landings, at 95 % confidence.")
+    head = Page(build_report(full_study(verdict=known))).text.partition("At a glance")
+    words = str(reservation).replace("\u00a0", " ")
+    assert "fades within 8.1 ms" in words
+    assert words in head[0].replace("\u00a0", " ")
+    assert "contact spreads" not in head[0]
+    assert answer(verdict()) == [verdict()["sentence"]]

@@ -297,7 +297,7 @@ def build_report(inputs: ReportInputs) -> str:
         language=inputs.language,
         study=inputs.study,
         facts=facts,
-        sentence=verdict.worded(known, "sentence"),
+        answer=verdict.answer(known),
         outlook=verdict.worded(known, "outlook"),
         mainly=verdict.worded(known, "mainly"),
         contacts=verdict.worded(known, "contacts"),
@@ -328,7 +328,7 @@ def _empty(inputs: ReportInputs) -> set[str]:
         empty.add(GAPS)
     if inputs.one_or_own is None or inputs.one_or_own.empty:
         empty.add("one_or_own")
-    if not (inputs.verdict or {}).get("orders"):
+    if not verdict.verdict_facts(inputs.verdict)["found"]:
         empty.add("verdict_orders")
     return empty
 

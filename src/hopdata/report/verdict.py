@@ -18,6 +18,9 @@ Verdict = Mapping[str, Any]
 # Of what the deciding size is a share.
 OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
 
+# An answer of no difference that does not hold of what fades fast.
+AT_CONTACT = "maps.no_difference_at_contact"
+
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
 
@@ -49,6 +52,18 @@ def what_now(verdict: Verdict | None) -> list[Message | str]:
     """Return what limits a study that cannot tell, the cause that costs most first."""
     causes = (verdict or {}).get("what_now") or []
     return [told(cause, str(cause.get("said", ""))) for cause in causes]
+
+
+def answer(verdict: Verdict) -> list[Message | str]:
+    """Return the answer, and apart from it what it leaves open, in ms."""
+    message = verdict.get("messages", {}).get("sentence") or {}
+    facts = verdict_facts(verdict)
+    if message.get("code") != AT_CONTACT or not facts["holds_from"]:
+        return [worded(verdict, "sentence")]
+    bounded = {**message, "code": "maps.no_difference"}
+    values = {name: facts[name] for name in ("margin", "holds_from")}
+    reservation = Message("report.reservation", values)
+    return [told(bounded, str(verdict.get("sentence"))), reservation]
 
 
 def decisive(verdict: Verdict | None) -> list[Message | str]:
