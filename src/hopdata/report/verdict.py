@@ -402,7 +402,7 @@ def _in_short(table: pd.DataFrame) -> Message:
     if better.empty:
         return Message("report.so_what_nothing")
     share = better["gain"] / better["missed_by_one"]
-    most = better.loc[share.idxmax()]
+    most = better.iloc[int(share.to_numpy().argmax())]
     values = {
         "better": len(better),
         "outcomes": len(table),
