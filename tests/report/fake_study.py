@@ -201,6 +201,11 @@ def verdict(**changes: object) -> dict[str, object]:
     } | changes
 
 
+def orders() -> list[dict[str, object]]:
+    sizes = {"estimate": 0.04, "low": 0.0, "high": 0.2, "p_value": 0.7}
+    return [{"of": "map", "first": "1>2>3", "second": "2>1>3", **sizes}]
+
+
 def no_answer() -> dict[str, object]:
     reason = "120 landings are too few for second-order terms"
     return verdict(
@@ -297,7 +302,7 @@ def full_study(**changes: object) -> ReportInputs:
         "prediction": prediction(),
         "distances": distances(),
         "truth": truth(),
-        "verdict": verdict(),
+        "verdict": verdict(orders=orders()),
         "one_or_own": one_or_own(),
         "quality": quality(),
         "faults": faults(),

@@ -120,6 +120,7 @@ def test_the_caption_of_the_first_figure_can_be_opened():
 
 def test_every_table_is_there(full):
     assert full.captions == [
+        "Which contact orders differ",
         "So what? One landing, by one map and by its order's own",
         "Can these data be trusted?",
         "Faults of the recordings",
