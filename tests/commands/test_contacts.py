@@ -101,7 +101,8 @@ def test_tables_and_page_are_written(recording, tmp_path, capsys):
     assert len(orders) == 8
     assert (table["landing"].value_counts() <= 3).all()
     text = page.read_text("utf-8")
-    assert text.count("data:image/svg+xml") == 2
+    # The page's script has the type as well, but no data in base 64.
+    assert text.count("data:image/svg+xml;base64,") == 2
     assert "Each landing" in text
     assert "://" not in re.sub(r"https?://www\.w3\.org", "", text)
     # What is there is not replaced, and the recording never.
@@ -295,6 +296,10 @@ def test_contacts_are_compared_with_the_plates_of_the_file(
     late_s = table["contact_s"] - table["plate_s"]
     assert late_s.abs().max() < 0.004
     assert (table["plate_se_s"] > 0).all()
+    # A recording that was read is compared with its file as well, for the part it has.
+    found = hd.contacts(hd.read("plate.c3d").between(0, touches[1]), feet=["toe1"])
+    assert set(found.table["plate"]) == {"plate 1"}
+    assert not [one for one in found.remarks if "without a contact" in str(one)]
 
 
 def test_plates_that_are_loaded_without_a_contact_are_told(
