@@ -595,21 +595,21 @@ def _with_feet(
         raise AnalysisError.at(recording.place, "two frames or more", found)
     inspection = replace(inspect(recording), place=recording.place)
     roles = guessed_roles(inspection)
-    feet, joined = every_foot(inspection, roles)
-    if not feet:
+    every, joined = every_foot(inspection, roles)
+    if not every:
         why = "; ".join(str(problem) for problem in roles.problems)
         values = {"place": recording.place, "why": why or "by names and motion"}
         raise AnalysisError(Message("landings.no_feet_for_contacts", values))
     foot_of = {marker: foot for foot, own in joined.items() for marker in own}
     body = recording.names("body") or roles.body
     with_roles = recording.with_roles(
-        feet=feet, body=[name for name in body if name not in feet]
+        feet=every, body=[name for name in body if name not in every]
     )
     # The markers stay in the order of the file, as for the command.
     groups = tuple((foot, tuple(own)) for foot, own in joined.items())
     with_roles = replace(with_roles, joined=groups)
     kept = [*with_roles.names("body"), *with_roles.names("foot")]
-    names = ", ".join(dict.fromkeys(foot_of.get(name, name) for name in feet))
+    names = ", ".join(dict.fromkeys(foot_of.get(name, name) for name in every))
     values = {"place": recording.place, "role": "feet", "names": names}
     reason = _of_all_feet(roles.reasons.get("feet")) or ""
     remark = Message("landings.role_guessed", {**values, "reason": reason})
