@@ -51,7 +51,7 @@ def short_study(sample_path):
 
 
 #: From a flea to an elephant; each is a study.
-ANIMALS = [1 / 256, 0.01, 1.3, 4.0] if "ALL" in os.environ else [1 / 256, 4.0]
+ANIMALS = [1 / 256, 0.01, 1.3, 4.0] if "ALL" in os.environ else [1 / 256]
 
 
 @pytest.mark.parametrize("size", ANIMALS)

@@ -78,7 +78,7 @@ ABOVE = {
         *("stages", "provenance"),
     },
     "analysis": {"config", "landings", "maps", "recordings", "stages", "walk"},
-    "contact_times": {"analysis", "landings", "recordings"},
+    "contact_times": {"analysis", "config", "landings", "recordings"},
     "inspecting": {"commands", "landings", "recordings"},
     "saved": {"line", "maps", "stages", "walk"},
     "samples": {"config", "maps"},

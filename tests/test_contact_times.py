@@ -1,12 +1,17 @@
 """Contacts of any number of feet, from the first landing on, without a study."""
 
+import hashlib
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import hopdata as hd
-from hopdata.contact_times import contacts
-from hopdata.errors import AnalysisError, ArgumentError
+from hopdata.contact_times import _file_of, _loading, _of_all_feet, contacts
+from hopdata.errors import AnalysisError, ArgumentError, HopdataError
 from hopdata.landings.contacts.find import find_landings
+from hopdata.messages import Message, Messages
+from hopdata.recordings.wording import also
 
 RATE_HZ = 200.0
 GRAVITY = 9.81
@@ -77,7 +82,7 @@ def test_feet_that_land_in_turn_are_timed_though_the_body_hardly_falls(with_body
     # Each landing is that of one foot, and has no order.
     assert (found.orders["feet"] == 1).all()
     assert found.orders["probability"].isna().all()
-    assert not found.orders["sure"].any()
+    assert found.orders["sure"].isna().all()
 
 
 def test_one_foot_without_a_body_is_enough():
@@ -180,3 +185,69 @@ def test_what_has_no_foot_is_refused():
             contacts(wrong)
     with pytest.raises(hd.HopdataError, match=r"jump\.c3d: expected a file"):
         contacts(["jump.c3d"])
+
+
+@pytest.mark.parametrize(
+    "feet",
+    [
+        ["left"],
+        {"left": ["left"]},
+        [{"name": "left", "markers": ["left"]}],
+    ],
+)
+def test_named_feet_in_any_form_are_the_only_ones(feet):
+    found = contacts(walking(alternating(2)), feet=feet)
+    assert found.feet == ["left"]
+    assert len(found.table) == 2
+    assert found.recordings[0].names("body") == ("pelvis0", "pelvis1", "pelvis2")
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"feet": [{"name": "l", "markers": ["lef"]}]}, "did you mean 'left'"),
+        ({"feet": [{"name": "l", "marker": ["left"]}]}, "feet: expected a list"),
+        ({"feet": "left"}, "feet: expected a list"),
+        ({"feet": 5}, "feet: expected a list"),
+        ({"feet": {"l": ["left"], "r": ["left"]}}, "each name once"),
+        ({"gravty": 9.8}, "did you mean 'gravity'"),
+        ({"maximum_misfit": "x"}, "maximum_misfit: expected a number"),
+        ({"floor": 3}, "floor: expected"),
+        ({"sure": 90}, "sure: expected a probability, 0 to 1, found 90"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(given, told):
+    with pytest.raises(HopdataError) as caught:
+        contacts(walking(alternating(1)), **given)
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_remarks_are_lines():
+    remarks = Messages(
+        [Message("landings.contact_thin"), Message("landings.no_contact")]
+    )
+    assert str(remarks) == repr(remarks) == "too few frames to time it\nno contact"
+
+
+def test_one_contact_loads_a_plate():
+    assert _loading(1) == "1 contact loads"
+    assert _loading(2) == "2 contacts load"
+
+
+def test_feet_that_are_all_timed_need_no_study_of_their_own():
+    rest = Message("recordings.feet_rest", {"often": "3", "percent": 18.0})
+    between = Message("recordings.feet_in_between", {"markers": "LHEE"})
+    assert _of_all_feet(also(rest, between)) == rest
+    assert _of_all_feet(between) is None
+
+
+def test_a_recording_knows_the_file_that_it_was_read_from(tmp_path):
+    file = tmp_path / "walk.csv"
+    file.write_text("as read")
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    recording = replace(walking(alternating(1)), source=str(file), source_sha256=digest)
+    assert _file_of(recording) == [file]
+    file.write_text("another one")
+    assert _file_of(recording) == []
+    assert _file_of(walking(alternating(1))) == []

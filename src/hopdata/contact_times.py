@@ -8,17 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, Shown, figure_function, pd
+from hopdata.config.loading import check_keys
 from hopdata.errors import (
     AnalysisError,
     ArgumentError,
     RecordingError,
     counted,
+    did_you_mean,
     told_call,
 )
 from hopdata.landings import schedules
@@ -29,9 +32,10 @@ from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
-from hopdata.messages import Message
+from hopdata.messages import Message, Messages
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
+from hopdata.recordings.wording import chained
 from hopdata.recordings.writers.contact_events import ContactEvent
 
 #: Probability below which an order is unsure, as `touchdowns.ambiguous_below`.
@@ -74,6 +78,13 @@ COLUMNS = (
     "plate_s",
     "plate_se_s",
 )
+# What may name feet.
+Feet = Sequence[str] | Mapping[str, Iterable[str]] | Sequence[str | Mapping[str, Any]]
+FEET_FORMS = (
+    'a list of markers, the markers of each foot by its name, as {"left": ["LHEE", '
+    '"LTOE"]}, or a list of {"name": ..., "markers": [...]}'
+)
+
 # Columns of a force plate, and what they hold without one.
 PLATE_COLUMNS = ["plate", "plate_s", "plate_se_s"]
 NO_PLATE = ("", float("nan"), float("nan"))
@@ -113,16 +124,18 @@ class ContactTimes(Shown):
         A row for each landing: recording, landing, begin_s and end_s between which it
         was sought, feet (how many were timed), order (their names, as ``left >
         right``), its probability, the runner_up with its own, and whether the order is
-        sure (`SURE`). Both probabilities are NaN where only one foot landed.
+        sure (`SURE`). Both probabilities are NaN, and ``sure`` is missing, where only
+        one foot was timed.
     remarks : tuple of Message
-        What to know about the recordings and how their contacts were found.
+        What to know about the recordings and how their contacts were found; a line
+        each when printed.
     recordings : tuple of Recording
         The recordings, levelled: each foot rests at height 0.
     """
 
     table: pd.DataFrame
     orders: pd.DataFrame
-    remarks: tuple[Message, ...]
+    remarks: Messages
     recordings: tuple[Recording, ...]
 
     @property
@@ -226,6 +239,8 @@ class ContactTimes(Shown):
     ) -> Any:
         """Draw the heights of the feet about the contacts of the first landings.
 
+        Below them the figure says of how many landings these are the first.
+
         Parameters
         ----------
         most : int
@@ -238,7 +253,10 @@ class ContactTimes(Shown):
         own = self.table.merge(shown[keys], on=keys)
         draw = figure_function("contacts:landings_figure")
         curves = self.curves(shown)
-        return draw(curves, own, shown, self.feet, ax=ax, style=style)
+        n_all = len(self.orders)
+        return draw(
+            curves, own, shown, self.feet, of_landings=n_all, ax=ax, style=style
+        )
 
     def _told(self) -> str:
         """Return how many contacts there are, and how sure their orders are."""
@@ -261,7 +279,7 @@ class ContactTimes(Shown):
 def contacts(
     recordings: Recording | str | Path | Sequence[Recording | str | Path],
     *,
-    feet: Sequence[Mapping[str, Any]] = (),
+    feet: Feet = (),
     floor: Mapping[str, Any] | None = None,
     sure: float = SURE,
     files: Sequence[str | Path | Sequence[str | Path]] = (),
@@ -276,17 +294,18 @@ def contacts(
         markers are read. One foot is enough, and no body is needed. If no marker has
         the role of a foot, all feet are guessed, as ``hopdata contacts`` does, and a
         remark says which.
-    feet : sequence of mapping
-        Feet with several markers, as ``feet`` of the configuration: ``name`` and
-        ``markers`` of each. The first of its markers to land counts. By default those
-        that were named by `hopdata.Recording.with_roles`.
+    feet : sequence of str, mapping, or sequence of mapping
+        The feet, and no others: a marker for each, or the markers of each foot by its
+        name, as for `hopdata.Recording.with_roles`; or ``name`` and ``markers`` of
+        each, as in the configuration. The first marker of a foot to land counts. By
+        default the feet that the recordings have.
     floor : mapping, optional
         Options of `hopdata.landings.floor.fit_floor`.
     sure : float
-        Probability from which on an order is sure.
+        Probability from which on an order is sure, 0 to 1.
     files : sequence of path, or of several
         The file of each recording, or its files in order of time; by default those
-        that are given by their path. The contacts are compared with the onsets of the
+        that they were read from. The contacts are compared with the onsets of the
         force plates in them.
     **options
         Options of `hopdata.landings.contacts.find.find_study_landings`, such as
@@ -303,6 +322,8 @@ def contacts(
         If a recording has no foot, and none can be guessed.
     RecordingError
         If a file cannot be read, or two recordings hold the same bytes.
+    ConfigError
+        If a foot's marker is none of a recording's, or an option is wrong.
 
     Examples
     --------
@@ -312,16 +333,15 @@ def contacts(
     >>> len(found.orders)
     5
     """
+    _check_options(sure, floor or {}, options)
     several, of_files = _as_several(recordings)
     require_distinct(several)
     remarks: list[Message] = []
     levelled = []
     for recording in several:
-        known, guessed = _with_feet(recording)
+        known, guessed = _with_feet(recording, _named_feet(feet))
         ready, on_floor = _levelled(known, floor or {})
-        groups = [*feet] or [
-            {"name": name, "markers": [*own]} for name, own in known.joined
-        ]
+        groups = [{"name": name, "markers": [*own]} for name, own in known.joined]
         ready = join_feet(replace(ready, joined=()), groups)
         remarks += guessed + on_floor
         levelled.append(ready)
@@ -349,8 +369,8 @@ def contacts(
         remarks += of_plates
     return ContactTimes(
         table=table,
-        orders=pd.DataFrame(orders, columns=list(ORDER_COLUMNS)),
-        remarks=tuple(remarks),
+        orders=_order_table(orders),
+        remarks=Messages(remarks),
         recordings=tuple(levelled),
     )
 
@@ -375,6 +395,8 @@ def _with_plates(
     remarks: list[Message] = []
     for recording, given in zip(recordings, files, strict=True):
         several = [given] if isinstance(given, str | Path) else given
+        if not several:
+            continue
         try:
             found = plates_of_files(recording, [Path(one) for one in several])
         except RecordingError as error:
@@ -385,7 +407,12 @@ def _with_plates(
         is_own = table["recording"] == recording.name
         own = beside_plates(table[is_own], on_plates.contacts)
         table.loc[is_own, PLATE_COLUMNS] = own[PLATE_COLUMNS]
-        alone_s = onsets_without_contact(own, on_plates.contacts)
+        begin_s, end_s = recording.time[[0, -1]]
+        alone_s = [
+            one
+            for one in onsets_without_contact(own, on_plates.contacts)
+            if begin_s <= one <= end_s  # of a part of the file
+        ]
         if alone_s:
             values = {
                 "recording": recording.name,
@@ -398,11 +425,17 @@ def _with_plates(
     if len(late_ms):
         values = {
             "number": len(late_ms),
+            "loading": _loading(len(late_ms)),
             "middle_ms": float(late_ms.median()),
             "most_ms": float(late_ms.abs().max()),
         }
         remarks.append(Message("landings.contacts_beside_plates", values))
     return table, remarks
+
+
+def _loading(number: int) -> str:
+    """Return ``1 contact loads``, ``2 contacts load``."""
+    return f"{counted(number, 'contact')} load{'s' if number == 1 else ''}"
 
 
 def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> ContactTimes:
@@ -413,7 +446,7 @@ def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> Contact
     return ContactTimes(
         table=_in_order(tables, names),
         orders=_in_order(orders, names),
-        remarks=tuple(remark for part in parts for remark in part.remarks),
+        remarks=Messages(remark for part in parts for remark in part.remarks),
         recordings=tuple(recordings[name] for name in names),
     )
 
@@ -432,8 +465,8 @@ def _in_order(tables: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFr
 def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
     """Return recordings, and the files of each that was given by its path.
 
-    Files of the same name in different folders get names that differ. No files are
-    returned if none is given by its path.
+    Files of the same name in different folders get names that differ. A recording has
+    the file that it was read from. No files are returned if none has one.
     """
     from hopdata.analysis import read
 
@@ -454,7 +487,7 @@ def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
             files.append([Path(one)])
         elif isinstance(one, Recording):
             found.append(one)
-            files.append([])
+            files.append(_file_of(one))
         else:
             wanted = "a recording, the path of a file, or several"
             raise ArgumentError.at("recordings", wanted, f"{one!r}"[:60])
@@ -463,16 +496,94 @@ def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
     return found, files if any(files) else []
 
 
-def _with_feet(recording: Recording) -> tuple[Recording, list[Message]]:
-    """Return a recording with all its feet; they are guessed if none has the role.
+def _file_of(recording: Recording) -> list[Path]:
+    """Return the file that a recording was read from, if it is still the same."""
+    from hopdata.recordings.importing import sha256
 
-    Markers without a role are left out then.
+    file = Path(recording.source)
+    if not recording.source_sha256 or not file.is_file():
+        return []
+    return [file] if sha256(file) == recording.source_sha256 else []
+
+
+def _check_options(sure: Any, floor: Any, options: Mapping[str, Any]) -> None:
+    """Refuse options that are unknown, or not of their kind.
+
+    Raises
+    ------
+    ConfigError
+        Its message names the option.
+    """
+    if not isinstance(sure, int | float) or not 0 <= sure <= 1:
+        raise ArgumentError.at("sure", "a probability, 0 to 1", f"{sure!r}")
+    if not isinstance(floor, Mapping):
+        raise ArgumentError.at("floor", "options of fit_floor by name", f"{floor!r}")
+    known = [
+        *("floor", "sure", "files", "feet"),
+        *(name for name in signature(find_study_landings).parameters),
+    ]
+    known = [name for name in known if name not in ("recordings", "of_feet")]
+    for name in options:
+        if name not in known:
+            wanted = f"the arguments recordings, {', '.join(known)}"
+            found = f"{name!r}{did_you_mean(name, known)}"
+            raise ArgumentError.at("contacts", wanted, found)
+    # None stands for the default here, and is no value of a configuration.
+    given = {name: value for name, value in options.items() if value is not None}
+    check_keys("contacts", {"touchdowns": given, "floor": dict(floor)})
+
+
+def _named_feet(
+    feet: Any,
+) -> Mapping[str, Iterable[str]] | tuple[str, ...] | None:
+    """Return feet of any form as `Recording.with_roles` takes them; None without any.
+
+    Raises
+    ------
+    ArgumentError
+        If they have another form.
+    """
+    if isinstance(feet, Mapping):
+        return feet or None
+    several = [*feet] if isinstance(feet, Iterable) and feet != "" else [feet]
+    if isinstance(feet, str) or not all(
+        isinstance(one, str | Mapping) for one in several
+    ):
+        raise ArgumentError.at("feet", FEET_FORMS, f"{feet!r}"[:60])
+    if not several:
+        return None
+    if all(isinstance(one, str) for one in several):
+        return tuple(several)
+    found: dict[str, Iterable[str]] = {}
+    for one in several:
+        if isinstance(one, str):
+            one = {"name": one, "markers": [one]}
+        if set(one) != {"name", "markers"} or not isinstance(one["name"], str):
+            raise ArgumentError.at("feet", FEET_FORMS, f"{one!r}"[:60])
+        if one["name"] in found:
+            raise ArgumentError.at("feet", "each name once", f"{one['name']!r}")
+        found[one["name"]] = one["markers"]
+    return found
+
+
+def _with_feet(
+    recording: Recording, feet: Mapping[str, Iterable[str]] | tuple[str, ...] | None
+) -> tuple[Recording, list[Message]]:
+    """Return a recording with these feet, or all its own; without any, guess them.
+
+    Markers without a role are left out if roles are guessed. Of a recording without
+    roles whose feet are named, the body is guessed, as by ``hopdata contacts --feet``.
 
     Raises
     ------
     AnalysisError
         If no foot is found.
     """
+    if feet is not None:
+        named = recording.with_roles(feet=feet)
+        if recording.indices("foot") or recording.indices("body"):
+            return named, []
+        return _with_body(named), []
     if recording.indices("foot"):
         return recording, []
     from hopdata.landings.role_guesses import guessed_roles
@@ -500,9 +611,38 @@ def _with_feet(recording: Recording) -> tuple[Recording, list[Message]]:
     kept = [*with_roles.names("body"), *with_roles.names("foot")]
     names = ", ".join(dict.fromkeys(foot_of.get(name, name) for name in feet))
     values = {"place": recording.place, "role": "feet", "names": names}
-    reason = roles.reasons.get("feet") or ""
+    reason = _of_all_feet(roles.reasons.get("feet")) or ""
     remark = Message("landings.role_guessed", {**values, "reason": reason})
     return with_roles[kept], [remark]
+
+
+def _of_all_feet(reason: Message | None) -> Message | None:
+    """Return why feet were taken, without advice to study some on their own.
+
+    A study compares feet that land together; here all of them are timed.
+    """
+    if reason is None or reason.code == "recordings.feet_in_between":
+        return None
+    if reason.code != "recordings.also":
+        return reason
+    parts = [_of_all_feet(reason.values[name]) for name in ("first", "then")]
+    return chained([part for part in parts if part is not None])
+
+
+def _with_body(recording: Recording) -> Recording:
+    """Return a recording of named feet with the body that is guessed, if any."""
+    from hopdata.landings.role_guesses import guessed_roles
+    from hopdata.recordings.quality.inspection import inspect
+
+    if len(recording.time) < 2:
+        return recording
+    roles = guessed_roles(replace(inspect(recording), place=recording.place))
+    feet = recording.names("foot")
+    body = [name for name in roles.body if name not in feet]
+    if not body:
+        return recording
+    with_body = recording.with_roles(body=body)
+    return with_body[[*with_body.names("body"), *feet]]
 
 
 def _with_the_same_feet(recordings: Sequence[Recording]) -> list[list[int]]:
@@ -601,6 +741,12 @@ def _in_time(row: tuple[Any, ...]) -> float:
     return float(np.nan_to_num(contact_s, nan=np.inf))
 
 
+def _order_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
+    """Return the rows as a table in which ``sure`` may be missing."""
+    table = pd.DataFrame(rows, columns=list(ORDER_COLUMNS))
+    return table.astype({"sure": "boolean"})
+
+
 def _order_rows(
     recording: Recording, landings: pd.DataFrame, sure: float
 ) -> list[tuple[Any, ...]]:
@@ -622,7 +768,9 @@ def _order_rows(
         instants = np.array([[landing[f"contact_{foot}_s"] for foot in timed]])
         errors = np.array([[landing[f"se_{foot}_s"] for foot in timed]])
         order = _Order.of(instants, errors, timed)
-        is_sure = order.probability >= sure and not may_have_landed
+        is_sure = None
+        if np.isfinite(order.probability):
+            is_sure = bool(order.probability >= sure and not may_have_landed)
         rows.append(
             (
                 recording.name,

@@ -67,6 +67,16 @@ class Message:
         return cls(content["code"], values)
 
 
+class Messages(tuple[Message, ...]):
+    """Several messages, each of which is a line when they are printed or shown."""
+
+    def __str__(self) -> str:
+        return "\n".join(str(one) for one in self)
+
+    def __repr__(self) -> str:
+        return str(self) or "()"
+
+
 def languages() -> list[str]:
     """Return English and the further languages that some room has sentences in."""
     further = {

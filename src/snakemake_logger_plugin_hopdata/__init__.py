@@ -17,10 +17,8 @@ from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_interface_logger_plugins.settings import LogHandlerSettingsBase
 
-from hopdata.causes import oom_kills
-from hopdata.commands import deaths
-from hopdata.commands.progress import Progress, line_of, plan_told
-from hopdata.commands.terminal import stage_lines
+# Snakemake imports all its plugins before it knows what is asked, and before a checkout
+# has put its own code first: `hopdata` is imported when a run begins.
 
 __all__ = ["LogHandler", "LogHandlerSettings", "event_of", "is_telling"]
 
@@ -55,6 +53,10 @@ class LogHandler(LogHandlerBase):
 
     def __post_init__(self) -> None:
         """Begin to tell."""
+        from hopdata.causes import oom_kills
+        from hopdata.commands.progress import Progress
+        from hopdata.commands.terminal import stage_lines
+
         self._progress = Progress(stage_lines(TITLE))
         self._is_planned = False
         self._is_local = True
@@ -67,6 +69,8 @@ class LogHandler(LogHandlerBase):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Take a record of Snakemake."""
+        from hopdata.commands.progress import line_of
+
         try:
             event = event_of(record)
             if not self._passes_on:
@@ -80,6 +84,8 @@ class LogHandler(LogHandlerBase):
             self.handleError(record)
 
     def _tell(self, record: logging.LogRecord, event: dict[str, Any] | None) -> None:
+        from hopdata.commands.progress import plan_told
+
         if event is not None:
             self._progress.take(event)
         if record.levelno >= logging.ERROR:
@@ -97,6 +103,8 @@ class LogHandler(LogHandlerBase):
 
     def close(self) -> None:
         """Say in one message why the run failed, if it did."""
+        from hopdata.commands import deaths
+
         mistakes = self._mistakes
         self._mistakes = []
         super().close()

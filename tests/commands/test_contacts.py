@@ -285,7 +285,7 @@ def test_contacts_are_compared_with_the_plates_of_the_file(
     touches = with_a_plate(tmp_path, "plate.c3d", seed=1)
     given = ["contacts", "plate.c3d", "--feet", "toe1", "--out", "a.csv"]
     assert main([*given, "--html", "a.html"]) == 0
-    told = f"{len(touches)} contacts load a force plate of their file"
+    told = f"{len(touches)} contacts load a force plate of the file"
     said = capsys.readouterr().out
     assert told in said
     assert "without a contact" not in said

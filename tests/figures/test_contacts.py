@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from hopdata.figures.contacts import landings_figure, spread_figure
-from hopdata.figures.style import VERMILION
+from hopdata.figures.contacts import FOOT_COLOURS, landings_figure, spread_figure
+from hopdata.figures.style import ORANGE, VERMILION
 
 FEET = ("left", "right")
 
@@ -37,9 +37,41 @@ def test_each_landing_has_a_cell_and_an_unsure_order_stands_out():
     titles = [axes.get_title(loc="left") for axes in cells]
     assert titles[0].startswith("1: left > right\n99.9")
     assert titles[4].endswith("unsure")
-    colours = [axes._left_title.get_color() for axes in cells]
-    assert colours[4] == VERMILION
-    assert VERMILION not in colours[:4]
+    frames = [axes.spines["top"].get_linestyle() for axes in cells]
+    assert frames[:4] == ["solid"] * 4
+    assert frames[4] != "solid"
+    assert cells[4].spines["top"].get_visible()
+
+
+def test_feet_have_no_colour_of_a_warning_and_sides_keep_theirs():
+    made = made_up(2)
+    colours = []
+    for feet in (FEET, FEET[::-1]):
+        legend = landings_figure(*made, feet).legends[0]
+        names = [text.get_text() for text in legend.get_texts()]
+        lines = [line.get_color() for line in legend.get_lines()]
+        colours.append(dict(zip(names, lines, strict=True)))
+    assert colours[0] == colours[1]
+    assert not {VERMILION, ORANGE} & set(FOOT_COLOURS)
+    assert set(colours[0].values()) < set(FOOT_COLOURS)
+
+
+def test_the_first_of_more_landings_are_said_to_be_so():
+    some = landings_figure(*made_up(2), FEET, of_landings=85)
+    assert some.get_supxlabel().endswith("the first 2 of 85 landings")
+    assert "first 2" not in landings_figure(*made_up(2), FEET).get_supxlabel()
+
+
+def test_contacts_of_an_unsure_order_are_hollow():
+    _, contacts, orders = made_up(3)
+    axes = spread_figure(contacts, orders, FEET).axes[0]
+    hollow = {
+        int(x)
+        for line in axes.lines
+        if line.get_markerfacecolor() == "white"
+        for x in line.get_xdata()
+    }
+    assert hollow == {3}
 
 
 def test_feet_of_long_orders_are_told_by_number():

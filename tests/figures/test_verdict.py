@@ -62,21 +62,7 @@ def texts(axes):
 )
 def test_every_conclusion_is_drawn_without_overlap(conclusion, schedules):
     figure = verdict_figure(verdict(conclusion), touchdowns(*schedules))
-    assert figure.get_supxlabel() == "compared: 6 contact orders, 1,621 landings"
     assert text_faults(figure) == []
-
-
-def test_landings_that_are_left_out_as_mistakes_are_told_with_their_number():
-    """Otherwise the page says that 1622 are used, and the figure tells of 1621."""
-    mistakes = {"outcome_far_off": [1522], "state_far_off": [3, 1522]}
-    figure = verdict_figure(verdict(gross_errors=mistakes), touchdowns())
-    assert " ".join(figure.get_supxlabel().split()) == (
-        "compared: 6 contact orders, 1,621 of 1,623 landings used "
-        "(left out: 2 like none of the others)"
-    )
-    assert text_faults(figure) == []
-    none = verdict_figure(verdict(gross_errors={}), touchdowns())
-    assert none.get_supxlabel() == "compared: 6 contact orders, 1,621 landings"
 
 
 def test_a_reason_is_not_broken_within_a_number():
@@ -124,24 +110,14 @@ def test_answer_interval_and_what_could_be_seen_are_those_given(
     )
 
 
-def test_what_the_plot_does_not_show_is_said_below_in_a_line_each():
-    known = verdict(**SAID)
-    figure = verdict_figure(known, touchdowns("1>2>3", "3>2>1"))
-    shown = figure.get_supxlabel().replace("\u00a0", " ").splitlines()
-    assert shown == [
-        "compared: 6 contact orders, 1,621 landings; 97.1 % of their contact order "
-        "foretold",
-        "not covered: a difference that fades within 0.73 contact spreads of "
-        "simultaneous contact",
-        "landings needed to see 20 %: about 1,100",
-    ]
-    plain = verdict_figure(verdict(), touchdowns("1>2>3", "3>2>1"))
-    assert plain.get_figheight() < figure.get_figheight()
-    # A difference that was found has no bound that could leave something out.
-    found = verdict("different", **SAID, mainly="most of all: feet 1 and 2")
-    shown = verdict_figure(found, touchdowns()).get_supxlabel().splitlines()
-    assert len(shown) == 3
-    assert shown[1] == "most of all: feet 1 and 2"
+def test_sentences_are_left_to_the_caption():
+    """A figure of a paper has none below its axes, whatever is known."""
+    plain = verdict_figure(verdict(), touchdowns())
+    told = verdict_figure(verdict(**SAID, mainly="feet 1 and 2"), touchdowns())
+    assert plain.get_supxlabel() == told.get_supxlabel() == ""
+    for one, other in zip(plain.axes, told.axes, strict=True):
+        assert texts(one) == texts(other)
+    assert plain.get_figheight() == told.get_figheight()
 
 
 SAID = {
@@ -160,11 +136,10 @@ def test_the_two_commonest_orders_are_drawn_with_their_maps():
     ):
         drawn = texts(verdict_figure(verdict(conclusion), touchdowns()).axes[1])
         assert {"feet 2 → 1 → 3: 2 landings", "feet 3 → 1 → 2: 1 landing"} <= set(drawn)
-        assert any(text.startswith("the 2 commonest of 3 orders") for text in drawn)
         assert drawn.index("2nd") < drawn.index("1st") < drawn.index("3rd"), (
             "2 touches first"
         )
-        assert sum("map" in text for text in drawn) == maps + 1, "and what a map is"
+        assert sum("map" in text for text in drawn) == maps
 
 
 @pytest.mark.parametrize("conclusion", EFFECTS)
@@ -267,7 +242,7 @@ def random_verdict(rng):
     return content, touchdowns(*orders), true if rng.random() < 0.5 else None
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(4 if "ALL" in os.environ else 2))
 def test_no_text_covers_another_whatever_the_numbers(seed):
     rng = np.random.default_rng(seed)
     for _ in range(25 if "ALL" in os.environ else 12):

@@ -103,7 +103,7 @@ def test_flights_that_are_continued_to_the_section_are_counted(tables):
 
 
 def test_what_is_known_of_contacts_is_told_beside_their_errors(tables):
-    values = {"foot": "f2", "landings": 7, "ms": 2.5}
+    values = {"foot": "f2", "landings": 7, "often": "7 landings", "ms": 2.5}
     bounces = Message("landings.foot_bounces", values)
     plain = judged(tables)
     told = judged(tables, contact_remarks=[bounces])

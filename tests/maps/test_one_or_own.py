@@ -61,6 +61,12 @@ def test_the_example_is_a_landing_that_happened():
     assert abs(climb["own_map"] - climb["happened"]) < 30.0
 
 
+def test_half_of_the_examples_outcomes_are_further_apart_than_is_typical():
+    table = one_or_own(*study(differs=0.05))
+    far = (table["own_map"] - table["one_map"]).abs() / table["apart"]
+    assert np.median(far) == pytest.approx(1.0, abs=0.02)
+
+
 def test_units_are_of_whom_watches():
     table = one_or_own(*study()).set_index("outcome")
     units = table["unit"].to_dict()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from hopdata.maps.one_or_own import COLUMNS
 from hopdata.report.inputs import ReportFigure, ReportInputs
 from hopdata.report.page import PLACES
 
@@ -253,6 +254,12 @@ def remarks(n: int = 1) -> pd.DataFrame:
     )
 
 
+def one_or_own() -> pd.DataFrame:
+    row = dict.fromkeys(COLUMNS, 1.0)
+    row |= {"outcome": "climb", "unit": "mm/s", "order": "2>1>3"}
+    return pd.DataFrame([row | {"n_landings": 621, "n_orders": 6}])
+
+
 def provenance() -> dict[str, object]:
     return {
         "study": "sample",
@@ -291,6 +298,7 @@ def full_study(**changes: object) -> ReportInputs:
         "distances": distances(),
         "truth": truth(),
         "verdict": verdict(),
+        "one_or_own": one_or_own(),
         "quality": quality(),
         "faults": faults(),
         "remarks": remarks(),

@@ -8,6 +8,7 @@ from fake_study import CAPTIONS, full_study, touchdowns, truth, verdict
 from test_page import Page
 
 from hopdata.landings.contacts.timing import METHODS
+from hopdata.maps.one_or_own import COLUMNS
 from hopdata.report.language import sentence
 from hopdata.report.page import CONTROLS, PLACES, build_report
 
@@ -152,3 +153,10 @@ def test_distances_that_were_not_asked_for_are_said_to_be_so():
     assert "The figure of the distances was not made." in page(
         distances=None, figures=figures
     )
+
+
+def test_what_own_maps_gain_is_drawn_where_landings_were_foretold():
+    drawn = "Landings foretold by one map and by their orders' own"
+    assert drawn in page()
+    for nothing in (None, pd.DataFrame(columns=list(COLUMNS))):
+        assert drawn not in page(one_or_own=nothing)

@@ -58,6 +58,8 @@ def test_numbers_keep_their_units():
         ("error_mm_s", 1.25, ("error", "1.25", "mm/s")),
         ("rate_hz", 100, ("rate", "100", "Hz")),
         ("pre_height_m", None, ("pre height m", "—", "")),
+        ("misfit", [0.014825832, 0.5], ("misfit", "0.0148, 0.5", "")),
+        ("depth edges_m", [0.014825832, 0.02], ("depth edges", "14.8, 20", "mm")),
         ("enabled", True, ("enabled", "yes", "")),
         ("frames", "all", ("frames", "all", "")),
         ("n_frames", 64345, ("n frames", "64\u202f345", "")),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_study import NAMES, NUMBERED, captions, full_study, sections
+from fake_study import NAMES, NUMBERED, captions, full_study, sections, verdict
 
 from hopdata.errors import ConfigError
 from hopdata.recording import Recording
@@ -137,6 +137,36 @@ def test_the_caption_of_the_verdict_says_what_is_drawn():
     assert "Frobenius norm" in paragraphs[0]
     assert "triangle" not in paragraphs[0]
     assert "in the order of their heights" in paragraphs[1]
+
+
+def test_the_caption_of_the_verdict_says_what_its_plots_do_not_show():
+    told = {
+        "foretold": 0.971,
+        "mainly": "most of all: feet 1 and 2",
+        "gross_errors": {"outcome_far_off": [1522], "state_far_off": [3, 1522]},
+        "messages": {"outlook": {"values": {"asked": "20 %", "number": "1,100"}}},
+    }
+    shown = {}
+    for name, more in (("more", told), ("plain", {})):
+        facts = study_facts(full_study(verdict=verdict(**more)))
+        paragraphs = render_caption(captions()["verdict"], facts, name="v").paragraphs
+        shown[name] = " ".join(paragraphs).replace("\u00a0", " ")
+    assert (
+        "Compared: 6 contact orders in 986 landings; those left out that are like none "
+        "of the others: 2; 97.1 % of their contact order is foretold. Most of all: feet "
+        "1 and 2. Landings needed to see 20 %: about 1,100."
+    ) in shown["more"]
+    assert "Compared: 6 contact orders in 986 landings." in shown["plain"]
+    assert "needed" not in shown["plain"]
+    assert "the commonest of the 6 orders" in shown["plain"]
+
+
+def test_the_caption_of_own_maps_says_of_which_landings_they_are():
+    facts = study_facts(full_study())
+    shown = render_caption(captions()["one_or_own"], facts, name="one_or_own")
+    text = " ".join(shown.paragraphs)
+    assert "in the order 2 → 1 → 3" in text
+    assert "over 621 landings, each foretold from others; 6 orders" in text
 
 
 def test_the_caption_of_the_maps_gives_their_errors():

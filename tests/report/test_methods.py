@@ -2,7 +2,7 @@
 
 import re
 
-from fake_study import full_study, verdict
+from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
 from hopdata.report.methods import CITED, methods
@@ -29,19 +29,58 @@ def test_it_says_the_numbers_of_the_study_but_no_result():
 def test_what_it_cites_are_the_references_and_no_others():
     found = of(full_study())
     keys = re.findall(r"@\w+\{(\w+),", found.bibtex)
-    assert sorted(keys) == sorted(CITED)
+    assert sorted(keys) == sorted([*CITED, "hopdata"])
     for cited in CITED.values():
         assert cited in found.text
-    assert found.bibtex.count("doi = ") == len(keys) - 1, "one is a book without"
+    assert found.bibtex.count("doi = ") == len(keys) - 2, (
+        "a book and software have none"
+    )
+
+
+def test_a_study_without_a_size_claims_no_analysis():
+    orders = [{"order": "2 → 3 → 1", "landings": 42}]
+    alone = no_answer() | {
+        "n_landings": 42,
+        "n_window": 0,
+        "so_far": {"orders": orders, "least_landings": 150},
+    }
+    found = of(full_study(verdict=alone))
+    for never_made in ("fitted", "flips", "judged", "intervals"):
+        assert never_made not in found.text
+    assert "42 landings are fewer than the 150" in found.text
+    assert "in one order only" in found.text
+    assert re.findall(r"@\w+\{(\w+),", found.bibtex) == ["hopdata"]
+    two = alone["so_far"] | {"orders": [*orders, {"order": "1", "landings": 9}]}
+    assert "one order" not in of(full_study(verdict=alone | {"so_far": two})).text
+
+
+def test_it_says_how_many_landings_were_fitted():
+    text = of(full_study()).text
+    assert f"judged from {verdict()['n_window']} landings" in text
+    assert f"of {verdict()['n_landings']} whose" in text
+
+
+def test_a_simulation_is_called_one():
+    simulated = full_study()
+    assert simulated.truth
+    assert of(simulated).text.startswith("A simulation of")
+    recorded = full_study(truth=None)
+    assert of(recorded).text.startswith("Motion capture of")
+
+
+def test_one_order_and_no_exclusions_are_good_english():
+    inputs = full_study()
+    facts = study_facts(inputs) | {"n_schedules": 1, "n_excluded": 0, "n_landings": 42}
+    text = methods(facts, None, inputs.recordings, None).text
+    assert "All 42 landings were used. The feet touched in one order." in text
 
 
 def test_what_is_not_known_is_left_out():
     bare = of(full_study(verdict=None, touchdowns=None, sections=None))
     assert "None" not in bare.text
     assert "landings were used" not in bare.text
-    assert bare.bibtex == "", "nothing is cited"
-    page = build_report(full_study(verdict=None))
-    assert "References as BibTeX" not in page
+    assert bare.bibtex.count("@") == 1, "nothing is cited but hopdata"
+    assert bare.bibtex.startswith("@software{hopdata")
     assert "References as BibTeX" in build_report(full_study())
 
 
@@ -65,3 +104,15 @@ def test_what_limits_a_study_that_cannot_tell_stands_on_the_page():
     assert "Cannot tell: what now?" in page.text
     assert "Landings: 250 are used. About 580 such landings" in page.text
     assert "Cannot tell: what now?" not in Page(build_report(full_study())).text
+
+
+def test_the_head_of_the_page_says_that_there_is_one_order():
+    landings = {"code": "maps.not_one", "values": {}, "said": "Landings: too few."}
+    values = {"order": "2 → 3 → 1", "landings": 42, "least_of_order": 20}
+    only = {"code": "maps.none_for_one_order", "values": values, "said": ""}
+    causes = [landings, {"cause": "orders", "costs": None, **only}]
+    undecided = no_answer() | {"what_now": causes}
+    head = Page(build_report(full_study(verdict=undecided))).text.partition(
+        "At a glance"
+    )
+    assert "Orders: one order occurs, 2 → 3 → 1, in all 42 landings" in head[0]

@@ -112,8 +112,15 @@ def test_the_language_and_the_title_are_given():
     assert "<title>sample: " in text
 
 
+def test_the_caption_of_the_first_figure_can_be_opened():
+    text = build_report(full_study())
+    opened = text.partition("<summary>Caption of this figure</summary>")[2]
+    assert "Compared: 6 contact orders" in opened.partition("</details>")[0]
+
+
 def test_every_table_is_there(full):
     assert full.captions == [
+        "So what? One landing, by one map and by its order's own",
         "Can these data be trusted?",
         "Faults of the recordings",
         "Remarks on the recordings",

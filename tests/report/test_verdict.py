@@ -1,10 +1,18 @@
+import pandas as pd
 import pytest
 from fake_study import full_study, no_answer, touchdowns, verdict
 from test_page import Page
 
 from hopdata.messages import Message
 from hopdata.report.page import build_report
-from hopdata.report.verdict import meaning, verdict_facts, worded
+from hopdata.report.verdict import (
+    answer,
+    meaning,
+    one_or_own_table,
+    orders_table,
+    verdict_facts,
+    worded,
+)
 
 
 def test_the_card_says_effect_interval_and_the_bound_that_decides():
@@ -61,6 +69,14 @@ def test_a_study_without_an_answer_has_a_page_that_says_why():
         "Difference of the maps not known cannot tell",
     ):
         assert words in page.text
+
+
+def test_without_a_size_there_is_no_empty_figure_of_orders():
+    without = full_study(verdict=no_answer())
+    drawn = [one for one in without.figures if one.name != "verdict_orders"]
+    none = build_report(full_study(verdict=no_answer(), figures=drawn))
+    assert len(drawn) < len(without.figures)
+    assert build_report(without) == none
 
 
 def test_the_answer_is_not_told_again_by_its_picture():
@@ -146,3 +162,49 @@ def test_a_verdict_of_this_version_is_worded_anew():
     assert worded(verdict(messages=message), "outlook") == said
     assert worded(verdict(), "outlook") == verdict()["outlook"]
     assert worded(verdict(), "mainly") == ""
+
+
+def test_rows_above_the_bound_of_the_answer_are_explained():
+    pair = {"of": "map", "first": "1>2", "second": "2>1", "estimate": 0.04}
+    pair |= {"low": 0.0, "high": 0.21, "p_value": 1.0}
+    pair |= {"n_first": 310, "n_second": 390}
+    none = orders_table(verdict(orders=[pair])).note.text().replace("\u00a0", " ")
+    assert "Landings are the 700 that were fitted, of 986" in none
+    assert "The answer's bound, 12 % (one-sided), is of all orders together" in none
+    found = orders_table(verdict(orders=[pair], conclusion="different")).note.text()
+    assert "700" in found
+    assert "answer's bound" not in found
+
+
+def test_the_figure_of_orders_has_a_letter_for_each_panel():
+    rows = [{"of": "map"}, {"of": "map"}, {"of": "jump"}]
+    assert verdict_facts(verdict(orders=rows))["kinds"] == ["map", "jump"]
+    assert verdict_facts(None)["kinds"] == []
+
+
+def test_what_own_maps_gain_is_said_in_one_sentence():
+    row = {"outcome": "climb", "unit": "mm/s", "order": "2>1", "n_landings": 621}
+    row |= {"n_orders": 2, "missed_by_one": 40.0, "gain": 10.0, "gain_high": 12.0}
+    gained = pd.DataFrame([row | {"gain_low": 8.0}, row | {"gain_low": -1.0}])
+    said = one_or_own_table(gained).note.text().replace("\u00a0", " ")
+    assert "predict 1 of 2 outcomes better" in said
+    assert "for climb, by 10 mm/s where one map misses by 40 mm/s" in said
+    nothing = one_or_own_table(gained.assign(gain_low=-1.0)).note.text()
+    assert "predict none of these outcomes better" in nothing
+
+
+def test_what_the_answer_leaves_open_stands_apart_in_ms():
+    values = {"compared": "6 contact orders", "where": " over these landings"}
+    values |= {"bound": "13 %", "confidence": "95 %", "margin": "20 %"}
+    message = {"code": "maps.no_difference_at_contact", "values": values}
+    values["spreads"] = "0.73"
+    known = verdict(messages={"sentence": message}, sentence="As written.")
+    known |= {"holds_from": 0.00814, "contact_spread": 0.0112}
+    said, reservation = answer(known)
+    assert str(said).endswith("over these landings, at 95 % confidence.")
+    head = Page(build_report(full_study(verdict=known))).text.partition("At a glance")
+    words = str(reservation).replace("\u00a0", " ")
+    assert "fades within 8.1 ms" in words
+    assert words in head[0].replace("\u00a0", " ")
+    assert "contact spreads" not in head[0]
+    assert answer(verdict()) == [verdict()["sentence"]]

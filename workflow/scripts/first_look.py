@@ -3,7 +3,9 @@
 from hopdata.jobs import read_table, reported, whole_file
 from hopdata.maps.prediction import error_ratios
 from hopdata.recordings.readers.hdf5 import read_truth
+from hopdata.report.formatting import count
 from hopdata.report.inputs import picture_of, read_figures, rendered
+from hopdata.report.tables import excluded
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
@@ -17,6 +19,7 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
         facts[name] = {
             **error_ratios(summary, touchdowns),
             "apart": float(apart),
+            "landings": count((~excluded(touchdowns)).sum()),
             "true": truth.true_effect,
         }
     figures = read_figures(source.figures, [source.captions])

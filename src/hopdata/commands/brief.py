@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -113,9 +114,9 @@ def _landings(inspection: Inspection, roles: Roles) -> list[str]:
         shown += f" and {len(names) - MOST_NAMED} more"
     told = [f"feet {shown}"]
     recording = inspection.recording(feet, body)
-    joined_feet = [{"name": name, "markers": own} for name, own in joined.items()]
+    groups = tuple((name, tuple(own)) for name, own in joined.items())
     try:
-        found = contacts([recording], feet=joined_feet)
+        found = contacts(replace(recording, joined=groups))
     except HopdataError:
         return [*told, str(Message("commands.brief_no_landings"))]
     return [*told, counted(len(found.orders), "landing")]

@@ -130,10 +130,12 @@ def timed(trials: Sequence[Trial]) -> ContactTimes:
         alike.setdefault(key, []).append(trial)
     parts = []
     for group in alike.values():
-        recordings = [trial.recording for trial in group]
         first = group[0]
+        joined = tuple((str(one["name"]), (*one["markers"],)) for one in first.feet)
+        # Feet of one marker are those of the recording.
+        recordings = [replace(trial.recording, joined=joined) for trial in group]
         files = [trial.files for trial in group]
-        found = times_of(recordings, feet=first.feet, files=files, **first.options)
+        found = times_of(recordings, files=files, **first.options)
         parts.append(found)
     return joined_times(parts, [trial.recording.name for trial in trials])
 
@@ -343,7 +345,8 @@ def show(found: ContactTimes, notes: Sequence[str]) -> None:
 
     print(found)
     answers.give(
-        contacts=found.table.to_dict("records"), orders=found.orders.to_dict("records")
+        contacts=found.table.to_dict("records"),
+        orders=found.orders.astype({"sure": object}).to_dict("records"),
     )
     several = found.orders["recording"].nunique() > 1
     has_orders = bool((found.orders["feet"] > 1).any())

@@ -19,6 +19,18 @@ LONGEST_ORDER = 26
 BETWEEN = " > "
 MM_PER_M = 1e3
 MS_PER_S = 1e3
+# Colours of feet. Orange and red are left out: readers take them for a warning.
+FOOT_COLOURS = (
+    style.BLUE,
+    style.GREEN,
+    style.PURPLE,
+    style.SKY,
+    style.GREY,
+    style.INK,
+)
+SIDE_COLOURS = {"left": style.BLUE, "right": style.GREEN}
+# The frame of a landing whose order is unsure.
+UNSURE_FRAME = (0, (4, 2))
 NOTHING = "No contact was found."
 # Errors that are drawn, in standard errors.
 DRAWN_ERRORS = 2.0
@@ -30,6 +42,8 @@ def landings_figure(
     contacts: pd.DataFrame,
     orders: pd.DataFrame,
     feet: Sequence[str],
+    *,
+    of_landings: int | None = None,
 ) -> Figure:
     """Draw the heights of the feet about the contacts of some landings.
 
@@ -40,7 +54,9 @@ def landings_figure(
     contacts, orders : DataFrame
         As in `hopdata.contact_times.ContactTimes`, of the same landings.
     feet : sequence of str
-        All feet: their places give their colours.
+        All feet: their places give their colours; left and right have their own.
+    of_landings : int, optional
+        How many landings there are, if these are the first of them: it is said then.
 
     Returns
     -------
@@ -73,19 +89,25 @@ def landings_figure(
         chain = order["order"]
         if by_number:
             chain = BETWEEN.join(number[foot] for foot in chain.split(BETWEEN))
-        cell.set_title(_title(name, chain, order), color=_colour(order))
+        cell.set_title(_title(name, chain, order))
+        if _is_unsure(order):
+            cell.spines[:].set(visible=True, linestyle=UNSURE_FRAME, linewidth=1.0)
     last_row = len(orders) - COLUMNS
     for place, cell in enumerate(cells[: len(orders)]):
         if place >= last_row:
             cell.tick_params(labelbottom=True)
-    figure.supxlabel("time from the first contact (ms)", fontsize=style.pt(7))
+    below = "time from the first contact (ms)"
+    if of_landings is not None and of_landings > len(orders):
+        below += f"; the first {len(orders)} of {of_landings} landings"
+    figure.supxlabel(below, fontsize=style.pt(7))
     figure.supylabel("height of the foot (mm)", fontsize=style.pt(7))
     handles = []
+    lines = _lines(feet)
     for place, foot in enumerate(feet):
         label = style.label_of(foot)
         if by_number:
             label = f"{place + 1}: {label}"
-        handles += cells[0].plot([], [], **style.foot_line(place), label=label)
+        handles += cells[0].plot([], [], **lines[foot], label=label)
     figure.legend(handles=handles, loc="outside upper left", ncols=len(feet))
     return figure
 
@@ -95,7 +117,7 @@ def _title(name: str, chain: str, order: Mapping[Any, Any]) -> str:
     title = f"{name}: {chain}"
     if np.isfinite(order["probability"]):
         title += f"\n{_percent(order['probability'])}"
-        if not order["sure"]:
+        if _is_unsure(order):
             title += ", unsure"
     return title
 
@@ -108,10 +130,27 @@ def _percent(probability: float) -> str:
     return f"{percent:.3g} %"
 
 
-def _colour(order: Mapping[Any, Any]) -> str:
-    """Return the colour of a title: that of an unsure order stands out."""
-    is_unsure = np.isfinite(order["probability"]) and not order["sure"]
-    return style.VERMILION if is_unsure else style.INK
+def _is_unsure(order: Mapping[Any, Any]) -> bool:
+    """Tell whether the order of a landing is unsure; that of one foot is not."""
+    return bool(np.isfinite(order["probability"]) and not order["sure"])
+
+
+def _lines(feet: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return colour and line style of each foot by name, as keywords of a line.
+
+    A left and a right foot look the same in all files, whichever is first.
+    """
+    sides = [foot.lower() for foot in feet]
+    both = sorted(SIDE_COLOURS) == sorted(sides)
+    lines = {}
+    for place, foot in enumerate(feet):
+        colour = FOOT_COLOURS[place % len(FOOT_COLOURS)]
+        dash = style.foot_dash(place)
+        if both:
+            colour = SIDE_COLOURS[foot.lower()]
+            dash = style.foot_dash(0 if foot.lower() == "left" else 1)
+        lines[foot] = {"color": colour, "linestyle": dash}
+    return lines
 
 
 def _draw_landing(
@@ -123,15 +162,14 @@ def _draw_landing(
     if not np.isfinite(zero_s):
         zero_s = float(contacts["contact_s"].min())
     axes.axhline(0.0, color="#cccccc", linewidth=0.6, zorder=0)
+    lines = _lines(feet)
     for foot, curve in curves.groupby("foot", sort=False):
-        number = feet.index(str(foot))
         x = MS_PER_S * (curve["time_s"] - zero_s)
         y = MM_PER_M * curve["height_m"]
-        line = {**style.foot_line(number), "linewidth": 0.8}
+        line = {**lines[str(foot)], "linewidth": 0.8}
         axes.plot(x, y, marker=".", markersize=1.8, **line)
     for contact in contacts.dropna(subset=["contact_s"]).to_dict("records"):
-        number = feet.index(str(contact["foot"]))
-        colour = style.foot_colour(number)
+        colour = lines[str(contact["foot"])]["color"]
         curve = curves[curves["foot"] == contact["foot"]].dropna(subset=["height_m"])
         if not len(curve):
             continue
@@ -171,25 +209,35 @@ def spread_figure(
             "No two feet landed together.", width_mm=style.DOUBLE_COLUMN_MM
         )
     keys = ["recording", "landing"]
-    place = ordered.assign(place=np.arange(1, len(ordered) + 1))[[*keys, "place"]]
+    place = ordered.assign(place=np.arange(1, len(ordered) + 1))[
+        [*keys, "place", "sure"]
+    ]
     shown = contacts[contacts["found"]].merge(place, on=keys)
     first_s = shown.groupby("place")["contact_s"].transform("min")
     shown = shown.assign(after_ms=MS_PER_S * (shown["contact_s"] - first_s))
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 60.0)
     axes = figure.subplots()
-    for number, foot in enumerate(feet):
-        own = shown[shown["foot"] == foot]
+    is_sure = shown["sure"].astype(bool)
+    size = 2.5 if len(ordered) < 200 else 1.5
+    for foot, line in _lines(feet).items():
+        own = shown["foot"] == foot
+        points = {
+            "linestyle": "",
+            "marker": "o",
+            "markersize": size,
+            "color": line["color"],
+        }
         axes.errorbar(
-            own["place"],
-            own["after_ms"],
-            yerr=MS_PER_S * own["se_s"],
-            linestyle="",
-            marker="o",
-            markersize=2.5 if len(ordered) < 200 else 1.5,
+            shown.loc[own, "place"],
+            shown.loc[own, "after_ms"],
+            yerr=MS_PER_S * shown.loc[own, "se_s"],
             elinewidth=0.6,
-            color=style.foot_colour(number),
             label=style.label_of(foot),
+            **points,
         )
+        unsure = shown[own & ~is_sure]
+        hollow = {**points, "markerfacecolor": "white", "zorder": 3}
+        axes.plot(unsure["place"], unsure["after_ms"], **hollow)
     axes.set_xlabel("landing")
     axes.set_ylabel("after the first foot (ms)")
     figure.legend(loc="outside upper left", ncols=len(feet))

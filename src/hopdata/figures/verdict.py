@@ -13,13 +13,11 @@ from hopdata.errors import counted
 from hopdata.feet import foot_names, with_foot_names
 from hopdata.figures import style
 
-# Heights of a row of two plots, of a member of a group, of a study's title, and of a
-# line of the verdict in words.
+# Heights of a row of two plots, of a member of a group, and of a study's title.
 ROW_MM = 58.0
 MEMBER_MM = 4.2
 TITLE_MM = 3.0
-LINE_MM = 3.0
-# Characters of such a line, below two plots and beside one.
+# Characters of a line of a reason in words, on its own and beside a plot.
 SAID_WIDTH = 90
 SAID_WIDTH_BESIDE = 48
 ASKED = "difference between the maps of the contact orders"
@@ -62,14 +60,14 @@ def verdict_figure(
     -------
     Figure
         (a) The difference and its uncertainty. (b) What it means for two landings. What
-        neither shows is below, in short lines. If a study has no answer, the words are
-        beside (b).
+        neither shows is in the caption. If a study has no answer, the words are beside
+        (b).
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(
             _said(verdict, SAID_WIDTH), width_mm=style.DOUBLE_COLUMN_MM
         )
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, _height_mm(verdict))
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, ROW_MM)
     if truth is None or truth.empty:
         _draw_row(figure, verdict, touchdowns, _top(verdict))
         return figure
@@ -119,24 +117,14 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
         Titles of the studies.
     """
     rows = list(zip(content[::2], content[1::2], names, strict=True))
-    heights = [_height_mm(verdict) + TITLE_MM for verdict, _, _ in rows]
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, sum(heights))
+    height_mm = len(rows) * (ROW_MM + TITLE_MM)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
     top = max(_top(verdict) for verdict, _, _ in rows)
-    parts = figure.subfigures(
-        len(rows), 1, squeeze=False, height_ratios=heights
-    ).ravel()
+    parts = figure.subfigures(len(rows), 1, squeeze=False).ravel()
     for part, (verdict, touchdowns, name) in zip(parts, rows, strict=True):
         part.suptitle(style.label_of(name), fontsize=style.pt(8), x=0.01, ha="left")
         _draw_row(part, verdict, touchdowns, top)
     return figure
-
-
-def _height_mm(verdict: Mapping[str, Any]) -> float:
-    """Return the height of a row of two plots with words below them."""
-    n_lines = 0
-    if verdict.get("effect") is not None:
-        n_lines = _beside_the_size(verdict).count("\n") + 1
-    return ROW_MM + LINE_MM * n_lines
 
 
 def _draw_row(
@@ -155,7 +143,6 @@ def _draw_row(
         left.set_axis_off()
         return left
     _draw_size(left, verdict, top)
-    figure.supxlabel(_beside_the_size(verdict), fontsize=style.pt(7))
     style.letters((left, right))
     return left
 
@@ -305,43 +292,6 @@ def _percent(share: float) -> str:
     return f"{float(f'{100 * share:.2g}'):g}{PER_CENT}"
 
 
-def _landings(verdict: Mapping[str, Any]) -> str:
-    """Say of how many landings the verdict is; the page tells of all that are used."""
-    n_landings = verdict["n_landings"]
-    left_out: set[int] = set().union(*verdict.get("gross_errors", {}).values())
-    if not left_out:
-        return f"{n_landings:,} landings"
-    n_used = n_landings + len(left_out)
-    said = f"{n_landings:,} of {n_used:,} landings used"
-    return f"{said} (left out: {len(left_out)} like none of the others)"
-
-
-def _beside_the_size(verdict: Mapping[str, Any]) -> str:
-    """Return what the plot does not show, in short lines of one fact each.
-
-    The whole sentence stands on the page, and in ``verdict.json``.
-    """
-    lines = [f"compared: {verdict['compared']}, {_landings(verdict)}"]
-    foretold = verdict.get("foretold")
-    if foretold is not None:
-        lines[0] += f"; {100 * foretold:.1f}{PER_CENT} of their contact order foretold"
-    mainly = verdict.get("mainly")
-    if mainly:
-        lines.append(mainly)
-    holds_from = verdict.get("holds_from")
-    if verdict["conclusion"] == "no difference" and holds_from is not None:
-        spreads = float(f"{holds_from / verdict['contact_spread']:.2g}")
-        lines.append(
-            "not covered: a difference that fades within "
-            f"{spreads:g} contact spreads of simultaneous contact"
-        )
-    told = verdict.get("messages", {}).get("outlook", {}).get("values", {})
-    if "number" in told:
-        asked = str(told["asked"]).replace(" %", PER_CENT)
-        lines.append(f"landings needed to see {asked}: about {told['number']}")
-    return "\n".join(textwrap.fill(line, SAID_WIDTH) for line in lines)
-
-
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
     """Return why there is no size, and what is known without one.
 
@@ -408,14 +358,8 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
         axes.text(
             6.2, place, text, va="center", color="white", fontweight="bold", bbox=box
         )
-    what = "map: from the state before a landing to the state after it"
-    if len(counts) > 2:
-        what = f"the 2 commonest of {len(counts)} orders; {what}"
-    below = grounds[-1] - 1.6
-    small: Any = {"color": style.INK, "fontsize": style.pt(7)}
-    axes.text(0.0, below, textwrap.fill(what, 50), va="top", **small)
     axes.set_xlim(-0.3, 9.2)
-    axes.set_ylim(grounds[-1] - 2.2, 2.2)
+    axes.set_ylim(grounds[-1] - 1.4, 2.2)
     axes.set_axis_off()
 
 

@@ -63,7 +63,8 @@ def one_or_own(x: ArrayLike, y: ArrayLike, schedule: ArrayLike) -> pd.DataFrame:
     -------
     DataFrame
         One row for each outcome, in ``unit``. Of an example, the landing whose two
-        predictions are as far apart as is typical: ``happened``, ``one_map`` and
+        predictions are as far apart as in the median landing, in the median over
+        outcomes: ``happened``, ``one_map`` and
         ``own_map``, less the mean of all landings; its ``order`` and the number
         ``landing`` of its row. Over all landings: the medians of how far the two
         predictions are ``apart``, of how far each missed, and of the ``gain`` (by how
@@ -128,10 +129,10 @@ def _table(
     n_orders: int,
 ) -> pd.DataFrame:
     mean = outcomes.mean(axis=0)
-    spread = outcomes.std(axis=0).clip(1e-300)
     apart = np.abs(by_own - by_one)
-    far = np.sqrt(np.mean((apart / spread) ** 2, axis=1))
-    example = int(np.argmin(np.abs(far - np.median(far))))
+    # As many outcomes are further apart than in the median landing as are nearer.
+    far = np.median(apart / np.median(apart, axis=0).clip(1e-300), axis=1)
+    example = int(np.argmin(np.abs(far - 1.0)))
     of_one = np.abs(by_one - outcomes)
     of_own = np.abs(by_own - outcomes)
     rows = []

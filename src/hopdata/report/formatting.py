@@ -102,11 +102,33 @@ def labelled(key: str, value: Any) -> tuple[str, str, str]:
         if is_number and key.endswith(suffix):
             name = key.removesuffix(suffix).replace("_", " ")
             return name, significant(value * factor), unit
+    if _is_numbers(value):
+        return _labelled_numbers(key, value)
     last_level = key.rpartition(" ")[2]
     text = plain(value)
     if last_level.startswith("n_") and isinstance(value, int):
         text = count(value)
     return key.replace("_", " "), text, ""
+
+
+def _is_numbers(value: Any) -> bool:
+    """Return whether a value is a list of numbers."""
+    if not isinstance(value, list | tuple) or not value:
+        return False
+    return all(isinstance(one, int | float) for one in value)
+
+
+def _labelled_numbers(key: str, values: Sequence[float]) -> tuple[str, str, str]:
+    """Return words, values and displayed unit of a key with several numbers in SI."""
+    for suffix, unit, factor in WORDS["units"]:
+        if key.endswith(suffix):
+            name = key.removesuffix(suffix).replace("_", " ")
+            return name, _several(values, factor), unit
+    return key.replace("_", " "), _several(values), ""
+
+
+def _several(values: Sequence[float], factor: float = 1.0) -> str:
+    return ", ".join(significant(value * factor) for value in values)
 
 
 def common_scale(values: Sequence[float | None]) -> tuple[float, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,8 @@ FOUND_BY = {
     "velocity_minimum": "report.methods_by_minimum",
     "velocity_minimum_parabola": "report.methods_by_minimum",
 }
+# Key of the reference to hopdata itself, which the text names by its version.
+ITSELF = "hopdata"
 # How each is cited in the text, by its key among the references.
 CITED = {
     "burden2016": "Burden et al. 2016",
@@ -82,20 +83,28 @@ def methods(
         *_of_verdict(verdict or {}),
         _of_software(record),
     ]
-    text = " ".join(str(part) for part in parts if part).replace("\u00a0", " ")
-    return Methods(text, _references(text))
+    text = " ".join(str(part) for part in parts if part)
+    return Methods(text.replace("\u00a0", " "), _cited_in(text, record))
 
 
-def _references(text: str) -> str:
-    """Return the references that a text cites, as BibTeX; empty if it cites none."""
-    entries = re.split(r"^(?=@)", BIBTEX.read_text(encoding="utf-8"), flags=re.M)
-    cited = [f"{{{key}," for key, name in CITED.items() if name in text]
-    return "".join(one for one in entries if any(key in one for key in cited))
+def _cited_in(text: str, record: Mapping[str, Any]) -> str:
+    """Return the references that a text cites, and hopdata itself."""
+    entries = BIBTEX.read_text(encoding="utf-8").split("\n@")
+    every = [entries[0], *(f"@{one}" for one in entries[1:])]
+    found = []
+    for entry in every:
+        key = entry.partition("{")[2].partition(",")[0]
+        if key == ITSELF or CITED[key] in text:
+            found.append(entry.strip())
+    version = (record.get("versions") or {}).get("hopdata")
+    of_version = f"  version = {{{version}}},\n" if version else ""
+    return "\n".join(found).replace("  version = {},\n", of_version) + "\n"
 
 
 def _of_recordings(
     facts: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]
 ) -> Message | None:
+    """Say what was recorded, or simulated."""
     rates = sorted({one["rate_hz"] for one in recordings if one.get("rate_hz")})
     if not rates or not facts["n_frames"]:
         return None
@@ -107,20 +116,26 @@ def _of_recordings(
         "body": one.get("n_body"),
         "feet": one.get("n_feet"),
     }
+    if facts["simulated"]:
+        return Message("report.methods_simulated", values)
     return Message("report.methods_recordings", values)
 
 
 def _of_contacts(facts: Mapping[str, Any]) -> Message | None:
     if facts["n_used"] is None:
         return None
+    number = facts["n_schedules"]
     values = {
         "landings": f"{facts['n_landings']:,}",
         "used": f"{facts['n_used']:,}",
         "excluded": f"{facts['n_excluded']:,}",
-        "orders": facts["n_schedules"],
+        "orders": "in one order" if number == 1 else f"in {number} orders",
         "how": Message(FOUND_BY.get(str(facts["method"]), "report.methods_by_other")),
     }
-    return Message("report.methods_contacts", values)
+    name = "report.methods_contacts"
+    if facts["n_excluded"] == 0:
+        name = "report.methods_contacts_all"
+    return Message(name, values)
 
 
 def _of_sections(facts: Mapping[str, Any]) -> Message | None:
@@ -131,23 +146,45 @@ def _of_sections(facts: Mapping[str, Any]) -> Message | None:
 
 
 def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
+    """Say how the answer was found; of a study without a size, that there is none."""
     if not verdict:
         return []
+    effect = verdict.get("effect")
+    jump_decides = verdict.get("decided_by") == "jump"
+    if effect is None and not jump_decides:
+        return [_not_judged(verdict)]
+    known = verdict.get("n_landings") or 0
     values = {
         "flips": f"{verdict.get('flips') or 0:,}",
         "confidence": f"{100 * verdict['confidence']:g} %",
         "margin": f"{100 * verdict['margin']:g} %",
-        "landings": f"{verdict.get('n_landings') or 0:,}",
+        "landings": f"{known:,}",
+        "fitted": f"{verdict.get('n_window') or known:,}",
         **CITED,
     }
     said = [Message("report.methods_map", values)]
-    effect = verdict.get("effect")
-    if verdict.get("decided_by") == "jump":
+    if jump_decides:
         said.append(Message("report.methods_jump", values))
     elif effect is not None:
         values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
         said.append(Message("report.methods_size", values))
     return said
+
+
+def _not_judged(verdict: Mapping[str, Any]) -> Message:
+    """Say that no maps were compared, and why."""
+    so_far = verdict.get("so_far") or {}
+    orders = so_far.get("orders") or []
+    known = verdict.get("n_landings") or 0
+    few = known < so_far.get("least_landings", 0)
+    values = {"landings": f"{known:,}", "least": so_far.get("least_landings")}
+    if few and len(orders) == 1:
+        return Message("report.methods_few_of_one_order", values)
+    if few:
+        return Message("report.methods_few", values)
+    if len(orders) == 1:
+        return Message("report.methods_one_order")
+    return Message("report.methods_not_judged")
 
 
 def _of_software(record: Mapping[str, Any]) -> Message | None:

@@ -20,6 +20,9 @@ from hopdata.report.scene import landings_scene
 
 # The key numbers at the top of the page, which captions may also use.
 
+# Source of a recording that was simulated.
+SIMULATION = "simulation"
+
 # Cases of the scaling study other than the scene itself.
 CONTROLS = ("coupling", "impulse", "delay", "study")
 
@@ -44,7 +47,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         contacts were found; ``scaling``, the ``scene`` of the scaling study and how
         many ``controls`` it has; ``has_forces``, whether contacts were compared with
         forces; ``mainly``, which orders differ most, in words;
-        ``feet``, their names with their numbers.
+        ``feet``, their names with their numbers. ``simulated``, whether the
+        recordings are of a simulation.
     """
     truth = inputs.truth or {}
     slopes = _by_name(truth, "scaling_slope_")
@@ -68,7 +72,9 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "has_forces": _has_forces(inputs.overlay),
         "estimate_errors": _by_name(truth, "map_estimate_error_"),
         "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
+        "one_or_own": verdict.one_or_own_facts(inputs.one_or_own, _feet(inputs)),
         "feet": _numbered(_feet(inputs)),
+        "simulated": bool(truth) or _from_simulation(inputs),
         "mainly": str((inputs.verdict or {}).get("mainly") or ""),
     }
 
@@ -78,6 +84,12 @@ def _method(touchdowns: pd.DataFrame | None) -> str | None:
     if touchdowns is None or touchdowns.empty or "method" not in touchdowns:
         return None
     return str(touchdowns["method"].iloc[0])
+
+
+def _from_simulation(inputs: ReportInputs) -> bool:
+    """Return whether the source of all recordings is a simulation."""
+    sources = [one.get("source") for one in inputs.recordings]
+    return bool(sources) and all(one == SIMULATION for one in sources)
 
 
 def _by_printed_methods(provenance: Mapping[str, Any] | None) -> bool:
@@ -277,15 +289,15 @@ def build_report(inputs: ReportInputs) -> str:
     """
     require_language(inputs.language)
     facts = study_facts(inputs)
-    all_seen = _all_seen(inputs)
-    shown = [one for one in inputs.figures if not (all_seen and one.name == GAPS)]
+    empty = _empty(inputs)
+    shown = [one for one in inputs.figures if one.name not in empty]
     known = inputs.verdict or {}
     return rendered(
         "report.html.j2",
         language=inputs.language,
         study=inputs.study,
         facts=facts,
-        sentence=verdict.worded(known, "sentence"),
+        answer=verdict.answer(known),
         outlook=verdict.worded(known, "outlook"),
         mainly=verdict.worded(known, "mainly"),
         contacts=verdict.worded(known, "contacts"),
@@ -294,18 +306,31 @@ def build_report(inputs: ReportInputs) -> str:
         lights=tables.lights(inputs.quality),
         scene=landings_scene(inputs.levelled, inputs.touchdowns),
         pictures=placed_pictures(shown, facts, PLACES, "others"),
-        all_seen=all_seen,
+        all_seen=_all_seen(inputs),
         tables=_tables(inputs),
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
         methods=methods(facts, inputs.verdict, inputs.recordings, inputs.provenance),
         what_now=verdict.what_now(inputs.verdict),
+        headline=verdict.decisive(inputs.verdict),
         cannot_tell=CANNOT_TELL_PAGE,
         distances_asked=inputs.distances_asked,
         verdict_notes=[_note(note) for note in known.get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
     )
+
+
+def _empty(inputs: ReportInputs) -> set[str]:
+    """Return the figures that would show nothing."""
+    empty = set()
+    if _all_seen(inputs):
+        empty.add(GAPS)
+    if inputs.one_or_own is None or inputs.one_or_own.empty:
+        empty.add("one_or_own")
+    if not verdict.verdict_facts(inputs.verdict)["found"]:
+        empty.add("verdict_orders")
+    return empty
 
 
 def _all_seen(inputs: ReportInputs) -> bool:

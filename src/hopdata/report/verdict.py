@@ -18,6 +18,12 @@ Verdict = Mapping[str, Any]
 # Of what the deciding size is a share.
 OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
 
+# An answer of no difference that does not hold of what fades fast.
+AT_CONTACT = "maps.no_difference_at_contact"
+
+# The cause that no further landings of the same kind mend.
+ONE_ORDER = "maps.none_for_one_order"
+
 
 def meaning(verdict: Verdict | None) -> Message:
     """Return what the quantity that decided a verdict is, and what it cannot show."""
@@ -46,6 +52,28 @@ def what_now(verdict: Verdict | None) -> list[Message | str]:
     """Return what limits a study that cannot tell, the cause that costs most first."""
     causes = (verdict or {}).get("what_now") or []
     return [told(cause, str(cause.get("said", ""))) for cause in causes]
+
+
+def answer(verdict: Verdict) -> list[Message | str]:
+    """Return the answer, and apart from it what it leaves open, in ms."""
+    message = verdict.get("messages", {}).get("sentence") or {}
+    facts = verdict_facts(verdict)
+    if message.get("code") != AT_CONTACT or not facts["holds_from"]:
+        return [worded(verdict, "sentence")]
+    bounded = {**message, "code": "maps.no_difference"}
+    values = {name: facts[name] for name in ("margin", "holds_from")}
+    reservation = Message("report.reservation", values)
+    return [told(bounded, str(verdict.get("sentence"))), reservation]
+
+
+def decisive(verdict: Verdict | None) -> list[Message | str]:
+    """Return what the head of the page says limits a study that cannot tell.
+
+    It is the cause that costs most, and that there is one order only, if that is so.
+    """
+    causes = (verdict or {}).get("what_now") or []
+    shown = causes[:1] + [one for one in causes[1:] if one.get("code") == ONE_ORDER]
+    return [told(cause, str(cause.get("said", ""))) for cause in shown]
 
 
 def worded(verdict: Verdict, name: str) -> Message | str:
@@ -99,7 +127,12 @@ def verdict_facts(
         a difference counts as none; ``over_landings``, the effect over the landings
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
-        and ``contact_spread``, how far apart the contacts are, in ms.
+        and ``contact_spread``, how far apart the contacts are, in ms; ``compared``,
+        what was compared; ``landings``, how many it is of, and ``left_out``, how many
+        are like none of these; ``foretold``, the share of their order that is;
+        ``mainly``, what differs most; ``needed``, the landings with which ``asked``
+        could be seen; ``kinds`` of sizes of the orders, as the panels of their figure
+        are lettered.
     """
     known: Verdict = verdict or {}
     effect = _deciding(known)
@@ -121,6 +154,8 @@ def verdict_facts(
         "over_landings": None,
         "holds_from": None,
         "contact_spread": None,
+        "kinds": _kinds_of_sizes(known),
+        **_compared_facts(known),
     }
     if known:
         facts["confidence"] = show.percent(100 * known["confidence"])
@@ -137,6 +172,37 @@ def verdict_facts(
         facts["detectable"] = _percent(effect["detectable"])
     facts["difference"] = _with_interval(effect)
     return facts
+
+
+def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
+    """Return what was compared, of how many landings, and how many would be needed."""
+    left_out: set[int] = set().union(*(verdict.get("gross_errors") or {}).values())
+    outlook = verdict.get("messages", {}).get("outlook", {}).get("values", {})
+    facts: dict[str, str | None] = {
+        "compared": verdict.get("compared") or None,
+        "landings": None,
+        "left_out": None,
+        "foretold": None,
+        "mainly": verdict.get("mainly") or None,
+        "asked": None,
+        "needed": None,
+    }
+    if verdict.get("n_landings") is not None:
+        facts["landings"] = show.count(verdict["n_landings"])
+    if left_out:
+        facts["left_out"] = show.count(len(left_out))
+    if verdict.get("foretold") is not None:
+        share = show.fixed(100 * verdict["foretold"], 1)
+        facts["foretold"] = show.with_unit(share, "%")
+    if "number" in outlook:
+        facts["asked"] = str(outlook["asked"])
+        facts["needed"] = str(outlook["number"])
+    return facts
+
+
+def _kinds_of_sizes(verdict: Verdict) -> list[str]:
+    found = {row["of"] for row in verdict.get("orders") or []}
+    return [kind for kind in OF_PAIR if kind in found]
 
 
 def _reach_facts(verdict: Verdict) -> dict[str, str]:
@@ -247,9 +313,10 @@ def orders_table(
 def _orders_note(verdict: Verdict) -> Message:
     """Say how intervals and p-values were made, and what was assumed."""
     rows = verdict["orders"]
-    values = {
+    values: dict[str, Any] = {
         "confidence": show.percent(100 * verdict["confidence"]),
         "flips": show.count(verdict.get("flips")),
+        "said": _of_all_orders(verdict),
         "p_least": show.significant(1.0 / (1.0 + (verdict.get("flips") or 0)), 2),
     }
     allowed = [row.get("allowed") for row in rows if row["of"] != "jump"]
@@ -258,6 +325,24 @@ def _orders_note(verdict: Verdict) -> Message:
         return Message("report.orders_note", values)
     values["allowed"] = _percent(max(known))
     return Message("report.orders_note_allowed", values)
+
+
+def _of_all_orders(verdict: Verdict) -> Message | str:
+    """Say which landings rows are of, and why they may exceed the bound."""
+    known = verdict.get("n_landings")
+    fitted = verdict.get("n_window")
+    if not known or not fitted:
+        return ""
+    values: dict[str, Any] = {
+        "fitted": show.count(fitted),
+        "landings": show.count(known),
+    }
+    effect = _deciding(verdict)
+    if effect is None or verdict["conclusion"] == "different":
+        return Message("report.orders_landings", values)
+    values["bound"] = _percent(effect["upper_bound"])
+    values["margin"] = _margin(verdict)
+    return Message("report.orders_landings_bound", values)
 
 
 def _compared(row: Mapping[str, Any], feet: Sequence[str]) -> str:
@@ -277,16 +362,33 @@ def _landings_of_pair(row: Mapping[str, Any]) -> str:
 
 ONE_OR_OWN: show.Columns = {
     "outcome": lambda row: show.with_unit(str(row["outcome"]), f"({row['unit']})"),
-    "happened": show.decimals("happened", 2),
-    "by one map": show.decimals("one_map", 2),
-    "by its order's map": show.decimals("own_map", 2),
-    "typically apart": show.decimals("apart", 2),
-    "one map misses by": show.decimals("missed_by_one", 2),
-    "own maps miss by": show.decimals("missed_by_own", 2),
-    "gain": show.decimals("gain", 2),
-    "from": show.decimals("gain_low", 2),
-    "to": show.decimals("gain_high", 2),
+    "example: happened": show.decimals("happened", 2),
+    "example: by one map": show.decimals("one_map", 2),
+    "example: by its order's map": show.decimals("own_map", 2),
+    "median: predictions apart": show.decimals("apart", 2),
+    "median: one map misses by": show.decimals("missed_by_one", 2),
+    "median: own maps miss by": show.decimals("missed_by_own", 2),
+    "median gain": show.decimals("gain", 2),
+    "gain from": show.decimals("gain_low", 2),
+    "gain to": show.decimals("gain_high", 2),
 }
+
+
+def one_or_own_facts(
+    table: pd.DataFrame | None, feet: Sequence[str] = ()
+) -> dict[str, str]:
+    """Return the ``order`` of the example, and how many ``landings`` and ``orders``.
+
+    Without a prediction, nothing is returned.
+    """
+    if table is None or table.empty:
+        return {}
+    first = table.iloc[0]
+    return {
+        "order": with_foot_names(str(first["order"]), feet),
+        "landings": show.count(int(first["n_landings"])),
+        "orders": show.count(int(first["n_orders"])),
+    }
 
 
 def one_or_own_table(
@@ -303,15 +405,29 @@ def one_or_own_table(
     """
     if table is None or table.empty:
         return None
-    first = table.iloc[0]
-    values = {
-        "order": with_foot_names(str(first["order"]), feet),
-        "landings": show.count(int(first["n_landings"])),
-        "orders": show.count(int(first["n_orders"])),
-    }
+    values = {**one_or_own_facts(table, feet), "short": _in_short(table)}
     note = Message("report.one_or_own_note", values)
     title = str(Message("report.so_what"))
     return show.table_of(title, table.to_dict("records"), ONE_OR_OWN, note=note)
+
+
+def _in_short(table: pd.DataFrame) -> Message:
+    """Return in one sentence what own maps gain beyond chance."""
+    better = table[table["gain_low"] > 0.0]
+    if better.empty:
+        return Message("report.so_what_nothing")
+    share = better["gain"] / better["missed_by_one"]
+    most = better.iloc[int(share.to_numpy().argmax())]
+    values = {
+        "better": len(better),
+        "outcomes": len(table),
+        "most": str(most["outcome"]),
+        "gain": show.with_unit(show.significant(most["gain"], 2), str(most["unit"])),
+        "missed": show.with_unit(
+            show.significant(most["missed_by_one"], 2), str(most["unit"])
+        ),
+    }
+    return Message("report.so_what_gains", values)
 
 
 # The page of a group: answer, forest plot, conditions, and every member with its link.

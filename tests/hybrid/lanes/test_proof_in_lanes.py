@@ -27,7 +27,7 @@ KINDS = {
 
 
 #: Each compiles for 2 s. `test_families.py` proves all of them by the driver.
-SOME_KINDS = [*KINDS][:: 1 if "ALL" in os.environ else 2]
+SOME_KINDS = [*KINDS][:: 1 if "ALL" in os.environ else 4]
 
 
 @pytest.mark.parametrize("name", SOME_KINDS)

@@ -81,7 +81,7 @@ def filler(body):
 
 
 #: Each compiles for a second.
-EVERY = 4 if "ALL" in os.environ else 8
+EVERY = 4 if "ALL" in os.environ else 16
 
 
 @pytest.mark.parametrize("body", BODIES[::EVERY] + BODIES[18:19] + ONLY_DUALS[:1])
@@ -147,7 +147,7 @@ def test_unit_matrices_of_a_given_type_hold_ranges():
 
 
 #: They compile for 2 s each.
-SOME_BODIES = BODIES[2 :: 5 if "ALL" in os.environ else 10] + BODIES[18:19]
+SOME_BODIES = BODIES[2 :: 5 if "ALL" in os.environ else 20] + BODIES[18:19]
 
 
 def test_no_sample_is_outside_of_ranges():

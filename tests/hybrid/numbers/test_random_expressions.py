@@ -97,7 +97,7 @@ def test_no_sample_of_an_operation_is_outside():
         assert found[UNKNOWN] + found[OPEN] < 450, source  # of 250 and 250
 
 
-@pytest.mark.parametrize("seed", range(4 if "ALL" in os.environ else 2))
+@pytest.mark.parametrize("seed", range(4 if "ALL" in os.environ else 1))
 def test_no_sample_of_a_random_expression_is_outside(seed):
     rng = np.random.default_rng(np.random.SeedSequence((58, seed)))
     sources = [expression(rng, 3) for _ in range(12)]

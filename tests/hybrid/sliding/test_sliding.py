@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -115,9 +116,13 @@ JACOBIANS = [
     (dry, 20.0, [1.0, 0.0], [0.15, 0.5, 0.15], [1, -1, 2, -3]),
     (corner, 5.0, [1.0, 0.8, 0.0], [0.5, 0.5, 0.0], [-2, -2]),
 ]
+#: Each system compiles for 6 to 14 s; `bent` below slides along one surface, too.
+SOME_JACOBIANS = JACOBIANS if "ALL" in os.environ else JACOBIANS[-1:]
 
 
-@pytest.mark.parametrize(("system", "end", "start", "params", "directions"), JACOBIANS)
+@pytest.mark.parametrize(
+    ("system", "end", "start", "params", "directions"), SOME_JACOBIANS
+)
 def test_the_derivative_through_sliding(system, end, start, params, directions):
     options = {"params": params, "rtol": 1e-11, "atol": 1e-13}
     solution = solve(system, (0.0, end), start, jacobian=True, **options)

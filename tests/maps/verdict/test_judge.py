@@ -58,8 +58,13 @@ def exact_jump(strength):
     return verdict(data).jump.estimate
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("strength", [0.0, 0.3])
+#: Each seed with one strength, or with `ALL=1` each with both.
+JUMPS = [*zip(SEEDS, (0.0, 0.3), strict=False)]
+if "ALL" in os.environ:
+    JUMPS = [(seed, strength) for seed in SEEDS for strength in (0.0, 0.3)]
+
+
+@pytest.mark.parametrize(("seed", "strength"), JUMPS)
 def test_a_jump_of_the_outcome_is_a_difference_beside_kinks_or_without(seed, strength):
     none = verdict(landings(strength=strength, seed=seed))
     assert none.jump.low == 0.0

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from kinked_landings import landings, legs_and_feet
 
+from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
+from hopdata.maps.verdict.what_now import limits_of_reason
+from hopdata.messages import Message
 
 # Scatter of the legs, in contact spreads.
 SCATTER = 1.0
@@ -92,3 +95,15 @@ def test_too_few_landings_are_told_with_the_number_that_is_missing():
     assert only["cause"] == "landings"
     # One of these is left out as far from all others.
     assert (only["values"]["found"], only["values"]["least"]) == (99, 150)
+
+
+def test_few_landings_in_one_order_need_a_second_order_too():
+    too_few = AnalysisError(
+        Message("maps.too_few_landings", {"least": 150, "found": 42})
+    )
+    once = [{"order": "2 → 3 → 1", "landings": 42}]
+    found = limits_of_reason(too_few, once)
+    assert [one.cause for one in found] == ["landings", "orders"]
+    assert "one order occurs, 2 → 3 → 1, in all 42 landings" in str(found[1].said)
+    both = [*once, {"order": "1 → 2 → 3", "landings": 8}]
+    assert [one.cause for one in limits_of_reason(too_few, both)] == ["landings"]

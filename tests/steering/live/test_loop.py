@@ -165,6 +165,28 @@ def test_the_swing_of_the_hop_before_is_measured():
     ]
 
 
+def test_after_a_stance_without_a_plan_a_controller_is_not_told_the_swing_before():
+    """One that learns would take the two hops since its last plan for one."""
+    with Bench(limits=replace(LENIENT, hop_s=3 * LONG_S)) as bench:
+        bench.frame(stance=True, boom=3.0)
+        bench.decided(1)
+        bench.frame(stance=True, boom=2.0, age_s=2 * LONG_S)
+        bench.decided(2)
+        bench.frame(boom=2.0)
+        wait_until(lambda: bench.loop.watch.arm() is None)
+        bench.frame(stance=True, boom=1.0)
+        bench.decided(3)
+        bench.frame(stance=True, boom=0.5)
+        decisions = bench.decided(4)
+    assert [one.outcome for one in decisions] == [
+        "planned",
+        "held",
+        "planned",
+        "planned",
+    ]
+    assert bench.controller.swung == [None, None, pytest.approx(-0.5)]
+
+
 def test_no_stance_no_command():
     with Bench() as bench:
         for _ in range(20):

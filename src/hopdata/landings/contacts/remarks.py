@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, pd
+from hopdata.errors import counted
 from hopdata.landings.contacts import descents, joined
 from hopdata.landings.contacts.altered import resampled_error
 from hopdata.landings.contacts.bounces import bounces
@@ -35,9 +36,9 @@ OF_FEET = {
     EXCHANGED: "landings.feet_exchanged",
 }
 _OF_EACH = {
-    BOUNCES: "{foot} ({landings} landings, some {ms:.0f} ms)",
-    FILLED: "{foot} ({landings} landings, up to {ms:.0f} ms each)",
-    EXCHANGED: "{foot} ({landings} landings, up to {ms:.0f} ms each)",
+    BOUNCES: "{foot} ({often}, some {ms:.0f} ms)",
+    FILLED: "{foot} ({often}, up to {ms:.0f} ms each)",
+    EXCHANGED: "{foot} ({often}, up to {ms:.0f} ms each)",
 }
 
 
@@ -66,7 +67,8 @@ def contact_remarks(
     Returns
     -------
     list of Message
-        Values are the foot, the number of its landings and the time in ms.
+        Values are the foot, the number of its landings, and in words, and the time in
+        ms.
     """
     counts: list[Counted] = []
     for recording, table in zip(recordings, tables, strict=True):
@@ -78,9 +80,11 @@ def contact_remarks(
         feet = dict.fromkeys(one.foot for one in counts if one.code == code)
         for foot in feet:
             own = [one for one in counts if one.code == code and one.foot == foot]
+            n_landings = sum(one.landings for one in own)
             values = {
                 "foot": foot,
-                "landings": sum(one.landings for one in own),
+                "landings": n_landings,
+                "often": counted(n_landings, "landing"),
                 "ms": 1e3 * max(one.error_s for one in own),
             }
             messages.append(Message(code, values))
@@ -119,7 +123,11 @@ def resampled_remarks(recordings: Sequence[Recording]) -> list[Message]:
     n_resampled = int(np.count_nonzero(errors_s))
     if not n_resampled:
         return []
-    values = {"recordings": n_resampled, "ms": 1e3 * max(errors_s)}
+    values = {
+        "recordings": n_resampled,
+        "of_recordings": counted(n_resampled, "recording"),
+        "ms": 1e3 * max(errors_s),
+    }
     return [Message("landings.contacts_resampled", values)]
 
 

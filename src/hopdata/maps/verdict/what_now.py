@@ -92,7 +92,12 @@ def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]
     values |= {"least_of_order": LEAST_CLASS}
     told = [f"{one['order']} ({one['landings']})" for one in orders]
     values["orders"] = ", ".join(told) or "none"
-    return [Limit(cause, None, Message(sentence, values))]
+    limits = [Limit(cause, None, Message(sentence, values))]
+    if len(orders) == 1 and cause != "orders":
+        # More of the same would not help: without a second order nothing is compared.
+        of_one = {**orders[0], "least_of_order": LEAST_CLASS}
+        limits.append(Limit("orders", None, Message("maps.none_for_one_order", of_one)))
+    return limits
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""The commands ``hopdata drive`` and ``hopdata replay``."""
+"""The commands ``hopdata drive``, ``hopdata learn`` and ``hopdata replay``."""

@@ -18,22 +18,19 @@ from typing import TYPE_CHECKING, Any
 from hopdata.commands import terminal
 from hopdata.errors import ConfigError, counted, printable, require
 from hopdata.messages import Message
+from hopdata.steering.commands import excite
+from hopdata.steering.commands.excite import GEOMETRY, MODEL, SCORES
 
 if TYPE_CHECKING:
     from hopdata.steering.control.interface import Controller
     from hopdata.steering.live.actuator import Boom
     from hopdata.steering.live.buffer import Stream
+    from hopdata.steering.live.excited import Excitation
     from hopdata.steering.live.limits import Limits
     from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.loop import ControlLoop, Decision
     from hopdata.steering.live.rehearsal import Performed
     from hopdata.steering.observation.geometry import HopperGeometry
-
-# Files of what was learned.
-GEOMETRY = "geometry.json"
-MODEL = "model.npz"
-# Its scores, if the study's folder of the model is given.
-SCORES = "model_scores.csv"
 
 # The first log of a folder.
 LOG = "drive.h5"
@@ -42,6 +39,9 @@ LOG = "drive.h5"
 LEARNED_HOPS = 100
 SEED = 1
 START = (1.0, 0.0, 0.0)
+
+# Longest drive to a goal, s.
+LONGEST_S = 60.0
 
 # Hops that are predicted by a plan.
 PLANNED_HOPS = 2
@@ -62,33 +62,87 @@ ARM_KEY = "a"
 
 def drive(options: argparse.Namespace) -> int:
     """Drive until the time is up, a fault ends it, or the operator does."""
-    from hopdata.steering.live.drive import drive as driven
-    from hopdata.steering.live.log import DriveLog
-
+    excite.require_whole(options)
     if options.rehearse:
         return _rehearse(options)
     _require_whole(options)
     path = log_path(options.log)
-    with terminal.progress_line() as progress:
-        files = _files(options.model, progress)
-        progress("planning ahead")
-        limits = _limits(options)
-        setup = {
-            "simulated": options.host is None,
-            "dry_run": options.dry_run,
-            "armed": options.armed,
-            "to": options.to,
-            "adaptive": options.adaptive,
-            "heading_deg": options.heading,
-            "rate_hz": options.rate,
-            "limits": vars(limits),
-        }
+    limits = _limits(options)
+    setup = _setup(options, limits)
+    if options.excite is None:
+        with terminal.progress_line() as progress:
+            files = _files(options.model, progress)
+            progress("planning ahead")
+            geometry, controller = _parts(setup, files)
+        _drive(options, path, setup, files, (geometry, controller))
+        return terminal.OK
+    folder = excite.folder_of(path)
+    with terminal.progress_line("reading the geometry"):
+        setup["excitation"] = excite.drawn(options, limits).tolist()
+        files = excite.geometry_files(options.geometry)
         geometry, controller = _parts(setup, files)
+    decisions: list[Decision] = []
+    try:
+        _drive(options, path, setup, files, (geometry, controller), decisions)
+    finally:
+        made = excite.write_strides(
+            folder, decisions, options.excite, limits, files[GEOMETRY]
+        )
+        seed = excite.seed_of(options)
+        for line in excite.what_next(folder, made, options.excite, seed):
+            print(line)
+    return terminal.OK
+
+
+def _setup(options: argparse.Namespace, limits: Limits) -> dict[str, Any]:
+    """Return the settings that the log keeps."""
+    return {
+        "simulated": options.host is None,
+        "dry_run": options.dry_run,
+        "armed": options.armed,
+        "to": options.to,
+        "adaptive": options.adaptive,
+        "heading_deg": options.heading,
+        "rate_hz": options.rate,
+        "limits": vars(limits),
+    }
+
+
+def _drive(
+    options: argparse.Namespace,
+    path: Path,
+    setup: Mapping[str, Any],
+    files: Mapping[str, bytes],
+    parts: tuple[HopperGeometry, Controller],
+    decisions: list[Decision] | None = None,
+) -> None:
+    """Drive with geometry and controller, and say how it went.
+
+    Decisions are added to the list as they are made.
+    """
+    from hopdata.steering.live.drive import drive as driven
+    from hopdata.steering.live.excited import Excitation
+    from hopdata.steering.live.log import DriveLog
+
+    geometry, controller = parts
+    limits = _limits(options)
     boom, stream = _boom_and_stream(options, geometry)
     log = DriveLog(path, len(geometry.body_names) + 1, setup=setup, files=files)
     print(f"log: {path}")
     _warn_of(options.model)
-    screen = Screen(_title(options), options.seconds, limits.command_s, log)
+    seconds = _seconds(options)
+    screen = Screen(_title(options), seconds, limits.command_s, log)
+    kept: list[Decision] = [] if decisions is None else decisions
+
+    def decided(decision: Decision) -> None:
+        kept.append(decision)
+        screen.decided(decision)
+
+    def look(loop: ControlLoop, stream: Stream) -> None:
+        screen.look(loop, stream)
+        if isinstance(controller, Excitation):
+            _end_excitation(loop, controller, armed=options.armed)
+
     try:
         done = driven(
             geometry,
@@ -96,12 +150,12 @@ def drive(options: argparse.Namespace) -> int:
             boom,
             stream=stream,
             stop=threading.Event(),
-            seconds=options.seconds,
+            seconds=seconds,
             rate_hz=options.rate,
             limits=limits,
             armed=options.armed,
-            on_decision=screen.decided,
-            on_look=screen.look,
+            on_decision=decided,
+            on_look=look,
             log=log,
             rest_without_log=options.log_full == "rest",
         )
@@ -113,14 +167,30 @@ def drive(options: argparse.Namespace) -> int:
     print(f"{stances}, {counted(len(done.rests), 'rest')}:")
     for rest in done.rests:
         print(f"  {rest.cause}")
-    return terminal.OK
+
+
+def _seconds(options: argparse.Namespace) -> float:
+    """Return the longest drive, s."""
+    if options.seconds is not None:
+        return float(options.seconds)
+    if options.excite is not None:
+        return excite.longest_s(options.excite)
+    return LONGEST_S
+
+
+def _end_excitation(loop: ControlLoop, excitation: Excitation, *, armed: bool) -> None:
+    """End a drive whose excitation is over, or that nobody can arm again."""
+    if excitation.is_over:
+        loop.end(Message("steering.excitation_over"))
+    elif armed and loop.state == "resting" and not _is_on_terminal():
+        loop.end(Message("steering.nobody_arms"))
 
 
 def _require_whole(options: argparse.Namespace) -> None:
     """Refuse options that would move nothing, or something that nobody has named."""
     is_robot = options.host is not None
     is_boom_named = options.boom is not None
-    if is_robot and options.model is None:
+    if is_robot and options.model is None and options.excite is None:
         raise _no_model()
     if is_robot and is_boom_named == options.dry_run:
         wanted = "expected either --boom HOST:PORT or --dry-run with it"
@@ -213,13 +283,16 @@ def _boom_and_stream(
 
 
 def _title(options: argparse.Namespace) -> str:
+    what = ""
+    if options.excite is not None:
+        what = f"; excitation of {counted(options.excite, 'stride')}"
     if options.host is None:
-        return "SIMULATED hopper; there is no robot"
+        return f"SIMULATED hopper; there is no robot{what}"
     sent = "dry run, nothing is sent" if options.dry_run else f"boom at {options.boom}"
     seen_by = f"{options.source} {options.host}"
     if options.source == "qualisys":
         seen_by = f"{options.host}:{options.port}"
-    return f"robot seen by {seen_by}; {sent}"
+    return f"robot seen by {seen_by}; {sent}{what}"
 
 
 def _warn_of(folder: Path | None) -> None:
@@ -279,6 +352,8 @@ def _parts(
     setup: Mapping[str, Any], files: Mapping[str, bytes]
 ) -> tuple[HopperGeometry, Controller]:
     """Return geometry and controller, the same for a drive and its replay."""
+    if setup.get("excitation") is not None:
+        return _excited_parts(setup, files)
     from hopdata.steering.control.adaptive import AdaptivePlanner
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
     from hopdata.steering.control.planner import planner
@@ -303,6 +378,23 @@ def _parts(
     if setup["adaptive"]:
         return geometry, AdaptivePlanner(controller, process.noise_sd)
     return geometry, controller
+
+
+def _excited_parts(
+    setup: Mapping[str, Any], files: Mapping[str, bytes]
+) -> tuple[HopperGeometry, Controller]:
+    """Return the same for an excitation, which needs no model."""
+    from hopdata.steering.frame_changes import HOPPER
+    from hopdata.steering.live.excited import Excitation
+    from hopdata.steering.live.limits import Limits
+    from hopdata.steering.observation.geometry import load_geometry
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, GEOMETRY)
+        path.write_bytes(files.get(GEOMETRY, b""))
+        geometry = load_geometry(path)
+    limits = Limits(**setup["limits"])
+    return geometry, Excitation(HOPPER, setup["excitation"], limits)
 
 
 # The rehearsal.

@@ -65,9 +65,10 @@ class Controller(Protocol):
     ) -> Plan:
         """Plan from a pose (3,) and the states of the robot (S,).
 
-        `previous_inputs` (U,) are those of the previous stride as they were measured,
-        if known. For one state and one input, numbers will do: for the hopper the boom
-        angle and the swing, rad.
+        `previous_inputs` (U,) are those of the previous stride as they were measured.
+        They are None if they are not known, or if no plan was asked for at the stance
+        before this one. For one state and one input, numbers will do: for the hopper
+        the boom angle and the swing, rad.
 
         Raises
         ------

@@ -65,8 +65,8 @@ class LastStepPlanner:
     ) -> Plan:
         """Plan from a pose and the states of the robot.
 
-        If the previous inputs are not known, a stance was missed; the last step is then
-        the last one that was seen.
+        Without previous inputs, no plan was asked for at the stance before this one, or
+        it was missed. The last step is then the last one that was seen.
         """
         here, states = checked_state(pose, state, self._axes)
         if self._before is not None and previous_inputs is not None:

@@ -1,8 +1,9 @@
-"""The control loop: a thread that plans at each stance and commands the boom.
+"""The control loop: a thread that plans at each stance and commands the robot.
 
-This is Fig. 3.4. What happens is told to the state machine of the drive
-(`hopdata.steering.live.machine`) by way of the watch. If a fault comes, the boom is
-told to rest, and stays at rest until the operator arms the drive again.
+This is the loop of the dissertation's Fig. 3.4. What happens is told to the state
+machine of the drive (`hopdata.steering.live.machine`) by way of the watch. If a fault
+comes, the robot is told to rest, and stays at rest until the operator arms the drive
+again.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ class ControlLoop(Worker):
         Returns new checks of frames; called with `observers`. By default they know
         neither geometry nor rate.
     machine : Machine, optional
-        DriveState machine of the drive. By default, it waits until it is armed; with
+        State machine of the drive. By default, it waits until it is armed; with
         `Machine(is_armed=True)` the first swing is sent at the first stance.
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
@@ -199,11 +200,13 @@ class ControlLoop(Worker):
         self._undecided: list[_SeenStance] = []
         # Monotonic time of the last stance, and the states there.
         self._last_stance: tuple[float, Numbers] | None = None
-        # The inputs sent at it, NaN if that is not certain, and the rests up to it.
+        # Whether the controller was asked for a plan there.
+        self._was_asked = False
+        # The inputs sent there, NaN if that is not certain, and the rests up to it.
         self._sent_then = self._unknown
+        self._rests_then = 0
         # The inputs that the robot has now, NaN if that is not certain.
         self._in_force = self._at_rest
-        self._rests_then = 0
         # Swings sent and measured, one after the other, that differ.
         self._wrong: list[tuple[float, float]] = []
         # A boom that gets nothing cannot be expected to follow.
@@ -407,10 +410,12 @@ class ControlLoop(Worker):
         planned = self._unknown
         planning_s = math.nan
         command = self._at_rest if outcome == "held" else self._unknown
-        if outcome == "planned":
+        is_asked = outcome == "planned"
+        if is_asked:
             planned, failure = self._plan(known)
             planning_s = self._clock() - known.asked_s
             outcome, command, reason = self._permitted(planned, failure, known.stance_s)
+        self._was_asked = is_asked
         self._in_force = self._inputs_in_force()
         self._sent_then = self._unknown
         self._rests_then = len(self.watch.rests)
@@ -463,7 +468,7 @@ class ControlLoop(Worker):
             state_age_s=state_age_s,
             state_ages_s=ages_s,
         )
-        return replace(known, previous=self._previous(known))
+        return replace(known, previous=self._advance_to(known))
 
     def _inputs_in_force(self) -> Numbers:
         """Return the inputs that the robot has; after a rest, those at rest."""
@@ -524,11 +529,11 @@ class ControlLoop(Worker):
                 return Message("steering.stale", values)
         return None
 
-    def _previous(self, known: _Known) -> Numbers | None:
+    def _advance_to(self, known: _Known) -> Numbers | None:
         """Return the inputs of the stride that led to a stance, if they are known.
 
-        They are measured if a state shows them: one that an input moves. Otherwise they
-        are those that were sent.
+        The stance is then the last one. The inputs are measured if a state shows them:
+        one that an input moves. Otherwise they are those that were sent.
         """
         before = self._last_stance
         is_fresh = known.state_age_s <= self.limits.pose_age_s
@@ -577,10 +582,13 @@ class ControlLoop(Worker):
         limit_s = self.limits.command_s
         late = Message("steering.plan_late", {"limit_s": limit_s})
         self.watch.expect("plan", known.stance_s + limit_s, lambda _: late)
+        # A controller that learns compares the pose with that of its last plan: two
+        # strides must not be taken for one.
+        previous = known.previous if self._was_asked else None
         try:
             here = np.array(known.pose)
             inputs = planned_inputs(
-                self._controller, self.axes, here, known.state, known.previous
+                self._controller, self.axes, here, known.state, previous
             )
         except Exception as error:
             values = {"error": repr(error)}

@@ -261,9 +261,11 @@ class Watch(Worker):
                 self.rests.append(Rest(step.at_s, command.sent_s, cause))
 
     def _tell(self) -> None:
-        """Log new rests; without the lock, since that may block."""
-        for rest in self.rests[self._n_logged :]:
-            self._n_logged += 1
+        """Log new rests, each once; without the lock, since logging may block."""
+        with self._lock:
+            new = self.rests[self._n_logged :]
+            self._n_logged += len(new)
+        for rest in new:
             logger.warning("the boom rests: %s", rest.cause)
 
     def _run(self) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.errors import require
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.strides import COMPONENTS, State, StrideAxes, Strides
 
@@ -35,7 +36,15 @@ _LAST_STEP = tuple(
 
 
 def without_last_step(axes: StrideAxes) -> StrideAxes:
-    """Return the axes of the robot itself."""
+    """Return the axes of the robot itself.
+
+    Raises
+    ------
+    ConfigError
+        If the last step is not among the states.
+    """
+    found = ", ".join(state.name for state in axes.states) or "none"
+    require(has_last_step(axes), "states", "the last step among them", found)
     return replace(axes, linear=axes.linear[: -len(_LAST_STEP)])
 
 
