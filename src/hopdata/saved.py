@@ -18,8 +18,8 @@ from hopdata.walk import Contents, Study
 PROVENANCE = "provenance.json"
 #: Files that are missing, by name, in a message.
 MOST_NAMED = 4
-#: Columns of tables that hopdata wrote before they had other names. They changed
-#: without the version, so `load` cannot tell such a folder by that.
+#: Columns of tables that hopdata wrote before they had other names. The version stayed
+#: the same then, so `load` cannot tell such a folder by it.
 FORMER_COLUMNS = {"index": "touchdown", "class": "order_class"}
 
 
