@@ -116,8 +116,9 @@ def _of_recordings(
         "body": one.get("n_body"),
         "feet": one.get("n_feet"),
     }
-    name = "simulated" if facts["simulated"] else "recordings"
-    return Message(f"report.methods_{name}", values)
+    if facts["simulated"]:
+        return Message("report.methods_simulated", values)
+    return Message("report.methods_recordings", values)
 
 
 def _of_contacts(facts: Mapping[str, Any]) -> Message | None:
