@@ -442,8 +442,18 @@ class Study(Shown):
             faults=self._result("faults"),
             remarks=self._result("remarks"),
             one_or_own=self._result("one_or_own"),
+            simulated=self._is_simulated(),
             notes=notes,
         )
+
+    def _is_simulated(self) -> bool:
+        """Return whether a recording's file holds the truth of its simulation."""
+        from hopdata.config.consistency import files_of, knows_truth
+
+        files = [file for one in self.config["recordings"] for file in files_of(one)]
+        if not files or not all(Path(file).exists() for file in files):
+            return False
+        return knows_truth(self.config)
 
     def _draw(self, folder: Path, **options: Any) -> None:
         """Draw all figures into a folder."""

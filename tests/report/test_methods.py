@@ -1,10 +1,12 @@
 """The methods paragraph: a study's own numbers, and references that exist."""
 
 import re
+from pathlib import Path
 
 from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
+import hopdata
 from hopdata.report.methods import CITED, methods
 from hopdata.report.page import build_report, study_facts
 
@@ -64,8 +66,18 @@ def test_a_simulation_is_called_one():
     simulated = full_study()
     assert simulated.truth
     assert of(simulated).text.startswith("A simulation of")
+    assert of(full_study(truth=None, simulated=True)).text.startswith("A simulation")
     recorded = full_study(truth=None)
     assert of(recorded).text.startswith("Motion capture of")
+
+
+def test_a_walk_knows_a_simulation_by_its_file():
+    data = Path(__file__).parents[2] / "data" / "sample"
+    assert hopdata.study(data / "hopper.h5")._is_simulated()
+    runner = data / "RBDS001runT25markers.tsv"
+    feet = ["R_heel", "R_mt1", "R_mt5"]
+    measured = hopdata.study(runner, feet=feet, body=["body1", "body2", "body3"])
+    assert not measured._is_simulated()
 
 
 def test_one_order_and_no_exclusions_are_good_english():

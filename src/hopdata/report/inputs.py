@@ -180,6 +180,8 @@ class ReportInputs(PageInputs):
         ``faults.csv``.
     remarks : DataFrame, optional
         ``remarks.csv``.
+    simulated : bool
+        Whether the recordings are known to be simulated though no truth is given.
     one_or_own : DataFrame, optional
         ``one_or_own.csv``: landings foretold by one map and by maps of their orders.
     """
@@ -199,6 +201,7 @@ class ReportInputs(PageInputs):
     quality: Sequence[Mapping[str, Any]] | None = None
     faults: pd.DataFrame | None = None
     remarks: pd.DataFrame | None = None
+    simulated: bool = False
     one_or_own: pd.DataFrame | None = None
 
 

@@ -74,7 +74,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
         "one_or_own": verdict.one_or_own_facts(inputs.one_or_own, _feet(inputs)),
         "feet": _numbered(_feet(inputs)),
-        "simulated": bool(truth) or _from_simulation(inputs),
+        "simulated": bool(truth) or inputs.simulated or _from_simulation(inputs),
         "mainly": str((inputs.verdict or {}).get("mainly") or ""),
     }
 
