@@ -221,7 +221,7 @@ def spread_figure(
     size = 2.5 if len(ordered) < 200 else 1.5
     for foot, line in _lines(feet).items():
         own = shown["foot"] == foot
-        points = {
+        points: dict[str, Any] = {
             "linestyle": "",
             "marker": "o",
             "markersize": size,
@@ -236,7 +236,7 @@ def spread_figure(
             **points,
         )
         unsure = shown[own & ~is_sure]
-        hollow = {**points, "markerfacecolor": "white", "zorder": 3}
+        hollow: dict[str, Any] = {**points, "markerfacecolor": "white", "zorder": 3}
         axes.plot(unsure["place"], unsure["after_ms"], **hollow)
     axes.set_xlabel("landing")
     axes.set_ylabel("after the first foot (ms)")
