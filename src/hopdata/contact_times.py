@@ -567,7 +567,7 @@ def _named_feet(
 
 
 def _with_feet(
-    recording: Recording, feet: Mapping[str, Iterable[str]] | tuple[str, ...] | None
+    recording: Recording, given: Mapping[str, Iterable[str]] | tuple[str, ...] | None
 ) -> tuple[Recording, list[Message]]:
     """Return a recording with these feet, or all its own; without any, guess them.
 
@@ -579,8 +579,8 @@ def _with_feet(
     AnalysisError
         If no foot is found.
     """
-    if feet is not None:
-        named = recording.with_roles(feet=feet)
+    if given is not None:
+        named = recording.with_roles(feet=given)
         if recording.indices("foot") or recording.indices("body"):
             return named, []
         return _with_body(named), []
