@@ -208,3 +208,10 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     assert words in head[0].replace("\u00a0", " ")
     assert "contact spreads" not in head[0]
     assert answer(verdict()) == [verdict()["sentence"]]
+
+
+def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
+    one = verdict()
+    wide = {"estimate": 0.7012, "low": 0.4183, "high": 1.2271}
+    facts = verdict_facts({**one, "effect": {**one["effect"], **wide}})
+    assert facts["difference"] == "70 (42 to 120)\u00a0%"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -218,9 +219,9 @@ def _reach_facts(verdict: Verdict) -> dict[str, str]:
 
 
 def _with_interval(effect: Mapping[str, Any]) -> str:
-    estimate = show.significant(100 * effect["estimate"], 2)
-    low = show.significant(100 * effect["low"], 2)
-    high = show.significant(100 * effect["high"], 2)
+    estimate = _in_hundredths(effect["estimate"])
+    low = _in_hundredths(effect["low"])
+    high = _in_hundredths(effect["high"])
     return show.with_unit(f"{estimate} ({low} to {high})", "%")
 
 
@@ -510,7 +511,14 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 
 def _percent(share: float) -> str:
-    return show.with_unit(show.significant(100 * share, 2), "%")
+    return show.with_unit(_in_hundredths(share), "%")
+
+
+def _in_hundredths(share: float) -> str:
+    """Return a share to two digits, also above 100 %, as in the verdict's sentence."""
+    if not math.isfinite(share):
+        return show.significant(share, 2)
+    return show.significant(float(f"{100 * share:.2g}"), 2)
 
 
 def _member(row: Mapping[str, Any]) -> dict[str, Any]:
