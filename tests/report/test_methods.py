@@ -60,6 +60,9 @@ def test_it_says_how_many_landings_were_fitted():
     text = of(full_study()).text
     assert f"judged from {verdict()['n_window']} landings" in text
     assert f"of {verdict()['n_landings']} whose" in text
+    known = verdict()["n_landings"]
+    every = of(full_study(verdict=verdict() | {"n_window": known})).text
+    assert f"judged from all {known} landings whose" in every
 
 
 def test_a_simulation_is_called_one():

@@ -154,12 +154,16 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
     if effect is None and not jump_decides:
         return [_not_judged(verdict)]
     known = verdict.get("n_landings") or 0
+    n_fitted = verdict.get("n_window") or known
+    counts = {"landings": f"{known:,}", "fitted": f"{n_fitted:,}"}
+    fitted = Message("report.methods_landings_all", counts)
+    if n_fitted < known:
+        fitted = Message("report.methods_landings_nearest", counts)
     values = {
         "flips": f"{verdict.get('flips') or 0:,}",
         "confidence": f"{100 * verdict['confidence']:g} %",
         "margin": f"{100 * verdict['margin']:g} %",
-        "landings": f"{known:,}",
-        "fitted": f"{verdict.get('n_window') or known:,}",
+        "fitted": fitted,
         **CITED,
     }
     said = [Message("report.methods_map", values)]
