@@ -26,8 +26,8 @@ PAGES = {
     ],
     "Explanation": [
         "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
-        "unseen_order", "impacts", "limits", "comparison", "dissertation", "architecture", "decisions",
-        "reliability",
+        "unseen_order", "impacts", "limits", "comparison", "steering_measured", "dissertation",
+        "architecture", "decisions", "reliability",
     ],
     "Reference": [
         "faq", "troubleshooting", "glossary", "configuration", "formats", "verdict_json", "contacts_study",
