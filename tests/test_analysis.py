@@ -1,5 +1,6 @@
 """A study in one process; `tests/workflow` tests that its bytes are those of the workflow."""
 
+import inspect
 import json
 import os
 import re
@@ -469,6 +470,39 @@ def test_roles_that_cannot_be_guessed_are_asked_for_in_one_line(tmp_path):
     assert len(only_feet.markers) == len(MARKERS)
 
 
+@pytest.mark.parametrize(
+    ("function", "misspelt", "meant"),
+    [
+        ("analyse", "bdy", "body"),
+        ("analyse", "touchdwns", "touchdowns"),
+        ("study", "progess", "progress"),
+        ("study", "steerng", "steering"),
+        ("read", "fet", "feet"),
+        ("read", "rate", "rate_hz"),
+        ("synthesize", "nam", "name"),
+        ("synthesize", "simulaton", "simulation"),
+        ("contacts", "fles", "files"),
+        ("contacts", "gravty", "gravity"),
+    ],
+)
+def test_a_misspelt_argument_is_compared_with_all_that_a_function_takes(
+    function, misspelt, meant
+):
+    with pytest.raises(ArgumentError) as told:
+        getattr(hd, function)("hopper", **{misspelt: 1})
+    assert str(told.value).startswith(f"{function}: ")
+    assert str(told.value).endswith(f"{misspelt!r}; did you mean {meant!r}?")
+
+
+def test_no_public_function_lets_any_name_through():
+    for name in hd.__all__:
+        function = getattr(hd, name)
+        kinds = inspect.signature(function).parameters.values()
+        if any(one.kind is one.VAR_KEYWORD for one in kinds):
+            with pytest.raises(ArgumentError, match="'xq_'"):
+                function("hopper", xq_=1)
+
+
 STATES = np.zeros((20, 18))
 TINY = hd.Recording.from_arrays(*hopping(5, n_frames=200), MARKERS, **TWO)
 
@@ -527,7 +561,7 @@ TINY = hd.Recording.from_arrays(*hopping(5, n_frames=200), MARKERS, **TWO)
             r"6B.*\(20, 0\)",
         ),
         (lambda: hd.plan("x"), "pilot: expected a study or its verdict, found 'x'"),
-        (lambda: hd.read("a.c3d", units="mm"), "input.units: .* did you mean 'unit'"),
+        (lambda: hd.read("a.c3d", units="mm"), "read: .*'units'; did you mean 'unit'"),
         (lambda: hd.read("a.c3d", rate_hz="fast"), "input.rate_hz: expected a number"),
         (lambda: hd.read([], feet=FEET), "file: expected a path or a list of paths"),
         (lambda: hd.read(b"abc"), "file: expected a path or a list of paths"),

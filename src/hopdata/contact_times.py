@@ -21,8 +21,8 @@ from hopdata.errors import (
     ArgumentError,
     RecordingError,
     counted,
-    did_you_mean,
     told_call,
+    told_options,
 )
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents
@@ -275,7 +275,14 @@ class ContactTimes(Shown):
         return {str(name): self.table[name] for name in self.table}
 
 
-@told_call
+def _options_of_landings() -> list[str]:
+    """Return the names of the options of `find_study_landings` that a user may give."""
+    ours = ("recordings", "of_feet")
+    known = signature(find_study_landings).parameters
+    return [name for name in known if name not in ours]
+
+
+@told_options(_options_of_landings)
 def contacts(
     recordings: Recording | str | Path | Sequence[Recording | str | Path],
     *,
@@ -507,7 +514,7 @@ def _file_of(recording: Recording) -> list[Path]:
 
 
 def _check_options(sure: Any, floor: Any, options: Mapping[str, Any]) -> None:
-    """Refuse options that are unknown, or not of their kind.
+    """Refuse options that are not of their kind.
 
     Raises
     ------
@@ -518,16 +525,6 @@ def _check_options(sure: Any, floor: Any, options: Mapping[str, Any]) -> None:
         raise ArgumentError.at("sure", "a probability, 0 to 1", f"{sure!r}")
     if not isinstance(floor, Mapping):
         raise ArgumentError.at("floor", "options of fit_floor by name", f"{floor!r}")
-    known = [
-        *("floor", "sure", "files", "feet"),
-        *(name for name in signature(find_study_landings).parameters),
-    ]
-    known = [name for name in known if name not in ("recordings", "of_feet")]
-    for name in options:
-        if name not in known:
-            wanted = f"the arguments recordings, {', '.join(known)}"
-            found = f"{name!r}{did_you_mean(name, known)}"
-            raise ArgumentError.at("contacts", wanted, found)
     # None stands for the default here, and is no value of a configuration.
     given = {name: value for name, value in options.items() if value is not None}
     check_keys("contacts", {"touchdowns": given, "floor": dict(floor)})
