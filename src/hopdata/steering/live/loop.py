@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, Self, TypeAlias
+from typing import NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 
@@ -163,6 +163,8 @@ class ControlLoop(Worker):
         self._lower, self._upper = input_limits(self.axes, self.limits)
         self._at_rest: Numbers = tuple(at_rest(self.axes).tolist())
         self._unknown: Numbers = (math.nan,) * len(self._at_rest)
+        # Whether each state is measured; others are known from what was sent.
+        self._is_measured = tuple(not state.set_by for state in self.axes.states)
         self.counts = LoopCounts()
         self.last_failure = ""
         self._clock = clock
@@ -366,12 +368,11 @@ class ControlLoop(Worker):
 
     def _note_state(self, seen: Observation, frame: Frame) -> None:
         """Keep the states that a frame shows, if it shows all that are measured."""
-        is_shown = [
-            math.isfinite(number) or bool(axis.set_by)
-            for axis, number in zip(self.axes.states, seen.state, strict=True)
-        ]
-        if all(is_shown):
-            self._state = _Newest(seen.state, frame.captured_s)
+        state = seen.state
+        for is_measured, number in zip(self._is_measured, state, strict=True):
+            if is_measured and not math.isfinite(number):
+                return
+        self._state = _Newest(state, frame.captured_s)
 
     def _pose_at(self, stance: DetectedStance) -> _Newest:
         """Return the pose of the frame nearest to a stance, for which models are made.
@@ -673,8 +674,7 @@ def _how_off(wrong: Sequence[tuple[float, float]]) -> Message:
     return Message("steering.moves_by", {"percent": 100 * gain})
 
 
-@dataclass(frozen=True)
-class _Newest:
+class _Newest(NamedTuple):
     """A measurement, and its capture time on the monotonic clock, s."""
 
     values: tuple[float, ...] = (math.nan,)

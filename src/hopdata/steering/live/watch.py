@@ -245,6 +245,8 @@ class Watch(Worker):
 
     def _record(self) -> None:
         """Note rests once the boom's driver has returned without an error."""
+        if self._rest is None:  # as in almost every look
+            return
         with self._lock:
             command = self._rest
             if command is None or not command.done.is_set():
@@ -262,6 +264,8 @@ class Watch(Worker):
 
     def _tell(self) -> None:
         """Log new rests, each once; without the lock, since logging may block."""
+        if len(self.rests) == self._n_logged:
+            return
         with self._lock:
             new = self.rests[self._n_logged :]
             self._n_logged += len(new)
