@@ -287,7 +287,7 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
     stream = SimpleNamespace(
         counts=StreamCounts(), states=SimpleNamespace(status=Status("streaming", 0.0))
     )
-    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""))
+    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
 
     def lines():
         loop.state = machine.state
@@ -307,7 +307,7 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
 
 
 def test_before_it_is_armed_the_screen_shows_no_number_that_is_none(capsys):
-    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""))
+    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
     nan = float("nan")
     decision = SimpleNamespace(
         pose=(1.0, nan, nan),
