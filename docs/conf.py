@@ -8,6 +8,8 @@ import re
 import sys
 from pathlib import Path
 
+from docutils.nodes import literal_block
+
 from hopdata import __version__ as release
 
 ROOT = Path(__file__).parents[1]
@@ -84,6 +86,15 @@ def _contents(_app, page, source):
             )
 
 
+def _plain_commands(_app, tree):
+    """Show commands of the shell as a reader types them, without the notebook's magic."""
+    magic = "%%bash -e\n"
+    for block in list(tree.findall(literal_block)):
+        if block.astext().startswith(magic):
+            typed = block.astext().removeprefix(magic)
+            block.replace_self(literal_block(typed, typed, language="bash"))
+
+
 def _first_page(app, failed):
     if not failed:
         to = f'<meta http-equiv="refresh" content="0; url={root_doc}.html">'
@@ -112,5 +123,6 @@ def _whole_lines(app, failed):
 def setup(app):
     """Connect what Sphinx calls."""
     app.connect("source-read", _contents)
+    app.connect("doctree-read", _plain_commands)
     app.connect("build-finished", _first_page)
     app.connect("build-finished", _whole_lines)
