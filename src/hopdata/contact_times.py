@@ -29,6 +29,7 @@ from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
+from hopdata.landings.contacts.one_foot import one_foot_remarks
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
@@ -347,6 +348,7 @@ def contacts(
     levelled = []
     for recording in several:
         known, guessed = _with_feet(recording, _named_feet(feet))
+        remarks += one_foot_remarks(known)
         ready, on_floor = _levelled(known, floor or {})
         groups = [{"name": name, "markers": [*own]} for name, own in known.joined]
         ready = join_feet(replace(ready, joined=()), groups)
