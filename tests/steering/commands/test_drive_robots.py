@@ -24,8 +24,8 @@ from hopdata.steering.live.seen_robots import DECIDED_S
 
 # Strides of the excitation, seconds of the drive, and the columns of state and inputs.
 CASES = {
-    "planar-hopper": (40, 14.0, ["speed_m_s", "leg_angle_rad"]),
-    "quadruped": (60, 30.0, ["last_difference_m", "difference_m"]),
+    "planar-hopper": (25, 8.0, ["speed_m_s", "leg_angle_rad"]),
+    "quadruped": (60, 22.0, ["last_difference_m", "difference_m"]),
 }
 ACTS = (
     "steering.no_frame",
@@ -52,8 +52,6 @@ def test_a_robot_is_excited_learned_driven_to_a_point_and_replayed(robot, capsys
     assert f"SIMULATED {robot}; there is no robot" in out
     assert f"{strides} of {strides} strides" in out
     assert list(pd.read_csv("drive-strides/frame_changes.csv"))[2:4] == columns
-    assert main(["replay", "drive.h5"]) == 0
-    capsys.readouterr()
     assert main(["learn", "drive-strides"]) == 0
     assert "model.npz: learned from" in capsys.readouterr().out
     drive = [*named, "--model", "drive-strides", "--seconds", str(seconds)]
