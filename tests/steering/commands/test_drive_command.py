@@ -213,7 +213,7 @@ def test_a_rehearsal_brings_the_boom_to_rest_at_each_act(capsys):
 
 
 def test_an_act_without_its_rest_is_marked_and_gives_exit_code_1(capsys, monkeypatch):
-    def perform(geometry, limits):
+    def perform(geometry, limits, _robot):
         first, second, third, *_ = rehearsal.acts(("a", "b", "c", "boom"), limits)
         told = Message("steering.no_frame", {"age_s": 0.11, "limit_s": 0.1})
         frozen = Message("steering.markers_frozen", {"frames": 3, "for_s": 0.03})

@@ -651,7 +651,10 @@ def _controller(
 
 
 def _on_simulated_clock(
-    act: Act, geometry: HopperGeometry, limits: Limits, robot: DrivenRobot | None
+    act: Act,
+    geometry: HopperGeometry,
+    limits: Limits,
+    robot: DrivenRobot | None = None,
 ) -> Performed:
     simulated = SimulatedDrive(geometry, limits, robot=robot)
     loop = simulated.loop
@@ -782,7 +785,7 @@ def _fill_disk(_: ControlLoop, __: Stream, parts: _RealParts) -> None:
 
 
 def _in_real_time(
-    act: Act, geometry: HopperGeometry, robot: DrivenRobot | None
+    act: Act, geometry: HopperGeometry, robot: DrivenRobot | None = None
 ) -> Performed:
     # A machine that is busy must not be told as a fault of its own.
     limits = Limits(pose_age_s=REAL_S, hop_s=REAL_S, wrong_swings=10**6)
