@@ -198,7 +198,7 @@ def test_gaps_and_faults_are_drawn_only_where_there_are_any():
     assert "Every marker was seen in every frame" in none.text
     for changes in ({"recordings": whole}, {"faults": faults().iloc[:0]}):
         page = Page(build_report(full_study(**changes)))
-        assert len(page.images) == len(NAMES)
+        assert len(page.images) == len(SHOWN)
         assert "Every marker was seen in every frame" not in page.text
 
 
