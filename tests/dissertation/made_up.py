@@ -45,6 +45,7 @@ ours = "slope {slope:.1f}"
 where = "hopdata.hybrid"
 figure = "fig4_2_order"
 figure_printed = "error over step, both logarithmic"
+figure_read = "Steeper is better."
 reasons = {all_points = "the printed fit takes 4 of 37 points; all give {slope:.0f}"}
 
 [[item]]

@@ -30,16 +30,9 @@ def test_six_boxes_in_the_printed_order():
     assert text_faults(figure) == []
 
 
-@pytest.mark.parametrize("missing", [None, "specialised", "all", "near"])
-def test_specialised_and_all_are_compared_in_words_only_if_both_are_there(missing):
-    table = prediction_summary()
-    title = (
-        prediction_figure(table[table["model"] != missing], units())
-        .axes[0]
-        .get_title("left")
-    )
-    assert title.startswith("How far each model misses")
-    assert ("does not mean different maps" in title) == (missing in (None, "near"))
+def test_what_it_cannot_show_is_left_to_the_caption():
+    axes = prediction_figure(prediction_summary(), units()).axes[0]
+    assert axes.get_title("left") == ""
 
 
 def test_boxes_are_the_quantiles_given():

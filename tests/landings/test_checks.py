@@ -235,7 +235,7 @@ def test_faults_are_counted_by_kind(tables):
     tables["faults"] = pd.DataFrame(rows, columns=["kind", "marker", "start_s"])
     found = judged(tables)[WHAT["faults"]]
     assert (found.status, found.value) == (LOOK, 3.0)
-    assert found.remark == "2 × swap, 1 × spike"
+    assert found.remark == "2 swaps, 1 spike"
 
 
 @pytest.mark.parametrize(("marker", "told"), [("b1", True), ("f1", False)])

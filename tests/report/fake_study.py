@@ -288,6 +288,13 @@ def provenance() -> dict[str, object]:
     }
 
 
+def printed_study(**changes: object) -> ReportInputs:
+    """Return a full study by the dissertation's methods, whose page shows more."""
+    record = provenance()
+    record["config"] = {"study": "sample", "printed": True}
+    return full_study(**({"provenance": record} | changes))
+
+
 def full_study(**changes: object) -> ReportInputs:
     parts: dict[str, object] = {
         "study": "sample",

@@ -4,7 +4,7 @@ import re
 
 import pandas as pd
 import pytest
-from fake_study import CAPTIONS, full_study, touchdowns, truth, verdict
+from fake_study import CAPTIONS, full_study, printed_study, touchdowns, truth, verdict
 from test_page import Page
 
 from hopdata.landings.contacts.timing import METHODS
@@ -42,6 +42,10 @@ def page(**changes):
     return Page(build_report(full_study(**changes))).text
 
 
+def printed_page(**changes):
+    return Page(build_report(printed_study(**changes))).text
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_only_contacts_by_kinks_are_said_to_be_kinks(method):
     text = page(touchdowns=touchdowns().assign(method=method))
@@ -62,7 +66,10 @@ def test_only_contacts_by_kinks_are_said_to_be_kinks(method):
 def test_without_a_known_method_none_is_named():
     text = page(touchdowns=touchdowns().drop(columns="method"))
     assert "A plus marks each contact." in text
-    assert "kink." not in text.partition("Figure 2.3")[2].partition("Prediction")[0]
+    assert (
+        "kink."
+        not in text.partition("Figure 2.3")[2].partition("Estimates and truth")[0]
+    )
 
 
 SAYS = {
@@ -80,7 +87,7 @@ def test_the_caption_of_the_verdict_says_how_this_one_came_out(conclusion):
         assert words in text
     for words in {one for both in SAYS.values() for one in both} - {bar, maps}:
         assert f"{words}." not in text, words
-    assert ("To the right of the dashed line" in text) == (conclusion != "different")
+    assert ("The dashed line is the margin" in text) == (conclusion != "different")
     assert "Jacobians" in text
     assert sentence("meaning_of_effect") in text
 
@@ -145,12 +152,12 @@ def test_forces_are_spoken_of_where_there_are_some():
 def test_distances_that_were_not_asked_for_are_said_to_be_so():
     names = ("fig2_5_distances",)
     figures = [one for one in full_study().figures if one.name not in names]
-    text = page(distances=None, distances_asked=False, figures=figures)
+    text = printed_page(distances=None, distances_asked=False, figures=figures)
     told = "does not ask for constraint subspaces and their distances (distances.enabled: false)"
     assert told in text
     assert "was not made" not in text
-    assert told not in page()
-    assert "The figure of the distances was not made." in page(
+    assert told not in printed_page()
+    assert "The figure of the distances was not made." in printed_page(
         distances=None, figures=figures
     )
 

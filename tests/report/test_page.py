@@ -14,6 +14,7 @@ from fake_study import (
     floors,
     full_study,
     prediction,
+    printed_study,
     remarks,
     sections,
     touchdowns,
@@ -29,9 +30,10 @@ from hopdata.report.inputs import (
     read_figures,
     render_caption,
 )
-from hopdata.report.page import build_report, study_facts
+from hopdata.report.page import PRINTED_CLAIMS, build_report, study_facts
 from hopdata.report.tables import quality_summary
 
+SHOWN = [name for name in NAMES if name not in PRINTED_CLAIMS]
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 LOADING = {"src", "href", "srcset", "action", "data", "poster"}
 
@@ -131,8 +133,6 @@ def test_every_table_is_there(full):
         "Floor",
         "Thresholds and sections",
         "Used touchdowns by mode schedule",
-        "Prediction errors",
-        "Arc-length distances",
         "Estimates and truth",
         "Run",
         "Inputs",
@@ -180,25 +180,25 @@ def test_without_remarks_that_is_said():
 
 
 def test_the_figures_are_inside_and_described(full):
-    assert len(full.images) == len(NAMES)
+    assert len(full.images) == len(SHOWN)
     for image in full.images:
         kind, data = image["src"].split(",")
         assert kind == "data:image/svg+xml;base64"
         assert base64.b64decode(data) == SVG
         assert len(image["alt"]) > 40
         assert image["style"] == "--paper: 240.9pt"
-    for number in ("2.2", "2.3", "2.4", "2.5"):
+    for number in ("2.2", "2.3"):
         assert f"Figure {number}: " in full.text
 
 
 def test_gaps_and_faults_are_drawn_only_where_there_are_any():
     whole = [full_study().recordings[0] | {"seen": 1.0}]
     none = Page(build_report(full_study(recordings=whole, faults=faults().iloc[:0])))
-    assert len(none.images) == len(NAMES) - 1
+    assert len(none.images) == len(SHOWN) - 1
     assert "Every marker was seen in every frame" in none.text
     for changes in ({"recordings": whole}, {"faults": faults().iloc[:0]}):
         page = Page(build_report(full_study(**changes)))
-        assert len(page.images) == len(NAMES)
+        assert len(page.images) == len(SHOWN)
         assert "Every marker was seen in every frame" not in page.text
 
 
@@ -240,9 +240,29 @@ def test_a_single_landing_is_one_landing():
 def test_the_gain_is_that_of_the_models_that_were_fitted(models, shown):
     table = prediction()
     text = Page(
-        build_report(full_study(prediction=table[table["model"].isin(models)]))
+        build_report(printed_study(prediction=table[table["model"].isin(models)]))
     ).text
     assert f"Affine model over mean {shown}" in text
+
+
+def test_only_a_study_by_the_printed_methods_has_the_printed_claims(full):
+    claims = {"Prediction errors", "Arc-length distances"}
+    figures = ("Figure 2.4", "Figure 2.5")
+    printed = Page(build_report(printed_study()))
+    assert claims <= {*printed.captions}
+    assert {"prediction", "distances"} <= {*printed.ids}
+    assert all(words in printed.text for words in figures)
+    assert not claims & {*full.captions}
+    assert not {"prediction", "distances", "word-affine", "word-one"} & {*full.ids}
+    assert not any(words in full.text for words in (*figures, "Affine model over"))
+    assert "map" in full.ids
+
+
+def test_printed_claims_that_are_missing_are_said_in_words():
+    record = printed_study().provenance
+    text = Page(build_report(ReportInputs("s", provenance=record))).text
+    assert "No distances: no mode schedule holds enough touchdowns" in text
+    assert "No model could be fitted" in text
 
 
 def test_notes_and_provenance_are_shown(full):
@@ -260,8 +280,6 @@ def test_notes_and_provenance_are_shown(full):
 def test_what_is_missing_is_said_in_words(bare):
     assert bare.captions == []
     for words in (
-        "No distances: no mode schedule holds enough touchdowns",
-        "No model could be fitted",
         "No landing is used",
         "No sections were chosen",
         "The configuration was not recorded",
@@ -314,7 +332,7 @@ def test_names_from_the_user_are_escaped():
 def test_a_figure_of_another_name_stands_at_the_end():
     extra = ReportFigure("fig9", SVG, "image/svg+xml", "# Another\n\nText.")
     page = Page(build_report(full_study(figures=[*figures(), extra])))
-    assert len(page.images) == len(NAMES) + 1
+    assert len(page.images) == len(SHOWN) + 1
     assert "others" in page.ids
     assert "More figures" in page.text
 
@@ -357,7 +375,7 @@ def test_every_placed_figure_has_a_caption_file():
 def test_the_gain_does_not_depend_on_the_units(scale):
     table = prediction()
     table["median_mse"] *= scale
-    text = Page(build_report(full_study(prediction=table))).text
+    text = Page(build_report(printed_study(prediction=table))).text
     assert "Affine model over mean 0.13 ratio of median MSE" in text
 
 

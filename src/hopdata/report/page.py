@@ -266,6 +266,11 @@ def _shown(
 
 
 GAPS = "recording_gaps"
+# Figures and sections of two claims of the dissertation: neither tells a C1 map from
+# another, so only a study by its methods shows them. The dissertation's page explains
+# both.
+PRINTED_CLAIMS = {"fig2_4_prediction", "fig2_5_distances"}
+OF_PRINTED_CLAIMS = ("prediction", "distances")
 #: The page of the documentation on studies that cannot tell.
 CANNOT_TELL_PAGE = "https://github.com/hopdata/hopdata/blob/main/docs/cannot_tell.md"
 PLACES: dict[str, str] = show.WORDS["places"]
@@ -292,8 +297,10 @@ def build_report(inputs: ReportInputs) -> str:
     """
     require_language(inputs.language)
     facts = study_facts(inputs)
-    empty = _empty(inputs)
-    shown = [one for one in inputs.figures if one.name not in empty]
+    hidden = _empty(inputs)
+    if not facts["printed"]:
+        hidden |= PRINTED_CLAIMS
+    shown = [one for one in inputs.figures if one.name not in hidden]
     known = inputs.verdict or {}
     return rendered(
         "report.html.j2",
@@ -305,7 +312,7 @@ def build_report(inputs: ReportInputs) -> str:
         mainly=verdict.worded(known, "mainly"),
         contacts=verdict.worded(known, "contacts"),
         highlights=_highlights(facts, inputs),
-        keys=list(KEYS.values()),
+        keys=_keys_of(facts, inputs),
         lights=tables.lights(inputs.quality),
         scene=landings_scene(inputs.levelled, inputs.touchdowns),
         pictures=placed_pictures(shown, facts, PLACES, "others"),
@@ -322,6 +329,16 @@ def build_report(inputs: ReportInputs) -> str:
         verdict_notes=[_note(note) for note in known.get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
     )
+
+
+def _keys_of(facts: Mapping[str, Any], inputs: ReportInputs) -> list[Key]:
+    """Return the key numbers whose sections this page has."""
+    absent: set[str] = set()
+    if not facts["printed"]:
+        absent.update(OF_PRINTED_CLAIMS)
+    if not inputs.truth:
+        absent.add("truth")
+    return [key for key in KEYS.values() if key.table not in absent]
 
 
 def _empty(inputs: ReportInputs) -> set[str]:
@@ -435,9 +452,10 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[Card]:
         ),
         _card("travel", facts["travel"], between),
         _card("units", facts["units"], weigh),
-        _card("affine", *_gain(inputs.prediction)),
     ]
-    if inputs.prediction is not None:
+    if facts["printed"]:
+        cards.append(_card("affine", *_gain(inputs.prediction)))
+    if facts["printed"] and inputs.prediction is not None:
         cards.append(_card("one", *_price_of_one(inputs.prediction)))
     for method, (share, of_all) in facts["labels_right"].items():
         name = Message("report.right", {"method": method})

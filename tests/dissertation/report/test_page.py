@@ -102,6 +102,7 @@ def test_a_figure_stands_beside_its_printed_description(items, record, folders):
     assert page.count("data:image/svg+xml") == 1
     told = text_of(page)
     assert "As printed: error over step, both logarithmic" in told
+    assert "How to read it: Steeper is better." in told
     undrawn = Record("made_up", [3], record.rows, [], failed_figures={})
     page = build_page(items, [undrawn], folders)
     assert page.count("data:image/") == 0

@@ -46,6 +46,8 @@ class Item:
         One of the part's figures; empty if the item has none.
     figure_printed
         What the printed figure shows: axes, categories, order.
+    figure_read
+        How to read the figure, where a reader may take it for more than it says.
     reasons
         Sentences that say why print and result do not agree, by name.
     """
@@ -60,6 +62,7 @@ class Item:
     ours: str = ""
     figure: str = ""
     figure_printed: str = ""
+    figure_read: str = ""
     reasons: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -275,7 +275,9 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
             continue
         experiment = EXPERIMENTS[row["experiment"]]
         name = experiment[0].upper() + experiment[1:]
-        seeds = f"worst of {row['seeds']} seeds"
+        seeds = "one seed"
+        if row["seeds"] > 1:
+            seeds = f"worst of {row['seeds']} seeds"
         hops = show.fixed(row["hops"], 0)
         remark = f"{RUN_BY[first]}, {seeds}; median {hops} hops; simulated"
         cards.append((name, in_worst_seed(row), remark))
