@@ -19,13 +19,36 @@ def foot_names(columns: Iterable[str]) -> tuple[str, ...]:
     return tuple(match[1] for match in found if match)
 
 
-def with_foot_names(order: str, names: Sequence[str]) -> str:
-    """Return an order such as ``2>1>3`` with names of feet, ``toe → heel → thumb``.
+# A left and a right foot look alike in all files, whichever comes first.
+SIDES = ("left", "right")
+# Between two feet of an order, wherever a person reads it.
+ARROW = " → "
 
-    Unless each of its feet has a name, the numbers stay.
+
+def with_foot_names(order: str, names: Sequence[str] = ()) -> str:
+    """Return an order such as ``2>1>3`` as it is read, ``toe → heel → thumb``.
+
+    Unless each of its feet has a name, the numbers stay. Every page, figure and
+    sentence spells orders by this function.
     """
     feet = order.split(">")
     known = [foot for foot in feet if foot.isdigit() and int(foot) <= len(names)]
     if len(known) == len(feet):
         feet = [names[int(foot) - 1] for foot in feet]
-    return " → ".join(feet)
+    return ARROW.join(feet)
+
+
+def foot_called(foot: str | int, names: Sequence[str] = ()) -> str:
+    """Return the name of a foot, numbered from 1; ``foot 2`` if it has none."""
+    number = int(foot)
+    if number <= len(names):
+        return names[number - 1]
+    return f"foot {number}"
+
+
+def foot_places(names: Sequence[str]) -> dict[str, int]:
+    """Return the number that gives each foot its colour, dashes and mark, by name."""
+    sides = [name.lower() for name in names]
+    if sorted(sides) == sorted(SIDES):
+        return {name: SIDES.index(name.lower()) for name in names}
+    return {name: place for place, name in enumerate(names)}

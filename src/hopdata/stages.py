@@ -437,6 +437,7 @@ def verdict(
     seed: int = key("seed"),
 ) -> Judgement:
     """Judge whether the map is C1: effect size, interval and bound."""
+    from hopdata.feet import foot_names
     from hopdata.landings.checks import blurred
     from hopdata.maps.verdict import judge
     from hopdata.maps.verdict.orders import orders_table
@@ -452,6 +453,7 @@ def verdict(
         time=pairs.time_s,
         blocks=pairs.blocks(blocks),
         blurred=blurred(touchdowns),
+        foot_names=foot_names(touchdowns.columns),
         seed=seed,
         **options,
     )

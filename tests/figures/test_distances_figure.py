@@ -18,7 +18,7 @@ def test_four_kinds_above_and_below():
     assert [label.get_text() for label in lower.get_yticklabels()] == [
         "in-class",
         "cross-class",
-        "noise alone",
+        "identities with noise",
         "random",
     ]
     assert len(upper.lines) == len(lower.patches) == 4

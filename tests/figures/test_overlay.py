@@ -16,6 +16,7 @@ def contacts(n_columns=1, n=30, unmatched=True):
             {
                 "recording": "run",
                 "column": f"plate{column + 1}",
+                "feet": "foot1 foot2" if n_columns == 1 else f"foot{column + 1}",
                 "status": "matched",
                 "external_s": np.linspace(1, 29, n),
                 "difference_s": rng.normal(0.002, 0.001, n),

@@ -49,7 +49,7 @@ def test_every_kind_of_fault_stands_in_its_row_and_in_the_legend():
     figure = recording_gaps_figure(bars(10.0), GAPS, FAULTS)
     (axes,) = figure.axes
     rows = {line.get_label(): list(line.get_ydata()) for line in axes.lines}
-    for row, (_, _, meaning) in enumerate(SIGNS.values()):
+    for row, (_, meaning) in enumerate(SIGNS.values()):
         assert rows[meaning] == [row]
     assert "frames dropped" in rows
     (legend,) = figure.legends

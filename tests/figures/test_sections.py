@@ -6,7 +6,7 @@ from matplotlib.colors import to_rgba
 from overlaps import text_faults
 
 from hopdata.figures.sections import sections_figure
-from hopdata.figures.style import BLUE, VERMILION
+from hopdata.figures.style import FOUND
 
 
 def panels(figure):
@@ -40,15 +40,13 @@ def test_every_frame_is_drawn_once_and_coloured_by_its_threshold(drawn):
     table, limits, figure = drawn
     up = table["min_foot_m"] > limits["min_foot_threshold_m"]
     down = table["max_foot_m"] < limits["max_foot_threshold_m"]
-    for axes, chosen, colour in zip(
-        panels(figure), (up, down), (BLUE, VERMILION), strict=True
-    ):
+    for axes, chosen in zip(panels(figure), (up, down), strict=True):
         others, coloured = (
             c for c in axes[0].collections if isinstance(c, PathCollection)
         )
         assert len(coloured.get_offsets()) == chosen.sum()
         assert len(others.get_offsets()) == (~chosen).sum()
-        assert tuple(coloured.get_facecolor()[0][:3]) == to_rgba(colour)[:3]
+        assert tuple(coloured.get_facecolor()[0][:3]) == to_rgba(FOUND)[:3]
 
 
 def test_dashes_stand_at_thresholds_and_sections(drawn):

@@ -87,7 +87,7 @@ def test_the_caption_of_the_verdict_says_how_this_one_came_out(conclusion):
         assert words in text
     for words in {one for both in SAYS.values() for one in both} - {bar, maps}:
         assert f"{words}." not in text, words
-    assert ("To the right of the dashed line" in text) == (conclusion != "different")
+    assert ("The dashed line is the margin" in text) == (conclusion != "different")
     assert "Jacobians" in text
     assert sentence("meaning_of_effect") in text
 

@@ -136,7 +136,7 @@ def test_the_caption_of_the_verdict_says_what_is_drawn():
     paragraphs = render_caption(captions()["verdict"], facts, name="verdict").paragraphs
     assert "Frobenius norm" in paragraphs[0]
     assert "triangle" not in paragraphs[0]
-    assert "in the order of their heights" in paragraphs[1]
+    assert "(b) The 6 orders in which the feet touched" in paragraphs[1]
 
 
 def test_the_caption_of_the_verdict_says_what_its_plots_do_not_show():
@@ -158,7 +158,7 @@ def test_the_caption_of_the_verdict_says_what_its_plots_do_not_show():
     ) in shown["more"]
     assert "Compared: 6 contact orders in 986 landings." in shown["plain"]
     assert "needed" not in shown["plain"]
-    assert "the commonest of the 6 orders" in shown["plain"]
+    assert "(b) The 6 orders in" in shown["plain"]
 
 
 def test_the_caption_of_own_maps_says_of_which_landings_they_are():

@@ -3,15 +3,19 @@
 import base64
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from fake_study import full_study
 
+from hopdata import report
+from hopdata.feet import foot_places
+from hopdata.figures import style
 from hopdata.recording import Recording
 from hopdata.report.page import build_report
 from hopdata.report.scene import UNSEEN, landings_scene, recording_scene, small_plot
-from hopdata.report.tables import excluded_table, lights, quality_summary
+from hopdata.report.tables import STATUS, excluded_table, lights, quality_summary
 
 ROLES = {"feet": ["toe</script>", "heel"], "body": ["hip"]}
 MARKERS = [*ROLES["feet"], "hip"]
@@ -53,7 +57,7 @@ def test_a_landing_is_unpacked_to_the_tenth_of_a_millimetre():
     np.testing.assert_allclose(places, kept, atol=0.6e-4)
     assert np.isnan(places).any()
     assert part["contacts"] == [0.1, 0.12]
-    assert part["title"] == "feet 1 → 2, of 1 landings"
+    assert part["title"] == "toe</script> → heel: 1 landing"
 
 
 def test_a_long_recording_is_shown_in_stretches_and_its_names_end_no_script():
@@ -67,6 +71,20 @@ def test_a_long_recording_is_shown_in_stretches_and_its_names_end_no_script():
     assert times[-1][-1] == 300
     assert parts[1]["title"] == "70.0 to 90.0 s"
     assert len(json.loads(recording_scene(falling(100)))["parts"]) == 1
+
+
+def test_feet_have_the_colours_of_the_figures():
+    """The page's script and style repeat them, and a left foot is always the first."""
+    templates = Path(report.__file__).with_name("templates")
+    script = (templates / "scene.js").read_text("utf-8")
+    colours = re.search(r"const colours = (\[.*?\]);", script)[1]
+    wanted = [colour.lower() for colour in style.FOOT_COLOURS]
+    assert json.loads(colours) == wanted
+    css = (templates / "report.css").read_text("utf-8")
+    assert re.findall(r"\.foot\d \{ stroke: (#\w+); \}", css) == wanted
+    part = json.loads(landings_scene([falling()], landings()))["parts"][0]
+    assert part["looks"] == [0, 1]
+    assert [*foot_places(["Right", "Left"]).values()] == [1, 0]
 
 
 def test_without_landings_there_is_no_scene():
@@ -91,8 +109,8 @@ def test_lights_show_the_worst_check_of_their_kind():
         {"what": "drift", "about": "Stability", "status": "good", "remark": ""},
     ]
     assert lights(checks) == [
-        ("Recordings", "poor", "noise: 5 mm"),
-        ("Stability", "good", "1 check"),
+        ("Recordings", STATUS["poor"], "noise"),
+        ("Stability", STATUS["good"], "1 check"),
     ]
 
 
@@ -105,14 +123,15 @@ def test_what_nobody_asked_for_keeps_no_light_grey():
         "status": "not asked",
         "remark": "set it",
     }
-    assert lights([seen, noise]) == [("Recordings", "good", "1 check; noise: set it")]
+    told = "1 check; not judged: noise"
+    assert lights([seen, noise]) == [("Recordings", STATUS["good"], told)]
     assert quality_summary([seen, noise])[0] == "1 of 1 good"
     unknown = noise | {"status": "not known"}
-    assert lights([seen, unknown]) == [("Recordings", "not known", "noise: set it")]
+    assert lights([seen, unknown]) == [("Recordings", STATUS["good"], told)]
     assert lights([seen | {"status": "poor"}, noise]) == [
-        ("Recordings", "poor", "seen: all")
+        ("Recordings", STATUS["poor"], "seen; not judged: noise")
     ]
-    assert lights([noise]) == []
+    assert lights([noise]) == lights([unknown]) == []
 
 
 def test_the_page_holds_the_scene_and_its_script():

@@ -98,9 +98,11 @@ def test_what_foretells_the_contacts_stands_under_the_verdict_and_its_picture():
 def test_what_holds_at_the_contact_is_told_beside_what_holds_over_the_landings():
     reach = {"holds_from": 0.00652, "contact_spread": 0.0119}
     page = Page(build_report(full_study(verdict=verdict(**reach))))
-    said = "more than 20 % only if it were spent within 6.5 ms; the contacts of these "
-    assert f"{said}landings lie 12 ms apart" in page.text
-    assert "spent within 6.5 ms of contact could be more than 20 %" in page.text
+    said = (
+        "showed nowhere but in landings whose contacts lie within about 6.5 ms of each "
+    )
+    assert f"{said}other. Here they usually lie 12 ms apart (rms)." in page.text
+    assert "within about 6.5 ms of each other could be more than 20 %" in page.text
     assert "it is spent" not in page.text.lower()
     assert "6.5" not in Page(build_report(full_study())).text
 
@@ -204,7 +206,7 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     assert str(said).endswith("over these landings, at 95 % confidence.")
     head = Page(build_report(full_study(verdict=known))).text.partition("At a glance")
     words = str(reservation).replace("\u00a0", " ")
-    assert "fades within 8.1 ms" in words
+    assert "within about 8.1 ms of each other" in words
     assert words in head[0].replace("\u00a0", " ")
     assert "contact spreads" not in head[0]
     assert answer(verdict()) == [verdict()["sentence"]]

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hopdata.feet import foot_places
 from hopdata.figures import style
 
 # Cells of a page, and their size.
@@ -19,16 +20,6 @@ LONGEST_ORDER = 26
 BETWEEN = " > "
 MM_PER_M = 1e3
 MS_PER_S = 1e3
-# Colours of feet. Orange and red are left out: readers take them for a warning.
-FOOT_COLOURS = (
-    style.BLUE,
-    style.GREEN,
-    style.PURPLE,
-    style.SKY,
-    style.GREY,
-    style.INK,
-)
-SIDE_COLOURS = {"left": style.BLUE, "right": style.GREEN}
 # The frame of a landing whose order is unsure.
 UNSURE_FRAME = (0, (4, 2))
 NOTHING = "No contact was found."
@@ -136,21 +127,9 @@ def _is_unsure(order: Mapping[Any, Any]) -> bool:
 
 
 def _lines(feet: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return colour and line style of each foot by name, as keywords of a line.
-
-    A left and a right foot look the same in all files, whichever is first.
-    """
-    sides = [foot.lower() for foot in feet]
-    both = sorted(SIDE_COLOURS) == sorted(sides)
-    lines = {}
-    for place, foot in enumerate(feet):
-        colour = FOOT_COLOURS[place % len(FOOT_COLOURS)]
-        dash = style.foot_dash(place)
-        if both:
-            colour = SIDE_COLOURS[foot.lower()]
-            dash = style.foot_dash(0 if foot.lower() == "left" else 1)
-        lines[foot] = {"color": colour, "linestyle": dash}
-    return lines
+    """Return colour and line style of each foot by name, as keywords of a line."""
+    places = foot_places(feet)
+    return {foot: style.foot_line(place) for foot, place in places.items()}
 
 
 def _draw_landing(

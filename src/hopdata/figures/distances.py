@@ -13,22 +13,14 @@ from hopdata.figures.verdict import in_short
 
 # Kind: its label, colour and line style.
 KINDS: dict[str, tuple[str, str, Any]] = {
-    "in_class": ("in-class", style.BLUE, "-"),
-    "cross_class": ("cross-class", style.VERMILION, (0, (5, 1.5))),
-    "noised_identity": ("noise alone", style.GREEN, (0, (1.5, 1.2))),
-    "random": ("random", style.PURPLE, (0, (5, 1.2, 1.5, 1.2))),
+    "in_class": ("in-class", style.INK, "-"),
+    "cross_class": ("cross-class", style.INK, (0, (5, 1.5))),
+    "noised_identity": ("identities with noise", style.GREY, (0, (1.5, 1.2))),
+    "random": ("random", style.GREY, (0, (5, 1.2, 1.5, 1.2))),
 }
-QUANTILES = ("q05", "q25", "median", "q75", "q95")
+QUANTILES = ("q05", "q25", "median_distance", "q75", "q95")
 # Most steps of a drawn distribution.
 MOST_STEPS = 2000
-NOT_DECIDED = (
-    "Cross-class right of in-class does not mean\n"
-    "different maps: noise and one map that bends\n"
-    "move them, too. The verdict decides."
-)
-ONE_ORDER = (
-    "Only one order has enough touchdowns:\nthere is no cross-class to compare with."
-)
 
 
 @style.styled
@@ -40,8 +32,8 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     distances : DataFrame
         One row per pair of subspaces: ``kind``, ``distance_rad``.
     summary : DataFrame
-        One row per kind: ``kind`` and the quantiles ``q05, q25, median, q75, q95``,
-        rad.
+        One row per kind: ``kind`` and the quantiles ``q05, q25, median_distance, q75,
+        q95``, rad.
 
     Returns
     -------
@@ -56,10 +48,6 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     figure = style.paper_figure(style.SINGLE_COLUMN_MM, 102.0)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1))
     _draw_study(upper, lower, distances, summary)
-    explanation = ONE_ORDER
-    if (distances["kind"] == "cross_class").any():
-        explanation = NOT_DECIDED
-    figure.supxlabel(explanation, fontsize=style.pt(7))
     style.lettered(figure, (upper, lower), ncols=2)
     return figure
 

@@ -33,8 +33,6 @@ SURE = 2.0
 UNSURE = "#d9d9d9"
 # Rows before this one are displacements, the others come from velocities.
 FIRST_VELOCITY = 5
-COLOURS = "RdBu_r"
-WHAT_IS_GREY = "grey: within two standard errors of zero"
 
 
 @style.styled
@@ -81,13 +79,17 @@ def matrices_figure(
             "printed\nminus exact": _sure(printed - true, printed_error),
             "corrected\nminus exact": _sure(best - true, error),
         }
+    if not any(np.isfinite(matrix).any() for matrix in differences.values()):
+        differences = {}  # noise alone explains all of them: the caption says so
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 82.0)
     panels = figure.subplots(1, len(maps) + len(differences), sharey=True)
     groups = (
-        (panels[: len(maps)], maps, "maps (mm per sd of the input)\n" + WHAT_IS_GREY),
-        (panels[len(maps) :], differences, "differences (mm per sd;\nnote the scale)"),
+        (panels[: len(maps)], maps, "maps (mm per sd of the input)"),
+        (panels[len(maps) :], differences, "differences\n(mm per sd of the input)"),
     )
     for axes, matrices, label in groups:
+        if not matrices:
+            continue
         limit = _largest(matrices.values())
         for one, (title, matrix) in zip(axes, matrices.items(), strict=True):
             image = _draw_matrix(one, matrix, limit)
@@ -115,7 +117,7 @@ def _largest(matrices: Iterable[FloatArray]) -> float:
 
 
 def _draw_matrix(axes: Axes, matrix: FloatArray, limit: float) -> Any:
-    colours = colormaps[COLOURS].with_extremes(bad=UNSURE)
+    colours = colormaps[style.OF_SIGNS].with_extremes(bad=UNSURE)
     image = axes.imshow(matrix, cmap=colours, vmin=-limit, vmax=limit, aspect="auto")
     axes.set_xticks(range(len(INPUTS)), list(INPUTS.values()), rotation=90)
     axes.tick_params(length=0)
@@ -146,10 +148,10 @@ def _matrix(table: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
 # Label, column of the strength, colour and marker of each case other than the scene
 # itself.
 CASES = {
-    "coupling": ("coupled forces", "coupling", style.VERMILION, "s"),
-    "impulse": ("rigid impulses", "impulse", style.GREEN, "^"),
-    "delay": ("contact by velocity", "delay_s", style.ORANGE, "D"),
-    "study": ("this study's control", "", style.PURPLE, "v"),
+    "coupling": ("coupled forces", "coupling", style.GREY, "s"),
+    "impulse": ("rigid impulses", "impulse", style.GREY, "^"),
+    "delay": ("contact by velocity", "delay_s", style.GREY, "D"),
+    "study": ("this study's control", "", style.GREY, "v"),
 }
 SYMBOLS = {"coupling": "κ = {:g}", "impulse": "ε = {:g}", "delay_s": "τ = {:g} s"}
 PANELS = {
@@ -196,21 +198,12 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
             _, _, colour, _ = _shown(case)
             dashed = (0, (4, 2))
             panels[2].axhline(exact, color=colour, linestyle=dashed, linewidth=0.8)
-    panels[2].text(
-        0.97,
-        0.03,
-        "dashed: exact maps",
-        transform=panels[2].transAxes,
-        ha="right",
-        fontsize=style.pt(6),
-        color=style.GREY,
-    )
     return figure
 
 
 def _shown(case: str) -> tuple[str, str, str, str]:
     """Return label, strength, colour and marker of a case: a control, or the scene."""
-    return CASES.get(case, (case, "", style.BLUE, "o"))
+    return CASES.get(case, (case, "", style.INK, "o"))
 
 
 def _draw_case(axes: Axes, rows: pd.DataFrame, case: str, column: str) -> None:

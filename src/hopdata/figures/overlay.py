@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopdata.errors import chosen
+from hopdata.feet import foot_places
 from hopdata.figures import style
 
-MARKERS = ("o", "s", "^", "D", "v", "P")
 UNMATCHED = {"missed": ("x", "missed"), "invented": ("1", "invented")}
 # Kind of instant: its label, line style, and colour if feet are not distinguished.
 INSTANTS: dict[str, tuple[str, dict[str, Any], str]] = {
@@ -67,14 +67,38 @@ def contact_overlay_figure(
     panels = figure.subplot_mosaic(
         mosaic, width_ratios=(2.6, 1), height_ratios=height_ratios
     )
-    columns = tuple(dict.fromkeys(contacts["column"].astype(str)))
-    _draw_errors(panels["e"], contacts, columns)
-    _draw_shares(panels["s"], contacts, summary, columns)
+    looks = _looks_of_columns(contacts, _feet_of(example))
+    _draw_errors(panels["e"], contacts, looks)
+    _draw_shares(panels["s"], contacts, summary, looks)
     panels["s"].sharey(panels["e"])
     panels["s"].tick_params(labelleft=False)
-    _draw_example(panels, example)
+    _draw_example(panels, example, looks)
     style.lettered(figure, panels.values(), ncols=5)
     return figure
+
+
+# Column of another device -> its colour, dashes and mark, as keywords of a line.
+Looks = Mapping[str, dict[str, Any]]
+
+
+def _feet_of(example: pd.DataFrame) -> list[str]:
+    """Return the feet in the order of the recording."""
+    return list(dict.fromkeys(example.loc[example["kind"] == "height", "name"]))
+
+
+def _looks_of_columns(contacts: pd.DataFrame, feet: list[str]) -> Looks:
+    """Return how each column is drawn: as its foot, or in ink if several share it."""
+    places = foot_places(feet)
+    of_column = contacts.drop_duplicates("column").set_index("column")["feet"]
+    looks = {}
+    for number, (column, of_feet) in enumerate(of_column.astype(str).items()):
+        place = places.get(of_feet)
+        look = {"color": style.INK, "linestyle": style.foot_dash(number)}
+        if place is not None:
+            look = style.foot_line(place)
+        mark = style.foot_mark(number if place is None else place)
+        looks[str(column)] = {**look, "marker": mark}
+    return looks
 
 
 def _of(contacts: pd.DataFrame, column: str, status: str) -> pd.DataFrame:
@@ -82,16 +106,16 @@ def _of(contacts: pd.DataFrame, column: str, status: str) -> pd.DataFrame:
     return contacts[of_column & (contacts["status"] == status)]
 
 
-def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -> None:
+def _draw_errors(axes: Axes, contacts: pd.DataFrame, looks: Looks) -> None:
     look: Any = {"ms": 3.0, "mew": 0.7, "elinewidth": 0.6, "capsize": 1.2}
     if len(contacts) > MANY:
         look = {"ms": 1.3, "mew": 0.3, "elinewidth": 0.25, "capsize": 0.0, "alpha": 0.6}
-    for number, column in enumerate(columns):
+    for column, of_column in looks.items():
         matched = _of(contacts, column, "matched")
         is_excluded = matched["excluded"].astype(bool)
         used = matched[~is_excluded]
         excluded = matched[is_excluded]
-        colour = style.foot_colour(number)
+        colour = of_column["color"]
         label: str | None = style.label_of(column)
         for rows, face in ((used, colour), (excluded, "white")):
             if rows.empty:
@@ -100,7 +124,7 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
                 rows["external_s"],
                 rows["difference_s"] * 1e3,
                 yerr=np.hypot(rows["se_s"], rows["external_se_s"].fillna(0)) * 1e3,
-                fmt=MARKERS[number % len(MARKERS)],
+                fmt=of_column["marker"],
                 color=colour,
                 markerfacecolor=face,
                 label=label,
@@ -135,21 +159,24 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
 
 
 def _draw_shares(
-    axes: Axes, contacts: pd.DataFrame, summary: pd.DataFrame, columns: tuple[str, ...]
+    axes: Axes, contacts: pd.DataFrame, summary: pd.DataFrame, looks: Looks
 ) -> None:
-    for number, column in enumerate(columns):
+    for number, (column, look) in enumerate(looks.items()):
         matched = _of(contacts, column, "matched")
         errors = np.sort(matched["difference_s"].to_numpy() * 1e3)
         if not len(errors):
             continue
         share = (np.arange(len(errors)) + 0.5) / len(errors) * 100
-        axes.step(share, errors, where="mid", **style.foot_line(number))
-        _draw_bias(axes, summary[summary["column"].astype(str) == column], number)
+        axes.step(share, errors, where="mid", **look | {"marker": ""})
+        of_column = summary[summary["column"].astype(str) == column]
+        _draw_bias(axes, of_column, 50 + 3 * number, look)
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
     axes.set(xlim=(0, 100), xlabel="share of the contacts (%)")
 
 
-def _draw_bias(axes: Axes, summary: pd.DataFrame, number: int) -> None:
+def _draw_bias(
+    axes: Axes, summary: pd.DataFrame, place: float, look: Mapping[str, Any]
+) -> None:
     """Draw a column's bias and interval, over all recordings if there are several."""
     rows = summary[summary["recording"] == ALL]
     if rows.empty:
@@ -162,28 +189,30 @@ def _draw_bias(axes: Axes, summary: pd.DataFrame, number: int) -> None:
     if np.isfinite([low, high]).all():
         interval = [[bias - low], [high - bias]]
     axes.errorbar(
-        50 + 3 * number,
+        place,
         bias,
         yerr=interval,
-        fmt=MARKERS[number % len(MARKERS)],
+        fmt=look["marker"],
         color=style.INK,
         ms=4,
         mew=0.7,
         capsize=2.5,
         zorder=4,
-        markerfacecolor=style.foot_colour(number),
+        markerfacecolor=look["color"],
     )
 
 
-def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
+def _draw_example(
+    panels: Mapping[str, Axes], example: pd.DataFrame, looks: Looks
+) -> None:
     height = panels["h"]
-    feet = list(dict.fromkeys(example.loc[example["kind"] == "height", "name"]))
-    for number, foot in enumerate(feet):
+    places = foot_places(_feet_of(example))
+    for foot, place in places.items():
         rows = example[(example["kind"] == "height") & (example["name"] == foot)]
         height.plot(
             rows["time_s"] * 1e3,
             rows["value"] * 1e3,
-            **style.foot_line(number),
+            **style.foot_line(place),
             marker=".",
             ms=3,
             label=style.label_of(foot),
@@ -192,41 +221,39 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
     lowest = panels.get("f", height)
     lowest.set_xlabel("time after the first external contact (ms)")
     for axes in dict.fromkeys([height, lowest]):
-        _draw_instants(axes, example, feet)
+        _draw_instants(axes, example, places)
     if lowest is not height:
-        _draw_force(lowest, example)
+        _draw_force(lowest, example, looks)
         lowest.sharex(height)
         height.tick_params(labelbottom=False)
     height.legend(loc="upper right", ncols=2)
 
 
-def _draw_instants(axes: Axes, example: pd.DataFrame, feet: list[str]) -> None:
+def _draw_instants(
+    axes: Axes, example: pd.DataFrame, places: Mapping[str, int]
+) -> None:
     """Draw a line at each instant, coloured if each foot has its own column."""
     external_names = set(example.loc[example["kind"] == "external", "name"])
-    each_has_own = external_names <= set(feet)
+    each_has_own = external_names <= set(places)
     for kind, (label, line, shared) in INSTANTS.items():
         for row in example[example["kind"] == kind].to_dict("records"):
             colour = shared
             if each_has_own:
-                colour = style.foot_colour(feet.index(row["name"]))
+                colour = style.foot_colour(places[row["name"]])
             axes.axvline(row["time_s"] * 1e3, color=colour, zorder=0, **line)
         axes.plot([], [], color=shared, label=label, **line)
 
 
-def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
+def _draw_force(axes: Axes, example: pd.DataFrame, looks: Looks) -> None:
     rows = example[example["kind"] == "force"]
     columns = rows.groupby("name", sort=False)
     for number, (column, samples) in enumerate(columns):
-        colour = style.INK
-        if len(columns) > 1:
-            colour = style.foot_colour(number)
+        in_ink = {"color": style.INK, "linestyle": style.foot_dash(number)}
         axes.plot(
             samples["time_s"] * 1e3,
             samples["value"],
-            color=colour,
-            marker=".",
+            **looks.get(str(column), in_ink) | {"marker": "."},
             ms=2.5,
-            linestyle=style.foot_dash(number),
             label=style.label_of(str(column)),
         )
     threshold = float(example.loc[example["kind"] == "threshold", "value"].iloc[0])

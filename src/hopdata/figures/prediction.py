@@ -27,12 +27,10 @@ PLACES = {name: i + 0.4 * (name not in AFFINE) for i, name in enumerate(MODELS)}
 # Margin beyond the boxes, relative to their range, so that no whisker touches the
 # frame.
 ROOM = 0.04
-QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
-ASKED = "How far each model misses the state after a landing (lower is better)"
-NOT_DECIDED = (
-    "“specialised” below “all” does not mean different maps:\n"
-    "one map that bends does that, too. The verdict decides."
-)
+QUANTILES = ("p2_5", "q25", "median_mse", "q75", "p97_5")
+# Shades of the boxes.
+OF_AFFINE = "#7a7a7a"
+OF_MEAN = "#d0d0d0"
 
 
 @style.styled
@@ -42,9 +40,9 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     Parameters
     ----------
     summary : DataFrame
-        One row per model: ``model``, the quantiles ``p2_5, q25, median, q75, p97_5`` of
-        the MSE in squared normalised units, and optionally ``n_train``, ``n_test``,
-        ``n_classes``. A model without a row, or with a median of NaN, is marked "not
+        One row per model: ``model``, the quantiles ``p2_5, q25, median_mse, q75,
+        p97_5`` of the MSE in squared normalised units, and optionally ``n_train``,
+        ``n_test``, ``n_classes``. A model without a row, or with a NaN, is marked "not
         fitted".
     units : mapping
         ``length_unit_m`` and ``time_unit_s``, the units of normalisation.
@@ -69,9 +67,9 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
             words = "not fitted:\ntoo few\ntouchdowns"
             style.lacking(axes, place, 0.5, words, axes.get_xaxis_transform())
             continue
-        colour = style.ORANGE
+        colour = OF_MEAN
         if name in AFFINE:
-            colour = style.BLUE
+            colour = OF_AFFINE
         quantiles = [float(rows[name][q]) for q in QUANTILES]
         style.box(axes, place, quantiles, colour, widths=0.5)
         _write_share(axes, place, rows[name], rows.get("mean"))
@@ -87,8 +85,8 @@ def _write_share(
     axes: Axes, place: float, row: Mapping[Any, Any], mean: Mapping[Any, Any] | None
 ) -> None:
     """Write the median beside its box, relative to that of the mean if there is one."""
-    median = float(row.get("median", np.nan))
-    of_mean = float((mean or {}).get("median", np.nan))
+    median = float(row.get("median_mse", np.nan))
+    of_mean = float((mean or {}).get("median_mse", np.nan))
     text = significant(median)
     if of_mean > 0:
         text = f"{significant(100 * median / of_mean)} %"
@@ -107,8 +105,6 @@ def _label(
         "; %: of the error of the mean (all)" if _is_fitted(rows.get("mean")) else ""
     )
     axes.set_xlabel(f"model (touchdowns to train / to test in each bootstrap){shares}")
-    compared = all(_is_fitted(rows.get(name)) for name in ("specialised", "all"))
-    axes.set_title(f"{ASKED}\n{NOT_DECIDED}" if compared else ASKED, loc="left")
     axes.set_ylabel(f"combined prediction MSE (units²)\n{units_text(units)}")
     # The range is often less than one decade.
     axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))

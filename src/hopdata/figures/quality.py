@@ -20,13 +20,14 @@ LEGEND_MM = 8.0
 BAR = 0.62
 # Shorter gaps are drawn as long as this share of the duration, to be visible.
 SHORTEST = 0.0015
-# Kind: colour, marker, label.
+SEEN = "#c4c4c4"
+# Kind: marker, label.
 SIGNS = {
-    "swap": (style.VERMILION, "v", "swapped markers"),
-    "spike": (style.INK, "x", "spike"),
-    "jump": (style.PURPLE, ">", "jump"),
-    "frozen": (style.ORANGE, "s", "frozen"),
-    "filled": (style.ORANGE, "D", "filled"),
+    "swap": ("v", "swapped markers"),
+    "spike": ("x", "spike"),
+    "jump": (">", "jump"),
+    "frozen": ("s", "frozen"),
+    "filled": ("D", "filled"),
 }
 
 
@@ -34,7 +35,7 @@ SIGNS = {
 def recording_gaps_figure(
     markers: pd.DataFrame, gaps: pd.DataFrame, faults: pd.DataFrame
 ) -> Figure:
-    """Draw a bar for each marker, blue where it was seen, with gaps and faults.
+    """Draw a bar for each marker, grey where it was seen, with gaps and faults.
 
     Parameters
     ----------
@@ -81,8 +82,7 @@ def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> N
         row,
         duration_s,
         height=BAR,
-        color=style.BLUE,
-        alpha=0.55,
+        color=SEEN,
         linewidth=0,
         label=label,
     )
@@ -96,12 +96,14 @@ def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> N
 def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> None:
     """Draw a symbol for each fault in its marker's row; lines for dropped frames."""
     row_of = {name: row for row, name in enumerate(markers)}
-    for kind, (colour, sign, meaning) in SIGNS.items():
+    for kind, (sign, meaning) in SIGNS.items():
         found = faults[faults["kind"] == kind]
         if found.empty:
             continue
         rows = [row_of[name] for name in found["marker"]]
-        (line,) = axes.plot(found["start_s"], rows, sign, color=colour, label=meaning)
+        (line,) = axes.plot(
+            found["start_s"], rows, sign, color=style.INK, label=meaning
+        )
         line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
     for i, time in enumerate(faults.loc[faults["kind"] == "dropped", "start_s"]):
         label = "frames dropped" if i == 0 else ""
@@ -111,11 +113,14 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
 # Stability of the sections, and drift between parts of a study.
 
 SECTIONS = (
-    ("pre_height_m", "pre section", style.BLUE, "o"),
-    ("post_height_m", "post section", style.VERMILION, "D"),
+    ("pre_height_m", "pre section", "white", "o"),
+    ("post_height_m", "post section", style.INK, "D"),
 )
 MARKS = "osD^vPX<>"
+# Insides of the marks of the parts, from the first on.
+PART_SHADES = ("white", "#c4c4c4", "#7a7a7a", style.INK)
 MOST_IN_LEGEND = 6
+NOTHING = "Nothing to compare the sections with."
 
 
 @style.styled
@@ -137,12 +142,19 @@ def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
         standard errors.
     """
     rows = max(len(stability) - 1, 2 * drift["quantity"].nunique(), 6)
+    if len(stability) < 2 and drift.empty:
+        return style.message_figure(NOTHING, width_mm=style.DOUBLE_COLUMN_MM)
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 26.0 + 5.5 * rows)
-    left, right = figure.subplots(1, 2)
-    _draw_sections(left, stability)
-    _draw_drift(right, drift)
-    style.letters((left, right))
-    for axes in (left, right):
+    parts = []
+    if len(stability) > 1:
+        parts.append((_draw_sections, stability))
+    if len(drift):
+        parts.append((_draw_drift, drift))
+    panels = figure.subplots(1, len(parts), squeeze=False)[0]
+    for axes, (draw, table) in zip(panels, parts, strict=True):
+        draw(axes, table)
+    style.letters(panels)
+    for axes in panels:
         axes.axvline(0.0, color=style.GREY, linewidth=0.8, zorder=1)
         axes.locator_params(axis="x", nbins=5)
     return figure
@@ -152,14 +164,15 @@ def _draw_sections(axes: Axes, stability: pd.DataFrame) -> None:
     chosen = stability.iloc[0]
     others = stability.iloc[1:]
     place = np.arange(len(others))
-    for column, label, colour, mark in SECTIONS:
+    for column, label, inside, mark in SECTIONS:
         moved = 1e3 * (others[column].to_numpy(float) - float(chosen[column]))
         axes.plot(
             moved,
             place,
             linestyle="",
             marker=mark,
-            color=colour,
+            color=style.INK,
+            markerfacecolor=inside,
             label=label,
             markersize=4,
         )
@@ -190,7 +203,8 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
             capsize=0,
             markersize=3.5,
             marker=MARKS[number % len(MARKS)],
-            color=style.foot_colour(number),
+            color=style.INK,
+            markerfacecolor=PART_SHADES[number % len(PART_SHADES)],
             label=part,
         )
     style.name_rows(axes, [_broken(quantity) for quantity in quantities])

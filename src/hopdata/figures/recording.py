@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hopdata.arrays import FloatArray
+from hopdata.feet import foot_places
 from hopdata.figures import style
 
 #: Frames from which on lines are drawn as pixels, also in SVG and PDF.
@@ -47,8 +48,8 @@ def heights_figure(
     if body:
         mean_m = np.mean([heights_m[name] for name in body], axis=0)
         axes.plot(time_s, mean_m, color=style.INK, label="body (mean)", **line)
-    for number, name in enumerate(feet):
-        look = {**line, **style.foot_line(number)}
+    for name, place in foot_places(feet).items():
+        look = {**line, **style.foot_line(place)}
         axes.plot(time_s, heights_m[name], label=style.label_of(name), **look)
     if not feet and not body:
         are_few = len(heights_m) <= MOST_NAMED

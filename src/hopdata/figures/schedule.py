@@ -9,16 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopdata.errors import chosen
+from hopdata.feet import foot_places
 from hopdata.figures import style
 
 # Instant and standard error for each foot, ms.
 Contacts = Mapping[str, tuple[float, float]]
 
-ARROW = " → "
 # The method whose standard errors are those of the instants, not of rounding alone.
 KINK = "kink"
-# Number of feet up to which the order and its probability fit in one line.
-LONGEST_IN_ONE_LINE = 4
 # `UNDETERMINED_S` of the kink fit: such an error means that none was seen.
 UNDETERMINED_MS = 15.0
 # What the probability of an order rests on, by method.
@@ -114,11 +112,12 @@ def _draw_signal(
 ) -> None:
     """Draw one quantity of every foot, with a plus at its contact."""
     scale = 1e3 if column == "height_m" else 1.0
-    for number, foot in enumerate(feet):
+    places = foot_places(feet)
+    for foot, place in places.items():
         rows = example[example["foot"] == foot]
         time = rows["time_s"].to_numpy() * 1e3
         value = rows[column].to_numpy() * scale
-        axes.plot(time, value, **style.foot_line(number), label=style.label_of(foot))
+        axes.plot(time, value, **style.foot_line(place), label=style.label_of(foot))
         seen = np.isfinite(value)
         instant, _ = contacts[foot]
         if np.isfinite(instant) and seen.any():
@@ -142,11 +141,11 @@ def _shade_transition(panels: Mapping[str, Axes], touchdown: Mapping[str, Any]) 
     end = (float(touchdown["t_post_s"]) - float(touchdown["t_pre_s"])) * 1e3
     for name in ("height", "velocity"):
         panels[name].axvspan(
-            0.0, end, color=style.YELLOW, alpha=0.35, linewidth=0, zorder=-1
+            0.0, end, color=style.BETWEEN_SECTIONS, alpha=0.35, linewidth=0, zorder=-1
         )
     panels["height"].plot([], [], "+", color=style.INK, ms=6, mew=0.9, label="contact")
     panels["height"].fill_between(
-        [], [], color=style.YELLOW, alpha=0.35, label="transition"
+        [], [], color=style.BETWEEN_SECTIONS, alpha=0.35, label="transition"
     )
 
 
@@ -157,9 +156,10 @@ def _draw_contacts(
     instants = [contacts[foot][0] for foot in feet]
     by_instant = np.argsort(np.nan_to_num(instants, nan=np.inf), kind="stable")
     order = by_instant.tolist()  # feet that did not touch come last
+    places = foot_places(feet)
     for row, number in enumerate(order):
         instant, error = contacts[feet[number]]
-        colour = style.foot_colour(number)
+        colour = style.foot_colour(places[feet[number]])
         look: Any = {"fmt": "o", "color": colour, "ms": 2.2, "capsize": 3.5}
         dash: Literal["-", "--"] = "-"
         if touchdown["method"] == KINK and error >= UNDETERMINED_MS:
@@ -173,7 +173,7 @@ def _draw_contacts(
         if not np.isfinite(instant):
             across = axes.get_yaxis_transform()
             axes.text(0.5, row, "no contact", transform=across, ha="center")
-    names = [f"{style.label_of(feet[number])} ({number + 1})" for number in order]
+    names = [style.label_of(feet[number]) for number in order]
     axes.set_yticks(range(len(feet)), names)
     axes.set_ylim(len(feet) - 0.4, -0.6)
     axes.margins(x=0.15)
@@ -182,19 +182,16 @@ def _draw_contacts(
 
 
 def _order_text(touchdown: Mapping[str, Any]) -> str:
+    """Return how sure the order is; the rows of the panel show it."""
     schedule = touchdown.get("schedule")
     if not isinstance(schedule, str) or not schedule:
         return "order not determined"
-    order = schedule.split(">")
-    text = f"order {ARROW.join(order)}"
     probability = touchdown.get("probability")
     if probability is None or not np.isfinite(float(probability)):
-        return text
+        return ""
     value = float(probability)
     share = f"{100 * value:.3g}"
     if value > 0.999:
         share = "> 99.9"
     sure = chosen("touchdowns.method", touchdown["method"], SURE_BY).format(share)
-    if len(order) <= LONGEST_IN_ONE_LINE and touchdown["method"] == KINK:
-        return f"{text} ({sure})"
-    return f"{text}\n({sure})"
+    return f"order {sure}"

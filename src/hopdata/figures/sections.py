@@ -44,7 +44,6 @@ class _Side:
     contact: str
     # Curve of those at the turning point on its other side.
     turn: str
-    colour: str
 
     @property
     def condition(self) -> str:
@@ -52,10 +51,8 @@ class _Side:
 
 
 SIDES = (
-    _Side("a", "pre", "min_foot", "up", "down", "first_contact", "top", style.BLUE),
-    _Side(
-        "b", "post", "max_foot", "down", "up", "last_contact", "lowest", style.VERMILION
-    ),
+    _Side("a", "pre", "min_foot", "up", "down", "first_contact", "top"),
+    _Side("b", "post", "max_foot", "down", "up", "last_contact", "lowest"),
 )
 
 
@@ -147,7 +144,7 @@ def _draw_side(
     title = f"{side.section.capitalize()} section: {_said(sections, side)}"
     half.suptitle(
         f"{side.letter}   {title}",
-        color=side.colour,
+        color=style.INK,
         x=0.02,
         ha="left",
         fontsize=style.pt(8),
@@ -192,7 +189,7 @@ def _draw_scatter(
         lines = _section_lines(sections, side)
         _name_branches(axes, body, foot, landing, threshold, lines)
     look: Any = {"s": 1.2, "alpha": 0.35, "linewidths": 0, "rasterized": True}
-    for mask, colour in ((~chosen, style.GREY), (chosen, side.colour)):
+    for mask, colour in ((~chosen, style.GREY), (chosen, style.FOUND)):
         axes.scatter(body[mask], foot[mask], c=colour, **look)
     axes.set_xlabel("mean body height (mm)")
     axes.tick_params(labelleft=False)
@@ -268,7 +265,7 @@ def _draw_body_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
     axes.set_ylabel("density (1/m)")
     given = f"body_given_all_{side.where}"
     others = f"body_given_some_{side.otherwise}"
-    for name, colour in ((others, style.GREY), (given, side.colour)):
+    for name, colour in ((others, style.GREY), (given, style.FOUND)):
         height, density = _curve(densities, name)
         axes.plot(height, density, color=colour)
         axes.fill_between(height, density, color=colour, alpha=0.15, linewidth=0)
@@ -308,7 +305,12 @@ def _draw_sections(
     own = _height(sections, f"{side.section}_height_m")
     pre = _height(sections, "pre_height_m")
     post = _height(sections, "post_height_m")
-    yellow: Any = {"color": style.YELLOW, "alpha": 0.35, "linewidth": 0, "zorder": -1}
+    yellow: Any = {
+        "color": style.BETWEEN_SECTIONS,
+        "alpha": 0.35,
+        "linewidth": 0,
+        "zorder": -1,
+    }
     for axes in each:
         if other is not None:
             axes.axvline(other, **DOTTED)
@@ -319,14 +321,14 @@ def _draw_sections(
 
 
 def _legend_handles(sections: Mapping[str, Any], landings: bool) -> list[Artist]:
-    dots = [(side.colour, side.condition) for side in SIDES]
-    dots.append((style.GREY, "other frames"))
+    chosen = " or ".join(f"{side.condition} ({side.letter})" for side in SIDES)
+    dots = [(style.FOUND, chosen), (style.NOT_FOUND, "other frames")]
     dot: Any = {"marker": "o", "ls": "", "ms": 3}
     handles: list[Artist] = []
     for colour, text in dots:
         handles.append(Line2D([], [], color=colour, label=text, **dot))
     handles.append(Line2D([], [], label="threshold, section", **DASHED))
-    between: Any = {"facecolor": style.YELLOW, "alpha": 0.35, "linewidth": 0}
+    between: Any = {"facecolor": style.BETWEEN_SECTIONS, "alpha": 0.35, "linewidth": 0}
     handles.append(Patch(label="transition, pre to post", **between))
     if _height(sections.get("beside", {}), "pre_height_m") is not None:
         rule = sections["beside"]["rule"]

@@ -113,7 +113,20 @@ INK = "#222222"
 # Box behind a text that may overlap a line.
 ON_WHITE = {"facecolor": "white", "linewidth": 0, "pad": 0.8}
 
-FOOT_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+# What a colour means in the figures of a study, of a recording and of contacts. Colours
+# mark the feet; shades say how sure something is. Orange and red stand last, since
+# readers take them for a warning.
+FOOT_COLOURS = (BLUE, GREEN, PURPLE, SKY, ORANGE, VERMILION)
+BETWEEN_SECTIONS = YELLOW
+FOUND = INK
+NOT_FOUND = GREY
+# Size and sign of an entry of a map, with white for zero.
+OF_SIGNS = "BrBG"
+MEANINGS = {
+    "a foot": FOOT_COLOURS,
+    "between the two sections": (BETWEEN_SECTIONS,),
+}
+FOOT_MARKS = ("o", "s", "^", "D", "v", "P")
 FOOT_DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = (
     "-",
     (0, (5, 1.5)),
@@ -369,6 +382,11 @@ def message_figure(message: str, *, width_mm: float = SINGLE_COLUMN_MM) -> Figur
     figure = paper_figure(width_mm, 25.0)
     figure.text(0.5, 0.5, message, ha="center", va="center", color=INK, wrap=True)
     return figure
+
+
+def foot_mark(number: int) -> str:
+    """Return the mark of a foot, numbered from 0; repeats after six feet."""
+    return FOOT_MARKS[number % len(FOOT_MARKS)]
 
 
 def foot_colour(number: int) -> str:

@@ -4,20 +4,19 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from hopdata.errors import counted
-from hopdata.feet import foot_names, with_foot_names
+from hopdata.feet import foot_names, foot_places
 from hopdata.figures import style
 
 # Heights of a row of two plots, of a member of a group, and of a study's title.
 ROW_MM = 58.0
 MEMBER_MM = 4.2
 TITLE_MM = 3.0
-# Characters of a line of a reason in words, on its own and beside a plot.
+# Characters of a line of a reason in words, where there is nothing to draw.
 SAID_WIDTH = 90
 SAID_WIDTH_BESIDE = 48
 ASKED = "difference between the maps of the contact orders"
@@ -52,22 +51,29 @@ def verdict_figure(
     verdict : mapping
         Contents of ``verdict.json``; see docs/verdict_json.md.
     touchdowns : DataFrame
-        The touchdown table; its two most common orders of contact are drawn.
+        The touchdown table, whose orders of contact are drawn.
     truth : DataFrame, optional
         The ``true_effect`` of a simulated study, marked on the axis.
 
     Returns
     -------
     Figure
-        (a) The difference and its uncertainty. (b) What it means for two landings. What
-        neither shows is in the caption. If a study has no answer, the words are beside
-        (b).
+        (a) The difference and its uncertainty. (b) All orders of contact, and whether
+        one map leads on from them. If a study has no answer, there is (b) alone. All
+        sentences are in the caption.
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(
             _said(verdict, SAID_WIDTH), width_mm=style.DOUBLE_COLUMN_MM
         )
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, ROW_MM)
+    if verdict.get("effect") is None:
+        height_mm = _height_of_orders(touchdowns, 0.0)
+        figure = style.paper_figure(style.SINGLE_COLUMN_MM, height_mm)
+        axes = figure.subplots()
+        _draw_orders(axes, verdict["conclusion"], touchdowns, fewest=1)
+        axes.set_title(in_short(verdict), **TITLE, color=style.GREY)
+        return figure
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, _height_of_orders(touchdowns))
     if truth is None or truth.empty:
         _draw_row(figure, verdict, touchdowns, _top(verdict))
         return figure
@@ -117,10 +123,12 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
         Titles of the studies.
     """
     rows = list(zip(content[::2], content[1::2], names, strict=True))
-    height_mm = len(rows) * (ROW_MM + TITLE_MM)
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
+    heights = [_height_of_orders(one) + TITLE_MM for _, one, _ in rows]
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, sum(heights))
     top = max(_top(verdict) for verdict, _, _ in rows)
-    parts = figure.subfigures(len(rows), 1, squeeze=False).ravel()
+    parts = figure.subfigures(
+        len(rows), 1, squeeze=False, height_ratios=heights
+    ).ravel()
     for part, (verdict, touchdowns, name) in zip(parts, rows, strict=True):
         part.suptitle(style.label_of(name), fontsize=style.pt(8), x=0.01, ha="left")
         _draw_row(part, verdict, touchdowns, top)
@@ -133,13 +141,11 @@ def _draw_row(
     touchdowns: pd.DataFrame,
     top: float,
 ) -> Axes:
-    """Draw size and landings side by side; without an answer, the reason."""
-    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-    _draw_landings(right, verdict["conclusion"], touchdowns)
+    """Draw size and orders side by side; without an answer, no size."""
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.05))
+    _draw_orders(right, verdict["conclusion"], touchdowns)
     if verdict.get("effect") is None:
-        left.set_title(in_short(verdict), fontsize=style.pt(10), fontweight="bold")
-        said = _said(verdict, SAID_WIDTH_BESIDE)
-        left.text(0.5, 0.55, said, ha="center", va="center")
+        left.set_title(in_short(verdict), **TITLE, color=style.GREY)
         left.set_axis_off()
         return left
     _draw_size(left, verdict, top)
@@ -164,6 +170,8 @@ def _top(verdict: Mapping[str, Any]) -> float:
 
 # The axis is longer than what it has to show by this factor.
 ROOM = 1.12
+# The answer above a panel.
+TITLE: dict[str, Any] = {"fontweight": "bold", "loc": "left"}
 
 
 def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
@@ -189,15 +197,14 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     """Draw what is known of the difference above an axis that begins at zero."""
     effect = verdict[_decided(verdict)]
     _, colour = ANSWERS[verdict["conclusion"]]
-    look: Any = {"fontsize": style.pt(9), "fontweight": "bold", "loc": "left"}
-    axes.set_title(in_short(verdict), color=colour, **look)
+    axes.set_title(in_short(verdict), color=colour, fontsize=style.pt(8), **TITLE)
     low = 100.0 * effect["low"]
     end = 100.0 * _end(verdict["conclusion"], effect)
     _draw_interval(axes, verdict, (low, end), colour, top)
     if low <= 0:  # a difference that was found does not count as none
         margin = 100.0 * verdict["margin"]
         axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
-        none = f"smaller than {margin:g} %\ncounts as none"
+        none = f"margin {margin:g} %"
         _write(axes, none, (margin, NONE_ROW), style.INK, top)
     _draw_seen(axes, verdict, top)
     axes.set_ylim(0.0, HIGHEST_ROW)
@@ -226,7 +233,7 @@ def _draw_interval(
         axes.plot(100.0 * effect["estimate"], BAR_ROW, "|", color="white", ms=7, mew=2)
         words = f"{sure} interval"
     else:
-        words = f"not excluded by this study\n(at {sure} confidence)"
+        words = f"not excluded, {sure} confidence"
     _write(axes, words, (low, BAR_TEXT_ROW), colour, top)
 
 
@@ -234,9 +241,9 @@ def _draw_seen(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     """Draw from where on such studies would have found a difference."""
     seen = 100.0 * verdict[_decided(verdict)]["detectable"]
     power = f"{100 * float(verdict['power']):g} %"
-    words = "nothing could have been seen"
+    words = "none detectable"
     if seen < top:
-        words = f"from here on, {power} of\nsuch studies find a difference"
+        words = f"detectable, {power} power"
         axes.plot([seen, top], [SEEN_ROW, SEEN_ROW], color=style.GREY, linewidth=1.2)
         start: Any = {"color": style.GREY, "markersize": 8, "markeredgewidth": 1.5}
         axes.plot(seen, SEEN_ROW, "|", **start)
@@ -307,14 +314,22 @@ def _said(verdict: Mapping[str, Any], longest: int) -> str:
     return "\n".join(textwrap.wrap(said, longest))
 
 
-# Characters of the names of all feet, beyond which feet are numbered.
-LONGEST_NAMES = 24
-# Drawing of a landing: width of the ground, height between the feet of two ranks (feet
-# that touch later are higher), height of the hips, and distance between two landings.
-WIDTH = 3.2
-STEP = 0.32
-HIP = 1.7
-ROW = 3.6
+# The table of orders: rows that it shows at most, and the height of a row, of what
+# stands around them, and of the legend that some have.
+MOST_ORDERS = 24
+ORDER_MM = 3.1
+AROUND_MM = 14.0
+# Fewer rows than this stand as far apart as so many would.
+FEWEST_ROWS = 8
+# Places across the panel, which is 100 wide: where the feet end, the bars, their
+# numbers, the lines to the maps, and the maps.
+FEET_END = 52.0
+BARS = (54.0, 63.0)
+LINES = (75.0, 82.0)
+MAP = 91.0
+# Width of a character of a foot's name, and of its mark, in the same unit.
+CHARACTER = 1.7
+MARK = 2.4
 ORDINALS = ("1st", "2nd", "3rd", "4th", "5th", "6th")
 
 
@@ -323,72 +338,97 @@ def _used(touchdowns: pd.DataFrame) -> pd.Series:
     return touchdowns.loc[~touchdowns["excluded"].astype(bool), "schedule"].dropna()
 
 
-def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> None:
-    """Draw the two most common orders of contact, and the maps that follow."""
+def _height_of_orders(touchdowns: pd.DataFrame, least_mm: float = ROW_MM) -> float:
+    """Return the height of a figure with a table of all orders, mm."""
+    n_orders = _used(touchdowns).nunique()
+    n_rows = min(n_orders, MOST_ORDERS) + (n_orders > MOST_ORDERS)
+    return max(least_mm, AROUND_MM + ORDER_MM * n_rows)
+
+
+def _draw_orders(
+    axes: Axes,
+    conclusion: str,
+    touchdowns: pd.DataFrame,
+    *,
+    fewest: int = FEWEST_ROWS,
+) -> None:
+    """Draw a row for each order of contact, the commonest first, and its map.
+
+    A foot has its colour and mark in every row. Rows beyond `MOST_ORDERS` are counted
+    together. There is room for the `fewest` rows.
+    """
     counts = _used(touchdowns).value_counts()
+    orders = [str(order).split(">") for order in counts.index]
+    n_feet = len(orders[0]) if orders else 0
     names = [style.label_of(name) for name in foot_names(touchdowns.columns)]
-    if sum(map(len, names)) > LONGEST_NAMES:
-        names = []
-    orders = [str(order).split(">") for order in counts.index[:2]]
-    grounds = [-ROW * row for row in range(len(orders))]
-    levels = [ground + 0.9 for ground in grounds]  # of the maps
-    middle = float(np.mean(levels))
-    _, colour = ANSWERS[conclusion]
-    are_different = conclusion == "different"
-    for order, ground, level in zip(orders, grounds, levels, strict=True):
-        ranks = [order.index(foot) for foot in sorted(order, key=int)]
-        _draw_landing(axes, ranks, ground)
-        number = int(counts[">".join(order)])
-        named = with_foot_names(">".join(order), names)
-        name = f"{named}: {counted(number, 'landing')}"
-        if not names:
-            name = f"feet {name}"
-        axes.text(0.5 * WIDTH, ground - 0.65, name, ha="center", va="top")
-        goal = level if are_different else middle
-        look = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4}
-        axes.annotate("", (6.0, goal), (WIDTH + 0.5, level), arrowprops=look)
-    words = {
-        "different": ["its own map"] * len(orders),
-        "no difference": ["one map\nfor every order"],
-        "cannot tell": ["one map,\nor several?"],
-    }[conclusion]
-    box = {"boxstyle": "round,pad=0.5", "facecolor": colour, "linewidth": 0}
-    for row, text in enumerate(words):
-        place = levels[row] if are_different else middle
-        axes.text(
-            6.2, place, text, va="center", color="white", fontweight="bold", bbox=box
-        )
-    axes.set_xlim(-0.3, 9.2)
-    axes.set_ylim(grounds[-1] - 1.4, 2.2)
+    if len(names) < n_feet:
+        names = [str(number + 1) for number in range(n_feet)]
+    rows = len(orders[:MOST_ORDERS])
+    most = int(counts.max()) if rows else 1
+    step = FEET_END / max(n_feet, 1)
+    has_names = MARK + CHARACTER * max(map(len, names), default=0) < step
+    size: Any = {"fontsize": style.pt(6), "va": "center_baseline"}
+    for k in range(n_feet):
+        axes.text(step * k, -1.0, ORDINALS[k], **size)
+    axes.text(BARS[0], -1.0, "landings", **size)
+    places = foot_places(names)
+    for row, order in enumerate(orders[:MOST_ORDERS]):
+        for k, foot in enumerate(order):
+            name = names[int(foot) - 1]
+            place = places[name]
+            look: Any = {"color": style.foot_colour(place), "markersize": 3.5}
+            axes.plot(step * k + 0.8, row, style.foot_mark(place), **look)
+            if has_names:
+                axes.text(step * k + MARK, row, name, **size)
+        _draw_count(axes, row, int(counts.iloc[row]), most)
+    if len(orders) > MOST_ORDERS:
+        rarer = counts.iloc[MOST_ORDERS:]
+        axes.text(0.0, rows, counted(len(rarer), "rarer order"), **size)
+        _draw_count(axes, rows, int(rarer.sum()), most)
+        rows += 1
+    _draw_maps(axes, conclusion, rows)
+    axes.set_xlim(-1.0, 100.0)
+    axes.set_ylim(max(rows, fewest) - 0.4, -1.6)
     axes.set_axis_off()
+    if not has_names:
+        handles = []
+        for name in names:
+            place = places[name]
+            own: Any = {"color": style.foot_colour(place), "linestyle": "none"}
+            mark = style.foot_mark(place)
+            handles += axes.plot([], [], marker=mark, label=name, **own)
+        columns = min(3, len(names))
+        axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, 0.0),
+                    ncols=columns, frameon=False)  # fmt: skip
 
 
-def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
-    """Draw a body on numbered legs; the foot of rank 0 touches first."""
-    hip = ground + HIP
-    body = [0.1, WIDTH - 0.1]
-    axes.plot([0.0, WIDTH], [ground, ground], color=style.INK, linewidth=1.0)
-    axes.plot(body, [hip, hip], color=style.INK, linewidth=7, solid_capstyle="round")
-    size = style.pt(min(6.0, 24.0 / len(ranks)))  # smaller if there are many feet
-    for number, rank in enumerate(ranks):
-        place = 0.3 + (WIDTH - 0.6) * number / (len(ranks) - 1)
-        foot = ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09
-        colour = style.foot_colour(number)
-        axes.plot([place, place], [foot, hip], color=colour, linewidth=1.6)
-        axes.plot(place, foot, "o", color=colour, markersize=4)
-        axes.text(
-            place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=size
-        )
-        axes.text(
-            place,
-            hip,
-            f"{number + 1}",
-            fontsize=style.pt(5),
-            fontweight="bold",
-            color="white",
-            ha="center",
-            va="center_baseline",
-        )
+def _draw_count(axes: Axes, row: int, count: int, most: int) -> None:
+    """Draw the number of landings of an order as a bar, and write it."""
+    left, right = BARS
+    length = (right - left) * min(count / most, 1.0)
+    axes.barh(row, length, 0.55, left, color=style.GREY, linewidth=0)
+    at = (left + length, row)
+    style.note(axes, f"{count:,}", at, (2, 0), va="center_baseline")
+
+
+def _draw_maps(axes: Axes, conclusion: str, rows: int) -> None:
+    """Draw what leads on from the orders: one map, own maps, or it is not known."""
+    _, colour = ANSWERS[conclusion]
+    left, right = LINES
+    line: Any = {"color": colour, "linewidth": 0.8}
+    if conclusion == "different":
+        axes.text(MAP, -1.0, "own map", fontsize=style.pt(6), ha="center", va="center")
+        for row in range(rows):
+            axes.plot([left, MAP], [row, row], **line)
+            axes.plot(MAP, row, "s", color=colour, markersize=5)
+        return
+    middle = 0.5 * (rows - 1)
+    for row in range(rows):
+        axes.plot([left, right], [row, middle], **line)
+    words = {"no difference": "one map", "cannot tell": "one map?"}[conclusion]
+    box = {"boxstyle": "round,pad=0.4", "facecolor": colour, "linewidth": 0}
+    look: Any = {"color": "white", "fontweight": "bold", "bbox": box}
+    axes.text(MAP, middle, words, ha="center", va="center", zorder=3, **look)
 
 
 # The verdicts of a group below each other: a forest plot.

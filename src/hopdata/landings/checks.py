@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hopdata.arrays import pd
-from hopdata.errors import with_names
+from hopdata.errors import counted, with_names
 from hopdata.landings.contacts.altered import FILTER_DELAYS
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.messages import Message
@@ -53,6 +53,17 @@ class Question(NamedTuple):
 
 
 SEEN = Question("frames seen, worst marker", "Recordings", "%", 99.0, 95.0)
+# Kind of fault -> one of them in words, where the kind is no noun.
+FAULT_WORDS = {
+    "frozen": "frozen marker",
+    "filled": "filled gap",
+    "dropped": "frame drop",
+    "copy": "repeat",
+    "rate": "wrong rate",
+    "jitter": "uneven stretch",
+    "irregular": "odd time stamp",
+    "backward": "backward time stamp",
+}
 FAULTS = Question("swaps, spikes, jumps, frozen, time", "Recordings", "", 0.0, 10.0)
 NOISE = Question("noise of a coordinate over expected", "Recordings", "", 1.5, 3.0)
 USED = Question("touchdowns used", "Landings", "%", 80.0, 50.0)
@@ -214,7 +225,8 @@ def _faults(faults: pd.DataFrame) -> Check:
     faults = faults.drop(columns="marker", errors="ignore").drop_duplicates()
     kinds = faults["kind"].value_counts()
     if len(kinds):
-        counts = ", ".join(f"{n} × {kind}" for kind, n in kinds.items())
+        found = [counted(n, FAULT_WORDS.get(kind, kind)) for kind, n in kinds.items()]
+        counts = ", ".join(found)
         remark = Message("landings.faults", {"counts": counts})
     else:
         remark = Message("landings.no_faults")
@@ -420,7 +432,7 @@ def _drift(drift: pd.DataFrame) -> Check:
     """Ask how far a part of the study is from the others."""
     if drift.empty:
         return _check(DRIFT, None, Message("landings.few_touchdowns"))
-    apart = (drift["median"] - drift["typical"]).abs()
+    apart = (drift["median_of_part"] - drift["typical"]).abs()
     sure = apart > SURE_OF_DRIFT * drift["se"]
     if not sure.any():
         return _check(DRIFT, 0.0, Message("landings.no_drift"))

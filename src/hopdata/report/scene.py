@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, pd
+from hopdata.errors import counted
+from hopdata.feet import foot_places, with_foot_names
 from hopdata.recording import Recording
 
 # What is shown around a landing, and after its pre section if it has no post section.
@@ -57,9 +59,10 @@ def landings_scene(
         landing = recording.part(slice(first, last))
         pre_s = float(row["t_pre_s"])
         contacts = []
-        for foot in recording.names("foot"):
+        feet = recording.names("foot")
+        for foot in feet:
             contacts.append(float(row[f"contact_{foot}_s"]) - pre_s)
-        title = f"feet {str(order).replace('>', ' → ')}, of {len(same)} landings"
+        title = f"{with_foot_names(str(order), feet)}: {counted(len(same), 'landing')}"
         parts.append(_part(landing, title, pre_s, contacts))
     return _scene(parts, 0.1)
 
@@ -102,6 +105,7 @@ def _part(
         "title": title,
         "markers": recording.markers,
         "roles": recording.roles,
+        "looks": [*foot_places(recording.names("foot")).values()],
         "time": _packed(recording.time - zero_s, "<f4"),
         "places": _packed(steps, "<i2"),
         "middle": middle.tolist(),
@@ -156,6 +160,7 @@ def small_plot(recording: Recording | None, row: Row) -> str:
     x = WIDTH * (time[shown] - start) / (stop - start)
     y = (HEIGHT - 2) * (1 - (heights[shown] - low) / max(high - low, 1e-6)) + 1
     feet = recording.names("foot")
+    looks = foot_places(feet)
     lines = []
     for number, foot in enumerate(feet):
         points = []
@@ -167,7 +172,7 @@ def small_plot(recording: Recording | None, row: Row) -> str:
         contact = WIDTH * (contact_s - start) / (stop - start)
         if np.isfinite(contact):
             drawn += f'<path d="M{contact:.0f} 0V{HEIGHT}" class="at"/>'
-        lines.append(f'<g class="foot{number % 6}">{drawn}</g>')
+        lines.append(f'<g class="foot{looks[foot] % 6}">{drawn}</g>')
     told = escape(f"heights of {', '.join(feet)}, {1e3 * (high - low):.0f} mm")
     size = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
     label = f'class="small" role="img" aria-label="{told}"'

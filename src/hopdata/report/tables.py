@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.errors import counted, with_names
+from hopdata.feet import foot_names, with_foot_names
 from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.report import formatting as show
@@ -159,10 +161,11 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     used = touchdowns[~excluded(touchdowns)]
     by_schedule = [(str(name), group) for name, group in used.groupby("schedule")]
     by_schedule.sort(key=lambda item: (-len(item[1]), item[0]))  # commonest first
+    names = foot_names(touchdowns.columns)
     rows = []
     for schedule, group in by_schedule[:MOST_SCHEDULES]:
         row = (
-            schedule.replace(">", " → "),
+            with_foot_names(schedule, names),
             show.count(len(group)),
             show.count((group["order_class"] == "ambiguous").sum()),
             show.fixed(100 * len(group) / len(used), 1),
@@ -238,7 +241,7 @@ SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
     """Return one row per model, in the printed order, including those not fitted."""
     rows = _in_order(summary, "model", MODEL_NAMES)
-    scale, power = show.common_scale([row.get("median") for row in rows])
+    scale, power = show.common_scale([row.get("median_mse") for row in rows])
     columns: show.Columns = {
         "model": lambda row: MODEL_NAMES.get(row["model"], str(row["model"])),
         "classes": show.counted("n_classes"),
@@ -246,7 +249,7 @@ def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
         "test": show.counted("n_test"),
         show.percent(2.5): show.decimals("p2_5", 2, 1 / scale),
         show.percent(25): show.decimals("q25", 2, 1 / scale),
-        "median": show.decimals("median", 2, 1 / scale),
+        "median": show.decimals("median_mse", 2, 1 / scale),
         show.percent(75): show.decimals("q75", 2, 1 / scale),
         show.percent(97.5): show.decimals("p97_5", 2, 1 / scale),
         "worst position (mm)": show.decimals("worst_position_mm", 1),
@@ -263,11 +266,11 @@ def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
     columns: show.Columns = {
         "subspaces": lambda row: KIND_NAMES.get(row["kind"], str(row["kind"])),
         "pairs": lambda row: show.count(row.get("n", 0)),
-        "mean": show.decimals("mean", 3),
+        "mean": show.decimals("mean_distance", 3),
         "sd": show.decimals("sd", 3),
         show.percent(5): show.decimals("q05", 3),
         show.percent(25): show.decimals("q25", 3),
-        "median": show.decimals("median", 3),
+        "median": show.decimals("median_distance", 3),
         show.percent(75): show.decimals("q75", 3),
         show.percent(95): show.decimals("q95", 3),
         "AUC": show.decimals("auc_against_in_class", 3),
@@ -435,6 +438,8 @@ def _ms(value: Any) -> str:
 
 Checks = Sequence[Mapping[str, Any]]
 
+# Between the folders of a path, on any system.
+FOLDERS = r"[/\\]"
 # Status of a check: as it is shown.
 STATUS = {
     "good": f"●{show.NO_BREAK_SPACE}good",
@@ -444,7 +449,7 @@ STATUS = {
     "not asked": f"–{show.NO_BREAK_SPACE}not asked",
 }
 # The statuses that are judged, from the best to the worst.
-WORSE = ("good", "not known", "look", "poor")
+JUDGED = ("good", "look", "poor")
 # Nothing was configured to compare with, so there is nothing to judge.
 NOT_ASKED = "not asked"
 MOST_FAULTS = 30
@@ -517,32 +522,41 @@ def faults_table(faults: pd.DataFrame | None) -> show.Table | None:
 
 def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
     """Return one row per remark: what was guessed or corrected, the first thirty."""
-    columns = {"recording": show.text("recording"), "remark": show.text("remark")}
+    columns: show.Columns = {
+        "recording": show.text("recording"),
+        "remark": lambda row: _without_folder(str(row["remark"])),
+    }
     title = "Remarks on the recordings"
     return show.first_rows(title, remarks, columns, MOST_FAULTS, "remarks", texts=2)
 
 
-def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
-    """Return the subjects of the checks, with the worst status of each and its remark.
+def _without_folder(remark: str) -> str:
+    """Return a remark that begins with the path of a file with the file's name only."""
+    path, colon, rest = remark.partition(": ")
+    return f"{re.split(FOLDERS, path)[-1]}{colon}{rest}"
 
-    Checks that were not asked for light nothing; a good light names what it leaves
-    open.
+
+def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
+    """Return the subjects of the checks, with the worst status of each, in short.
+
+    Each names the checks with this status, and those that could not be judged. Their
+    remarks are in the table. A subject of which nothing was judged has no light.
     """
     shown = []
     for name in dict.fromkeys(str(check["about"]) for check in checks or ()):
-        of_all = [check for check in checks or () if check["about"] == name]
-        own = [check for check in of_all if check["status"] != NOT_ASKED]
-        if not own:
+        own = [check for check in checks or () if check["about"] == name]
+        judged = [check for check in own if check["status"] in JUDGED]
+        if not judged:
             continue
-        worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
+        worst = max(judged, key=lambda check: JUDGED.index(str(check["status"])))
         status = str(worst["status"])
-        told = f"{worst['what']}: {worst['remark']}"
-        if status == "good":
-            told = counted(len(own), "check")
-            for check in of_all:
-                if check["status"] == NOT_ASKED:
-                    told += f"; {check['what']}: {check['remark']}"
-        shown.append((name, status, told))
+        told = [counted(len(judged), "check")]
+        if status != "good":
+            told = [str(one["what"]) for one in judged if one["status"] == status]
+        open_ones = [str(one["what"]) for one in own if one["status"] not in JUDGED]
+        if open_ones:
+            told.append(f"not judged: {', '.join(open_ones)}")
+        shown.append((name, STATUS[status], "; ".join(told)))
     return shown
 
 

@@ -22,6 +22,9 @@ OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
 # An answer of no difference that does not hold of what fades fast.
 AT_CONTACT = "maps.no_difference_at_contact"
 
+# Facts on how far an answer reaches towards the simultaneous contact.
+REACH = ("margin", "holds_from", "contact_spread")
+
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
 
@@ -43,8 +46,7 @@ def reach(verdict: Verdict | None) -> list[Message]:
     if facts["over_landings"]:
         said.append(Message("report.spent", {"over_landings": facts["over_landings"]}))
     if facts["holds_from"]:
-        names = ("margin", "holds_from", "contact_spread")
-        values = {name: facts[name] for name in names}
+        values = {name: facts[name] for name in REACH}
         said.append(Message("report.unless_spent", values))
     return said
 
@@ -62,7 +64,7 @@ def answer(verdict: Verdict) -> list[Message | str]:
     if message.get("code") != AT_CONTACT or not facts["holds_from"]:
         return [worded(verdict, "sentence")]
     bounded = {**message, "code": "maps.no_difference"}
-    values = {name: facts[name] for name in ("margin", "holds_from")}
+    values = {name: facts[name] for name in REACH}
     reservation = Message("report.reservation", values)
     return [told(bounded, str(verdict.get("sentence"))), reservation]
 

@@ -36,8 +36,8 @@ def test_the_worst_seed_stands_beside_the_median():
         5,
         45,
     )
-    assert (found["worst"], found["worst_seed"]) == (27 / 30, 3)
-    assert found["median"] == 28 / 30
+    assert (found["worst_rate"], found["worst_seed"]) == (27 / 30, 3)
+    assert found["median_rate"] == 28 / 30
     np.testing.assert_allclose(
         found[["hops", "ratio", "worst_ratio"]].astype(float), [30, 1.2, 1.2]
     )
@@ -74,5 +74,5 @@ def test_without_a_success_there_are_no_hops_and_the_experiments_stay_apart():
     )
     assert len(table) == 2
     assert np.isnan(table["hops"].iloc[0])
-    assert table["median"].tolist() == [0.0, 1.0]
+    assert table["median_rate"].tolist() == [0.0, 1.0]
     assert table["touched"].tolist() == [0, 2]

@@ -10,6 +10,7 @@ their mean, and S the covariance of the inputs,
 both as rms motions of the markers. It is a quadratic form of the kinks b, e^2 = b'Fb.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
+from hopdata.feet import with_foot_names
 from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
 from hopdata.maps.verdict.inputs import (
@@ -54,7 +56,7 @@ class Comparison:
     names: list[tuple[str, str]]
 
 
-def compared(landings: SectionLandings) -> Comparison:
+def compared(landings: SectionLandings, foot_names: Sequence[str] = ()) -> Comparison:
     """Return what is compared: contact orders, or pairs of feet if there are many feet.
 
     Raises
@@ -67,7 +69,9 @@ def compared(landings: SectionLandings) -> Comparison:
     orders, counts = contact_orders(landings.expected, least)
     differences, mean = contrasts(orders, counts)
     if not len(differences):
-        raise AnalysisError(_nothing_to_compare(landings, by_order=by_order))
+        raise AnalysisError(
+            _nothing_to_compare(landings, foot_names, by_order=by_order)
+        )
     pairs = pairs_compared(orders, counts)
     if by_order:
         what = Message("maps.orders", {"count": len(orders)})
@@ -87,22 +91,25 @@ def compared(landings: SectionLandings) -> Comparison:
     )
 
 
-def _nothing_to_compare(landings: SectionLandings, *, by_order: bool) -> Message:
+def _nothing_to_compare(
+    landings: SectionLandings, foot_names: Sequence[str], *, by_order: bool
+) -> Message:
     if not by_order:
         missing = Message("maps.feet_come_first", {"least": LEAST_CLASS})
         return Message("maps.no_two_feet", {"what_is_missing": missing})
-    commonest = _commonest(landings)
+    commonest = _commonest(landings, foot_names)
     values = {"least": LEAST_CLASS, "commonest": commonest}
     return Message("maps.too_few_orders", values)
 
 
-def _commonest(landings: SectionLandings) -> str:
+def _commonest(landings: SectionLandings, foot_names: Sequence[str]) -> str:
     """Return the three commonest contact orders and their numbers of landings."""
     orders, counts = contact_orders(landings.expected, 1)
     names = order_names(orders)
     told = []
     for k in np.argsort(-counts, kind="stable")[:3]:
-        values = {"order": names[k].replace(">", " → "), "count": int(counts[k])}
+        order = with_foot_names(names[k], foot_names)
+        values = {"order": order, "count": int(counts[k])}
         told.append(str(Message("maps.order_has", values)))
     return ", ".join(told)
 

@@ -252,6 +252,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     power: float = 0.8,
     flips: int = 1999,
     blurred: str = "",
+    foot_names: Sequence[str] = (),
 ) -> Verdict:
     """Judge whether the map through the landing has one derivative.
 
@@ -294,6 +295,8 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         States from positions that a low-pass filter has smoothed must be declared here
         if half a period of its cut-off is longer than a landing from section to
         section. `judge` cannot see it, and its bounds would be too low.
+    foot_names
+        Names of the feet, by which sentences call them; by default their numbers.
 
     Raises
     ------
@@ -313,10 +316,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
             raise AnalysisError(blurred)
         sound = measured.sound_landings()
         landings = sound.landings
-        comparison = compared(landings)
+        comparison = compared(landings, foot_names)
         fit = fit_of_best_window(landings, comparison)
     except AnalysisError as error:
-        return _no_answer(error, measured, options, left_out)
+        return _no_answer(error, measured, options, left_out, foot_names)
 
     sizes = sizes_of(fit, landings, comparison, options)
     over_landings = sizes.effect
@@ -344,14 +347,14 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
     if answer.conclusion != DIFFERENT:
-        limited += limits.own_maps(sizes.orders)
+        limited += limits.own_maps(sizes.orders, foot_names)
     messages = {
         "sentence": answer.sentence,
         "outlook": answer.outlook,
         "compared": comparison.what,
         "contacts": contacts,
     }
-    most = which.mainly(sizes.orders, landings.expected, sizes.alone)
+    most = which.mainly(sizes.orders, landings.expected, sizes.alone, foot_names)
     if most is not None:
         messages["mainly"] = most
     now: list[Limit] = []
@@ -395,7 +398,11 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
 
 
 def _no_answer(
-    error: AnalysisError, measured: Measured, options: Options, left_out: Notes
+    error: AnalysisError,
+    measured: Measured,
+    options: Options,
+    left_out: Notes,
+    foot_names: Sequence[str],
 ) -> Verdict:
     """Return the verdict on data that allow no number, and say why."""
     reason: Any = error.args[0]
@@ -418,6 +425,7 @@ def _no_answer(
             measured.instants[rows],
             instants_se=_some(measured.instants_se, rows),
             feet=_some(measured.feet, rows),
+            foot_names=foot_names,
         )
         known_so_far = asdict(found)
         messages["contacts"] = found.said()

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from hopdata.arrays import BoolArray
+from hopdata.feet import with_foot_names
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import inputs, rows
 from hopdata.maps.verdict.model import LEFT, KinkFit
-from hopdata.maps.verdict.orders import OF_ORDER, PairEffect, arrows
+from hopdata.maps.verdict.orders import OF_ORDER, PairEffect
 from hopdata.maps.verdict.signs import IN_A_ROW
 from hopdata.maps.verdict.words import percent
 from hopdata.messages import Message
@@ -106,12 +107,12 @@ def what_limits(
     return notes
 
 
-def own_maps(effects: Sequence[PairEffect]) -> Notes:
+def own_maps(effects: Sequence[PairEffect], names: Sequence[str] = ()) -> Notes:
     """Return a note on orders with a map of their own that no kink or jump shows."""
     found = []
     for effect in effects:
         if effect.of == OF_ORDER and effect.low > 0.0:
-            found.append(arrows(effect.first))
+            found.append(with_foot_names(effect.first, names))
     if not found:
         return []
     return [_note("own_map", orders=", ".join(found))]

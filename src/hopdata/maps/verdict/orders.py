@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray, pd
+from hopdata.feet import foot_called, with_foot_names
 from hopdata.maps.verdict import comparison as comparing
 from hopdata.maps.verdict.averaged import pairs_that_exchange
 from hopdata.maps.verdict.comparison import Comparison
@@ -347,7 +348,10 @@ Parted = Callable[[tuple[str, ...], tuple[str, ...]], bool]
 
 
 def mainly(
-    effects: Sequence[PairEffect], instants: FloatArray, alone: str = ""
+    effects: Sequence[PairEffect],
+    instants: FloatArray,
+    alone: str = "",
+    names: Sequence[str] = (),
 ) -> Message | None:
     """Return which orders differ most, or which feet; None if no pair was found.
 
@@ -364,28 +368,33 @@ def mainly(
         (n, feet) expected contact instants.
     alone
         The order that alone differs, if there is one: see `own_maps`.
+    names
+        Names of the feet; without them their numbers are said.
     """
     if alone:
-        return Message("maps.mainly_alone", {"order": arrows(alone)})
+        return Message("maps.mainly_alone", {"order": with_foot_names(alone, names)})
     of_maps = [effect for effect in effects if effect.of == OF_MAP]
     of_jumps = [effect for effect in effects if effect.of == OF_JUMP]
-    maps = _mainly_maps(of_maps, instants)
-    jumps = _mainly_jump(of_jumps, instants)
+    maps = _mainly_maps(of_maps, instants, names)
+    jumps = _mainly_jump(of_jumps, instants, names)
     if maps is not None and jumps is not None:
         return Message("maps.mainly_both", {"maps": maps, "jumps": jumps})
     return maps or jumps
 
 
-def _mainly_maps(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
+def _mainly_maps(
+    effects: Sequence[PairEffect], instants: FloatArray, names: Sequence[str]
+) -> Message | None:
     found = [effect for effect in effects if effect.low > 0.0]
     if not found or len(effects) == 1:
         return None
     largest = max(found, key=lambda effect: effect.low)
     if len(_feet(largest.first)) == 2:
-        return Message("maps.mainly_feet", {"feet": _together(largest, instants)})
+        together = _together(largest, instants, names)
+        return Message("maps.mainly_feet", {"feet": together})
     best: Message | None = None
     most = 0
-    for said, parted in _statements(effects):
+    for said, parted in _statements(effects, names):
         group = []
         others = []
         for effect in effects:
@@ -399,55 +408,67 @@ def _mainly_maps(effects: Sequence[PairEffect], instants: FloatArray) -> Message
         if least > max(0.0, *(effect.estimate for effect in others)):
             best = said
             most = len(group)
-    values = {"first": arrows(largest.first), "second": arrows(largest.second)}
+    values = {
+        "first": with_foot_names(largest.first, names),
+        "second": with_foot_names(largest.second, names),
+    }
     return best or Message("maps.mainly_pair", values)
 
 
-def _mainly_jump(effects: Sequence[PairEffect], instants: FloatArray) -> Message | None:
+def _mainly_jump(
+    effects: Sequence[PairEffect], instants: FloatArray, names: Sequence[str]
+) -> Message | None:
     found = [effect for effect in effects if effect.low > 0.0]
     if not found or len(effects) == 1:
         return None
     largest = max(found, key=lambda effect: effect.low)
-    return Message("maps.mainly_jump", {"feet": _together(largest, instants)})
+    return Message("maps.mainly_jump", {"feet": _together(largest, instants, names)})
 
 
-def _together(effect: PairEffect, instants: FloatArray) -> str:
+def _together(effect: PairEffect, instants: FloatArray, names: Sequence[str]) -> str:
     """Return the two feet, and all pairs that exchange their order with them."""
     feet = _feet(effect.first)
     first, second = (int(foot) - 1 for foot in feet)
     exchanged = np.sign(instants[:, first] - instants[:, second])
-    said = [_both(first, second)]
+    said = [_both(first, second, names)]
     for i, j in combinations(range(instants.shape[1]), 2):
         other = np.sign(instants[:, i] - instants[:, j])
         alike = abs(float(np.mean(exchanged * other)))
         if {i, j} != {first, second} and alike > TOGETHER:
-            said.append(_both(i, j))
+            said.append(_both(i, j, names))
     if len(said) == 1:
         return said[0]
     return str(Message("maps.feet_together", {"pairs": " or ".join(said)}))
 
 
-def _both(first: int, second: int) -> str:
-    return str(Message("maps.two_feet", {"a": first + 1, "b": second + 1}))
+def _both(first: int, second: int, names: Sequence[str]) -> str:
+    called = {
+        "a": foot_called(first + 1, names),
+        "b": foot_called(second + 1, names),
+    }
+    return str(Message("maps.two_feet", called))
 
 
-def _statements(effects: Sequence[PairEffect]) -> list[tuple[Message, Parted]]:
+def _statements(
+    effects: Sequence[PairEffect], names: Sequence[str]
+) -> list[tuple[Message, Parted]]:
     """Return what may part the orders of pairs: a foot that is first, last or before.
 
     Each comes with a function of two orders that tells whether it parts them.
     """
     feet = sorted(_feet(effects[0].first), key=int)
+    called = {foot: foot_called(foot, names) for foot in feet}
     statements: list[tuple[Message, Parted]] = []
     for place, (differently, with_one, with_either) in PLACES.items():
         statements.append((Message(differently), partial(_differ_at, place)))
         for foot in feet:
-            said = Message(with_one, {"a": foot})
+            said = Message(with_one, {"a": called[foot]})
             statements.append((said, partial(_one_has, place, foot)))
         for a, b in combinations(feet, 2):
-            said = Message(with_either, {"a": a, "b": b})
+            said = Message(with_either, {"a": called[a], "b": called[b]})
             statements.append((said, partial(_have, place, {a, b})))
     for a, b in combinations(feet, 2):
-        said = Message("maps.before", {"a": a, "b": b})
+        said = Message("maps.before", {"a": called[a], "b": called[b]})
         statements.append((said, partial(_exchanged, a, b)))
     return statements
 
@@ -475,8 +496,3 @@ def _exchanged(a: str, b: str, one: tuple[str, ...], other: tuple[str, ...]) -> 
 
 def _feet(order: str) -> tuple[str, ...]:
     return tuple(order.split(">"))
-
-
-def arrows(order: str) -> str:
-    """Return the name of an order as it is read, ``1 → 2 → 3``."""
-    return order.replace(">", " → ")

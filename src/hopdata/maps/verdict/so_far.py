@@ -7,6 +7,7 @@ of this kind are worth while. Nothing here enters a size.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
+from hopdata.feet import with_foot_names
 from hopdata.landings.schedules import order_names
 from hopdata.maps.verdict.coordinates import (
     rigid_states,
@@ -95,6 +97,7 @@ def so_far(
     *,
     instants_se: FloatArray | None = None,
     feet: FloatArray | None = None,
+    foot_names: Sequence[str] = (),
 ) -> SoFar:
     """Return what landings say that give no size.
 
@@ -108,6 +111,8 @@ def so_far(
     feet
         (n, feet, 3) positions of the feet at the pre section, m, z up, if they are
         known.
+    foot_names
+        Names of the feet; without them orders have their numbers.
     """
     share = None
     untold = FEW
@@ -124,16 +129,18 @@ def so_far(
             if share is None:
                 untold = ERRORS
     least = least_landings(instants.shape[1])
-    return SoFar(_counted_orders(instants), least, share, untold)
+    return SoFar(_counted_orders(instants, foot_names), least, share, untold)
 
 
-def _counted_orders(instants: FloatArray) -> tuple[dict[str, Any], ...]:
+def _counted_orders(
+    instants: FloatArray, foot_names: Sequence[str]
+) -> tuple[dict[str, Any], ...]:
     """Return the orders of contact instants (n, feet), s, commonest first."""
     each = order_names(np.argsort(instants, axis=1, kind="stable"))
     names, counts = np.unique(each, return_counts=True)
     orders = []
     for k in np.argsort(-counts, kind="stable"):
-        order = str(names[k]).replace(">", " → ")
+        order = with_foot_names(str(names[k]), foot_names)
         orders.append({"order": order, "landings": int(counts[k])})
     return tuple(orders)
 

@@ -4,12 +4,12 @@ for (const root of document.querySelectorAll(".scene")) {
   const [canvas, slider, which, play, told] =
     ["canvas", "input", "select", "button", "output"].map((name) => root.querySelector(name));
   const pen = canvas.getContext("2d");
-  const colours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
+  const colours = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#d55e00"];
   const bytes = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0)).buffer;
   let yaw = 0.6, pitch = 0.25, zoom = 1, part, last = null;
 
   function take(number) {
-    const { markers, roles, contacts, middle, step, ...one } = parts[number];
+    const { markers, roles, looks, contacts, middle, step, ...one } = parts[number];
     const time = new Float32Array(bytes(one.time)), steps = new Int16Array(bytes(one.places));
     const at = (frame, marker) => {
       const from = 3 * (frame * markers.length + marker);
@@ -25,7 +25,7 @@ for (const root of document.querySelectorAll(".scene")) {
         if (place) size = Math.max(size, Math.hypot(place[0] - x, place[1] - y, place[2] - z));
       }
     }
-    part = { time, at, feet, body, all, markers, contacts, middle, size };
+    part = { time, at, looks, feet, body, all, markers, contacts, middle, size };
     slider.max = time.length - 1;
     slider.value = Math.max(0, time.findIndex((t) => t >= Math.min(...contacts.filter((c) => c !== null))));
     draw();
@@ -37,7 +37,7 @@ for (const root of document.querySelectorAll(".scene")) {
   }
 
   function draw() {
-    const { time, at, feet, body, all, markers, contacts, middle, size } = part, frame = +slider.value;
+    const { time, at, looks, feet, body, all, markers, contacts, middle, size } = part, frame = +slider.value;
     const dots = devicePixelRatio || 1, { width, height } = canvas.getBoundingClientRect();
     canvas.width = width * dots;
     canvas.height = height * dots;
@@ -78,7 +78,7 @@ for (const root of document.querySelectorAll(".scene")) {
     pen.font = "13px sans-serif";
     for (const marker of all) {
       const place = at(frame, marker), number = feet.indexOf(marker);
-      const colour = number < 0 ? ink : colours[number % 6];
+      const colour = number < 0 ? ink : colours[looks[number] % 6];
       if (number >= 0) {
         for (let k = Math.max(1, frame - 30); k <= frame; k++) line(at(k - 1, marker), at(k, marker), colour, 2, 0.35);
         line(hub, place, colour, 1.5, 0.6);

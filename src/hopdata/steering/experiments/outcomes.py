@@ -39,16 +39,17 @@ def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``experiment, controller, seeds, runs`` (all); ``worst, median``, the lowest and
-        the median success rate over the seeds, and ``worst_seed``, the seed of the
-        lowest; ``hops`` (median over the successful runs); ``ratio, worst_ratio``,
-        median and largest over the seeds of the hops (median) relative to those of the
-        policy that knows the map, on the starts from which both succeed; ``last_error``
-        (median over the successful runs, m or rad); ``late, fell, untouched`` (runs
-        that failed in this way); ``touched`` (runs that touched the board); ``blind``
-        (stances at which nothing was known); ``met``, whether the worst seed meets the
-        requirements on the planner: "yes", "no", or, where none fails but there are
-        fewer than `ASKED_SEEDS`, "too few seeds"; empty for the others.
+        ``experiment, controller, seeds, runs`` (all); ``worst_rate, median_rate``, the
+        lowest and the median success rate over the seeds, and ``worst_seed``, the seed
+        of the lowest; ``hops`` (median over the successful runs); ``ratio,
+        worst_ratio``, median and largest over the seeds of the hops (median) relative
+        to those of the policy that knows the map, on the starts from which both
+        succeed; ``last_error`` (median over the successful runs, m or rad); ``late,
+        fell, untouched`` (runs that failed in this way); ``touched`` (runs that touched
+        the board); ``blind`` (stances at which nothing was known); ``met``, whether the
+        worst seed meets the requirements on the planner: "yes", "no", or, where none
+        fails but there are fewer than `ASKED_SEEDS`, "too few seeds"; empty for the
+        others.
     """
     rows = []
     for (experiment, controller), group in runs.groupby(GROUP, sort=False):
@@ -62,8 +63,8 @@ def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
             "controller": controller,
             "seeds": len(rates),
             "runs": len(group),
-            "worst": rates.min(),
-            "median": rates.median(),
+            "worst_rate": rates.min(),
+            "median_rate": rates.median(),
             "worst_seed": rates.idxmin(),
             "hops": good["hops"].median(),
             "ratio": ratios.median(),
@@ -76,7 +77,7 @@ def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
         row["blind"] = int(group["blind"].sum())
         row["met"] = ""
         if controller == tasks.PLANNER:
-            row["met"] = _met(row["worst"], row["worst_ratio"], len(rates))
+            row["met"] = _met(row["worst_rate"], row["worst_ratio"], len(rates))
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -31,6 +31,7 @@ from hopdata.steering.live.decisions import (
     DecisionOutcome,
     Numbers,
     is_hopper,
+    moved_part,
     planned_inputs,
 )
 from hopdata.steering.live.limits import Limits
@@ -178,6 +179,7 @@ class ControlLoop(Worker):
             limits=self.limits,
             on_stop=self._drive_is_over.set,
             rest=self._at_rest,
+            what=moved_part(self.axes),
         )
         self._buffer = buffer
         self._observers = observers
@@ -484,7 +486,8 @@ class ControlLoop(Worker):
         try:
             refused = self.watch.send(command)
         except Exception as error:
-            failed = Message("steering.boom_failed", {"error": repr(error)})
+            values = {"what": self.watch.what, "error": repr(error)}
+            failed = Message("steering.boom_failed", values)
             self.watch.fail("boom", failed)
             self._in_force = self._unknown
             return outcome, command, failed  # it may have begun to move
@@ -576,7 +579,7 @@ class ControlLoop(Worker):
             return
         self._wrong = [*self._wrong, (sent, swung)]
         if len(self._wrong) >= self.limits.wrong_swings:
-            self.end(_does_not_follow(self._wrong))
+            self.end(_does_not_follow(self.watch.what, self._wrong))
 
     def _plan(self, known: _Known) -> tuple[Numbers, Message | None]:
         """Return the controller's inputs, or NaN and the error."""
@@ -600,9 +603,10 @@ class ControlLoop(Worker):
             wrong = f"expected {len(self._unknown)} inputs, found {len(inputs)}"
             values = {"error": wrong}
             return self._unknown, Message("steering.controller_failed", values)
-        for number in inputs:
+        for name, number in zip(self.axes.input_names, inputs, strict=True):
             if not math.isfinite(number):
-                return self._unknown, Message("steering.no_number", {"swing": number})
+                named = {"what": name.replace("_", " "), "swing": number}
+                return self._unknown, Message("steering.no_number", named)
         return inputs, None
 
     def _permitted(
@@ -654,12 +658,13 @@ def input_limits(axes: StrideAxes, limits: Limits) -> tuple[FloatArray, FloatArr
     return axes.lower, axes.upper
 
 
-def _does_not_follow(wrong: Sequence[tuple[float, float]]) -> Message:
+def _does_not_follow(what: str, wrong: Sequence[tuple[float, float]]) -> Message:
     """Say how swings that were measured differ from those sent."""
     pairs = ", ".join(
         f"{sent:+.2f} rad sent and {swung:+.2f} measured" for sent, swung in wrong
     )
-    return Message("steering.does_not_follow", {"how": _how_off(wrong), "pairs": pairs})
+    values = {"what": what, "how": _how_off(wrong), "pairs": pairs}
+    return Message("steering.does_not_follow", values)
 
 
 def _how_off(wrong: Sequence[tuple[float, float]]) -> Message:
