@@ -101,7 +101,8 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
             facts.append(("Common error", common, remark))
     late_ms = _after_plate_ms(found.table).dropna()
     if len(late_ms):
-        remark = f"median of {len(late_ms)} contacts; {late_ms.abs().max():.1f} ms at most"
+        most_ms = late_ms.abs().max()
+        remark = f"median of {len(late_ms)} contacts; {most_ms:.1f} ms at most"
         facts.append(("After the force plate", f"{late_ms.median():+.1f} ms", remark))
     if len(ordered):
         n_sure = int(ordered["sure"].sum())
