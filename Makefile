@@ -137,6 +137,7 @@ docs: $(VENV)/.run
 
 site: $(VENV)/.docs
 	rm -rf build/site
+	$(BIN)/python docs/run_pages.py --jobs $(CORES)
 	$(BIN)/sphinx-build --quiet --jobs $(CORES) --fail-on-warning --keep-going -c docs . build/site
 	@echo "open build/site/index.html"
 

@@ -8,6 +8,8 @@ import re
 import sys
 from pathlib import Path
 
+from docutils.nodes import literal_block
+
 from hopdata import __version__ as release
 
 ROOT = Path(__file__).parents[1]
@@ -26,8 +28,8 @@ PAGES = {
     ],
     "Explanation": [
         "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
-        "unseen_order", "impacts", "limits", "comparison", "dissertation", "architecture", "decisions",
-        "reliability",
+        "unseen_order", "impacts", "limits", "comparison", "steering_measured", "dissertation",
+        "architecture", "decisions", "reliability",
     ],
     "Reference": [
         "faq", "troubleshooting", "glossary", "configuration", "formats", "verdict_json", "contacts_study",
@@ -56,9 +58,7 @@ exclude_patterns = [".*", "src", "tests", "results", "workflow", "data", "dist"]
 
 nb_custom_formats = {".md": ["executed_pages.notebook", {}, False]}
 nb_merge_streams = True
-nb_execution_mode = "force"
-nb_execution_raise_on_error = True
-nb_execution_timeout = 240  # s, of a cell
+nb_execution_mode = "off"  # `docs/run_pages.py` has run them
 myst_heading_anchors = 4
 myst_enable_extensions = ["deflist"]
 
@@ -84,6 +84,15 @@ def _contents(_app, page, source):
             source[0] += (
                 f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{rows}\n```\n"
             )
+
+
+def _plain_commands(_app, tree):
+    """Show commands of the shell as a reader types them, without the notebook's magic."""
+    magic = "%%bash -e\n"
+    for block in list(tree.findall(literal_block)):
+        if block.astext().startswith(magic):
+            typed = block.astext().removeprefix(magic)
+            block.replace_self(literal_block(typed, typed, language="bash"))
 
 
 def _first_page(app, failed):
@@ -114,5 +123,6 @@ def _whole_lines(app, failed):
 def setup(app):
     """Connect what Sphinx calls."""
     app.connect("source-read", _contents)
+    app.connect("doctree-read", _plain_commands)
     app.connect("build-finished", _first_page)
     app.connect("build-finished", _whole_lines)

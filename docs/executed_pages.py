@@ -1,12 +1,19 @@
 """Pages as notebooks: where a page says so, its Python and shell blocks are run.
 
-What a page shows is checked by code in its last comment, which does not show either.
+`run_pages` runs them before the site is built, and Sphinx takes what they printed and
+drew. What a page shows is checked by code in its comments, which do not show either.
 """
 
+import hashlib
 import re
+from pathlib import Path
 
+import nbformat
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+#: Where `run_pages` keeps the pages that have run.
+RAN = Path(__file__).parents[1] / "build" / "pages"
 
 #: The line that says so; it does not show.
 RUNS = "<!-- The code of this page is run when the site is built. -->"
@@ -44,11 +51,39 @@ get_ipython().register_magic_function(bash, "cell")
 
 
 def notebook(text: str) -> NotebookNode:
-    """Return a page in Markdown as a notebook."""
+    """Return a page in Markdown as a notebook, with the results of its code.
+
+    Raises
+    ------
+    FileNotFoundError
+        If its code has not been run by `run_pages`.
+    """
     if RUNS not in text:
-        page = new_notebook(cells=[new_markdown_cell(text)])
-        page.metadata["mystnb"] = {"execution_mode": "off"}
-        return page
+        return new_notebook(cells=[new_markdown_cell(text)])
+    page = as_written(text)
+    path = place_of(page)
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"{path}: expected the results of a page whose code has run, found none; "
+            "`make site` runs all pages first"
+        )
+    ran = nbformat.read(path, as_version=4)
+    page.metadata = ran.metadata
+    for cell, with_results in zip(page.cells, ran.cells, strict=True):
+        if cell.cell_type == "code":
+            cell.outputs = with_results.outputs
+            cell.execution_count = with_results.execution_count
+    return page
+
+
+def place_of(page: NotebookNode) -> Path:
+    """Return where the results of a page's code are kept, which has its own digest."""
+    code = [cell.source for cell in page.cells if cell.cell_type == "code"]
+    return RAN / f"{hashlib.sha256(chr(0).join(code).encode()).hexdigest()[:16]}.ipynb"
+
+
+def as_written(text: str) -> NotebookNode:
+    """Return a page whose code runs as a notebook, without results."""
     cells = [new_code_cell(BEGIN, metadata={"tags": ["remove-cell"]})]
     words, *blocks = BLOCK.split(text)
     cells.append(new_markdown_cell(words))

@@ -1,5 +1,6 @@
 """A study in one process; `tests/workflow` tests that its bytes are those of the workflow."""
 
+import inspect
 import json
 import os
 import re
@@ -24,6 +25,7 @@ from hopdata.maps.verdict.model import LEFT
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 from hopdata.stages import LINE
+from plain_columns import shadowed
 
 FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
 
@@ -130,6 +132,31 @@ def test_what_a_notebook_looks_at(study):
     assert study.tables["drift"].columns[0]
 
 
+def test_no_column_of_a_table_shadows_an_attribute(study):
+    study = study[0]
+    tables = {**study.tables, "quality": study.quality, "candidates": study.candidates}
+    for name, by_recording in [*tables.items()]:
+        if isinstance(by_recording, dict):
+            tables |= {f"{name} {key}": one for key, one in by_recording.items()}
+            del tables[name]
+    tables |= study.contacts
+    tables["plan"] = hd.plan(study)
+    tables["long"] = study.imported[0].to_pandas("long")
+    inspected = hd.inspect(study.imported[0])
+    tables |= {"inspected": inspected.table, "suspects": inspected.suspects}
+    found = hd.contacts(study.imported[0].between(0, 5))
+    tables |= {"contacts": found.table, "orders": found.orders}
+    tables["curves"] = found.curves(found.orders)
+    assert len(tables) > 20
+    assert {
+        name: shadowed(table) for name, table in tables.items() if shadowed(table)
+    } == {}
+    assert shadowed(pd.DataFrame({"mean": [1], "class": [1], "mean_mm": [1]})) == [
+        "mean",
+        "class",
+    ]
+
+
 def test_all_is_saved_where_no_noise_is_expected(study, tmp_path):
     study = study[0]
     study.save(tmp_path)
@@ -164,7 +191,7 @@ def test_a_folder_that_is_not_whole_or_of_another_version_is_told(study, tmp_pat
     touchdowns = saved / "tables" / "touchdowns.csv"
     table = touchdowns.read_text()
     touchdowns.write_text(table.replace("touchdown,", "index,", 1))
-    with pytest.raises(hd.HopdataError, match="columns touchdown, found index, as bef"):
+    with pytest.raises(hd.HopdataError, match=r"columns as .*found index, as before"):
         _ = hd.load(saved).touchdowns
     touchdowns.unlink()
     with pytest.raises(hd.HopdataError, match=r"found none named tables/touchdowns.cs"):
@@ -469,6 +496,39 @@ def test_roles_that_cannot_be_guessed_are_asked_for_in_one_line(tmp_path):
     assert len(only_feet.markers) == len(MARKERS)
 
 
+@pytest.mark.parametrize(
+    ("function", "misspelt", "meant"),
+    [
+        ("analyse", "bdy", "body"),
+        ("analyse", "touchdwns", "touchdowns"),
+        ("study", "progess", "progress"),
+        ("study", "steerng", "steering"),
+        ("read", "fet", "feet"),
+        ("read", "rate", "rate_hz"),
+        ("synthesize", "nam", "name"),
+        ("synthesize", "simulaton", "simulation"),
+        ("contacts", "fles", "files"),
+        ("contacts", "gravty", "gravity"),
+    ],
+)
+def test_a_misspelt_argument_is_compared_with_all_that_a_function_takes(
+    function, misspelt, meant
+):
+    with pytest.raises(ArgumentError) as told:
+        getattr(hd, function)("hopper", **{misspelt: 1})
+    assert str(told.value).startswith(f"{function}: ")
+    assert str(told.value).endswith(f"{misspelt!r}; did you mean {meant!r}?")
+
+
+def test_no_public_function_lets_any_name_through():
+    public = [getattr(hd, name) for name in hd.__all__]
+    for function in filter(inspect.isfunction, public):
+        kinds = inspect.signature(function).parameters.values()
+        if any(one.kind is one.VAR_KEYWORD for one in kinds):
+            with pytest.raises(ArgumentError, match="'xq_'"):
+                function("hopper", xq_=1)
+
+
 STATES = np.zeros((20, 18))
 TINY = hd.Recording.from_arrays(*hopping(5, n_frames=200), MARKERS, **TWO)
 
@@ -527,7 +587,7 @@ TINY = hd.Recording.from_arrays(*hopping(5, n_frames=200), MARKERS, **TWO)
             r"6B.*\(20, 0\)",
         ),
         (lambda: hd.plan("x"), "pilot: expected a study or its verdict, found 'x'"),
-        (lambda: hd.read("a.c3d", units="mm"), "input.units: .* did you mean 'unit'"),
+        (lambda: hd.read("a.c3d", units="mm"), "read: .*'units'; did you mean 'unit'"),
         (lambda: hd.read("a.c3d", rate_hz="fast"), "input.rate_hz: expected a number"),
         (lambda: hd.read([], feet=FEET), "file: expected a path or a list of paths"),
         (lambda: hd.read(b"abc"), "file: expected a path or a list of paths"),

@@ -4,11 +4,13 @@ import hashlib
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import hopdata as hd
-from hopdata.contact_times import _file_of, _loading, _of_all_feet, contacts
+from hopdata.contact_times import _file_of, _loading, _of_all_feet, _untimed, contacts
 from hopdata.errors import AnalysisError, ArgumentError, HopdataError
+from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_landings
 from hopdata.messages import Message, Messages
 from hopdata.recordings.wording import also
@@ -251,3 +253,29 @@ def test_a_recording_knows_the_file_that_it_was_read_from(tmp_path):
     file.write_text("another one")
     assert _file_of(recording) == []
     assert _file_of(walking(alternating(1))) == []
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "told"),
+    [
+        (descents.POOR_FIT, descents.RISES, "left: poor fit, right: rises"),
+        (descents.POOR_FIT, descents.NOT_LANDED, "left: poor fit)"),
+        (descents.MISSING, descents.NOT_LANDED, None),  # may not have landed
+        (descents.POOR_FIT, descents.LANDED, None),  # has its row
+        (descents.NOT_LANDED, descents.ALREADY_DOWN, None),
+    ],
+)
+def test_a_landing_of_which_no_foot_is_timed_is_told(left, right, told):
+    recording = walking(alternating())
+    instant = np.nan
+    if right == descents.LANDED:
+        instant = 0.4
+    landing = {"begin_s": 0.2, "end_s": 0.5, "status_left": left, "status_right": right}
+    landing |= {"contact_left_s": np.nan, "contact_right_s": instant}
+    remarks = _untimed(recording, pd.DataFrame([landing]))
+    if told is None:
+        assert not remarks
+    else:
+        assert told in str(remarks[0])
+        assert "1 landing left out" in str(remarks[0])
+        assert "0.20 to 0.50 s" in str(remarks[0])

@@ -117,8 +117,8 @@ def numbers(recordings, change=None):
         "estimate": effect.estimate,
         "upper bound": effect.upper_bound,
         "p value": effect.p_value,
-        "prediction": prediction["median"].to_numpy(),
-        "distances": distances["median"].to_numpy(),
+        "prediction": prediction["median_mse"].to_numpy(),
+        "distances": distances["median_distance"].to_numpy(),
     }
 
 

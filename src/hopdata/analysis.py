@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import pd
 from hopdata.bundled import SNAKEFILE
-from hopdata.config.loading import check_keys, load_config, read_yaml
+from hopdata.config.loading import check_keys, load_config, read_yaml, section_names
 from hopdata.errors import (
     AnalysisError,
     ArgumentError,
     RecordingError,
     require,
     told_call,
+    told_options,
 )
 from hopdata.messages import Message
 from hopdata.recording import (
@@ -59,7 +60,7 @@ ROLES = ("feet", "body")
 SIMULATED = "simulation"
 
 
-@told_call
+@told_options(lambda: section_names("input"))
 def read(
     file: str | Path | Sequence[str | Path],
     *,
@@ -427,7 +428,7 @@ def _stated_or_guessed(
     return {"feet": [*roles.feet], "body": [*roles.body]}, roles.joined
 
 
-@told_call
+@told_options(section_names)
 def study(
     source: str | Path | Mapping[str, Any] | Recording | Sequence[Recording],
     *,
@@ -676,7 +677,7 @@ def _joined(content: Mapping[str, Any], keys: Mapping[str, Any]) -> Contents:
     return found
 
 
-@told_call
+@told_options(section_names)
 def analyse(
     source: str | Path | Mapping[str, Any] | Recording | Sequence[Recording],
     *,
@@ -728,7 +729,7 @@ def analyse(
     return found
 
 
-@told_call
+@told_options(section_names)
 def synthesize(
     scene: str = "hopper", *, name: str = "simulated", seed: int = 0, **keys: Any
 ) -> tuple[Recording, Truth]:

@@ -21,14 +21,15 @@ from hopdata.errors import (
     ArgumentError,
     RecordingError,
     counted,
-    did_you_mean,
     told_call,
+    told_options,
 )
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
+from hopdata.landings.contacts.one_foot import one_foot_remarks
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
@@ -63,6 +64,8 @@ REMARKS = {
     descents.THIN: "landings.contact_thin",
     descents.GLIDES: "landings.contact_glides",
 }
+# A foot that is hidden may not have landed at all.
+SEEN_TO_COME_DOWN = frozenset(REMARKS) - {descents.MISSING}
 
 COLUMNS = (
     "recording",
@@ -275,7 +278,14 @@ class ContactTimes(Shown):
         return {str(name): self.table[name] for name in self.table}
 
 
-@told_call
+def _options_of_landings() -> list[str]:
+    """Return the names of the options of `find_study_landings` that a user may give."""
+    ours = ("recordings", "of_feet")
+    known = signature(find_study_landings).parameters
+    return [name for name in known if name not in ours]
+
+
+@told_options(_options_of_landings)
 def contacts(
     recordings: Recording | str | Path | Sequence[Recording | str | Path],
     *,
@@ -340,6 +350,7 @@ def contacts(
     levelled = []
     for recording in several:
         known, guessed = _with_feet(recording, _named_feet(feet))
+        remarks += one_foot_remarks(known)
         ready, on_floor = _levelled(known, floor or {})
         groups = [{"name": name, "markers": [*own]} for name, own in known.joined]
         ready = join_feet(replace(ready, joined=()), groups)
@@ -358,6 +369,7 @@ def contacts(
     for number, ready in enumerate(levelled):
         landings = tables[number]
         of_recording = _landed(landings, ready.names("foot"))
+        remarks += _untimed(ready, landings)
         rows += _contact_rows(ready, of_recording)
         orders += _order_rows(ready, of_recording, sure)
         if not len(of_recording):
@@ -507,7 +519,7 @@ def _file_of(recording: Recording) -> list[Path]:
 
 
 def _check_options(sure: Any, floor: Any, options: Mapping[str, Any]) -> None:
-    """Refuse options that are unknown, or not of their kind.
+    """Refuse options that are not of their kind.
 
     Raises
     ------
@@ -518,16 +530,6 @@ def _check_options(sure: Any, floor: Any, options: Mapping[str, Any]) -> None:
         raise ArgumentError.at("sure", "a probability, 0 to 1", f"{sure!r}")
     if not isinstance(floor, Mapping):
         raise ArgumentError.at("floor", "options of fit_floor by name", f"{floor!r}")
-    known = [
-        *("floor", "sure", "files", "feet"),
-        *(name for name in signature(find_study_landings).parameters),
-    ]
-    known = [name for name in known if name not in ("recordings", "of_feet")]
-    for name in options:
-        if name not in known:
-            wanted = f"the arguments recordings, {', '.join(known)}"
-            found = f"{name!r}{did_you_mean(name, known)}"
-            raise ArgumentError.at("contacts", wanted, found)
     # None stands for the default here, and is no value of a configuration.
     given = {name: value for name, value in options.items() if value is not None}
     check_keys("contacts", {"touchdowns": given, "floor": dict(floor)})
@@ -694,6 +696,34 @@ def _landed(landings: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     instants = kept[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
     first = np.fmin.reduce(instants, axis=1)
     return kept.iloc[np.argsort(first, kind="stable")].reset_index(drop=True)
+
+
+def _untimed(recording: Recording, landings: pd.DataFrame) -> list[Message]:
+    """Say in which descents feet came down, though none of them could be timed.
+
+    Such a landing has no row. A single marker that fits badly has an instant all the
+    same; a foot of several has none, since any of them may have been the first.
+    """
+    feet = recording.names("foot")
+    named = []
+    for landing in landings.to_dict("records"):
+        if any(np.isfinite(landing[f"contact_{foot}_s"]) for foot in feet):
+            continue
+        status = {foot: int(landing[f"status_{foot}"]) for foot in feet}
+        came_down = [foot for foot in feet if status[foot] in SEEN_TO_COME_DOWN]
+        if not came_down:
+            continue
+        reasons = [f"{foot}: {Message(REMARKS[status[foot]])}" for foot in came_down]
+        begin_s, end_s = landing["begin_s"], landing["end_s"]
+        named.append(f"{begin_s:.2f} to {end_s:.2f} s ({', '.join(reasons)})")
+    if not named:
+        return []
+    places = "; ".join(named[:MOST_NAMED])
+    if len(named) > MOST_NAMED:
+        places += f"; and {len(named) - MOST_NAMED} more"
+    often = counted(len(named), "landing")
+    values = {"recording": recording.name, "often": often, "places": places}
+    return [Message("landings.untimed_landings", values)]
 
 
 def _contact_rows(

@@ -3,10 +3,10 @@
 import difflib
 import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from pickle import PicklingError
-from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
 Entry = TypeVar("Entry")
 Arguments = ParamSpec("Arguments")
@@ -183,10 +183,13 @@ def absent(owner: str, name: str, choices: Iterable[str]) -> AbsentError:
 
 
 def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry]:
-    """Decorate a function: an error about its arguments lists those that it accepts."""
+    """Decorate a function: an error about its arguments lists those that it accepts.
+
+    Of a function with ``**options``, all names are passed on: see `told_options`.
+    """
+    names = _own_arguments(function)
+    title = _title(function)
     known = inspect.signature(function)
-    names = [name for name in known.parameters if name not in ("self", "cls")]
-    title = function.__qualname__.removesuffix(".__init__")
 
     @wraps(function)
     def called(*given: Arguments.args, **named: Arguments.kwargs) -> Entry:
@@ -196,19 +199,84 @@ def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry
             try:
                 known.bind(*given, **named)
             except TypeError as error:
-                wanted = "no arguments"
-                if names:
-                    wanted = f"the arguments {', '.join(names)}"
-                unknown = [name for name in named if name not in names]
-                found = str(error)
-                if unknown:
-                    found = " and ".join(
-                        f"{name!r}{did_you_mean(name, names)}" for name in unknown
-                    )
-                raise ArgumentError.at(title, wanted, found) from None
+                require_arguments(title, named, names)
+                wanted = _in_words(names)
+                raise ArgumentError.at(title, wanted, error) from None
             raise
 
     return called
+
+
+def told_options(
+    options: Callable[[], Iterable[str]],
+) -> Callable[[Callable[Arguments, Entry]], Callable[Arguments, Entry]]:
+    """Decorate a function with ``**options``: only options of these names are accepted.
+
+    Parameters
+    ----------
+    options : callable
+        Returns the names of the options; it is called when the function is. A misspelt
+        name is compared with them and with the function's other arguments.
+    """
+
+    def decorated(
+        function: Callable[Arguments, Entry],
+    ) -> Callable[Arguments, Entry]:
+        own = _own_arguments(function)
+        title = _title(function)
+
+        @wraps(function)
+        def called(*given: Arguments.args, **named: Arguments.kwargs) -> Entry:
+            if not {*named} <= {*own}:
+                names = dict.fromkeys([*own, *options()])
+                require_arguments(title, named, [*names])
+            return function(*given, **named)
+
+        return told_call(called)
+
+    return decorated
+
+
+#: Arguments that a message lists beside the one that was meant.
+MOST_LISTED = 20
+
+
+def require_arguments(title: str, given: Iterable[str], names: Sequence[str]) -> None:
+    """Require that a function was called with arguments of these names only.
+
+    Raises
+    ------
+    ArgumentError
+        If not; it lists the names, and suggests the nearest of them.
+    """
+    unknown = [name for name in given if name not in names]
+    if not unknown:
+        return
+    near = [did_you_mean(name, names) for name in unknown]
+    wanted = _in_words(names)
+    if all(near) and len(names) > MOST_LISTED:
+        wanted = f"one of its {len(names)} arguments"
+    parts = zip(unknown, near, strict=True)
+    found = " and ".join(f"{name!r}{advice}" for name, advice in parts)
+    raise ArgumentError.at(title, wanted, found)
+
+
+def _own_arguments(function: Callable[..., Any]) -> list[str]:
+    """Return the names of a function's arguments, without its ``**options``."""
+    known = inspect.signature(function).parameters.values()
+    return [
+        one.name
+        for one in known
+        if one.name not in ("self", "cls") and one.kind is not one.VAR_KEYWORD
+    ]
+
+
+def _title(function: Callable[..., Any]) -> str:
+    return function.__qualname__.removesuffix(".__init__")
+
+
+def _in_words(names: Sequence[str]) -> str:
+    return f"the arguments {', '.join(names)}" if names else "no arguments"
 
 
 def require(holds: bool, key: str, wanted: str, found: object) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,6 @@ from hopdata.walk import Contents, Study
 PROVENANCE = "provenance.json"
 #: Files that are missing, by name, in a message.
 MOST_NAMED = 4
-#: Columns of tables that hopdata wrote before they had other names. The version stayed
-#: the same then, so `load` cannot tell such a folder by it.
-FORMER_COLUMNS = {"index": "touchdown", "class": "order_class"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -152,15 +150,22 @@ def _no_study(base: Path) -> AnalysisError:
 
 
 def _require_new_names(file: Path, table: pd.DataFrame) -> None:
-    """Require a table without the names that columns had before.
+    """Require a table of this hopdata, by the names of its columns.
+
+    The version stayed the same when columns that hide an attribute of a DataFrame, as
+    ``index`` does, or cannot be one, as ``class``, got other names.
 
     Raises
     ------
     AnalysisError
         If it is older.
     """
-    former = [name for name in FORMER_COLUMNS if name in table.columns]
+    former = [
+        name
+        for name in table.columns
+        if hasattr(pd.DataFrame, name) or keyword.iskeyword(name)
+    ]
     if former:
-        new = ", ".join(FORMER_COLUMNS[name] for name in former)
+        wanted = "columns as this hopdata names them"
         found = f"{', '.join(former)}, as before; run the study again"
-        raise AnalysisError.at(file, f"the columns {new}", found)
+        raise AnalysisError.at(file, wanted, found)

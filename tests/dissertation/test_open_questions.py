@@ -81,8 +81,8 @@ def test_a_gradient_that_is_no_better_does_not_agree():
 
 def test_a_filter_that_is_no_better_does_not_agree(made):
     table = made.tables["filter"].copy()
-    table.loc[table["filter"] == "none", "prediction"] = table.loc[
-        table["filter"] == "saltation", "prediction"
+    table.loc[table["filtered_by"] == "none", "prediction"] = table.loc[
+        table["filtered_by"] == "saltation", "prediction"
     ].to_numpy()
     assert open_questions.filter_row(table).agreement == Agreement.DIFFERS
 

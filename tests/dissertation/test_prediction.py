@@ -77,7 +77,9 @@ def test_an_unseen_order_is_predicted_near_the_contact_by_a_c1_map_alone(rows):
 
 
 def test_more_impacts_err_less(made):
-    table = made.tables["impacts"].groupby(["what", "landings"])["median"].median()
+    table = (
+        made.tables["impacts"].groupby(["what", "landings"])["median_error"].median()
+    )
     for what in ("prediction", "map"):
         assert table[what].is_monotonic_decreasing
 

@@ -141,7 +141,7 @@ def prediction_summary(models: tuple[str, ...] = MODELS) -> pd.DataFrame:
                 "n_classes": 6 if name.startswith("specialised") else 1,
                 "n_train": 120,
                 "n_test": 41,
-                "median": m,
+                "median_mse": m,
                 "q25": 0.9 * m,
                 "q75": 1.13 * m,
                 "p2_5": 0.75 * m,
@@ -183,9 +183,19 @@ def distance_summary(table: pd.DataFrame) -> pd.DataFrame:
         d = group["distance_rad"]
         q = d.quantile([0.05, 0.25, 0.5, 0.75, 0.95]).to_numpy()
         rows.append(
-            {"kind": kind, "n": len(d), "mean": d.mean(), "sd": d.std()}
-            | dict(zip(("q05", "q25", "median", "q75", "q95"), q, strict=True))
+            {"kind": kind, "n": len(d), "mean_distance": d.mean(), "sd": d.std()}
+            | dict(zip(("q05", "q25", "median_distance", "q75", "q95"), q, strict=True))
             | {"auc_against_in_class": 0.73}
         )
-    columns = ["kind", "n", "mean", "sd", "q05", "q25", "median", "q75", "q95"]
+    columns = [
+        "kind",
+        "n",
+        "mean_distance",
+        "sd",
+        "q05",
+        "q25",
+        "median_distance",
+        "q75",
+        "q95",
+    ]
     return pd.DataFrame(rows, columns=[*columns, "auc_against_in_class"])

@@ -44,7 +44,7 @@ def test_boxes_are_the_quantiles_given():
             (row["q25"], row["q75"])
         )
     ends = {float(y) for line in axes.lines for y in line.get_ydata()}
-    for value in table[["p2_5", "p97_5", "median"]].to_numpy().ravel():
+    for value in table[["p2_5", "p97_5", "median_mse"]].to_numpy().ravel():
         assert any(np.isclose(value, end, rtol=1e-12) for end in ends)
 
 
@@ -60,7 +60,7 @@ def test_a_model_that_was_not_fitted_is_named(missing):
     table = prediction_summary(tuple(m for m in MODELS if m != "far"))
     if missing == "nan":
         table = prediction_summary()
-        table.loc[table["model"] == "far", ["median", "q25", "n_train"]] = np.nan
+        table.loc[table["model"] == "far", ["median_mse", "q25", "n_train"]] = np.nan
     figure = prediction_figure(table, units())
     assert len(boxes(figure)) == 5
     said = [
@@ -80,7 +80,7 @@ def test_at_least_two_ticks_hold_the_boxes_between_them(spread):
         "model": "all",
         "p2_5": low,
         "q25": low,
-        "median": low,
+        "median_mse": low,
         "q75": high,
         "p97_5": high,
     }
@@ -94,7 +94,13 @@ def test_at_least_two_ticks_hold_the_boxes_between_them(spread):
 
 
 def test_no_whisker_lies_on_the_line_of_an_axis():
-    row = {"model": "all", "p2_5": 0.00102, "q25": 0.01, "median": 0.02, "q75": 0.05}
+    row = {
+        "model": "all",
+        "p2_5": 0.00102,
+        "q25": 0.01,
+        "median_mse": 0.02,
+        "q75": 0.05,
+    }
     figure = prediction_figure(pd.DataFrame([row | {"p97_5": 0.0984}]), units())
     assert figure.axes[0].get_ylim() == pytest.approx((0.0005, 0.2))
 
@@ -104,7 +110,7 @@ def test_errors_of_zero_do_not_break_the_logarithmic_axis():
         "model": "all",
         "p2_5": 0.0,
         "q25": 0.0,
-        "median": 0.0,
+        "median_mse": 0.0,
         "q75": 0.0,
         "p97_5": 0.0,
     }
@@ -125,7 +131,7 @@ def test_one_model_and_extra_columns_are_enough():
 
 
 def test_no_model_is_said():
-    figure = prediction_figure(pd.DataFrame(columns=["model", "median"]), {})
+    figure = prediction_figure(pd.DataFrame(columns=["model", "median_mse"]), {})
     assert "No model could be fitted" in figure.texts[0].get_text()
 
 

@@ -70,7 +70,7 @@ def tables():
         {
             "quantity": "contact spread",
             "part": ["a", "b"],
-            "median": [1.0, 1.1],
+            "median_of_part": [1.0, 1.1],
             "typical": 1.05,
             "se": 0.1,
             "deviation": [-0.05, 0.05],
@@ -216,7 +216,9 @@ def test_the_feet_of_a_doubtful_order_are_those_that_land_together(
 
 
 def test_drift_beyond_its_errors_is_named(tables):
-    tables["drift"] = tables["drift"].assign(median=[1.0, 2.0], deviation=[-0.05, 0.9])
+    tables["drift"] = tables["drift"].assign(
+        median_of_part=[1.0, 2.0], deviation=[-0.05, 0.9]
+    )
     found = judged(tables)[WHAT["drift"]]
     assert (found.status, found.value) == (LOOK, 0.9)
     assert found.remark == "contact spread in b"

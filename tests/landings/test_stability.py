@@ -110,7 +110,7 @@ def test_recordings_of_one_kind_do_not_drift(recordings, sections):
     drift = drift_table(recordings, tables_of(recordings, sections))
     assert set(drift["quantity"]) == set(QUANTITIES)
     assert set(drift["part"]) == {"a", "b"}
-    off = ((drift["median"] - drift["typical"]) / drift["se"]).abs()
+    off = ((drift["median_of_part"] - drift["typical"]) / drift["se"]).abs()
     assert off.max() < 4.0
 
 
@@ -131,7 +131,7 @@ def test_a_moved_marker_is_drift_of_the_body_alone(recordings, sections):
     marker[:, recordings[1].indices("body")[0], 0] += 0.004
     moved = [recordings[0], replace(recordings[1], positions=marker)]
     drift = drift_table(moved, tables_of(moved, sections))
-    off = ((drift["median"] - drift["typical"]) / drift["se"]).abs()
+    off = ((drift["median_of_part"] - drift["typical"]) / drift["se"]).abs()
     largest = off.groupby(drift["quantity"]).max()
     assert largest["distance between body markers"] > 5.0
     assert largest.drop("distance between body markers").max() < 4.0

@@ -15,6 +15,7 @@ from hopdata.maps.distances import (
     snr_readings,
 )
 from hopdata.maps.subspaces import orthonormalised, principal_angles
+from plain_columns import shadowed
 
 
 def test_the_ratio_of_a_reading_is_ten():
@@ -138,12 +139,13 @@ def table():
     return noise_sensitivity((12, 5), seed=1, pairs=300)
 
 
-def column(table, distance, name="mean"):
+def column(table, distance, name="mean_distance"):
     return table[table["distance"] == distance].set_index("noise_sd")[name]
 
 
 def test_one_row_a_distance_and_level(table):
     assert len(table) == len(DISTANCES) * len(NOISE_SDS)
+    assert shadowed(table) == []
     assert 0.1 in NOISE_SDS
     assert table["doubling"].isna().sum() == 2 * len(DISTANCES)
 
@@ -177,8 +179,8 @@ def test_readings_mark_the_printed_one_and_only_it_gives_the_printed_distance():
     assert readings["printed"].sum() == 1
     row = readings[readings["printed"]].iloc[0]
     assert (row["kind"], row["noise_sd"]) == ("noised_identity", 0.1)
-    assert row["mean"] == pytest.approx(2.268, abs=0.025)
-    near = np.abs(readings["mean"] - 2.268) < 0.3
+    assert row["mean_distance"] == pytest.approx(2.268, abs=0.025)
+    near = np.abs(readings["mean_distance"] - 2.268) < 0.3
     assert near.sum() == 1
     assert readings["kind"].tolist()[-1] == "random"
-    assert readings["mean"].iloc[-1] == pytest.approx(3.7605, abs=0.025)
+    assert readings["mean_distance"].iloc[-1] == pytest.approx(3.7605, abs=0.025)

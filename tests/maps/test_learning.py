@@ -4,6 +4,7 @@ import pytest
 from hopdata.errors import AnalysisError
 from hopdata.maps.learning import map_error_by_landings, prediction_by_landings
 from hopdata.maps.truth.maps import ExactMap
+from plain_columns import shadowed
 
 SIZES = (20, 40, 80, 160, 320)
 
@@ -23,20 +24,21 @@ def test_the_error_falls_to_the_noise_as_theory_says():
     # the noise, out of sample, with p = 9 coefficients of which one is the constant.
     for size in SIZES[1:]:
         expected = 0.01 * (1 + 1 / size) * (size - 2) / (size - 10)
-        assert found.loc[size, "median"] == pytest.approx(expected, rel=0.06)
-    assert (found["q05"] < found["median"]).all()
-    assert (found["median"] < found["q95"]).all()
-    assert (found["of_mean"] > 100 * found["median"]).all()
+        assert found.loc[size, "median_error"] == pytest.approx(expected, rel=0.06)
+    assert (found["q05"] < found["median_error"]).all()
+    assert (found["median_error"] < found["q95"]).all()
+    assert (found["of_mean"] > 100 * found["median_error"]).all()
+    assert shadowed(found) == []
 
 
 def test_curvature_is_an_error_that_no_number_of_landings_removes():
     x, y, slopes = landings(noise=0.0, bend=0.5)
     found = prediction_by_landings(x, y, SIZES, seed=1).set_index("landings")
     curved = np.var(0.5 * x[:, 0] ** 2)
-    assert found.loc[320, "median"] == pytest.approx(curved, rel=0.1)
+    assert found.loc[320, "median_error"] == pytest.approx(curved, rel=0.1)
     exact = ExactMap(slopes, x, np.ones(11))
     errors = map_error_by_landings(exact, x, y, SIZES, seed=1).set_index("landings")
-    assert errors.loc[320, "median"] < 0.4 * errors.loc[40, "median"]
+    assert errors.loc[320, "median_error"] < 0.4 * errors.loc[40, "median_error"]
 
 
 def test_the_map_itself_is_found():
@@ -46,10 +48,10 @@ def test_the_map_itself_is_found():
     size = np.sqrt(np.sum(slopes**2))
     for n in SIZES[2:]:
         expected = 0.1 * np.sqrt(88 / (n - 9)) / size
-        assert found.loc[n, "median"] == pytest.approx(expected, rel=0.15)
+        assert found.loc[n, "median_error"] == pytest.approx(expected, rel=0.15)
     other = ExactMap(-slopes, x, np.ones(11))
     far = map_error_by_landings(other, x, y, SIZES, seed=1)
-    assert (far["median"] > 1.9).all()
+    assert (far["median_error"] > 1.9).all()
 
 
 def test_sizes_that_the_landings_do_not_allow_are_left_out():

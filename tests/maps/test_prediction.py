@@ -31,7 +31,7 @@ def study(rng, n=1200, *, difference=0.0, curvature=1.0, noise=0.01):
 
 
 def medians(result):
-    return dict(zip(result.summary["model"], result.summary["median"], strict=True))
+    return dict(zip(result.summary["model"], result.summary["median_mse"], strict=True))
 
 
 def test_one_map_with_curvature_gives_the_printed_picture():
@@ -198,9 +198,9 @@ def test_constant_columns_and_duplicates_are_harmless():
 
 def test_ratios_are_those_of_the_medians_and_of_touchdowns_used():
     summary = pd.DataFrame(
-        {"model": list(MODELS), "median": [4.0, 1.0, 6.0, 9.0, 80.0, 90.0]}
+        {"model": list(MODELS), "median_mse": [4.0, 1.0, 6.0, 9.0, 80.0, 90.0]}
     ).assign(worst_position_mm=1.5, worst_velocity_m_s=0.1)
-    order = dict(zip(MODELS, summary["median"], strict=True))
+    order = dict(zip(MODELS, summary["median_mse"], strict=True))
     touchdowns = pd.DataFrame(
         {
             "spread_s": [0.010, 0.012, 0.014, np.nan],

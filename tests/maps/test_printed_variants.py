@@ -50,7 +50,7 @@ def run(stage, pairs, **keys):
 def median_errors(pairs, draws):
     keys = {"bootstraps": 60, "train": 40, "test": 10, "draws": draws}
     summary = run("prediction", pairs, prediction=keys).prediction_summary
-    return summary.set_index("model")["median"]
+    return summary.set_index("model")["median_mse"]
 
 
 def test_bootstraps_with_replacement(pairs):
@@ -83,7 +83,9 @@ def distances(pairs, **keys):
         subspaces={"bootstraps": 40, **keys},
         distances={"pairs": 100},
     )
-    return made.distance_summary.set_index("kind")["mean"], made.distances_notes
+    return made.distance_summary.set_index("kind")[
+        "mean_distance"
+    ], made.distances_notes
 
 
 def test_the_smallest_components_are_as_far_apart_as_the_leading_ones(pairs):

@@ -67,7 +67,7 @@ def test_tables():
     ]
     row = result.summary.set_index("kind").loc["random"]
     values = result.distances.query("kind == 'random'")["distance_rad"]
-    assert row["mean"] == pytest.approx(values.mean(), rel=1e-12)
+    assert row["mean_distance"] == pytest.approx(values.mean(), rel=1e-12)
     assert row["sd"] == pytest.approx(values.std(), rel=1e-12)
     assert row["q95"] == pytest.approx(values.quantile(0.95), rel=1e-12)
 
@@ -143,7 +143,7 @@ def test_summary_of_a_single_distance():
         {"random": np.array([1.25]), "in_class": np.zeros(0)}, {}
     ).iloc[0]
     assert row["kind"] == "random"
-    assert row["median"] == 1.25
+    assert row["median_distance"] == 1.25
     assert np.isnan(row["sd"])
     assert np.isnan(row["mean_se"])
 

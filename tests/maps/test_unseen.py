@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from hopdata.maps.unseen import leave_one_order_out
+from plain_columns import shadowed
 
 ORDERS = np.array(["1>2>3", "1>3>2", "2>1>3", "2>3>1", "3>1>2", "3>2>1"])
 
@@ -23,7 +24,8 @@ def test_an_unseen_order_of_one_map_is_predicted_to_the_noise():
     assert found["schedule"].tolist() == ORDERS.tolist()
     np.testing.assert_allclose(found["unseen"], 1e-4, rtol=0.1)
     np.testing.assert_allclose(found["unseen"], found["seen"], rtol=0.1)
-    assert (found["mean"] > 5).all()
+    assert (found["of_mean"] > 5).all()
+    assert shadowed(found) == []
 
 
 def test_an_unseen_order_of_another_map_is_not():

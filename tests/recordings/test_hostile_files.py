@@ -108,20 +108,36 @@ def workbook(rows):
     [
         (
             "bomb.xlsx",
-            workbook(" " * 200_000_000),
+            lambda: workbook(" " * 200_000_000),
             "at most 750 MB once it is unpacked",
         ),
-        ("line.tsv", b"NO_OF_FRAMES\t1\n" + b"a\t" * 2_000_000, "lines of at most"),
-        ("deep.mvnx", b"<mvnx>" + b"<a>" * 100_000, "at most 32 elements within"),
-        ("entities.mvnx", b'<!DOCTYPE x [<!ENTITY a "aa">]><mvnx>&a;', "an entity"),
-        ("deep.ktk.zip", zipped({"data.json": "[" * 9_000_000}), "at most 750 MB once"),
+        (
+            "line.tsv",
+            lambda: b"NO_OF_FRAMES\t1\n" + b"a\t" * 2_000_000,
+            "lines of at most",
+        ),
+        (
+            "deep.mvnx",
+            lambda: b"<mvnx>" + b"<a>" * 100_000,
+            "at most 32 elements within",
+        ),
+        (
+            "entities.mvnx",
+            lambda: b'<!DOCTYPE x [<!ENTITY a "aa">]><mvnx>&a;',
+            "an entity",
+        ),
+        (
+            "deep.ktk.zip",
+            lambda: zipped({"data.json": "[" * 9_000_000}),
+            "at most 750 MB once",
+        ),
     ],
 )
 def test_small_files_that_ask_for_much_are_refused(
     tmp_path, served, name, content, said
 ):
     path = tmp_path / name
-    path.write_bytes(content)
+    path.write_bytes(content())  # large ones are made when they are needed
     with pytest.raises(RecordingError, match=said) as caught:
         read_raw(path)
     assert str(caught.value).startswith(str(path))

@@ -117,14 +117,14 @@ def prediction() -> pd.DataFrame:
         ("specialised_mean", 6, 15.4e-3),
         ("mean", 1, 29.5e-3),
     ]
-    table = pd.DataFrame(rows, columns=["model", "n_classes", "median"])
+    table = pd.DataFrame(rows, columns=["model", "n_classes", "median_mse"])
     factors = {"q25": 0.91, "q75": 1.12, "p2_5": 0.74, "p97_5": 1.51}
     return table.assign(
         n_train=52,
         n_test=18,
-        **{key: factor * table["median"] for key, factor in factors.items()},
-        worst_position_mm=70 * np.sqrt(table["median"]),
-        worst_velocity_m_s=2.6 * np.sqrt(table["median"]),
+        **{key: factor * table["median_mse"] for key, factor in factors.items()},
+        worst_position_mm=70 * np.sqrt(table["median_mse"]),
+        worst_velocity_m_s=2.6 * np.sqrt(table["median_mse"]),
     )
 
 
@@ -135,9 +135,19 @@ def distances() -> pd.DataFrame:
         ("noised_identity", 2.268, 0.098, 0.0001),
         ("random", 3.7605, 0.102, 1.0),
     ]
-    table = pd.DataFrame(rows, columns=["kind", "mean", "sd", "auc_against_in_class"])
-    shifts = {"q05": -1.64, "q25": -0.67, "median": 0.0, "q75": 0.67, "q95": 1.64}
-    quantiles = {key: table["mean"] + z * table["sd"] for key, z in shifts.items()}
+    table = pd.DataFrame(
+        rows, columns=["kind", "mean_distance", "sd", "auc_against_in_class"]
+    )
+    shifts = {
+        "q05": -1.64,
+        "q25": -0.67,
+        "median_distance": 0.0,
+        "q75": 0.67,
+        "q95": 1.64,
+    }
+    quantiles = {
+        key: table["mean_distance"] + z * table["sd"] for key, z in shifts.items()
+    }
     return table.assign(n=1000, **quantiles)
 
 

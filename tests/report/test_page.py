@@ -374,7 +374,7 @@ def test_every_placed_figure_has_a_caption_file():
 @pytest.mark.parametrize("scale", [1e-9, 1e7])
 def test_the_gain_does_not_depend_on_the_units(scale):
     table = prediction()
-    table["median"] *= scale
+    table["median_mse"] *= scale
     text = Page(build_report(printed_study(prediction=table))).text
     assert "Affine model over mean 0.13 ratio of median MSE" in text
 
@@ -401,7 +401,7 @@ def test_descents_in_which_no_foot_lands_are_no_landings():
     checks = check_study(
         pd.DataFrame({"role": [], "longest_s": [], "noise_m": []}), pd.DataFrame({"kind": []}),
         table, pd.DataFrame({"pre_height_m": [1.0], "post_height_m": [0.9], "note": [""]}),
-        pd.DataFrame({name: [] for name in ("median", "typical", "se")}), other_feet=True,
+        pd.DataFrame({name: [] for name in ("median_of_part", "typical", "se")}), other_feet=True,
     )  # fmt: skip
     used = next(check for check in checks if check.what == "touchdowns used")
     assert used.remark.startswith("11 of 14 landings; ")
@@ -427,7 +427,7 @@ def test_texts_with_units():
 
 def test_models_that_are_missing_are_listed():
     table = prediction()
-    table.loc[table["model"] == "near", "median"] = None
+    table.loc[table["model"] == "near", "median_mse"] = None
     facts = study_facts(
         ReportInputs("s", prediction=table[table["model"] != "specialised"])
     )
@@ -450,9 +450,9 @@ def test_a_share_that_could_not_be_computed_is_left_out():
 
 
 def test_tables_without_rows_or_optional_columns():
-    lean = prediction()[["model", "median"]]
+    lean = prediction()[["model", "median_mse"]]
     facts = study_facts(ReportInputs("s", prediction=lean, distances=pd.DataFrame(
-        {"kind": [], "median": []})))  # fmt: skip
+        {"kind": [], "median_distance": []})))  # fmt: skip
     assert set(facts["distances"].values()) == {None}
 
 

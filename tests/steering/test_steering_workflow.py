@@ -16,6 +16,7 @@ from checkouts import (
 )
 
 from hopdata.steering.experiments.tasks import EXPERIMENTS
+from plain_columns import shadowed_in
 
 pytestmark = pytest.mark.workflow
 
@@ -97,6 +98,10 @@ def test_a_steering_study_runs_to_a_page(steered):
     record = json.loads((results / "provenance.json").read_text())
     assert len(record["stage_seconds"]) == {1: 13, 2: 17}[len(OBSERVATIONS)]
     assert not (steered[0] / "results" / "steered" / "report.html").exists()
+
+
+def test_no_column_of_a_table_shadows_an_attribute(steered):
+    assert shadowed_in(steered[0] / "results" / "steered") == {}
 
 
 def test_a_key_of_the_experiments_leaves_the_model_alone(steered):

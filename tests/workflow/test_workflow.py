@@ -34,6 +34,7 @@ from hopdata.landings.contacts.timing import METHODS
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 from hopdata.stages import LINE
+from plain_columns import shadowed_in
 
 pytestmark = pytest.mark.workflow
 
@@ -64,6 +65,10 @@ def test_all_figures_and_the_report_are_there(sample):
         f"mode_schedules_{method}" for method in METHODS
     }
     assert not any("simulate" in stage for stage in record["stage_seconds"])
+
+
+def test_no_column_of_a_table_shadows_an_attribute(sample):
+    assert shadowed_in(sample / "results" / "sample") == {}
 
 
 def test_nothing_is_left_to_do(sample):
@@ -204,7 +209,7 @@ def test_accuracy_against_truth(sample):
     sections = json.loads((sample / "results/sample/sections.json").read_text())
     assert sections["pre_height_m"] - sections["post_height_m"] >= 0.14
     summary = pd.read_csv(sample / "results/sample/tables/prediction_summary.csv")
-    median = summary.set_index("model")["median"]
+    median = summary.set_index("model")["median_mse"]
     assert median["specialised"] <= 0.2 * median["specialised_mean"]
 
 

@@ -233,6 +233,14 @@ def check_keys(place: str, keys: Mapping[str, Any]) -> None:
     _raise_all(place, [], _schema_mistakes(dict(keys), schema))
 
 
+def section_names(section: str = "") -> list[str]:
+    """Return the names of the sections of a configuration, or of the keys of one."""
+    schema = load_schema()
+    if section:
+        schema = schema["properties"][section]
+    return [*schema["properties"]]
+
+
 def _scene_of(content: Mapping[str, Any]) -> str:
     """Return the scene to be simulated; the standard one if none known is named."""
     simulation = content.get("simulation")

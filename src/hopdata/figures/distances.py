@@ -18,7 +18,7 @@ KINDS: dict[str, tuple[str, str, Any]] = {
     "noised_identity": ("identities with noise", style.GREY, (0, (1.5, 1.2))),
     "random": ("random", style.GREY, (0, (5, 1.2, 1.5, 1.2))),
 }
-QUANTILES = ("q05", "q25", "median", "q75", "q95")
+QUANTILES = ("q05", "q25", "median_distance", "q75", "q95")
 # Most steps of a drawn distribution.
 MOST_STEPS = 2000
 
@@ -32,8 +32,8 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     distances : DataFrame
         One row per pair of subspaces: ``kind``, ``distance_rad``.
     summary : DataFrame
-        One row per kind: ``kind`` and the quantiles ``q05, q25, median, q75, q95``,
-        rad.
+        One row per kind: ``kind`` and the quantiles ``q05, q25, median_distance, q75,
+        q95``, rad.
 
     Returns
     -------

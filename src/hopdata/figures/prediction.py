@@ -27,7 +27,7 @@ PLACES = {name: i + 0.4 * (name not in AFFINE) for i, name in enumerate(MODELS)}
 # Margin beyond the boxes, relative to their range, so that no whisker touches the
 # frame.
 ROOM = 0.04
-QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
+QUANTILES = ("p2_5", "q25", "median_mse", "q75", "p97_5")
 # Shades of the boxes.
 OF_AFFINE = "#7a7a7a"
 OF_MEAN = "#d0d0d0"
@@ -40,9 +40,9 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     Parameters
     ----------
     summary : DataFrame
-        One row per model: ``model``, the quantiles ``p2_5, q25, median, q75, p97_5`` of
-        the MSE in squared normalised units, and optionally ``n_train``, ``n_test``,
-        ``n_classes``. A model without a row, or with a median of NaN, is marked "not
+        One row per model: ``model``, the quantiles ``p2_5, q25, median_mse, q75,
+        p97_5`` of the MSE in squared normalised units, and optionally ``n_train``,
+        ``n_test``, ``n_classes``. A model without a row, or with a NaN, is marked "not
         fitted".
     units : mapping
         ``length_unit_m`` and ``time_unit_s``, the units of normalisation.
@@ -85,8 +85,8 @@ def _write_share(
     axes: Axes, place: float, row: Mapping[Any, Any], mean: Mapping[Any, Any] | None
 ) -> None:
     """Write the median beside its box, relative to that of the mean if there is one."""
-    median = float(row.get("median", np.nan))
-    of_mean = float((mean or {}).get("median", np.nan))
+    median = float(row.get("median_mse", np.nan))
+    of_mean = float((mean or {}).get("median_mse", np.nan))
     text = significant(median)
     if of_mean > 0:
         text = f"{significant(100 * median / of_mean)} %"

@@ -434,7 +434,7 @@ def _drift(drift: pd.DataFrame) -> Check:
     """Ask how far a part of the study is from the others."""
     if drift.empty:
         return _check(DRIFT, None, Message("landings.few_touchdowns"))
-    apart = (drift["median"] - drift["typical"]).abs()
+    apart = (drift["median_of_part"] - drift["typical"]).abs()
     sure = apart > SURE_OF_DRIFT * drift["se"]
     if not sure.any():
         return _check(DRIFT, 0.0, Message("landings.no_drift"))

@@ -66,11 +66,11 @@ def drift_table(
     Returns
     -------
     pandas.DataFrame
-        One row for each quantity and part: ``quantity, unit, part, touchdowns, median,
-        se`` (of the median), ``typical`` (median of all), ``spread`` (robust standard
-        deviation within parts) and ``deviation`` of the part's median, in spreads.
-        Parts with fewer than five touchdowns are left out. A quantity with fewer than
-        two parts left has no rows.
+        One row for each quantity and part: ``quantity, unit, part, touchdowns,
+        median_of_part, se`` (of the median), ``typical`` (median of all), ``spread``
+        (robust standard deviation within parts) and ``deviation`` of the part's median,
+        in spreads. Parts with fewer than five touchdowns are left out. A quantity with
+        fewer than two parts left has no rows.
     """
     values = pd.concat(
         [_values(one, touchdowns) for one in recordings], ignore_index=True
@@ -83,7 +83,7 @@ def drift_table(
         "unit",
         "part",
         "touchdowns",
-        "median",
+        "median_of_part",
         "se",
         "typical",
         "spread",

@@ -92,7 +92,7 @@ _LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 _SENSITIVITY_COLUMNS = (
     "distance",
     "noise_sd",
-    "mean",
+    "mean_distance",
     "sd",
     "q05",
     "q95",
@@ -125,8 +125,8 @@ def noise_sensitivity(
     Returns
     -------
     DataFrame
-        One row per distance and level: ``distance, noise_sd, mean, sd, q05, q95``;
-        ``share_of_random``, the mean divided by that of random subspaces; and
+        One row per distance and level: ``distance, noise_sd, mean_distance, sd, q05,
+        q95``; ``share_of_random``, the mean divided by that of random subspaces; and
         ``doubling``, the change of the mean when the noise doubles, in units of the sd
         (root mean square of both), NaN if the doubled noise is not among the levels.
     """
@@ -144,7 +144,7 @@ def noise_sensitivity(
             row = {
                 "distance": name,
                 "noise_sd": noise_sd,
-                "mean": mean,
+                "mean_distance": mean,
                 "sd": values.std(ddof=1),
                 "q05": low,
                 "q95": high,
@@ -252,7 +252,8 @@ def snr_readings(
     -------
     DataFrame
         One row per reading, and one for random subspaces: ``kind, ratio, signal,
-        noised, noise_sd, printed, mean, mean_se, sd, q05, q25, median, q75, q95``,
+        noised, noise_sd, printed, mean_distance, mean_se, sd, q05, q25,
+        median_distance, q75, q95``,
         lengths in rad; ``printed`` marks the reading of Fig. 2.5.
     """
     rows = []
@@ -269,7 +270,10 @@ def snr_readings(
     lengths = arc_length(a, b)
     rows.append(("random", "", "", "", np.nan, False, *_summary(lengths)))
     columns = ("kind", "ratio", "signal", "noised", "noise_sd", "printed")
-    levels = ("mean", "mean_se", "sd", "q05", "q25", "median", "q75", "q95")
+    levels = (
+        *("mean_distance", "mean_se", "sd"),
+        *("q05", "q25", "median_distance", "q75", "q95"),
+    )
     return pd.DataFrame(rows, columns=[*columns, *levels])
 
 

@@ -24,7 +24,7 @@ from hopdata.maps.truth.maps import ExactMap
 #: Unit: landings. Origin: chosen.
 HELD_OUT = 200
 
-COLUMNS = ("landings", "median", "q05", "q95")
+COLUMNS = ("landings", "median_error", "q05", "q95")
 
 
 @one_blas_thread()
@@ -56,8 +56,8 @@ def prediction_by_landings(
     -------
     DataFrame
         One row per size that the landings allow: ``landings``; median and quantiles of
-        the mean squared error of affine maps (``median, q05, q95``); and the median
-        error of the mean, ``of_mean``.
+        the mean squared error of affine maps (``median_error, q05, q95``); and the
+        median error of the mean, ``of_mean``.
 
     Raises
     ------
@@ -113,7 +113,8 @@ def map_error_by_landings(
     -------
     DataFrame
         One row per size that the landings allow: ``landings``, and median and quantiles
-        of the relative error of the map, ``median, q05, q95``: see `ExactMap.error`.
+        of the relative error of the map, ``median_error, q05, q95``: see
+        `ExactMap.error`.
 
     Raises
     ------

@@ -322,12 +322,12 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``model, n_classes, n_train, n_test``; the median and quantiles of ``mse``
-        (``median, q25, q75, p2_5, p97_5``); ``worst_position_mm, worst_velocity_m_s``,
-        the 97.5 % quantile over the splits of the rms error of the worst coordinate;
-        and the median and 95 % interval of the errors in position and in velocity alone
-        (``position_median, position_p2_5, position_p97_5``, and the same for
-        ``velocity``).
+        ``model, n_classes, n_train, n_test``; the median and quantiles of the mean
+        squared error (``median_mse, q25, q75, p2_5, p97_5``); ``worst_position_mm,
+        worst_velocity_m_s``, the 97.5 % quantile over the splits of the rms error of
+        the worst coordinate; and the median and 95 % interval of the errors in position
+        and in velocity alone (``position_median, position_p2_5, position_p97_5``, and
+        the same for ``velocity``).
     """
     rows = []
     fitted = set(errors["model"])
@@ -342,7 +342,9 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
             "n_train": part["n_train"].iloc[0],
             "n_test": part["n_test"].iloc[0],
         }
-        row |= dict(zip(("median", "q25", "q75", "p2_5", "p97_5"), mse, strict=True))
+        row |= dict(
+            zip(("median_mse", "q25", "q75", "p2_5", "p97_5"), mse, strict=True)
+        )
         for column in _WORST:
             row[column] = np.quantile(part[column], 0.975)
         for kind in _PARTS:
@@ -372,7 +374,7 @@ def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, f
         specialised models' ``worst_position_mm`` and ``worst_velocity_m_s``.
     """
     rows = summary.set_index("model").reindex(list(MODELS))
-    median = dict(zip(MODELS, rows["median"].to_numpy(float), strict=True))
+    median = dict(zip(MODELS, rows["median_mse"].to_numpy(float), strict=True))
     worst_position, worst_velocity = rows.loc[["specialised"], list(_WORST)].to_numpy(
         float
     )[0]
@@ -397,7 +399,7 @@ _SUMMARY_COLUMNS = (
     "model",
     "n_classes",
     *_SIZES,
-    "median",
+    "median_mse",
     "q25",
     "q75",
     "p2_5",

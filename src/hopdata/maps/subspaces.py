@@ -478,12 +478,12 @@ KINDS = ("in_class", "cross_class", "noised_identity", "random")
 _SUMMARY_COLUMNS = (
     "kind",
     "n",
-    "mean",
+    "mean_distance",
     "mean_se",
     "sd",
     "q05",
     "q25",
-    "median",
+    "median_distance",
     "q75",
     "q95",
     "auc_against_in_class",
@@ -646,7 +646,8 @@ def summarise_distances(
     Returns
     -------
     DataFrame
-        ``kind, n, mean, mean_se, sd, q05, q25, median, q75, q95`` in rad and
+        ``kind, n, mean_distance, mean_se, sd, q05, q25, median_distance, q75, q95``
+        in rad and
         ``auc_against_in_class``: the probability that a distance of this kind exceeds
         an in-class one (NaN if there are no in-class distances).
     """

@@ -22,7 +22,7 @@ from hopdata.maps.affine import affine_test_errors, checked, mean_test_errors
 from hopdata.maps.draws import grouped, named_generator, schedule_stream
 from hopdata.maps.prediction import needed_training
 
-COLUMNS = ("schedule", "landings", "unseen", "seen", "mean")
+COLUMNS = ("schedule", "landings", "unseen", "seen", "of_mean")
 
 
 @one_blas_thread()
@@ -49,7 +49,7 @@ def leave_one_order_out(
         One row per order with `folds` landings or more: ``schedule, landings``; and the
         mean squared errors, over all outputs, of an affine map that has not seen the
         order (``unseen``), of one fitted to as many landings that has (``seen``), and
-        of the mean of the other orders (``mean``). Orders for which too few other
+        of the mean of the other orders (``of_mean``). Orders for which too few other
         landings remain for an affine map are left out.
 
     Raises

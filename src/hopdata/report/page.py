@@ -60,7 +60,9 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         **_heights(inputs.sections or {}),
         **_units(inputs.units or {}),
         **_models(inputs),
-        "distances": _medians(inputs.distances, "kind", tables.KIND_NAMES, rad),
+        "distances": _medians(
+            inputs.distances, "kind", "median_distance", tables.KIND_NAMES, rad
+        ),
         "labels_right": _labels_right(truth),
         "slopes": slopes,
         "scaling": {
@@ -182,7 +184,7 @@ def _units(units: Mapping[str, Any]) -> dict[str, str | None]:
 
 
 def _models(inputs: ReportInputs) -> dict[str, Any]:
-    medians = _medians(inputs.prediction, "model", tables.MODEL_NAMES)
+    medians = _medians(inputs.prediction, "model", "median_mse", tables.MODEL_NAMES)
     fitted = []
     not_fitted = []
     for model, name in tables.MODEL_NAMES.items():
@@ -199,14 +201,15 @@ def _models(inputs: ReportInputs) -> dict[str, Any]:
 
 def _medians(
     table: Any,
+    by: str,
     column: str,
     names: Mapping[str, str],
     shown: Callable[..., str] = show.significant,
 ) -> dict[str, str | None]:
-    """Return the median of each name as text; None if it is missing."""
+    """Return the median in a column by name, as text; None if it is missing."""
     found: dict[str, Any] = {}
     if table is not None:
-        found = dict(zip(table[column].astype(str), table["median"], strict=True))
+        found = dict(zip(table[by].astype(str), table[column], strict=True))
     medians: dict[str, str | None] = {}
     for name in names:
         median = found.get(name)
@@ -523,7 +526,7 @@ def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, Message | None]:
 
 def _ratio(prediction: pd.DataFrame, model: str, other: str) -> float | None:
     models = prediction["model"].astype(str)
-    medians = dict(zip(models, prediction["median"], strict=True))
+    medians = dict(zip(models, prediction["median_mse"], strict=True))
     one = medians.get(model, 0)
     two = medians.get(other, 0)
     if one > 0 and two > 0:

@@ -241,7 +241,7 @@ SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
     """Return one row per model, in the printed order, including those not fitted."""
     rows = _in_order(summary, "model", MODEL_NAMES)
-    scale, power = show.common_scale([row.get("median") for row in rows])
+    scale, power = show.common_scale([row.get("median_mse") for row in rows])
     columns: show.Columns = {
         "model": lambda row: MODEL_NAMES.get(row["model"], str(row["model"])),
         "classes": show.counted("n_classes"),
@@ -249,7 +249,7 @@ def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
         "test": show.counted("n_test"),
         show.percent(2.5): show.decimals("p2_5", 2, 1 / scale),
         show.percent(25): show.decimals("q25", 2, 1 / scale),
-        "median": show.decimals("median", 2, 1 / scale),
+        "median": show.decimals("median_mse", 2, 1 / scale),
         show.percent(75): show.decimals("q75", 2, 1 / scale),
         show.percent(97.5): show.decimals("p97_5", 2, 1 / scale),
         "worst position (mm)": show.decimals("worst_position_mm", 1),
@@ -266,11 +266,11 @@ def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
     columns: show.Columns = {
         "subspaces": lambda row: KIND_NAMES.get(row["kind"], str(row["kind"])),
         "pairs": lambda row: show.count(row.get("n", 0)),
-        "mean": show.decimals("mean", 3),
+        "mean": show.decimals("mean_distance", 3),
         "sd": show.decimals("sd", 3),
         show.percent(5): show.decimals("q05", 3),
         show.percent(25): show.decimals("q25", 3),
-        "median": show.decimals("median", 3),
+        "median": show.decimals("median_distance", 3),
         show.percent(75): show.decimals("q75", 3),
         show.percent(95): show.decimals("q95", 3),
         "AUC": show.decimals("auc_against_in_class", 3),

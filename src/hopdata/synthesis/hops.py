@@ -89,6 +89,7 @@ def fly_hop(  # noqa: PLR0913 - the parts of a hop and its options, by name
     limit_s: float = 3.0,
     integrator: str = "driver",
     rtol: float | None = None,
+    shows_boom: bool = True,
 ) -> Hop:
     """Integrate one hop from flight to the next apex.
 
@@ -113,6 +114,8 @@ def fly_hop(  # noqa: PLR0913 - the parts of a hop and its options, by name
         for scenes whose events do not reset the state (`Scene.resets_state`).
     rtol : float, optional
         Relative tolerance of the integrator, by default its own.
+    shows_boom : bool
+        Whether the places of the boom are returned; without them it is quicker.
 
     Raises
     ------
@@ -153,11 +156,14 @@ def fly_hop(  # noqa: PLR0913 - the parts of a hop and its options, by name
     touched_s = np.nan
     if has_board:
         touched_s = _first_touch(events, contact, beyond=mode[0] > 0)
+    boom = np.empty((len(flown.frame_times_s), 0))
+    if shows_boom:
+        boom = scene.boom_places(flown.frame_times_s)
     return Hop(
         start_state=state,
         preloads_n=preloads_n,
         states=flown.states[:, :N_STATES],
-        boom=scene.boom_places(flown.frame_times_s),
+        boom=boom,
         end_time_s=flown.end_time_s,
         end_state=flown.end_state[:N_STATES],
         ending=_ending(flown, first + n),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import sys
 from ctypes import CFUNCTYPE, c_double
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from numba import njit
 from numba.core import codegen, compiler, typed_passes
+from numba.core.bytecode import FunctionIdentity
 
 from hopdata.hybrid.compiled import kernel as kernels
 from hopdata.hybrid.compiled.memory import view
@@ -136,3 +138,33 @@ def test_products(n):
     assert base.tobytes() == before[:n].tobytes()
     assert np.concatenate([left, right]).tobytes() == before[n : 3 * n].tobytes()
     assert beyond.tobytes() == before[5 * n :].tobytes()
+
+
+def scaled(factor):
+    """Return an entry that calls one function of a factory, as the only one does."""
+
+    def factory():
+        @kernels.kernel_apart
+        def times(x):
+            return factor * x
+
+        return times
+
+    times = factory()
+    names = {"times": times, "__name__": __name__}
+    exec(f"def entry_{factor}(x): return times(x)", names)
+    return names[f"entry_{factor}"]
+
+
+def test_functions_of_one_factory_are_not_taken_for_each_other(monkeypatch):
+    # Two processes count from the same number, and one process loads what they compiled.
+    values = []
+    loaded = []
+    for factor in (2, 3):
+        monkeypatch.setattr(FunctionIdentity, "_unique_ids", itertools.count(10**6))
+        loaded.append(numba.cfunc(NATIVE, **kernels.ENTRY)(scaled(factor)))
+        values.append(value(loaded[-1], 1.0))
+    assert values == [2.0, 3.0]
+    names = [one._library.get_defined_functions() for one in loaded]
+    hidden = [{one.name for one in every if "times" in one.name} for every in names]
+    assert hidden[0] == hidden[1] != set()  # or this test would compare nothing

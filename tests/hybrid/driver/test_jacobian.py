@@ -11,7 +11,7 @@ from hybrid_systems import ladder
 from jacobian_checks import TIGHT, carried, differences, gap, saltation_product
 
 from hopdata.hybrid import System, field, guards, on_event, solve, solve_batch
-from hopdata.hybrid.first_order import project_onto_section
+from hopdata.hybrid.first_order import check_c1, project_onto_section
 from hopdata.hybrid.layout import GRAZING_IN_JACOBIAN as GRAZING
 from hopdata.hybrid.layout import RATE_DIFFERS
 from hopdata.hybrid.methods.table import TABLEAUS
@@ -422,3 +422,55 @@ def test_a_guard_that_jumps_is_told_from_one_that_grazes(guard, status):
     found = solve(system, (0.0, 3.0), [0.0, 2.0], jacobian=True)
     assert found.status == status
     assert solve(system, (0.0, 3.0), [0.0, 2.0]).success
+
+
+def law(t, y, mode, p):
+    """Return the rates of a unit mass on a leg with the force p[0] depth**p[1]."""
+    depth = -y[0]
+    push = 0.0
+    if mode[0] > 0:
+        push = p[0] * depth if p[1] == 1.0 else p[0] * max(depth, 0.0) ** p[1]
+    return y[1], push - 9.81
+
+
+def clipped(t, y, mode):
+    """Return the rates on a spring whose depth is clipped, though the lock is read."""
+    push = 1000.0 * max(-y[0], 0.0) if mode[0] > 0 else 0.0
+    return y[1], push - 9.81
+
+
+def sole(t, y):
+    return -y[0]
+
+
+def off(system, params, rtol):
+    """Return the error of a derivative through a landing, over the derivative."""
+    span, start, tight = (0.0, 0.15), np.array([0.05, -1.0]), {"rtol": 1e-13}
+    found = solve(system, span, start, params=params, rtol=rtol, jacobian=True)
+    columns = []
+    for change in 1e-4 * np.eye(2):
+        ends = [
+            solve(system, span, start + k * change, params=params, **tight).y_end
+            for k in (-2, -1, 1, 2)
+        ]
+        columns.append((ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / 12e-4)
+    exact = np.array(columns).T
+    return np.abs(found.jacobian - exact).max() / np.abs(exact).max()
+
+
+def test_the_derivative_through_a_landing_is_as_exact_as_the_reference_says():
+    leg = System(law, sole, n_states=2, guard_names=("foot",))
+    for stiffness in (400.0, 1000.0, 3000.0):
+        assert off(leg, [stiffness, 1.0], 1e-9) < 1e-8
+        hertz = [4.0 * stiffness, 1.5]
+        assert off(leg, hertz, 1e-9) < 3e-4
+        assert off(leg, hertz, 1e-12) < 3e-6
+
+
+def test_check_c1_finds_the_kink_of_a_depth_that_is_clipped():
+    leg = System(clipped, sole, n_states=2, guard_names=("foot",))
+    assert check_c1(leg, [0.0, -1.0], mode=[-1]).verdict == "not event-selected"
+    smooth = System(law, sole, n_states=2, guard_names=("foot",))
+    for law_params in ([1000.0, 1.0], [4000.0, 1.5]):
+        report = check_c1(smooth, [0.0, -1.0], params=law_params, mode=[-1])
+        assert report.verdict == "C1"

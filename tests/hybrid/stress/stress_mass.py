@@ -47,9 +47,11 @@ def lift_off(y: STATE, k: Any, c: Any) -> Any:
     if stance(y, k, c, top)[0] <= 0:
         return None
     height = lambda t: stance(y, k, c, t)[0]  # noqa: E731
-    return mpmath.findroot(
-        height, (lowest, top), solver="anderson", tol=1e-50, maxsteps=200
-    )
+    t = mpmath.findroot(height, (lowest, top), solver="anderson", tol=1e-30)
+    for _ in range(3):  # Newton's method doubles the digits, down to the last ones
+        at = stance(y, k, c, t)
+        t -= at[0] / at[1]
+    return t
 
 
 @cache

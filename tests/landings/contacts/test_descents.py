@@ -153,3 +153,34 @@ def test_the_descent_that_a_recording_ends_in_is_one_once_it_is_deep_enough():
     for deep, count in ((0.2, 1), (0.6, 2)):  # 30 % of the range are 0.54
         stop = np.flatnonzero((time > 1.25) & (height > 1.0 - deep))[-1]
         assert len(descents(height[:stop])) == count
+
+
+def jumps_and_then(end_m, *, apexes=12, seed=3):
+    """Return the body's height in jumps of 0.3 to 0.45 m; it then lies at `end_m`."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(100) / 100.0
+    parts = [
+        0.8 + depth * 0.5 * (1 - np.cos(2 * np.pi * time))
+        for depth in rng.uniform(0.3, 0.45, apexes)
+    ]
+    return np.concatenate([*parts, np.full(100, end_m)])
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_body_that_lies_down_at_the_end_hides_no_landing(seed):
+    # Range of the heights: 1.1 m. A third of it is more than the lowest jumps rise.
+    upright = descents(jumps_and_then(0.8, seed=seed))
+    fallen = descents(jumps_and_then(0.1, seed=seed))
+    assert len(upright) == 12
+    # The last landing ends where the body lies.
+    assert [apex for apex, _ in fallen] == [apex for apex, _ in upright]
+
+
+def test_the_range_of_the_heights_decides_among_jumps_of_any_height():
+    # A shudder of 0.05 m between jumps of 0.4 m is no landing, one of 0.2 m is.
+    time = np.arange(100) / 100.0
+    shape = 0.5 * (1 - np.cos(2 * np.pi * time))
+    jumps = [0.8 + 0.4 * shape] * 6
+    for depth, expected in [(0.05, 6), (0.2, 7)]:
+        height = np.concatenate([*jumps[:3], 0.8 + depth * shape, *jumps[3:]])
+        assert len(descents(height)) == expected

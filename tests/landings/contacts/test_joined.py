@@ -1,9 +1,11 @@
 """Feet of several markers: their position, and when the first marker touches."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
+import hopdata as hd
 from hopdata.landings.contacts.descents import (
     ALREADY_DOWN,
     LANDED,
@@ -92,3 +94,19 @@ def test_a_marker_that_was_too_high_to_be_first_leaves_it_alone(heel):
         *(np.array([x]) for x in ([1.0, 2.0], [0.1, 0.1], [LANDED, heel], [0.8, 1.4]))
     )
     np.testing.assert_array_equal(found, [[1.0], [0.1], [LANDED]])
+
+
+def test_contacts_do_not_depend_on_the_order_of_the_markers(opensim_files):
+    (file,) = [one for one in opensim_files if one.name == "walk_free_01.trc"]
+    walk = hd.read(file)
+    places = ["Heel", "Toe.Tip", "Toe.Lat", "Toe.Med"]
+    feet = {name: [f"{name[0]}.{one}" for one in places] for name in ("Right", "Left")}
+    first = hd.contacts(walk, feet=feet).table
+    assert len(first) == 2
+    turned = {"Right": [feet["Right"][k] for k in (1, 3, 0, 2)], "Left": feet["Left"]}
+    # Sums in another order round otherwise, which the learning enlarges.
+    again = hd.contacts(walk, feet=turned).table
+    pd.testing.assert_frame_equal(again, first, rtol=1e-4)
+    other_file = walk[walk.markers[::-1]]
+    again = hd.contacts(other_file, feet=feet).table
+    pd.testing.assert_frame_equal(again, first, rtol=1e-4)

@@ -225,7 +225,9 @@ def test_floor_residual_ignores_the_mean_of_each_recording():
 @pytest.mark.parametrize(("far", "ordered"), [(4.0, True), (2.9, False)])
 def test_order_of_the_models(far, ordered):
     models = ["specialised", "near", "all", "far", "specialised_mean", "mean"]
-    table = pd.DataFrame({"model": models, "median": [2.0, 2.1, 3.0, far, 16.0, 30.0]})
+    table = pd.DataFrame(
+        {"model": models, "median_mse": [2.0, 2.1, 3.0, far, 16.0, 30.0]}
+    )
     found = values(score_predictions(table))
     assert found["near_below_all_below_far"] is ordered
     assert score_predictions(table[:2]) == {}
@@ -255,7 +257,7 @@ def test_the_whole_score_is_json_with_units():
         tables={"kink": table, "printed": none},
         sections=sections(0.5, 0.3),
         recordings={},
-        prediction_summary=pd.DataFrame({"model": ["all"], "median": [3.0]}),
+        prediction_summary=pd.DataFrame({"model": ["all"], "median_mse": [3.0]}),
         distance_summary=pd.DataFrame({"kind": [], "q05": [], "q95": []}),
     )
     assert json.loads(json.dumps(entries, allow_nan=False)) == entries
@@ -275,7 +277,7 @@ def test_distances_are_scored_only_if_they_were_made():
         "tables": {"kink": touchdowns(item, item.contact_times)},
         "sections": sections(0.5, 0.3),
         "recordings": {},
-        "prediction_summary": pd.DataFrame({"model": ["all"], "median": [3.0]}),
+        "prediction_summary": pd.DataFrame({"model": ["all"], "median_mse": [3.0]}),
     }
     assert "random_clearance" in score({"hopper": item}, distance_summary=made, **of)
     assert "random_clearance" not in score({"hopper": item}, **of)

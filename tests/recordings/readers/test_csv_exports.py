@@ -107,6 +107,17 @@ def test_keypoints_state_no_rate(tmp_path):
         read(tmp_path, anipose(track(), NAMES, np.ones((30, 3))))
 
 
+@pytest.mark.parametrize("name", ["t_ms", "Time [ms]", "Timestamp"])
+def test_a_clock_in_another_unit_is_named_where_no_rate_is_given(tmp_path, name):
+    rows = anipose(track(), NAMES, np.ones((30, 3))).splitlines()
+    clock = [name, *(f"{25 * k}" for k in range(30))]
+    text = "\n".join(f",{c},{row}" for c, row in zip(clock, rows, strict=True))
+    with pytest.raises(RecordingError, match=r"column Time \(in s\)") as caught:
+        read(tmp_path, text)
+    assert f"found '{name}', which is not read" in str(caught.value)
+    np.testing.assert_allclose(read(tmp_path, text, rate_hz=40.0).positions, track())
+
+
 def test_a_clock_among_further_columns_is_the_time(tmp_path):
     rows = anipose(track(), NAMES, np.ones((30, 3))).splitlines()
     clock = ["Time (s)", *(f"{7 + k / 40:.3f}" for k in range(30))]

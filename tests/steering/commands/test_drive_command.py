@@ -213,7 +213,7 @@ def test_a_rehearsal_brings_the_boom_to_rest_at_each_act(capsys):
 
 
 def test_an_act_without_its_rest_is_marked_and_gives_exit_code_1(capsys, monkeypatch):
-    def perform(geometry, limits):
+    def perform(geometry, limits, _robot):
         first, second, third, *_ = rehearsal.acts(("a", "b", "c", "boom"), limits)
         told = Message("steering.no_frame", {"age_s": 0.11, "limit_s": 0.1})
         frozen = Message("steering.markers_frozen", {"frames": 3, "for_s": 0.03})
@@ -287,7 +287,7 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
     stream = SimpleNamespace(
         counts=StreamCounts(), states=SimpleNamespace(status=Status("streaming", 0.0))
     )
-    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""))
+    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
 
     def lines():
         loop.state = machine.state
@@ -307,7 +307,7 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
 
 
 def test_before_it_is_armed_the_screen_shows_no_number_that_is_none(capsys):
-    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""))
+    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
     nan = float("nan")
     decision = SimpleNamespace(
         pose=(1.0, nan, nan),

@@ -3,21 +3,18 @@
 import json
 import threading
 from pathlib import Path
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from clocked_drive import on_a_simulated_clock
 
 from hopdata.__main__ import main
-from hopdata.messages import Message
 from hopdata.steering.commands import excite
 from hopdata.steering.control.forecast import NEIGHBOURS
 from hopdata.steering.live import drive as live_drive
-from hopdata.steering.live.clocked import ClockedDrive
 from hopdata.steering.live.log_reading import read_log
-from hopdata.steering.live.loop import checks_of, observers_of
 from hopdata.steering.models.process_file import load_process
 from hopdata.steering.models.training import LEAST_HOPS
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
@@ -37,38 +34,6 @@ def geometry(tmp_path_factory):
     names = ("body1", "body2", "body3")
     HopperGeometry(names, body - middle, 0.0006, 0.3, 0.4, "boom", circle).save(path)
     return str(path)
-
-
-def on_a_simulated_clock(
-    geometry, controller, boom, *, stream, seconds, rate_hz, limits, log, **listeners
-):
-    """Drive as `hopdata.steering.live.drive.drive` does, without waiting."""
-
-    def decided(decision):
-        log.decision(decision)
-        listeners["on_decision"](decision)
-
-    drive = ClockedDrive(
-        stream._hopper,
-        observers_of(geometry, rate_hz),
-        controller,
-        boom,
-        limits=limits,
-        checks=checks_of(geometry, rate_hz, limits),
-        on_decision=decided,
-        on_frames=log.frames,
-    )
-
-    def is_over():
-        listeners["on_look"](drive.loop, stream)
-        return drive.loop.state == "stopped"
-
-    log.start(lambda: log.events((), drive.loop.watch))
-    drive.run(seconds, ended=is_over)
-    drive.loop.end(Message("steering.the_end"))
-    log.close(drive.now_s, {})
-    rests = drive.loop.watch.rests
-    return SimpleNamespace(decisions=drive.loop.decisions(), rests=rests)
 
 
 @pytest.fixture

@@ -15,11 +15,12 @@ from hopdata.steering.control.grids import (
     SHARPNESS,
     HeadingGrid,
     PointGrid,
+    coarse,
     state_nodes,
 )
 from hopdata.steering.control.interface import PlanningError
 from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, goal_errors
-from hopdata.steering.control.planner import planner
+from hopdata.steering.control.planner import _warn_of_time, planner
 from hopdata.steering.control.prediction import poses_ahead
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.models.stride_table import StrideTable, tabulated
@@ -343,3 +344,16 @@ def test_a_learned_angle_is_tabulated_around_the_turn():
     apart = np.angle(np.exp(1j * (after - Spinning().next_state(arms, turns))))
     np.testing.assert_allclose(apart, 0.0, atol=1e-6)
     assert np.all((after >= 0) & (after < 2 * np.pi))
+
+
+def test_a_cost_to_go_that_takes_minutes_is_told_beforehand(caplog):
+    two = StrideAxes(
+        linear=Glider.axes.linear, inputs=(*Pacing.axes.inputs, *Glider.axes.inputs)
+    )
+    for quiet in (table(32, 17).axes, Pacing.axes, Glider.axes):
+        _warn_of_time(quiet, PointGrid())
+    _warn_of_time(replace(two, inputs=two.inputs[:2]), coarse(PointGrid()))
+    assert not caplog.records
+    _warn_of_time(replace(two, inputs=two.inputs[:2]), PointGrid())
+    assert "625 combinations of pace and turn from each of 61440 nodes" in caplog.text
+    assert "few_nodes=True" in caplog.text

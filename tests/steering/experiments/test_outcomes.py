@@ -36,21 +36,24 @@ def test_the_worst_seed_stands_beside_the_median():
         5,
         45,
     )
-    assert (found["worst"], found["worst_seed"]) == (27 / 30, 3)
-    assert found["median"] == 28 / 30
+    assert (found["worst_rate"], found["worst_seed"]) == (27 / 30, 3)
+    assert found["median_rate"] == 28 / 30
     np.testing.assert_allclose(
         found[["hops", "ratio", "worst_ratio"]].astype(float), [30, 1.2, 1.2]
     )
-    assert found["met"] == "yes"
+    assert found["met"] == "too few seeds"
     assert found["last_error"] == 0.1
     assert row(table, "ceiling")["met"] == ""
 
 
 def test_one_bad_seed_is_enough_not_to_meet_what_is_asked():
-    good = runs(planner=[30] * 30, ceiling=[25] * 30)
-    few = runs(seed=2, planner=[30] * 26 + [-1] * 4, ceiling=[25] * 30)
-    slow = runs(seed=2, planner=[34] * 30, ceiling=[25] * 30)
+    ten = [runs(seed=k, planner=[30] * 30, ceiling=[25] * 30) for k in range(1, 11)]
+    good = pd.concat(ten)
+    few = runs(seed=11, planner=[30] * 26 + [-1] * 4, ceiling=[25] * 30)
+    slow = runs(seed=11, planner=[34] * 30, ceiling=[25] * 30)
     assert row(outcome_table(good), "planner")["met"] == "yes"
+    nine = outcome_table(pd.concat(ten[1:]))
+    assert row(nine, "planner")["met"] == "too few seeds"
     for bad in (few, slow):
         assert row(outcome_table(pd.concat([good, bad])), "planner")["met"] == "no"
 
@@ -71,5 +74,5 @@ def test_without_a_success_there_are_no_hops_and_the_experiments_stay_apart():
     )
     assert len(table) == 2
     assert np.isnan(table["hops"].iloc[0])
-    assert table["median"].tolist() == [0.0, 1.0]
+    assert table["median_rate"].tolist() == [0.0, 1.0]
     assert table["touched"].tolist() == [0, 2]

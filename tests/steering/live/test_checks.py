@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -28,7 +29,10 @@ def hopper(n, *, noise_m=0.0006, pose=(1.0, 0.5, 0.3), seed=1):
     return list(itertools.islice(source, n))
 
 
-FRAMES = hopper(160)
+@cache
+def flight():
+    """Return the frames of a second and a half, which are simulated by the first test."""
+    return hopper(160)
 
 
 def found(frames, *, geometry=None, rate_hz=RATE_HZ, limits=LIMITS, step=1):
@@ -50,16 +54,16 @@ def found(frames, *, geometry=None, rate_hz=RATE_HZ, limits=LIMITS, step=1):
     return causes, overs, usable
 
 
-def wrong_from(at, change, frames=FRAMES):
+def wrong_from(at, change, frames=None):
     """Return frames that are changed from one of them on."""
     return [
         (time_s, change(markers) if k >= at else markers)
-        for k, (time_s, markers) in enumerate(frames)
+        for k, (time_s, markers) in enumerate(frames or flight())
     ]
 
 
 def test_frames_of_a_hopper_that_hops_are_right():
-    assert found(FRAMES) == ({}, [], [True] * len(FRAMES))
+    assert found(flight()) == ({}, [], [True] * len(flight()))
 
 
 @pytest.mark.parametrize("pair", PAIRS)
@@ -107,7 +111,7 @@ def test_markers_in_other_units_are_named(factor, unit, at):
 @pytest.mark.parametrize("n_wrong", [1, 2])
 def test_fewer_wrong_frames_are_left_out_and_are_no_fault(n_wrong):
     frames = wrong_from(100, lambda m: m[[3, 1, 2, 0]])
-    frames[100 + n_wrong :] = FRAMES[100 + n_wrong :]
+    frames[100 + n_wrong :] = flight()[100 + n_wrong :]
     causes, overs, usable = found(frames)
     assert (causes, overs) == ({}, [])
     assert usable.count(False) == n_wrong
@@ -178,7 +182,7 @@ def test_a_robot_that_stands_before_real_cameras_is_not_frozen():
 
 
 def test_two_frames_that_are_the_same_are_no_fault():
-    frames = [one for one in FRAMES for _ in range(IN_A_ROW)]
+    frames = [one for one in flight() for _ in range(IN_A_ROW)]
     frames = [(k / RATE_HZ, markers) for k, (_, markers) in enumerate(frames)]
     assert "frozen" not in found(frames)[0]
 
@@ -190,7 +194,7 @@ def test_two_frames_that_are_the_same_are_no_fault():
     ("rate_hz", "is_told"), [(100, 0), (103, 0), (60, 1), (500, 1)]
 )
 def test_frames_of_another_rate_are_named(rate_hz, is_told):
-    frames = [(k / rate_hz, markers) for k, (_, markers) in enumerate(FRAMES)]
+    frames = [(k / rate_hz, markers) for k, (_, markers) in enumerate(flight())]
     causes, _, _ = found(frames)
     assert ("rate" in causes) == bool(is_told)
     if is_told:
@@ -200,4 +204,4 @@ def test_frames_of_another_rate_are_named(rate_hz, is_told):
 
 
 def test_frames_that_are_missing_are_not_another_rate():
-    assert "rate" not in found(FRAMES[::3], step=3)[0]
+    assert "rate" not in found(flight()[::3], step=3)[0]

@@ -329,3 +329,10 @@ def test_numbers_of_other_kinds_become_float64(tmp_path, kind):
     found = load_process(tmp_path / "model.npz").points
     assert found.dtype == np.float64
     np.testing.assert_array_equal(found, np.arange(8.0).reshape(4, 2))
+
+
+def test_a_process_says_in_a_line_what_it_predicts_from_what():
+    options = replace(RECOMMENDED, restarts=0, own_scales=False)
+    process = trained_process(HOPS, options)
+    said = "<FrameChangeProcess: dx, dy, dtheta from boom_angle, swing; 60 points>"
+    assert repr(process) == said

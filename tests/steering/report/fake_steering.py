@@ -48,12 +48,12 @@ def outcomes() -> pd.DataFrame:
     return pd.DataFrame(
         [
             {
-                **common, "controller": "planner", "worst": 28 / 30, "median": 29.5 / 30,
+                **common, "controller": "planner", "worst_rate": 28 / 30, "median_rate": 29.5 / 30,
                 "hops": 34.0, "ratio": 1.05, "worst_ratio": 1.12, "last_error": 0.09, "late": 7,
                 "met": "yes",
             },
             {
-                **common, "controller": "printed", "worst": 0.0, "median": 2 / 30, "hops": np.nan,
+                **common, "controller": "printed", "worst_rate": 0.0, "median_rate": 2 / 30, "hops": np.nan,
                 "ratio": np.nan, "worst_ratio": np.nan, "last_error": np.nan, "late": 290,
                 "met": "",
             },

@@ -180,3 +180,10 @@ def test_a_model_that_will_probably_not_reach_a_point_is_named():
     sound = good.scores.assign(**{**expected, "expected_arrivals": 0.98})
     for other in (good, replace(good, scores=sound)):
         assert named not in Page(build_steering_report(other)).text
+
+
+def test_one_seed_is_not_called_the_worst_of_several():
+    inputs = replace(full_steering(), outcomes=outcomes().assign(seeds=1, runs=30))
+    text = Page(build_steering_report(inputs)).text
+    assert "one seed" in text
+    assert "worst of" not in text.replace("worst of at least ten seeds", "")

@@ -227,3 +227,29 @@ def test_a_stride_to_nowhere_is_an_error_and_a_fall_is_none():
         excited(Simulation(lost), [0.1, 0.1])
     lost.fell = True
     assert excited(Simulation(lost), [0.1, 0.1]).fell
+
+
+def test_a_robot_that_returns_something_else_is_told_what_is_expected():
+    class Pose(Walker):
+        def release(self, pose):
+            return np.asarray(pose, dtype=float)
+
+    class Forgetful(Walker):
+        def stride(self, stance, inputs, rng):
+            return replace(super().stride(stance, inputs, rng), state=np.empty(0))
+
+    with pytest.raises(
+        AnalysisError, match="release: expected a Stance, found ndarray"
+    ):
+        excited(Simulation(Pose()), [0.1])
+    with pytest.raises(
+        AnalysisError, match=r"stride: .*a state of 1, .*\(3,\), \(0,\)"
+    ):
+        excited(Simulation(Forgetful()), [0.1])
+
+
+def test_an_excitation_has_a_number_for_each_input():
+    robot = Real()
+    with pytest.raises(ConfigError, match=r"inputs: expected the shape \(strides, 1\)"):
+        excited(robot, np.zeros((3, 2)))
+    assert robot.commands == []

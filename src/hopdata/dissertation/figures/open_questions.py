@@ -40,7 +40,7 @@ def filters(table: pd.DataFrame) -> Figure:
     hopper = table[table["legs"] == "hopper"]
     _shade_contacts(over_time, hopper)
     for name, (label, colour, dash) in (("saltation", WITH), ("none", WITHOUT)):
-        own = hopper[hopper["filter"] == name].groupby("time_s")["prediction"]
+        own = hopper[hopper["filtered_by"] == name].groupby("time_s")["prediction"]
         median = own.median().reset_index()
         band = own.quantile(0.25), own.quantile(0.75)
         line = (label, colour, dash, "")
@@ -86,7 +86,7 @@ def _draw_shares(axes: Axes, table: pd.DataFrame, limit: float) -> None:
             (-0.5, "saltation", WITH),
             (0.5, "none", WITHOUT),
         ):
-            own = table[chosen & (table["filter"] == name)]
+            own = table[chosen & (table["filtered_by"] == name)]
             held = (own["prediction"] < limit).groupby(own["seed"]).mean()
             share = 100 * float(held.median())
             place = k + offset * width

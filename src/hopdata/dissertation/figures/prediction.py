@@ -21,7 +21,7 @@ MODELS = {
     "specialised_mean": "mean\nspecialised",
     "mean": "mean\nall",
 }
-QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
+QUANTILES = ("p2_5", "q25", "median_mse", "q75", "p97_5")
 # Method: its label, colour, and place beside the tick.
 METHODS = {
     "printed": ("printed method", style.ORANGE, -0.19),
@@ -42,8 +42,8 @@ def boxes_figure(boxes: pd.DataFrame) -> Figure:
     Parameters
     ----------
     boxes : DataFrame
-        One row per ``method`` and ``model``, with the quantiles ``p2_5, q25, median,
-        q75, p97_5`` of the combined MSE in squared normalised units.
+        One row per ``method`` and ``model``, with the quantiles ``p2_5, q25,
+        median_mse, q75, p97_5`` of the combined MSE in squared normalised units.
 
     Returns
     -------
@@ -200,8 +200,8 @@ def impacts_figure(table: pd.DataFrame) -> Figure:
     ----------
     table : DataFrame
         One row per ``what`` (``prediction`` or ``map``), ``seed`` and ``landings``,
-        with ``median, q05, q95``: for predictions the MSE as a share of that of the
-        mean, for the map its relative error.
+        with ``median_error, q05, q95``: for predictions the MSE as a share of that of
+        the mean, for the map its relative error.
 
     Returns
     -------
@@ -217,9 +217,9 @@ def impacts_figure(table: pd.DataFrame) -> Figure:
     }
     for axes, (what, label) in zip(panels, labels.items(), strict=True):
         by_size = table[table["what"] == what].groupby("landings")
-        levels = 100 * by_size[["median", "q05", "q95"]].median()
+        levels = 100 * by_size[["median_error", "q05", "q95"]].median()
         sizes = pd.Series(levels.index.to_numpy(float))
-        middle = pd.Series(levels["median"].to_numpy())
+        middle = pd.Series(levels["median_error"].to_numpy())
         band = (levels["q05"], levels["q95"])
         style.banded_line(axes, sizes, middle, band, ("", style.BLUE, "-", "o"))
         axes.set_xscale("log")

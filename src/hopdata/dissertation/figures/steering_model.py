@@ -33,7 +33,8 @@ def kernels_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        ``data, reading, smoothness, component``, and ``median, min, max`` of R2.
+        ``data, reading, smoothness, component``, and ``median_r2, least_r2,
+        largest_r2``.
 
     Returns
     -------
@@ -65,11 +66,11 @@ def _draw_kernels(axes: Axes, table: pd.DataFrame) -> None:
     for smoothness, label, colour, marker, shift in KERNELS:
         rows = table[table["smoothness"] == smoothness]
         at = [places.index(reading) + shift for reading in rows["reading"]]
-        shown = rows[["median", "min", "max"]].clip(lower=FLOOR)
+        shown = rows[["median_r2", "least_r2", "largest_r2"]].clip(lower=FLOOR)
         spread = [
-            (shown["median"] - shown["min"]).to_numpy(),
-            (shown["max"] - shown["median"]).to_numpy(),
+            (shown["median_r2"] - shown["least_r2"]).to_numpy(),
+            (shown["largest_r2"] - shown["median_r2"]).to_numpy(),
         ]
         own: Any = {"color": colour, "marker": marker, "label": label}
-        axes.errorbar(at, shown["median"], yerr=spread, **own, **look)
+        axes.errorbar(at, shown["median_r2"], yerr=spread, **own, **look)
     axes.grid(axis="y")

@@ -159,7 +159,7 @@ def sensitivity_figure(sensitivity: pd.DataFrame) -> Figure:
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 72.0)
     panels = figure.subplots(1, 2)
     labels = {
-        "mean": "distance (rad, or 1)",
+        "mean_distance": "distance (rad, or 1)",
         "doubling": "change as noise doubles (sd)",
     }
     for axes, (column, label) in zip(panels, labels.items(), strict=True):

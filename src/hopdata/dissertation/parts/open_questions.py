@@ -133,8 +133,8 @@ def track(tracking: Tracking, entropy: Sequence[int]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``time_s`` of the frame, ``filter`` ("saltation" or "none"), whether a foot has
-        touched or left the floor since the last frame (``contact``), the normalised
+        ``time_s`` of the frame, ``filtered_by`` ("saltation" or "none"), whether a foot
+        has touched or left the floor since the last frame (``contact``), the normalised
         squared error of the ``prediction``, and the errors of velocity ``speed_m_s``
         and angular velocity ``turn_rad_s`` after the measurement.
     """
@@ -169,7 +169,7 @@ def track(tracking: Tracking, entropy: Sequence[int]) -> pd.DataFrame:
             error = estimates[name].mean - truth.state
             row = {
                 "time_s": time,
-                "filter": name,
+                "filtered_by": name,
                 "contact": is_contact,
                 "prediction": predicted.normalised_error(truth.state),
                 "speed_m_s": float(np.linalg.norm(error[6:9])),
@@ -234,7 +234,7 @@ def filter_row(table: pd.DataFrame) -> Row:
     }
     for legs, prefix in (("hopper", ""), ("soft legs", "soft_")):
         for name in ("saltation", "none"):
-            own = table[(table["legs"] == legs) & (table["filter"] == name)]
+            own = table[(table["legs"] == legs) & (table["filtered_by"] == name)]
             values |= _by_seed(own, f"{prefix}{name}")
     held = np.median(values["saltation_held"])
     lost = np.median(values["none_held"])

@@ -389,7 +389,7 @@ def _all_over_specialised(
         seed=seed,
         bootstraps=SMALL_BOOTSTRAPS,
     )
-    median = found.summary.set_index("model")["median"]
+    median = found.summary.set_index("model")["median_mse"]
     return float(median["all"] / median["specialised"])
 
 
@@ -488,7 +488,9 @@ def _learning(study: Study, seeds: Sequence[int]) -> pd.DataFrame:
     tables = []
     for seed in seeds:
         predicted = prediction_by_landings(x, y, SIZES, seed=seed)
-        share = predicted[["median", "q05", "q95"]].div(predicted["of_mean"], axis=0)
+        share = predicted[["median_error", "q05", "q95"]].div(
+            predicted["of_mean"], axis=0
+        )
         predicted = predicted[["landings"]].join(share)
         tables.append(predicted.assign(what="prediction", seed=seed))
         of_map = map_error_by_landings(exact, rigid.x, rigid.y, SIZES, seed=seed)
@@ -507,7 +509,9 @@ def _enough_impacts(learning: pd.DataFrame) -> Row:
     """Item 10: whether 100 impacts suffice for an accurate model."""
     values: dict[str, Any] = {}
     for what, rows in learning.groupby("what"):
-        by_size = rows.pivot_table(index="seed", columns="landings", values="median")
+        by_size = rows.pivot_table(
+            index="seed", columns="landings", values="median_error"
+        )
         most = by_size.columns.max()
         values[f"{what}_100"] = _percent(by_size[PRINTED_IMPACTS].tolist())
         values[f"{what}_most"] = _percent(by_size[most].tolist())
@@ -548,9 +552,9 @@ def _unseen_when_near(study: Study) -> pd.DataFrame:
     for found in landings:
         inputs = np.hstack([found.x, found.preloads_n])
         table = leave_one_order_out(inputs, found.y * weights, found.schedule, seed=1)
-        of_all = np.sqrt(table[["unseen", "seen", "mean"]].mean())
-        unseen = of_all["unseen"] / of_all["mean"]
-        seen = of_all["seen"] / of_all["mean"]
+        of_all = np.sqrt(table[["unseen", "seen", "of_mean"]].mean())
+        unseen = of_all["unseen"] / of_all["of_mean"]
+        seen = of_all["seen"] / of_all["of_mean"]
         spread_ms = 1e3 * float(np.median(found.contact_s.std(axis=1)))
         rows.append((found.case, found.scale, spread_ms, unseen, seen))
     columns = ["case", "scale", "spread_ms", "unseen", "seen"]
@@ -568,14 +572,14 @@ def _never_trained_on(
         ratios = []
         for seed in seeds:
             table = leave_one_order_out(x, y, study.pairs.schedule, seed=seed)
-            mean = table[["unseen", "seen", "mean"]].mean()
-            shares.append(100 * float(np.sqrt(mean["unseen"] / mean["mean"])))
+            mean = table[["unseen", "seen", "of_mean"]].mean()
+            shares.append(100 * float(np.sqrt(mean["unseen"] / mean["of_mean"])))
             ratios.append(float(mean["unseen"] / mean["seen"]))
         values[f"{case}_share"] = shares[0]
         values[f"{case}_over_seen"] = ratios
         units = small_studies.units_of(study.pairs)
         noise = small_studies.Noise.of(study.pairs).y / units
-        noise_share = np.sqrt(np.mean(noise**2) / table["mean"].mean())
+        noise_share = np.sqrt(np.mean(noise**2) / table["of_mean"].mean())
         values[f"{case}_noise"] = 100 * float(noise_share)
     nearest = near["scale"].min()
     for case in ("C1", "control"):

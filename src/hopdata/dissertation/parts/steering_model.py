@@ -405,7 +405,8 @@ def _summary(kernels: pd.DataFrame) -> pd.DataFrame:
     """Return median and range over the seeds of the variance that is explained."""
     by = ["data", "reading", "smoothness", "component"]
     groups = kernels.groupby(by, sort=False)["r2"]
-    return groups.agg(["median", "min", "max"]).reset_index()
+    found = groups.agg(median_r2="median", least_r2="min", largest_r2="max")
+    return found.reset_index()
 
 
 def smoothness_row(kernels: pd.DataFrame) -> Row:

@@ -163,7 +163,7 @@ class _Study:
     def policies(self) -> dict[str, dict[str, tasks.Policy]]:
         """Who steers, by manoeuvre and name."""
         found = {}
-        for manoeuvre in (tasks.ORIGIN, tasks.TURN):
+        for manoeuvre in (tasks.ORIGIN, tasks.HALF_TURN):
             task = tasks.task_of(self.options, manoeuvre)
             found[manoeuvre] = {
                 ALL_PRINTED: self._policy(tasks.PRINTED, task, self.printed),

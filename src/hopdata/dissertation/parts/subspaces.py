@@ -128,7 +128,7 @@ def _means(studies: Sequence[DistanceStudy], kind: str) -> list[float]:
     """Return the mean distance of pairs of one kind, for each study, rad."""
     found = []
     for study in studies:
-        by_kind = study.summary.set_index("kind")["mean"]
+        by_kind = study.summary.set_index("kind")["mean_distance"]
         found.append(float(by_kind[kind]))
     return found
 
@@ -273,8 +273,9 @@ def _most_sensitive(sensitivity: pd.DataFrame) -> Row:
     first = {}
     for place, level in {"at": NOISE_SD, "below": NOISE_SD / 4}.items():
         rows = sensitivity[np.isclose(sensitivity["noise_sd"], level)]
-        for what in ("mean", "doubling"):
-            by_seed = rows.pivot_table(index="seed", columns="distance", values=what)
+        columns = {"mean": "mean_distance", "doubling": "doubling"}
+        for what, column in columns.items():
+            by_seed = rows.pivot_table(index="seed", columns="distance", values=column)
             for name in DISTANCES:
                 values[f"{name}_{what}_{place}"] = by_seed[name].tolist()
             first[what, place] = str(by_seed.median().idxmax())
@@ -353,8 +354,8 @@ def _noised_identity(
     }
     readings = snr_readings(SHAPE, seed=seeds[0], pairs=300)
     others = readings[(readings["kind"] == "noised_identity") & ~readings["printed"]]
-    values["least_reading"] = float(others["mean"].min())
-    values["largest_reading"] = float(others["mean"].max())
+    values["least_reading"] = float(others["mean_distance"].min())
+    values["largest_reading"] = float(others["mean_distance"].max())
     one = noised_identities(named_generator(seeds[0], "one"), SHAPE, 300, NOISE_SD, 1)
     values["one_noised"] = float(arc_length(*one).mean())
     off = [abs(value / NOISED_MEAN - 1) for value in values["noised"]]

@@ -18,6 +18,7 @@ from functools import cache
 from typing import Any
 
 from llvmlite import ir
+from llvmlite.binding import Linkage
 from numba import _dynfunc, njit, types  # type: ignore[attr-defined]
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -82,11 +83,12 @@ class _Library(JITCodeLibrary):
         Numba does it twice, so that counts of references meet and cancel, and more
         loops become vector instructions.
         """
-        if not self.is_optimised_once:
+        if self.is_optimised_once:
+            passes, builder = self._codegen._module_pass_manager()
+            passes.run(self._final_module, builder)
+        else:
             super()._optimize_final_module()
-            return
-        passes, builder = self._codegen._module_pass_manager()
-        passes.run(self._final_module, builder)
+        _hide_what_it_reaches(self._final_module)
 
     def finalize(self) -> None:
         if self.is_entry:
@@ -108,6 +110,19 @@ class _Library(JITCodeLibrary):
             own = CPUCodeLibrary._get_module_for_linking(library)  # only its own code
             self._final_module.link_in(own, preserve=True)
         self._linking_libraries = []
+
+
+def _hide_what_it_reaches(module: Any) -> None:
+    """Let machine code that is loaded later not find the functions that an entry calls.
+
+    LLVM takes the first function of a name for all that have it. Numba names functions
+    by what they are called in their source and by a number that counts in a process. So
+    two functions of one factory have the same name where two processes compiled them,
+    and a third one that loads both from the cache would run one in place of the other.
+    """
+    for function in module.functions:
+        if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
+            function.linkage = Linkage.internal
 
 
 def _callers_first(root: _Library) -> Iterator[Any]:

@@ -37,8 +37,8 @@ def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Record
     -------
     Recording
         With each foot listed in place of its first marker. The foot is where its lowest
-        marker is, NaN where one of them is not seen. Its markers follow it, with the
-        role ``part``.
+        marker is, NaN where one of them is not seen. Its markers follow it, by name,
+        with the role ``part``.
     """
     if not feet:
         return recording
@@ -77,7 +77,9 @@ def _markers_with_feet(
             continue
         if marker != min(foot["markers"], key=place_of):
             continue
-        parts = [place_of(one) for one in foot["markers"]]
+        # By name: what they learn from one another depends a little on their order,
+        # which must not be that of a list or of a file.
+        parts = [place_of(one) for one in sorted(foot["markers"])]
         new.append(_Marker(str(foot["name"]), "foot", parts))
         for part in parts:
             new.append(_Marker(recording.markers[part], "part", [part]))

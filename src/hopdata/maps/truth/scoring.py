@@ -397,7 +397,7 @@ def score(  # noqa: PLR0913 - every kind of result that is scored
 
 def score_predictions(summary: pd.DataFrame) -> Entries:
     """Return an entry on whether errors grow away from simultaneous contact."""
-    mse = dict(zip(summary["model"], summary["median"], strict=True))
+    mse = dict(zip(summary["model"], summary["median_mse"], strict=True))
     if not {"near", "all", "far"} <= mse.keys():
         return {}
     ordered = bool(mse["near"] < mse["all"] < mse["far"])

@@ -8,6 +8,7 @@ them, or arrays of blocks with their names. SLEAP has arrays of its own.
 from __future__ import annotations
 
 import pickletools
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,9 @@ from hopdata.recordings.readers.hdf5_checks import checked_attribute, whole_arra
 
 AXES = ("x", "y", "z")
 SCORES = ("likelihood", "score", "confidence", "visibility")
+
+# The name of a column that seems to be a time in an unknown unit, such as `t_ms`.
+_OTHER_CLOCK = re.compile(r"(t|time|timestamp)([ _.(\[]|$)", re.IGNORECASE)
 
 Columns = list[tuple[str, ...]]
 
@@ -80,6 +84,8 @@ def keypoints(
             below = f"have a score below {least_score:g} (input.least_score)"
             remarks = (f"{path}: {count} {below} and count as unseen",)
     clock, frame = _counters(columns, points)
+    if clock is None and rate_hz is None:
+        _refuse_other_clocks(path, columns)
     return raw.assembled(
         str(path),
         raw.distinct_names(str(path), names, may_lack=True),
@@ -144,6 +150,21 @@ def _counters(
     if frame is None and columns[0] == ("",):
         frame = 0  # pandas' index has no name
     return counters.get("Time"), frame
+
+
+def _refuse_other_clocks(path: Path, columns: Columns) -> None:
+    """Raise an error that names a column which seems to be a time, but is not read.
+
+    Its unit is not known, so it is not taken for the seconds that a rate follows from.
+    """
+    for column in columns:
+        name = column[-1]
+        if len(column) == 1 and _OTHER_CLOCK.match(name):
+            raise raw.RateUnknownError.at(
+                f"{path}: frame rate",
+                "a column Time (in s), or a number in input.rate_hz",
+                f"'{name}', which is not read; hopdata.read takes the rate as rate_hz",
+            )
 
 
 def _frame_numbers(values: FloatArray, frame: int | None) -> FloatArray:

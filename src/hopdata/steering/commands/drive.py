@@ -1,4 +1,4 @@
-"""``hopdata drive``: steer a simulated or real hopper; ``hopdata replay``: its log."""
+"""``hopdata drive``: steer a simulated or real robot; ``hopdata replay``: its log."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,14 +23,16 @@ from hopdata.steering.commands.excite import GEOMETRY, MODEL, SCORES
 
 if TYPE_CHECKING:
     from hopdata.steering.control.interface import Controller
-    from hopdata.steering.live.actuator import Boom
+    from hopdata.steering.live.actuator import Driven
     from hopdata.steering.live.buffer import Stream
     from hopdata.steering.live.excited import Excitation
     from hopdata.steering.live.limits import Limits
     from hopdata.steering.live.log import DriveLog
-    from hopdata.steering.live.loop import ControlLoop, Decision
+    from hopdata.steering.live.loop import ControlLoop, Decision, Observers
     from hopdata.steering.live.rehearsal import Performed
+    from hopdata.steering.live.robots import DrivenRobot
     from hopdata.steering.observation.geometry import HopperGeometry
+    from hopdata.steering.strides import Input, State, StrideAxes
 
 # The first log of a folder.
 LOG = "drive.h5"
@@ -67,26 +69,28 @@ def drive(options: argparse.Namespace) -> int:
         return _rehearse(options)
     _require_whole(options)
     path = log_path(options.log)
-    limits = _limits(options)
+    robot = _robot(options.robot)
+    limits = _limits(options, robot)
     setup = _setup(options, limits)
     if options.excite is None:
         with terminal.progress_line() as progress:
-            files = _files(options.model, progress)
+            files = _files(options.model, progress, robot)
             progress("planning ahead")
-            geometry, controller = _parts(setup, files)
+            geometry, controller = _parts(setup, files, robot)
         _drive(options, path, setup, files, (geometry, controller))
         return terminal.OK
     folder = excite.folder_of(path)
     with terminal.progress_line("reading the geometry"):
-        setup["excitation"] = excite.drawn(options, limits).tolist()
-        files = excite.geometry_files(options.geometry)
-        geometry, controller = _parts(setup, files)
+        axes = _axes(robot, limits)
+        setup["excitation"] = excite.drawn(options, axes).tolist()
+        files = excite.geometry_files(options.geometry, robot)
+        geometry, controller = _parts(setup, files, robot)
     decisions: list[Decision] = []
     try:
         _drive(options, path, setup, files, (geometry, controller), decisions)
     finally:
         made = excite.write_strides(
-            folder, decisions, options.excite, limits, files[GEOMETRY]
+            folder, decisions, axes, options.excite, limits, files[GEOMETRY]
         )
         seed = excite.seed_of(options)
         for line in excite.what_next(folder, made, options.excite, seed):
@@ -97,6 +101,7 @@ def drive(options: argparse.Namespace) -> int:
 def _setup(options: argparse.Namespace, limits: Limits) -> dict[str, Any]:
     """Return the settings that the log keeps."""
     return {
+        "robot": options.robot,
         "simulated": options.host is None,
         "dry_run": options.dry_run,
         "armed": options.armed,
@@ -125,13 +130,17 @@ def _drive(
     from hopdata.steering.live.log import DriveLog
 
     geometry, controller = parts
-    limits = _limits(options)
-    boom, stream = _boom_and_stream(options, geometry)
-    log = DriveLog(path, len(geometry.body_names) + 1, setup=setup, files=files)
+    robot = _robot(options.robot)
+    limits = _limits(options, robot)
+    boom, stream = _boom_and_stream(options, geometry, robot)
+    n_markers = len(_markers(geometry))
+    log_axes = {} if robot is None else {"axes": robot.axes}
+    log = DriveLog(path, n_markers, setup=setup, files=files, **log_axes)
     print(f"log: {path}")
     _warn_of(options.model)
     seconds = _seconds(options)
-    screen = Screen(_title(options), seconds, limits.command_s, log)
+    axes = _axes(robot, limits)
+    screen = Screen(_title(options), seconds, limits.command_s, log, axes)
     kept: list[Decision] = [] if decisions is None else decisions
 
     def decided(decision: Decision) -> None:
@@ -158,6 +167,7 @@ def _drive(
             on_look=look,
             log=log,
             rest_without_log=options.log_full == "rest",
+            **_of_robot(robot, geometry, options.rate),
         )
     finally:
         if log.failure:
@@ -237,18 +247,95 @@ def log_path(named: Path | None) -> Path:
     return path
 
 
-def _limits(options: argparse.Namespace) -> Limits:
+def _robot(name: str | None, *, by_user: bool = True) -> DrivenRobot | None:
+    """Return the robot that is driven; None is the hopper."""
+    if name is None:
+        return None
+    from hopdata.steering.live.robots import driven_robot
+
+    return driven_robot(name, by_user=by_user)
+
+
+def _axes(robot: DrivenRobot | None, limits: Limits) -> StrideAxes:
+    """Return the states of the robot, and its inputs with the limits of the drive."""
+    if robot is not None:
+        return robot.axes
+    from hopdata.steering.frame_changes import hopper_axes
+
+    return hopper_axes(limits.swing_rad)
+
+
+def _of_robot(
+    robot: DrivenRobot | None, geometry: HopperGeometry, rate_hz: float
+) -> dict[str, Any]:
+    """Return what a drive is given of a robot that is not the hopper."""
+    if robot is None:
+        return {}
+    observers = robot.observers(geometry, rate_hz)
+    return {"axes": robot.axes, "observers": observers}
+
+
+def _markers(geometry: HopperGeometry) -> tuple[str, ...]:
+    """Return the names of the markers that are seen, the boom's last."""
+    if geometry.boom_name is None:
+        return geometry.body_names
+    return (*geometry.body_names, geometry.boom_name)
+
+
+def _limits(options: argparse.Namespace, robot: DrivenRobot | None = None) -> Limits:
     from hopdata.steering.live.limits import Limits
 
+    if robot is not None:
+        return replace(robot.limits, fence_m=options.fence)
     return Limits(swing_rad=options.swing_limit, fence_m=options.fence)
 
 
 def _boom_and_stream(
-    options: argparse.Namespace, geometry: HopperGeometry
-) -> tuple[Boom, Stream]:
+    options: argparse.Namespace, geometry: HopperGeometry, robot: DrivenRobot | None
+) -> tuple[Driven, Stream]:
     """Return what moves, and what is seen."""
+    if options.host is None:
+        if robot is not None:
+            return _simulated(options, robot)
+        return _simulated_hopper(options)
     from hopdata.steering.live import sources
-    from hopdata.steering.live.actuator import NoBoom, UdpBoom
+    from hopdata.steering.live.actuator import NoActuator, NoBoom, UdpBoom
+
+    seen = sources.stream_of(
+        options.source,
+        _markers(geometry),
+        host=options.host,
+        port=options.port,
+        rate_hz=options.rate,
+    )
+    if options.dry_run:
+        return NoBoom() if robot is None else NoActuator(), seen
+    if robot is not None:
+        return robot.actuator_at(options.boom), seen
+    host, _, port = options.boom.rpartition(":")
+    return UdpBoom(int(port), host=host), seen
+
+
+def _simulated(
+    options: argparse.Namespace, robot: DrivenRobot
+) -> tuple[Driven, Stream]:
+    """Return actuator and stream of a simulated robot that is not the hopper."""
+    from hopdata.steering.live.actuator import NoActuator
+    from hopdata.steering.live.seen_robots import SeenRobot, released
+    from hopdata.steering.live.simulated import SimulatedStream
+
+    simulation = robot.simulation()
+    held = released(simulation)
+    seen = SeenRobot(simulation, held, pose=START, seed=SEED, rate_hz=options.rate)
+    stream = SimulatedStream(seen)
+    if options.dry_run:
+        return NoActuator(), stream
+    return held, stream
+
+
+def _simulated_hopper(options: argparse.Namespace) -> tuple[Driven, Stream]:
+    """Return boom and stream of the simulated hopper."""
+    from hopdata.steering.live.actuator import NoBoom
     from hopdata.steering.live.simulated import (
         LiveHopper,
         SimulatedBoom,
@@ -256,30 +343,18 @@ def _boom_and_stream(
     )
     from hopdata.steering.robot import SteeredHopper
 
-    if options.host is None:
-        boom = SimulatedBoom()
-        hopper = LiveHopper(
-            SteeredHopper(),
-            boom.newest,
-            pose=START,
-            rate_hz=options.rate,
-            seed=SEED,
-        )
-        stream = SimulatedStream(hopper)
-        if options.dry_run:
-            return NoBoom(), stream
-        return boom, stream
-    seen = sources.stream_of(
-        options.source,
-        (*geometry.body_names, str(geometry.boom_name)),
-        host=options.host,
-        port=options.port,
+    boom = SimulatedBoom()
+    hopper = LiveHopper(
+        SteeredHopper(),
+        boom.newest,
+        pose=START,
         rate_hz=options.rate,
+        seed=SEED,
     )
+    stream = SimulatedStream(hopper)
     if options.dry_run:
-        return NoBoom(), seen
-    host, _, port = options.boom.rpartition(":")
-    return UdpBoom(int(port), host=host), seen
+        return NoBoom(), stream
+    return boom, stream
 
 
 def _title(options: argparse.Namespace) -> str:
@@ -287,8 +362,11 @@ def _title(options: argparse.Namespace) -> str:
     if options.excite is not None:
         what = f"; excitation of {counted(options.excite, 'stride')}"
     if options.host is None:
-        return f"SIMULATED hopper; there is no robot{what}"
-    sent = "dry run, nothing is sent" if options.dry_run else f"boom at {options.boom}"
+        return f"SIMULATED {options.robot or 'hopper'}; there is no robot{what}"
+    moved = "boom" if options.robot is None else "actuator"
+    sent = f"{moved} at {options.boom}"
+    if options.dry_run:
+        sent = "dry run, nothing is sent"
     seen_by = f"{options.source} {options.host}"
     if options.source == "qualisys":
         seen_by = f"{options.host}:{options.port}"
@@ -310,15 +388,19 @@ def _warn_of(folder: Path | None) -> None:
 # What a drive and its replay have in common: geometry and controller.
 
 
-def _files(folder: Path | None, progress: Callable[[str], None]) -> dict[str, bytes]:
-    """Return the model's files; without a folder, those of the simulated hopper."""
+def _files(
+    folder: Path | None,
+    progress: Callable[[str], None],
+    robot: DrivenRobot | None = None,
+) -> dict[str, bytes]:
+    """Return the model's files; without a folder, those of the simulated robot."""
     from hopdata.steering.models.process_file import load_process, save_process
     from hopdata.steering.observation.geometry import load_geometry
 
     with tempfile.TemporaryDirectory() as temporary:
         if folder is None:
-            progress("learning from the simulated hopper")
-            geometry, process = _learned()
+            progress("learning from the simulated robot")
+            geometry, process = _learned() if robot is None else _learned_of(robot)
             folder = Path(temporary)
             geometry.save(folder / GEOMETRY)
             save_process(folder / MODEL, process)
@@ -348,12 +430,28 @@ def _learned() -> tuple[Any, Any]:
     return seen.geometry, trained_process(first_hops)
 
 
+def _learned_of(robot: DrivenRobot) -> tuple[Any, Any]:
+    """Return geometry and model of a simulated robot that is not the hopper."""
+    import numpy as np
+
+    from hopdata.steering.excitation import excitation
+    from hopdata.steering.models.training import trained_process
+    from hopdata.steering.robots.interface import Simulation, excited
+
+    inputs = excitation(robot.axes, LEARNED_HOPS + 20, SEED)
+    made = excited(Simulation(robot.simulation(), seed=SEED), inputs).strides().used()
+    process = trained_process(made.rows(np.arange(LEARNED_HOPS)))
+    return robot.geometry, process
+
+
 def _parts(
-    setup: Mapping[str, Any], files: Mapping[str, bytes]
+    setup: Mapping[str, Any],
+    files: Mapping[str, bytes],
+    robot: DrivenRobot | None,
 ) -> tuple[HopperGeometry, Controller]:
     """Return geometry and controller, the same for a drive and its replay."""
     if setup.get("excitation") is not None:
-        return _excited_parts(setup, files)
+        return _excited_parts(setup, files, robot)
     from hopdata.steering.control.adaptive import AdaptivePlanner
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
     from hopdata.steering.control.planner import planner
@@ -371,17 +469,33 @@ def _parts(
     else:
         goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
     horizon = Horizon(hops=PLANNED_HOPS, swing_limit_rad=setup["limits"]["swing_rad"])
-    model = process.within(*horizon.limits(process.axes))
+    model: Any = process
+    first_state = [0.0] * len(process.axes.states)
+    if robot is None:
+        model = process.within(*horizon.limits(process.axes))
+        first_state = [math.pi]
+    else:
+        _require_axes(robot, process.axes)
     controller = planner(model, goal, horizon=horizon)
     # The first plan loads what it needs, which would delay the first hop.
-    controller.plan(START, math.pi)
+    controller.plan(START, first_state)
     if setup["adaptive"]:
         return geometry, AdaptivePlanner(controller, process.noise_sd)
     return geometry, controller
 
 
+def _require_axes(robot: DrivenRobot, found: StrideAxes) -> None:
+    """Require a model of the robot that is driven."""
+    expected = robot.axes.columns
+    wanted = f"a model of {', '.join(expected)}"
+    of_other = f"one of {', '.join(found.columns)}"
+    require(found.columns == expected, "--model", wanted, of_other)
+
+
 def _excited_parts(
-    setup: Mapping[str, Any], files: Mapping[str, bytes]
+    setup: Mapping[str, Any],
+    files: Mapping[str, bytes],
+    robot: DrivenRobot | None,
 ) -> tuple[HopperGeometry, Controller]:
     """Return the same for an excitation, which needs no model."""
     from hopdata.steering.frame_changes import HOPPER
@@ -394,7 +508,8 @@ def _excited_parts(
         path.write_bytes(files.get(GEOMETRY, b""))
         geometry = load_geometry(path)
     limits = Limits(**setup["limits"])
-    return geometry, Excitation(HOPPER, setup["excitation"], limits)
+    axes = HOPPER if robot is None else robot.axes
+    return geometry, Excitation(axes, setup["excitation"], limits)
 
 
 # The rehearsal.
@@ -409,14 +524,14 @@ def _rehearse(options: argparse.Namespace) -> int:
 
 
 def _list_acts(options: argparse.Namespace) -> None:
-    from hopdata.steering.live.rehearsal import acts
+    from hopdata.steering.live.rehearsal import all_acts
     from hopdata.steering.observation.geometry import load_geometry
 
-    limits = _limits(options)
+    robot = _robot(options.robot)
+    limits = _limits(options, robot)
     if options.model is None:
         raise _no_model()
     geometry = load_geometry(options.model / GEOMETRY)
-    names = (*geometry.body_names, str(geometry.boom_name))
     print(
         "With the robot on a rope, and a hand on the emergency stop. "
         "Begin each act while it"
@@ -425,21 +540,26 @@ def _list_acts(options: argparse.Namespace) -> None:
         "hops, or while you lift it and set it down: "
         "without a stance no swing is sent.\n"
     )
-    print(f"  {'do this':{ACT_WIDTH}}  the boom must rest, and the screen must say")
-    for act in acts(names, limits):
+    what = _what_moves(robot)
+    print(f"  {'do this':{ACT_WIDTH}}  the {what} must rest, and the screen must say")
+    for act in all_acts(geometry, limits, robot):
         if act.by_hand:
             print(f"  {act.by_hand:{ACT_WIDTH}}  {act.rest}")
 
 
 def _perform_acts(options: argparse.Namespace) -> int:
-    from hopdata.steering.live.rehearsal import acts, perform, simulated_geometry
+    from hopdata.steering.live.rehearsal import all_acts, perform, simulated_geometry
 
-    limits = _limits(options)
-    with terminal.progress_line("learning the geometry of the simulated hopper"):
-        geometry = simulated_geometry()
-    print("SIMULATED hopper; there is no robot")
-    names = (*geometry.body_names, str(geometry.boom_name))
-    n_acts = len(acts(names, limits))
+    robot = _robot(options.robot)
+    limits = _limits(options, robot)
+    if robot is None:
+        with terminal.progress_line("learning the geometry of the simulated hopper"):
+            geometry = simulated_geometry()
+    else:
+        robot.simulation()  # refused at once if there is none
+        geometry = robot.geometry
+    print(f"SIMULATED {options.robot or 'hopper'}; there is no robot")
+    n_acts = len(all_acts(geometry, limits, robot))
     print(f"{counted(n_acts, 'act')}, some {n_acts * ACT_S:.0f} s on a free machine\n")
     columns = f"{'act':{ACT_WIDTH}}  {'rest expected':{REST_WIDTH}}"
     print(f"  {columns}  {'ms':>5}  what happened")
@@ -447,7 +567,7 @@ def _perform_acts(options: argparse.Namespace) -> int:
     logging.disable(logging.ERROR)  # the table says what the loop would log
     try:
         with terminal.progress_line(f"act 1 of {n_acts}") as progress:
-            for number, done in enumerate(perform(geometry, limits), start=1):
+            for number, done in enumerate(perform(geometry, limits, robot), 1):
                 print(_row(done), flush=True)
                 if not done.is_right:
                     wrong += 1
@@ -458,8 +578,17 @@ def _perform_acts(options: argparse.Namespace) -> int:
     if wrong:
         print(f"\n{counted(wrong, 'act')} without the rest expected: do not drive")
         return terminal.PROBLEM
-    print("\neach act has brought the boom to rest, until it was armed again")
+    what = _what_moves(robot)
+    print(f"\neach act has brought the {what} to rest, until it was armed again")
     return terminal.OK
+
+
+def _what_moves(robot: DrivenRobot | None) -> str:
+    """Return what messages call the part that the inputs move."""
+    from hopdata.steering.frame_changes import HOPPER
+    from hopdata.steering.live.decisions import moved_part
+
+    return moved_part(HOPPER if robot is None else robot.axes)
 
 
 def _row(done: Performed) -> str:
@@ -493,18 +622,25 @@ def replay(options: argparse.Namespace) -> int:
 
     log = read_log(options.log)
     _require_settings(options.log, log.setup)
-    geometry, controller = _parts(log.setup, log.files)
+    named = options.robot or log.setup.get("robot")
+    robot = _robot(named, by_user=options.robot is not None)
+    geometry, controller = _parts(log.setup, log.files, robot)
     rate_hz = log.setup["rate_hz"]
     limits = Limits(**log.setup["limits"])
+    observers: Observers = observers_of(geometry, rate_hz)
+    if robot is not None:
+        observers = robot.observers(geometry, rate_hz)
     plans = replayed(
         log,
-        observers_of(geometry, rate_hz),
+        observers,
         controller,
         limits=limits,
         checks=checks_of(geometry, rate_hz, limits),
     )
     parts = [
-        "simulated hopper" if log.setup["simulated"] else "recorded robot",
+        f"simulated {named or 'hopper'}"
+        if log.setup["simulated"]
+        else "recorded robot",
         counted(len(log.frames), "frame"),
         counted(len(log.decisions), "stance"),
         counted(len(plans), "plan"),
@@ -543,6 +679,9 @@ def _require_settings(log: Path, setup: Mapping[str, Any]) -> None:
         is_pair = isinstance(to, list) and len(to) == 2
         is_goal = is_pair and all(map(_is_number, to))
     require(is_goal, place, "a goal: heading_deg, or to", f"{setup.get('to')!r}"[:40])
+    named = setup.get("robot")
+    is_name = named is None or isinstance(named, str)
+    require(is_name, f"{place}.robot", "a name", f"{named!r}"[:40])
     for key in ("adaptive", "simulated"):
         value = setup.get(key)
         require(isinstance(value, bool), f"{place}.{key}", "true or false", value)
@@ -582,8 +721,14 @@ class Screen:
     """
 
     def __init__(
-        self, title: str, seconds: float | None, command_s: float, log: DriveLog
+        self,
+        title: str,
+        seconds: float | None,
+        command_s: float,
+        log: DriveLog,
+        axes: StrideAxes,
     ) -> None:
+        self._axes = axes
         self._seconds = seconds
         self._command_s = command_s
         self._log = log
@@ -600,7 +745,7 @@ class Screen:
         print(title)
         if self._is_live:
             print("a and Enter: arm it, at first and after each rest")
-            print("Enter or Ctrl-C: the boom rests, and it ends")
+            print("Enter or Ctrl-C: the robot rests, and it ends")
 
     def decided(self, decision: Decision) -> None:
         """Record the decision at a stance; called in the loop's thread."""
@@ -608,8 +753,7 @@ class Screen:
         x, y, heading = decision.pose
         last_hop = (
             f"hop {self._hops:3d}  {_metres('x', x)}, {_metres('y', y)}, "
-            f"{_degrees('heading', heading)}, "
-            f"{_degrees('boom', decision.boom_angle_rad)}\n"
+            f"{_degrees('heading', heading)}{self._states_of(decision)}\n"
             f"         {decision.outcome}: {self._swing_of(decision)}"
         )
         if decision.reason is not None:
@@ -618,11 +762,22 @@ class Screen:
         if not self._is_live:
             print(" ".join(last_hop.split()), flush=True)
 
+    def _states_of(self, decision: Decision) -> str:
+        """Return the states of the robot at the stance."""
+        from hopdata.steering.live.decisions import is_hopper
+
+        if is_hopper(self._axes):
+            return f", {_degrees('boom', decision.boom_angle_rad)}"
+        values = zip(self._axes.states, decision.state, strict=True)
+        return "".join(f", {_in_unit(one, value)}" for one, value in values)
+
     def _swing_of(self, decision: Decision) -> str:
         """Return what was sent, and how long the plan took, if there was one."""
-        if math.isnan(decision.command_rad):
-            return "no swing is sent"
-        sent = f"swing {decision.command_rad:+.2f} rad"
+        if math.isnan(decision.command[0]):
+            names = " or ".join(self._axes.input_names).replace("_", " ")
+            return f"no {names} is sent"
+        values = zip(self._axes.inputs, decision.command, strict=True)
+        sent = ", ".join(_in_unit(one, value) for one, value in values)
         if math.isnan(decision.planning_s):
             return sent
         planning_ms = 1e3 * decision.planning_s
@@ -649,7 +804,7 @@ class Screen:
         """Print the rests and the states since the last look."""
         rests = loop.watch.rests
         for rest in rests[self._n_rests_told :]:
-            print(f"the boom rests: {rest.cause}", flush=True)
+            print(f"the {loop.watch.what} rests: {rest.cause}", flush=True)
         self._n_rests_told = len(rests)
 
     def _draw(self, loop: ControlLoop, stream: Stream) -> None:
@@ -710,6 +865,14 @@ def _degrees(name: str, angle_rad: float) -> str:
     if math.isnan(angle_rad):
         return f"{name} not seen"
     return f"{name} {math.degrees(angle_rad) % 360:3.0f} deg"
+
+
+def _in_unit(axis: Input | State, value: float) -> str:
+    """Return a state or an input with its unit."""
+    name = axis.name.replace("_", " ")
+    if math.isnan(value):
+        return f"{name} not known"
+    return f"{name} {value:+.2f} {axis.unit.replace('_', '/')}"
 
 
 def _is_on_terminal() -> bool:

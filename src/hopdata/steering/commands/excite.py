@@ -17,16 +17,17 @@ from hopdata.errors import AnalysisError, ConfigError, counted, require
 
 if TYPE_CHECKING:
     from hopdata.arrays import FloatArray
-    from hopdata.steering.frame_changes import FrameChanges
     from hopdata.steering.live.decisions import Decision
     from hopdata.steering.live.limits import Limits
-    from hopdata.steering.strides import Strides
+    from hopdata.steering.live.robots import DrivenRobot
+    from hopdata.steering.strides import StrideAxes, Strides
 
 # Files of the folder, named as those of a study's model.
 GEOMETRY = "geometry.json"
 MODEL = "model.npz"
 SCORES = "model_scores.csv"
 STRIDES = "frame_changes.csv"
+AXES = "axes.json"  # of a robot that is not the hopper
 
 #: Share of the strides that a model is tested on.
 #: Unit: 1. Origin: chosen.
@@ -70,7 +71,9 @@ def require_whole(options: argparse.Namespace) -> None:
     require(options.excite >= least, "--excite", wanted, options.excite)
     seed = seed_of(options)
     require(seed >= 0, "--excite-seed", "0 or more", seed)
+    # That of another robot is told with it.
     has_geometry = options.host is None or options.geometry is not None
+    has_geometry = has_geometry or options.robot is not None
     wanted = "geometry.json of the robot's markers (docs/live.md)"
     require(has_geometry, "--geometry", wanted, "none")
 
@@ -93,25 +96,24 @@ def seed_of(options: argparse.Namespace) -> int:
     return 1 if options.excite_seed is None else int(options.excite_seed)
 
 
-def drawn(options: argparse.Namespace, limits: Limits) -> FloatArray:
-    """Draw the sequence (n, U) within the limits of the drive."""
+def drawn(options: argparse.Namespace, axes: StrideAxes) -> FloatArray:
+    """Draw the sequence (n, U) within the limits of the robot's inputs."""
     from hopdata.steering.excitation import excitation
-    from hopdata.steering.frame_changes import hopper_axes
 
-    axes = hopper_axes(limits.swing_rad)
     return excitation(axes, options.excite, seed_of(options))
 
 
-def geometry_files(path: Path | None) -> dict[str, bytes]:
-    """Return the geometry's file; without a path, that of the simulated hopper."""
+def geometry_files(path: Path | None, robot: DrivenRobot | None) -> dict[str, bytes]:
+    """Return the geometry's file; without a path, that of the robot itself."""
     from hopdata.steering.live.rehearsal import simulated_geometry
     from hopdata.steering.observation.geometry import load_geometry
 
     if path is not None:
         load_geometry(path)
         return {GEOMETRY: path.read_bytes()}
+    geometry = simulated_geometry() if robot is None else robot.geometry
     with tempfile.TemporaryDirectory() as folder:
-        simulated_geometry().save(Path(folder, GEOMETRY))
+        geometry.save(Path(folder, GEOMETRY))
         return {GEOMETRY: Path(folder, GEOMETRY).read_bytes()}
 
 
@@ -121,19 +123,22 @@ def geometry_files(path: Path | None) -> dict[str, bytes]:
 def write_strides(
     folder: Path,
     decisions: Sequence[Decision],
+    axes: StrideAxes,
     n_strides: int,
     limits: Limits,
     geometry: bytes,
 ) -> Strides:
-    """Write the table of strides and the geometry to a new folder."""
-    from hopdata.jobs import write_table
-    from hopdata.steering.frame_changes import HOPPER
+    """Write the table of strides, the axes and the geometry to a new folder."""
+    from hopdata.jobs import write_json, write_table
+    from hopdata.steering.frame_changes import is_hopper
     from hopdata.steering.live.excited import excited_strides
     from hopdata.steering.strides import to_table
 
     name = folder.name.removesuffix("-strides")
-    made = excited_strides(decisions, HOPPER, n_strides, limits, recording=name)
+    made = excited_strides(decisions, axes, n_strides, limits, recording=name)
     folder.mkdir(parents=True)
+    if not is_hopper(axes):
+        write_json(folder / AXES, axes.as_dict())
     (folder / GEOMETRY).write_bytes(geometry)
     write_table(folder / STRIDES, to_table(made))
     return made
@@ -168,6 +173,7 @@ def learn(options: argparse.Namespace) -> int:
 
     from hopdata.jobs import write_table
     from hopdata.steering.control.forecast import NEIGHBOURS, forecast, warning
+    from hopdata.steering.frame_changes import is_hopper
     from hopdata.steering.models.learning import learned_and_rest, prediction_score
     from hopdata.steering.models.process_file import save_process
     from hopdata.steering.models.training import trained_process
@@ -189,8 +195,10 @@ def learn(options: argparse.Namespace) -> int:
     with terminal.progress_line(f"learning from {counted(n_used, 'stride')}"):
         train, rest = learned_and_rest(changes, block, seed=seed)
         process = trained_process(train)
-        expected = forecast(process, rest, state=[np.pi])
-        scores = prediction_score(process, rest).assign(**expected.columns())
+        scores = prediction_score(process, rest)
+        if is_hopper(process.axes):
+            expected = forecast(process, rest, state=[np.pi])
+            scores = scores.assign(**expected.columns())
     scores = scores.assign(training_hops=len(train), test_hops=len(rest))
     save_process(folder / MODEL, process)
     write_table(folder / SCORES, scores)
@@ -220,16 +228,52 @@ def _require_one_geometry(folders: Sequence[Path]) -> None:
         require(found == first, f"{path}", wanted, "another")
 
 
-def _strides_of(folders: Sequence[Path]) -> FrameChanges:
-    """Return the strides of all folders, with the largest swing as their limit."""
+def _strides_of(folders: Sequence[Path]) -> Strides:
+    """Return the strides of all folders; the hopper's limit is its largest swing."""
     import numpy as np
 
     from hopdata.jobs import read_table
+    from hopdata.steering import strides
     from hopdata.steering.frame_changes import FrameChanges, from_table, hopper_axes
     from hopdata.steering.strides import joined
 
+    axes = _axes_of(folders)
+    if axes is not None:
+        tables = [read_table(folder / STRIDES) for folder in folders]
+        return joined([strides.from_table(table, axes) for table in tables])
     parts = [from_table(read_table(folder / STRIDES)) for folder in folders]
     changes = joined(parts)
     swings = np.abs(changes.used().swing_rad)
     largest = float(swings.max(initial=0.0)) or np.pi
     return FrameChanges(**{**vars(changes), "axes": hopper_axes(largest)})
+
+
+def _axes_of(folders: Sequence[Path]) -> StrideAxes | None:
+    """Return the axes of a robot that is not the hopper; None for the hopper.
+
+    Raises
+    ------
+    ConfigError
+        If the folders are of several robots.
+    RecordingError
+        If a file of axes cannot be read.
+    """
+    from hopdata.errors import RecordingError
+    from hopdata.foreign.texts import json_of
+    from hopdata.steering.strides import StrideAxes
+
+    found = None
+    for folder in folders:
+        axes = None
+        if (folder / AXES).is_file():
+            wanted = "the axes of a robot as JSON"
+            content = json_of(folder / AXES, wanted=wanted, error=RecordingError)
+            try:
+                axes = StrideAxes.of_dict(content)
+            except (KeyError, TypeError, ValueError) as error:
+                raise RecordingError.at(folder / AXES, wanted, repr(error)) from None
+        is_same = folder == folders[0] or axes == found
+        wanted = f"strides of the robot of {folders[0]}"
+        require(is_same, f"{folder}", wanted, "those of another")
+        found = axes
+    return found

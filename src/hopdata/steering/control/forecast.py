@@ -37,7 +37,7 @@ INPUTS_TRIED = {1: 31, 2: 81}
 #: Unit: 1. Origin: chosen: the excitation makes each move this often.
 NEIGHBOURS = 3
 #: Least share of the starts from which a sound model arrives.
-#: Unit: 1. Origin: measured: see docs/steering.md, "Before the first run".
+#: Unit: 1. Origin: measured: see docs/steering_measured.md, "The forecast".
 LEAST_ARRIVED = 0.95
 
 # Length scales within this factor of their upper bound are at it.

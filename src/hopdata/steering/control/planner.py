@@ -25,6 +25,8 @@ the best one. From there, scipy's Nelder-Mead finds costs within 0.001 strides o
 
 from __future__ import annotations
 
+import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -78,6 +80,14 @@ REFINEMENT = 3
 
 # The sequences of more inputs are too many to be tried.
 MOST_INPUTS = 2
+#: Strides of a cost-to-go above which its time and memory are told beforehand.
+#: Unit: 1. Origin: chosen: twice those of the hopper, which take some two seconds.
+MOST_STRIDES = 3_200_000
+#: Memory of a cost-to-go for each of its strides.
+#: Unit: bytes. Origin: derived: tail, cost and three locations, a copy of each.
+BYTES_A_STRIDE = 80
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -286,7 +296,26 @@ def planner(
             grid = _grid_of(grid, table)
         if few_nodes:
             grid = coarse(grid)
+    _warn_of_time(table.axes, grid)
     return Planner(table, objective, horizon, cost_to_go(table, grid))
+
+
+def _warn_of_time(axes: StrideAxes, grid: Grid) -> None:
+    """Say before a cost-to-go that takes minutes that it does, and what is quicker."""
+    n_inputs = grid.inputs ** len(axes.inputs)
+    n_states = grid.states if axes.states else 1
+    n_strides = math.prod(grid.nodes().shape[:-1]) * n_states * n_inputs
+    if n_strides <= MOST_STRIDES:
+        return
+    megabytes = n_strides * BYTES_A_STRIDE / 1e6
+    logger.warning(
+        "planner: the cost-to-go tries %d combinations of %s from each of %d nodes. "
+        "That takes a minute or more and some %.0f MB; few_nodes=True is quicker.",
+        n_inputs,
+        " and ".join(axes.input_names),
+        n_strides // n_inputs,
+        megabytes,
+    )
 
 
 def _tabulated(

@@ -145,7 +145,7 @@ class PrintedController:
         self, table: StrideTable, pose: FloatArray, state: ArrayLike
     ) -> Values:
         """Return the same function for a table over an angle and an input, compiled."""
-        from hopdata.steering.control.compiled import fill_values
+        from hopdata.steering.control.printed_objective import fill_values
 
         knots_and_coefficients = table.spline_parts
         start = (*pose.tolist(), float(np.asarray(state).item()))

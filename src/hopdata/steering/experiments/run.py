@@ -19,7 +19,7 @@ from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.steering import robot as plant
 from hopdata.steering.control.interface import Controller, Plan, PlanningError
 from hopdata.steering.experiments.tasks import (
-    Outcome,
+    RunOutcome,
     Start,
     Task,
     decided,
@@ -183,7 +183,7 @@ class Run:
         How often the loop brought the boom to rest for a fault.
     last_error : float
         Error at the last stance, m or rad.
-    outcome : Outcome
+    outcome : RunOutcome
         Judged by the true poses.
     frames : list
         Time, s, and markers (M, 3), m, of each frame, as the cameras saw it.
@@ -194,7 +194,7 @@ class Run:
     late_commands: int
     rests: int
     last_error: float
-    outcome: Outcome
+    outcome: RunOutcome
     frames: Frames
 
 

@@ -212,7 +212,7 @@ def experiments_of(
 
 # Tables of the experiments and their columns, which a table without rows has too.
 OF_RUN = ("experiment", "controller", "run")
-OF_OUTCOME = tuple(field.name for field in fields(tasks.Outcome))
+OF_OUTCOME = tuple(field.name for field in fields(tasks.RunOutcome))
 TABLES: Mapping[str, tuple[str, ...]] = {
     "runs": (
         *OF_RUN,
@@ -378,7 +378,7 @@ def example_of(
     if len(points):
         pieces.append(points)
     table = pd.concat(pieces, ignore_index=True)
-    is_turn = setting.manoeuvre == tasks.TURN
+    is_turn = setting.manoeuvre == tasks.HALF_TURN
     if is_turn:
         table[POSE] = composed(inverse(start.pose), table[POSE].to_numpy())
     if board is None:

@@ -21,14 +21,14 @@ from hopdata.steering.frame_changes import hopper_axes
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.models.stride_table import StrideTable
 
-ORIGIN, TURN, WAYPOINTS = "origin", "turn", "waypoints"
+ORIGIN, HALF_TURN, WAYPOINTS = "origin", "turn", "waypoints"
 
 # Manoeuvre of each experiment, and whether there is a board in the way.
 EXPERIMENTS: Mapping[str, tuple[str, bool]] = {
     "origin": (ORIGIN, False),
-    "turn": (TURN, False),
+    "turn": (HALF_TURN, False),
     "origin_board": (ORIGIN, True),
-    "turn_board": (TURN, True),
+    "turn_board": (HALF_TURN, True),
     "waypoints": (WAYPOINTS, False),
 }
 
@@ -62,8 +62,8 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Outcome of a run: success, number of hops to arrival (-1 if never), reason."""
+class RunOutcome:
+    """RunOutcome of a run: success, number of hops to arrival (-1 if never), reason."""
 
     success: bool
     hops: int
@@ -81,7 +81,7 @@ def task_of(experiments: Mapping[str, Any], manoeuvre: str) -> Task:
     near = experiments["arrived_m"]
     hops = experiments["hops"]
     points: tuple[tuple[float, float], ...] = ()
-    if manoeuvre == TURN:
+    if manoeuvre == HALF_TURN:
         near = experiments["turned_rad"]
         hops = experiments["turn_hops"]
     if manoeuvre == WAYPOINTS:
@@ -115,7 +115,7 @@ def goal_of(manoeuvre: str, start: ArrayLike) -> objectives.Objective:
 
 def judged(
     task: Task, errors: ArrayLike, *, fell: bool = False, touched: bool = True
-) -> Outcome:
+) -> RunOutcome:
     """Judge a run.
 
     Parameters
@@ -133,9 +133,9 @@ def judged(
     in_time = np.asarray(errors, dtype=float)[: task.hops + 1]
     arrivals = np.flatnonzero(in_time <= task.near)
     if not len(arrivals):
-        return Outcome(success=False, hops=-1, reason=FELL if fell else LATE)
+        return RunOutcome(success=False, hops=-1, reason=FELL if fell else LATE)
     reason = ARRIVED if touched else UNTOUCHED
-    return Outcome(success=touched, hops=int(arrivals[0]), reason=reason)
+    return RunOutcome(success=touched, hops=int(arrivals[0]), reason=reason)
 
 
 def decided(task: Task, errors: Sequence[float]) -> bool:

@@ -115,12 +115,17 @@ class UdpBoom:
 
     def swing(self, rad: float) -> None:
         """Send a swing."""
+        self._send("swing", (rad,), is_rest=rad == 0.0)
+
+    def _send(self, word: str, numbers: Numbers, *, is_rest: bool) -> None:
+        """Send a line with a word, its number, and what is commanded."""
         self._number += 1
-        is_repeated = rad == 0.0 and self._rests
+        is_repeated = is_rest and self._rests
         if not is_repeated:  # an answer to any of the rests in a row will do
             self._wanted = self._number
-        self._rests = rad == 0.0
-        self._socket.sendto(f"swing {self._number} {rad!r}\n".encode(), self._address)
+        self._rests = is_rest
+        line = " ".join([word, str(self._number), *map(repr, numbers)])
+        self._socket.sendto(f"{line}\n".encode(), self._address)
 
     def alive(self, number: int) -> None:
         """Send a heartbeat."""
@@ -159,6 +164,31 @@ class UdpBoom:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+class UdpActuator(UdpBoom):
+    """Sends the inputs of each stride as a line, `inputs <number> <u1> <u2> ...`.
+
+    Answers and heartbeats are those of a `UdpBoom`.
+
+    Parameters
+    ----------
+    port, host : int, str
+        As of a `UdpBoom`.
+    rest : tuple of float
+        The inputs at rest.
+    """
+
+    def __init__(
+        self, port: int, *, host: str = LOOPBACK, rest: Numbers = (0.0,)
+    ) -> None:
+        super().__init__(port, host=host)
+        self._rest = rest
+
+    def command(self, inputs: FloatArray, /) -> None:
+        """Send inputs."""
+        numbers = tuple(np.asarray(inputs, dtype=float).tolist())
+        self._send("inputs", numbers, is_rest=numbers == self._rest)
 
 
 def _number_in(answer: bytes, word: bytes, highest: int) -> int:

@@ -98,6 +98,9 @@ class FrameBuffer:
         index.
         """
         written = self.written
+        if index == written - 1:  # as a rule, one frame has come
+            frame = self._slots[index % len(self._slots)]
+            return [frame] if frame is not None and frame.index < written else []
         first = max(index, written - len(self._slots), 0)
         slots = (self._slots[k % len(self._slots)] for k in range(first, written))
         # Slots overwritten in the meantime are left for the next call.

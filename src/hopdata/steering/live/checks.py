@@ -166,6 +166,7 @@ class FrameChecks:
         """Check a frame."""
         tilt = _tilt(seen)
         is_tilted = tilt > self.limits.tilt_rad
+        pose = seen.pose.tolist()
         is_off = seen.status in KNOWN and self._is_boom_off(frame, seen)
         why: Message | None = None
         if seen.status == MISFIT:
@@ -177,12 +178,13 @@ class FrameChecks:
         over = None
         if why is None:
             self._why_s = -math.inf
-            over = self._over(seen, tilt if is_tilted else 0.0)
-        frozen = self._frozen_cause(frame)
+            over = self._over(pose, tilt if is_tilted else 0.0)
+        is_noisy = self._is_noisy
+        frozen = self._frozen.feed(frame, is_noisy=is_noisy)
         # Coordinates that are repeated to the bit are no measurement: a height that
         # stands still would shift the stance.
-        is_usable = why is None and not (self._is_noisy and self._frozen.is_repeat)
-        if is_usable and math.isfinite(sum(seen.pose.tolist())):
+        is_usable = why is None and not (is_noisy and self._frozen.is_repeat)
+        if is_usable and math.isfinite(sum(pose)):
             self._good = (frame.time_s, seen.pose, seen.boom_angle_rad)
         lasting = {
             "fit": self._in_a_row(why),
@@ -203,16 +205,16 @@ class FrameChecks:
 
     def _is_boom_off(self, frame: Frame, seen: Observation) -> bool:
         """Return whether the boom's marker is seen where it cannot be."""
-        if self.geometry is None or self.geometry.boom_name is None:
-            return False
         if not math.isnan(seen.boom_angle_rad):
+            return False
+        if self.geometry is None or self.geometry.boom_name is None:
             return False
         place = self.geometry.boom_place(self.names)
         return bool(np.isfinite(frame.markers[place]).all())
 
-    def _over(self, seen: Observation, tilt_rad: float) -> Message | None:
+    def _over(self, pose: Sequence[float], tilt_rad: float) -> Message | None:
         """Return why the drive must end: the robot has left the arena, or tips over."""
-        away_m = math.hypot(*seen.pose[:2].tolist())
+        away_m = math.hypot(pose[0], pose[1])
         limit_m = self.limits.fence_m
         if away_m > limit_m:
             values = {"away_m": away_m, "limit_m": limit_m}
@@ -224,6 +226,8 @@ class FrameChecks:
     def _unseen(self, frame: Frame, seen: Observation) -> Message | None:
         """Return a cause if needed markers are unseen for `Limits.pose_age_s`."""
         before = self._lacking
+        if not before and not seen.lacking:
+            return None
         at_s = frame.captured_s
         self._lacking = {what: before.get(what, at_s) for what in seen.lacking}
         too_long = {}
@@ -234,9 +238,6 @@ class FrameChecks:
             return None
         values = {"which": "; ".join(too_long), "for_s": max(too_long.values())}
         return Message("steering.markers_unseen", values)
-
-    def _frozen_cause(self, frame: Frame) -> Message | None:
-        return self._frozen.feed(frame, is_noisy=self._is_noisy)
 
     @property
     def _is_noisy(self) -> bool:
@@ -311,7 +312,7 @@ class FrameChecks:
 
 def _tilt(seen: Observation) -> float:
     """Return by how much the body leans, rad; 0 if unknown."""
-    upright = float(seen.rotation[2, 2])
+    upright = seen.rotation.item(2, 2)
     if math.isnan(upright):
         return 0.0
     return math.acos(max(-1.0, min(1.0, upright)))

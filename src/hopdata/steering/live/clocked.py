@@ -161,13 +161,16 @@ class ClockedDrive:
 
     def run(self, until_s: float, *, ended: Callable[[], bool] = lambda: False) -> None:
         """Drive until just before a time, or until something holds."""
-        next_s, happen = self._next()
-        while next_s < until_s:
+        step = self.loop.step
+        while True:
+            next_s, happen = self._next()
+            if next_s >= until_s:
+                break
             if ended():
                 return
-            self._let(next_s, happen)
-            self.loop.step()
-            next_s, happen = self._next()
+            self.now_s = max(self.now_s, next_s)
+            happen()
+            step()
         self.now_s = max(self.now_s, until_s)
 
     def run_hop(self) -> None:

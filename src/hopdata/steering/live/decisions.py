@@ -113,6 +113,16 @@ def is_hopper(axes: StrideAxes) -> bool:
     return same_states and axes.input_names == HOPPER.input_names
 
 
+def moved_part(axes: StrideAxes) -> str:
+    """Return what messages call the part that inputs move: the boom, or by its input.
+
+    The hopper's swing moves its boom; of other robots only the inputs have names.
+    """
+    if is_hopper(axes):
+        return "boom"
+    return " and ".join(name.replace("_", " ") for name in axes.input_names)
+
+
 def planned_inputs(
     controller: Controller,
     axes: StrideAxes,

@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, Self, TypeAlias
+from typing import NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from hopdata.steering.live.decisions import (
     DecisionOutcome,
     Numbers,
     is_hopper,
+    moved_part,
     planned_inputs,
 )
 from hopdata.steering.live.limits import Limits
@@ -163,6 +164,8 @@ class ControlLoop(Worker):
         self._lower, self._upper = input_limits(self.axes, self.limits)
         self._at_rest: Numbers = tuple(at_rest(self.axes).tolist())
         self._unknown: Numbers = (math.nan,) * len(self._at_rest)
+        # Whether each state is measured; others are known from what was sent.
+        self._is_measured = tuple(not state.set_by for state in self.axes.states)
         self.counts = LoopCounts()
         self.last_failure = ""
         self._clock = clock
@@ -176,6 +179,7 @@ class ControlLoop(Worker):
             limits=self.limits,
             on_stop=self._drive_is_over.set,
             rest=self._at_rest,
+            what=moved_part(self.axes),
         )
         self._buffer = buffer
         self._observers = observers
@@ -366,12 +370,11 @@ class ControlLoop(Worker):
 
     def _note_state(self, seen: Observation, frame: Frame) -> None:
         """Keep the states that a frame shows, if it shows all that are measured."""
-        is_shown = [
-            math.isfinite(number) or bool(axis.set_by)
-            for axis, number in zip(self.axes.states, seen.state, strict=True)
-        ]
-        if all(is_shown):
-            self._state = _Newest(seen.state, frame.captured_s)
+        state = seen.state
+        for is_measured, number in zip(self._is_measured, state, strict=True):
+            if is_measured and not math.isfinite(number):
+                return
+        self._state = _Newest(state, frame.captured_s)
 
     def _pose_at(self, stance: DetectedStance) -> _Newest:
         """Return the pose of the frame nearest to a stance, for which models are made.
@@ -483,7 +486,8 @@ class ControlLoop(Worker):
         try:
             refused = self.watch.send(command)
         except Exception as error:
-            failed = Message("steering.boom_failed", {"error": repr(error)})
+            values = {"what": self.watch.what, "error": repr(error)}
+            failed = Message("steering.boom_failed", values)
             self.watch.fail("boom", failed)
             self._in_force = self._unknown
             return outcome, command, failed  # it may have begun to move
@@ -575,7 +579,7 @@ class ControlLoop(Worker):
             return
         self._wrong = [*self._wrong, (sent, swung)]
         if len(self._wrong) >= self.limits.wrong_swings:
-            self.end(_does_not_follow(self._wrong))
+            self.end(_does_not_follow(self.watch.what, self._wrong))
 
     def _plan(self, known: _Known) -> tuple[Numbers, Message | None]:
         """Return the controller's inputs, or NaN and the error."""
@@ -599,9 +603,10 @@ class ControlLoop(Worker):
             wrong = f"expected {len(self._unknown)} inputs, found {len(inputs)}"
             values = {"error": wrong}
             return self._unknown, Message("steering.controller_failed", values)
-        for number in inputs:
+        for name, number in zip(self.axes.input_names, inputs, strict=True):
             if not math.isfinite(number):
-                return self._unknown, Message("steering.no_number", {"swing": number})
+                named = {"what": name.replace("_", " "), "swing": number}
+                return self._unknown, Message("steering.no_number", named)
         return inputs, None
 
     def _permitted(
@@ -653,12 +658,13 @@ def input_limits(axes: StrideAxes, limits: Limits) -> tuple[FloatArray, FloatArr
     return axes.lower, axes.upper
 
 
-def _does_not_follow(wrong: Sequence[tuple[float, float]]) -> Message:
+def _does_not_follow(what: str, wrong: Sequence[tuple[float, float]]) -> Message:
     """Say how swings that were measured differ from those sent."""
     pairs = ", ".join(
         f"{sent:+.2f} rad sent and {swung:+.2f} measured" for sent, swung in wrong
     )
-    return Message("steering.does_not_follow", {"how": _how_off(wrong), "pairs": pairs})
+    values = {"what": what, "how": _how_off(wrong), "pairs": pairs}
+    return Message("steering.does_not_follow", values)
 
 
 def _how_off(wrong: Sequence[tuple[float, float]]) -> Message:
@@ -673,8 +679,7 @@ def _how_off(wrong: Sequence[tuple[float, float]]) -> Message:
     return Message("steering.moves_by", {"percent": 100 * gain})
 
 
-@dataclass(frozen=True)
-class _Newest:
+class _Newest(NamedTuple):
     """A measurement, and its capture time on the monotonic clock, s."""
 
     values: tuple[float, ...] = (math.nan,)

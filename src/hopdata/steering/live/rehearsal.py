@@ -1,4 +1,4 @@
-"""Rehearsal: each act that must bring the boom to rest, on the simulated robot.
+"""Rehearsal: each act that must bring a robot to rest, on its simulation.
 
 After each, the boom must stay at rest though the cause is gone, until the operator arms
 the drive again.
@@ -17,7 +17,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,19 +30,24 @@ from hopdata.arrays import FloatArray
 from hopdata.messages import Message
 from hopdata.steering.live.buffer import Stream
 from hopdata.steering.live.clocked import ClockedDrive
+from hopdata.steering.live.decisions import moved_part
 from hopdata.steering.live.drive import drive
 from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.log import DriveLog
 from hopdata.steering.live.loop import ControlLoop, checks_of, observers_of
 from hopdata.steering.live.machine import REST_WITHIN_S, Machine
 from hopdata.steering.live.packets import LiveError
+from hopdata.steering.live.robots import DrivenRobot
+from hopdata.steering.live.seen_robots import SeenRobot, released
 from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, SimulatedStream
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.robot import SteeredHopper
+from hopdata.steering.strides import StrideAxes, at_rest
 from hopdata.steering.trial import record_trial
 
 RATE_HZ = 100.0
+START = (1.0, 0.0, 0.0)  # m, m, rad
 SEED = 1
 SWING_RAD = 0.4  # to and fro: a third of the limit, eight times what the loop can tell
 BEFORE_S = 3.0  # drive before each act: four hops
@@ -391,6 +396,38 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
     )
 
 
+def acts_of(names: tuple[str, ...], axes: StrideAxes, limits: Limits) -> list[Act]:
+    """Return the acts for a robot that is not the hopper, by its body's markers.
+
+    Left out is what needs a boom with a marker. As a pose needs three markers, all but
+    two are covered at once.
+    """
+    what = moved_part(axes)
+    found = []
+    for act in acts(names, limits):
+        if act.boom is not _exact or act.code == "steering.markers_unseen":
+            continue
+        words = {
+            key: getattr(act, key).replace("boom", what).replace("hopper", "robot")
+            for key in ("name", "by_hand", "rest")
+        }
+        found.append(replace(act, **words))
+    hidden = Act(
+        name="all markers but two are covered",
+        by_hand="cover all markers but two",
+        rest=f"marker '{names[-1]}' is not seen",
+        code="steering.markers_unseen",
+        within_s=limits.pose_age_s + SOON_S,
+        cameras=_all_covered_but_two,
+    )
+    return [*found, hidden]
+
+
+def _all_covered_but_two(markers: FloatArray) -> FloatArray:
+    markers[2:] = np.nan
+    return markers
+
+
 def _covered(index: int) -> Callable[[FloatArray], FloatArray]:
     def shown(markers: FloatArray) -> FloatArray:
         markers[index] = np.nan
@@ -451,14 +488,24 @@ def _failing(_: SimulatedDrive) -> float:
 # Performing them.
 
 
-def perform(geometry: HopperGeometry, limits: Limits) -> Iterator[Performed]:
-    """Perform each act, and yield what came of it."""
-    names = (*geometry.body_names, str(geometry.boom_name))
-    for act in acts(names, limits):
+def perform(
+    geometry: HopperGeometry, limits: Limits, robot: DrivenRobot | None = None
+) -> Iterator[Performed]:
+    """Perform each act on the hopper or another robot, and yield what came of it."""
+    for act in all_acts(geometry, limits, robot):
         if act.in_real_time is None:
-            yield _on_simulated_clock(act, geometry, limits)
+            yield _on_simulated_clock(act, geometry, limits, robot)
         else:
-            yield _in_real_time(act, geometry)
+            yield _in_real_time(act, geometry, robot)
+
+
+def all_acts(
+    geometry: HopperGeometry, limits: Limits, robot: DrivenRobot | None = None
+) -> Sequence[Act]:
+    """Return the acts of the hopper or of another robot."""
+    if robot is not None:
+        return acts_of(geometry.body_names, robot.axes, limits)
+    return acts((*geometry.body_names, str(geometry.boom_name)), limits)
 
 
 def simulated_geometry() -> HopperGeometry:
@@ -468,22 +515,24 @@ def simulated_geometry() -> HopperGeometry:
 
 
 class SimulatedDrive(ClockedDrive):
-    """A drive of the simulated hopper on a simulated clock.
+    """A drive of the simulated hopper, or another robot, on a simulated clock.
 
     Parameters
     ----------
     geometry, limits
     seed : int
-        Seed of the hopper.
+        Seed of the robot.
     machine : Machine, optional
         As in `ClockedDrive`.
+    robot : DrivenRobot, optional
+        By default the hopper.
 
     Attributes
     ----------
     cameras, boom, refuses, plan, is_silent
         As in `Act`; may be replaced at any time.
     swings : list of (time_s, rad)
-        What the boom was told.
+        What the boom was told; of another robot, its first input less that at rest.
     """
 
     def __init__(
@@ -493,6 +542,7 @@ class SimulatedDrive(ClockedDrive):
         *,
         seed: int = SEED,
         machine: Machine | None = None,
+        robot: DrivenRobot | None = None,
     ) -> None:
         self.swings: list[tuple[float, float]] = []
         self.boom: Callable[[float], float] = _exact
@@ -502,24 +552,39 @@ class SimulatedDrive(ClockedDrive):
         self._beats = 0
         self._next_swing_rad = SWING_RAD
         self._moved = SimulatedBoom()
-        self.hopper = LiveHopper(
-            SteeredHopper(),
-            self._moved_by,
-            pose=(1.0, 0.0, 0.0),
-            rate_hz=RATE_HZ,
-            seed=seed,
-        )
+        answers: dict[str, Any] = {"alive": self._alive, "heard": lambda: self._beats}
+        common: dict[str, Any] = {
+            "limits": limits,
+            "checks": checks_of(geometry, RATE_HZ, limits),
+            "machine": machine,
+            "cameras": _nothing_else,
+        }
+        if robot is None:
+            self.hopper = LiveHopper(
+                SteeredHopper(),
+                self._moved_by,
+                pose=START,
+                rate_hz=RATE_HZ,
+                seed=seed,
+            )
+            super().__init__(
+                self.hopper,
+                observers_of(geometry, RATE_HZ),
+                _controller(lambda: self.plan(self)),
+                SimpleNamespace(swing=self._told, **answers),
+                **common,
+            )
+            return
+        simulation = robot.simulation()
+        self._held = released(simulation)
+        seen = SeenRobot(simulation, self._held, pose=START, seed=seed, rate_hz=RATE_HZ)
         super().__init__(
-            self.hopper,
-            observers_of(geometry, RATE_HZ),
-            SimpleNamespace(plan=lambda *_: SimpleNamespace(swing_rad=self.plan(self))),
-            SimpleNamespace(
-                swing=self._told, alive=self._alive, heard=lambda: self._beats
-            ),
-            limits=limits,
-            checks=checks_of(geometry, RATE_HZ, limits),
-            machine=machine,
-            cameras=_nothing_else,
+            seen,
+            robot.observers(geometry, RATE_HZ),
+            _controller(lambda: self.plan(self), robot.axes),
+            SimpleNamespace(command=self._commanded, **answers),
+            axes=robot.axes,
+            **common,
         )
 
     def begin(self, act: Act) -> None:
@@ -552,6 +617,10 @@ class SimulatedDrive(ClockedDrive):
         self.swings.append((self.now_s, rad))
         self._moved.swing(rad)
 
+    def _commanded(self, inputs: FloatArray) -> None:
+        self._told(float(inputs[0] - at_rest(self.loop.axes)[0]))
+        self._held.command(inputs)
+
     def _alive(self, number: int) -> None:
         if not self.is_silent:
             self._beats = number
@@ -565,10 +634,29 @@ class SimulatedDrive(ClockedDrive):
         return self._next_swing_rad
 
 
+def _controller(
+    swing: Callable[[], float], axes: StrideAxes | None = None
+) -> SimpleNamespace:
+    """Return a controller that plans a swing, or as much of another robot's inputs."""
+    if axes is None:
+        return SimpleNamespace(plan=lambda *_: SimpleNamespace(swing_rad=swing()))
+    rest = at_rest(axes)
+    reach = 0.5 * (axes.upper - rest)
+
+    def plan(*_: object) -> SimpleNamespace:
+        inputs = rest + swing() / SWING_RAD * reach
+        return SimpleNamespace(inputs=inputs[None])
+
+    return SimpleNamespace(plan=plan)
+
+
 def _on_simulated_clock(
-    act: Act, geometry: HopperGeometry, limits: Limits
+    act: Act,
+    geometry: HopperGeometry,
+    limits: Limits,
+    robot: DrivenRobot | None = None,
 ) -> Performed:
-    simulated = SimulatedDrive(geometry, limits)
+    simulated = SimulatedDrive(geometry, limits, robot=robot)
     loop = simulated.loop
     simulated.run(BEFORE_S)
     early = [rest.cause for rest in loop.watch.rests]
@@ -600,21 +688,70 @@ def _on_simulated_clock(
 
 
 class _RealParts:
-    """Boom and log of a drive in real time, with the faults that they can be given."""
+    """Robot and log of a drive in real time, with the faults that they can be given.
 
-    def __init__(self, log: Path) -> None:
-        self.moved = SimulatedBoom()
+    `swings` are times and what was sent, 0 at rest; `frames` are those of the robot.
+    """
+
+    frames: Iterable[tuple[float, FloatArray]]
+
+    def __init__(self, log: DriveLog) -> None:
         self.swings: list[tuple[float, float]] = []
         self.blocks = False
         self.released = threading.Event()
-        self.log = _LogOnSmallDisk(log, 4, setup={}, files={})
+        self.log = log
 
-    def swing(self, rad: float) -> None:
-        """Move the boom, or block."""
+    def _note(self, sent: float) -> None:
+        """Note what was sent, or block."""
         if self.blocks:
             self.released.wait(REAL_S)
-        self.swings.append((time.monotonic(), rad))
-        self.moved.swing(rad)
+        self.swings.append((time.monotonic(), sent))
+
+
+class _RealBoom(_RealParts):
+    """The hopper's boom."""
+
+    def __init__(self, log: DriveLog) -> None:
+        super().__init__(log)
+        self._moved = SimulatedBoom()
+        self.frames = LiveHopper(
+            SteeredHopper(), self._moved.newest, pose=START, seed=SEED
+        )
+
+    def swing(self, rad: float) -> None:
+        """Move the boom."""
+        self._note(rad)
+        self._moved.swing(rad)
+
+
+class _RealActuator(_RealParts):
+    """The actuator of another robot."""
+
+    def __init__(self, log: DriveLog, robot: DrivenRobot) -> None:
+        super().__init__(log)
+        simulation = robot.simulation()
+        self._rest = at_rest(robot.axes)
+        self._held = released(simulation)
+        self.frames = SeenRobot(simulation, self._held, pose=START, seed=SEED)
+
+    def command(self, inputs: FloatArray, /) -> None:
+        """Give the robot inputs."""
+        self._note(float(inputs[0] - self._rest[0]))
+        self._held.command(inputs)
+
+
+def _real_parts(
+    folder: str, geometry: HopperGeometry, robot: DrivenRobot | None
+) -> tuple[_RealParts, dict[str, Any]]:
+    """Return the parts of a drive in real time, and what it is told of the robot."""
+    path = Path(folder, "rehearsal.h5")
+    if robot is None:
+        return _RealBoom(_LogOnSmallDisk(path, 4, setup={}, files={})), {}
+    n_markers = len(geometry.body_names)
+    axes = robot.axes
+    log = _LogOnSmallDisk(path, n_markers, setup={}, files={}, axes=axes)
+    observers = robot.observers(geometry, RATE_HZ)
+    return _RealActuator(log, robot), {"axes": axes, "observers": observers}
 
 
 class _LogOnSmallDisk(DriveLog):
@@ -643,10 +780,13 @@ def _block(_: ControlLoop, __: Stream, parts: _RealParts) -> None:
 
 
 def _fill_disk(_: ControlLoop, __: Stream, parts: _RealParts) -> None:
+    assert isinstance(parts.log, _LogOnSmallDisk)
     parts.log.is_full = True
 
 
-def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
+def _in_real_time(
+    act: Act, geometry: HopperGeometry, robot: DrivenRobot | None = None
+) -> Performed:
     # A machine that is busy must not be told as a fault of its own.
     limits = Limits(pose_age_s=REAL_S, hop_s=REAL_S, wrong_swings=10**6)
     command_s = BLOCKED_S if act.code == BLOCKED else REAL_S
@@ -673,19 +813,15 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
             stop.set()
 
     with tempfile.TemporaryDirectory() as folder, _default_handlers():
-        parts = _RealParts(Path(folder, "rehearsal.h5"))
-        hopper = LiveHopper(
-            SteeredHopper(), parts.moved.newest, pose=(1.0, 0.0, 0.0), seed=SEED
-        )
-        controller = SimpleNamespace(
-            plan=lambda *_: SimpleNamespace(swing_rad=SWING_RAD)
-        )
+        parts, of_robot = _real_parts(folder, geometry, robot)
+        controller = _controller(lambda: SWING_RAD, of_robot.get("axes"))
+        moves: Any = parts  # a boom or an actuator
         try:
             drive(
                 geometry,
                 controller,
-                parts,
-                stream=SimulatedStream(hopper),
+                moves,
+                stream=SimulatedStream(parts.frames),
                 stop=stop,
                 seconds=REAL_S,
                 limits=limits,
@@ -693,6 +829,7 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
                 on_look=look,
                 log=parts.log,
                 rest_without_log=True,
+                **of_robot,
             )
         except LiveError:  # a driver that never returns
             pass

@@ -7,7 +7,7 @@ still flies: up to then its path is the same for all inputs.
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -145,6 +145,15 @@ class SeenRobot:
         self._kicks = flown.after
         self._land(flown.end)
         return self._seen(flown, ~is_first)
+
+    def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
+        """Go on for ever: yield the time, s, and the markers (M, 3), m, of each frame.
+
+        Inputs count for a stride if they are commanded before the first frame after its
+        decision is asked for.
+        """
+        while True:
+            yield from self.next_frames()
 
     def _begun(self) -> _Flight:
         return self._flown(self._actuator.inputs, self._kicks)

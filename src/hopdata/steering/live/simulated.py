@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -220,16 +220,19 @@ class SimulatedBoom:
 
 
 class SimulatedStream(Stream):
-    """Streams a hopper in real time; the loop uses it like a `MarkerStream`.
+    """Streams a robot in real time; the loop uses it like a `MarkerStream`.
 
     Parameters
     ----------
-    hopper : LiveHopper
+    hopper : iterable of (float, (M, 3) array)
+        Yields time, s, and markers of each frame, as a `LiveHopper` and a `SeenRobot`.
     speed : float
         Speed relative to real time.
     """
 
-    def __init__(self, hopper: LiveHopper, *, speed: float = 1.0) -> None:
+    def __init__(
+        self, hopper: Iterable[tuple[float, FloatArray]], *, speed: float = 1.0
+    ) -> None:
         super().__init__("hopdata-simulated", self._hop, CAPACITY)
         self._hopper = hopper
         self._speed = speed

@@ -55,11 +55,14 @@ class Watch(Worker):
         Called when the drive is over, from the thread in which it ended.
     rest : tuple of float
         The inputs at rest.
+    what : str
+        What messages call the part that the boom or actuator moves.
 
     Attributes
     ----------
     machine : Machine
     rests : list of Rest
+    what : str
     """
 
     def __init__(
@@ -72,6 +75,7 @@ class Watch(Worker):
         limits: Limits | None = None,
         on_stop: Callable[[], None] = lambda: None,
         rest: Numbers = (0.0,),
+        what: str = "boom",
     ) -> None:
         super().__init__("hopdata-watch", self._run)
         self.machine = machine
@@ -80,6 +84,7 @@ class Watch(Worker):
         self._clock = clock
         self._limits = limits or Limits()
         self._on_stop = on_stop
+        self.what = what
         self._sender = Sender(boom, clock, self._limits.alive_s, rest)
         self._lock = threading.RLock()
         # The rest that may not have arrived yet, and what brought it about.
@@ -103,8 +108,8 @@ class Watch(Worker):
     def says_of_boom(self) -> Message:
         """Return whether the boom acknowledges anything, in words."""
         if self.is_acknowledging:
-            return Message("steering.acknowledging")
-        return Message("steering.acknowledging_nothing")
+            return Message("steering.acknowledging", {"what": self.what})
+        return Message("steering.acknowledging_nothing", {"what": self.what})
 
     def start(self) -> Self:
         """Start the threads of the watch and of the boom."""
@@ -183,8 +188,8 @@ class Watch(Worker):
         if not command.done.wait(self._limits.command_s):
             command.withdrawn = True
             self._given_up = command
-            for_s = self._limits.command_s
-            blocked = Message("steering.boom_blocked", {"for_s": for_s})
+            values = {"what": self.what, "for_s": self._limits.command_s}
+            blocked = Message("steering.boom_blocked", values)
             self.fail("driver", blocked)  # its rest follows at once
             return blocked
         if command.replaced:
@@ -224,14 +229,15 @@ class Watch(Worker):
         is_waiting = given_up is not None and not given_up.done.is_set()
         if for_s <= self._limits.command_s and not is_waiting:
             return None
-        return Message("steering.boom_blocked", {"for_s": for_s})
+        values = {"what": self.what, "for_s": for_s}
+        return Message("steering.boom_blocked", values)
 
     def _unacknowledged(self) -> Message | None:
         for_s = self._sender.unheard_s()
         limit_s = self._limits.heard_s
         if for_s <= limit_s:
             return None
-        values = {"for_s": for_s, "limit_s": limit_s}
+        values = {"what": self.what, "for_s": for_s, "limit_s": limit_s}
         return Message("steering.unacknowledged", values)
 
     def _obey(self, step: Step) -> None:
@@ -245,6 +251,8 @@ class Watch(Worker):
 
     def _record(self) -> None:
         """Note rests once the boom's driver has returned without an error."""
+        if self._rest is None:  # as in almost every look
+            return
         with self._lock:
             command = self._rest
             if command is None or not command.done.is_set():
@@ -262,11 +270,13 @@ class Watch(Worker):
 
     def _tell(self) -> None:
         """Log new rests, each once; without the lock, since logging may block."""
+        if len(self.rests) == self._n_logged:
+            return
         with self._lock:
             new = self.rests[self._n_logged :]
             self._n_logged += len(new)
         for rest in new:
-            logger.warning("the boom rests: %s", rest.cause)
+            logger.warning("the %s rests: %s", self.what, rest.cause)
 
     def _run(self) -> None:
         while not self._stop.wait(WATCH_S):

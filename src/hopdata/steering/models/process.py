@@ -81,6 +81,13 @@ class FrameChangeProcess:
                     f"{name}: expected {shape}, found {getattr(self, name).shape}"
                 )
 
+    def __repr__(self) -> str:
+        """Return what it predicts from what, and from how many points."""
+        of = ", ".join(axis.name for axis in self.axes.axes)
+        learned = [one.name for one in self.axes.states if not one.is_known]
+        what = ", ".join([*COMPONENTS, *learned])
+        return f"<FrameChangeProcess: {what} from {of}; {len(self.points)} points>"
+
     @property
     def n_embedded(self) -> int:
         """Number of states that are compared as points on the circle."""

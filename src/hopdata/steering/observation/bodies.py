@@ -16,6 +16,11 @@ from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import WINDOW_FRAMES, WINDOW_S
 from hopdata.steering.observation.tracking import HopperTracker, Observation
 
+#: Distance of the points that stand for a rigid body from its origin.
+#: Unit: m. Origin: chosen.
+ARM_M = 0.1
+POINTS = ("o", "x", "y")
+
 
 class Shown(Protocol):
     """Measures the states of a robot (S,), frame by frame."""
@@ -117,6 +122,24 @@ def body_of(
         stance_below_m=0.0,
         flight_above_m=0.0,
     )
+
+
+def rigid_body(name: str, *, noise_m: float) -> HopperGeometry:
+    """Return the geometry of a body that a camera system gives as a whole.
+
+    It stands for its origin and the points 0.1 m along its x and its y, as the source
+    "motioncapture" names them. Its place is the mean of the three.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body in the camera system.
+    noise_m : float
+        Standard deviation of the noise on a coordinate of a point, m.
+    """
+    names = [f"{name}.{point}" for point in POINTS]
+    points_m = ARM_M * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    return body_of(names, points_m, noise_m=noise_m)
 
 
 def apex_observers(

@@ -60,8 +60,8 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     columns: show.Columns = {
         "experiment": _named("experiment", EXPERIMENTS),
         "controller": _named("controller", CONTROLLERS),
-        "worst seed": _of_seed("worst"),
-        "median seed": _of_seed("median"),
+        "worst seed": _of_seed("worst_rate"),
+        "median seed": _of_seed("median_rate"),
         "hops": show.decimals("hops", 1),
         "ratio to the true map": show.decimals("ratio", 2),
         "ratio in the worst seed": show.decimals("worst_ratio", 2),
@@ -222,7 +222,7 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
     if rows:
         starts = show.count(rows[0]["runs"] / rows[0]["seeds"])
         seeds = show.count(rows[0]["seeds"])
-    in_median_seed = _of_seed("median")
+    in_median_seed = _of_seed("median_rate")
     shares = {}
     for row in rows:
         shares[f"{row['experiment']} {row['controller']}"] = in_median_seed(row)
@@ -269,13 +269,15 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     rows = show.records(inputs.outcomes)
     tried = {row["controller"] for row in rows}
     first = next((name for name in RUN_BY if name in tried), None)
-    in_worst_seed = _of_seed("worst")
+    in_worst_seed = _of_seed("worst_rate")
     for row in rows:
         if first is None or row["controller"] != first:
             continue
         experiment = EXPERIMENTS[row["experiment"]]
         name = experiment[0].upper() + experiment[1:]
-        seeds = f"worst of {row['seeds']} seeds"
+        seeds = "one seed"
+        if row["seeds"] > 1:
+            seeds = f"worst of {row['seeds']} seeds"
         hops = show.fixed(row["hops"], 0)
         remark = f"{RUN_BY[first]}, {seeds}; median {hops} hops; simulated"
         cards.append((name, in_worst_seed(row), remark))

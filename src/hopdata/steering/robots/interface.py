@@ -177,19 +177,27 @@ class Simulation:
         Raises
         ------
         AnalysisError
-            If a stride ends at a pose or state that is no number, and in no fall.
+            If the robot returns no `Stance`, one with a state too many or too few, or a
+            pose or state that is no number, and in no fall.
         """
-        stance = self._robot.release(self._pose)
-        stance = replace(stance, follows=False)
+        stance = self._released(self._pose)
         while True:
             yield self._seen(stance)
             after = self._robot.stride(stance, self._inputs, self._kicks)
+            _require_stance("stride", after)
             if after.fell:
                 yield self._seen(replace(after, pose=stance.pose, state=stance.state))
-                after = self._robot.release(stance.pose)
-                after = replace(after, follows=False)
-            _require_finite(after)
+                after = self._released(stance.pose)
+            else:
+                _require_numbers("stride", after, len(self.axes.states))
             stance = replace(after, time_s=max(after.time_s, stance.time_s))
+
+    def _released(self, pose: FloatArray) -> Stance:
+        """Put the robot down, and return where it stands."""
+        stance = self._robot.release(pose)
+        _require_stance("release", stance)
+        _require_numbers("release", stance, len(self.axes.states))
+        return replace(stance, follows=False)
 
     def command(self, inputs: FloatArray, /) -> None:
         """Keep the inputs for the next strides, cut to their limits."""
@@ -206,11 +214,22 @@ class Simulation:
         return replace(stance, pose=pose, state=state, inner=None)
 
 
-def _require_finite(stance: Stance) -> None:
+def _require_stance(method: str, found: Any) -> None:
+    """Raise an error if a method of the robot returns something else."""
+    if not isinstance(found, Stance):
+        raise AnalysisError.at(method, "a Stance", type(found).__name__)
+
+
+def _require_numbers(method: str, stance: Stance, n_states: int) -> None:
+    """Raise an error if a pose is not of three numbers, or the state not of its own."""
+    shapes = np.shape(stance.pose), np.shape(stance.state)
+    if shapes != ((3,), (n_states,)):
+        wanted = f"a pose of 3 numbers and a state of {n_states}, as the axes have it"
+        raise AnalysisError.at(method, wanted, f"the shapes {shapes[0]}, {shapes[1]}")
     numbers = [*stance.pose, *stance.state]
     if not np.isfinite(numbers).all():
         wanted = "a pose and a state of numbers, or fell=True"
-        raise AnalysisError.at("stride", wanted, numbers)
+        raise AnalysisError.at(method, wanted, [float(one) for one in numbers])
 
 
 @dataclass(frozen=True)
@@ -274,15 +293,21 @@ def excited(robot: Robot, inputs: ArrayLike) -> Log:
     Parameters
     ----------
     robot : Robot
-    inputs : (n, U) or (n,) array
-        What is commanded, stride by stride.
+    inputs : (n, U) array
+        What is commanded, stride by stride; (n,) for a robot with one input.
 
     Raises
     ------
     ConfigError
-        If one is beyond its limits, or no number; nothing has moved by then.
+        If one is beyond its limits, or no number, or a stride has not a number for each
+        input of the robot; nothing has moved by then.
     """
-    wanted = np.asarray(inputs, dtype=float).reshape(-1, len(robot.axes.inputs))
+    wanted = np.asarray(inputs, dtype=float)
+    n_inputs = len(robot.axes.inputs)
+    if wanted.ndim == 1 and n_inputs == 1:
+        wanted = wanted[:, np.newaxis]
+    is_table = wanted.ndim == 2 and wanted.shape[1] == n_inputs
+    require(is_table, "inputs", f"the shape (strides, {n_inputs})", wanted.shape)
     is_within = (robot.axes.lower <= wanted) & (wanted <= robot.axes.upper)
     place = f"inputs of stride {int(np.argmin(is_within.all(axis=1)))}"
     limits = f"from {robot.axes.lower.tolist()} to {robot.axes.upper.tolist()}"

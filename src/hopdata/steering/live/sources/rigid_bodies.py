@@ -18,6 +18,7 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import did_you_mean
 from hopdata.steering.live import packets
 from hopdata.steering.live.sources.threaded import Sample, ThreadedStream
+from hopdata.steering.observation.bodies import ARM_M, POINTS
 
 # Systems that the library knows.
 SYSTEMS = (
@@ -31,10 +32,6 @@ SYSTEMS = (
     "fzmotion",
     "mock",
 )
-#: Distance of the points of a body from its origin.
-#: Unit: m. Origin: chosen.
-ARM_M = 0.1
-POINTS = ("o", "x", "y")
 
 
 class RigidBodyStream(ThreadedStream):
