@@ -225,7 +225,9 @@ def _faults(faults: pd.DataFrame) -> Check:
     faults = faults.drop(columns="marker", errors="ignore").drop_duplicates()
     kinds = faults["kind"].value_counts()
     if len(kinds):
-        found = [counted(n, FAULT_WORDS.get(kind, kind)) for kind, n in kinds.items()]
+        found = []
+        for kind, n in kinds.items():
+            found.append(counted(n, FAULT_WORDS.get(str(kind), str(kind))))
         counts = ", ".join(found)
         remark = Message("landings.faults", {"counts": counts})
     else:
