@@ -467,7 +467,7 @@ def test_mistakes_are_left_out_and_told():
     data.after[[3, 500], -1] += 50.0
     answer = verdict(data)
     note = answer.notes[-1]
-    assert note["what"] == "landings left out as mistakes"
+    assert note["what"] == "landings left out as far off"
     assert "2 of 900" in note["reason"]
     assert note["values"]["rows"] == answer.gross_errors == {"markers_apart": [3, 500]}
     assert answer.n_landings == 898
