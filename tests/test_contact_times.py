@@ -284,3 +284,14 @@ def test_a_landing_of_which_no_foot_is_timed_is_told(left, right, told):
         assert told in str(remarks[0])
         assert "1 landing left out" in str(remarks[0])
         assert "0.20 to 0.50 s" in str(remarks[0])
+
+
+@pytest.mark.parametrize(("instant", "is_told"), [(0.4, False), (0.6, True)])
+def test_a_landing_that_another_row_times_is_not_left_out(instant, is_told):
+    recording = walking(alternating())
+    untimed = {"begin_s": 0.2, "end_s": 0.5, "contact_left_s": np.nan}
+    untimed |= {"status_left": descents.POOR_FIT, "status_right": descents.NOT_LANDED}
+    timed = {"begin_s": 0.3, "end_s": 0.7, "contact_left_s": instant}
+    timed |= {"status_left": descents.LANDED, "status_right": descents.NOT_LANDED}
+    landings = pd.DataFrame([untimed, timed]).assign(contact_right_s=np.nan)
+    assert bool(_untimed(recording, landings)) == is_told

@@ -704,19 +704,27 @@ def _untimed(recording: Recording, landings: pd.DataFrame) -> list[Message]:
     """Say in which descents feet came down, though none of them could be timed.
 
     Such a landing has no row. A single marker that fits badly has an instant all the
-    same; a foot of several has none, since any of them may have been the first.
+    same; a foot of several has none, since any of them may have been the first. A
+    descent of the body may be long, and a foot that is timed in it has a row of its
+    own: that landing is not left out.
     """
     feet = recording.names("foot")
+    instants = {foot: landings[f"contact_{foot}_s"].to_numpy(float) for foot in feet}
     named = []
     for landing in landings.to_dict("records"):
         if any(np.isfinite(landing[f"contact_{foot}_s"]) for foot in feet):
             continue
         status = {foot: int(landing[f"status_{foot}"]) for foot in feet}
-        came_down = [foot for foot in feet if status[foot] in SEEN_TO_COME_DOWN]
+        begin_s, end_s = landing["begin_s"], landing["end_s"]
+        came_down = [
+            foot
+            for foot in feet
+            if status[foot] in SEEN_TO_COME_DOWN
+            and not ((begin_s <= instants[foot]) & (instants[foot] <= end_s)).any()
+        ]
         if not came_down:
             continue
         reasons = [f"{foot}: {Message(REMARKS[status[foot]])}" for foot in came_down]
-        begin_s, end_s = landing["begin_s"], landing["end_s"]
         named.append(f"{begin_s:.2f} to {end_s:.2f} s ({', '.join(reasons)})")
     if not named:
         return []
