@@ -672,10 +672,13 @@ def _levelled(
     A foot that never rests, as in a file that ends with the landing, stands where it is
     lowest.
     """
-    recording = without_held_frames(recording)
+    given = list(recording.markers)
+    # By name: sums in another order round otherwise, and on few landings the last
+    # digits can decide which law fits.
+    recording = without_held_frames(recording[sorted(given)])
     try:
         model = fit_floor(recording, **options)
-        return level(recording, model), []
+        return level(recording, model)[given], []
     except AnalysisError:
         # The reason names keys of a configuration, which need not be there.
         values = {"recording": recording.name}
@@ -684,7 +687,7 @@ def _levelled(
             heights = positions[:, marker, 2]
             heights -= np.nanquantile(heights, LOWEST_SHARE)
         remark = Message("landings.floor_by_lowest", values)
-        return replace(recording, positions=positions), [remark]
+        return replace(recording, positions=positions)[given], [remark]
 
 
 def _landed(landings: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:

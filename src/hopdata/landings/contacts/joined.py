@@ -77,8 +77,8 @@ def _markers_with_feet(
             continue
         if marker != min(foot["markers"], key=place_of):
             continue
-        # By name: what they learn from one another depends a little on their order,
-        # which must not be that of a list or of a file.
+        # By name: on few landings the last digits can decide what they learn from one
+        # another, and sums round by their order, which must not be that of a list.
         parts = [place_of(one) for one in sorted(foot["markers"])]
         new.append(_Marker(str(foot["name"]), "foot", parts))
         for part in parts:
@@ -116,9 +116,16 @@ def first_of(
     If a marker was already down, so was the foot. If a marker may have landed unseen,
     or fits badly, the foot's contact stays open, unless that marker was too high (until
     `earliest`, s). Instant and standard error, s, are the mean and deviation of the
-    earliest of independent normals, taken two at a time (Clark 1961).
+    earliest of independent normals, taken two at a time from the earliest on (Clark
+    1961): of three or more this is approximate, and depends on which are taken first.
     """
     landed = status == LANDED
+    unlanded_last = np.where(landed, instant, np.inf)
+    order = np.lexsort((np.where(landed, se, np.inf), unlanded_last), axis=1)
+    instant, se, status, earliest, landed = (
+        np.take_along_axis(values, order, axis=1)
+        for values in (instant, se, status, earliest, landed)
+    )
     first = np.where(landed, instant, np.inf).min(axis=1, keepdims=True)
     is_decided = np.isin(status, (LANDED, NOT_LANDED, ALREADY_DOWN))
     was_too_high = earliest > first
