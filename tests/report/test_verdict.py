@@ -210,10 +210,10 @@ def test_where_own_maps_gain_without_a_difference_it_is_said_how_both_are_true()
         )
 
     both = (
-        "excludes only differences of more than 12 %: own maps also take up curvature"
+        "excludes only differences of more than 12 %. Own maps also take up curvature"
     )
     assert both in said(gained, known)
-    assert "may seem to differ by 10 %" in said(gained, known)
+    assert "may seem to differ by up to 10 %" in said(gained, known)
     for table, answer_to_it in (
         (gained, known | {"conclusion": "different"}),
         (gained, no_answer()),
@@ -227,12 +227,12 @@ def test_a_bound_below_what_is_found_in_most_studies_is_explained():
     known = verdict()
     known["effect"] |= {"upper_bound": 0.126, "detectable": 0.182}
     told = [one.text().replace("\u00a0", " ") for one in reach(known)]
-    assert any(one.startswith("The bound of 13 % is below this") for one in told)
+    assert any(one.startswith("The bound, 13 %, says how this study") for one in told)
     known["effect"] |= {"upper_bound": 0.19}
-    assert not any("is below this" in one.text() for one in reach(known))
+    assert not any("The bound, " in one.text() for one in reach(known))
     known["effect"] |= {"upper_bound": 0.126}
     different = known | {"conclusion": "different"}
-    assert not any("is below this" in one.text() for one in reach(different))
+    assert not any("The bound, " in one.text() for one in reach(different))
 
 
 def test_what_the_answer_leaves_open_stands_apart_in_ms():
