@@ -204,6 +204,11 @@ def test_named_feet_in_any_form_are_the_only_ones(feet):
     assert found.recordings[0].names("body") == ("pelvis0", "pelvis1", "pelvis2")
 
 
+def test_no_feet_are_those_of_the_recording():
+    recording = walking(alternating(2))
+    assert contacts(recording, feet=None).feet == contacts(recording).feet
+
+
 @pytest.mark.parametrize(
     ("given", "told"),
     [

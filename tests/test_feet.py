@@ -1,4 +1,4 @@
-from hopdata.feet import foot_names, with_foot_names
+from hopdata.feet import foot_called, foot_names, with_foot_names
 
 
 def test_the_contact_columns_name_the_feet_in_their_order():
@@ -11,3 +11,5 @@ def test_an_order_is_named_only_if_each_foot_has_a_name():
     assert with_foot_names("2>1", ("toe", "heel")) == "heel → toe"
     assert with_foot_names("3>1", ("toe", "heel")) == "3 → 1"
     assert with_foot_names("others", ("toe",)) == "others"
+    assert foot_called(2, ("toe", "heel")) == "heel"
+    assert foot_called("3", ("toe", "heel")) == "foot 3"

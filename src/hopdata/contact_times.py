@@ -289,7 +289,7 @@ def _options_of_landings() -> list[str]:
 def contacts(
     recordings: Recording | str | Path | Sequence[Recording | str | Path],
     *,
-    feet: Feet = (),
+    feet: Feet | None = (),
     floor: Mapping[str, Any] | None = None,
     sure: float = SURE,
     files: Sequence[str | Path | Sequence[str | Path]] = (),
@@ -308,7 +308,7 @@ def contacts(
         The feet, and no others: a marker for each, or the markers of each foot by its
         name, as for `hopdata.Recording.with_roles`; or ``name`` and ``markers`` of
         each, as in the configuration. The first marker of a foot to land counts. By
-        default the feet that the recordings have.
+        default, and if None, the feet that the recordings have.
     floor : mapping, optional
         Options of `hopdata.landings.floor.fit_floor`.
     sure : float
@@ -545,6 +545,8 @@ def _named_feet(
     ArgumentError
         If they have another form.
     """
+    if feet is None:
+        return None
     if isinstance(feet, Mapping):
         return feet or None
     several = [*feet] if isinstance(feet, Iterable) and feet != "" else [feet]

@@ -104,6 +104,7 @@ def test_tables_and_page_are_written(recording, tmp_path, capsys):
     # The page's script has the type as well, but no data in base 64.
     assert text.count("data:image/svg+xml;base64,") == 2
     assert "Each landing" in text
+    assert "after plate" not in text  # the file has none
     assert "://" not in re.sub(r"https?://www\.w3\.org", "", text)
     # What is there is not replaced, and the recording never.
     capsys.readouterr()
@@ -290,8 +291,14 @@ def test_contacts_are_compared_with_the_plates_of_the_file(
     said = capsys.readouterr().out
     assert told in said
     assert "without a contact" not in said
-    assert told in (tmp_path / "a.html").read_text("utf-8")
+    page = (tmp_path / "a.html").read_text("utf-8")
+    assert told in page
     table = pd.read_csv("a.csv")
+    late_ms = 1000 * (table["contact_s"] - table["plate_s"])
+    assert f"{late_ms.median():+.1f} ms" in page
+    assert "contact after plate (ms)" in page
+    for late in late_ms:
+        assert f"{late:.1f}</td>" in page
     assert set(table["plate"]) == {"plate 1"}
     late_s = table["contact_s"] - table["plate_s"]
     assert late_s.abs().max() < 0.004

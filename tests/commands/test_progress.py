@@ -50,6 +50,16 @@ def test_a_stage_is_told_once_its_last_job_has_ended():
     ]
 
 
+def test_before_the_first_job_it_is_told_once_what_may_take_long():
+    shown = []
+    progress = Progress(lambda *told: shown.append(told), first="compiles")
+    progress.take({"event": "planned", "jobs": {}})
+    assert not shown
+    for _ in range(2):
+        progress.take({"event": "planned", "jobs": {"level": 2}})
+    assert shown == [(0, 2, "compiles")]
+
+
 def test_a_target_that_makes_nothing_is_no_stage():
     shown = []
     progress = Progress(lambda *told: shown.append(told))

@@ -101,10 +101,14 @@ def test_a_table_in_a_pipe_is_the_plain_text(capsys):
 
 def test_stages_in_a_log_are_a_line_each(capsys):
     with terminal.progress_bar("sample") as show:
+        show(
+            0, 10, "code is compiled"
+        )  # told at once, since the first job may take long
         show(1, 10, "about 9 s left")  # no stage has ended, and it was told of just now
         show(2, 10, "about 8 s left", "rule 1.0 s")
         show(10, 10, "after 9.5 s")
     assert capsys.readouterr().err == (
+        "sample: 0 of 10 jobs done, code is compiled\n"
         "sample: rule 1.0 s; 2 of 10 jobs done, about 8 s left\n"
         "sample: 10 of 10 jobs done, after 9.5 s\n"
     )

@@ -234,6 +234,9 @@ def test_without_an_answer_the_orders_are_drawn_and_the_caption_says_why():
     figure = verdict_figure(unknown, touchdowns())
     (axes,) = figure.axes
     assert axes.get_title("left") == "Cannot tell"
+    assert "one map?" in texts(axes)
+    alone = verdict_figure(unknown, touchdowns("1>2>3")).axes[0]
+    assert "one map?" not in texts(alone)
     assert "landings" in texts(axes)
     assert not any("reason" in text for text in texts(axes))
     assert text_faults(figure) == []

@@ -116,6 +116,18 @@ def test_what_is_known_of_contacts_is_told_beside_their_errors(tables):
             assert told[what].remark == check.remark
 
 
+def test_the_same_of_several_feet_is_told_once(tables):
+    values = {"landings": 7, "often": "7 landings", "ms": 2.5}
+    both = [
+        Message("landings.foot_bounces", {**values, "foot": foot})
+        for foot in ("f1", "f2")
+    ]
+    remark = judged(tables, contact_remarks=both)[WHAT["error"]].remark
+    assert remark.count("bounce off the floor at once") == 1
+    assert "f1 (7 landings" in remark
+    assert "f2 (7 landings" in remark
+
+
 def test_good_data_are_good(tables):
     found = judged(tables)
     assert list(found) == list(WHAT.values())

@@ -10,6 +10,7 @@ from hopdata.report.verdict import (
     meaning,
     one_or_own_table,
     orders_table,
+    reach,
     verdict_facts,
     worded,
 )
@@ -193,6 +194,45 @@ def test_what_own_maps_gain_is_said_in_one_sentence():
     assert "for climb, by 10 mm/s where one map misses by 40 mm/s" in said
     nothing = one_or_own_table(gained.assign(gain_low=-1.0)).note.text()
     assert "predict none of these outcomes better" in nothing
+
+
+def test_where_own_maps_gain_without_a_difference_it_is_said_how_both_are_true():
+    row = {"outcome": "climb", "unit": "mm/s", "order": "2>1", "n_landings": 621}
+    row |= {"n_orders": 2, "missed_by_one": 40.0, "gain": 10.0, "gain_high": 12.0}
+    gained = pd.DataFrame([row | {"gain_low": 8.0}])
+    of_none = gained.assign(gain_low=-1.0)
+    known = verdict()
+    known["effect"] |= {"allowed": 0.101}
+
+    def said(table, answer):
+        return (
+            one_or_own_table(table, verdict=answer).note.text().replace("\u00a0", " ")
+        )
+
+    both = (
+        "excludes only differences of more than 12 %: own maps also take up curvature"
+    )
+    assert both in said(gained, known)
+    assert "may seem to differ by 10 %" in said(gained, known)
+    for table, answer_to_it in (
+        (gained, known | {"conclusion": "different"}),
+        (gained, no_answer()),
+        (gained, None),
+        (of_none, known),
+    ):
+        assert "contradict" not in said(table, answer_to_it)
+
+
+def test_a_bound_below_what_is_found_in_most_studies_is_explained():
+    known = verdict()
+    known["effect"] |= {"upper_bound": 0.126, "detectable": 0.182}
+    told = [one.text().replace("\u00a0", " ") for one in reach(known)]
+    assert any(one.startswith("The bound of 13 % is below this") for one in told)
+    known["effect"] |= {"upper_bound": 0.19}
+    assert not any("is below this" in one.text() for one in reach(known))
+    known["effect"] |= {"upper_bound": 0.126}
+    different = known | {"conclusion": "different"}
+    assert not any("is below this" in one.text() for one in reach(different))
 
 
 def test_what_the_answer_leaves_open_stands_apart_in_ms():

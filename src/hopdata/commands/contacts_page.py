@@ -40,7 +40,8 @@ def contacts_html(found: ContactTimes, *, title: str, notes: Sequence[str]) -> s
         What to know about the recordings.
     """
     shown = _shown(found.orders)
-    told = [*notes, *map(str, found.remarks)]
+    # What concerns the contacts comes before what concerns the recordings.
+    told = [*map(str, found.remarks), *notes]
     n_left_out = len(found.orders) - len(shown)
     if n_left_out:
         values = {"shown": len(shown), "landings": len(found.orders)}
@@ -81,7 +82,9 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
     orders = found.orders
     ordered = orders[orders["probability"].notna()]
     untrusted = len(found.table) - len(found.found)
-    doubt = f"{untrusted} more are not to be trusted" if untrusted else "all are found"
+    doubt = "all timed and trusted"
+    if untrusted:
+        doubt = f"{untrusted} more are not to be trusted"
     feet = ", ".join(dict.fromkeys(found.table["foot"]))
     facts = [
         ("Landings", f"{len(orders)}", f"of {feet}"),
@@ -96,6 +99,11 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
             common = f"{1e3 * common_s:.2g} ms"
             remark = "at most, shared by all contacts of a foot"
             facts.append(("Common error", common, remark))
+    late_ms = _after_plate_ms(found.table).dropna()
+    if len(late_ms):
+        most_ms = late_ms.abs().max()
+        remark = f"median of {len(late_ms)} contacts; {most_ms:.1f} ms at most"
+        facts.append(("After the force plate", f"{late_ms.median():+.1f} ms", remark))
     if len(ordered):
         n_sure = int(ordered["sure"].sum())
         facts.append(
@@ -162,8 +170,10 @@ def _order_table(found: ContactTimes) -> Table:
 def _contact_table(found: ContactTimes) -> Table:
     """Return a row for each contact."""
     several = found.table["recording"].nunique() > 1
+    table = found.table.assign(late_ms=_after_plate_ms(found.table))
+    has_plates = bool(table["late_ms"].notna().any())
     rows = []
-    for contact in found.table.head(MOST_ROWS).to_dict("records"):
+    for contact in table.head(MOST_ROWS).to_dict("records"):
         name = f"{contact['landing']}"
         if several:
             name = f"{contact['recording']} {name}"
@@ -172,13 +182,23 @@ def _contact_table(found: ContactTimes) -> Table:
             _number(1e3 * contact["se_s"], 2),
             _number(1e3 * contact["common_s"], 2),
         ]
+        if has_plates:
+            numbers.append(_number(float(contact["plate_s"]), 4))
+            numbers.append(_number(contact["late_ms"], 1))
         rows.append((name, contact["foot"], contact["remark"], *numbers))
-    head = (
+    head = [
         *("landing", "foot", "remark"),
         *("contact (s)", "standard error (ms)", "common error (ms)"),
-    )
+    ]
+    if has_plates:
+        head += ["plate (s)", "contact after plate (ms)"]
     note = str(Message("commands.contacts_note"))
-    return Table("Contacts", head, tuple(rows), text_columns=3, note=note)
+    return Table("Contacts", tuple(head), tuple(rows), text_columns=3, note=note)
+
+
+def _after_plate_ms(table: pd.DataFrame) -> pd.Series:
+    """Return how long after the onset of a force plate each contact is, ms, or NaN."""
+    return 1e3 * (table["contact_s"] - table["plate_s"].astype(float))
 
 
 def _number(value: float, decimals: int) -> str:

@@ -65,6 +65,8 @@ class Progress:
     ----------
     show : callable
         Is called after each job.
+    first : str
+        Remark that is shown before the first job; without it nothing is.
 
     Attributes
     ----------
@@ -72,9 +74,10 @@ class Progress:
         Number of jobs that will run of each stage.
     """
 
-    def __init__(self, show: Show) -> None:
+    def __init__(self, show: Show, first: str = "") -> None:
         self.planned: dict[str, int] = {}
         self._show = show
+        self._first = first
         self._cores = 1
         self._n_jobs = 0
         self._n_done = 0
@@ -107,6 +110,9 @@ class Progress:
     def _take_planned(self, event: Event) -> None:
         self.planned = dict(event["jobs"])
         self._n_jobs = sum(self.planned.values())
+        if self._first and self._n_jobs:
+            self._show(0, self._n_jobs, self._first)
+            self._first = ""  # Snakemake may tell its plan again
 
     def _take_begun(self, event: Event) -> None:
         stage = event["stage"]

@@ -211,14 +211,15 @@ def progress_bar(title: str) -> Iterator[Show]:
 def stage_lines(title: str) -> Show:
     """Return what tells of a run on stderr in lines, as in a log.
 
-    There is a line for each stage that has ended, and of a long stage some meanwhile.
+    There is a line before the first job, one for each stage that has ended, and of a
+    long stage some meanwhile.
     """
     last_s = time.monotonic()
 
     def show(done: int, of: int, remark: str, stage: str = "") -> None:
         nonlocal last_s
         now_s = time.monotonic()
-        if not stage and done < of and now_s - last_s < _QUIET_S:
+        if not stage and 0 < done < of and now_s - last_s < _QUIET_S:
             return
         last_s = now_s
         how_far = f"{done} of {of} jobs done, {remark}"

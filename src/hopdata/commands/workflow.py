@@ -31,6 +31,9 @@ from hopdata.commands.progress import Progress, parted, plan_told
 from hopdata.commands.terminal import progress_bar
 from hopdata.errors import require
 
+# What is told before the first job, which may take minutes.
+_FIRST = "a first run compiles code, once, for a minute or more"
+
 #: Lines of Snakemake that are shown if it fails and nothing of hopdata says why.
 _LAST_LINES = 12
 
@@ -76,7 +79,7 @@ def run_workflow(
         progress_bar(study) as show,
     ):
         requests.pass_to(snakemake)
-        progress = Progress(show)
+        progress = Progress(show, first="" if is_dry(options) else _FIRST)
         said: list[str] = []
         try:
             for line in snakemake.stderr or ():

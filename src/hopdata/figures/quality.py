@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from textwrap import wrap
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -145,7 +146,7 @@ def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
     if len(stability) < 2 and drift.empty:
         return style.message_figure(NOTHING, width_mm=style.DOUBLE_COLUMN_MM)
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 26.0 + 5.5 * rows)
-    parts = []
+    parts: list[tuple[Any, pd.DataFrame]] = []
     if len(stability) > 1:
         parts.append((_draw_sections, stability))
     if len(drift):

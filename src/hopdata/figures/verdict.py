@@ -386,7 +386,8 @@ def _draw_orders(
         axes.text(0.0, rows, counted(len(rarer), "rarer order"), **size)
         _draw_count(axes, rows, int(rarer.sum()), most)
         rows += 1
-    _draw_maps(axes, conclusion, rows)
+    if rows > 1:  # a single order leaves nothing to compare
+        _draw_maps(axes, conclusion, rows)
     axes.set_xlim(-1.0, 100.0)
     axes.set_ylim(max(rows, fewest) - 0.4, -1.6)
     axes.set_axis_off()

@@ -16,6 +16,7 @@ import numpy as np
 from hopdata.arrays import pd
 from hopdata.errors import counted, with_names
 from hopdata.landings.contacts.altered import FILTER_DELAYS
+from hopdata.landings.contacts.remarks import one_for_all_feet
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.messages import Message
 
@@ -225,7 +226,9 @@ def _faults(faults: pd.DataFrame) -> Check:
     faults = faults.drop(columns="marker", errors="ignore").drop_duplicates()
     kinds = faults["kind"].value_counts()
     if len(kinds):
-        found = [counted(n, FAULT_WORDS.get(kind, kind)) for kind, n in kinds.items()]
+        found = []
+        for kind, n in kinds.items():
+            found.append(counted(n, FAULT_WORDS.get(str(kind), str(kind))))
         counts = ", ".join(found)
         remark = Message("landings.faults", {"counts": counts})
     else:
@@ -307,7 +310,10 @@ def _contact_errors(
     touchdowns: pd.DataFrame, contact_remarks: Sequence[Message]
 ) -> Check:
     """Ask how large the usual error of a foot's contact is, over the spread."""
-    told = [Message("landings.and_remark", {"remark": one}) for one in contact_remarks]
+    told = [
+        Message("landings.and_remark", {"remark": one})
+        for one in one_for_all_feet(contact_remarks)
+    ]
     used = _used_touchdowns(touchdowns)
     errors = used.filter(regex="^se_").median()
     if not errors.notna().any():

@@ -8,6 +8,8 @@ terms, so that curvature, which one smooth map has too, is no gain.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -97,15 +99,55 @@ def _terms(
     inputs: FloatArray, orders: np.ndarray
 ) -> tuple[FloatArray, FloatArray, int]:
     """Return the terms of one map, of own maps, and of how many orders these are."""
-    states = (inputs - inputs.mean(axis=0)) / inputs.std(axis=0).clip(1e-300)
-    affine = np.column_stack([np.ones(len(states)), states])
-    one = np.column_stack([affine, monomials(states, (2,))])
-    least = LANDINGS_PER_COEFFICIENT * affine.shape[1]
+    scale = inputs.std(axis=0).clip(1e-300)
+    states = standardised(inputs, inputs.mean(axis=0), scale)
+    common = orders_with_own_maps(orders, states.shape[1] + 1)
+    one = map_terms(states)
+    return one, map_terms(states, orders, common), len(common)
+
+
+def standardised(inputs: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return inputs (n, p) less their mean, in units of their scale."""
+    return np.asarray((inputs - mean) / scale)
+
+
+def orders_with_own_maps(orders: np.ndarray, n_coefficients: int) -> tuple[str, ...]:
+    """Return the orders with landings enough for a map of so many coefficients."""
     names, counts = np.unique(orders, return_counts=True)
-    common = names[counts >= least]
-    blocks = [affine * (orders == name)[:, None] for name in common]
-    # The first of these keeps the shared map, as do all orders with too few landings.
-    return one, np.column_stack([one, *blocks[1:]]), len(common)
+    least = LANDINGS_PER_COEFFICIENT * n_coefficients
+    return tuple(names[counts >= least].tolist())
+
+
+def map_terms(
+    states: FloatArray,
+    orders: np.ndarray | None = None,
+    common: Sequence[str] = (),
+    *,
+    curved: bool = True,
+) -> FloatArray:
+    """Return the terms (n, t) of one map, or of that and own affine maps of orders.
+
+    Parameters
+    ----------
+    states
+        (n, p) standardised inputs.
+    orders
+        (n,) contact orders; not needed for one map.
+    common
+        Orders with a map of their own. The first of them keeps the shared map, as do
+        all that are not among them.
+    curved
+        Whether one map has all second-order terms.
+    """
+    affine = np.column_stack([np.ones(len(states)), states])
+    one = affine
+    if curved:
+        one = np.column_stack([affine, monomials(states, (2,))])
+    blocks = []
+    for name in common[1:]:
+        of_order = np.asarray(orders) == name
+        blocks.append(affine * of_order[:, None])
+    return np.column_stack([one, *blocks])
 
 
 def _foretold(terms: FloatArray, outcomes: FloatArray) -> FloatArray:

@@ -553,7 +553,9 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "prediction": tables.prediction_table(inputs.prediction),
         "distances": tables.distances_table(inputs.distances),
         "orders": verdict.orders_table(inputs.verdict, _feet(inputs)),
-        "one_or_own": verdict.one_or_own_table(inputs.one_or_own, _feet(inputs)),
+        "one_or_own": verdict.one_or_own_table(
+            inputs.one_or_own, _feet(inputs), inputs.verdict
+        ),
         "truth": tables.truth_table(inputs.truth),
         **tables.record_tables(inputs.provenance or {}),
     }

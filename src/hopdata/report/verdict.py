@@ -36,13 +36,17 @@ def meaning(verdict: Verdict | None) -> Message:
 
 
 def reach(verdict: Verdict | None) -> list[Message]:
-    """Return what holds at the simultaneous contact, and what over the landings.
+    """Return how the bound can be below what is found, and where the answer holds.
 
-    These are two things if the difference is found to saturate, or if it might without
-    being found: see `hopdata.maps.verdict.saturation`.
+    What holds at the simultaneous contact and what over the landings are two things if
+    the difference is found to saturate, or if it might without being found: see
+    `hopdata.maps.verdict.saturation`.
     """
     facts = verdict_facts(verdict)
     said = []
+    if facts["bound_below"]:
+        values = {"bound": facts["bound_below"], "detectable": facts["detectable"]}
+        said.append(Message("report.bound_below", values))
     if facts["over_landings"]:
         said.append(Message("report.spent", {"over_landings": facts["over_landings"]}))
     if facts["holds_from"]:
@@ -126,7 +130,8 @@ def verdict_facts(
         the deciding bound; ``confidence``, ``power``; ``conclusion``; ``found``,
         whether an effect was estimated at all; ``jumps``, whether a jump of the outcome
         decided; ``allowed``, by how much orders of one smooth map may seem to differ;
-        ``detectable``, None if nothing could have been seen; ``margin``, below which
+        ``detectable``, None if nothing could have been seen; ``bound_below``, the bound
+        of a study that found nothing, if it is below that; ``margin``, below which
         a difference counts as none; ``over_landings``, the effect over the landings
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
@@ -148,6 +153,7 @@ def verdict_facts(
         "jumps": known.get("decided_by") == "jump",
         "allowed": None,
         "detectable": None,
+        "bound_below": None,
         "difference": None,
         "true": None,
         "remark": str(remark(verdict, truth)),
@@ -173,6 +179,9 @@ def verdict_facts(
         facts["allowed"] = _percent(effect["allowed"])
     if effect["detectable"] <= 1.0:
         facts["detectable"] = _percent(effect["detectable"])
+        found = known["conclusion"] == "different"
+        if not found and effect["upper_bound"] < effect["detectable"]:
+            facts["bound_below"] = _percent(effect["upper_bound"])
     facts["difference"] = _with_interval(effect)
     return facts
 
@@ -395,7 +404,9 @@ def one_or_own_facts(
 
 
 def one_or_own_table(
-    table: pd.DataFrame | None, feet: Sequence[str] = ()
+    table: pd.DataFrame | None,
+    feet: Sequence[str] = (),
+    verdict: Verdict | None = None,
 ) -> show.Table | None:
     """Return what one map and own maps foretell of landings, in mm and degrees.
 
@@ -405,10 +416,16 @@ def one_or_own_table(
         ``one_or_own.csv``; nothing is shown of an empty one.
     feet : sequence of str
         Names of the feet; without them their numbers stay.
+    verdict : mapping, optional
+        Contents of ``verdict.json``, which gains may seem to contradict.
     """
     if table is None or table.empty:
         return None
-    values = {**one_or_own_facts(table, feet), "short": _in_short(table)}
+    values: dict[str, Any] = {
+        **one_or_own_facts(table, feet),
+        "short": _in_short(table),
+        "both": _both_true(table, verdict or {}),
+    }
     note = Message("report.one_or_own_note", values)
     title = str(Message("report.so_what"))
     return show.table_of(title, table.to_dict("records"), ONE_OR_OWN, note=note)
@@ -431,6 +448,24 @@ def _in_short(table: pd.DataFrame) -> Message:
         ),
     }
     return Message("report.so_what_gains", values)
+
+
+def _both_true(table: pd.DataFrame, verdict: Verdict) -> str:
+    """Say how own maps can gain where no difference was found; else nothing.
+
+    In the bundled C1 sample, third-order terms of all landings together take three
+    quarters of what own maps gain for the turn.
+    """
+    effect = verdict.get("effect")
+    if effect is None or verdict["conclusion"] == "different":
+        return ""
+    if effect.get("allowed") is None or not (table["gain_low"] > 0.0).any():
+        return ""
+    values = {
+        "bound": _percent(effect["upper_bound"]),
+        "allowed": _percent(effect["allowed"]),
+    }
+    return f" {Message('report.so_what_both', values)}"
 
 
 # The page of a group: answer, forest plot, conditions, and every member with its link.

@@ -124,6 +124,17 @@ def test_where_a_guard_and_a_mode_fail_is_told():
     assert detail.endswith("first: y with x crossed")
 
 
+def test_where_a_field_has_a_kink_is_told():
+    """Beyond either plane x has a kink along z; without one nothing is named."""
+    for crossed in ({"KINK": 0.3}, {"STEP": 0.1}):
+        (extended,) = [
+            f for f in report(**crossed).selection if f.condition == EXTENDED
+        ]
+        assert extended.detail.endswith("; first and worst: dy[0] with none crossed")
+    (extended,) = [f for f in report(CUSP=1.0).selection if f.condition == EXTENDED]
+    assert "worst" not in extended.detail
+
+
 def test_the_liveness_constant_is_the_smallest_rate_nearby():
     """On a ladder the speed is 1 before the first rung, and never less than 0.25."""
     params = (1.0, 1.0, 1.0, -0.5, -0.25, 0.75)

@@ -1,5 +1,7 @@
 """Markers of one shoe are told from feet, however these move."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,20 +13,30 @@ TRIANGLE = 0.38 * np.array([[1.0, 0.0, 0.0], [-0.5, 0.87, 0.0], [-0.5, -0.87, 0.
 NAMES = ["heel", "mt1", "mt5"]
 
 
-def recording(shape, *, pitch_rad, bend_m=0.0, noise_m=0.0005, body=True, n=2000):
-    """Return three markers that swing in pitch, and each by itself along its leg."""
+def pitched(shape, pitch):
+    """Return points (K, 3) turned about y by angles (N,), (N, K, 3)."""
+    x, y, z = shape.T
+    forward = np.outer(np.cos(pitch), x) + np.outer(np.sin(pitch), z)
+    upward = np.outer(np.cos(pitch), z) - np.outer(np.sin(pitch), x)
+    return np.stack([forward, np.broadcast_to(y, forward.shape), upward], axis=2)
+
+
+def recording(
+    shape, *, pitch_rad, bend_m=0.0, noise_m=0.0005, body=True, with_trunk=False, n=2000
+):
+    """Return three markers that swing in pitch, and each by itself along its leg.
+
+    The trunk stays upright, or turns with them.
+    """
+    above = np.array([[0.0, 0.1, 0.9], [0.1, -0.1, 1.0], [-0.1, 0.0, 1.4]])
     rng = np.random.default_rng(3)
     time = np.arange(n) / 200
     pitch = pitch_rad * np.sin(2 * np.pi * 1.3 * time)
-    turned = np.stack([
-        np.outer(np.cos(pitch), shape[:, 0]) + np.outer(np.sin(pitch), shape[:, 2]),
-        np.broadcast_to(shape[:, 1], (n, 3)),
-        np.outer(np.cos(pitch), shape[:, 2]) - np.outer(np.sin(pitch), shape[:, 0]),
-    ], axis=2)  # fmt: skip
+    turned = pitched(shape, pitch)
     turned[:, :, 2] += bend_m * rng.standard_normal((n, 3))
     turned[:, :, 2] += 0.2 * np.abs(np.sin(6 * time))[:, None]
-    above = np.array([[0.0, 0.1, 0.9], [0.1, -0.1, 1.0], [-0.1, 0.0, 1.4]])
-    trunk = np.broadcast_to(above, (n, 3, 3)) + 0.01 * np.sin(6 * time)[:, None, None]
+    trunk = pitched(above, pitch if with_trunk else 0 * pitch)
+    trunk = trunk + 0.01 * np.sin(6 * time)[:, None, None]
     positions = np.concatenate([turned, trunk], axis=1)
     positions = positions + noise_m * rng.standard_normal(positions.shape)
     of_body = ["hip1", "hip2", "hip3"]
@@ -48,7 +60,7 @@ def test_a_shoe_that_swings_is_one_foot(body):
     ("shape", "how"),
     [
         (TRIANGLE, {"pitch_rad": 0.1}),  # legs of a hopper, at constant distances
-        (TRIANGLE, {"pitch_rad": 0.6}),  # one that all but falls over
+        (TRIANGLE, {"pitch_rad": 0.6, "with_trunk": True}),  # one that falls over
         (SHOE, {"pitch_rad": 0.5, "bend_m": 0.03}),  # three feet close together
         (SHOE, {"pitch_rad": 0.0}),  # a shoe that never tilts comes down as one
     ],
@@ -61,6 +73,26 @@ def test_feet_are_not(shape, how):
 def test_feet_of_a_simulated_animal_are_not(scene):
     simulated, _ = hd.synthesize(scene, simulation={"hops": 8}, seed=2)
     assert markers_of_one_foot(simulated) == []
+
+
+def test_stiff_legs_that_fall_over_are_not():
+    # Rigid but for 2 mm, they tilt by more than a shoe: only the body tells them.
+    stiff = {"stiffness_n_m": 900.0, "damping_n_s_m": 15.0, "preload_n": 220.0}
+    fallen, _ = hd.synthesize(
+        "hopper", simulation={"hops": 20, "hopper": stiff}, seed=11
+    )
+    assert markers_of_one_foot(fallen) == []
+    feet = list(fallen.names("foot"))
+    assert markers_of_one_foot(fallen[feet]) == [tuple(feet)]
+
+
+def test_markers_that_are_never_seen_together_do_not_stop_it():
+    shoe = recording(SHOE, pitch_rad=0.5)
+    seen = shoe.positions.copy()
+    half = len(seen) // 2
+    seen[:half, NAMES.index("heel")] = np.nan
+    seen[half:, NAMES.index("mt5")] = np.nan
+    assert markers_of_one_foot(replace(shoe, positions=seen)) == [tuple(NAMES)]
 
 
 def test_the_sample_has_three_feet(sample_path):

@@ -92,7 +92,7 @@ def test_a_jump_is_found_between_the_feet_that_cause_it(seed):
     (one,) = found(answer, "jump")
     assert (one["first"], one["second"]) == ("1>2", "2>1")
     assert one["low"] < one["estimate"] < one["high"]
-    assert "the outcome jumps most where feet 1 and 2 exchange" in answer.mainly
+    assert "the outcome jumps most where foot 1 and foot 2 exchange" in answer.mainly
 
 
 def test_no_pair_is_different_unless_the_study_is_and_pairs_cost_certainty():
@@ -184,11 +184,14 @@ def test_feet_that_exchange_their_order_together_are_named_together():
     instants = np.column_stack([one, -one, 1.0 + other, 1.0 + other + 0.8 * one])
     pairs = [effect("1>2", 0.3, of="jump"), effect("1>3", 0.0, of="jump")]
     assert str(mainly(pairs, instants)) == (
-        "the outcome jumps most where feet 1 and 2 or 3 and 4 (these exchange their "
-        "order together, so that no landing tells them apart) exchange their order"
+        "the outcome jumps most where foot 1 and foot 2 or foot 3 and foot 4 (these "
+        "exchange their order together, so that no landing tells them apart) exchange "
+        "their order"
     )
     alone = instants[:, [0, 1, 2]]
-    assert "where feet 1 and 2 exchange" in str(mainly(pairs, alone))
+    assert "where foot 1 and foot 2 exchange" in str(mainly(pairs, alone))
+    named = str(mainly(pairs, alone, names=("toe", "heel", "thumb")))
+    assert "where toe and heel exchange" in named
 
 
 def effect(first, low, of="map"):
@@ -206,6 +209,10 @@ def test_without_a_common_trait_the_clearest_pair_is_named():
         )
     said = str(mainly(pairs, np.zeros((1, 3))))
     assert said == "most of all: the orders 1 → 2 → 3 and 1 → 3 → 2"
+    named = mainly(pairs, np.zeros((1, 3)), names=("a", "b", "c"))
+    assert str(named) == "most of all: the orders a → b → c and a → c → b"
+    alone = mainly(pairs, np.zeros((1, 3)), alone="3>1>2", names=("a", "b", "c"))
+    assert "only the order c → a → b:" in str(alone)
 
 
 def test_the_table_has_a_row_for_each_pair():

@@ -144,6 +144,19 @@ def test_markers_that_move_as_one_body_are_not_apart():
     assert np.flatnonzero(markers_apart(swapped(data.before, [3]))).tolist() == [3]
 
 
+@pytest.mark.parametrize("part", ["positions", "velocities"])
+def test_rounding_sets_no_markers_apart(part):
+    """One row of a body that is rigid to the last digit is rounded more coarsely."""
+    states = landings(N).before
+    columns = slice(0, 9) if part == "positions" else slice(9, 12)
+    rounded = states.copy()
+    rounded[20, columns] *= 1.0 + 1e-12
+    assert not markers_apart(rounded).any()
+    larger = states.copy()
+    larger[20, columns] *= 1.0 + 1e-6
+    assert np.flatnonzero(markers_apart(larger)).tolist() == [20]
+
+
 def test_without_any_spread_nothing_is_too_far():
     assert too_far(np.zeros(10)) == np.inf
 

@@ -61,6 +61,8 @@ def test_one_order_that_never_changes_is_not_foretold():
     se = np.full((40, 3), 1e-3)
     found = so_far(x, y, instants, instants_se=se)
     assert found.orders == ({"order": "1 → 2 → 3", "landings": 40},)
+    named = so_far(x, y, instants, instants_se=se, foot_names=("toe", "heel", "thumb"))
+    assert named.orders == ({"order": "toe → heel → thumb", "landings": 40},)
     assert (found.foretold, found.untold) == (None, "errors")
     assert "hardly more" in str(found.said())
     # Without errors of such a size their scatter counts, and nothing foretells it.

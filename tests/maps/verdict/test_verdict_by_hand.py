@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kinked_landings import landings, legs_and_feet
+from kinked_landings import landings, legs_and_feet, with_a_rare_order
 from verdict_by_hand import verdict
 
 from hopdata.maps.verdict import judge
@@ -55,6 +55,7 @@ STUDIES = {
     "session": _of_a_session,
     "slow change": _of_slow_change,
     "jumps alone": lambda: _study(landings(n=N, jump=0.4)),
+    "rare order": lambda: _study(with_a_rare_order()),
 }
 
 
@@ -70,6 +71,7 @@ SHOWS = {
     "session": lambda answer: "block" in answer.session,
     "slow change": lambda answer: "time" in answer.session,
     "jumps alone": lambda answer: answer.decided_by == "jump",
+    "rare order": lambda answer: answer.n_landings > 350,
 }
 
 

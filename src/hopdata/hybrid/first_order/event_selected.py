@@ -16,6 +16,7 @@ that it is smooth.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,17 +82,22 @@ def definitions(
     """
     views = local.mode_fields(system, start, active, scale, seed)
     off = rates_agree(system, views[()], list(active))
-    coarse, fine = field_gaps(system, start, list(views), scale, seed)
-    needed = max(SMOOTH_SHARE * coarse, tolerance)
+    gaps = field_gaps(system, start, list(views), scale, seed)
+    needed = max(SMOOTH_SHARE * gaps.coarse, tolerance)
+    detail = (
+        "difference of a field's slopes from both sides, in any mode; needed: half of "
+        "that at 8 times the step"
+    )
+    if not gaps.fine <= needed:
+        detail += f"; {_rough_modes(system, gaps, needed)}"
     return (
         Finding.at_most(RATES, off, tolerance, "difference of hdot and Dh f + dh/dt"),
         _event_functions(system, start, views, active, scale, radius, seed),
         Finding.at_most(
             EXTENDED,
-            fine,
+            gaps.fine,
             needed,
-            "difference of a field's slopes from both sides, in any mode; needed: half "
-            "of that at 8 times the step",
+            detail,
         ),
     )
 
@@ -255,13 +261,32 @@ def rates_agree(system: System, here: Linearisation, guards: list[int]) -> float
 DIRECTIONS = 8
 
 
+class FieldGaps(NamedTuple):
+    """How far the fields of modes are from having one slope along a line.
+
+    Parameters
+    ----------
+    modes : tuple of Combination
+        The modes, each by the guards that have been crossed in it.
+    of_mode : (M, n) array
+        Gap of each coordinate's rate in each mode, for the fine step.
+    coarse, fine : float
+        Largest gaps for the two steps.
+    """
+
+    modes: tuple[Combination, ...]
+    of_mode: FloatArray
+    coarse: float
+    fine: float
+
+
 def field_gaps(
     system: System,
     start: Instant,
     combinations: Sequence[Combination],
     scale: FloatArray,
     seed: int,
-) -> tuple[float, float]:
+) -> FieldGaps:
     """Return how far the modes' fields are from having one slope, for two steps.
 
     The second step is an eighth of the first. Along a line through the state, the
@@ -276,17 +301,43 @@ def field_gaps(
     shifts = local.STEP * np.maximum(scale, np.abs(start.y)) * lines
     size = np.zeros(n)
     coarse = np.zeros(n)
-    fine = np.zeros(n)
-    for crossed in combinations:
+    fine = np.zeros((len(combinations), n))
+    for own, crossed in zip(fine, combinations, strict=True):
         at = local.in_mode(system, start, crossed)
         size = np.maximum(size, np.abs(local.field_at(system, at)))
         for shift in shifts:
             wide, wide_slope = _line_gap(system, at, shift, 1.0)
             narrow, narrow_slope = _line_gap(system, at, shift, 1.0 / REFINEMENT)
             coarse = np.maximum(coarse, wide)
-            fine = np.maximum(fine, narrow)
+            np.maximum(own, narrow, out=own)
             size = np.maximum(size, np.maximum(wide_slope, narrow_slope))
-    return float(np.max(_share(coarse, size))), float(np.max(_share(fine, size)))
+    of_mode = _share(fine, np.broadcast_to(size, fine.shape))
+    return FieldGaps(
+        modes=tuple(combinations),
+        of_mode=of_mode,
+        coarse=float(np.max(_share(coarse, size))),
+        fine=float(np.max(of_mode)),
+    )
+
+
+def _rough_modes(system: System, gaps: FieldGaps, needed: float) -> str:
+    """Name mode and coordinate of the first gap that is too large, and of the worst."""
+
+    def place(mode: int, coordinate: int) -> str:
+        crossed = _crossed_names(system, gaps.modes[mode])
+        return f"dy[{coordinate}] with {crossed} crossed"
+
+    too_large = np.argwhere(~(gaps.of_mode <= needed))
+    first = place(*map(int, too_large[0]))
+    worst = place(*divmod(int(np.argmax(gaps.of_mode)), gaps.of_mode.shape[1]))
+    if first == worst:
+        return f"first and worst: {first}"
+    return f"first: {first}, worst: {worst}"
+
+
+def _crossed_names(system: System, crossed: Combination) -> str:
+    """Return the names of the guards that have been crossed, or ``none``."""
+    return " and ".join(system.guard_names[k] for k in crossed) or "none"
 
 
 def _line_gap(
@@ -368,9 +419,8 @@ def _once(
     detail = f"pairs of guard and mode, of {total}, in which it stops or is turned back"
     if wrong:
         guard, crossed = wrong[0]
-        names = system.guard_names
-        beyond = " and ".join(names[k] for k in crossed) or "none"
-        detail += f"; first: {names[guard]} with {beyond} crossed"
+        beyond = _crossed_names(system, crossed)
+        detail += f"; first: {system.guard_names[guard]} with {beyond} crossed"
     worst = max(float(np.max(steps)) for steps in pushed.values())
     if worst > UNCHANGED:
         detail += f"; largest step of a handler against a lock {worst:.3g}"

@@ -37,9 +37,9 @@ SMALLEST_SWING = 0.3
 RANGE_QUANTILES = (0.02, 0.98)
 
 #: Range of the body's heights over its median descent, above which this range is not
-#: that of landings: a body that lies on the floor at the end widens it. It is 1.0 to 1.7
-#: for runners, a walk, the bundled hopper and simulated jumps, and 2.2 to 2.8 for such
-#: jumps with a fall at the end.
+#: that of landings: a body that lies on the floor at the end widens it. It is 1.0 to
+#: 1.7 for runners, a walk, the bundled hopper and simulated jumps, and 2.2 to 2.8 for
+#: such jumps with a fall at the end.
 #: Unit: 1. Origin: chosen.
 MOST_RANGE = 2.0
 

@@ -186,9 +186,11 @@ def landings_of(steps: Steps, n_feet: int) -> tuple[FloatArray, BoolArray]:
 def found_twice(
     steps: Steps, instant: FloatArray, se: FloatArray, status: IntArray
 ) -> BoolArray:
-    """Mark the contacts (L, n) that belong to a descent of a foot with a surer one.
+    """Mark the contacts (L, n) that belong to a descent of a foot with a better one.
 
-    The body and the foot may both show a landing, and each has its row then.
+    The body and the foot may both show a landing, and each has its row then. Better is
+    the one that can be trusted; of two such, that of the row in which more feet land,
+    so that a landing is not split; then the surer one.
 
     Parameters
     ----------
@@ -200,6 +202,8 @@ def found_twice(
         Codes of `hopdata.landings.contacts.descents`.
     """
     twice = np.zeros(instant.shape, dtype=bool)
+    lands = np.isfinite(instant) & (status == descents.LANDED)
+    n_landed = np.count_nonzero(lands, axis=1)
     for foot in range(instant.shape[1]):
         apexes = np.sort(steps.apex[steps.foot == foot])
         rows = np.flatnonzero(np.isfinite(instant[:, foot]))
@@ -215,7 +219,7 @@ def found_twice(
                 kept = row
                 continue
             doubts = [
-                (status[one, foot] != descents.LANDED, se[one, foot])
+                (status[one, foot] != descents.LANDED, -n_landed[one], se[one, foot])
                 for one in (kept, row)
             ]
             worse = row if doubts[0] <= doubts[1] else kept

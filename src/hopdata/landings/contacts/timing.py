@@ -19,6 +19,7 @@ from hopdata.foreign.plugins import blamed, name_of, plugins
 from hopdata.landings.contacts import descents, kink_law, passes
 from hopdata.landings.contacts.approach import approaches
 from hopdata.landings.contacts.bounces import bounce_errors
+from hopdata.landings.contacts.falls_on import later_contact
 from hopdata.landings.contacts.glides import (
     CLEAR_S,
     COMES_DOWN_M_S,
@@ -316,11 +317,35 @@ def find_all_contacts(
         short_s = passes.windows_of_at_least(
             trial.time, asked_s[number], passes.SHORT_WINDOWS_S
         )
+        contacts = _after_falls(trial, contacts, known.noise_m)
         rolls = bool(about_fit_m[number] > ROLLS * known.noise_m)
         found.append(
             _after_glides(trial, contacts, known, judged, short_s, gravity, rolls=rolls)
         )
     return found
+
+
+def _after_falls(trial: Trial, contacts: Contacts, noise_m: float) -> Contacts:
+    """Time feet at their second kink that fall on after the first one.
+
+    One that is not seen to stop has the status `GLIDES`.
+    """
+    instant = contacts.instant.copy()
+    se = contacts.se.copy()
+    status = contacts.status.copy()
+    earliest = contacts.earliest.copy()
+    for landing, marker in np.argwhere(status == descents.LANDED).tolist():
+        first_s = float(instant[landing, marker])
+        height = trial.heights[:, marker]
+        later = later_contact(trial.time, height, first_s, noise_m)
+        if later is None:
+            continue
+        earliest[landing, marker] = max(earliest[landing, marker], first_s)
+        if np.isfinite(later).all():
+            instant[landing, marker], se[landing, marker] = later
+        else:
+            status[landing, marker] = descents.GLIDES
+    return replace(contacts, instant=instant, se=se, status=status, earliest=earliest)
 
 
 def _after_glides(

@@ -52,7 +52,7 @@ def left_out(known: BoolArray) -> Notes:
 
 
 def gross_errors(sound: rows.Sound) -> Notes:
-    """Return a note on the landings that are left out as mistakes, if there are any."""
+    """Return a note on the landings that are left out as far off, if there are any."""
     if not sound.left_out:
         return []
     count = sum(len(some) for some in sound.left_out.values())
