@@ -121,17 +121,31 @@ def test_without_steering_its_block_is_an_error_that_names_the_extra(without):
     assert "pip install 'hopdata[steering]'" in run.stderr
 
 
-def test_a_study_does_not_load_the_steering_that_is_there(tmp_path):
-    """Products fail when they are imported: their rules are planned all the same."""
-    folder = checkout_with_library(tmp_path)
+@pytest.fixture
+def broken(without):
+    """Put the products back for a test, so that each fails when it is imported.
+
+    The library stays where it was, and so need not be compiled again.
+    """
     for name in PRODUCTS:
-        start = folder / "src/hopdata" / name / "__init__.py"
-        start.write_text("raise ValueError('used')")
-    planned = planned_rules(folder, "--configfile", "config/short.yaml")
+        copy = without / "src/hopdata" / name
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / "src/hopdata" / name, copy, ignore=ignored)
+        (copy / "__init__.py").write_text("raise ValueError('used')")
+    yield without
+    for name in PRODUCTS:
+        shutil.rmtree(without / "src/hopdata" / name)
+
+
+def test_a_study_does_not_load_the_steering_that_is_there(broken):
+    """Products fail when they are imported: their rules are planned all the same."""
+    folder = broken
+    options = ("--forceall", "--configfile", "config/short.yaml")
+    planned = planned_rules(folder, *options)
     assert "report" in planned
-    planned = planned_rules(folder, "steering", "--configfile", "config/short.yaml")
+    planned = planned_rules(folder, "steering", *options)
     assert {"steering_learn", "figures_steering_runs", "steering_report"} <= planned
-    planned = planned_rules(folder, "dissertation", "--configfile", "config/short.yaml")
+    planned = planned_rules(folder, "dissertation", *options)
     assert {"dissertation_page", "dissertation"} <= planned
     assert python(folder, "-c", READS).stdout == "True True True []\n"
     notebook = python(folder, "-c", NOTEBOOK)

@@ -238,7 +238,7 @@ def test_sample_within_2_mm_of_its_truth(sample):
 
 def test_a_bare_threshold_would_miss_by_centimetres(sample):
     recording, _, select = sample
-    found = select()
+    found = select(compare=True)
     highest = recording.feet[:, :, 2].max(axis=1)
     up = recording.body_height[highest > found.max_foot_threshold_m]
     bare = np.quantile(
