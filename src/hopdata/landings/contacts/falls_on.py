@@ -34,6 +34,10 @@ FALLS_M_S = 0.5
 #: Unit: nats. Origin: chosen: noise does so once in 3,000 contacts.
 CLEARLY_LIKELIER = 8.0
 
+#: Frames after the first kink that may still belong to it, as it is timed early.
+#: Unit: frames. Origin: chosen.
+MOST_SKIPPED = 1
+
 #: Acceleration of a foot between its kinks, as far as it is known before.
 #: Unit: m/s^2. Origin: chosen: that of gravity.
 ACCELERATION_M_S2 = 10.0
@@ -80,6 +84,20 @@ def later_contact(
     deviation of a height.
     """
     since_s, frames_m = _frames_after(time, height, contact_s, noise_m)
+    for skipped in range(MOST_SKIPPED + 1):
+        later_s = _second_kink(since_s[skipped:], frames_m[skipped:], noise_m)
+        if later_s is not None:
+            return contact_s + later_s[0], later_s[1]
+    return None
+
+
+def _second_kink(
+    since_s: FloatArray, frames_m: FloatArray, noise_m: float
+) -> tuple[float, float] | None:
+    """Return when a foot stops that falls on, and its error, s, since its first kink.
+
+    `since_s` and `frames_m` (n,) are its frames after that; see `later_contact`.
+    """
     least_m = glides.GLIDED_M + glides.LOWEST_SIGMAS * noise_m
     if len(since_s) < LEAST_FRAMES or frames_m[0] - frames_m.min() < least_m:
         return None
@@ -120,7 +138,7 @@ def later_contact(
     sd_s = (variance * misfit + (frame_s / INSTANTS_OF_FRAME) ** 2 / 12) ** 0.5
     if sd_s > UNDETERMINED_S:
         return float("nan"), float("nan")
-    return contact_s + mean_s, sd_s
+    return mean_s, sd_s
 
 
 def _frames_after(
@@ -161,13 +179,17 @@ def _falls_and_stops(
     return _fitted([np.ones_like(since_s), falls, after_s, curves], scaled, known=1)
 
 
-def _fitted(columns: list[FloatArray], scaled: FloatArray, *, known: int = 0) -> _Course:
+def _fitted(
+    columns: list[FloatArray], scaled: FloatArray, *, known: int = 0
+) -> _Course:
     """Fit columns to heights in units of the noise; the last `known` are N(0, 1)."""
     design = np.stack(columns, axis=1)
     normal = design.T @ design
     for own in range(len(columns) - known, len(columns)):
         normal[own, own] += 1.0
-    coefficients = np.linalg.solve(normal, design.T @ scaled)
+    coefficients: FloatArray = np.asarray(
+        np.linalg.solve(normal, design.T @ scaled), dtype=np.float64
+    )
     residual = scaled - design @ coefficients
     square = float(residual @ residual)
     for own in range(len(columns) - known, len(columns)):

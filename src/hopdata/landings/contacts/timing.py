@@ -328,13 +328,15 @@ def find_all_contacts(
 def _after_falls(trial: Trial, contacts: Contacts, noise_m: float) -> Contacts:
     """Time feet at their second kink that fall on after the first one.
 
-    One that is not seen to stop has the status `GLIDES`.
+    One that is not seen to stop has the status `GLIDES`. Contacts without a kink keep
+    their large errors.
     """
     instant = contacts.instant.copy()
     se = contacts.se.copy()
     status = contacts.status.copy()
     earliest = contacts.earliest.copy()
-    for landing, marker in np.argwhere(status == descents.LANDED).tolist():
+    has_kink = (status == descents.LANDED) & (se < UNDETERMINED_S)
+    for landing, marker in np.argwhere(has_kink).tolist():
         first_s = float(instant[landing, marker])
         height = trial.heights[:, marker]
         later = later_contact(trial.time, height, first_s, noise_m)
