@@ -1,7 +1,9 @@
 """`hopdata drive --robot`: excited, learned, driven, replayed and rehearsed, on a simulated clock."""
 
 import json
+import sys
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,6 +21,7 @@ from hopdata.steering.live.robots import (
     DrivenRobot,
     driven_robot,
     planar_hopper,
+    quadruped,
 )
 from hopdata.steering.live.seen_robots import DECIDED_S
 
@@ -91,13 +94,29 @@ def test_a_robot_without_its_own_name_is_found_in_a_module(monkeypatch):
     for name, said in (
         ("quadrupd", "quadruped"),
         ("hopdata.steering.live.robots:GROUP", "DrivenRobot"),
-        ("no.such_module:robot", "no"),
+        ("no.such_module:robot", "no.py in"),
+        (":robot", "neither"),
     ):
         with pytest.raises(ConfigError, match=said):
             driven_robot(name)
     bare = DrivenRobot(axes=planar_hopper().axes)
     with pytest.raises(ConfigError, match="simulation"):
         bare.simulation()
+
+
+def test_a_robot_is_found_in_a_file_of_the_working_folder(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    source = (
+        "from hopdata.steering.live.robots import quadruped\nrunner = quadruped()\n"
+    )
+    Path("my_lab_of_a_test.py").write_text(source, "utf-8")
+    path = list(sys.path)
+    assert driven_robot("my_lab_of_a_test:runner").axes == quadruped().axes
+    assert sys.path == path
+    # No file of the folder stands in for a module that is installed.
+    Path("json.py").write_text("runner = 1\n", "utf-8")
+    with pytest.raises(ConfigError, match="runner"):
+        driven_robot("json:runner")
 
 
 def test_a_log_runs_no_module_that_the_user_has_not_named(capsys):

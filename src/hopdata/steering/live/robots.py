@@ -6,8 +6,12 @@ package brings by an entry point of the group `GROUP`, or MODULE:OBJECT.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pkgutil import resolve_name
 
 from hopdata.errors import ConfigError, did_you_mean, require
@@ -109,8 +113,9 @@ def driven_robot(name: str, *, by_user: bool = True) -> DrivenRobot:
     Parameters
     ----------
     name : str
-        A name of `ROBOTS` or of an installed package, or MODULE:OBJECT. The object is
-        a `DrivenRobot`, or returns one.
+        A name of `ROBOTS` or of an installed package, or MODULE:OBJECT, with a module
+        that is installed or a file of the working folder. The object is a
+        `DrivenRobot`, or returns one.
     by_user : bool
         Whether the user has given the name. A file, such as a log, may name any module,
         whose code must not be run for that.
@@ -123,7 +128,9 @@ def driven_robot(name: str, *, by_user: bool = True) -> DrivenRobot:
     if ":" in name:
         wanted = f"--robot {name} with it, since a file may name any code"
         require(by_user, "robot", wanted, "a name in a file")
-        return _checked(name, name)
+        with _working_folder_last():
+            _require_module(name.partition(":")[0])
+            return _checked(name, name)
     brought = plugins(GROUP, "robot", ROBOTS)
     if name in brought:
         return _checked(brought[name].value, name_of("robot", brought[name]))
@@ -133,6 +140,25 @@ def driven_robot(name: str, *, by_user: bool = True) -> DrivenRobot:
         found = f"{name!r}{did_you_mean(name, known)}"
         raise ConfigError.at("--robot", wanted, found)
     return _checked(ROBOTS[name], name)
+
+
+@contextmanager
+def _working_folder_last() -> Iterator[None]:
+    """Find modules in the working folder, too, where no installed one has the name."""
+    folder = os.getcwd()
+    sys.path.append(folder)
+    try:
+        yield
+    finally:
+        sys.path.remove(folder)
+
+
+def _require_module(module: str) -> None:
+    """Raise a `ConfigError` if the outermost package of a module is not found."""
+    package = module.partition(".")[0]
+    wanted = f"{package}.py in {os.getcwd()}, or an installed package {package}"
+    is_found = package.isidentifier() and find_spec(package) is not None
+    require(is_found, "--robot", wanted, "neither")
 
 
 def _checked(place: str, said: str) -> DrivenRobot:
