@@ -13,7 +13,7 @@ from written_files import write_c3d
 
 import hopdata as hd
 from hopdata.__main__ import main
-from hopdata.commands.contacts import Trial, name_apart, one_of_a_kind
+from hopdata.commands.contacts import Trial, _is_of_maps, name_apart, one_of_a_kind
 from hopdata.commands.contacts_instead import write_few
 from hopdata.config.loading import load_config
 from hopdata.messages import Message
@@ -33,8 +33,17 @@ def test_contacts_of_a_file_are_listed_with_guessed_feet(recording, capsys):
     assert main(["contacts", str(recording)]) == 0
     out = capsys.readouterr().out
     assert re.match(r"\d+ contacts in 8 landings, standard error", out)
-    assert "feet guessed: toe1 toe2 toe3" in out
+    assert "note: feet guessed: toe1 toe2 toe3" in out  # the only file is not named
     assert re.search(r"^  1 .*toe\d \d+\.\d ± \d\.\d.* > toe\d", out, re.MULTILINE)
+
+
+def test_notes_on_what_only_maps_depend_on_are_left_out():
+    def note(code):
+        return Message("recordings.at", {"place": "a", "remark": Message(code)})
+
+    assert _is_of_maps(note("recordings.soft"))
+    assert not _is_of_maps(note("recordings.unseen"))
+    assert not _is_of_maps(Message("recordings.as_read", {"text": "soft"}))
 
 
 def test_exchanged_markers_are_told_of(tmp_path, monkeypatch, capsys):
@@ -69,8 +78,10 @@ def test_the_table_has_the_same_columns_for_one_foot_and_for_several(recording, 
     for feet in (["toe2"], ["toe1", "toe2"]):
         assert main(["contacts", str(recording), "-o", "a.csv", "--feet", *feet]) == 0
         columns.append([[*pd.read_csv(one)] for one in ("a.csv", "a_orders.csv")])
-        has_orders = "probability" in capsys.readouterr().out
+        out = capsys.readouterr().out
+        has_orders = "probability" in out
         assert has_orders == (len(feet) > 1)
+        assert ("no orders: no two feet" in out) == (len(feet) == 1)
         Path("a.csv").unlink()
         Path("a_orders.csv").unlink()
     assert columns[0] == columns[1]

@@ -121,8 +121,11 @@ def test_every_guess_has_its_reason_above_it(folder):
     assert all(len(line) <= 100 for line in lines)
 
 
-def test_a_runner_gets_one_foot_and_landings_only(external_recording, folder):
+def test_a_runner_gets_one_foot_and_landings_only(external_recording, folder, capsys):
     assert main(["init", str(external_recording)]) == 0
+    told = capsys.readouterr().out
+    assert "note: L_heel, L_mt1, L_mt5 land in between" in told
+    assert f"hopdata contacts {external_recording} times the touchdowns" in told
     config = load_config("config/RBDS001runT25markers.yaml")
     assert config["markers"]["feet"] == ["R_heel", "R_mt1", "R_mt5"]
     assert config["markers"]["body"] == ["body1", "body2", "body3"]
@@ -291,6 +294,20 @@ def test_a_draft_is_a_configuration():
     assert config["input"]["vertical_axis"] == "y"
     assert config["input"]["rate_hz"] == 250.0
     assert config["home"]["marker"] is None
+
+
+def test_markers_that_may_be_on_one_foot_are_joined_by_a_comment():
+    """With its marks taken off, the comment is a block of the configuration."""
+    sides = {"left": ["f1", "f2"]}
+    assert "feet:\n" not in draft_config(DRAFT, path="x.yaml")
+    text = draft_config(replace(DRAFT, may_be_joined=sides), path="x.yaml")
+    assert "feet" not in yaml.safe_load(text)
+    marked = text[text.index("# feet:") :].splitlines()[:2]
+    block = yaml.safe_load("\n".join(line.removeprefix("# ") for line in marked))
+    assert block == {"feet": [{"name": "left", "markers": ["f1", "f2"]}]}
+    # Feet that are joined already need no such comment.
+    joined = replace(DRAFT, joined=sides, may_be_joined=sides)
+    assert "# feet:" not in draft_config(joined, path="x.yaml")
 
 
 def test_comments_say_how_to_run_what_was_guessed_and_what_is_left():

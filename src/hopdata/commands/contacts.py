@@ -69,6 +69,9 @@ SHORT = {
 # Markers or pairs that a note of several names.
 MOST_OF_A_KIND = 12
 
+# Notes on what only maps depend on: how well the body's state is known.
+OF_MAPS = ("recordings.soft", "recordings.soft_where_lowest")
+
 # Why no foot is guessed.
 NO_FEET = ("recordings.no_feet", "recordings.one_foot")
 
@@ -113,10 +116,18 @@ def contacts(options: argparse.Namespace) -> int:
     with terminal.progress_line("timing contacts"):
         found = timed(trials)
     notes = [note for trial in trials for note in trial.notes]
-    show(found, notes)
+    show(found, notes, places=_only_place(trials))
     answers.give(notes=[*notes, *map(str, found.remarks)])
     _write(options, trials, found)
     return terminal.OK if len(found.found) else terminal.PROBLEM
+
+
+def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Return the names of the only recording, which notes need not repeat."""
+    if len(trials) != 1:
+        return ()
+    recording = trials[0].recording
+    return (*map(str, trials[0].files), recording.place, recording.name)
 
 
 def timed(trials: Sequence[Trial]) -> ContactTimes:
@@ -250,7 +261,14 @@ def _notes_on(recording: Recording) -> list[str]:
         return [str(remark) for remark in recording.remarks]
     check_fall(recording)
     check_upright(recording)
-    return one_of_a_kind(recording, notes(recording))
+    of_contacts = [note for note in notes(recording) if not _is_of_maps(note)]
+    return one_of_a_kind(recording, of_contacts)
+
+
+def _is_of_maps(note: Message) -> bool:
+    """Tell whether a note of a recording concerns maps, and no contact."""
+    remark = note.values.get("remark")
+    return isinstance(remark, Message) and remark.code in OF_MAPS
 
 
 def one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[str]:
@@ -339,8 +357,19 @@ def name_apart(trials: list[Trial]) -> None:
 # What is shown and written.
 
 
-def show(found: ContactTimes, notes: Sequence[str]) -> None:
-    """Print the contacts of each landing, and what to know about them."""
+def show(
+    found: ContactTimes, notes: Sequence[str], *, places: Sequence[str] = ()
+) -> None:
+    """Print the contacts of each landing, and what to know about them.
+
+    Parameters
+    ----------
+    found : ContactTimes
+    notes : sequence of str
+        What to know of the recordings; what concerns the contacts is told first.
+    places : sequence of str
+        Names of the only recording, with which no note begins.
+    """
     from hopdata.landings.contacts.remarks import one_for_all_feet
 
     print(found)
@@ -367,7 +396,9 @@ def show(found: ContactTimes, notes: Sequence[str]) -> None:
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
-    for note in [*notes, *map(str, one_for_all_feet(found.remarks))]:
+    for note in [*map(str, one_for_all_feet(found.remarks)), *notes]:
+        for place in places:
+            note = note.removeprefix(f"{place}: ")
         terminal.note(note)
 
 
@@ -488,13 +519,16 @@ def _write(
 def _write_tables(file: Path, found: ContactTimes) -> None:
     """Write the table of contacts, and that of orders beside it."""
     of_orders = _orders_beside(file)
+    why_empty = ""
+    if not (found.orders["feet"] > 1).any():
+        why_empty = " (no orders: no two feet were timed in one landing)"
     for kind, path, table in (
         ("table", file, found.table),
         ("orders", of_orders, found.orders),
     ):
         text = table.to_csv(index=False, float_format="%.7g")
         terminal.write_text(path, text)
-        print(f"{kind}: {path}")
+        print(f"{kind}: {path}{why_empty if table is found.orders else ''}")
 
 
 def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> None:

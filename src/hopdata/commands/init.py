@@ -20,6 +20,7 @@ from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.messages import Message
 from hopdata.recording import Event
+from hopdata.recordings.quality.feet import of_one_side
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -75,6 +76,9 @@ class Draft:
         Marker of the home frame; none by default.
     joined : mapping
         Feet with several markers, and those markers.
+    may_be_joined : mapping
+        Feet with several markers by name whose distances do not tell that they are on
+        one foot, and those markers; written as a comment.
     beside : sequence of str
         What the file holds beside markers: force plates and events.
     samples : str
@@ -92,6 +96,7 @@ class Draft:
     all_markers: Sequence[str] = ()
     home: str = ""
     joined: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    may_be_joined: Mapping[str, Sequence[str]] = field(default_factory=dict)
     beside: Sequence[str] = ()
     samples: str = ""
 
@@ -118,9 +123,11 @@ def draft_config(draft: Draft, *, path: str) -> str:
     lines += ["", *_markers(draft)]
     if draft.joined:
         joined = "each of markers that keep their distance; the first to land counts"
-        lines += ["", f"feet:  # {joined}"]
-        for name, markers in draft.joined.items():
-            lines.append(f"  - {{name: {scalar(name)}, markers: {_flow(markers)}}}")
+        lines += ["", f"feet:  # {joined}", *_feet(draft.joined)]
+    elif draft.may_be_joined:
+        lines += ["", *_comment(str(Message("commands.feet_may_be_joined")))]
+        block = ["feet:", *_feet(draft.may_be_joined)]
+        lines += [f"# {line}" for line in block]
     for section, values in draft.settings.items():
         lines += ["", f"{section}:"]
         for key, value in values.items():
@@ -131,6 +138,14 @@ def draft_config(draft: Draft, *, path: str) -> str:
         lines += ["", "home:", *_reason(draft, "home.marker")]
         lines.append(f"  marker: {scalar(draft.home)}  # {through}")
     return "\n".join(lines) + "\n"
+
+
+def _feet(joined: Mapping[str, Sequence[str]]) -> list[str]:
+    """Write feet with several markers."""
+    return [
+        f"  - {{name: {scalar(name)}, markers: {_flow(markers)}}}"
+        for name, markers in joined.items()
+    ]
 
 
 def _files(draft: Draft) -> list[str]:
@@ -250,6 +265,12 @@ def init(options: argparse.Namespace) -> int:
     print_guesses(draft, inspection, roles)
     for remark in remarks:
         terminal.note(remark)
+    if roles.other_feet:
+        values = {
+            "feet": "; ".join(", ".join(group) for group in roles.other_feet),
+            "command": f"hopdata contacts {shlex.quote(str(options.file))}",
+        }
+        terminal.note(str(Message("commands.contacts_of_all_feet", values)))
     return print_next(out, is_complete=not roles.problems)
 
 
@@ -357,6 +378,7 @@ def draft_of(
         all_markers=inspection.markers,
         home=home,
         joined=roles.joined,
+        may_be_joined=of_one_side(roles.feet, inspection.markers),
         beside=_beside(options, inspection, roles),
     )
 

@@ -5,6 +5,7 @@ from checkouts import ROOT, part_of_sample
 from made_up_hopper import MARKERS, hopping, with_gap, with_spike, with_swap
 from made_up_jumps import STYLES, jumping
 
+from hopdata.recordings.quality.feet import of_one_side
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.landing_markers import feet_between
 from hopdata.recordings.quality.part_names import (
@@ -115,6 +116,39 @@ def test_feet_that_land_together_are_not_one_for_keeping_their_distance():
     legs = [f"{'RL'[4 <= n < 10]}{n}" for n in range(len(STYLES["numbers"]))]
     assert roles(jumping(1, jumps=2), legs).joined == {}
     assert roles(hopping(1)[1]).joined == {}
+
+
+def test_heels_and_toes_of_two_sides_may_be_on_one_foot_each():
+    names = ["LHEE", "LTOE", "RHEE", "RTOE", "LASI"]
+    assert of_one_side(names[:4], names) == {
+        "left": ["LHEE", "LTOE"],
+        "right": ["RHEE", "RTOE"],
+    }
+    assert of_one_side(names[:2], names) == {}  # those of a study of one foot
+    for legs in (["FL", "FR", "HL", "HR"], ["foot1", "foot2", "foot3", "foot4"]):
+        assert of_one_side(legs, legs) == {}
+
+
+def bent(positions, by_m):
+    """Move both heels along x against their feet, as far as `by_m`, all the time."""
+    moved = positions.copy()
+    swing = by_m * np.sin(0.3 * np.arange(len(positions)))
+    for heel in (4, 10):
+        moved[:, heel, 0] += swing
+    return moved
+
+
+def test_heel_and_toe_by_name_are_one_foot_however_far_it_bends():
+    """One marker set has the same feet in each trial; a leg apart is no bent foot."""
+    positions = jumping(1, jumps=2)
+    for by_m, is_one in ((0.0, True), (0.025, True), (0.15, False)):
+        found = roles(bent(positions, by_m), STYLES["plug-in gait"])
+        assert ([*found.joined] == ["left", "right"]) == is_one
+        if is_one:
+            assert {*found.joined["left"]} >= {"LHEE", "LTOE"}
+    # L0, L1, ... may be legs, for which distances decide.
+    legs = [f"{'RL'[4 <= n < 10]}{n}" for n in range(len(STYLES["numbers"]))]
+    assert roles(bent(positions, 0.025), legs).joined == {}
 
 
 def test_ankles_are_taken_where_there_is_no_foot():

@@ -17,6 +17,7 @@ from hopdata.recordings.quality.landing_markers import (
 from hopdata.recordings.quality.part_names import (
     HEEL,
     SIDE_NAMES,
+    TOE,
     part_by_name,
     side_of_foot,
     without_number,
@@ -44,6 +45,11 @@ SOLE_M = 0.025
 #: Largest spread of a distance, relative to its length, between markers of one shoe.
 #: Unit: 1. Origin: chosen.
 BEND = 0.04
+
+#: The same for a heel and other places of its foot by name: a foot bends at its toes,
+#: and a hind heel and a fore toe on one side are much further from keeping theirs.
+#: Unit: 1. Origin: chosen.
+BEND_OF_NAMED = 0.15
 
 
 # The side of markers that are on one foot, of whichever side.
@@ -354,6 +360,9 @@ def joined_feet(
 ) -> dict[str, list[str]]:
     """Return feet with several markers: of one side by name, at constant distances.
 
+    A heel and the other places of a foot, by name, need not keep their distances as
+    well as others: a foot bends. So one marker set gives the same feet in each trial.
+
     Empty if each is a foot by itself, or if there are fewer than `least_feet`: the
     markers of a single foot are the feet of a study. Distances alone do not decide,
     since feet that jump together keep theirs; nor do sides alone, since L1, L2 and L3
@@ -361,7 +370,9 @@ def joined_feet(
     """
     names = [inspection.markers[m] for m in group]
     sides = _sides(group, inspection)
-    feet = _by_foot(sides, inspection.pairs.relative_spread(group))
+    named = _sides_of_one_named_foot(group, sides, inspection)
+    largest = np.array([BEND_OF_NAMED if side in named else BEND for side in sides])
+    feet = _by_foot(sides, inspection.pairs.relative_spread(group), largest)
     if not least_feet <= len(feet) < len(group):
         return {}
 
@@ -377,6 +388,29 @@ def joined_feet(
         if len(markers) > 1:
             joined[SIDE_NAMES.get(label, f"foot {label}")] = markers
     return joined
+
+
+def of_one_side(feet: Sequence[str], markers: Sequence[str]) -> dict[str, list[str]]:
+    """Return markers of feet that are a heel or toe and others of one side, by name.
+
+    They may be on one foot. Empty unless there are two such sides or more.
+    """
+    parts = named_parts(tuple(markers))
+    by_side: dict[str, list[str]] = {}
+    places: dict[str, set[int]] = {}
+    for name in feet:
+        m = list(markers).index(name)
+        side = parts.sides[m] or side_of_foot(name)
+        if side not in SIDE_NAMES or parts.role(m) != "foot":
+            continue
+        by_side.setdefault(SIDE_NAMES[side], []).append(name)
+        places.setdefault(SIDE_NAMES[side], set()).add(parts.place(m)[0])
+    several = {
+        side: own
+        for side, own in by_side.items()
+        if len(own) > 1 and places[side] & {HEEL, TOE}
+    }
+    return several if len(several) > 1 else {}
 
 
 def _sides(group: Sequence[int], inspection: Inspection) -> list[str]:
@@ -402,7 +436,27 @@ def _sides(group: Sequence[int], inspection: Inspection) -> list[str]:
     return sides
 
 
-def _by_foot(sides: list[str], bend: FloatArray) -> list[list[int]]:
+def _sides_of_one_named_foot(
+    group: Sequence[int], sides: list[str], inspection: Inspection
+) -> set[str]:
+    """Return sides whose markers are one heel and other places of a foot, by name.
+
+    Of two heels on one side, as of a hind and a fore leg, distances decide.
+    """
+    parts = named_parts(tuple(inspection.markers))
+    named = set()
+    for side in {*sides} - {""}:
+        own = [m for m, of in zip(group, sides, strict=True) if of == side]
+        ranks = [parts.place(m)[0] for m in own]
+        are_on_a_foot = all(parts.role(m) == "foot" for m in own)
+        if are_on_a_foot and ranks.count(HEEL) == 1:
+            named.add(side)
+    return named
+
+
+def _by_foot(
+    sides: list[str], bend: FloatArray, largest: FloatArray
+) -> list[list[int]]:
     """Group markers of one side that keep their distances.
 
     Parameters
@@ -411,6 +465,8 @@ def _by_foot(sides: list[str], bend: FloatArray) -> list[list[int]]:
         The side of each of K markers, or an empty string.
     bend : (K, K) array
         Spread of each distance, relative to its length.
+    largest : (K,) array
+        Largest spread for each marker, the same for all of a side.
     """
     feet: list[list[int]] = []
     for i, side in enumerate(sides):
@@ -418,7 +474,7 @@ def _by_foot(sides: list[str], bend: FloatArray) -> list[list[int]]:
         apart = []
         for foot in feet:
             same_side = side and side == sides[foot[0]]
-            if same_side and bend[i, foot].min() <= BEND:
+            if same_side and bend[i, foot].min() <= largest[i]:
                 joined += foot
             else:
                 apart.append(foot)
