@@ -28,6 +28,10 @@ REACH = ("margin", "holds_from", "contact_spread")
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
 
+#: Size below which a true difference is none.
+#: Unit: 1. Origin: chosen: far above rounding, and far below what a study can find.
+NO_DIFFERENCE = 1e-9
+
 
 def meaning(verdict: Verdict | None) -> Message:
     """Return what the quantity that decided a verdict is, and what it cannot show."""
@@ -278,7 +282,8 @@ def _true_effect(truth: Mapping[str, Mapping[str, Any]] | None) -> str | None:
     true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
     if show.is_missing(true):
         return None
-    return _percent(float(true))
+    # Rounding leaves some 1e-16 of a difference that does not exist.
+    return _percent(0.0 if abs(true) < NO_DIFFERENCE else float(true))
 
 
 # What a size of a pair is of, in words.
