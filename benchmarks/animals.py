@@ -35,11 +35,12 @@ from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.states.pairs import Pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.scoring import match_landings
-from hopdata.recording import Recording, Truth
+from hopdata.recording import Recording
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
+from hopdata.truth import Truth
 
 FEET, RATES_HZ, MARKERS = (
     (2, 3, 4, 5, 6),

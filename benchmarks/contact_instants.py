@@ -56,9 +56,10 @@ from hopdata.landings.schedules import order_probability
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import NO_FOOT_LANDED, touchdown_table
-from hopdata.recording import Recording, Truth
+from hopdata.recording import Recording
 from hopdata.recordings.importing import import_recording
 from hopdata.synthesis.simulate import simulate_recording
+from hopdata.truth import Truth
 
 # The least possible uncertainty of a contact instant: the Cramer-Rao bound of the kink.
 #

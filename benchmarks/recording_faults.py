@@ -84,7 +84,7 @@ from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
 from hopdata.landings.states.pairs import Pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.scoring import match_landings, state_errors, true_rows
-from hopdata.recording import Recording, Truth
+from hopdata.recording import Recording
 from hopdata.recordings.plausibility import check_fall, check_rigid
 from hopdata.recordings.quality.inspection import Faults, Inspection, inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
@@ -93,6 +93,7 @@ from hopdata.recordings.raw import RawRecording
 from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
+from hopdata.truth import Truth
 
 CAMERAS = ((100.0, 0.0003), (100.0, 0.0006), (100.0, 0.0012), (250.0, 0.0006))
 HOPS = 50

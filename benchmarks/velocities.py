@@ -58,7 +58,7 @@ from hopdata.maps.corrected.estimates import estimate_maps
 from hopdata.maps.corrected.regression import curved_map, ols_map
 from hopdata.maps.truth.maps import exact_map, input_root, relative_difference
 from hopdata.maps.truth.scoring import match_landings
-from hopdata.recording import Recording, Truth
+from hopdata.recording import Recording
 from hopdata.rigid import body_shape
 from hopdata.scenes.scene import Control
 from hopdata.synthesis.landings import SectionHeights
@@ -69,6 +69,7 @@ from hopdata.synthesis.scaling import (
     true_states,
 )
 from hopdata.synthesis.simulate import simulate_recording
+from hopdata.truth import Truth
 
 PRE_M, POST_M = 0.502, 0.2815  # sections of the study `thesis`
 NEAR_PRE_M, LATE_POST_M = 0.42, 0.265

@@ -29,8 +29,10 @@ SHARED = {
     "products",
     "recording",
     "rigid",
+    "scale",
     "seal",
     "time_stamps",
+    "truth",
 }
 # The room of the one door, which uses no other, and which all others may use.
 FOR_ALL = {"foreign"}

@@ -19,14 +19,9 @@ from hopdata.errors import (
     told_options,
 )
 from hopdata.messages import Message
-from hopdata.recording import (
-    Recording,
-    Truth,
-    feet_and_joined,
-    marker_names,
-    numbers,
-)
+from hopdata.recording import Recording, feet_and_joined, marker_names, numbers
 from hopdata.stages import LINE
+from hopdata.truth import Truth
 from hopdata.walk import Contents, Progress, Study
 
 if TYPE_CHECKING:

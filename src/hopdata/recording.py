@@ -14,10 +14,10 @@ from hopdata.errors import (
     ArgumentError,
     RecordingError,
     chosen,
-    mismatch,
     require_choice,
     told_call,
 )
+from hopdata.scale import median_offset, sampled, scale_of
 from hopdata.time_stamps import rate_of, settle
 
 
@@ -717,103 +717,9 @@ def require_distinct(recordings: Iterable[Recording]) -> None:
             known[digest] = here
 
 
-# How much of a recording was seen, and how far its markers extend.
-
-#: Least number of frames, if there are as many, from which sizes are taken.
-#: Unit: frames. Origin: chosen.
-SAMPLE_FRAMES = 2000
-
-
 def fraction_seen(recording: Recording) -> FloatArray:
     """Return the fraction of the frames in which each marker was seen, (M,)."""
     return np.asarray((~np.isnan(recording.positions).any(axis=2)).mean(axis=0))
-
-
-def extent(positions: FloatArray) -> float:
-    """Return the diagonal of the box around all markers seen, as a median over frames.
-
-    Parameters
-    ----------
-    positions : (N, M, 3) array
-        Marker positions in any unit, along any axes.
-
-    Returns
-    -------
-    float
-        In the unit of `positions`; NaN if no frame shows two markers.
-    """
-    frames = _axes_first(positions)
-    seen = (~np.isnan(frames).any(axis=0)).sum(axis=0) >= 2
-    if not seen.any():
-        return float("nan")
-    highest = np.fmax.reduce(frames, axis=1)
-    lowest = np.fmin.reduce(frames, axis=1)
-    span = (highest - lowest)[:, seen]
-    with np.errstate(over="ignore"):  # an absurd size may be infinite
-        return float(np.median(np.sqrt((span**2).sum(axis=0))))
-
-
-def _axes_first(positions: FloatArray) -> FloatArray:
-    """Return a sample of (N, M, 3) positions as (3, M, N).
-
-    NumPy is slow along short axes.
-    """
-    return np.ascontiguousarray(sampled(positions).T)
-
-
-#: Size of the animal for which the lengths of the code were tuned, as the rms distance
-#: of its body and foot markers from their mean. All lengths are in proportion to it.
-#: Unit: m. Origin: measured. The simulated hopper has 0.33 m and runners have 0.50 m;
-#: the value lies between: at 0.33 contacts of runners are found some mm too high, at
-#: 0.42 those of the hopper scatter by 6 % more. With 1.5 times the value all lengths
-#: and speeds are two thirds of what they are.
-SIZE_OF_TUNING_M = 0.36
-
-#: Smallest size that is scaled to; a smaller one is absurd, in whatever unit.
-#: Unit: m. Origin: chosen.
-SMALLEST_SIZE_M = 1e-4
-
-#: Largest size that is scaled to; a larger one is absurd, in whatever unit.
-#: Unit: m. Origin: chosen.
-LARGEST_SIZE_M = 1e4
-
-
-def scale_of(positions: FloatArray) -> float:
-    """Return the factor for lengths that were tuned on an animal of about 1 m.
-
-    It is proportional to the size of the animal: the same animal at a hundredth of the
-    size has a hundredth of the factor, however its recording is turned or shifted.
-    Times scale with its root.
-
-    Parameters
-    ----------
-    positions : (N, M, 3) array
-        Marker positions, m; NaN where unseen.
-
-    Returns
-    -------
-    float
-        Rms distance of the markers from their mean, as a median over a sample of
-        frames, divided by `SIZE_OF_TUNING_M`. It is 1 if no frame shows two markers
-        apart.
-    """
-    frames = _axes_first(positions)
-    seen = np.asarray(~np.isnan(frames).any(axis=0))
-    n_seen = seen.sum(axis=0)
-    enough = n_seen >= 2
-    if not enough.any():
-        return 1.0
-    frames = frames[:, :, enough]
-    seen = seen[:, enough]
-    n_seen = n_seen[enough]
-    with np.errstate(over="ignore"):  # the size of absurd positions may be infinite
-        middle = np.where(seen, frames, 0.0).sum(axis=1) / n_seen
-        squares = np.where(seen, (frames - middle[:, None]) ** 2, 0.0).sum(axis=(0, 1))
-        size_m = float(np.median(np.sqrt(squares / n_seen)))
-    if not size_m > 0:
-        return 1.0
-    size_m = float(np.clip(size_m, SMALLEST_SIZE_M, LARGEST_SIZE_M))
-    return size_m / SIZE_OF_TUNING_M
 
 
 def body_over_feet(recording: Recording) -> FloatArray:
@@ -824,119 +730,3 @@ def body_over_feet(recording: Recording) -> FloatArray:
     body = sampled(recording.body).mean(axis=1)
     feet = sampled(recording.feet).mean(axis=1)
     return median_offset(body - feet)
-
-
-def median_offset(offsets: FloatArray) -> FloatArray:
-    """Return the median (3,) of offsets (N, 3) that are known; NaN if none is."""
-    known = offsets[~np.isnan(offsets).any(axis=1)]
-    if not len(known):
-        return np.full(3, np.nan)
-    return np.asarray(np.median(known, axis=0))
-
-
-def sampled(positions: FloatArray) -> FloatArray:
-    """Return evenly spaced frames of (N, ...), fewer than twice `SAMPLE_FRAMES`."""
-    return positions[:: max(1, len(positions) // SAMPLE_FRAMES)]
-
-
-# Facts about a recording that only a simulation knows; only scoring reads them.
-
-
-@dataclass(frozen=True, repr=False)
-class Truth(Shown):
-    """Truth of a synthetic recording of N frames, L landings and n feet.
-
-    A landing runs from the apex of one hop to the apex of the next.
-
-    Parameters
-    ----------
-    contact_times : (L, n) array
-        Instant at which each foot first touched in each landing, s; NaN if it did not
-        touch.
-    apex_times : (L,) array
-        Time of the apex before each landing, s.
-    complete : (L,) bool array
-        Whether all feet were on the floor at once.
-    foot_down : (N, n) bool array
-        Whether each foot was in contact in each frame.
-    body_height : (N,) array
-        Mean height of the body markers above the flat simulated floor, without noise,
-        m.
-    contact_points : (L, n, 2) array
-        Point at which each foot first touched, in the world frame, m.
-    floor_at_contacts : (L, n) array
-        Height of the measured (curved) floor at these points, m.
-    apex_states : (L, 12) array
-        State of the body at the apex, after the kick (see `hopdata.scenes.body`).
-    preloads_n : (L, n) array
-        Preload of each leg in each landing, N.
-    longer_m : (L, n) array, optional
-        How much longer than usual each leg is in each landing, m; None if legs do not
-        scatter.
-    noise_m : float
-        Standard deviation of the noise per marker coordinate, m.
-    parameters_json : str
-        All parameters of the simulation, as JSON.
-    true_effect : float
-        Relative difference between the exact maps of the contact orders, as the verdict
-        measures it, between the sections of a study; NaN if it was not computed.
-    """
-
-    contact_times: FloatArray
-    apex_times: FloatArray
-    complete: BoolArray
-    foot_down: BoolArray
-    body_height: FloatArray
-    contact_points: FloatArray
-    floor_at_contacts: FloatArray
-    apex_states: FloatArray
-    preloads_n: FloatArray
-    noise_m: float
-    parameters_json: str
-    true_effect: float = float("nan")
-    longer_m: FloatArray | None = None
-
-    def _told(self) -> str:
-        """Return the numbers of landings and feet."""
-        n_landings, n_feet = self.contact_times.shape
-        return f"of {n_landings} landings on {n_feet} feet"
-
-
-# Sizes of each array: letters are N frames, L landings and n feet; numbers are fixed.
-_SIZES: dict[str, tuple[str | int, ...]] = {
-    "contact_times": ("L", "n"),
-    "apex_times": ("L",),
-    "complete": ("L",),
-    "foot_down": ("N", "n"),
-    "body_height": ("N",),
-    "contact_points": ("L", "n", 2),
-    "floor_at_contacts": ("L", "n"),
-    "apex_states": ("L", 12),
-    "preloads_n": ("L", "n"),
-    "longer_m": ("L", "n"),
-}
-
-
-def check_sizes(truth: Truth) -> None:
-    """Check that the arrays of a truth agree in their frames, landings and feet.
-
-    Raises
-    ------
-    ValueError
-        If not; the message names the first array that does not match those before it.
-    """
-    known: dict[str, int] = {}
-    for name, letters in _SIZES.items():
-        values = getattr(truth, name)
-        if values is None:
-            continue
-        shape = values.shape
-        expected = []
-        for letter, size in zip(letters, shape, strict=False):
-            if isinstance(letter, int):
-                expected.append(letter)
-            else:
-                expected.append(known.setdefault(letter, size))
-        if len(shape) != len(letters) or list(shape) != expected:
-            sizes = ", ".join(str(letter) for letter in letters)
-            raise ValueError(mismatch(name, f"shape ({sizes}) of {known}", shape))

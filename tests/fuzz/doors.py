@@ -165,7 +165,7 @@ def _without_seal(path):
 
 
 def _truth():
-    from hopdata.recording import Truth
+    from hopdata.truth import Truth
 
     return Truth(
         contact_times=np.full((2, 2), 0.1),

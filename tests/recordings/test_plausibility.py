@@ -5,8 +5,9 @@ import pytest
 from qtm_files import NAMES, standing
 
 from hopdata.errors import RecordingError
-from hopdata.recording import Recording, body_over_feet, extent, fraction_seen
+from hopdata.recording import Recording, body_over_feet, fraction_seen
 from hopdata.recordings.plausibility import check_plausible, notes, rounded_to
+from hopdata.scale import extent
 from hopdata.time_stamps import PAUSE_S
 
 ROLES = ("body", "body", "body", "foot", "foot")

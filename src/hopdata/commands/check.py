@@ -98,9 +98,9 @@ def _read(
 ) -> tuple[Recording, list[str]]:
     """Import one recording and check it; describe its external contacts and forces."""
     from hopdata.config.consistency import feet_of, files_of
-    from hopdata.recording import extent
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible
+    from hopdata.scale import extent
 
     files = files_of(entry)
     names = ", ".join(files)

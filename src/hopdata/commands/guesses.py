@@ -80,9 +80,9 @@ def _with_likely_rate(error: RateUnknownError, raw: RawRecording) -> RecordingEr
 
 def _require_likely_unit(file: str | Path, unit: str | None, raw: RawRecording) -> None:
     """Refuse a unit in which the recording would be of an impossible size."""
-    from hopdata.recording import extent
     from hopdata.recordings.quality.orientation import choose_unit
     from hopdata.recordings.raw import METRES_PER_UNIT
+    from hopdata.scale import extent
 
     nominal = unit or raw.unit
     likely = choose_unit(raw.positions, unit="auto", nominal=nominal)

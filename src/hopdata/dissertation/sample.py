@@ -16,7 +16,7 @@ from hopdata.errors import RecordingError
 from hopdata.recordings.readers.hdf5 import read_truth
 
 if TYPE_CHECKING:
-    from hopdata.recording import Truth
+    from hopdata.truth import Truth
     from hopdata.walk import Study
 
 SAMPLE = "config/config.yaml"

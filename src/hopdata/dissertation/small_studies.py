@@ -21,7 +21,7 @@ from hopdata.synthesis.scaling import TrueStates, known_scene, true_states
 
 if TYPE_CHECKING:
     from hopdata.landings.states.pairs import Pairs
-    from hopdata.recording import Truth
+    from hopdata.truth import Truth
     from hopdata.walk import Study
 
 #: Disturbances at each apex in the thesis-sized study: half of them is the study

@@ -13,7 +13,7 @@ from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, counted, did_you_mean, require_choice
 from hopdata.foreign import door
 from hopdata.messages import Message
-from hopdata.recording import ROLES, Event, Recording, Truth
+from hopdata.recording import ROLES, Event, Recording
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.processing import recorded_frames
@@ -27,6 +27,7 @@ from hopdata.recordings.raw import (
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
 from hopdata.recordings.readers.text import listed
 from hopdata.time_stamps import PAUSE_S, RATE_TOLERANCE
+from hopdata.truth import Truth
 
 # Frames turned at a time.
 BLOCK = 50_000

@@ -8,7 +8,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.messages import Message
-from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
+from hopdata.recording import Recording, body_over_feet, fraction_seen
 from hopdata.recordings.axes import FILE_AXES, along_file, opposite
 from hopdata.recordings.quality import softness
 from hopdata.recordings.quality.free_fall import FreeFall, free_fall
@@ -16,6 +16,7 @@ from hopdata.recordings.quality.orientation import LARGEST_M, is_of_a_persons_si
 from hopdata.recordings.quality.processing import treated
 from hopdata.recordings.quality.rests import feet_as_one, high_feet
 from hopdata.recordings.quality.timing import check_stamps
+from hopdata.scale import extent, sampled
 from hopdata.time_stamps import is_pause
 
 #: Body markers that a study needs.

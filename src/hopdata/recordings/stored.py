@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from hopdata.recording import Recording, Truth
+from hopdata.recording import Recording
 from hopdata.recordings.readers.hdf5 import write_recording
+from hopdata.truth import Truth
 
 #: A recording, and its truth if that is known.
 WithTruth = tuple[Recording, Truth | None]

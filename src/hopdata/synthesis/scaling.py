@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread
 from hopdata.errors import AnalysisError
-from hopdata.recording import Truth
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES
 from hopdata.scenes import STANDARD, scene_class
 from hopdata.scenes.scene import Control, Scene
@@ -24,6 +23,7 @@ from hopdata.synthesis import landings as true
 from hopdata.synthesis.camera import fixed_markers, in_world
 from hopdata.synthesis.exact_maps import homed, leg_slopes, section_jacobians
 from hopdata.synthesis.landings import SectionHeights, true_landings
+from hopdata.truth import Truth
 
 # The scene that the truth of a synthetic recording was made with.
 

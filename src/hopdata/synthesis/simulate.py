@@ -12,13 +12,14 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import require, require_choice
-from hopdata.recording import Recording, Truth
+from hopdata.recording import Recording
 from hopdata.scenes import STANDARD, blamed_scene, scene_class
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis import camera as cameras
 from hopdata.synthesis import trial as trials
 from hopdata.synthesis.hops import rest_foot
 from hopdata.synthesis.integrators import INTEGRATORS
+from hopdata.truth import Truth
 
 
 @dataclass(frozen=True, kw_only=True)

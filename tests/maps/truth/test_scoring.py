@@ -15,7 +15,7 @@ from hopdata.maps.truth.scoring import (
     score_predictions,
     score_sections,
 )
-from hopdata.recording import Truth
+from hopdata.truth import Truth
 
 FEET = ("a", "b", "c")
 

@@ -8,7 +8,6 @@ from trc_files import trc_text
 from written_files import write_c3d
 
 from hopdata.errors import RecordingError
-from hopdata.recording import extent
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import notes
@@ -20,6 +19,7 @@ from hopdata.recordings.quality.orientation import (
     guess_unit_and_up,
 )
 from hopdata.recordings.raw import RawRecording
+from hopdata.scale import extent
 
 UNITS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inch": 1 / 0.0254}
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from hopdata.errors import RecordingError
-from hopdata.recording import Recording, Truth
+from hopdata.recording import Recording
 from hopdata.recordings.readers import hdf5_checks
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 from hopdata.seal import seal_for
+from hopdata.truth import Truth
 
 FRAMES, LANDINGS = 500, 4
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hopdata.landings.sections.frames import Heights
-    from hopdata.recording import Recording, Truth
+    from hopdata.recording import Recording
+    from hopdata.truth import Truth
     from hopdata.walk import Study
 
 # The studies that are measured, in a checkout.

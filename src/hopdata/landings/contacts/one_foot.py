@@ -15,9 +15,10 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.messages import Message
-from hopdata.recording import Recording, sampled
+from hopdata.recording import Recording
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
 from hopdata.recordings.quality.rigid import pair_distances
+from hopdata.scale import sampled
 
 #: Spread of a distance, relative to its length, up to which two markers may be on one
 #: shoe. One on either shoe spreads by 0.11 or more, walking or running (15 recordings).

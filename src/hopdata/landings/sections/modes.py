@@ -95,7 +95,7 @@ def ground_mode(heights: ArrayLike, *, scale: float = 1.0) -> GroundMode:
     heights : array of any shape
         Foot heights, m; non-finite ones are ignored.
     scale : float
-        Scale of the recording (`hopdata.recording.scale_of`).
+        Scale of the recording (`hopdata.scale.scale_of`).
 
     Raises
     ------

@@ -20,7 +20,8 @@ from hopdata.landings.states.home_frames import HomeFrames, home_frames
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import joined
 from hopdata.messages import Message
-from hopdata.recording import Recording, sampled
+from hopdata.recording import Recording
+from hopdata.scale import sampled
 
 logger = logging.getLogger(__name__)
 

@@ -29,7 +29,8 @@ from hopdata.maps.coordinates import split_states
 from hopdata.maps.truth import maps
 from hopdata.maps.truth.maps import Entries, entry, mean
 from hopdata.maps.truth.scaling import score_scaling
-from hopdata.recording import Recording, Truth
+from hopdata.recording import Recording
+from hopdata.truth import Truth
 
 # Matching of touchdowns found with true landings, one to one, by time.
 

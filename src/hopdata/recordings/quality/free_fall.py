@@ -10,9 +10,9 @@ from types import MappingProxyType
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
-from hopdata.recording import sampled
 from hopdata.recordings.axes import DIRECTIONS, along
 from hopdata.recordings.quality.rests import scale_of_all
+from hopdata.scale import sampled
 
 #: Half the time over which a parabola gives an acceleration, for an animal of 1 m.
 #: Unit: s. Origin: chosen.

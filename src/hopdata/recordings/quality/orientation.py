@@ -9,7 +9,6 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, chosen, require_choice
 from hopdata.messages import Message
-from hopdata.recording import extent, sampled
 from hopdata.recordings.axes import FILE_AXES
 from hopdata.recordings.quality import evidence
 from hopdata.recordings.quality.evidence import Evidence
@@ -24,6 +23,7 @@ from hopdata.recordings.quality.guess import Guess
 from hopdata.recordings.quality.vocabulary import named_parts
 from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
 from hopdata.recordings.wording import also
+from hopdata.scale import extent, sampled
 
 #: Smallest size of an animal or a robot with its markers.
 #: Unit: m. Origin: chosen. The range spans a factor of less than 1000, so at most one

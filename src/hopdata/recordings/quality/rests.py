@@ -7,9 +7,9 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.messages import Message
-from hopdata.recording import extent
 from hopdata.recordings.axes import DIRECTIONS, along
 from hopdata.recordings.quality.stretches import quantiles, runs
+from hopdata.scale import extent
 
 #: A rest is at most this far above a marker's lowest height, for an animal of 1 m.
 #: Unit: m. Origin: chosen.
@@ -65,7 +65,7 @@ def scale_of_all(positions: FloatArray) -> float:
 
     Their roles are not known. It is their `extent`, rounded to a power of four, and at
     most 1, since some may belong to the room. Only drafts, remarks and refusals use it,
-    never an estimate, which has the continuous `hopdata.recording.scale_of` the body
+    never an estimate, which has the continuous `hopdata.scale.scale_of` the body
     and the feet.
     """
     size_m = extent(positions)

@@ -122,7 +122,7 @@ class Surprises:
 def surprises(positions: FloatArray, *, scale: float = 1.0) -> Surprises:
     """Compare (N, M, 3) positions, m, with parabolas through three frames on each side.
 
-    No miss below `LEAST_M` times the scale (`hopdata.recording.scale_of`) is gross.
+    No miss below `LEAST_M` times the scale (`hopdata.scale.scale_of`) is gross.
     """
     n_frames, n_markers = positions.shape[:2]
     limit = np.full(n_markers, np.inf)
