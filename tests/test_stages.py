@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from hopdata.landings.states.pairs import Pairs
@@ -115,13 +116,14 @@ def test_the_verdict_is_given_feet_session_time_and_blocks(monkeypatch):
 
     monkeypatch.setattr("hopdata.maps.verdict.judge", noting)
     monkeypatch.setattr("hopdata.landings.checks.blurred", lambda _: "")
-    verdict(
-        pairs, None, options={}, blocks={"a": "mat", "b": "sand", "c": "mat"}, seed=1
-    )
+    touchdowns = pd.DataFrame(columns=["contact_heel_s", "contact_toe_s"])
+    blocks = {"a": "mat", "b": "sand", "c": "mat"}
+    verdict(pairs, touchdowns, options={}, blocks=blocks, seed=1)
     for name, field in (("feet", "feet"), ("feet_se", "feet_se"), ("time", "time_s")):
         np.testing.assert_array_equal(given[name], getattr(pairs, field))
     np.testing.assert_array_equal(given["blocks"] == "sand", pairs.recording == "b")
-    verdict(pairs, None, options={}, blocks=dict.fromkeys("abc"), seed=1)
+    assert [*given["foot_names"]] == ["heel", "toe"]
+    verdict(pairs, touchdowns, options={}, blocks=dict.fromkeys("abc"), seed=1)
     np.testing.assert_array_equal(given["blocks"], pairs.recording)
 
 

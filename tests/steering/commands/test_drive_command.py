@@ -312,7 +312,7 @@ def test_before_it_is_armed_the_screen_shows_no_number_that_is_none(capsys):
     decision = SimpleNamespace(
         pose=(1.0, nan, nan),
         boom_angle_rad=3.0,
-        command_rad=nan,
+        command=(nan,),
         planning_s=nan,
         since_stance_s=0.02,
         outcome="waiting",
