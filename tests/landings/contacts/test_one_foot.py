@@ -120,3 +120,9 @@ def test_contacts_say_so_once(external_recording):
     right = {"right": ["R_heel", "R_mt1", "R_mt5"]}
     found = hd.contacts(runner, feet=right)
     assert "landings.markers_of_one_foot" not in [one.code for one in found.remarks]
+
+
+@pytest.mark.filterwarnings("error")
+def test_two_names_of_one_marker_are_no_fault():
+    shoe = recording(np.array([SHOE[0], SHOE[0], SHOE[1]]), pitch_rad=0.6, noise_m=0.0)
+    assert markers_of_one_foot(shoe) == [("heel", "mt1", "mt5")]

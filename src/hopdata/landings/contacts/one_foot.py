@@ -87,10 +87,15 @@ def _turn(tracks: FloatArray, body: FloatArray) -> float:
 
 
 def _directions(tracks: FloatArray) -> Iterator[FloatArray]:
-    """Yield the unit vectors (N, 3) between any two of K markers (N, K, 3)."""
+    """Yield the unit vectors (N, 3) between any two of K markers (N, K, 3).
+
+    They are NaN where two markers are in one place, or one is not seen.
+    """
     for one, other in combinations(range(tracks.shape[1]), 2):
         apart = tracks[:, one] - tracks[:, other]
-        yield apart / np.linalg.norm(apart, axis=1, keepdims=True)
+        distance = np.linalg.norm(apart, axis=1, keepdims=True)
+        distance[distance == 0] = np.nan
+        yield apart / distance
 
 
 def _range(values: FloatArray) -> float:
