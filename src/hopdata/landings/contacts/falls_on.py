@@ -9,6 +9,7 @@ after the first kink tell the two apart. Everything here is of an animal of 1 m.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,22 +53,28 @@ INSTANTS_OF_FRAME = 8
 
 
 @dataclass(frozen=True)
-class _Course:
-    """How well a course fits heights.
+class _Courses:
+    """How well courses, of any shape (...), fit heights.
 
     Parameters
     ----------
-    coefficients : (k,) array
-        Those of its columns.
-    square : float
+    coefficients : (..., k) array
+        Those of their columns.
+    square : (...) array
         Sum of the squared residuals, in squares of the noise.
-    logarithm : float
-        Logarithm of its likelihood, with all coefficients integrated out.
+    logarithm : (...) array
+        Logarithm of their likelihood, with all coefficients integrated out.
     """
 
     coefficients: FloatArray
-    square: float
-    logarithm: float
+    square: FloatArray
+    logarithm: FloatArray
+
+    def at(self, *place: Any) -> _Courses:
+        """Return one of the courses."""
+        return _Courses(
+            self.coefficients[place], self.square[place], self.logarithm[place]
+        )
 
 
 def later_contact(
@@ -99,37 +106,30 @@ def _second_kink(
         return None
     scaled = frames_m / noise_m
     degrees = len(since_s) - 4
-    soft = min(_stops(since_s, scaled, one).square for one in SOFTNESS_S.tolist())
+    soft = float(_stops(since_s, scaled).square.min())
+    if soft <= 2 * CLEARLY_LIKELIER:
+        return None
     frame_s = float(np.median(np.diff(since_s)))
     instants = np.arange(since_s[1], since_s[-2], frame_s / INSTANTS_OF_FRAME)
-    falls = [
-        [
-            _falls_and_stops(since_s, scaled, at, noise_m, one)
-            for one in SOFTNESS_S[:-1].tolist()
-        ]
-        for at in instants.tolist()
-    ]
-    every = [
-        (course, at)
-        for own, at in zip(falls, instants.tolist(), strict=True)
-        for course in own
-    ]
-    best, best_s = min(every, key=lambda one: one[0].square)
+    falls = _falls_and_stops(since_s, scaled, instants, noise_m)
+    place, softness = np.unravel_index(falls.square.argmin(), falls.square.shape)
+    best = falls.at(place, softness)
+    best_s = float(instants[place])
+    square = float(best.square)
     fall_m_s = -float(best.coefficients[1]) * noise_m
     falls_on = (
         fall_m_s > FALLS_M_S
         and fall_m_s * best_s > least_m
-        and best.square < glides.EVENLY_SIGMAS**2 * degrees
-        and soft - best.square > 2 * CLEARLY_LIKELIER
+        and square < glides.EVENLY_SIGMAS**2 * degrees
+        and soft - square > 2 * CLEARLY_LIKELIER
     )
     if not falls_on:
         return None
-    logarithm = np.array([[course.logarithm for course in own] for own in falls])
-    weight = np.exp(logarithm - logarithm.max()).sum(axis=1)
+    weight = np.exp(falls.logarithm - falls.logarithm.max()).sum(axis=1)
     weight /= weight.sum()
     mean_s = float(weight @ instants)
     variance = float(weight @ (instants - mean_s) ** 2)
-    misfit = max(1.0, best.square / degrees)
+    misfit = max(1.0, square / degrees)
     # The instants tried are apart.
     sd_s = (variance * misfit + (frame_s / INSTANTS_OF_FRAME) ** 2 / 12) ** 0.5
     if sd_s > UNDETERMINED_S:
@@ -154,41 +154,51 @@ def _frames_after(
     return since_s, frames_m
 
 
-def _stops(since_s: FloatArray, scaled: FloatArray, softness_s: float) -> _Course:
-    """Fit a foot that touched before, and yields within a time, s, and creeps."""
-    yields = np.exp(-since_s / softness_s)
-    return _fitted([np.ones_like(since_s), since_s, yields], scaled)
+def _stops(since_s: FloatArray, scaled: FloatArray) -> _Courses:
+    """Fit a foot that touched before, yields within each `SOFTNESS_S`, and creeps."""
+    yields = np.exp(-since_s / SOFTNESS_S[:, None])
+    ones = np.ones_like(yields)
+    columns = [ones, np.broadcast_to(since_s, yields.shape), yields]
+    return _fitted(columns, scaled)
 
 
 def _falls_and_stops(
-    since_s: FloatArray,
-    scaled: FloatArray,
-    at_s: float,
-    noise_m: float,
-    softness_s: float,
-) -> _Course:
-    """Fit a foot that falls until `at_s`, then yields within a time, s, and creeps."""
-    before_s = np.minimum(since_s - at_s, 0.0)
-    after_s = np.maximum(since_s - at_s, 0.0)
-    falls = before_s + softness_s * (1 - np.exp(-after_s / softness_s))
+    since_s: FloatArray, scaled: FloatArray, instants: FloatArray, noise_m: float
+) -> _Courses:
+    """Fit a foot that falls until each instant (A,), s, and then yields and creeps.
+
+    The courses are (A, S), for each softness but the largest.
+    """
+    softness_s = SOFTNESS_S[:-1, None]
+    away_s = since_s - instants[:, None, None]
+    before_s = np.minimum(away_s, 0.0)
+    after_s = np.maximum(away_s, 0.0)
+    falls = before_s - softness_s * np.expm1(-after_s / softness_s)
     curves = 0.5 * before_s**2 * (ACCELERATION_M_S2 / noise_m)
-    return _fitted([np.ones_like(since_s), falls, after_s, curves], scaled, known=1)
+    columns = [np.ones_like(falls), falls, after_s, curves]
+    return _fitted(
+        [np.broadcast_to(column, falls.shape) for column in columns], scaled, known=1
+    )
 
 
 def _fitted(
     columns: list[FloatArray], scaled: FloatArray, *, known: int = 0
-) -> _Course:
-    """Fit columns to heights in units of the noise; the last `known` are N(0, 1)."""
-    design = np.stack(columns, axis=1)
-    normal = design.T @ design
+) -> _Courses:
+    """Fit columns (..., n) to heights (n,) in units of the noise.
+
+    The coefficients of the last `known` of them are N(0, 1).
+    """
+    design = np.stack(columns, axis=-1)
+    normal = design.swapaxes(-1, -2) @ design
     for own in range(len(columns) - known, len(columns)):
-        normal[own, own] += 1.0
+        normal[..., own, own] += 1.0
+    right = design.swapaxes(-1, -2) @ scaled
     coefficients: FloatArray = np.asarray(
-        np.linalg.solve(normal, design.T @ scaled), dtype=np.float64
+        np.linalg.solve(normal, right[..., None])[..., 0], dtype=np.float64
     )
-    residual = scaled - design @ coefficients
-    square = float(residual @ residual)
+    residual = scaled - (design @ coefficients[..., None])[..., 0]
+    square = (residual**2).sum(axis=-1)
     for own in range(len(columns) - known, len(columns)):
-        square += float(coefficients[own] ** 2)
-    logarithm = -0.5 * square - 0.5 * float(np.linalg.slogdet(normal)[1])
-    return _Course(coefficients, square, logarithm)
+        square += coefficients[..., own] ** 2
+    logarithm = -0.5 * square - 0.5 * np.linalg.slogdet(normal)[1]
+    return _Courses(coefficients, square, np.asarray(logarithm, dtype=np.float64))
