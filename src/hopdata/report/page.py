@@ -321,12 +321,12 @@ def build_report(inputs: ReportInputs) -> str:
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
-        methods=methods(facts, inputs.verdict, inputs.recordings, inputs.provenance),
+        methods=methods(inputs, facts),
         what_now=verdict.what_now(inputs.verdict),
         headline=verdict.decisive(inputs.verdict),
         cannot_tell=CANNOT_TELL_PAGE,
         distances_asked=inputs.distances_asked,
-        verdict_notes=[_note(note) for note in known.get("notes", ())],
+        verdict_notes=[_note(note) for note in verdict.further_notes(known)],
         config=as_yaml((inputs.provenance or {}).get("config")),
     )
 

@@ -455,7 +455,7 @@ NOT_ASKED = "not asked"
 MOST_FAULTS = 30
 MOST_EXCLUDED = 500
 # The reason in the table of touchdowns.
-NO_FOOT_LANDED = "no foot landed"
+NO_FOOT_LANDED = Message("landings.no_foot_landed").text()
 
 
 def quality_summary(checks: Checks | None) -> tuple[str | None, str]:

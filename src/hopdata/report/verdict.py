@@ -80,11 +80,26 @@ def answer(verdict: Verdict) -> list[Message | str]:
 def decisive(verdict: Verdict | None) -> list[Message | str]:
     """Return what the head of the page says limits a study that cannot tell.
 
-    It is the cause that costs most, and that there is one order only, if that is so.
+    It is the cause that costs most, and the next if the first is that there is one
+    order only.
     """
     causes = (verdict or {}).get("what_now") or []
-    shown = causes[:1] + [one for one in causes[1:] if one.get("code") == ONE_ORDER]
+    shown = causes[:1]
+    if shown and shown[0].get("code") == ONE_ORDER:
+        shown = causes[:2]
     return [told(cause, str(cause.get("said", ""))) for cause in shown]
+
+
+def further_notes(verdict: Verdict) -> list[Mapping[str, Any]]:
+    """Return the notes that the answer does not say already."""
+    sentence = verdict.get("messages", {}).get("sentence") or {}
+    reason = sentence.get("values", {}).get("reason")
+    said = reason.get("code") if isinstance(reason, Mapping) else reason
+    notes = []
+    for note in verdict.get("notes", ()):
+        if said is None or said not in (note.get("code"), note.get("reason")):
+            notes.append(note)
+    return notes
 
 
 def worded(verdict: Verdict, name: str) -> Message | str:
