@@ -416,9 +416,14 @@ class Study(Shown):
         if drawn is not None:
             files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
         distances = None
-        notes = [*self._result("prediction_notes")]
+        notes = []
+        # Only a study by the printed methods shows what these are about.
+        is_printed = self.config["printed"]
+        if is_printed:
+            notes += self._result("prediction_notes")
         if self.asks_for_distances:
             distances = self._result("distance_summary")
+        if self.asks_for_distances and is_printed:
             notes += self._result("distances_notes")
         notes += self._result("map_notes")
         return ReportInputs(
