@@ -60,7 +60,8 @@ def test_the_page_is_whole_and_loads_nothing():
     sources = [attrs["src"] for tag, attrs in tags.found if tag == "img"]
     assert sources == [picture(SVG).source]
     assert sources[0].startswith("data:image/svg+xml;base64,")
-    assert not any("href" in attrs for _, attrs in tags.found)
+    links = [attrs["href"] for _, attrs in tags.found if "href" in attrs]
+    assert links == ["#content"]
 
 
 def test_text_from_the_file_is_escaped():

@@ -135,6 +135,8 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     said = (*SECTION_NAMES, "decided", "leverage")
     others = {key: value for key, value in sections.items() if key not in said}
     for key, value in show.flat(others):
+        if value == []:
+            continue
         words, text, unit = show.labelled(key, value)
         rows.append((DETAIL_NAMES.get(key, words), text, unit))
     head = ("quantity", "value", "unit")
@@ -455,7 +457,7 @@ NOT_ASKED = "not asked"
 MOST_FAULTS = 30
 MOST_EXCLUDED = 500
 # The reason in the table of touchdowns.
-NO_FOOT_LANDED = "no foot landed"
+NO_FOOT_LANDED = Message("landings.no_foot_landed").text()
 
 
 def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
