@@ -95,19 +95,29 @@ def methods(inputs: ReportInputs, facts: Mapping[str, Any]) -> Methods:
         _of_software(record),
     ]
     text = " ".join(str(part) for part in parts if part)
-    return Methods(text.replace("\u00a0", " "), _cited_in(text, record))
+    version = (record.get("versions") or {}).get("hopdata")
+    return Methods(text.replace("\u00a0", " "), references(text, CITED, version))
 
 
-def _cited_in(text: str, record: Mapping[str, Any]) -> str:
-    """Return the references that a text cites, and hopdata itself."""
+def references(text: str, cited: Mapping[str, str], version: str | None) -> str:
+    """Return the references that a text cites, and hopdata itself, as BibTeX.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    cited : mapping
+        How each reference is cited in a text, by its key.
+    version : str, optional
+        That of hopdata, if it is known.
+    """
     entries = BIBTEX.read_text(encoding="utf-8").split("\n@")
     every = [entries[0], *(f"@{one}" for one in entries[1:])]
     found = []
     for entry in every:
         key = entry.partition("{")[2].partition(",")[0]
-        if key == ITSELF or CITED[key] in text:
+        if key == ITSELF or (key in cited and cited[key] in text):
             found.append(entry.strip())
-    version = (record.get("versions") or {}).get("hopdata")
     of_version = f"  version = {{{version}}},\n" if version else ""
     return "\n".join(found).replace("  version = {},\n", of_version) + "\n"
 

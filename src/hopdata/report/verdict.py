@@ -12,6 +12,7 @@ from hopdata.feet import with_foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report.group import by_answer, summaries
+from hopdata.report.group_methods import group_methods
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
@@ -538,6 +539,8 @@ def build_group_page(
         highlights=_highlights(group),
         pictures=[picture_of(one, {"one_by_one": one_by_one}) for one in figures],
         one_by_one=one_by_one,
+        methods=group_methods(group),
+        some_without=any(row["reason"] for row in rows),
         summaries=summed,
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
