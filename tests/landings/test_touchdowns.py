@@ -107,7 +107,8 @@ def test_landings_feet_and_recordings_are_left_out_by_hand(scene, table):
 
 
 @pytest.mark.parametrize(
-    ("lifted_m", "said"), [(0.3, "no foot landed"), (0.0, "post section never reached")]
+    ("lifted_m", "said"),
+    [(0.3, "no foot of the study landed"), (0.0, "post section never reached")],
 )
 def test_a_descent_that_ends_early_is_another_leg_s_if_no_foot_comes_down(
     scene, lifted_m, said
@@ -186,7 +187,7 @@ def test_reasons(scene):
     table = touchdown_table(replace(recording, positions=positions), **SECTIONS)
     assert table["reason"].tolist()[:9] == [
         "",
-        "no foot landed",
+        "no foot of the study landed",
         "foot 2 not down by the post section",
         "foot 3 down before the pre section",
         "frames missing at the contact of foot 1",
@@ -345,7 +346,7 @@ def runner_table(path, side, hidden=None, **options):
 
 def test_a_runner(external_recording):
     table = runner_table(external_recording, "R")
-    landed = table["reason"] != "no foot landed"
+    landed = table["reason"] != "no foot of the study landed"
     assert landed.sum() == 40, "in the first the recording begins"
     assert (~table["excluded"]).sum() >= 30
     assert (np.diff(np.flatnonzero(landed)) == 2).all()  # left and right in turn
@@ -408,7 +409,7 @@ def test_a_marker_that_is_hidden_for_half_of_the_run_makes_no_landings(
 ):
     """This foot, where it is seen, does not land in the other leg's descents."""
     table = runner_table(external_recording, "L", hidden=4)
-    landed = table["reason"] != "no foot landed"
+    landed = table["reason"] != "no foot of the study landed"
     assert landed.sum() == 39
     hidden = table["reason"] == "frames missing at the contact of foot 2"
     assert 15 <= hidden.sum() <= 20

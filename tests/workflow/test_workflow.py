@@ -167,7 +167,8 @@ def test_the_check_foretells_what_the_study_found(sample, monkeypatch):
     )
     found = table.loc[table["excluded"], "reason"].value_counts()
     assert (
-        forecast.left_out() == found.drop("no foot landed", errors="ignore").to_dict()
+        forecast.left_out()
+        == found.drop("no foot of the study landed", errors="ignore").to_dict()
     )
 
 
