@@ -118,7 +118,7 @@ def contacts(options: argparse.Namespace) -> int:
         found = timed(trials)
     notes = [note for trial in trials for note in trial.notes]
     show(found, notes, places=_only_place(trials))
-    answers.give(notes=[*notes, *map(str, found.remarks)])
+    answers.give(notes=[*notes, *found.remarks])
     _write(options, trials, found)
     return terminal.OK if len(found.found) else terminal.PROBLEM
 
@@ -397,7 +397,7 @@ def show(
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
-    for note in [*map(str, one_for_all_feet(found.remarks)), *notes]:
+    for note in [*map(str, one_for_all_feet(found.messages)), *notes]:
         for place in places:
             note = note.removeprefix(f"{place}: ")
         terminal.note(note)

@@ -41,7 +41,7 @@ def contacts_html(found: ContactTimes, *, title: str, notes: Sequence[str]) -> s
     """
     shown = _shown(found.orders)
     # What concerns the contacts comes before what concerns the recordings.
-    told = [*map(str, found.remarks), *notes]
+    told = [*found.remarks, *notes]
     n_left_out = len(found.orders) - len(shown)
     if n_left_out:
         values = {"shown": len(shown), "landings": len(found.orders)}
