@@ -29,7 +29,7 @@ PAGES = {
     ],
     "Explanation": [
         "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
-        "unseen_order", "impacts", "limits", "comparison", "steering_measured", "dissertation",
+        "prediction", "limits", "comparison", "steering_measured", "dissertation",
         "architecture", "decisions", "reliability",
     ],
     "Reference": [

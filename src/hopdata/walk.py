@@ -405,8 +405,7 @@ class Study(Shown):
         from hopdata.report.page import study_facts
 
         inputs = self._report_inputs(None)
-        record = inputs.provenance
-        return methods(study_facts(inputs), inputs.verdict, inputs.recordings, record)
+        return methods(inputs, study_facts(inputs))
 
     def _report_inputs(self, drawn: Path | None) -> Any:
         """Return what the page shows, with the figures of a folder if it has any."""
@@ -417,9 +416,14 @@ class Study(Shown):
         if drawn is not None:
             files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
         distances = None
-        notes = [*self._result("prediction_notes")]
+        notes = []
+        # Only a study by the printed methods shows what these are about.
+        is_printed = self.config["printed"]
+        if is_printed:
+            notes += self._result("prediction_notes")
         if self.asks_for_distances:
             distances = self._result("distance_summary")
+        if self.asks_for_distances and is_printed:
             notes += self._result("distances_notes")
         notes += self._result("map_notes")
         return ReportInputs(
@@ -447,11 +451,15 @@ class Study(Shown):
         )
 
     def _is_simulated(self) -> bool:
-        """Return whether a recording's file holds the truth of its simulation."""
+        """Return whether recordings have no file, or one that holds their truth."""
         from hopdata.config.consistency import files_of, knows_truth
 
         files = [file for one in self.config["recordings"] for file in files_of(one)]
-        if not files or not all(Path(file).exists() for file in files):
+        if not files:
+            made_here = Path(LINE.results["simulated"].path).parent.name
+            sources = [Path(one.source) for one in self.imported]
+            return all(source.parent.name == made_here for source in sources)
+        if not all(Path(file).exists() for file in files):
             return False
         return knows_truth(self.config)
 
