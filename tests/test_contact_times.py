@@ -8,7 +8,14 @@ import pandas as pd
 import pytest
 
 import hopdata as hd
-from hopdata.contact_times import _file_of, _loading, _of_all_feet, _untimed, contacts
+from hopdata.contact_times import (
+    _file_of,
+    _loading,
+    _of_all_feet,
+    _order_rows,
+    _untimed,
+    contacts,
+)
 from hopdata.errors import AnalysisError, ArgumentError, HopdataError
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_landings
@@ -295,3 +302,28 @@ def test_a_landing_that_another_row_times_is_not_left_out(instant, is_told):
     timed |= {"status_left": descents.LANDED, "status_right": descents.NOT_LANDED}
     landings = pd.DataFrame([untimed, timed]).assign(contact_right_s=np.nan)
     assert bool(_untimed(recording, landings)) == is_told
+
+
+def test_the_names_of_markers_change_no_digit():
+    toes = alternating()
+    heels = {side: [at + 0.02 for at in own] for side, own in toes.items()}
+    found = []
+    for names in (("a", "b", "c", "d"), ("d", "b", "a", "c"), ("c", "d", "b", "a")):
+        own = [toes["left"], heels["left"], toes["right"], heels["right"]]
+        recording = walking(dict(zip(names, own, strict=True)))
+        feet = {"left": names[:2], "right": names[2:]}
+        found.append(contacts(recording, feet=feet).table)
+    for other in found[1:]:
+        pd.testing.assert_frame_equal(found[0], other, check_exact=True)
+
+
+@pytest.mark.parametrize(("contact_s", "end_s"), [(0.4, 0.5), (0.6, 0.6)])
+def test_a_landing_holds_its_contacts(contact_s, end_s):
+    recording = walking(alternating())
+    landing = {"begin_s": 0.2, "end_s": 0.5}
+    for foot, at_s in (("left", contact_s), ("right", np.nan)):
+        landing[f"contact_{foot}_s"] = at_s
+        landing[f"se_{foot}_s"] = 0.001
+        landing[f"status_{foot}"] = descents.LANDED
+    rows = _order_rows(recording, pd.DataFrame([landing]), 0.9)
+    assert rows[0][2:4] == (0.2, end_s)

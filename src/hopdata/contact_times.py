@@ -124,8 +124,9 @@ class ContactTimes(Shown):
         of the file that the contact loads, its onset plate_s, and the onset's standard
         error plate_se_s; empty without one.
     orders : DataFrame
-        A row for each landing: recording, landing, begin_s and end_s between which it
-        was sought, feet (how many were timed), order (their names, as ``left >
+        A row for each landing: recording, landing, begin_s and end_s (the top and the
+        end of the descent in which it was sought, or its last contact if that is
+        later), feet (how many were timed), order (their names, as ``left >
         right``), its probability, the runner_up with its own, and whether the order is
         sure (`SURE`). Both probabilities are NaN, and ``sure`` is missing, where only
         one foot was timed.
@@ -673,9 +674,11 @@ def _levelled(
     lowest.
     """
     given = list(recording.markers)
-    # By name: sums in another order round otherwise, and on few landings the last
+    # By height: sums in another order round otherwise, and on few landings the last
     # digits can decide which law fits.
-    recording = without_held_frames(recording[sorted(given)])
+    summed_m = np.nan_to_num(recording.positions[:, :, 2]).sum(axis=0)
+    by_height = [given[marker] for marker in np.argsort(summed_m, kind="stable")]
+    recording = without_held_frames(recording[by_height])
     try:
         model = fit_floor(recording, **options)
         return level(recording, model)[given], []
@@ -814,12 +817,13 @@ def _order_rows(
         is_sure = None
         if np.isfinite(order.probability):
             is_sure = bool(order.probability >= sure and not may_have_landed)
+        every = [landing[f"contact_{foot}_s"] for foot in feet]
         rows.append(
             (
                 recording.name,
                 number,
-                landing["begin_s"],
-                landing["end_s"],
+                float(np.fmin.reduce([landing["begin_s"], *every])),
+                float(np.fmax.reduce([landing["end_s"], *every])),
                 len(timed),
                 order.name,
                 order.probability,

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata.commands import answers, listing, terminal
+from hopdata.commands import answers, terminal
 from hopdata.errors import ConfigError, HopdataError, RecordingError, did_you_mean
+from hopdata.inspecting import listing
 from hopdata.messages import Message
 
 if TYPE_CHECKING:

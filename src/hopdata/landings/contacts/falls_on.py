@@ -14,7 +14,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.landings.contacts import approach, glides
-from hopdata.landings.contacts.law import UNDETERMINED_S
+from hopdata.landings.contacts.law import LEAVES, UNDETERMINED_S
 
 #: Time after a contact in which the foot is seen to stop, and how it stops.
 #: Unit: s. Origin: chosen: simulated heels touch 0.01 to 0.03 after their toes.
@@ -41,10 +41,6 @@ MOST_SKIPPED = 1
 #: Acceleration of a foot between its kinks, as far as it is known before.
 #: Unit: m/s^2. Origin: chosen: that of gravity.
 ACCELERATION_M_S2 = 10.0
-
-#: Rise, in standard deviations of a height, by which a foot has left the floor again.
-#: Unit: standard deviations. Origin: chosen: as `timing.LEAVES`.
-LEAVES = 8.0
 
 #: Time constants of a contact that are tried.
 #: Unit: s. Origin: derived: none to `approach.SOFTEST_S` and a fifth more.

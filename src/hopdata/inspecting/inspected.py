@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import Shown, pd
-from hopdata.commands import devices, listing
-from hopdata.commands.guesses import inspected_file, with_effects
 from hopdata.errors import ArgumentError, HopdataError, counted, told_call
+from hopdata.inspecting import devices, listing
+from hopdata.inspecting.guesses import inspected_file, with_effects
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.recording import Recording
 from hopdata.recordings.quality import inspection as quality
@@ -62,11 +62,11 @@ class InspectedRecording(Shown):
     def suspects(self) -> pd.DataFrame:
         """What looks wrong, the earliest first.
 
-        The columns are ``kind, markers, frame, time_s, remark``. Frames count from 0,
+        The columns are ``kind, markers, frame, time_s, remark``. Frames count from 1,
         times from the first frame.
         """
         rows = [
-            (one.kind, ", ".join(one.markers), one.start, one.time_s, one.text)
+            (one.kind, ", ".join(one.markers), one.start + 1, one.time_s, one.text)
             for one in self.inspection.suspects()
         ]
         columns = ["kind", "markers", "frame", "time_s", "remark"]
@@ -89,7 +89,7 @@ class InspectedRecording(Shown):
         style : str, optional
             ``"nature"``, ``"ieee"`` or ``"poster"``.
         """
-        from hopdata.commands.inspect import drawn_gaps
+        from hopdata.inspecting.timeline import drawn_gaps
 
         return drawn_gaps(self.inspection, ax=ax, style=style)
 
