@@ -20,6 +20,11 @@
   addEventListener("beforeprint", () => folds.forEach((fold) => (fold.open = true)));
   unfold();
 }
+// What fits into the window needs no stop of the tab key; what is wider is scrolled by keys.
+const stops = new ResizeObserver((seen) => seen.forEach(({ target }) => {
+  target.tabIndex = target.scrollWidth > target.clientWidth + 1 ? 0 : -1;
+}));
+document.querySelectorAll(".picture, .table, pre").forEach((one) => stops.observe(one));
 const as_picture = (drawn) => new XMLSerializer().serializeToString(drawn)
   .replaceAll('<desc type="text/css"', '<style type="text/css"').replaceAll(/(<style type="text\/css"[^]*?)<\/desc>/g, "$1</style>");
 // In a narrow window, stack the panels of a figure without shrinking their text.
