@@ -119,7 +119,7 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
             remark = "at most, shared by all contacts of a foot"
             facts.append(("Common error", common, remark))
     beside = [
-        one for one in found.remarks if one.code == "landings.contacts_beside_plates"
+        one for one in found.messages if one.code == "landings.contacts_beside_plates"
     ]
     facts += [_beside_plates(one.values) for one in beside]
     if len(ordered):
