@@ -9,6 +9,7 @@ import pytest
 
 import hopdata as hd
 from hopdata.contact_times import (
+    ContactTimes,
     _file_of,
     _loading,
     _of_all_feet,
@@ -132,7 +133,7 @@ def test_a_single_landing_of_a_hopper_is_timed():
     until = truth.contact_times[0].max() + 0.12
     first = recording.part(slice(0, int(until * recording.rate_hz)))
     found = contacts(first)
-    assert [str(one.code) for one in found.remarks] == ["landings.floor_by_lowest"]
+    assert [str(one.code) for one in found.messages] == ["landings.floor_by_lowest"]
     own = found.table.set_index("foot").loc[list(recording.names("foot"))]
     error = own["contact_s"].to_numpy() - truth.contact_times[0]
     assert (np.abs(error) < 4 * np.hypot(own["se_s"], own["common_s"])).all()
@@ -151,7 +152,7 @@ def test_a_foot_that_stands_all_the_time_lands_nowhere():
     found = contacts(walking({"left": [], "right": []}))
     assert not len(found.table)
     assert not len(found.orders)
-    assert "landings.no_landing" in [one.code for one in found.remarks]
+    assert "landings.no_landing" in [one.code for one in found.messages]
     assert "0 contacts" in repr(found)
 
 
@@ -170,7 +171,9 @@ def test_events_are_the_contacts_that_can_be_trusted():
     events = found.events("walk")
     assert [event.time_s for event in events] == sorted(found.found["contact_s"])
     assert [event.context for event in events] == ["Left", "Right"] * 2 + ["Left"]
-    assert found.events("another") == []
+    assert found.events() == events
+    with pytest.raises(ArgumentError, match="expected one of walk, found 'another'"):
+        found.events("another")
 
 
 def test_curves_surround_the_contacts():
@@ -242,7 +245,12 @@ def test_remarks_are_lines():
     remarks = Messages(
         [Message("landings.contact_thin"), Message("landings.no_contact")]
     )
-    assert str(remarks) == repr(remarks) == "too few frames to time it\nno contact"
+    told = "too few frames to time it\nno contact"
+    assert str(remarks) == repr(remarks) == told
+    none = pd.DataFrame()
+    found = ContactTimes(none, none, remarks, ())
+    assert "\n".join(found.remarks) == repr(found.remarks) == told
+    assert found.remarks[1] == "no contact"
 
 
 def test_one_contact_loads_a_plate():

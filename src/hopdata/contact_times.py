@@ -34,7 +34,7 @@ from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
 from hopdata.landings.excluded_spans import without_spans
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
-from hopdata.messages import Message, Messages
+from hopdata.messages import Lines, Message, Messages
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
 from hopdata.recordings.wording import chained
@@ -133,16 +133,16 @@ class ContactTimes(Shown):
         right``), its probability, the runner_up with its own, and whether the order is
         sure (`SURE`). Both probabilities are NaN, and ``sure`` is missing, where only
         one foot was timed.
-    remarks : tuple of Message
-        What to know about the recordings and how their contacts were found; a line
-        each when printed.
+    messages : tuple of Message
+        What to know about the recordings and how their contacts were found, as codes
+        with values; `remarks` are their texts.
     recordings : tuple of Recording
         The recordings, levelled: each foot rests at height 0.
     """
 
     table: pd.DataFrame
     orders: pd.DataFrame
-    remarks: Messages
+    messages: Messages
     recordings: tuple[Recording, ...]
 
     @property
@@ -151,6 +151,11 @@ class ContactTimes(Shown):
         # Without a row the column has no type, and would choose columns, not rows.
         is_found = self.table["found"].astype(bool)
         return self.table[is_found].reset_index(drop=True)
+
+    @property
+    def remarks(self) -> Lines:
+        """Return what to know, a text each; printed, each is a line."""
+        return Lines(str(message) for message in self.messages)
 
     @property
     def feet(self) -> list[str]:
@@ -163,8 +168,25 @@ class ContactTimes(Shown):
         """Return the median standard error of these, s; NaN without any."""
         return float(self.found["se_s"].median())
 
-    def events(self, recording: str) -> list[ContactEvent]:
-        """Return the contacts of a recording as events, in order of time."""
+    def events(self, recording: str | None = None) -> list[ContactEvent]:
+        """Return the contacts of a recording as events, in order of time.
+
+        Parameters
+        ----------
+        recording : str, optional
+            Its name; not needed if there is only one.
+
+        Raises
+        ------
+        ArgumentError
+            If there are several and none is named, or none has this name.
+        """
+        names = [one.name for one in self.recordings]
+        if recording is None and len(names) == 1:
+            recording = names[0]
+        if recording not in names:
+            wanted = f"one of {', '.join(names)}"
+            raise ArgumentError.at("recording", wanted, repr(recording))
         own = self.found[self.found["recording"] == recording]
         return [
             ContactEvent(
@@ -177,13 +199,13 @@ class ContactTimes(Shown):
             for one in own.sort_values("contact_s", kind="stable").to_dict("records")
         ]
 
-    def curves(self, orders: pd.DataFrame) -> pd.DataFrame:
+    def curves(self, orders: pd.DataFrame | None = None) -> pd.DataFrame:
         """Return the heights of the feet about the contacts of some landings.
 
         Parameters
         ----------
-        orders : DataFrame
-            Rows of `orders`.
+        orders : DataFrame, optional
+            Rows of `orders`; by default all.
 
         Returns
         -------
@@ -192,6 +214,8 @@ class ContactTimes(Shown):
             frame from `SHOWN_BEFORE_S` before the first contact to `SHOWN_AFTER_S`
             after the last one; NaN where the foot was not seen.
         """
+        if orders is None:
+            orders = self.orders
         by_name = {one.name: one for one in self.recordings}
         parts = []
         for landing in orders.to_dict("records"):
@@ -392,7 +416,7 @@ def contacts(
     return ContactTimes(
         table=table,
         orders=_order_table(orders),
-        remarks=Messages(remarks),
+        messages=Messages(remarks),
         recordings=tuple(levelled),
     )
 
@@ -487,7 +511,7 @@ def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> Contact
     return ContactTimes(
         table=_in_order(tables, names),
         orders=_in_order(orders, names),
-        remarks=Messages(remark for part in parts for remark in part.remarks),
+        messages=Messages(remark for part in parts for remark in part.messages),
         recordings=tuple(recordings[name] for name in names),
     )
 

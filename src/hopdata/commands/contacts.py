@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata.commands import answers, listing, terminal
+from hopdata.commands import answers, terminal
 from hopdata.errors import ConfigError, HopdataError, RecordingError, did_you_mean
+from hopdata.inspecting import listing
 from hopdata.messages import Message
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def contacts(options: argparse.Namespace) -> int:
         found = timed(trials, exclude=_spans(options.exclude))
     notes = [note for trial in trials for note in trial.notes]
     show(found, notes, places=_only_place(trials))
-    answers.give(notes=[*notes, *map(str, found.remarks)])
+    answers.give(notes=[*notes, *found.remarks])
     _write(options, trials, found)
     return terminal.OK if len(found.found) else terminal.PROBLEM
 
@@ -411,7 +412,7 @@ def show(
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
-    told = [*map(str, one_for_all_feet(found.remarks)), *notes]
+    told = [*map(str, one_for_all_feet(found.messages)), *notes]
     for note in without_places(told, places):
         terminal.note(note)
 

@@ -50,7 +50,7 @@ def contacts_html(
     """
     shown = _shown(found.orders)
     # What concerns the contacts comes before what concerns the recordings.
-    told = without_places([*map(str, found.remarks), *notes], places)
+    told = without_places([*found.remarks, *notes], places)
     n_left_out = len(found.orders) - len(shown)
     if n_left_out:
         values = {"shown": len(shown), "landings": len(found.orders)}
@@ -119,7 +119,7 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
             remark = "at most, shared by all contacts of a foot"
             facts.append(("Common error", common, remark))
     beside = [
-        one for one in found.remarks if one.code == "landings.contacts_beside_plates"
+        one for one in found.messages if one.code == "landings.contacts_beside_plates"
     ]
     facts += [_beside_plates(one.values) for one in beside]
     if len(ordered):

@@ -9,7 +9,6 @@ after the first kink tell the two apart. Everything here is of an animal of 1 m.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -54,27 +53,21 @@ INSTANTS_OF_FRAME = 8
 
 @dataclass(frozen=True)
 class _Courses:
-    """How well courses, of any shape (...), fit heights.
+    """How well courses of one kind, in an array of any shape (...), fit heights.
 
     Parameters
     ----------
     coefficients : (..., k) array
-        Those of their columns.
+        Those of the columns of each.
     square : (...) array
         Sum of the squared residuals, in squares of the noise.
     logarithm : (...) array
-        Logarithm of their likelihood, with all coefficients integrated out.
+        Logarithm of the likelihood, with all coefficients integrated out.
     """
 
     coefficients: FloatArray
     square: FloatArray
     logarithm: FloatArray
-
-    def at(self, *place: Any) -> _Courses:
-        """Return one of the courses."""
-        return _Courses(
-            self.coefficients[place], self.square[place], self.logarithm[place]
-        )
 
 
 def later_contact(
@@ -107,16 +100,13 @@ def _second_kink(
     scaled = frames_m / noise_m
     degrees = len(since_s) - 4
     soft = float(_stops(since_s, scaled).square.min())
-    if soft <= 2 * CLEARLY_LIKELIER:
-        return None
     frame_s = float(np.median(np.diff(since_s)))
     instants = np.arange(since_s[1], since_s[-2], frame_s / INSTANTS_OF_FRAME)
     falls = _falls_and_stops(since_s, scaled, instants, noise_m)
-    place, softness = np.unravel_index(falls.square.argmin(), falls.square.shape)
-    best = falls.at(place, softness)
-    best_s = float(instants[place])
-    square = float(best.square)
-    fall_m_s = -float(best.coefficients[1]) * noise_m
+    best = np.unravel_index(falls.square.argmin(), falls.square.shape)
+    best_s = float(instants[best[0]])
+    square = float(falls.square[best])
+    fall_m_s = -float(falls.coefficients[best][1]) * noise_m
     falls_on = (
         fall_m_s > FALLS_M_S
         and fall_m_s * best_s > least_m
@@ -125,7 +115,8 @@ def _second_kink(
     )
     if not falls_on:
         return None
-    weight = np.exp(falls.logarithm - falls.logarithm.max()).sum(axis=1)
+    likelihood = np.exp(falls.logarithm - falls.logarithm.max())
+    weight = likelihood.sum(axis=1)
     weight /= weight.sum()
     mean_s = float(weight @ instants)
     variance = float(weight @ (instants - mean_s) ** 2)
@@ -155,50 +146,46 @@ def _frames_after(
 
 
 def _stops(since_s: FloatArray, scaled: FloatArray) -> _Courses:
-    """Fit a foot that touched before, yields within each `SOFTNESS_S`, and creeps."""
-    yields = np.exp(-since_s / SOFTNESS_S[:, None])
-    ones = np.ones_like(yields)
-    columns = [ones, np.broadcast_to(since_s, yields.shape), yields]
-    return _fitted(columns, scaled)
+    """Fit a foot that touched before, yields and creeps: for each of `SOFTNESS_S`."""
+    yields = np.exp(-since_s / SOFTNESS_S[:, np.newaxis])
+    return _fitted([np.ones_like(since_s), since_s, yields], scaled)
 
 
 def _falls_and_stops(
     since_s: FloatArray, scaled: FloatArray, instants: FloatArray, noise_m: float
 ) -> _Courses:
-    """Fit a foot that falls until each instant (A,), s, and then yields and creeps.
+    """Fit a foot that falls until an instant, then yields and creeps.
 
-    The courses are (A, S), for each softness but the largest.
+    The courses (k, s) are those of all instants (k,), s, with all but the longest time
+    of `SOFTNESS_S`.
     """
-    softness_s = SOFTNESS_S[:-1, None]
-    away_s = since_s - instants[:, None, None]
-    before_s = np.minimum(away_s, 0.0)
-    after_s = np.maximum(away_s, 0.0)
-    falls = before_s - softness_s * np.expm1(-after_s / softness_s)
+    at_s = instants[:, np.newaxis, np.newaxis]
+    softness_s = SOFTNESS_S[:-1, np.newaxis]
+    before_s = np.minimum(since_s - at_s, 0.0)
+    after_s = np.maximum(since_s - at_s, 0.0)
+    falls = before_s + softness_s * (1 - np.exp(-after_s / softness_s))
     curves = 0.5 * before_s**2 * (ACCELERATION_M_S2 / noise_m)
-    columns = [np.ones_like(falls), falls, after_s, curves]
-    return _fitted(
-        [np.broadcast_to(column, falls.shape) for column in columns], scaled, known=1
-    )
+    return _fitted([np.ones_like(since_s), falls, after_s, curves], scaled, known=1)
 
 
 def _fitted(
     columns: list[FloatArray], scaled: FloatArray, *, known: int = 0
 ) -> _Courses:
-    """Fit columns (..., n) to heights (n,) in units of the noise.
+    """Fit columns (..., n) to heights (n,) in units of the noise, all at once.
 
-    The coefficients of the last `known` of them are N(0, 1).
+    The coefficients of the last `known` columns are N(0, 1).
     """
-    design = np.stack(columns, axis=-1)
-    normal = design.swapaxes(-1, -2) @ design
-    for own in range(len(columns) - known, len(columns)):
+    design = np.stack(np.broadcast_arrays(*columns), axis=-1)
+    transposed = np.swapaxes(design, -1, -2)
+    normal = transposed @ design
+    first_known = len(columns) - known
+    for own in range(first_known, len(columns)):
         normal[..., own, own] += 1.0
-    right = design.swapaxes(-1, -2) @ scaled
-    coefficients: FloatArray = np.asarray(
-        np.linalg.solve(normal, right[..., None])[..., 0], dtype=np.float64
-    )
-    residual = scaled - (design @ coefficients[..., None])[..., 0]
+    moments = (transposed @ scaled)[..., np.newaxis]
+    solved = np.linalg.solve(normal, moments)
+    residual = scaled - (design @ solved)[..., 0]
+    coefficients: FloatArray = np.asarray(solved[..., 0], dtype=np.float64)
     square = (residual**2).sum(axis=-1)
-    for own in range(len(columns) - known, len(columns)):
-        square += coefficients[..., own] ** 2
+    square += (coefficients[..., first_known:] ** 2).sum(axis=-1)
     logarithm = -0.5 * square - 0.5 * np.linalg.slogdet(normal)[1]
-    return _Courses(coefficients, square, np.asarray(logarithm, dtype=np.float64))
+    return _Courses(coefficients, square, logarithm)
