@@ -370,4 +370,4 @@ def test_contacts_in_an_excluded_span_are_not_timed():
     left = found.found.query("foot == 'left'")["contact_s"]
     assert np.abs(left - second_s).min() > 0.1
     assert len(left) == len(truth["left"]) - 1
-    assert found.remarks[0].code == "landings.spans_excluded"
+    assert found.messages[0].code == "landings.spans_excluded"
