@@ -24,18 +24,24 @@ def low_enough_from(
     None if the foot is low enough at `contact_s` (s), or is not seen to sink on. The
     floor is at height 0, and `noise_m` (m) is the standard deviation of a height.
     """
-    begin, end = np.searchsorted(time, [contact_s, contact_s + STOPS_S])
-    seen = np.isfinite(height)
-    after = seen[begin:end]
+    first, begin, end = np.searchsorted(
+        time, [contact_s - STOPS_S, contact_s, contact_s + STOPS_S]
+    )
+    after = np.isfinite(height[begin:end])
     frames_m = height[begin:end][after]
     frames_m = frames_m[: glides.stays_until(frames_m)]
     if len(frames_m) < 2:
         return None
-    # Between two frames about a kink a height is not known: from the first one on.
-    at_s = time[begin:end][after][: len(frames_m)]
-    before_m = np.interp(at_s - approach.SOFTEST_S, time[seen], height[seen])
     # Below the floor a marker only tilts, as a toe's when the heel comes down.
     lowest_m = max(frames_m.min(), 0.0) + glides.LOWEST_SIGMAS * noise_m
+    seen = np.isfinite(height[first:end])
+    if frames_m[0] - lowest_m <= approach.SKIN_M or not seen[: begin - first].any():
+        return None
+    # Between two frames about a kink a height is not known: from the first one on.
+    at_s = time[begin:end][after][: len(frames_m)]
+    before_m = np.interp(
+        at_s - approach.SOFTEST_S, time[first:end][seen], height[first:end][seen]
+    )
     may_sink_m = approach.SKIN_M + np.maximum(before_m - frames_m, 0.0)
     too_high_m = frames_m - lowest_m - may_sink_m
     sinks_m = frames_m[0] - lowest_m
