@@ -382,7 +382,7 @@ def test_roles_are_those_of_the_file_and_otherwise_guessed(tmp_path):
     np.testing.assert_array_equal(read["toe1"], bare["toe1"])
     alone = hd.contacts(bare)
     assert len(alone.found) > 9
-    assert alone.remarks[0].code == "landings.role_guessed"
+    assert alone.messages[0].code == "landings.role_guessed"
     pd.testing.assert_frame_equal(alone.table, hd.contacts(guessed).table)
     by_hand = bare.with_roles(feet=MARKERS[3:6], body=MARKERS[:3])
     pd.testing.assert_frame_equal(alone.table, hd.contacts(by_hand).table)
