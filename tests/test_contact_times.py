@@ -15,6 +15,7 @@ from hopdata.contact_times import (
     _of_all_feet,
     _order_rows,
     _untimed,
+    beside_plates_told,
     contacts,
 )
 from hopdata.errors import AnalysisError, ArgumentError, HopdataError
@@ -335,3 +336,38 @@ def test_a_landing_holds_its_contacts(contact_s, end_s):
         landing[f"status_{foot}"] = descents.LANDED
     rows = _order_rows(recording, pd.DataFrame([landing]), 0.9)
     assert rows[0][2:4] == (0.2, end_s)
+
+
+def test_scatter_beside_plates_is_told_with_what_the_errors_state():
+    late_s = np.tile([0.003, 0.005, 0.001], 4)
+    table = pd.DataFrame({"contact_s": np.arange(12) + late_s})
+    table["plate_s"] = np.arange(12.0)
+    # The right foot is 10 ms later in all: that is no scatter.
+    table["foot"] = ["left"] * 6 + ["right"] * 6
+    table.loc[6:, "contact_s"] += 0.01
+    table = table.assign(se_s=0.0003, plate_se_s=0.0004)
+    (told,) = beside_plates_told(table)
+    scatter = told.values["scatter"].values
+    assert scatter["scatter_ms"] == pytest.approx(2.0 * np.sqrt(8 / 10))
+    assert scatter["stated_ms"] == pytest.approx(0.5)
+    assert told.values["most_ms"] == pytest.approx(15.0)
+    (told,) = beside_plates_told(table.head(6))
+    assert "too few" in str(told)
+    assert beside_plates_told(table.assign(plate_s=np.nan)) == []
+
+
+@pytest.mark.parametrize("span", [(0.9, 0.8), (90.0, 91.0), 0.5, (0.1, "b")])
+def test_a_span_that_is_none_is_refused(span):
+    with pytest.raises(ArgumentError, match="exclude"):
+        contacts(walking(alternating()), exclude=[span])
+
+
+def test_contacts_in_an_excluded_span_are_not_timed():
+    truth = alternating()
+    second_s = truth["left"][1]
+    spans = [(second_s - 0.1, second_s + 0.1)]
+    found = contacts(walking(truth), exclude=spans)
+    left = found.found.query("foot == 'left'")["contact_s"]
+    assert np.abs(left - second_s).min() > 0.1
+    assert len(left) == len(truth["left"]) - 1
+    assert found.remarks[0].code == "landings.spans_excluded"

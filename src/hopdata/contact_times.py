@@ -31,6 +31,7 @@ from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.one_foot import one_foot_remarks
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
+from hopdata.landings.excluded_spans import without_spans
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
 from hopdata.messages import Lines, Message, Messages
@@ -91,6 +92,8 @@ FEET_FORMS = (
 # Columns of a force plate, and what they hold without one.
 PLATE_COLUMNS = ["plate", "plate_s", "plate_se_s"]
 NO_PLATE = ("", float("nan"), float("nan"))
+# Fewest contacts on plates whose scatter is told.
+LEAST_FOR_SCATTER = 10
 # Onsets of plates without a contact whose times a remark tells.
 MOST_NAMED = 6
 
@@ -318,6 +321,7 @@ def contacts(
     floor: Mapping[str, Any] | None = None,
     sure: float = SURE,
     files: Sequence[str | Path | Sequence[str | Path]] = (),
+    exclude: Sequence[tuple[float, float]] = (),
     **options: Any,
 ) -> ContactTimes:
     """Time the contacts of all feet, from the first landing on.
@@ -342,6 +346,9 @@ def contacts(
         The file of each recording, or its files in order of time; by default those
         that they were read from. The contacts are compared with the onsets of the
         force plates in them.
+    exclude : sequence of (begin, end)
+        Spans, s, whose frames count as unseen in all recordings, such as those with
+        exchanged markers. Contacts in them are not timed.
     **options
         Options of `hopdata.landings.contacts.find.find_study_landings`, such as
         ``gravity``.
@@ -375,6 +382,8 @@ def contacts(
     levelled = []
     for recording in several:
         known, guessed = _with_feet(recording, _named_feet(feet))
+        known, left_out = without_spans(known, exclude)
+        remarks += left_out
         remarks += one_foot_remarks(known)
         ready, on_floor = _levelled(known, floor or {})
         groups = [{"name": name, "markers": [*own]} for name, own in known.joined]
@@ -458,16 +467,35 @@ def _with_plates(
                 "places": ", ".join(f"{one:.3f}" for one in alone_s[:MOST_NAMED]),
             }
             remarks.append(Message("landings.onsets_without_contact", values))
-    late_ms = 1e3 * (table["contact_s"] - table["plate_s"].astype(float)).dropna()
-    if len(late_ms):
-        values = {
-            "number": len(late_ms),
-            "loading": _loading(len(late_ms)),
-            "middle_ms": float(late_ms.median()),
-            "most_ms": float(late_ms.abs().max()),
-        }
-        remarks.append(Message("landings.contacts_beside_plates", values))
+    remarks += beside_plates_told(table)
     return table, remarks
+
+
+def beside_plates_told(table: pd.DataFrame) -> list[Message]:
+    """Say how long after the onsets of force plates contacts are, and their scatter."""
+    late_ms = 1e3 * (table["contact_s"] - table["plate_s"].astype(float)).dropna()
+    if not len(late_ms):
+        return []
+    scatter = Message("landings.plate_scatter_unknown")
+    if len(late_ms) >= LEAST_FOR_SCATTER:
+        own = table.loc[late_ms.index, ["foot", "se_s", "plate_se_s"]]
+        # Each foot has its own delay.
+        about_ms = late_ms - late_ms.groupby(own["foot"]).transform("mean")
+        degrees = len(late_ms) - own["foot"].nunique()
+        errors_ms = 1e3 * own[["se_s", "plate_se_s"]].astype(float)
+        scatters = {
+            "scatter_ms": float(np.sqrt((about_ms**2).sum() / degrees)),
+            "stated_ms": float(np.sqrt((errors_ms**2).sum(axis=1).mean())),
+        }
+        scatter = Message("landings.plate_scatter", scatters)
+    values = {
+        "number": len(late_ms),
+        "loading": _loading(len(late_ms)),
+        "middle_ms": float(late_ms.median()),
+        "most_ms": float(late_ms.abs().max()),
+        "scatter": scatter,
+    }
+    return [Message("landings.contacts_beside_plates", values)]
 
 
 def _loading(number: int) -> str:
