@@ -229,6 +229,9 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
         m.states[at.Y, i] = p.start_state[i]
         if p.first_order != 0:
             p.tangent[jacobian.single(m, at.PHI_PART), i] = 1.0
+            p.tangent[jacobian.single(m, at.PHI_LARGEST), i] = 0.0
+            p.tangent[jacobian.single(m, at.PHI_ERROR), i] = 0.0
+            p.tangent[jacobian.single(m, at.PHI_STEP_ERROR), i] = 0.0
     return problem.first_not_finite(m.states, at.Y) < 0
 
 
