@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hopdata.steering.control.interface import Controller
     from hopdata.steering.live.actuator import Driven
     from hopdata.steering.live.buffer import Stream
+    from hopdata.steering.live.drive import Drive
     from hopdata.steering.live.excited import Excitation
     from hopdata.steering.live.limits import Limits
     from hopdata.steering.live.log import DriveLog
@@ -57,6 +58,14 @@ REST_WIDTH = 37
 
 # Time of an act of a rehearsal on a free machine, on the average, s.
 ACT_S = 2.0
+
+# Causes to rest of a simulated robot that only a slow computer has.
+OF_A_SLOW_COMPUTER = (
+    "steering.no_frame",
+    "steering.plan_came_late",
+    "steering.plan_late",
+    "steering.unacknowledged",
+)
 
 # What the operator types to arm the drive.
 ARM_KEY = "a"
@@ -153,22 +162,25 @@ def _drive(
             _end_excitation(loop, controller, armed=options.armed)
 
     try:
-        done = driven(
-            geometry,
-            controller,
-            boom,
-            stream=stream,
-            stop=threading.Event(),
-            seconds=seconds,
-            rate_hz=options.rate,
-            limits=limits,
-            armed=options.armed,
-            on_decision=decided,
-            on_look=look,
-            log=log,
-            rest_without_log=options.log_full == "rest",
-            **_of_robot(robot, geometry, options.rate),
-        )
+        if _in_simulated_time(options):
+            done = _simulate(options, parts, (boom, stream), log, decided, limits)
+        else:
+            done = driven(
+                geometry,
+                controller,
+                boom,
+                stream=stream,
+                stop=threading.Event(),
+                seconds=seconds,
+                rate_hz=options.rate,
+                limits=limits,
+                armed=options.armed,
+                on_decision=decided,
+                on_look=look,
+                log=log,
+                rest_without_log=options.log_full == "rest",
+                **_of_robot(robot, geometry, options.rate),
+            )
     finally:
         if log.failure:
             print(f"log: {path} holds the drive up to when {log.failure}")
@@ -177,6 +189,50 @@ def _drive(
     print(f"{stances}, {counted(len(done.rests), 'rest')}:")
     for rest in done.rests:
         print(f"  {rest.cause}")
+    in_real_time = options.host is None and not _in_simulated_time(options)
+    if in_real_time and any(
+        rest.cause.code in OF_A_SLOW_COMPUTER for rest in done.rests
+    ):
+        print("  the robot is simulated in real time, and this computer was too slow:")
+        print("  something else keeps it busy, or --rate is too high for it")
+
+
+def _in_simulated_time(options: argparse.Namespace) -> bool:
+    """Return whether the drive has a time of its own.
+
+    That of a simulated robot for whose excitation no operator is needed.
+    """
+    return options.excite is not None and options.host is None and options.armed
+
+
+def _simulate(
+    options: argparse.Namespace,
+    parts: tuple[HopperGeometry, Controller],
+    simulated: tuple[Driven, Any],
+    log: DriveLog,
+    decided: Callable[[Decision], None],
+    limits: Limits,
+) -> Drive:
+    """Excite a simulated robot in simulated time."""
+    from hopdata.steering.live.simulated_time import drive_in_simulated_time
+
+    geometry, controller = parts
+    boom, stream = simulated
+    print("in simulated time: how busy the computer is does not matter")
+    robot = _robot(options.robot)
+    return drive_in_simulated_time(
+        geometry,
+        controller,
+        boom,
+        stream.source,
+        seconds=_seconds(options),
+        rate_hz=options.rate,
+        limits=limits,
+        log=log,
+        on_decision=decided,
+        is_over=lambda: bool(getattr(controller, "is_over", False)),
+        **_of_robot(robot, geometry, options.rate),
+    )
 
 
 def _seconds(options: argparse.Namespace) -> float:
@@ -326,6 +382,9 @@ def _simulated(
 
     simulation = robot.simulation()
     held = released(simulation)
+    with terminal.progress_line("a first stride, which may compile code"):
+        tried = robot.simulation()
+        SeenRobot(tried, released(tried), seed=SEED, rate_hz=options.rate).next_frames()
     seen = SeenRobot(simulation, held, pose=START, seed=SEED, rate_hz=options.rate)
     stream = SimulatedStream(seen)
     if options.dry_run:
