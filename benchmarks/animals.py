@@ -102,8 +102,8 @@ def velocity_errors(
         sections.pre_height_m, sections.post_height_m, scene.body_points_m
     )
     true = true_states(truth, scene, heights)
-    mine = match_landings(contacts(table)[pairs.index], truth.contact_times)
-    place = {int(landing): row for row, landing in enumerate(true.index)}
+    mine = match_landings(contacts(table)[pairs.touchdown - 1], truth.contact_times)
+    place = {int(number) - 1: row for row, number in enumerate(true.touchdown)}
     rows = [(k, place[j]) for k, j in enumerate(mine) if j in place]
     here, there = (np.array(part) for part in zip(*rows, strict=True))
     half = pairs.x.shape[1] // 2

@@ -306,7 +306,7 @@ def finding(results: Path, feet: list[str]) -> dict[str, Any]:
     if not (results / "tables/touchdowns.csv").is_file():
         return {}
     table = pd.read_csv(results / "tables/touchdowns.csv", keep_default_na=False)
-    landed = table[table["reason"] != "no foot landed"]
+    landed = table[table["reason"] != "no foot of the study landed"]
     timed = [float((landed[f"contact_{foot}_s"] != "").mean()) for foot in feet]
     used = int((table["excluded"].astype(str) == "False").sum())
     found: dict[str, Any] = {"used": used, "landings": len(landed), "timed": timed}

@@ -466,6 +466,8 @@ def summary(rows: Sequence[Moved]) -> list[str]:
         "",
         *numbers_tried(rows),
         "",
+        *baselines(usual),
+        "",
         f"Of {len(tried)} numbers that were tried, {len(tried) - len(moving)} move nothing in",
         "these three studies: they decide what is refused or noticed in data that are less",
         f"sound, or how numbers are rounded. {len(moving) - len(large)} move something that no",
@@ -494,6 +496,25 @@ def numbers_tried(rows: Iterable[Moved]) -> list[str]:
         told = [f"{counts[room, study]} in the {study}" for study in STUDIES]
         lines.append(f"- Tried in `{room}`: {', '.join(told)}.")
     return lines
+
+
+def baselines(usual: dict[tuple[str, str], dict[str, str]]) -> list[str]:
+    """Return what the studies say with nothing changed: a row for each room and study.
+
+    Rooms are run on different days, so a verdict that was changed in between says
+    something else. A row that a constant moves is compared with its own room only.
+    """
+    text = [
+        "Each room was tried by the code of its day, so a study has two baselines if the verdict",
+        "differs between two days. A trial is compared with the baseline of its own room:",
+        "",
+        "| room | study | landings | estimate | bound |",
+        "|---|---|---|---|---|",
+    ]
+    for (room, study), said in sorted(usual.items()):
+        numbers = [said[name] or "none" for name in ("n_used", "estimate", "bound")]
+        text.append(f"| `{room}` | {study} | {' | '.join(numbers)} |")
+    return text
 
 
 def is_large(row: Moved, usual: dict[str, str]) -> bool:

@@ -379,7 +379,8 @@ def compare(
     return rows | {
         "ambiguous": 1 - rows["sure"] / max(rows["found"], 1),
         "error_over_stated": float(np.sqrt(np.mean(z**2))) if len(z) else np.nan,
-        "phantoms": int((table["reason"] != "no foot landed").sum()) - LANDINGS,
+        "phantoms": int((table["reason"] != "no foot of the study landed").sum())
+        - LANDINGS,
         "reasons": "; ".join(f"{k}: {v}" for k, v in reasons.most_common()),
     }
 

@@ -456,9 +456,9 @@ def make_case(hops: int, n_body: int, seed: int) -> Case:
         found.pre_height_m, found.post_height_m, scene.body_points_m
     )
     states = true_states(truth, scene, sections)
-    names = np.full(len(states.index), whole.name)
+    names = np.full(len(states.touchdown), whole.name)
     true = Pairs(
-        states.x, states.y, states.schedule, states.spread_s, names, states.index,
+        states.x, states.y, states.schedule, states.spread_s, names, states.touchdown,
         whole.names("body"),
     )  # fmt: skip
     return Case(whole, perfect, truth, (found.pre_height_m, found.post_height_m), true)
@@ -513,7 +513,7 @@ def state_row(case: Case, recording: Recording) -> dict[str, float]:
     pairs, table = touchdowns(recording, case)
     contacts = {recording.name: case.truth.contact_times}
     rows = true_rows(pairs, table, case.true, contacts, recording.names("foot"))
-    share = table.set_index("touchdown")["filled_share"].loc[pairs.index].to_numpy()
+    share = table.set_index("touchdown")["filled_share"].loc[pairs.touchdown].to_numpy()
     out: dict[str, float] = {
         "descents": len(table),
         "used": int((~table["excluded"]).sum()),
@@ -643,7 +643,7 @@ def _on_moved(
         pairs = assemble_pairs([flat], table, **heights)
     except AnalysisError:
         return {"refused": True, "moving": False}
-    used = table[~table["excluded"]].set_index("touchdown").loc[pairs.index]
+    used = table[~table["excluded"]].set_index("touchdown").loc[pairs.touchdown]
     kinds = ("contact", "se", "common")
     instant, own, common = (
         used.filter(regex=f"^{k}_.*_s$").to_numpy() / root for k in kinds

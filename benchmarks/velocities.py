@@ -152,7 +152,7 @@ def hopper(
         float
     )
     landing = match_landings(contacts, truth.contact_times)
-    place = {int(number): row for row, number in enumerate(true.index)}
+    place = {int(number) - 1: row for row, number in enumerate(true.touchdown)}
     row = np.array([place.get(int(number), -1) for number in landing])
     known = row >= 0
     for side, column, height_m, contact, states in (

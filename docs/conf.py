@@ -8,7 +8,8 @@ import re
 import sys
 from pathlib import Path
 
-from docutils.nodes import literal_block
+from docutils.nodes import SkipNode, literal_block
+from latex2mathml.converter import convert
 
 from hopdata import __version__ as release
 
@@ -28,7 +29,7 @@ PAGES = {
     ],
     "Explanation": [
         "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
-        "unseen_order", "impacts", "limits", "comparison", "steering_measured", "dissertation",
+        "prediction", "limits", "comparison", "steering_measured", "dissertation",
         "architecture", "decisions", "reliability",
     ],
     "Reference": [
@@ -60,7 +61,7 @@ nb_custom_formats = {".md": ["executed_pages.notebook", {}, False]}
 nb_merge_streams = True
 nb_execution_mode = "off"  # `docs/run_pages.py` has run them
 myst_heading_anchors = 4
-myst_enable_extensions = ["deflist"]
+myst_enable_extensions = ["deflist", "dollarmath"]
 
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
@@ -69,6 +70,7 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 
 html_theme = "furo"
+html_math_renderer = "mathml"
 html_title = f"hopdata {release}"
 html_copy_source = False
 html_show_copyright = False
@@ -120,9 +122,34 @@ def _whole_lines(app, failed):
         )
 
 
+def _set_formulae(app, failed):
+    """Require that formulae are set, not shown as they are written."""
+    page = Path(app.outdir, "docs", "verdict_method.html")
+    if not failed and page.exists() and "<math" not in page.read_text("utf-8"):
+        raise RuntimeError(f"{page}: expected formulae set as MathML, found none")
+
+
+def _formula_in_a_line(translator, node):
+    """Write a formula as MathML, which browsers set themselves, without a network."""
+    translator.body.append(convert(node.astext()))
+    raise SkipNode
+
+
+def _formula_by_itself(translator, node):
+    formula = convert(node.astext(), display="block")
+    translator.body.append(
+        f'<div class="formula" style="padding: 0.4em 0">{formula}</div>\n'
+    )
+    raise SkipNode
+
+
 def setup(app):
     """Connect what Sphinx calls."""
+    app.add_html_math_renderer(
+        "mathml", (_formula_in_a_line, None), (_formula_by_itself, None)
+    )
     app.connect("source-read", _contents)
     app.connect("doctree-read", _plain_commands)
     app.connect("build-finished", _first_page)
     app.connect("build-finished", _whole_lines)
+    app.connect("build-finished", _set_formulae)

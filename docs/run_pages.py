@@ -24,10 +24,9 @@ PLACES = ("*.md", "docs/*.md", "benchmarks/**/README.md")
 #: The pages that take longest, which are begun first, so that none of them is the last.
 DEAR = (
     "first_study",
-    "impacts",
     "notebook",
     "sliding",
-    "unseen_order",
+    "prediction",
     "gallery",
     "gradients",
     "integrator_many",

@@ -23,6 +23,7 @@ ROOMS = {
     "recordings": "Recordings",
     "landings": "Landings, contacts and quality",
     "maps": "Verdict",
+    "inspecting": "An inspection",
     "commands": "Commands",
     "steering": "A drive",
 }

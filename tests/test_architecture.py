@@ -56,11 +56,13 @@ MAY_USE = {
         *("analysis", "group", "line", "provenance", "samples", "stages"),
         "walk",
     },
+    "inspecting": {"figures", "landings", "recordings"},
     "figures": set(),
     "report": set(),
     "config": {"scenes", "synthesis"},
     "commands": {
         *("config", "recordings", "landings", "figures", "maps", "report"),
+        "inspecting",
         # Modules beside the rooms.
         *("analysis", "contact_times", "provenance", "samples", "stages", "walk"),
     },
@@ -81,7 +83,6 @@ ABOVE = {
     },
     "analysis": {"config", "landings", "maps", "recordings", "stages", "walk"},
     "contact_times": {"analysis", "config", "landings", "recordings"},
-    "inspecting": {"commands", "landings", "recordings"},
     "saved": {"line", "maps", "stages", "walk"},
     "samples": {"config", "maps"},
     "group": {"config", "maps", "report", "walk"},

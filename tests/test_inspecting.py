@@ -36,11 +36,11 @@ def test_an_inspection_has_tables(file):
     assert table.loc[MARKERS[2], "unseen"] == pytest.approx(10 / 400)
     assert table.loc[MARKERS[2], "longest_s"] == pytest.approx(0.1)
     assert found.suspects["kind"].tolist() == ["spike"]
-    assert found.suspects["frame"].tolist() == [200]
+    assert found.suspects["frame"].tolist() == [201]
     assert found.plot().axes
     # A recording is inspected as its file is.
     again = hd.inspect(hd.read(file))
-    assert again.suspects["frame"].tolist() == [200]
+    assert again.suspects["frame"].tolist() == [201]
     assert again.table["gaps"].tolist() == found.table["gaps"].tolist()
     for wrong, told in (
         (lambda: hd.inspect(3), "source: expected the path of a file, or a recording"),

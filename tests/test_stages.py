@@ -101,7 +101,7 @@ def test_the_verdict_is_given_feet_session_time_and_blocks(monkeypatch):
         schedule=np.array(["1>2"] * n),
         spread_s=np.ones(n),
         recording=np.array(["a", "a", "b", "b", "c", "c"]),
-        index=np.arange(n),
+        touchdown=np.arange(n) + 1,
         body_markers=("p", "q", "r"),
         instants=rng.random((n, 2)),
         feet=rng.random((n, 2, 3)),

@@ -124,7 +124,7 @@ def frame_changes_at_frames(
 
 def true_pairs(stances: pd.DataFrame) -> IntArray:
     """Return the frames (P, 2) of stances that are one hop apart, from `SteeredTrial.stances`."""
-    frame, second = stances["frame"].to_numpy(), np.flatnonzero(stances["follows"])
+    frame, second = stances["frame"].to_numpy() - 1, np.flatnonzero(stances["follows"])
     return np.column_stack([frame[second - 1], frame[second]])
 
 

@@ -31,7 +31,7 @@ _PLACES = {
     "analyse": "analysis",
     "contacts": "contact_times",
     "guess": "analysis",
-    "inspect": "inspecting",
+    "inspect": "inspecting.inspected",
     "judge": "maps.verdict",
     "load": "saved",
     "plan": "analysis",

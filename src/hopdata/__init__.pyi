@@ -9,7 +9,7 @@ from hopdata.contact_times import contacts as contacts
 from hopdata.errors import HopdataError as HopdataError
 from hopdata.hybrid import System as System
 from hopdata.hybrid import solve as solve
-from hopdata.inspecting import inspect as inspect
+from hopdata.inspecting.inspected import inspect as inspect
 from hopdata.maps.verdict import judge as judge
 from hopdata.recording import Recording as Recording
 from hopdata.saved import load as load

@@ -100,6 +100,7 @@ def put_together(
     found: dict[str, Any] = {
         "study": group["study"],
         "margin": group["verdict"]["margin"],
+        "confidence": group["verdict"]["confidence"],
         "members": list(rows),
         "conditions": [],
     }

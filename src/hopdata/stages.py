@@ -415,7 +415,13 @@ def landing_maps(pairs: Pairs, units: Options) -> LandingMaps:
 
     instants: Any = pairs.instants  # measured pairs have them
     found = estimate_maps(pairs.x, pairs.y, instants, time_unit_s=units["time_unit_s"])
-    foretold = one_or_own(pairs.x, pairs.y, pairs.schedule)
+    foretold = one_or_own(
+        pairs.x,
+        pairs.y,
+        pairs.schedule,
+        recording=pairs.recording,
+        touchdown=pairs.touchdown,
+    )
     return LandingMaps(found.table(), found.to_dict(), found.notes, foretold)
 
 

@@ -299,7 +299,7 @@ class Study(Shown):
         return pd.DataFrame(self._result("quality"))
 
     @property
-    def asks_for_distances(self) -> bool:
+    def _asks_for_distances(self) -> bool:
         """Whether constraint subspaces are made and their distances measured."""
         return bool(self.config["distances"]["enabled"])
 
@@ -308,7 +308,7 @@ class Study(Shown):
         """All tables, by their names in the folder ``tables`` of the results."""
         found = {}
         for stage in LINE.stages.values():
-            if stage.name == "constraint_subspaces" and not self.asks_for_distances:
+            if stage.name == "constraint_subspaces" and not self._asks_for_distances:
                 continue
             for name, result in stage.results.items():
                 if result.path.startswith("tables/"):
@@ -405,8 +405,7 @@ class Study(Shown):
         from hopdata.report.page import study_facts
 
         inputs = self._report_inputs(None)
-        record = inputs.provenance
-        return methods(study_facts(inputs), inputs.verdict, inputs.recordings, record)
+        return methods(inputs, study_facts(inputs))
 
     def _report_inputs(self, drawn: Path | None) -> Any:
         """Return what the page shows, with the figures of a folder if it has any."""
@@ -417,9 +416,14 @@ class Study(Shown):
         if drawn is not None:
             files = [drawn / f"{name}.svg" for name in self.figures.names.values()]
         distances = None
-        notes = [*self._result("prediction_notes")]
-        if self.asks_for_distances:
+        notes = []
+        # Only a study by the printed methods shows what these are about.
+        is_printed = self.config["printed"]
+        if is_printed:
+            notes += self._result("prediction_notes")
+        if self._asks_for_distances:
             distances = self._result("distance_summary")
+        if self._asks_for_distances and is_printed:
             notes += self._result("distances_notes")
         notes += self._result("map_notes")
         return ReportInputs(
@@ -438,7 +442,7 @@ class Study(Shown):
             touchdowns=self.touchdowns,
             prediction=self._result("prediction_summary"),
             distances=distances,
-            distances_asked=self.asks_for_distances,
+            distances_asked=self._asks_for_distances,
             faults=self._result("faults"),
             remarks=self._result("remarks"),
             one_or_own=self._result("one_or_own"),
@@ -447,11 +451,15 @@ class Study(Shown):
         )
 
     def _is_simulated(self) -> bool:
-        """Return whether a recording's file holds the truth of its simulation."""
+        """Return whether recordings have no file, or one that holds their truth."""
         from hopdata.config.consistency import files_of, knows_truth
 
         files = [file for one in self.config["recordings"] for file in files_of(one)]
-        if not files or not all(Path(file).exists() for file in files):
+        if not files:
+            made_here = Path(LINE.results["simulated"].path).parent.name
+            sources = [Path(one.source) for one in self.imported]
+            return all(source.parent.name == made_here for source in sources)
+        if not all(Path(file).exists() for file in files):
             return False
         return knows_truth(self.config)
 
@@ -504,7 +512,7 @@ class Study(Shown):
         """Return the results that the study has once, not for each recording."""
         found = {}
         for stage in LINE.stages.values():
-            if stage.name == "constraint_subspaces" and not self.asks_for_distances:
+            if stage.name == "constraint_subspaces" and not self._asks_for_distances:
                 continue
             for name, result in stage.results.items():
                 if not result.wildcards:
@@ -549,7 +557,7 @@ class Figures:
     def names(self) -> dict[str, str]:
         """Names of the functions -> names of the figures in the workflow's results."""
         drawings = [*FIGURES["landings"], *FIGURES["maps"]]
-        if not self.of.asks_for_distances:
+        if not self.of._asks_for_distances:
             drawings.remove(OF_DISTANCES)
         return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
 

@@ -105,6 +105,21 @@ def test_the_page_tells_how_many_numbers_were_tried_in_which_study():
     ]
 
 
+def test_the_page_tells_the_baseline_of_each_room():
+    before = constants.Moved(
+        *("landings/a.py", "A", "x 1.5", "sample", "", "no difference"),
+        *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000", "0"),
+    )
+    after = replace(before, module="maps/b.py", estimate="0.0333", bound="0.1251")
+    runner = replace(before, study="runner", estimate="", bound="", n_used="39")
+    rows = constants.baselines(constants.usual_of([before, after, runner]))[-3:]
+    assert rows == [
+        "| `landings` | runner | 39 | none | none |",
+        "| `landings` | sample | 1622 | 0.0390 | 0.1340 |",
+        "| `maps` | sample | 1622 | 0.0333 | 0.1251 |",
+    ]
+
+
 @pytest.mark.parametrize(
     ("column", "small", "large"),
     [

@@ -10,8 +10,8 @@ from plate_files import PlateFile, Stance, write_plates
 from written_files import write_c3d
 
 from hopdata.__main__ import main
-from hopdata.commands.devices import devices_of, lines_of
 from hopdata.config.loading import load_config
+from hopdata.inspecting.devices import devices_of, lines_of
 from hopdata.recording import Event
 from hopdata.recordings.raw import RawRecording
 

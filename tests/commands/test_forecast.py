@@ -96,7 +96,7 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
         touchdowns, 1.0, reason="few orders", code=forecast.TOO_FEW_ORDERS
     )
     lines = forecast.describe(found, config, [])
-    assert found.vain == "its verdict is out of reach"
+    assert found.vain.startswith("its verdict is out of reach; contacts with errors")
     unsure = forecast.Forecast(
         touchdowns.assign(**{"order_class": "ambiguous"}), 1.0, 0.1
     )
@@ -183,7 +183,11 @@ def test_a_foot_that_only_drags_is_to_be_left_out():
 
 
 def test_feet_that_never_come_down_to_the_floor_are_told():
-    columns = {"reason": "no foot landed", "excluded": True, "contact_a_s": np.nan}
+    columns = {
+        "reason": "no foot of the study landed",
+        "excluded": True,
+        "contact_a_s": np.nan,
+    }
     found = forecast.Forecast(pd.DataFrame(columns, index=range(9)), 1.0, stops=True)
     config = {
         "markers": {"body": ["hip"], "feet": ["a"]},
@@ -238,7 +242,9 @@ def test_where_no_height_holds_the_landings_none_is_to_be_set():
 
 
 def test_without_a_landing_no_share_of_them_is_timed():
-    none = pd.DataFrame({"reason": ["no foot landed"], "contact_toe_s": [np.nan]})
+    none = pd.DataFrame(
+        {"reason": ["no foot of the study landed"], "contact_toe_s": [np.nan]}
+    )
     assert forecast.Forecast(none, 1.0, stops=True).timed("toe") == 0.0
 
 
@@ -366,8 +372,17 @@ def test_without_landings_no_contact_is_timed():
 
 def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
     """Of messages that have templates, and not for the words that they are put in."""
-    values = {"least": 10, "commonest": "1 → 2 has 9", "what_is_missing": "meet"}
-    for code in (forecast.TOO_FEW_ORDERS, forecast.NO_TWO_FEET):
+    values = {
+        "least": 10,
+        "found": 9,
+        "commonest": "1 → 2 has 9",
+        "what_is_missing": "meet",
+    }
+    for code in (
+        forecast.TOO_FEW_ORDERS,
+        forecast.TOO_FEW_LANDINGS,
+        forecast.NO_TWO_FEET,
+    ):
         assert Message(code, values).text()
     columns = {"schedule": "1>2", "order_class": "1>2", "excluded": False, "reason": ""}
     touchdowns = pd.DataFrame(
@@ -379,7 +394,11 @@ def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
         "feet": [],
         "sections": {"rule": "landings"},
     }
-    for code, varies in ((forecast.NO_TWO_FEET, 1), ("maps.outcome_constant", 0)):
+    for code, varies in (
+        (forecast.NO_TWO_FEET, 1),
+        (forecast.TOO_FEW_LANDINGS, 1),
+        ("maps.outcome_constant", 0),
+    ):
         words = "no two feet, in one contact order"
         found = forecast.Forecast(touchdowns, 1.0, reason=words, code=code)
         codes = [change.code for change in forecast.changes(found, config, [])]

@@ -152,9 +152,9 @@ def test_every_command_with_an_answer_is_on_the_page():
 
 def test_values_of_all_kinds_become_plain():
     content = {"a": np.float64(np.nan), "b": np.arange(2), "c": Path("x/y"), 3: (True,)}
-    content["m"] = Message("commands.nothing_suspect")
+    content["m"] = Message("inspecting.nothing_suspect")
     plain = answers.as_plain(content)
-    assert plain["m"]["code"] == "commands.nothing_suspect"
+    assert plain["m"]["code"] == "inspecting.nothing_suspect"
     assert {key: plain[key] for key in ("a", "b", "c", "3")} == {
         "a": None,
         "b": [0, 1],

@@ -62,12 +62,14 @@ def test_before_the_first_job_it_is_told_once_what_may_take_long():
 
 def test_a_target_that_makes_nothing_is_no_stage():
     shown = []
-    progress = Progress(lambda *told: shown.append(told))
+    ended = []
+    progress = Progress(lambda *told: shown.append(told), ended=ended.append)
     target = {"event": "begun", "job": 1, "stage": "all", "makes_files": False}
     progress.take({"event": "planned", "jobs": {"all": 1}})
     progress.take(target | {"at_s": 1.0})
     progress.take({"event": "ended", "job": 1, "at_s": 1.0})
     assert shown == [(1, 1, "after 0.0 s", "")]
+    assert ended == ["all"]
 
 
 def test_events_are_found_among_what_jobs_write():

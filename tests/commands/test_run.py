@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ from checkouts import part_of_sample
 
 from hopdata import __version__
 from hopdata.__main__ import main
+from hopdata.bundled import SNAKEFILE
+from hopdata.commands.run import _Run, _tell_early
 from hopdata.commands.workflow import run_workflow
 
 ROOT = Path(__file__).parents[2]
@@ -49,6 +52,24 @@ def test_progress_is_plain_lines_where_no_one_looks(folder, capfd):
     log = Path("results/trial/logs/run.log").read_text()
     assert "loud" in log
     assert "\x1e" not in log
+
+
+def test_that_no_verdict_is_reached_is_said_before_the_page(folder, capsys):
+    answer = Path("results/trial/verdict.json")
+    note = {"reason": "found 36 landings"}
+    asked = _Run(Path("config.yaml"), "trial", SNAKEFILE, answer)
+    told = partial(_tell_early, asked)
+    told("verdict")  # it has not been written yet
+    answer.write_text(json.dumps({"effect": None, "jump": None, "notes": [note]}))
+    told("home_frame")
+    assert capsys.readouterr().err == ""
+    told("verdict")
+    said = capsys.readouterr().err
+    assert "no verdict is reached: found 36 landings" in said
+    assert "contacts" in said
+    answer.write_text(json.dumps({"effect": {}, "jump": None, "notes": []}))
+    told("verdict")
+    assert capsys.readouterr().err == ""
 
 
 def test_a_dry_run_says_a_line_a_stage(folder, capfd):

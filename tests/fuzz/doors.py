@@ -434,7 +434,7 @@ def _saved():
         schedule=np.array(["12", "21"] * 3),
         spread_s=np.full(6, 1e-3),
         recording=np.array(["a"] * 6),
-        index=np.arange(6),
+        touchdown=np.arange(6) + 1,
         body_markers=NAMES[:3],
         time_s=np.arange(6.0),
     )

@@ -287,7 +287,7 @@ def test_landings_of_feet_that_are_not_followed_do_not_count(
     tables, other_feet, value, status
 ):
     landed = ["", "", "", "", "late"]
-    tables["touchdowns"]["reason"] = landed + ["no foot landed"] * 5
+    tables["touchdowns"]["reason"] = landed + ["no foot of the study landed"] * 5
     tables["touchdowns"]["excluded"] = tables["touchdowns"]["reason"] != ""
     found = judged(tables, other_feet=other_feet)[WHAT["used"]]
     assert (found.value, found.status) == (value, status)
@@ -296,7 +296,7 @@ def test_landings_of_feet_that_are_not_followed_do_not_count(
 
 def test_no_landing_of_any_followed_foot_is_poor(tables):
     tables["touchdowns"] = tables["touchdowns"].assign(
-        excluded=True, reason="no foot landed"
+        excluded=True, reason="no foot of the study landed"
     )
     found = judged(tables, other_feet=True)[WHAT["used"]]
     assert (found.value, found.status) == (0.0, POOR)

@@ -103,8 +103,10 @@ def test_wins_touchdowns_and_their_states_are_as_good_as_seen_ones(scene, gappy)
     assert len(pairs[1]) > 1.5 * len(pairs[0])
     clean = assemble_pairs([scene.clean], tables[1], **HEIGHTS)
     share = mark_filled(done, tables[1]).set_index("touchdown")["filled_share"]
-    found, at, _ = np.intersect1d(pairs[1].index, clean.index, return_indices=True)
-    rows = np.searchsorted(clean.index, found)
+    found, at, _ = np.intersect1d(
+        pairs[1].touchdown, clean.touchdown, return_indices=True
+    )
+    rows = np.searchsorted(clean.touchdown, found)
     error = np.sqrt(((pairs[1].x[at, :15] - clean.x[rows, :15]) ** 2).mean(axis=1))
     rests = share.loc[found].to_numpy() > 0
     assert rests.sum() > 20

@@ -645,7 +645,9 @@ def test_a_gap_of_a_few_milliseconds_at_a_section_costs_no_landing():
     assert again["excluded"].equals(table["excluded"])
     assert abs(again["t_pre_s"] - table["t_pre_s"]).max() < 1e-3
     refused = touchdown_table(replace(flat, positions=lost), **heights)
-    assert refused["reason"][first["touchdown"]] == "frames missing at the pre section"
+    assert (
+        refused["reason"][first["touchdown"] - 1] == "frames missing at the pre section"
+    )
 
 
 NOISE_M, BAND_M = 0.0006, 0.02

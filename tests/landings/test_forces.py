@@ -84,7 +84,7 @@ def test_truth_as_a_table_with_an_offset_a_loss_and_an_invention(
         1.482602 * off.abs().median(), rel=1e-4
     )
     (invented,) = found.contacts[found.contacts["status"] == "invented"]["touchdown"]
-    assert invented == 30
+    assert invented == 31
     (missed,) = found.contacts[found.contacts["status"] == "missed"]["external_s"]
     assert missed == pytest.approx(scene.contact_times[10, 2] + 0.3, abs=1e-6)
     assert found.thresholds.empty

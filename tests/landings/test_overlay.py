@@ -111,7 +111,7 @@ def test_each_foot_against_the_truth(scene, touchdowns, foot):
     assert list(table.columns) == list(COLUMNS)
     assert (table["status"] == "matched").all()
     assert (table["first_foot"] == FEET[foot]).all()
-    np.testing.assert_array_equal(table["touchdown"], np.arange(40))
+    np.testing.assert_array_equal(table["touchdown"], np.arange(40) + 1)
     np.testing.assert_array_equal(
         table["found_s"], touchdowns[f"contact_{FEET[foot]}_s"]
     )
@@ -144,7 +144,7 @@ def test_a_contact_that_hopdata_lost_is_missed_with_the_reason(scene, touchdowns
     lost = lost.drop(index=12).reset_index(drop=True)
     table = compare(scene, lost, known(scene.contact_times[:, 0]))
     missed = table[table["status"] == "missed"]
-    assert missed["touchdown"].tolist() == [7, pd.NA]
+    assert missed["touchdown"].tolist() == [8, pd.NA]
     assert missed["reason"].tolist() == [
         "poor fit of foot 1",
         "no descent through the pre section",
@@ -167,7 +167,7 @@ def test_a_foot_that_lands_after_the_post_section_belongs_to_that_touchdown(
         .to_dict("records")
     )
     assert (row["touchdown"], row["reason"]) == (
-        7,
+        8,
         "foot 1 not down by the post section",
     )
 
@@ -176,7 +176,7 @@ def test_a_contact_that_nobody_else_knows_is_invented(scene, touchdowns):
     instants = np.delete(scene.contact_times[:, 0], 20)
     table = compare(scene, touchdowns, known(instants))
     invented = table[table["status"] == "invented"]
-    assert invented["touchdown"].tolist() == [20]
+    assert invented["touchdown"].tolist() == [21]
     assert invented["external_s"].isna().all()
     assert (table["status"] == "matched").sum() == 39
 
@@ -202,7 +202,7 @@ def test_contacts_of_excluded_touchdowns_are_matched_but_never_invented(
     out.loc[[5, 6], "excluded"] = True
     out.loc[[5, 6], "reason"] = "order ambiguous"
     table = compare(scene, out, known(np.delete(scene.contact_times[:, 0], 6)))
-    five, six = (table[table["touchdown"] == i].iloc[0] for i in (5, 6))
+    five, six = (table[table["touchdown"] == i].iloc[0] for i in (6, 7))
     assert (five["status"], five["excluded"], five["reason"]) == (
         "matched",
         True,
@@ -265,7 +265,7 @@ def overlay(difference, *, recording="a", column="Fz", se=0.001, external_se=np.
             "se_s": se,
             "difference_s": difference,
             "first_foot": ["heel", "toe"] * (n // 2) + ["toe"] * (n % 2),
-            "touchdown": pd.array(range(n), dtype="Int64"),
+            "touchdown": pd.array(range(1, n + 1), dtype="Int64"),
             "excluded": False,
             "reason": "",
         }

@@ -53,7 +53,7 @@ def test_the_example_is_a_landing_that_happened():
     x, y, schedule = study(differs=0.05)
     table = one_or_own(x, y, schedule)
     assert len(table) == len(OUTPUT_NAMES)
-    row = int(table["landing"].iloc[0])
+    row = int(table["touchdown"].iloc[0]) - 1
     assert (table["order"] == schedule[row]).all()
     climb = of(table, "climb")
     exact = y[row, [11, 14, 17]].mean() - y[:, [11, 14, 17]].mean()
@@ -91,3 +91,15 @@ def test_the_interval_of_a_median_holds_it_as_often_as_said():
         _, low, high = _median(rng.standard_normal(101))
         held += low <= 0.0 <= high
     assert held / 400 == pytest.approx(CONFIDENCE, abs=0.03)
+
+
+def test_the_example_is_named_by_its_recording_and_its_number_there():
+    x, y, schedule = study(differs=0.05)
+    unnamed = one_or_own(x, y, schedule)
+    row = unnamed["touchdown"].iloc[0] - 1  # from 1
+    assert unnamed["order"].eq(schedule[row]).all()
+    recording = np.where(np.arange(len(x)) < len(x) // 2, "monday", "friday")
+    numbers = 7 + np.arange(len(x))
+    named = one_or_own(x, y, schedule, recording=recording, touchdown=numbers)
+    assert named["recording"].eq(recording[row]).all()
+    assert named["touchdown"].eq(7 + row).all()

@@ -30,7 +30,7 @@ def pairs():
         schedule=np.repeat(ORDERS, 50),
         spread_s=rng.uniform(0, 0.03, n),
         recording=np.repeat("one", n),
-        index=np.arange(n),
+        touchdown=np.arange(n) + 1,
         body_markers=("b1", "b2", "b3"),
     )
 

@@ -7,13 +7,17 @@ from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
 import hopdata
+from hopdata.config.loading import load_config
 from hopdata.report.methods import CITED, methods
 from hopdata.report.page import build_report, study_facts
+from hopdata.report.tables import NO_FOOT_LANDED
+
+# References of packages, which are cited where their versions are stated.
+PACKAGES = {"numpy", "scipy", "numba", "snakemake"}
 
 
 def of(inputs):
-    facts = study_facts(inputs)
-    return methods(facts, inputs.verdict, inputs.recordings, inputs.provenance)
+    return methods(inputs, study_facts(inputs))
 
 
 def test_it_says_the_numbers_of_the_study_but_no_result():
@@ -31,9 +35,10 @@ def test_it_says_the_numbers_of_the_study_but_no_result():
 def test_what_it_cites_are_the_references_and_no_others():
     found = of(full_study())
     keys = re.findall(r"@\w+\{(\w+),", found.bibtex)
-    assert sorted(keys) == sorted([*CITED, "hopdata"])
-    for cited in CITED.values():
-        assert cited in found.text
+    stated = {*full_study().provenance["versions"]} & PACKAGES
+    assert {*keys} == {*CITED, "hopdata"} - (PACKAGES - stated)
+    for key in {*keys} - {"hopdata"}:
+        assert CITED[key] in found.text
     assert found.bibtex.count("doi = ") == len(keys) - 2, (
         "a book and software have none"
     )
@@ -47,11 +52,12 @@ def test_a_study_without_a_size_claims_no_analysis():
         "so_far": {"orders": orders, "least_landings": 150},
     }
     found = of(full_study(verdict=alone))
-    for never_made in ("fitted", "flips", "judged", "intervals"):
+    for never_made in ("Bends of this map", "flips", "judged", "intervals"):
         assert never_made not in found.text
     assert "42 landings are fewer than the 150" in found.text
     assert "in one order only" in found.text
-    assert re.findall(r"@\w+\{(\w+),", found.bibtex) == ["hopdata"]
+    keys = {*re.findall(r"@\w+\{(\w+),", found.bibtex)}
+    assert keys <= PACKAGES | {"hopdata"}
     two = alone["so_far"] | {"orders": [*orders, {"order": "1", "landings": 9}]}
     assert "one order" not in of(full_study(verdict=alone | {"so_far": two})).text
 
@@ -63,6 +69,14 @@ def test_it_says_how_many_landings_were_fitted():
     known = verdict()["n_landings"]
     every = of(full_study(verdict=verdict() | {"n_window": known})).text
     assert f"judged from all {known} landings whose" in every
+
+
+def test_it_says_how_many_landings_are_far_off():
+    left_out = {"outcome_far_off": [4, 7], "state_far_off": [9]}
+    text = of(full_study(verdict=verdict() | {"gross_errors": left_out})).text
+    assert "are known (3 more were left out" in text
+    none = of(full_study(verdict=verdict() | {"gross_errors": {}})).text
+    assert "left out" not in none
 
 
 def test_a_simulation_is_called_one():
@@ -81,21 +95,24 @@ def test_a_walk_knows_a_simulation_by_its_file():
     feet = ["R_heel", "R_mt1", "R_mt5"]
     measured = hopdata.study(runner, feet=feet, body=["body1", "body2", "body3"])
     assert not measured._is_simulated()
+    given = hopdata.study(measured.imported[0])
+    assert not given._is_simulated()
 
 
 def test_one_order_and_no_exclusions_are_good_english():
     inputs = full_study()
     facts = study_facts(inputs) | {"n_schedules": 1, "n_excluded": 0, "n_landings": 42}
-    text = methods(facts, None, inputs.recordings, None).text
-    assert "All 42 landings were used. The feet touched in one order." in text
+    text = methods(inputs, facts).text
+    assert "All 42 landings were used." in text
+    assert "in one order" in text
 
 
 def test_what_is_not_known_is_left_out():
     bare = of(full_study(verdict=None, touchdowns=None, sections=None))
     assert "None" not in bare.text
     assert "landings were used" not in bare.text
-    assert bare.bibtex.count("@") == 1, "nothing is cited but hopdata"
-    assert bare.bibtex.startswith("@software{hopdata")
+    keys = {*re.findall(r"@\w+\{(\w+),", bare.bibtex)}
+    assert keys <= PACKAGES | {"hopdata"}, "nothing is cited but software"
     assert "References as BibTeX" in build_report(full_study())
 
 
@@ -125,9 +142,35 @@ def test_the_head_of_the_page_says_that_there_is_one_order():
     landings = {"code": "maps.not_one", "values": {}, "said": "Landings: too few."}
     values = {"order": "2 → 3 → 1", "landings": 42, "least_of_order": 20}
     only = {"code": "maps.none_for_one_order", "values": values, "said": ""}
-    causes = [landings, {"cause": "orders", "costs": None, **only}]
+    causes = [{"cause": "orders", "costs": None, **only}, landings]
     undecided = no_answer() | {"what_now": causes}
     head = Page(build_report(full_study(verdict=undecided))).text.partition(
         "At a glance"
     )
     assert "Orders: one order occurs, 2 → 3 → 1, in all 42 landings" in head[0]
+
+
+def test_it_says_why_landings_were_not_used_and_how_sure_the_orders_are():
+    table = full_study().touchdowns
+    first = table.index[~table["excluded"]][:7]
+    table.loc[first, "order_class"] = "ambiguous"
+    text = of(full_study(touchdowns=table)).text
+    out = table[table["excluded"]]
+    assert (out["reason"] != NO_FOOT_LANDED).sum() > 0
+    assert "one by one" not in text
+    assert f"in 7 of the {(~table['excluded']).sum()} landings" in text
+    others = table.assign(
+        reason=table["reason"].replace(out["reason"].iloc[0], NO_FOOT_LANDED)
+    )
+    said = of(full_study(touchdowns=others)).text
+    assert f"came down {len(table)} times" in said
+    assert NO_FOOT_LANDED not in said, "it is no landing of the study"
+
+
+def test_the_scene_and_the_noise_of_a_simulation_are_named():
+    config = load_config("config/config.yaml")
+    config["recordings"] = [{"name": "a", "file": None}]
+    made = of(full_study(provenance={"config": config, "versions": {}})).text
+    assert made.startswith("A simulation of")
+    assert "scene hopper of hopdata" in made
+    assert "noise of 0.6 mm" in made

@@ -128,7 +128,7 @@ def test_every_table_is_there(full):
         "Faults of the recordings",
         "Remarks on the recordings",
         "Descents that are not used",
-        "Every descent that is not used",
+        "Every landing that is not used",
         "Recordings",
         "Floor",
         "Thresholds and sections",

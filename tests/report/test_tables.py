@@ -60,7 +60,8 @@ def test_the_page_is_whole_and_loads_nothing():
     sources = [attrs["src"] for tag, attrs in tags.found if tag == "img"]
     assert sources == [picture(SVG).source]
     assert sources[0].startswith("data:image/svg+xml;base64,")
-    assert not any("href" in attrs for _, attrs in tags.found)
+    links = [attrs["href"] for _, attrs in tags.found if "href" in attrs]
+    assert links == ["#content"]
 
 
 def test_text_from_the_file_is_escaped():
@@ -246,15 +247,17 @@ def test_reasons_name_the_feet():
     assert all(row[1].startswith(("toe ", "heel ")) for row in listed)
 
 
-def test_landings_come_before_the_descents_in_which_no_foot_landed():
+def test_descents_in_which_no_foot_of_the_study_landed_are_only_counted():
     data = touchdowns().assign(touchdown=range(len(touchdowns())))
     out = data[data["excluded"]].index
     data.loc[out[::2], "reason"] = tables.NO_FOOT_LANDED
-    rows = [row[1:3] for row in tables.excluded_table(data).rows]
-    last = len(out[::2])
-    assert all(reason != tables.NO_FOOT_LANDED for reason, _ in rows[:-last])
-    assert [reason for reason, _ in rows[-last:]] == [tables.NO_FOOT_LANDED] * last
-    assert [number for _, number in rows[-last:]] == [str(k) for k in out[::2]]
+    table = tables.excluded_table(data)
+    assert [row[2] for row in table.rows] == [str(k) for k in out[1::2]]
+    assert f"{len(out[::2])} descents, in which no foot of the study" in str(table.note)
+    rows = tables.exclusions_table(data).rows
+    assert (tables.NO_FOOT_LANDED, str(len(out[::2]))) in rows
+    data.loc[out, "reason"] = tables.NO_FOOT_LANDED
+    assert tables.excluded_table(data) is None
 
 
 def test_one_recording_needs_no_columns_of_its_own_and_a_lost_reason_is_said():

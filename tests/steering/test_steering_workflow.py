@@ -16,7 +16,7 @@ from checkouts import (
 )
 
 from hopdata.steering.experiments.tasks import EXPERIMENTS
-from plain_columns import shadowed_in
+from plain_columns import counted_from_zero_in, shadowed_in
 
 pytestmark = pytest.mark.workflow
 
@@ -102,6 +102,10 @@ def test_a_steering_study_runs_to_a_page(steered):
 
 def test_no_column_of_a_table_shadows_an_attribute(steered):
     assert shadowed_in(steered[0] / "results" / "steered") == {}
+
+
+def test_every_number_in_a_table_counts_from_1(steered):
+    assert counted_from_zero_in(steered[0] / "results" / "steered") == {}
 
 
 def test_a_key_of_the_experiments_leaves_the_model_alone(steered):

@@ -137,7 +137,7 @@ def test_hops_of_a_robot_that_tips_over_are_left_out_and_counted():
     trial = record_trial(robot, [0.5, -0.5] * 12, seed=3)
     seen = observe_recordings([trial.recording], swing_limit_rad=1.2)
     stances, count = seen.stances, seen.counts[0]
-    true = trial.motion["tilt_rad"][stances["frame"]]
+    true = trial.motion["tilt_rad"][stances["frame"] - 1]
     np.testing.assert_allclose(
         stances["tilt_rad"], true, atol=np.deg2rad(3)
     )  # level by its feet

@@ -34,7 +34,7 @@ from hopdata.landings.contacts.timing import METHODS
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 from hopdata.stages import LINE
-from plain_columns import shadowed_in
+from plain_columns import counted_from_zero_in, shadowed_in
 
 pytestmark = pytest.mark.workflow
 
@@ -69,6 +69,10 @@ def test_all_figures_and_the_report_are_there(sample):
 
 def test_no_column_of_a_table_shadows_an_attribute(sample):
     assert shadowed_in(sample / "results" / "sample") == {}
+
+
+def test_every_number_in_a_table_counts_from_1(sample):
+    assert counted_from_zero_in(sample / "results" / "sample") == {}
 
 
 def test_nothing_is_left_to_do(sample):
@@ -163,7 +167,8 @@ def test_the_check_foretells_what_the_study_found(sample, monkeypatch):
     )
     found = table.loc[table["excluded"], "reason"].value_counts()
     assert (
-        forecast.left_out() == found.drop("no foot landed", errors="ignore").to_dict()
+        forecast.left_out()
+        == found.drop("no foot of the study landed", errors="ignore").to_dict()
     )
 
 

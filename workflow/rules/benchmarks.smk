@@ -39,6 +39,8 @@ BENCHMARK_TABLES = {
         "verdict_campaign_studies.csv",
         "verdict_campaign_detectable.csv",
     ],
+    "verdict_growth": ["verdict_growth.csv"],
+    "verdict_groups": ["verdict_groups.csv", "verdict_groups_studies.csv"],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
     "animals": ["animals.csv"],
     "recording_faults": [
@@ -74,6 +76,8 @@ BENCHMARK_ARGUMENTS = {
     "study_cost": "--base 0.07",
     "velocities": "--draws 10",
     "verdict_campaign": "--studies 1",
+    "verdict_growth": "--studies 1",
+    "verdict_groups": "--subjects 16",
     "verdict_power": "--studies 1",
     "work_precision": "--turns 7 --race-turns 30 --systems 4000",
 }

@@ -18,8 +18,13 @@ rule report:
         remarks=f"{RESULTS}/tables/remarks.csv",
         one_or_own=f"{RESULTS}/tables/one_or_own.csv",
         notes=[
-            f"{RESULTS}/maps/prediction_notes.json",
-            *([f"{RESULTS}/maps/distances_notes.json"] if DISTANCES else []),
+            # Of Figs. 2.4 and 2.5, which only a study by the printed methods shows.
+            *([f"{RESULTS}/maps/prediction_notes.json"] if STUDY["printed"] else []),
+            *(
+                [f"{RESULTS}/maps/distances_notes.json"]
+                if DISTANCES and STUDY["printed"]
+                else []
+            ),
             f"{RESULTS}/maps/map_estimates_notes.json",
         ],
         truth=f"{RESULTS}/truth.json" if TRUTH_KNOWN else [],

@@ -8,7 +8,7 @@ from hopdata.recordings.readers.hdf5 import read_truth
 from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import common_scene, exact_maps, true_states
 
-COLUMNS = ("x", "y", "schedule", "spread_s", "index")
+COLUMNS = ("x", "y", "schedule", "spread_s", "touchdown")
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
     found = read_json(snakemake.input.sections)

@@ -12,9 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hopdata.commands import answers, listing, terminal
+from hopdata.commands import answers, terminal
 from hopdata.commands.guesses import inspected
 from hopdata.errors import HopdataError, counted, printable
+from hopdata.inspecting import listing
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.messages import Message
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, one_blas_thread
-from hopdata.commands import answers, listing, terminal
+from hopdata.commands import answers, terminal
 from hopdata.errors import AnalysisError, RecordingError
+from hopdata.inspecting import listing
 from hopdata.messages import Message
 from hopdata.recordings.external import (
     ForceSignal,
@@ -376,7 +377,7 @@ def describe_own(recording: Recording, file: Path, unit: str) -> list[str]:
     list of str
         One line per plate; none for a file without plates.
     """
-    from hopdata.commands.devices import devices_of, plate_line
+    from hopdata.inspecting.devices import devices_of, plate_line
 
     found = devices_of(
         file, up=recording.vertical_axis, unit=unit, rate_hz=recording.rate_hz

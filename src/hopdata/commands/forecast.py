@@ -32,6 +32,7 @@ from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
 # Codes of the errors by which landings are too alike for a comparison: of a study with
 # few feet, and of one with many.
 TOO_FEW_ORDERS = "maps.too_few_orders"
+TOO_FEW_LANDINGS = "maps.too_few_landings"
 NO_TWO_FEET = "maps.no_two_feet"
 
 #: Frames that are examined; of longer studies, the middle of each recording.
@@ -375,8 +376,9 @@ def changes(
     found = [
         *_for_lost_landings(forecast, config, recordings),
         *_for_unsure_orders(forecast, config, recordings),
-        *_for_few_landings(forecast, config),
+        # More of the same would not help where one order occurs.
         *_for_one_order(forecast),
+        *_for_few_landings(forecast, config),
     ]
     # Two reasons may have the same advice.
     by_text: dict[str, Message] = {}
@@ -487,6 +489,6 @@ def _for_one_order(forecast: Forecast) -> Iterator[Message]:
     used = forecast.touchdowns[~forecast.touchdowns["excluded"]]
     shares = used["schedule"].value_counts(normalize=True)
     are_alike = shares.max() > MOST_ALIKE
-    is_one_order = forecast.code == TOO_FEW_ORDERS and are_alike
-    if is_one_order or forecast.code == NO_TWO_FEET:
+    few_of_one = forecast.code in (TOO_FEW_ORDERS, TOO_FEW_LANDINGS) and are_alike
+    if few_of_one or forecast.code == NO_TWO_FEET:
         yield Message("commands.vary_the_order")

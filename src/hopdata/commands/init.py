@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hopdata.commands import devices, listing, terminal
-from hopdata.commands.guesses import inspected, with_effects
+from hopdata.commands import terminal
+from hopdata.commands.guesses import inspected
 from hopdata.errors import HopdataError, printable
+from hopdata.inspecting import devices, listing
+from hopdata.inspecting.guesses import with_effects
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.messages import Message

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import argparse
 import io
+import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hopdata.arrays import pd
-from hopdata.commands import answers, devices, listing, terminal
-from hopdata.commands.guesses import inspected, with_effects
+from hopdata.commands import answers, terminal
+from hopdata.commands.guesses import inspected
 from hopdata.errors import HopdataError, counted
+from hopdata.inspecting import devices, listing
+from hopdata.inspecting.guesses import with_effects
+from hopdata.inspecting.timeline import drawn_gaps
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.report.formatting import NOTES, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
@@ -39,9 +42,11 @@ def inspect(options: argparse.Namespace) -> int:
                 found = "--brief"
             raise HopdataError.at("--html", "one file and no --brief", found)
         return inspect_briefly([options.file, *options.more], options)
-    inspection = with_effects(inspected(options))
+    inspection = inspected(options)
+    with terminal.progress_line("finding by how much processing moves contacts"):
+        inspection = with_effects(inspection)
     beside = _beside_markers(options, inspection)
-    listing.show(inspection, str(options.file), devices.lines_of(beside))
+    _show(inspection, str(options.file), beside)
     answers.give(files=[listing.fields_of(inspection, options.file)], page=options.html)
     if options.html is not None:
         with terminal.progress_line("drawing the page"):
@@ -85,6 +90,50 @@ def view(options: argparse.Namespace) -> int:
     if not options.no_browser:
         webbrowser.open(out.resolve().as_uri())
     return terminal.OK
+
+
+# The listing on a terminal, with its tables drawn.
+
+
+def _show(inspection: Inspection, file: str, beside: devices.Devices) -> None:
+    """Print the listing of a file, with its tables drawn if stdout is a terminal."""
+    encoding = sys.stdout.encoding or "ascii"
+    lines = devices.lines_of(beside)
+    if sys.stdout.isatty():
+        _draw(inspection, file, encoding, lines)
+    else:
+        text = listing.listing(inspection, file, encoding=encoding, devices=lines)
+        print(text)
+
+
+def _draw(
+    inspection: Inspection, file: str, encoding: str, lines: listing.Devices
+) -> None:
+    """Print the listing on a terminal."""
+
+    def encodable(text: str) -> str:
+        return listing.encodable(text, encoding)
+
+    width = terminal.width(listing.WIDTH)
+    head = listing.head(inspection, file, lines, width=width)
+    print(encodable("\n".join([*head, "", listing.legend(inspection)])))
+    terminal.draw_table(
+        dict.fromkeys(listing.PICTURE, "left"),
+        [tuple(map(encodable, row)) for row in listing.picture(inspection)],
+    )
+    suspects = inspection.suspects()
+    print(f"  {listing.answer(inspection)}")
+    if suspects:
+        shown = suspects[: listing.MOST_SUSPECTS]
+        terminal.draw_table(
+            {"kind": "left", "frame": "right", "s": "right", "what": "left"},
+            [
+                (one.kind, f"{one.start + 1}", f"{one.time_s:.3f}", encodable(one.text))
+                for one in shown
+            ],
+        )
+    for line in listing.further(len(suspects)):
+        print(line)
 
 
 # An inspection as a self-contained page.
@@ -158,50 +207,6 @@ def _timeline(
         figure.savefig(buffer, format="svg", metadata=dict(FORMATS["svg"]))
     ends = tuple(x for axes in figure.axes for x in axes.get_position().intervalx)
     return buffer.getvalue(), ends
-
-
-def drawn_gaps(
-    inspection: Inspection, found: list[Suspect] | None = None, **options: Any
-) -> Any:
-    """Draw when each marker was seen, and what looks wrong.
-
-    Parameters
-    ----------
-    inspection : Inspection
-    found : list of Suspect, optional
-        What looks wrong; by default that of the inspection.
-    **options
-        ``ax`` and ``style``: see `hopdata.figures.style.styled`.
-    """
-    from hopdata.figures.quality import recording_gaps_figure
-
-    if found is None:
-        found = inspection.suspects()
-    time = inspection.time - inspection.time[0]
-    last = len(time) - 1
-    # The figure groups rows by recording; here is one, without a name.
-    recording = ""
-    gaps = [
-        (recording, one.marker, time[start], time[min(stop, last)])
-        for one in inspection.gaps
-        for start, stop in one.stretches
-    ]
-    faults = [
-        (recording, marker, suspect.time_s, suspect.kind)
-        for suspect in found
-        for marker in suspect.markers or ("",)
-    ]
-    markers = {
-        "recording": recording,
-        "marker": inspection.markers,
-        "duration_s": inspection.duration_s,
-    }
-    return recording_gaps_figure(
-        pd.DataFrame(markers),
-        pd.DataFrame(gaps, columns=["recording", "marker", "start_s", "stop_s"]),
-        pd.DataFrame(faults, columns=["recording", "marker", "start_s", "kind"]),
-        **options,
-    )
 
 
 def _suspect_table(found: list[Suspect]) -> Table:

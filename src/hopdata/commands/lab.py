@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 from hopdata.arrays import one_blas_thread
 from hopdata.commands import init as of_files
 from hopdata.commands import terminal
-from hopdata.commands.guesses import with_effects
 from hopdata.errors import AnalysisError, HopdataError, RecordingError
+from hopdata.inspecting.guesses import with_effects
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.messages import Message

@@ -67,6 +67,8 @@ class Progress:
         Is called after each job.
     first : str
         Remark that is shown before the first job; without it nothing is.
+    ended : callable
+        Is called with the name of a stage after each of its jobs.
 
     Attributes
     ----------
@@ -74,8 +76,11 @@ class Progress:
         Number of jobs that will run of each stage.
     """
 
-    def __init__(self, show: Show, first: str = "") -> None:
+    def __init__(
+        self, show: Show, first: str = "", ended: Callable[[str], None] | None = None
+    ) -> None:
         self.planned: dict[str, int] = {}
+        self._tell_ended = ended
         self._show = show
         self._first = first
         self._cores = 1
@@ -134,6 +139,8 @@ class Progress:
         self._took.append(at_s - begun_s)
         of = max(self._n_jobs, self._n_done)
         self._show(self._n_done, of, self._left(at_s), self._stage_told(stage, at_s))
+        if self._tell_ended is not None:
+            self._tell_ended(stage)
 
     def _stage_told(self, stage: str, at_s: float) -> str:
         """Name a stage whose last job has ended, and how long it took; else nothing."""

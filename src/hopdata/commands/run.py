@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
 from hopdata.errors import ConfigError, HopdataError, did_you_mean, require
 from hopdata.jobs import read_json
+from hopdata.messages import Message
 from hopdata.provenance import package_digest
 from hopdata.report.tables import quality_summary
 from hopdata.stages import LINE
@@ -68,6 +70,7 @@ def run(options: argparse.Namespace) -> int:
         *passed,
         snakefile=asked.snakefile,
         if_locked=options.if_locked,
+        ended=partial(_tell_early, asked),
     )
     answers.give(study=asked.study, dry_run=is_dry(passed))
     if code:
@@ -80,6 +83,22 @@ def run(options: argparse.Namespace) -> int:
     else:
         _print_answer(asked)
     return OK
+
+
+def _tell_early(asked: _Run, stage: str) -> None:
+    """Say that a study reaches no verdict as soon as this is known, before its page."""
+    is_study = asked.snakefile == SNAKEFILE and not asked.target
+    if stage != "verdict" or not is_study or asked.answer is None:
+        return
+    try:
+        found = read_json(asked.answer)
+    except (HopdataError, OSError):
+        return  # the end of the run will tell
+    if found.get("effect") is not None or found.get("jump") is not None:
+        return
+    reason = "; ".join(note["reason"] for note in found["notes"][-1:])
+    said = Message("commands.verdict_not_reached", {"reason": reason})
+    print(f"note: {asked.study}: {said}", file=sys.stderr, flush=True)
 
 
 def _contacts_instead(asked: _Run, *, is_part: bool) -> int:

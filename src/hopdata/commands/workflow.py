@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,7 @@ def run_workflow(
     *options: str,
     snakefile: Path = SNAKEFILE,
     if_locked: str = "ask",
+    ended: Callable[[str], None] | None = None,
 ) -> int:
     """Run Snakemake on a configuration, show progress, and return its exit code.
 
@@ -60,6 +61,8 @@ def run_workflow(
         What to do if another run may be at work here: ``ask`` on a terminal, and else
         leave it to Snakemake, which refuses files that are locked; ``wait`` for its
         end; or ``take`` its files over.
+    ended
+        Is called with the name of a stage after each of its jobs.
     """
     wanted = "the workflow"
     require(snakefile.exists(), str(snakefile), wanted, "no file; install hopdata anew")
@@ -79,7 +82,7 @@ def run_workflow(
         progress_bar(study) as show,
     ):
         requests.pass_to(snakemake)
-        progress = Progress(show, first="" if is_dry(options) else _FIRST)
+        progress = Progress(show, "" if is_dry(options) else _FIRST, ended)
         said: list[str] = []
         try:
             for line in snakemake.stderr or ():

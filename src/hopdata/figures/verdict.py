@@ -320,7 +320,7 @@ MOST_ORDERS = 24
 ORDER_MM = 3.1
 AROUND_MM = 14.0
 # Fewer rows than this stand as far apart as so many would.
-FEWEST_ROWS = 8
+FEWEST_ROWS = 4
 # Places across the panel, which is 100 wide: where the feet end, the bars, their
 # numbers, the lines to the maps, and the maps.
 FEET_END = 52.0

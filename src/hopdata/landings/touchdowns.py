@@ -190,7 +190,7 @@ def touchdown_table(
     landed = (contacts.status == descents.LANDED).any(axis=1) | hidden
     table["t_pre_s"] = table["t_pre_s"].where(crosses, spans[:, 0])
     table = table[through | landed].reset_index(drop=True)
-    return table.assign(touchdown=np.arange(len(table)))
+    return table.assign(touchdown=np.arange(1, len(table) + 1))
 
 
 def touchdown_tables(
@@ -344,7 +344,7 @@ def _table(
                 reasons[row] = order_is_ambiguous
     columns: dict[str, Any] = {
         "recording": recording.name,
-        "touchdown": np.arange(len(transitions)),
+        "touchdown": np.arange(1, len(transitions) + 1),
         "t_pre_s": transitions.t_pre,
         "t_post_s": transitions.t_post,
     }

@@ -45,12 +45,19 @@ UNITS = {
 COLUMNS = (
     *("outcome", "unit", "happened", "one_map", "own_map"),
     *("apart", "missed_by_one", "missed_by_own", "gain", "gain_low", "gain_high"),
-    *("order", "landing", "n_landings", "n_orders"),
+    *("order", "recording", "touchdown", "n_landings", "n_orders"),
 )
 
 
 @one_blas_thread()
-def one_or_own(x: ArrayLike, y: ArrayLike, schedule: ArrayLike) -> pd.DataFrame:
+def one_or_own(
+    x: ArrayLike,
+    y: ArrayLike,
+    schedule: ArrayLike,
+    *,
+    recording: ArrayLike | None = None,
+    touchdown: ArrayLike | None = None,
+) -> pd.DataFrame:
     """Return what one map and the orders' own maps foretell of landings not fitted.
 
     Parameters
@@ -60,6 +67,9 @@ def one_or_own(x: ArrayLike, y: ArrayLike, schedule: ArrayLike) -> pd.DataFrame:
         velocities, m/s, of the markers of a rigid body.
     schedule
         (n,) contact order of each landing.
+    recording, touchdown
+        (n,) recording of each landing, and its number there; by default one without a
+        name, and numbers from 1.
 
     Returns
     -------
@@ -67,11 +77,11 @@ def one_or_own(x: ArrayLike, y: ArrayLike, schedule: ArrayLike) -> pd.DataFrame:
         One row for each outcome, in ``unit``. Of an example, the landing whose two
         predictions are as far apart as in the median landing, in the median over
         outcomes: ``happened``, ``one_map`` and
-        ``own_map``, less the mean of all landings; its ``order`` and the number
-        ``landing`` of its row. Over all landings: the medians of how far the two
-        predictions are ``apart``, of how far each missed, and of the ``gain`` (by how
-        much less own maps missed) with its interval. Empty if there are too few
-        landings or a single order.
+        ``own_map``, less the mean of all landings; its ``order``, its
+        ``recording`` and its number ``touchdown``. Over all landings: the medians of
+        how far the two predictions are ``apart``, of how far each missed, and of the
+        ``gain`` (by how much less own maps missed) with its interval. Empty if there
+        are too few landings or a single order.
     """
     before = np.asarray(x, float)
     after = np.asarray(y, float)
@@ -92,7 +102,17 @@ def one_or_own(x: ArrayLike, y: ArrayLike, schedule: ArrayLike) -> pd.DataFrame:
         return pd.DataFrame(columns=list(COLUMNS))
     by_one = _foretold(one, outcomes)
     by_own = _foretold(own, outcomes)
-    return _table(outcomes, by_one, by_own, orders, known, n_orders)
+    example = _typical(by_one, by_own)
+    place = {
+        "order": orders[example],
+        "recording": "" if recording is None else np.asarray(recording)[known[example]],
+        "touchdown": known[example] + 1,
+    }
+    if touchdown is not None:
+        place["touchdown"] = np.asarray(touchdown)[known[example]]
+    sizes = {"n_landings": len(outcomes), "n_orders": n_orders}
+    table = _table(outcomes, by_one, by_own, example)
+    return table.assign(**place, **sizes)[list(COLUMNS)]
 
 
 def _terms(
@@ -166,15 +186,11 @@ def _table(
     outcomes: FloatArray,
     by_one: FloatArray,
     by_own: FloatArray,
-    orders: np.ndarray,
-    known: np.ndarray,
-    n_orders: int,
+    example: int,
 ) -> pd.DataFrame:
+    """Return a row for each outcome: the example's, and how far predictions miss."""
     mean = outcomes.mean(axis=0)
     apart = np.abs(by_own - by_one)
-    # As many outcomes are further apart than in the median landing as are nearer.
-    far = np.median(apart / np.median(apart, axis=0).clip(1e-300), axis=1)
-    example = int(np.argmin(np.abs(far - 1.0)))
     of_one = np.abs(by_one - outcomes)
     of_own = np.abs(by_own - outcomes)
     rows = []
@@ -195,13 +211,17 @@ def _table(
                 "gain": factor * gain,
                 "gain_low": factor * low,
                 "gain_high": factor * high,
-                "order": orders[example],
-                "landing": int(known[example]),
-                "n_landings": len(outcomes),
-                "n_orders": n_orders,
             }
         )
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows)
+
+
+def _typical(by_one: FloatArray, by_own: FloatArray) -> int:
+    """Return the landing whose predictions are as far apart as in the median one."""
+    apart = np.abs(by_own - by_one)
+    # As many outcomes are further apart than in the median landing as are nearer.
+    far = np.median(apart / np.median(apart, axis=0).clip(1e-300), axis=1)
+    return int(np.argmin(np.abs(far - 1.0)))
 
 
 def _median(values: FloatArray) -> tuple[float, float, float]:

@@ -429,7 +429,7 @@ def _rows(
     columns = {
         "model": model,
         "schedule": population.schedule,
-        "bootstrap": np.arange(len(errors)),
+        "bootstrap": np.arange(1, len(errors) + 1),
         "n_train": n_train,
         "n_test": n_test,
         "mse": errors.mean(axis=1),

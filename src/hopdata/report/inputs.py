@@ -26,6 +26,8 @@ from hopdata.report.language import said, sentence
 # tables.
 
 PERCENT = re.compile(r"(?<=\d) %")
+# A blank between a number and its unit.
+BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:%|mm|ms|s|m|m/s|Hz|N|kg|°)(?![\w/]))")
 # Not the no-break space between a number and its unit.
 SPACES = re.compile(r"[ \t\n]+")
 
@@ -84,9 +86,9 @@ def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Cap
 
 
 def _tidied(block: str) -> str:
-    """Join a paragraph to one line, with no-break spaces before per cent signs."""
+    """Join a paragraph to one line, with no-break spaces before units."""
     line = SPACES.sub(" ", block).strip()
-    return PERCENT.sub(f"{NO_BREAK_SPACE}%", line)
+    return BEFORE_UNIT.sub(NO_BREAK_SPACE, line)
 
 
 MEDIA_TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif"}
@@ -357,6 +359,7 @@ def rendered(
     environment.globals["version"] = __version__
     environment.globals["say"] = partial(sentence, language=language)
     environment.filters["said"] = partial(said, language=language)
+    environment.filters["verbatim"] = _verbatim
     style = (TEMPLATES / "report.css").read_text(encoding="utf-8")
     scripts = (TEMPLATES / "fold.js").read_text(encoding="utf-8")
     if content.get("scene"):
@@ -406,12 +409,24 @@ def _with_policy(page: str, placeholder: str) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """Return what a template shows without characters that nobody sees."""
+    """Return what a template shows without characters that nobody sees.
+
+    A number and its unit stay on one line, except in what is to be copied:
+    see `_verbatim`.
+    """
     if isinstance(value, Message):
         value = str(value)
     if isinstance(value, str) and not hasattr(value, "__html__"):
-        return printable(value, keep=f"\n\t{NO_BREAK_SPACES}")
+        shown = printable(value, keep=f"\n\t{NO_BREAK_SPACES}")
+        return BEFORE_UNIT.sub(NO_BREAK_SPACE, shown)
     return value
+
+
+def _verbatim(text: str) -> Any:
+    """Return a text with the blanks that it has, for what readers copy."""
+    from markupsafe import escape
+
+    return escape(printable(text, keep=f"\n\t{NO_BREAK_SPACES}"))
 
 
 def as_yaml(config: Any) -> str:

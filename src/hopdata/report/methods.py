@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hopdata.arrays import Shown
-from hopdata.errors import counted
+from hopdata.arrays import Shown, pd
+from hopdata.errors import counted, with_names
+from hopdata.feet import foot_names
 from hopdata.messages import Message
+from hopdata.report.formatting import significant
+from hopdata.report.inputs import ReportInputs
+from hopdata.report.tables import NO_FOOT_LANDED, excluded
 
 BIBTEX = Path(__file__).with_name("references.bib")
 # Packages whose versions a paper states.
@@ -20,6 +25,13 @@ FOUND_BY = {
     "velocity_minimum": "report.methods_by_minimum",
     "velocity_minimum_parabola": "report.methods_by_minimum",
 }
+# A method that finds the states at the sections -> how it is said.
+STATES_BY = {
+    "split_fit": "report.methods_split_fit",
+    "savitzky_golay": "report.methods_savitzky_golay",
+}
+# Reasons that are told one by one; the others are counted together.
+MOST_REASONS = 5
 # Key of the reference to hopdata itself, which the text names by its version.
 ITSELF = "hopdata"
 # How each is cited in the text, by its key among the references.
@@ -29,6 +41,10 @@ CITED = {
     "westfall1993": "Westfall and Young 1993",
     "patterson1971": "Patterson and Thompson 1971",
     "carroll2006": "Carroll et al. 2006",
+    "numpy": "Harris et al. 2020",
+    "scipy": "Virtanen et al. 2020",
+    "numba": "Lam et al. 2015",
+    "snakemake": "Mölder et al. 2021",
 }
 
 
@@ -56,93 +72,246 @@ class Methods(Shown):
         return f"{self.text}\n\n{self.bibtex}".rstrip("\n")
 
 
-def methods(
-    facts: Mapping[str, Any],
-    verdict: Mapping[str, Any] | None,
-    recordings: Sequence[Mapping[str, Any]],
-    provenance: Mapping[str, Any] | None,
-) -> Methods:
+def methods(inputs: ReportInputs, facts: Mapping[str, Any]) -> Methods:
     """Return the methods paragraph of a study.
 
     Parameters
     ----------
+    inputs : ReportInputs
+        Tables and records of the study; what is not known is left out.
     facts : mapping
         From `hopdata.report.page.study_facts`.
-    verdict : mapping, optional
-        Contents of ``verdict.json``.
-    recordings : sequence of mappings
-        See `hopdata.report.inputs.ReportInputs`.
-    provenance : mapping, optional
-        Configuration, seed and versions; what is not known is left out.
     """
-    record = provenance or {}
+    record = inputs.provenance or {}
+    config = record.get("config") or {}
     parts = [
-        _of_recordings(facts, recordings),
-        _of_contacts(facts),
-        _of_sections(facts),
-        *_of_verdict(verdict or {}),
+        _of_recordings(inputs, facts, config),
+        _of_gaps(inputs),
+        _of_floor(inputs, config),
+        *_of_contacts(inputs, facts),
+        *_of_landings(inputs, facts),
+        *_of_sections(inputs, facts, config),
+        *_of_verdict(inputs.verdict or {}),
         _of_software(record),
     ]
     text = " ".join(str(part) for part in parts if part)
-    return Methods(text.replace("\u00a0", " "), _cited_in(text, record))
+    version = (record.get("versions") or {}).get("hopdata")
+    return Methods(text.replace("\u00a0", " "), references(text, CITED, version))
 
 
-def _cited_in(text: str, record: Mapping[str, Any]) -> str:
-    """Return the references that a text cites, and hopdata itself."""
+def references(text: str, cited: Mapping[str, str], version: str | None) -> str:
+    """Return the references that a text cites, and hopdata itself, as BibTeX.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    cited : mapping
+        How each reference is cited in a text, by its key.
+    version : str, optional
+        That of hopdata, if it is known.
+    """
     entries = BIBTEX.read_text(encoding="utf-8").split("\n@")
     every = [entries[0], *(f"@{one}" for one in entries[1:])]
     found = []
     for entry in every:
         key = entry.partition("{")[2].partition(",")[0]
-        if key == ITSELF or CITED[key] in text:
+        if key == ITSELF or (key in cited and cited[key] in text):
             found.append(entry.strip())
-    version = (record.get("versions") or {}).get("hopdata")
     of_version = f"  version = {{{version}}},\n" if version else ""
     return "\n".join(found).replace("  version = {},\n", of_version) + "\n"
 
 
 def _of_recordings(
-    facts: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]
+    inputs: ReportInputs, facts: Mapping[str, Any], config: Mapping[str, Any]
 ) -> Message | None:
-    """Say what was recorded, or simulated."""
+    """Say what was recorded, or simulated, and of which markers."""
+    recordings = inputs.recordings
     rates = sorted({one["rate_hz"] for one in recordings if one.get("rate_hz")})
     if not rates or not facts["n_frames"]:
         return None
     one = recordings[0]
+    markers = config.get("markers") or {}
     values = {
         "recordings": counted(facts["n_recordings"], "recording"),
         "frames": f"{facts['n_frames']:,}",
         "rate": " and ".join(f"{rate:g}" for rate in rates),
-        "body": one.get("n_body"),
-        "feet": one.get("n_feet"),
+        "body": _counted_names(one.get("n_body"), markers.get("body")),
+        "feet": _counted_names(one.get("n_feet"), foot_names(_columns(inputs))),
     }
-    if facts["simulated"]:
+    if not facts["simulated"]:
+        return Message("report.methods_recordings", values)
+    entries = config.get("recordings") or [{}]
+    if any(entry.get("file") for entry in entries) or "simulation" not in config:
         return Message("report.methods_simulated", values)
-    return Message("report.methods_recordings", values)
+    values["scene"] = config["simulation"].get("scene")
+    cameras = config["motion_capture"]
+    values["noise"] = f"{1e3 * cameras['noise_m']:.2g}"
+    values["noise_of"] = cameras["noise_of"]
+    return Message("report.methods_scene", values)
 
 
-def _of_contacts(facts: Mapping[str, Any]) -> Message | None:
-    if facts["n_used"] is None:
+def _columns(inputs: ReportInputs) -> Sequence[Any]:
+    return () if inputs.touchdowns is None else tuple(inputs.touchdowns.columns)
+
+
+def _counted_names(number: Any, names: Sequence[str] | None) -> str:
+    """Return a number, and the names if they are as many."""
+    if not names or len(names) != number:
+        return str(number)
+    return f"{number} ({', '.join(names)})"
+
+
+def _of_gaps(inputs: ReportInputs) -> Message | None:
+    """Say how many positions were filled in, and how many landings hang on them."""
+    filled = inputs.filled
+    if filled is None or filled.empty or not filled["filled"].sum():
         return None
-    number = facts["n_schedules"]
     values = {
+        "filled": f"{int(filled['filled'].sum()):,}",
+        "missing": f"{int(filled['missing'].sum()):,}",
+    }
+    return Message("report.methods_filled", values)
+
+
+def _of_floor(inputs: ReportInputs, config: Mapping[str, Any]) -> Message | None:
+    """Say from what heights are measured."""
+    degrees = sorted({one["degree"] for one in inputs.floors.values()})
+    if degrees:
+        values = {
+            "degree": " to ".join(str(one) for one in {*degrees[:1], *degrees[-1:]})
+        }
+        return Message("report.methods_floor", values)
+    if (config.get("floor") or {}).get("enabled") is False:
+        return Message("report.methods_no_floor")
+    return None
+
+
+def _of_contacts(inputs: ReportInputs, facts: Mapping[str, Any]) -> list[Message]:
+    """Say how the contacts were found, and how sure they are."""
+    table = inputs.touchdowns
+    if table is None or facts["n_used"] is None:
+        return []
+    said = [Message(FOUND_BY.get(str(facts["method"]), "report.methods_by_other"))]
+    used = table[~excluded(table)]
+    alone_ms = _median_ms(used, "se_")
+    common_ms = _median_ms(used, "common_")
+    if alone_ms:
+        said.append(Message("report.methods_errors", {"errors": _range_of(alone_ms)}))
+    if max(common_ms, default=0.0) > 0.0:
+        values = {"errors": _range_of(common_ms)}
+        said.append(Message("report.methods_common", values))
+    return said
+
+
+def _median_ms(used: pd.DataFrame, kind: str) -> list[float]:
+    """Return the median of an error of each foot, ms; feet without one are left out."""
+    columns = [name for name in used.columns if name.startswith(kind)]
+    medians = 1e3 * used[columns].median()
+    return [float(one) for one in medians if one == one]
+
+
+def _range_of(values: Sequence[float]) -> str:
+    """Return the least and the largest of some values to two digits."""
+    least = significant(min(values), 2)
+    most = significant(max(values), 2)
+    return least if least == most else f"{least} to {most}"
+
+
+def _of_landings(inputs: ReportInputs, facts: Mapping[str, Any]) -> list[Message]:
+    """Say which landings were used, why others were not, and how sure orders are."""
+    if inputs.touchdowns is None or facts["n_used"] is None:
+        return []
+    values = {
+        "descents": f"{facts['n_descents']:,}",
         "landings": f"{facts['n_landings']:,}",
         "used": f"{facts['n_used']:,}",
         "excluded": f"{facts['n_excluded']:,}",
-        "orders": "in one order" if number == 1 else f"in {number} orders",
-        "how": Message(FOUND_BY.get(str(facts["method"]), "report.methods_by_other")),
+        "reasons": _reasons(inputs.touchdowns),
     }
-    name = "report.methods_contacts"
+    said = []
+    if facts["n_not_landed"]:
+        said.append(Message("report.methods_descents", values))
     if facts["n_excluded"] == 0:
-        name = "report.methods_contacts_all"
-    return Message(name, values)
+        said.append(Message("report.methods_landings_used", values))
+    else:
+        said.append(Message("report.methods_landings_excluded", values))
+    if facts["n_used"]:
+        said.append(_of_orders(inputs, facts))
+    return said
 
 
-def _of_sections(facts: Mapping[str, Any]) -> Message | None:
+def _reasons(touchdowns: pd.DataFrame) -> str:
+    """Return the reasons of landings not used with their numbers, the rarest as one."""
+    out = touchdowns[excluded(touchdowns)]
+    out = out[out["reason"] != NO_FOOT_LANDED]
+    reasons = out["reason"].astype(object).fillna("").replace("", "no reason given")
+    named = [with_names(str(one), touchdowns) for one in reasons]
+    counts = Counter(named).most_common()
+    told = [f"{reason}: {number}" for reason, number in counts[:MOST_REASONS]]
+    rest = sum(number for _, number in counts[MOST_REASONS:])
+    if rest:
+        told.append(f"other reasons: {rest}")
+    return "; ".join(told)
+
+
+def _of_orders(inputs: ReportInputs, facts: Mapping[str, Any]) -> Message:
+    """Say how many orders occur, and how many landings leave theirs unsure."""
+    table = inputs.touchdowns
+    assert table is not None  # it has landings
+    used = table[~excluded(table)]
+    unsure = int((used["order_class"] == "ambiguous").sum())
+    record = (inputs.provenance or {}).get("config") or {}
+    number = facts["n_schedules"]
+    values = {
+        "orders": "one order" if number == 1 else f"{number} orders",
+        "used": f"{facts['n_used']:,}",
+        "unsure": f"{unsure:,}",
+        "below": f"{(record.get('touchdowns') or {}).get('ambiguous_below', 0.9):g}",
+    }
+    if unsure:
+        return Message("report.methods_orders_unsure", values)
+    return Message("report.methods_orders", values)
+
+
+def _of_sections(
+    inputs: ReportInputs, facts: Mapping[str, Any], config: Mapping[str, Any]
+) -> list[Message]:
+    """Say where states were taken, how these heights were chosen, and from what."""
     if not facts["pre"] or not facts["post"]:
-        return None
-    values = {"pre": facts["pre"], "post": facts["post"]}
-    return Message("report.methods_sections", values)
+        return []
+    said = [
+        Message("report.methods_sections", {"pre": facts["pre"], "post": facts["post"]})
+    ]
+    if facts["pre_given"] and facts["post_given"]:
+        said.append(Message("report.methods_heights_given"))
+    elif facts["printed_rule"]:
+        said.append(Message("report.methods_heights_printed"))
+    else:
+        said.append(Message("report.methods_heights"))
+    said += _of_early_contacts(inputs)
+    by = (config.get("states") or {}).get("method")
+    if by in STATES_BY:
+        said.append(Message(STATES_BY[by]))
+    return said
+
+
+def _of_early_contacts(inputs: ReportInputs) -> list[Message]:
+    """Say in how many landings a foot touched before the pre section."""
+    table = inputs.touchdowns
+    if table is None or "t_pre_s" not in table:
+        return []
+    used = table[~excluded(table)]
+    instants = [name for name in table.columns if name.startswith("contact_")]
+    early_s = used["t_pre_s"] - used[instants].min(axis=1)
+    number = int((early_s > 0.0).sum())
+    if not number:
+        return []
+    values = {
+        "landings": counted(number, "landing"),
+        "most": significant(1e3 * early_s.max(), 2),
+    }
+    return [Message("report.methods_early", values)]
 
 
 def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
@@ -155,7 +324,8 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         return [_not_judged(verdict)]
     known = verdict.get("n_landings") or 0
     n_fitted = verdict.get("n_window") or known
-    counts = {"landings": f"{known:,}", "fitted": f"{n_fitted:,}"}
+    counts: dict[str, Any] = {"landings": f"{known:,}", "fitted": f"{n_fitted:,}"}
+    counts["far_off"] = _far_off(verdict)
     fitted = Message("report.methods_landings_all", counts)
     if n_fitted < known:
         fitted = Message("report.methods_landings_nearest", counts)
@@ -173,6 +343,14 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
         said.append(Message("report.methods_size", values))
     return said
+
+
+def _far_off(verdict: Mapping[str, Any]) -> Message | str:
+    """Say how many landings the verdict left out as far off; nothing if none."""
+    rows = [len(some) for some in (verdict.get("gross_errors") or {}).values()]
+    if not rows:
+        return ""
+    return Message("report.methods_far_off", {"count": f"{sum(rows):,}"})
 
 
 def _not_judged(verdict: Mapping[str, Any]) -> Message:
@@ -195,10 +373,12 @@ def _of_software(record: Mapping[str, Any]) -> Message | None:
     versions = record.get("versions") or {}
     if "hopdata" not in versions:
         return None
-    others = [f"{name} {versions[name]}" for name in STATED if name in versions]
+    others = [
+        f"{name} {versions[name]}, {CITED[name]}" for name in STATED if name in versions
+    ]
     values = {
         "version": versions["hopdata"],
-        "others": ", ".join(others),
+        "others": "; ".join(others),
         "seed": (record.get("config") or {}).get("seed", 0),
     }
     return Message("report.methods_software", values)

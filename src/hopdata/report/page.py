@@ -48,7 +48,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         many ``controls`` it has; ``has_forces``, whether contacts were compared with
         forces; ``mainly``, which orders differ most, in words;
         ``feet``, their names with their numbers. ``simulated``, whether the
-        recordings are of a simulation.
+        recordings are of a simulation; ``noise_left``, the share of the noise that
+        the corrected map allows for, if it is not all.
     """
     truth = inputs.truth or {}
     slopes = _by_name(truth, "scaling_slope_")
@@ -78,7 +79,20 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "feet": _numbered(_feet(inputs)),
         "simulated": bool(truth) or inputs.simulated or _from_simulation(inputs),
         "mainly": str((inputs.verdict or {}).get("mainly") or ""),
+        "noise_left": _noise_allowed_for(inputs.notes),
     }
+
+
+def _noise_allowed_for(notes: Sequence[str | Mapping[str, Any]]) -> str | None:
+    """Return the share of the noise that the corrected map allows for, if not all."""
+    shares = [
+        note["removed"]
+        for note in notes
+        if isinstance(note, Mapping) and "removed" in note
+    ]
+    if not shares:
+        return None
+    return show.with_unit(show.significant(100 * min(shares), 2), "%")
 
 
 def _method(touchdowns: pd.DataFrame | None) -> str | None:
@@ -318,15 +332,15 @@ def build_report(inputs: ReportInputs) -> str:
         pictures=placed_pictures(shown, facts, PLACES, "others"),
         all_seen=_all_seen(inputs),
         tables=_tables(inputs),
-        notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
+        notes=_notes(inputs),
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
-        methods=methods(facts, inputs.verdict, inputs.recordings, inputs.provenance),
+        methods=methods(inputs, facts),
         what_now=verdict.what_now(inputs.verdict),
         headline=verdict.decisive(inputs.verdict),
         cannot_tell=CANNOT_TELL_PAGE,
         distances_asked=inputs.distances_asked,
-        verdict_notes=[_note(note) for note in known.get("notes", ())],
+        verdict_notes=[_note(note) for note in verdict.further_notes(known)],
         config=as_yaml((inputs.provenance or {}).get("config")),
     )
 
@@ -588,6 +602,27 @@ def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> Sequence[Message]:
         else:
             notes.append(Message("report.lower_degree", values))
     return notes
+
+
+def _notes(inputs: ReportInputs) -> list[str | Message]:
+    """Return what could not be done; what has one reason is told together."""
+    of_reason: dict[str, list[str]] = {}
+    others = []
+    for note in inputs.notes:
+        what = reason = None
+        if isinstance(note, Mapping) and not note.get("code"):
+            what = note.get("what")
+            reason = note.get("reason")
+        if what and reason:
+            of_reason.setdefault(str(reason), []).append(str(what))
+        else:
+            others.append(note)
+    together = [
+        {"what": "; ".join(what), "reason": reason}
+        for reason, what in of_reason.items()
+    ]
+    floors = _floor_notes(inputs.floors)
+    return [_note(note) for note in (*together, *others, *floors)]
 
 
 def _note(note: str | Message | Mapping[str, Any]) -> str | Message:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from hopdata.arrays import pd
@@ -135,6 +136,8 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     said = (*SECTION_NAMES, "decided", "leverage")
     others = {key: value for key, value in sections.items() if key not in said}
     for key, value in show.flat(others):
+        if value == []:
+            continue
         words, text, unit = show.labelled(key, value)
         rows.append((DETAIL_NAMES.get(key, words), text, unit))
     head = ("quantity", "value", "unit")
@@ -455,7 +458,7 @@ NOT_ASKED = "not asked"
 MOST_FAULTS = 30
 MOST_EXCLUDED = 500
 # The reason in the table of touchdowns.
-NO_FOOT_LANDED = "no foot landed"
+NO_FOOT_LANDED = Message("landings.no_foot_landed").text()
 
 
 def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
@@ -563,13 +566,20 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
 def excluded_table(
     touchdowns: pd.DataFrame | None, levelled: Sequence[Recording] = ()
 ) -> show.Table | None:
-    """Return one row per descent not used, with its reason and its feet's heights."""
+    """Return one row per landing not used, with its reason and its feet's heights.
+
+    Descents in which no foot of the study landed are counted alone.
+    """
     from markupsafe import Markup
 
     by_name = {recording.name: recording for recording in levelled}
     out = None
+    n_others = 0
     if touchdowns is not None:
-        out = _left_out(touchdowns)
+        every = _left_out(touchdowns)
+        landed = every["reason"] != NO_FOOT_LANDED
+        n_others = int((~landed).sum())
+        out = every[landed]
     columns: dict[str, show.Cell] = {
         "recording": show.text("recording"),
         "reason": show.text("reason"),
@@ -580,5 +590,10 @@ def excluded_table(
         columns["feet, coloured as in 3-D, and when they touched"] = lambda row: Markup(
             small_plot(by_name.get(str(row["recording"])), row)
         )
-    title = "Every descent that is not used"
-    return show.first_rows(title, out, columns, MOST_EXCLUDED, "touchdowns", texts=2)
+    title = "Every landing that is not used"
+    table = show.first_rows(title, out, columns, MOST_EXCLUDED, "touchdowns", texts=2)
+    if table is None or not n_others:
+        return table
+    values = {"descents": counted(n_others, "descent"), "reason": NO_FOOT_LANDED}
+    note = f"{table.note} {Message('report.not_landings', values)}".strip()
+    return replace(table, note=note)

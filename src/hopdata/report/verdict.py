@@ -12,6 +12,7 @@ from hopdata.feet import with_foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report.group import by_answer, summaries
+from hopdata.report.group_methods import group_methods
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
@@ -51,8 +52,17 @@ def reach(verdict: Verdict | None) -> list[Message]:
     if facts["bound_below"]:
         values = {"bound": facts["bound_below"], "detectable": facts["detectable"]}
         said.append(Message("report.bound_below", values))
+    if facts["bound_within"]:
+        values = {"bound": facts["bound_within"], "allowed": facts["allowed"]}
+        said.append(Message("report.bound_within", values))
+    if facts["allowed"] and not facts["jumps"]:
+        values = {"confidence": facts["confidence"], "allowed": facts["allowed"]}
+        said.append(Message("report.at_least", values))
     if facts["over_landings"]:
-        said.append(Message("report.spent", {"over_landings": facts["over_landings"]}))
+        name = "report.may_be_spent"
+        if facts["conclusion"] == "different":
+            name = "report.spent"
+        said.append(Message(name, {"over_landings": facts["over_landings"]}))
     if facts["holds_from"]:
         values = {name: facts[name] for name in REACH}
         said.append(Message("report.unless_spent", values))
@@ -80,11 +90,26 @@ def answer(verdict: Verdict) -> list[Message | str]:
 def decisive(verdict: Verdict | None) -> list[Message | str]:
     """Return what the head of the page says limits a study that cannot tell.
 
-    It is the cause that costs most, and that there is one order only, if that is so.
+    It is the cause that costs most, and the next if the first is that there is one
+    order only.
     """
     causes = (verdict or {}).get("what_now") or []
-    shown = causes[:1] + [one for one in causes[1:] if one.get("code") == ONE_ORDER]
+    shown = causes[:1]
+    if shown and shown[0].get("code") == ONE_ORDER:
+        shown = causes[:2]
     return [told(cause, str(cause.get("said", ""))) for cause in shown]
+
+
+def further_notes(verdict: Verdict) -> list[Mapping[str, Any]]:
+    """Return the notes that the answer does not say already."""
+    sentence = verdict.get("messages", {}).get("sentence") or {}
+    reason = sentence.get("values", {}).get("reason")
+    said = reason.get("code") if isinstance(reason, Mapping) else reason
+    notes = []
+    for note in verdict.get("notes", ()):
+        if said is None or said not in (note.get("code"), note.get("reason")):
+            notes.append(note)
+    return notes
 
 
 def worded(verdict: Verdict, name: str) -> Message | str:
@@ -135,7 +160,8 @@ def verdict_facts(
         whether an effect was estimated at all; ``jumps``, whether a jump of the outcome
         decided; ``allowed``, by how much orders of one smooth map may seem to differ;
         ``detectable``, None if nothing could have been seen; ``bound_below``, the bound
-        of a study that found nothing, if it is below that; ``margin``, below which
+        of a study that found nothing, if it is below that; ``bound_within``, the same
+        bound, if it is below what is allowed for; ``margin``, below which
         a difference counts as none; ``over_landings``, the effect over the landings
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
@@ -158,6 +184,7 @@ def verdict_facts(
         "allowed": None,
         "detectable": None,
         "bound_below": None,
+        "bound_within": None,
         "difference": None,
         "true": None,
         "remark": str(remark(verdict, truth)),
@@ -179,11 +206,13 @@ def verdict_facts(
     if not facts["jumps"]:
         facts |= _reach_facts(known)
     facts["true"] = _true_effect(truth)
+    found = known["conclusion"] == "different"
     if effect.get("allowed") is not None:
         facts["allowed"] = _percent(effect["allowed"])
+        if not found and effect["upper_bound"] < effect["allowed"]:
+            facts["bound_within"] = _percent(effect["upper_bound"])
     if effect["detectable"] <= 1.0:
         facts["detectable"] = _percent(effect["detectable"])
-        found = known["conclusion"] == "different"
         if not found and effect["upper_bound"] < effect["detectable"]:
             facts["bound_below"] = _percent(effect["upper_bound"])
     facts["difference"] = _with_interval(effect)
@@ -428,16 +457,20 @@ def one_or_own_table(
         return None
     values: dict[str, Any] = {
         **one_or_own_facts(table, feet),
-        "short": _in_short(table),
-        "both": _both_true(table, verdict or {}),
+        "short": _in_short(table, verdict or {}),
     }
     note = Message("report.one_or_own_note", values)
     title = str(Message("report.so_what"))
     return show.table_of(title, table.to_dict("records"), ONE_OR_OWN, note=note)
 
 
-def _in_short(table: pd.DataFrame) -> Message:
-    """Return in one sentence what own maps gain beyond chance."""
+def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
+    """Return in short what own maps gain beyond chance, and what that means.
+
+    Where no difference was found, own maps can gain all the same: in the bundled C1
+    sample, third-order terms of all landings together take three quarters of what own
+    maps gain for the turn.
+    """
     better = table[table["gain_low"] > 0.0]
     if better.empty:
         return Message("report.so_what_nothing")
@@ -452,25 +485,14 @@ def _in_short(table: pd.DataFrame) -> Message:
             show.significant(most["missed_by_one"], 2), str(most["unit"])
         ),
     }
-    return Message("report.so_what_gains", values)
-
-
-def _both_true(table: pd.DataFrame, verdict: Verdict) -> str:
-    """Say how own maps can gain where no difference was found; else nothing.
-
-    In the bundled C1 sample, third-order terms of all landings together take three
-    quarters of what own maps gain for the turn.
-    """
-    effect = verdict.get("effect")
-    if effect is None or verdict["conclusion"] == "different":
-        return ""
-    if effect.get("allowed") is None or not (table["gain_low"] > 0.0).any():
-        return ""
-    values = {
-        "bound": _percent(effect["upper_bound"]),
-        "allowed": _percent(effect["allowed"]),
-    }
-    return f" {Message('report.so_what_both', values)}"
+    effect = verdict.get("effect") or {}
+    if effect.get("allowed") is None or verdict["conclusion"] == "different":
+        return Message("report.so_what_gains", values)
+    values["bound"] = _percent(effect["upper_bound"])
+    values["allowed"] = _percent(effect["allowed"])
+    if verdict["conclusion"] == "no difference":
+        return Message("report.so_what_small", values)
+    return Message("report.so_what_open", values)
 
 
 # The page of a group: answer, forest plot, conditions, and every member with its link.
@@ -520,6 +542,8 @@ def build_group_page(
         highlights=_highlights(group),
         pictures=[picture_of(one, {"one_by_one": one_by_one}) for one in figures],
         one_by_one=one_by_one,
+        methods=group_methods(group),
+        some_without=any(row["reason"] for row in rows),
         summaries=summed,
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
@@ -548,7 +572,11 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         ("Difference over subjects (rms)", _percent(effect["estimate"]), interval),
         ("At most", _percent(effect["upper_bound"]), "one-sided bound of the rms"),
         studies,
-        ("Between subjects (I²)", _percent(model["i2"]), f"Q = {q}, p = {p}"),
+        (
+            "Between subjects (I²)",
+            _percent(model["i2"]),
+            f"Q = {q}, p = {p}; what smooth terms leave counts, too",
+        ),
     ]
 
 

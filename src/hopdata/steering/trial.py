@@ -135,7 +135,7 @@ def true_stances(
     follows = np.zeros(len(start_s), dtype=bool)
     follows[1:] = np.isclose(start_s[1:], end_s[:-1], rtol=0, atol=1e-9) & stood[:-1]
     poses = motion[[*POSE, "boom_angle_rad"]].iloc[frame].reset_index(drop=True)
-    table = pd.DataFrame({"frame": frame, "time_s": frame / trial.rate_hz})
+    table = pd.DataFrame({"frame": frame + 1, "time_s": frame / trial.rate_hz})
     return table.join(poses).assign(follows=follows[stood])
 
 

@@ -307,15 +307,15 @@ class TrueStates:
         Orders of the contacts.
     spread_s : (n,) array
         Standard deviation of the contact instants, s.
-    index : (n,) array of int
-        Number of each landing in the truth.
+    touchdown : (n,) array of int
+        Number of each landing in the truth, from 1.
     """
 
     x: FloatArray
     y: FloatArray
     schedule: NDArray[np.str_]
     spread_s: FloatArray
-    index: IntArray
+    touchdown: IntArray
 
 
 @one_blas_thread()
@@ -349,8 +349,8 @@ def true_states(
             workers=1,
         )
         parts.append((rows, found))
-    index = np.concatenate([rows[found.whole] for rows, found in parts])
-    order = np.argsort(index)
+    numbers = 1 + np.concatenate([rows[found.whole] for rows, found in parts])
+    order = np.argsort(numbers)
 
     def joined(name: str) -> Any:
         """Return a property of the landings that count, in the truth's order."""
@@ -362,7 +362,7 @@ def true_states(
         y=marker_states(joined("post_state"), sections.points_m),
         schedule=joined("schedule"),
         spread_s=joined("contact_s").std(axis=1),
-        index=index[order],
+        touchdown=numbers[order],
     )
 
 

@@ -452,7 +452,9 @@ def off(system, params, rtols):
     columns = []
     for change in 1e-4 * np.eye(2):
         ends = [
-            solve(system, PAD_SPAN, PAD_START + k * change, params=params, rtol=1e-13).y_end
+            solve(
+                system, PAD_SPAN, PAD_START + k * change, params=params, rtol=1e-13
+            ).y_end
             for k in (-2, -1, 1, 2)
         ]
         columns.append((ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / 12e-4)
@@ -460,7 +462,9 @@ def off(system, params, rtols):
     errors = []
     estimates = []
     for rtol in rtols:
-        found = solve(system, PAD_SPAN, PAD_START, params=params, rtol=rtol, jacobian=True)
+        found = solve(
+            system, PAD_SPAN, PAD_START, params=params, rtol=rtol, jacobian=True
+        )
         errors.append(np.abs(found.jacobian - exact).max() / np.abs(exact).max())
         estimates.append(found.jacobian_error)
     return np.array(errors), np.array(estimates)

@@ -108,7 +108,7 @@ def test_only_used_touchdowns_of_all_recordings():
     found = assemble_pairs([SCENE.recording, second], both, **SECTIONS)
     assert len(found) == 59
     assert found.recording.tolist() == ["second"] * 19 + ["synthetic"] * 40
-    assert 3 not in found.index[:19]
+    assert 4 not in found.touchdown[:19]
     same = assemble_pairs([second, SCENE.recording], both, **SECTIONS)
     np.testing.assert_array_equal(same.x, found.x)
 
@@ -215,14 +215,14 @@ def test_a_state_without_frames_is_left_out_and_logged(caplog):
     at = np.searchsorted(SCENE.recording.time, TABLE["t_pre_s"].iloc[5])
     positions[at - 40 : at + 4, 1] = np.nan
     found = pairs(replace(SCENE.recording, positions=positions))
-    assert 5 not in found.index
+    assert 6 not in found.touchdown
     assert len(found) == 39
     at_s = TABLE["t_pre_s"].iloc[5]
     assert (
         f"too few frames of the body markers for states at {at_s:.2f} s" in caplog.text
     )
     marked = exclude_stateless(TABLE, found)
-    assert marked.loc[marked["excluded"], "touchdown"].tolist() == [5]
+    assert marked.loc[marked["excluded"], "touchdown"].tolist() == [6]
     assert marked.loc[5, "reason"] == STATELESS
     assert not exclude_stateless(TABLE, pairs())["excluded"].any()
     assert {r.levelname for r in caplog.records} == {"INFO"}, (
@@ -357,9 +357,9 @@ def _huge(file):
 
 
 def _short(file):
-    rows = file["index"][:-1]
-    del file["index"]
-    file["index"] = rows
+    rows = file["touchdown"][:-1]
+    del file["touchdown"]
+    file["touchdown"] = rows
 
 
 def _of_texts(file):
@@ -377,7 +377,7 @@ def _of_texts(file):
             "x is no dataset",
         ),
         (_huge, "more numbers than the file has bytes"),
-        (_short, r"rows of index, not \d+"),
+        (_short, r"rows of touchdown, not \d+"),
         (_of_texts, "x has no numbers"),
         (lambda file: file.attrs.pop("body_markers"), "body_markers"),
     ],

@@ -154,7 +154,7 @@ def study(kink=0.0):
         y=post,
         schedule=np.where(first, "1>2>3", "3>2>1"),
         recording=np.full(COUNT, "one"),
-        index=np.arange(COUNT),
+        touchdown=np.arange(COUNT) + 1,
     )
     exact = {
         "body_points_m": POINTS.tolist(),
@@ -176,7 +176,9 @@ def measured(true, noise=0.0):
     turn = rotations(np.array([0.6]), np.zeros(1), np.zeros(1))[0]
     x, y = (homed(states, turn, [0.3, -2.0]) for states in (true.x, true.y))
     x, y = (states + noise * rng.normal(size=states.shape) for states in (x, y))
-    return SimpleNamespace(x=x, y=y, recording=true.recording, index=true.index + 5)
+    return SimpleNamespace(
+        x=x, y=y, recording=true.recording, touchdown=true.touchdown + 5
+    )
 
 
 def test_states_in_another_frame_have_no_error_and_noise_has_its_own():
@@ -195,7 +197,9 @@ def test_touchdowns_find_their_true_landing_by_time():
     kept = np.arange(COUNT) != 7
     true = SimpleNamespace(**{name: value[kept] for name, value in vars(true).items()})
     instants = np.arange(COUNT)[:, None] * 0.6 + [0.0, 0.01, 0.02]
-    pairs = SimpleNamespace(recording=np.full(4, "one"), index=np.array([9, 2, 4, 3]))
+    pairs = SimpleNamespace(
+        recording=np.full(4, "one"), touchdown=np.array([9, 2, 4, 3])
+    )
     table = pd.DataFrame(
         {"recording": "one", "touchdown": [2, 3, 4, 9], "excluded": False}
     )

@@ -102,7 +102,7 @@ def test_few_landings_in_one_order_need_a_second_order_too():
     )
     once = [{"order": "2 → 3 → 1", "landings": 42}]
     found = limits_of_reason(too_few, once)
-    assert [one.cause for one in found] == ["landings", "orders"]
-    assert "one order occurs, 2 → 3 → 1, in all 42 landings" in str(found[1].said)
+    assert [one.cause for one in found] == ["orders", "landings"]
+    assert "one order occurs, 2 → 3 → 1, in all 42 landings" in str(found[0].said)
     both = [*once, {"order": "1 → 2 → 3", "landings": 8}]
     assert [one.cause for one in limits_of_reason(too_few, both)] == ["landings"]

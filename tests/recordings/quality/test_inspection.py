@@ -15,8 +15,8 @@ from made_up_hopper import (
     with_swap,
 )
 
-from hopdata.commands.listing import listing
 from hopdata.errors import RecordingError
+from hopdata.inspecting.listing import listing
 from hopdata.recording import Recording
 from hopdata.recordings.quality.inspection import (
     inspect_recording,

@@ -435,7 +435,8 @@ def compiled_aloud(function: Any, compiler: Any, cached: bool, what: str) -> Any
         by_another = folder.glob(f"*/*{function.__name__}-*.nbi")
         if any(by_another):  # compiled meanwhile
             return compiler(function)
-    say(f"compiling {what} of one core; later processes load it")
+    say(f"compiling {what} of one core, minutes on a busy computer")
+    say("later processes load it")
     started = time.monotonic()
     compiled = compiler(function)
     where = NOT_KEPT if folder is None else f"it is kept in {folder.parent}"

@@ -252,10 +252,15 @@ def stage_jacobian(  # noqa: PLR0913 (the arguments of a tangent)
         phi[shifted, j] = s[at.SCRATCH, j]
 
 
+def _entry(terms: str) -> str:
+    """Return code for a sum of rows of a table as one for entries of blocks."""
+    return terms.replace("s[", "phi[").replace(", i]", ", e]")
+
+
 def _matrices(target: str, weights: Sequence[float]) -> list[str]:
     """Return code that forms a whole block entry by entry, which vectorises."""
     blocks = [f"3 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(len(weights))]
-    terms = combination(weights, blocks).replace("s[", "phi[").replace(", i]", ", e]")
+    terms = _entry(combination(weights, blocks))
     return [
         "for e in range(N * N):",
         INDENT + f"phi[{target}, e] = phi[0, e] + dt * ({terms})",
@@ -349,7 +354,9 @@ def _embedded_error(tableau: Tableau) -> list[str]:
     lines.append("for e in range(N * N):")
     stored = []
     for k, weights in enumerate(tableau.errors):
-        terms = combination(weights, blocks).replace("s[", "phi[").replace(", i]", ", e]")
+        terms = (
+            combination(weights, blocks).replace("s[", "phi[").replace(", i]", ", e]")
+        )
         lines.append(INDENT + f"e{k} = dt * ({terms})")
         stored.append(INDENT + f"phi[{targets[k]}, e] = e{k}")
     other = targets[1] if len(tableau.errors) > 1 else "-1"
@@ -464,8 +471,8 @@ def tangent_code(tableau: Tableau) -> list[str]:
 # every stage of a method. No stages are needed, so the step may end anywhere on an
 # interpolant, such as at a flip.
 #
-# The driver writes the states at the two points into rows SCRATCH and SLOPE, and that in
-# the middle into LEAST. Where A changes, it is evaluated there, too: the second
+# The driver writes the states at the two points into rows SCRATCH and SLOPE, and that
+# in the middle into LEAST. Where A changes, it is evaluated there, too: the second
 # difference of the three shows whether A is smooth. If it is, differences fall by the
 # same ratio from each order to the next, and the error follows from the first two. If
 # it is not, as beside the surface of a contact, they do not fall, and the second

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import one_blas_thread, pd
+from hopdata.arrays import IntArray, one_blas_thread, pd
 from hopdata.errors import chosen
 from hopdata.landings.contacts import joined
 from hopdata.landings.contacts.altered import with_processing
@@ -140,8 +140,11 @@ def _kink_contacts(
         numbers = [n for n, own in enumerate(markers) if own == same]
         numbers.sort(key=lambda n: descending[n].recording.name)
         paces = [descending[n].recording.time_scale for n in numbers]
+        # Sums round by their order, and on few landings the last digits can decide
+        # what these learn: the order must not be that of names or of a list.
+        order = _order_by_heights(trials[numbers[0]])
         found = find_all_contacts(
-            [trials[n] for n in numbers],
+            [_in_order(trials[n], order) for n in numbers],
             window_before_s=[
                 _at_time_scale(window_before_s, time_scale) for time_scale in paces
             ],
@@ -150,7 +153,8 @@ def _kink_contacts(
             ],
             **options,
         )
-        for n, of_markers in zip(numbers, found, strict=True):
+        for n, in_order in zip(numbers, found, strict=True):
+            of_markers = _contacts_in_order(in_order, np.argsort(order))
             contacts[n] = with_processing(
                 descending[n].recording, _of_feet(of_markers, trials[n].foot_of)
             )
@@ -183,6 +187,36 @@ def _trial_of(found: Descending) -> Trial:
         correlation=noise_correlation(recording.body),
         foot_of=tuple(foot for foot, own in enumerate(parts) for _ in own),
         body=body_height(recording),
+    )
+
+
+def _order_by_heights(trial: Trial) -> IntArray:
+    """Return the numbers of the markers, foot by foot, in order of their heights."""
+    of_marker = np.nan_to_num(trial.heights).sum(axis=0).tolist()
+    of_foot: dict[int, float] = {}
+    for foot, height in zip(trial.foot_of, of_marker, strict=True):
+        of_foot[foot] = min(of_foot.get(foot, np.inf), height)
+    feet = [of_foot[foot] for foot in trial.foot_of]
+    return np.lexsort((of_marker, trial.foot_of, feet))
+
+
+def _in_order(trial: Trial, order: IntArray) -> Trial:
+    """Return a trial with its markers in an order, and its feet numbered by it."""
+    feet = [trial.foot_of[marker] for marker in order.tolist()]
+    numbers = {foot: number for number, foot in enumerate(dict.fromkeys(feet))}
+    foot_of = tuple(numbers[foot] for foot in feet)
+    return replace(trial, heights=trial.heights[:, order], foot_of=foot_of)
+
+
+def _contacts_in_order(contacts: Contacts, order: IntArray) -> Contacts:
+    """Return contacts with their markers in an order."""
+    return replace(
+        contacts,
+        instant=contacts.instant[:, order],
+        se=contacts.se[:, order],
+        status=contacts.status[:, order],
+        earliest=contacts.earliest[:, order],
+        common=contacts.common[order],
     )
 
 
@@ -235,7 +269,8 @@ def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
         statuses.append(status)
         # The foot shares the error of the marker that touches first most often.
         known = np.where(np.isfinite(of_markers), of_markers, np.inf)
-        first_marker = known.argmin(axis=1)
+        # Where no marker is timed, none is first.
+        first_marker = known.argmin(axis=1)[np.isfinite(of_markers).any(axis=1)]
         usual_first = np.bincount(first_marker, minlength=1).argmax()
         common.append(contacts.common[own][usual_first])
     return replace(

@@ -242,7 +242,7 @@ def sinks(
     is_lower = np.isfinite(before_m) & (after_m < before_m)
     for row in np.flatnonzero(is_lower).tolist():
         frames_m = seen_m[begin[row] : end[row]]
-        frames_m = frames_m[: _stays_until(frames_m)]
+        frames_m = frames_m[: stays_until(frames_m)]
         after_m = frames_m[int(yielded[row] - begin[row]) :]
         if not len(after_m):
             continue
@@ -256,7 +256,7 @@ def sinks(
             time, height, contact_s[row], noise_m, most_m_s2=leg_m_s2
         ):
             sunk_m = to_floor_m
-        if sunk_m > bounce_share * _rises(frames_m):
+        if sunk_m > bounce_share * rises(frames_m):
             sinks_m[timed[row]] = sunk_m
     return sinks_m
 
@@ -319,13 +319,13 @@ def _leaves(time: FloatArray, height: FloatArray, contact_s: float) -> float:
     """Return when a foot (N,) leaves the floor again, or the search ends, s."""
     begin, end = np.searchsorted(time, [contact_s, contact_s + DOWN_S])
     frames_m = np.where(np.isnan(height[begin:end]), np.inf, height[begin:end])
-    stays = _stays_until(frames_m)
+    stays = stays_until(frames_m)
     if stays == len(frames_m):
         return contact_s + DOWN_S
     return float(time[begin + stays - 1])
 
 
-def _rises(heights: FloatArray) -> float:
+def rises(heights: FloatArray) -> float:
     """Return how far a foot rises before it is lowest, m; `heights` (n,) are frames."""
     until_lowest = heights[: int(np.argmin(heights)) + 1]
     seen = until_lowest[np.isfinite(until_lowest)]
@@ -351,7 +351,7 @@ def _creeps(heights: FloatArray, sunk_m: float, noise_m: float) -> bool:
     return bool(rms_m < EVENLY_SIGMAS * noise_m)
 
 
-def _stays_until(heights: FloatArray) -> int:
+def stays_until(heights: FloatArray) -> int:
     """Return the frame of these (n,), m, in which a foot has left the floor again."""
     is_seen = np.isfinite(heights)
     lowest_m = np.minimum.accumulate(heights)

@@ -39,16 +39,17 @@ from hopdata.landings.contacts.glides import (
     last_descents,
 )
 from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
-from hopdata.landings.contacts.law import UNDETERMINED_S, FootHeights, Trials, taken
+from hopdata.landings.contacts.law import (
+    LEAVES,
+    UNDETERMINED_S,
+    FootHeights,
+    Trials,
+    taken,
+)
 from hopdata.landings.contacts.learning import FEW, pooled_noises
 from hopdata.landings.contacts.noise import height_noise, widening
+from hopdata.landings.contacts.too_high import low_enough_from
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
-
-#: Rise at which a foot has left the floor again, in standard deviations of a height.
-#: Frames from then on are left out: when such feet were taken to stand, contacts came
-#: out 0.5 to 2 ms early.
-#: Unit: standard deviations. Origin: chosen.
-LEAVES = 8.0
 
 #: Fewest frames of a flight from which the body's acceleration is taken.
 #: Unit: frames. Origin: chosen.
@@ -62,6 +63,10 @@ FALL_S = 0.08
 #: at which the animal falls freely: legs and arms move against the body.
 #: Unit: 1. Origin: chosen.
 NEAR_GRAVITY = 0.2
+
+#: Times that contacts are fitted again, from where feet are low enough to touch.
+#: Unit: 1. Origin: chosen.
+MOST_ROUNDS = 3
 
 Method = Callable[..., tuple[FloatArray, FloatArray]]
 _OWN: dict[str, Method | None] = {
@@ -280,6 +285,57 @@ def find_all_contacts(
         _rough(trial, after_s)
         for trial, (_, after_s) in zip(trials, asked_s, strict=True)
     ]
+    if gravity == "learned" and _fall_freely(trials, rough):
+        gravity = kink_law.FALLS
+    round_of = partial(
+        _round, trials, asked_s=asked_s, gravity=gravity, limit=maximum_misfit
+    )
+    one = _low_enough(trials, round_of, rough)
+    found = []
+    for number, (trial, known) in enumerate(zip(trials, one.rough, strict=True)):
+        short_s = passes.windows_of_at_least(
+            trial.time, asked_s[number], passes.SHORT_WINDOWS_S
+        )
+        contacts = _after_falls(trial, one.contacts[number], known.noise_m)
+        rolls = bool(one.about_fit_m[number] > ROLLS * known.noise_m)
+        judged = one.judged[number]
+        found.append(
+            _after_glides(trial, contacts, known, judged, short_s, gravity, rolls=rolls)
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class _Round:
+    """Contacts of all recordings, fitted from what was known of them before.
+
+    Parameters
+    ----------
+    rough : list of _Rough
+        What was known of them.
+    contacts : list of Contacts
+        The contacts of each recording.
+    judged : sequence of callable
+        Judges other fits of each recording: see `_judged`.
+    about_fit_m : (R,) array
+        Noise of the heights of each recording about the fits, m.
+    """
+
+    rough: list[_Rough]
+    contacts: list[Contacts]
+    judged: Sequence[Callable[..., Contacts]]
+    about_fit_m: FloatArray
+
+
+def _round(
+    trials: Sequence[Trial],
+    rough: list[_Rough],
+    *,
+    asked_s: Sequence[tuple[float | None, float | None]],
+    gravity: str,
+    limit: float,
+) -> _Round:
+    """Fit the contacts of all recordings once; `limit` is the largest misfit."""
     feet = [
         FootHeights(
             trial.time,
@@ -292,8 +348,6 @@ def find_all_contacts(
         for trial, known, asked in zip(trials, rough, asked_s, strict=True)
     ]
     side_by_side = Trials.of(feet, [len(known.near) for known in rough])
-    if gravity == "learned" and _fall_freely(trials, rough):
-        gravity = kink_law.FALLS
     noise_m = np.array([known.noise_m for known in rough])
     status = np.concatenate([known.status for known in rough])
     fitted = passes.fit_contacts(
@@ -308,21 +362,75 @@ def find_all_contacts(
         gravity=gravity,
     )
     about_fit_m = pooled_noises(fitted.fits, side_by_side, noise_m)
-    found = []
-    for number, (trial, known) in enumerate(zip(trials, rough, strict=True)):
-        judged = partial(
-            _judged, trial, noise_m=float(about_fit_m[number]), limit=maximum_misfit
+    judged = [
+        partial(_judged, trial, noise_m=float(own_m), limit=limit)
+        for trial, own_m in zip(trials, about_fit_m, strict=True)
+    ]
+    contacts = [
+        judge(known, fitted, number)
+        for number, (judge, known) in enumerate(zip(judged, rough, strict=True))
+    ]
+    return _Round(rough, contacts, judged, about_fit_m)
+
+
+def _low_enough(
+    trials: Sequence[Trial],
+    round_of: Callable[[list[_Rough]], _Round],
+    rough: list[_Rough],
+) -> _Round:
+    """Fit contacts, and again later where the foot was still too high to touch.
+
+    One that is too high has the status `GLIDES` if no later one can be trusted.
+    """
+    one = round_of(rough)
+    refuted = [np.zeros(known.near.shape, dtype=bool) for known in rough]
+    for _ in range(MOST_ROUNDS):
+        higher = [
+            _too_high(trial, its, known)
+            for trial, its, known in zip(trials, one.contacts, one.rough, strict=True)
+        ]
+        if not any(too_high.any() for _, too_high in higher):
+            break
+        refuted = [
+            before | too_high
+            for before, (_, too_high) in zip(refuted, higher, strict=True)
+        ]
+        one = round_of([known for known, _ in higher])
+    contacts = []
+    for trial, its, known, too_high in zip(
+        trials, one.contacts, one.rough, refuted, strict=True
+    ):
+        glides_on = too_high & (its.status != descents.LANDED)
+        glides_on |= _too_high(trial, its, known)[1]
+        status = np.where(glides_on, descents.GLIDES, its.status)
+        contacts.append(replace(its, status=status))
+    return replace(one, contacts=contacts)
+
+
+def _too_high(
+    trial: Trial, contacts: Contacts, rough: _Rough
+) -> tuple[_Rough, BoolArray]:
+    """Return what is known once contacts that are too high are refuted, and which are.
+
+    Contacts without a kink keep their large errors.
+    """
+    near = rough.near.copy()
+    earliest = rough.earliest.copy()
+    refuted = np.zeros(near.shape, dtype=bool)
+    has_kink = (contacts.status == descents.LANDED) & (contacts.se < UNDETERMINED_S)
+    for landing, marker in np.argwhere(has_kink).tolist():
+        low_from_s = low_enough_from(
+            trial.time,
+            trial.heights[:, marker],
+            float(contacts.instant[landing, marker]),
+            rough.noise_m,
         )
-        contacts = judged(known, fitted, number)
-        short_s = passes.windows_of_at_least(
-            trial.time, asked_s[number], passes.SHORT_WINDOWS_S
-        )
-        contacts = _after_falls(trial, contacts, known.noise_m)
-        rolls = bool(about_fit_m[number] > ROLLS * known.noise_m)
-        found.append(
-            _after_glides(trial, contacts, known, judged, short_s, gravity, rolls=rolls)
-        )
-    return found
+        if low_from_s is None:
+            continue
+        refuted[landing, marker] = True
+        earliest[landing, marker] = low_from_s
+        near[landing, marker] = max(near[landing, marker], low_from_s)
+    return replace(rough, near=near, earliest=earliest), refuted
 
 
 def _after_falls(trial: Trial, contacts: Contacts, noise_m: float) -> Contacts:

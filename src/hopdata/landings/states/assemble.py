@@ -188,7 +188,7 @@ def farthest_marker(recordings: Sequence[Recording]) -> str:
 
 def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
     """Return the touchdown table with touchdowns that have no pair excluded."""
-    paired = set(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
+    paired = set(zip(pairs.recording.tolist(), pairs.touchdown.tolist(), strict=True))
     rows = zip(table["recording"], table["touchdown"], strict=True)
     has_no_pair = np.array([row not in paired for row in rows])
     stateless = has_no_pair & ~table["excluded"].to_numpy(bool)
@@ -304,7 +304,7 @@ def _pairs_of(
         schedule=kept["schedule"].to_numpy(str),
         spread_s=kept["spread_s"].to_numpy(float),
         recording=kept["recording"].to_numpy(str),
-        index=kept["touchdown"].to_numpy(np.int64),
+        touchdown=kept["touchdown"].to_numpy(np.int64),
         body_markers=recording.names("body"),
         x_se=x_se[whole],
         y_se=y_se[whole],

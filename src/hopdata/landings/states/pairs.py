@@ -30,8 +30,8 @@ class Pairs(Shown):
         Standard deviation of the contact instants, s.
     recording : (n,) str array
         Names of the recordings.
-    index : (n,) int array
-        Number of the touchdown in its recording's table.
+    touchdown : (n,) int array
+        Number of the touchdown in its recording's table, from 1.
     body_markers : tuple of str
         Names of the body markers.
     length_unit_m, time_unit_s : float
@@ -55,7 +55,7 @@ class Pairs(Shown):
     schedule: NDArray[np.str_]
     spread_s: FloatArray
     recording: NDArray[np.str_]
-    index: NDArray[np.int64]
+    touchdown: NDArray[np.int64]
     body_markers: tuple[str, ...]
     length_unit_m: float = 1.0
     time_unit_s: float = 1.0
@@ -129,7 +129,7 @@ DESCRIPTIONS = {
     ),
     "spread_s": "standard deviation of the contact instants of the touchdown, s",
     "recording": "name of the recording",
-    "index": "number of the touchdown in its recording's table",
+    "touchdown": "number of the touchdown in its recording's table, from 1",
     "instants": "contact instants of the feet, s",
     "instants_se": "standard errors of the contact instants, s",
     "feet": (

@@ -213,7 +213,7 @@ def _estimates(
         ),
     }
     maps = {}
-    notes = []
+    notes: list[dict[str, Any]] = []
     for name, what in ESTIMATORS.items():
         try:
             maps[name] = estimators[name]()
@@ -222,8 +222,12 @@ def _estimates(
             continue
         removed = maps[name].removed
         if 0.0 < removed < 1.0:
-            reason = f"only {removed:.2g} of the noise covariance could be taken off"
-            notes.append({"what": f"landing map, {what}", "reason": reason})
+            reason = (
+                f"only {100 * removed:.2g} % of the noise covariance could be taken "
+                "off, since the states vary little beyond it"
+            )
+            note = {"what": f"landing map, {what}", "reason": reason}
+            notes.append({**note, "removed": float(removed)})
     return MapEstimates(
         maps=maps,
         n_landings=len(inputs),

@@ -249,8 +249,8 @@ def true_rows(
     Parameters
     ----------
     pairs, true
-        Measured and true `Pairs`; the index of the true ones is the number of the
-        landing.
+        Measured and true `Pairs`; the touchdown of the true ones is the number of the
+        landing in the truth, from 1.
     table
         The study's touchdowns.
     contacts
@@ -260,16 +260,17 @@ def true_rows(
     """
     columns = [f"contact_{foot}_s" for foot in feet]
     by_touchdown = table.set_index(["recording", "touchdown"])[columns]
-    touchdowns = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
+    numbers = pairs.touchdown.tolist()
+    touchdowns = list(zip(pairs.recording.tolist(), numbers, strict=True))
     found = by_touchdown.loc[touchdowns].to_numpy(float)
 
-    landings = zip(true.recording.tolist(), true.index.tolist(), strict=True)
+    landings = zip(true.recording.tolist(), true.touchdown.tolist(), strict=True)
     row_of = {landing: row for row, landing in enumerate(landings)}
     rows = np.full(len(found), -1)
     for name, instants in contacts.items():
         of_recording = np.flatnonzero(pairs.recording == name)
         numbers = match_landings(found[of_recording], instants).tolist()
-        rows[of_recording] = [row_of.get((name, number), -1) for number in numbers]
+        rows[of_recording] = [row_of.get((name, number + 1), -1) for number in numbers]
     return rows
 
 

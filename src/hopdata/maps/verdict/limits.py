@@ -7,6 +7,7 @@ from hopdata.arrays import BoolArray
 from hopdata.feet import with_foot_names
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import inputs, rows
+from hopdata.maps.verdict.growth import Growth
 from hopdata.maps.verdict.model import LEFT, KinkFit
 from hopdata.maps.verdict.orders import OF_ORDER, PairEffect
 from hopdata.maps.verdict.signs import IN_A_ROW
@@ -21,6 +22,16 @@ FAINT = 1.3
 #: Unit: 1. Origin: measured: sections 50 to 70 mm below the contact bent maps of bodies
 #: by 0.001 to 0.005, and those among the lowest points by 0.1 and more (`grazing`).
 BENT = 0.02
+
+#: A difference whose slope over the contact spread is surely above this is noted.
+#: Unit: 1. Origin: measured: on bodies, kinks whose size was right had slopes surely
+#: above 0.15 at most, and those whose size was too large 0.25 and more, but one
+#: (verdict_growth.py, seeds 0 to 9).
+GROWS = 0.2
+
+#: Slope of a map whose curvature jumps, and not its derivative.
+#: Unit: 1. Origin: derived: a square has a derivative in proportion to the time.
+CURVATURE = 1.0
 
 #: Sizes of which one is larger by less than this share count as equal: relative error
 #: of a product of two numbers, with room.
@@ -105,6 +116,25 @@ def what_limits(
         change = [str(Message(SESSION_CODES[name])) for name in fit.session]
         notes.append(_note("session", change=" and ".join(change)))
     return notes
+
+
+def grows(growth: Growth | None) -> Notes:
+    """Return a note on a difference that grows with the time between contacts, if any.
+
+    `growth` is that of a difference that was found; None if it was not looked for.
+    """
+    if growth is None:
+        return []
+    values = {
+        "slope": f"{growth.slope:.2g}",
+        "low": f"{growth.low:.2g}",
+        "high": f"{growth.high:.2g}",
+    }
+    if growth.low > GROWS:
+        return [_note("grows", **values)]
+    if growth.high >= CURVATURE:
+        return [_note("may_grow", **values)]
+    return []
 
 
 def own_maps(effects: Sequence[PairEffect], names: Sequence[str] = ()) -> Notes:

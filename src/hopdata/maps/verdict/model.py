@@ -25,6 +25,7 @@ from hopdata.errors import AnalysisError
 from hopdata.maps import coordinates
 from hopdata.maps.coordinates import ALL_SETS_UP_TO
 from hopdata.maps.verdict import averaged
+from hopdata.maps.verdict.growth import Growth, growth
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings
 from hopdata.maps.verdict.saturation import (
     AtContact,
@@ -190,6 +191,16 @@ class KinkFit:
         instants = landings.expected[self.rows]
         rest = landings.unforetold.total
         return at_contact(self.smooth, self.shown, self.seen, instants, rest)
+
+    def growth(self, landings: SectionLandings) -> Growth | None:
+        """Return how the difference grows with the time between contacts.
+
+        See `growth.growth`; there is none of steps, and of two feet.
+        """
+        if self.smooth is None:
+            return None
+        instants = landings.expected[self.rows]
+        return growth(self.smooth, instants, landings.unforetold.total)
 
     def least_time_constant(
         self, landings: SectionLandings, share: float

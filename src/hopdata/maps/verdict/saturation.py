@@ -155,16 +155,24 @@ def mean_saturated(instants: FloatArray, rest: FloatArray) -> list[FloatArray]:
     rest
         (feet, feet) covariance of what is not foretold of them.
     """
-    moves = np.zeros((1, len(rest)))
-    if np.trace(rest) > NOTHING**2 * np.mean(instants**2):
-        moves = _normal_nodes(len(rest)) @ symmetric_root(rest)
-    moved = instants[:, None, :] + moves
+    moved = moved_instants(instants, rest)
     lengths = durations(moved.reshape(-1, len(rest)))
     means = []
     for time_constant in TIME_CONSTANTS:
         terms = saturated(lengths, time_constant)
-        means.append(terms.reshape(len(instants), len(moves), -1).mean(axis=1))
+        means.append(terms.reshape(*moved.shape[:2], -1).mean(axis=1))
     return means
+
+
+def moved_instants(instants: FloatArray, rest: FloatArray) -> FloatArray:
+    """Return instants (n, nodes, feet) moved by what is not foretold of them.
+
+    There is one node, which moves nothing, if all is foretold.
+    """
+    moves = np.zeros((1, len(rest)))
+    if np.trace(rest) > NOTHING**2 * np.mean(instants**2):
+        moves = _normal_nodes(len(rest)) @ symmetric_root(rest)
+    return np.asarray(instants[:, None, :] + moves)
 
 
 def _normal_nodes(dimensions: int) -> FloatArray:
@@ -219,12 +227,12 @@ def at_contact(
         )
         beyond = fit_beside(beside_kinks, terms)
         explained = beside_kinks.without(terms) @ beyond.coefficients
-        misfit = _misfit(beside_kinks.without(smooth.outputs) - explained)
-        found.append(AtContact(time_constant, slopes, beyond, misfit))
+        residuals = beside_kinks.without(smooth.outputs) - explained
+        found.append(AtContact(time_constant, slopes, beyond, misfit(residuals)))
     return tuple(found)
 
 
-def _misfit(residuals: FloatArray) -> float:
+def misfit(residuals: FloatArray) -> float:
     """Return minus twice the log-likelihood of residuals (n, q), but for a constant."""
     _, log_determinant = np.linalg.slogdet(residuals.T @ residuals)
     return float(len(residuals) * log_determinant)

@@ -90,13 +90,16 @@ def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]
     cause, sentence = found
     values = dict(getattr(error.args[0], "values", {}))
     values |= {"least_of_order": LEAST_CLASS}
+    if "least" in values and "found" in values:
+        values["missing"] = values["least"] - values["found"]
     told = [f"{one['order']} ({one['landings']})" for one in orders]
     values["orders"] = ", ".join(told) or "none"
     limits = [Limit(cause, None, Message(sentence, values))]
     if len(orders) == 1 and cause != "orders":
         # More of the same would not help: without a second order nothing is compared.
         of_one = {**orders[0], "least_of_order": LEAST_CLASS}
-        limits.append(Limit("orders", None, Message("maps.none_for_one_order", of_one)))
+        only = Limit("orders", None, Message("maps.none_for_one_order", of_one))
+        limits.insert(0, only)
     return limits
 
 

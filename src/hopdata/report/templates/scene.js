@@ -6,7 +6,7 @@ for (const root of document.querySelectorAll(".scene")) {
   const pen = canvas.getContext("2d");
   const colours = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#d55e00"];
   const bytes = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0)).buffer;
-  let yaw = 0.6, pitch = 0.25, zoom = 1, part, last = null;
+  let printing = false, yaw = 0.6, pitch = 0.25, zoom = 1, part, last = null;
 
   function take(number) {
     const { markers, roles, looks, contacts, middle, step, ...one } = parts[number];
@@ -42,7 +42,7 @@ for (const root of document.querySelectorAll(".scene")) {
     canvas.width = width * dots;
     canvas.height = height * dots;
     pen.setTransform(dots, 0, 0, dots, 0, 0);
-    const ink = getComputedStyle(canvas).color, scale = (zoom * 0.42 * Math.min(width, height)) / size;
+    const ink = printing ? "#1c1c1c" : getComputedStyle(canvas).color, scale = (zoom * 0.42 * Math.min(width, height)) / size;
     const [cx, cy, cz] = centre(at, frame, body.length ? body : all) ?? middle;
     const foot = Math.min(...feet.map((marker) => at(frame, marker)?.[2] ?? Infinity));
     const low = Math.min(0, Number.isFinite(foot) ? foot : 0), level = feet.length ? cz - 0.45 * size : cz;
@@ -110,7 +110,8 @@ for (const root of document.querySelectorAll(".scene")) {
     });
     const touched = order.filter(([t]) => t <= now).map(([t, n], k) => `${k + 1}. ${markers[feet[n]]} ${(1e3 * (t - order[0][0])).toFixed(1)} ms`);
     const height_mm = hub ? `, body at ${(1e3 * hub[2]).toFixed(0)} mm` : "";
-    told.textContent = `${now.toFixed(3)} s${height_mm}${touched.length ? `; down: ${touched.join(", ")}` : ""}`;
+    const from = order.length ? " from the pre section" : "";
+    told.textContent = `${now.toFixed(3)} s${from}${height_mm}${touched.length ? `; down: ${touched.join(", ")}` : ""}`;
     slider.setAttribute("aria-valuetext", `${now.toFixed(3)} s`);
   }
 
@@ -152,5 +153,7 @@ for (const root of document.querySelectorAll(".scene")) {
   });
   new ResizeObserver(() => part && draw()).observe(canvas);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  // Paper is white, whatever the screen is.
+  for (const when of ["beforeprint", "afterprint"]) addEventListener(when, () => ((printing = when === "beforeprint"), draw()));
   take(0);
 }

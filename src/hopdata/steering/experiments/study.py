@@ -302,7 +302,7 @@ def _tables(
                 "run": start.number,
             }
             pieces["runs"].append(_outcome_row(key, run))
-            columns = {**key, "stance": run.stances.index, **run.stances}
+            columns = {**key, "stance": run.stances.index + 1, **run.stances}
             pieces["stances"].append(pd.DataFrame(columns))
         if name == shown:
             # Of all other controllers, no run is kept.
@@ -424,7 +424,7 @@ def _curves(run: Run) -> pd.DataFrame:
     made = run.stances
     curves = []
     for name, columns in (("measured", MEASURED), ("response", PREDICTED)):
-        curve = pd.DataFrame({"curve": name, "stance": made.index})
+        curve = pd.DataFrame({"curve": name, "stance": made.index + 1})
         curve["time_s"] = made["time_s"] - made["time_s"].iloc[0]
         curve[POSE] = made[columns]
         curve["board_m"] = np.nan

@@ -190,7 +190,7 @@ def draw_starts(
         pose = np.array([0.0, 0.0, heading])
         if manoeuvre == ORIGIN:
             pose[:2] = distance_m * np.array([np.cos(bearing), np.sin(bearing)])
-        starts.append(Start(k, pose, stream))
+        starts.append(Start(k + 1, pose, stream))
     return starts
 
 

@@ -123,7 +123,7 @@ def learning_scores(
                 _, score = trained_and_scored(hops, train, test, chosen, seed + draw)
                 name_parts = name if isinstance(name, tuple) else (name,)
                 columns = dict(zip(names, name_parts, strict=True))
-                columns |= {"hops": size, "draw": draw}
+                columns |= {"hops": size, "draw": draw + 1}
                 tables.append(pd.DataFrame({**columns, **score}))
     return pd.concat(tables, ignore_index=True)
 

@@ -360,7 +360,7 @@ def _stance_table(name: str, stances: Stances, states: StanceStates) -> pd.DataF
     return pd.DataFrame(
         {
             "recording": name,
-            "frame": stances.frame,
+            "frame": stances.frame + 1,
             "time_s": stances.time_s,
             "height_m": stances.height_m,
             "x_m": states.pose[:, 0],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import textwrap
 from collections import Counter
 from collections.abc import Sequence
@@ -10,7 +9,6 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hopdata.commands import terminal
 from hopdata.errors import counted
 from hopdata.messages import Message
 
@@ -23,6 +21,11 @@ if TYPE_CHECKING:
 # Sizes of the listing: characters of a line, columns of the picture, suspects shown.
 WIDTH = 100
 COLUMNS = 50
+# Columns of the picture's table.
+PICTURE = ("marker", "height", "between", "gaps")
+# Time that the picture shows of a long recording, s, and how many spans begin in one.
+SHOWN_S = 5.0
+SPANS_IN_ONE = 10
 MOST_SUSPECTS = 20
 
 # Names of kinds of suspects that are not their own name.
@@ -51,45 +54,6 @@ PLAIN = str.maketrans(HEIGHTS + PARTLY + UNSEEN, "#" * len(HEIGHTS) + "+.")
 Devices = Sequence[tuple[str, str]]
 
 
-def show(inspection: Inspection, file: str, devices: Devices = ()) -> None:
-    """Print the listing of a file, with its tables drawn if stdout is a terminal."""
-    encoding = sys.stdout.encoding or "ascii"
-    if sys.stdout.isatty():
-        _draw(inspection, file, encoding, devices)
-    else:
-        print(listing(inspection, file, encoding=encoding, devices=devices))
-
-
-def _draw(inspection: Inspection, file: str, encoding: str, devices: Devices) -> None:
-    """Print the listing on a terminal."""
-
-    def encodable(text: str) -> str:
-        return _encodable(text, encoding)
-
-    head = [*_head(inspection, file, devices), "", _legend(inspection)]
-    print(encodable("\n".join(head)))
-    bars = _bars(inspection)
-    terminal.draw_table(
-        {"marker": "left", "height": "left", "gaps": "left"},
-        [
-            (encodable(gaps.marker), encodable(bar), _in_numbers(gaps, inspection))
-            for gaps, bar in zip(inspection.gaps, bars, strict=True)
-        ],
-    )
-    suspects = inspection.suspects()
-    print(f"  {answer(inspection)}")
-    if suspects:
-        terminal.draw_table(
-            {"kind": "left", "frame": "right", "s": "right", "what": "left"},
-            [
-                (one.kind, f"{one.start + 1}", f"{one.time_s:.3f}", encodable(one.text))
-                for one in suspects[:MOST_SUSPECTS]
-            ],
-        )
-    for line in _further(len(suspects)):
-        print(line)
-
-
 def listing(
     inspection: Inspection,
     file: str,
@@ -110,12 +74,12 @@ def listing(
     devices : sequence of (str, str)
         A key and a text for what the file holds beside markers, from `devices`.
     """
-    lines = [*_head(inspection, file, devices), "", *_picture(inspection), ""]
+    lines = [*head(inspection, file, devices), "", *_listed_picture(inspection), ""]
     lines += _suspects(inspection)
-    return _encodable("\n".join(lines), encoding)
+    return encodable("\n".join(lines), encoding)
 
 
-def _encodable(text: str, encoding: str) -> str:
+def encodable(text: str, encoding: str) -> str:
     """Return a text, in ASCII if the encoding lacks one of its signs or is unknown."""
     try:
         text.encode(encoding)
@@ -129,25 +93,34 @@ def answer(inspection: Inspection) -> str:
     """Answer in one sentence whether anything is wrong."""
     kinds = Counter(suspect.kind for suspect in inspection.suspects())
     if not kinds:
-        return str(Message("commands.nothing_suspect"))
+        return str(Message("inspecting.nothing_suspect"))
     parts = [counted(number, KINDS.get(kind, kind)) for kind, number in kinds.items()]
     values = {"number": counted(kinds.total(), "suspect"), "kinds": ", ".join(parts)}
-    return str(Message("commands.suspects", values))
+    return str(Message("inspecting.suspects", values))
 
 
 # Facts, and what is unsure.
 
 
-def _head(inspection: Inspection, file: str, devices: Devices) -> list[str]:
-    lines = [file, *_facts(inspection)]
-    for key, text in devices:
-        lines += _wrapped(key, text)
-    for note in notes(inspection):
-        lines += _wrapped("note", note)
-    return [*lines, "", *_rigid(inspection)]
+def head(
+    inspection: Inspection, file: str, devices: Devices, *, width: int = WIDTH
+) -> list[str]:
+    """Return the lines above the picture: facts, questions, and rigid parts."""
+    facts = [
+        *_facts(inspection),
+        *devices,
+        *(("note", note) for note in notes(inspection)),
+    ]
+    lines = [file]
+    for key, text in facts:
+        lines += _wrapped(key, text, width)
+    lines.append("")
+    for key, text in _rigid(inspection):
+        lines += _wrapped(key, text, width)
+    return lines
 
 
-def _facts(inspection: Inspection) -> list[str]:
+def _facts(inspection: Inspection) -> list[tuple[str, str]]:
     timing = inspection.timing
     if timing.n_dropped:
         stamps = f"{counted(timing.n_dropped, 'frame')} dropped"
@@ -159,11 +132,11 @@ def _facts(inspection: Inspection) -> list[str]:
     unit = inspection.unit
     up = inspection.up
     return [
-        f"  {'frames':8} {rate}; {stamps}",
-        *_wrapped("markers", f"{len(inspection.markers)}: {names}"),
-        *_wrapped("rate", f"{inspection.rate.value} Hz: {_why(inspection.rate)}"),
-        *_wrapped("unit", f"{unit.value}: {unit.reason}"),
-        *_wrapped("up", f"{up.value}: {up.reason}"),
+        ("frames", f"{rate}; {stamps}"),
+        ("markers", f"{len(inspection.markers)}: {names}"),
+        ("rate", f"{inspection.rate.value} Hz: {_why(inspection.rate)}"),
+        ("unit", f"{unit.value}: {unit.reason}"),
+        ("up", f"{up.value}: {up.reason}"),
     ]
 
 
@@ -192,7 +165,7 @@ def unseen_for_long(inspection: Inspection) -> list[str]:
     if not unseen:
         return []
     markers = [f"{gaps.marker} ({100 * gaps.share:.0f} %)" for gaps in unseen]
-    return [str(Message("commands.unseen_for_long", {"markers": ", ".join(markers)}))]
+    return [str(Message("inspecting.unseen_for_long", {"markers": ", ".join(markers)}))]
 
 
 def question(key: str, guess: Guess) -> list[str]:
@@ -205,64 +178,106 @@ def question(key: str, guess: Guess) -> list[str]:
         "other": guess.other,
         "reason": guess.why,
     }
-    return [str(Message("commands.which_value", values))]
+    return [str(Message("inspecting.which_value", values))]
 
 
-def _rigid(inspection: Inspection) -> list[str]:
+def _rigid(inspection: Inspection) -> list[tuple[str, str]]:
     noise_mm = 1e3 * inspection.typical_noise_m
     noise = "no five frames in a row"
     if isfinite(noise_mm):
         noise = f"{noise_mm:.2f} mm per coordinate from frame to frame"
         noise += " (median of the markers)"
-    lines = _wrapped("noise", noise)
+    lines = [("noise", noise)]
     for cluster in inspection.clusters:
         names = ", ".join(inspection.markers[marker] for marker in cluster.markers)
         noise = f"{1e3 * cluster.noise:.2f} mm per coordinate by its distances"
-        lines += _wrapped("rigid", f"{names}; {noise}")
+        lines.append(("rigid", f"{names}; {noise}"))
     if not inspection.clusters:
-        lines += _wrapped("rigid", "no three markers that keep their distances")
+        lines.append(("rigid", "no three markers that keep their distances"))
     return lines
 
 
-def _wrapped(key: str, text: str) -> list[str]:
+def _wrapped(key: str, text: str, width: int) -> list[str]:
     return textwrap.wrap(
         text,
-        terminal.width(WIDTH),
+        width,
         initial_indent=f"  {key:8} ",
         subsequent_indent=" " * 11,
     )
 
 
-# The picture: a line of heights for each marker, and its gaps in numbers.
+# The picture: a line of heights for each marker, and what is known of it in numbers.
 
 
-def _picture(inspection: Inspection) -> list[str]:
-    width = max(map(len, inspection.markers), default=0)
-    lines = [_legend(inspection)]
-    for gaps, bar in zip(inspection.gaps, _bars(inspection), strict=True):
-        numbers = _in_numbers(gaps, inspection)
-        lines.append(f"  {gaps.marker:{width}} {bar} {numbers}")
+def _listed_picture(inspection: Inspection) -> list[str]:
+    """Return the lines of the picture, its columns padded with spaces."""
+    rows = picture(inspection)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [legend(inspection)]
+    for row in rows:
+        padded = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
+        lines.append("  " + " ".join(padded).rstrip())
     return lines
 
 
-def _n_columns(inspection: Inspection) -> int:
-    return max(1, min(COLUMNS, len(inspection.time)))
+def picture(inspection: Inspection) -> list[tuple[str, str, str, str]]:
+    """Return for each marker what the columns `PICTURE` say."""
+    rows = []
+    bars = _bars(inspection)
+    for marker, gaps in enumerate(inspection.gaps):
+        span = _span_of(inspection.positions[:, marker, 2])
+        rows.append((gaps.marker, bars[marker], span, _in_numbers(gaps, inspection)))
+    return rows
 
 
-def _legend(inspection: Inspection) -> str:
-    column_s = inspection.duration_s / _n_columns(inspection)
+def legend(inspection: Inspection) -> str:
+    """Say what the picture shows: of which time, and what its signs mean."""
+    shown = _shown(inspection)
+    n_frames = shown.stop - shown.start
+    shown_s = n_frames / inspection.rate_hz
+    column_s = shown_s / _n_columns(n_frames)
+    span = ""
+    if n_frames < len(inspection.time):
+        begin_s = inspection.time[shown.start] - inspection.time[0]
+        span = f"from {begin_s:.3g} to {begin_s + shown_s:.3g} s; "
     signs = (
         f"{HEIGHTS[0]} low to {HEIGHTS[-1]} high, "
         f"{PARTLY} partly unseen, {UNSEEN} unseen"
     )
-    return f"  heights (a column is {column_s:.3g} s; {signs})"
+    return f"  heights ({span}a column is {column_s:.3g} s; {signs})"
+
+
+def _n_columns(n_frames: int) -> int:
+    return max(1, min(COLUMNS, n_frames))
+
+
+def _shown(inspection: Inspection) -> slice:
+    """Return the frames that the picture shows: all, or those in which most is seen.
+
+    In a long recording a column would hold whole steps, and show their mean. Of spans
+    in which as much is seen, the one nearest the middle is shown.
+    """
+    import numpy as np
+
+    n_frames = len(inspection.time)
+    n_shown = max(COLUMNS, round(SHOWN_S * inspection.rate_hz))
+    if n_frames <= n_shown:
+        return slice(0, n_frames)
+    n_seen = np.isfinite(inspection.positions[:, :, 2]).sum(axis=1)
+    sums = np.concatenate([[0], np.cumsum(n_seen)])
+    starts = np.arange(0, n_frames - n_shown + 1, max(1, n_shown // SPANS_IN_ONE))
+    seen = sums[starts + n_shown] - sums[starts]
+    best = starts[seen == seen.max()]
+    middle = (n_frames - n_shown) / 2
+    start = int(best[np.argmin(np.abs(best - middle))])
+    return slice(start, start + n_shown)
 
 
 def _bars(inspection: Inspection) -> list[str]:
     """Return the heights of each marker as signs, lowest to highest of all markers."""
     import numpy as np
 
-    heights = inspection.positions[:, :, 2]
+    heights = inspection.positions[_shown(inspection), :, 2]
     low, high = 0.0, 1.0
     if np.isfinite(heights).any():
         # Quantiles, so that a marker that is far off for a moment flattens no line.
@@ -270,7 +285,7 @@ def _bars(inspection: Inspection) -> list[str]:
     span = max(high - low, 1e-9)
     levels = len(HEIGHTS) * (heights - low) / span
     levels = levels.clip(0, len(HEIGHTS) - 1)
-    n_columns = _n_columns(inspection)
+    n_columns = _n_columns(len(levels))
     return [_bar(level, n_columns) for level in levels.T]
 
 
@@ -290,13 +305,27 @@ def _bar(level: FloatArray, n_columns: int) -> str:
     return "".join(signs)
 
 
+def _span_of(heights_m: FloatArray) -> str:
+    """Return between which heights a marker is in all but 2 % of its frames."""
+    import numpy as np
+
+    seen = heights_m[np.isfinite(heights_m)]
+    if not len(seen):
+        return ""
+    # Not "-0.00".
+    low, high = np.quantile(seen, [0.01, 0.99]).round(2) + 0.0
+    return f"{low:.2f} to {high:.2f} m"
+
+
 def _in_numbers(gaps: MarkerGaps, inspection: Inspection) -> str:
     if gaps.share == 1:
         return "never seen"
     if not gaps.count:
         return "no gap"
-    longest_s = f"{gaps.longest / inspection.rate_hz:.3g} s"
-    longest = f"{counted(gaps.longest, 'frame')} ({longest_s})"
+    start, stop = max(gaps.stretches.tolist(), key=lambda gap: gap[1] - gap[0])
+    longest_s = f"{(stop - start) / inspection.rate_hz:.3g} s"
+    begin_s = inspection.time[start] - inspection.time[0]
+    longest = f"{counted(stop - start, 'frame')} ({longest_s}) at {begin_s:.3g} s"
     # Two digits, without an exponent.
     percent = float(f"{100 * gaps.share:.2g}")
     return f"{counted(gaps.count, 'gap')}, longest {longest}, {percent:g} % unseen"
@@ -311,10 +340,11 @@ def _suspects(inspection: Inspection) -> list[str]:
     for suspect in suspects[:MOST_SUSPECTS]:
         frame = f"frame {suspect.start + 1} ({suspect.time_s:.3f} s)"
         lines.append(f"    {suspect.kind:8} {frame:24} {suspect.text}")
-    return lines + _further(len(suspects))
+    return lines + further(len(suspects))
 
 
-def _further(n_suspects: int) -> list[str]:
+def further(n_suspects: int) -> list[str]:
+    """Say how many suspects are not listed."""
     if n_suspects <= MOST_SUSPECTS:
         return []
     return [f"    and {n_suspects - MOST_SUSPECTS} more; --html lists all"]

@@ -80,7 +80,7 @@ def devices_of(
             analogs = read_analogs(path)
         found = read_force_plates(path, vertical_axis=up, unit=unit, rate_hz=rate_hz)
     except RecordingError as error:
-        why = Message("commands.devices_not_read", {"why": str(error)})
+        why = Message("inspecting.devices_not_read", {"why": str(error)})
         return Devices(events=kept, analogs=analogs, refused=(why,))
     plates = []
     refused = list(found.refused)
@@ -119,13 +119,13 @@ def plate_line(plate: ForcePlate, onsets: Onsets) -> str:
         "most": f"{np.nanmax(plate.force[:, 2], initial=0.0):.0f}",
         "onsets": onsets_text(onsets),
     }
-    return str(Message("commands.plate", values))
+    return str(Message("inspecting.plate", values))
 
 
 def onsets_text(onsets: Onsets) -> str:
     """Describe when a plate begins to bear load, or why this is not known."""
     if not len(onsets.instant):
-        return str(Message("commands.no_onset"))
+        return str(Message("inspecting.no_onset"))
     shown = ", ".join(f"{instant:.3f}" for instant in onsets.instant[:MOST_LISTED])
     if len(onsets.instant) > MOST_LISTED:
         shown += ", ..."
@@ -134,7 +134,7 @@ def onsets_text(onsets: Onsets) -> str:
         "shown": shown,
         "error_ms": 1e3 * float(np.median(onsets.error_s)),
     }
-    return str(Message("commands.onsets", values))
+    return str(Message("inspecting.onsets", values))
 
 
 def events_line(events: Sequence[Event]) -> str:

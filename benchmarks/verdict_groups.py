@@ -1,0 +1,187 @@
+"""How often the verdict on a group errs: subjects are bodies that are not ours.
+
+    python benchmarks/verdict_groups.py --out verdict_groups.csv [--subjects 48]
+        [--first 3000] [--jobs 2]
+
+A subject is one body (`bodies.py`), drawn from its own seed, so subjects differ in
+shape, mass, legs and landings. Each kind of subject is judged with 400 and with 1,000
+landings. Groups of 4, 8 and 16 are drawn from the subjects of a kind without
+replacement, 40 of each; the groups of a kind share subjects. `half` has as many C1
+subjects as subjects with `clutch`. `conditions` compares the C1 body of each subject
+with the same body with `clutch`, within subjects.
+
+One row for each study is appended to ``verdict_groups_studies.csv``, and a run that was
+interrupted goes on with those that have no row. Seeds from 3000 on were never used for
+a choice.
+
+``verdict_groups.csv`` has one row for each kind, number of landings and size of group:
+`found` and `none` are the shares called different and of no difference larger than 0.2;
+`interval_holds` and `bound_holds` those that hold the rms over the group of the exact
+sizes at the simultaneous contact. `heterogeneous` is the share of groups whose Q has a
+p-value below 0.05.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import machine  # noqa: F401  first, since it sets the number of threads
+import numpy as np
+import pandas as pd
+from bodies import Body, Seen, study
+from verdict_campaign import asked, cell, moved, source
+
+from hopdata.maps.verdict.group import GroupVerdict, compare_conditions, judge_group
+
+SUBJECTS = 48
+FIRST_SEED = 3000
+KINDS = ("c1", "clutch")
+LANDINGS = (400, 1000)
+SIZES = (4, 8, 16)
+GROUPS = 40
+OF_GROUP = ("squared", "squared_error", "along_error", "allowed", "left")
+COLUMNS = ("kind", "seed", "landings", "true", "conclusion", "low", *OF_GROUP)
+
+
+def studies_of(kind: str, seed: int) -> list[dict[str, Any]]:
+    """Return the verdicts on one subject, a row for each number of landings."""
+    one = cell(max(LANDINGS), mechanism=kind)
+    body, landings, truth = moved(one.scene, seed)
+    rows = []
+    for number in LANDINGS:
+        rng = source(seed, one.name, "errors")
+        data = study(body, landings.some(slice(number)), rng, Seen())
+        verdict = asked(data, seed)
+        row = {"kind": kind, "seed": seed, "landings": number, "true": truth.kink}
+        row["conclusion"] = verdict.conclusion
+        if verdict.effect is not None:
+            effect = asdict(verdict.effect)
+            row |= {name: effect[name] for name in ("low", *OF_GROUP)}
+        rows.append(row)
+    return rows
+
+
+def run(file: Path, seeds: range, jobs: int) -> None:
+    """Judge the subjects that have no row in the file, and append theirs."""
+    done = set()
+    if file.exists():
+        known = pd.read_csv(file)
+        done = set(zip(known["kind"], known["seed"], strict=True))
+    tasks = [task for task in product(KINDS, seeds) if task not in done]
+    # Compiled once, before the processes that inherit it start.
+    Body(0).landings(2, np.random.default_rng(0))
+    with ProcessPoolExecutor(jobs) as pool, file.open("a", newline="") as out:
+        writer = csv.DictWriter(out, COLUMNS)
+        if not done:
+            writer.writeheader()
+        waiting = [pool.submit(studies_of, *task) for task in tasks]
+        for finished in as_completed(waiting):
+            writer.writerows(finished.result())
+            out.flush()
+
+
+def tables(studies: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each kind, number of landings and size of group."""
+    studies = studies.sort_values(["kind", "seed"]).dropna(subset=["squared"])
+    studies = studies.assign(subject=studies["seed"].map(str))
+    rows = []
+    for number, of_number in studies.groupby("landings"):
+        rng = np.random.default_rng(FIRST_SEED)
+        by_kind = dict(list(of_number.groupby("kind")))
+        for kind, size in product([*by_kind, "half"], SIZES):
+            kinds = [kind] if kind != "half" else ["c1", "clutch"]
+            parts = [by_kind[one] for one in kinds]
+            drawn = [drawn_from(parts, size, rng) for _ in range(GROUPS)]
+            found = [(judge_group(group), group) for group in drawn]
+            row = {"kind": kind, "landings": number, "subjects": size}
+            rows.append(row | summary(found))
+        for size in SIZES:
+            row = {"kind": "conditions", "landings": number, "subjects": size}
+            rows.append(row | compared(by_kind["c1"], by_kind["clutch"], size, rng))
+    return pd.DataFrame(rows)
+
+
+def drawn_from(
+    parts: list[pd.DataFrame], size: int, rng: np.random.Generator
+) -> pd.DataFrame:
+    """Return a group with as many subjects of each part, drawn without replacement."""
+    each = size // len(parts)
+    some = [part.iloc[rng.permutation(len(part))[:each]] for part in parts]
+    group = pd.concat(some)
+    return group.assign(subject=[f"s{number}" for number in range(len(group))])
+
+
+def summary(found: list[tuple[GroupVerdict, pd.DataFrame]]) -> dict[str, float]:
+    """Return shares of the groups, and medians."""
+    true = np.array([np.sqrt(np.mean(group["true"] ** 2)) for _, group in found])
+    low = np.array([one.low for one, _ in found])
+    high = np.array([one.high for one, _ in found])
+    bound = np.array([one.upper_bound for one, _ in found])
+    conclusions = np.array([one.conclusion for one, _ in found])
+    return {
+        "groups": len(found),
+        "true_median": np.median(true),
+        "found": np.mean(conclusions == "different"),
+        "none": np.mean(conclusions == "no difference"),
+        "interval_holds": np.mean((low <= true) & (true <= high)),
+        "bound_holds": np.mean(bound >= true),
+        "estimate_median": np.median([one.estimate for one, _ in found]),
+        "bound_median": np.median(bound),
+        "heterogeneous": np.mean([one.combined.q_p_value < 0.05 for one, _ in found]),
+    }
+
+
+def compared(
+    same: pd.DataFrame, other: pd.DataFrame, size: int, rng: np.random.Generator
+) -> dict[str, float]:
+    """Return in which share of groups two conditions of the same subjects differ."""
+    both = sorted(set(same["subject"]) & set(other["subject"]))
+    found = []
+    holds = []
+    for _ in range(GROUPS):
+        names = [both[number] for number in rng.permutation(len(both))[:size]]
+        some = [part[part["subject"].isin(names)] for part in (same, other)]
+        members = pd.concat(
+            [part.assign(condition=name) for name, part in zip("ab", some, strict=True)]
+        )
+        row = compare_conditions(members).iloc[0]
+        true = np.mean(some[0]["true"] ** 2) - np.mean(some[1]["true"] ** 2)
+        found.append(row["p_value"] < 0.05)
+        holds.append(row["low"] <= true <= row["high"])
+    return {
+        "groups": GROUPS,
+        "found": np.mean(found),
+        "interval_holds": np.mean(holds),
+    }
+
+
+def main() -> None:
+    """Judge the missing subjects and write the table of groups."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument(
+        "--subjects", type=int, default=SUBJECTS, help="of each kind; 16 or more"
+    )
+    parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    args = parser.parse_args()
+    if args.subjects < max(SIZES):
+        parser.error(f"--subjects: {max(SIZES)} or more")
+    file = args.out.with_name("verdict_groups_studies.csv")
+    run(file, range(args.first, args.first + args.subjects), args.jobs)
+    table = tables(pd.read_csv(file))
+    table.to_csv(args.out, index=False, float_format="%.4g")
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""The methods paragraph of a paper on a group of studies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hopdata import __version__
+from hopdata.errors import counted
+from hopdata.messages import Message
+from hopdata.report.methods import Methods, references
+
+# How each is cited in the text, by its key among the references.
+CITED = {
+    "paule1982": "Paule and Mandel 1982",
+    "hartung2001": "Hartung and Knapp 2001",
+    "rover2015": "Röver et al. 2015",
+    "holm1979": "Holm 1979",
+    "seabold2010": "Seabold and Perktold 2010",
+}
+
+
+def group_methods(group: Mapping[str, Any]) -> Methods:
+    """Return the methods paragraph of a group: how its studies were put together.
+
+    What was done in each study is said on the study's own page.
+
+    Parameters
+    ----------
+    group : mapping
+        Contents of ``group.json``.
+    """
+    rows = group["members"]
+    judged = sum(not row["reason"] for row in rows)
+    conditions = {row["condition"] for row in rows} - {""}
+    values: dict[str, Any] = {
+        "studies": f"{len(rows)} studies",
+        "subjects": counted(len({row["subject"] for row in rows}), "subject"),
+        "conditions": "",
+        "judged": judged,
+        "version": __version__,
+        "margin": f"{100 * group['margin']:g} %",
+        **CITED,
+    }
+    if conditions:
+        values["conditions"] = f" in {counted(len(conditions), 'condition')}"
+    said = [Message("report.group_methods_studies", values)]
+    effect = group["effect"]
+    if effect is None:
+        said.append(Message("report.group_methods_none", values))
+    else:
+        said.append(Message("report.group_methods_model", values))
+        confidence = group.get("confidence")
+        if confidence is not None:
+            values["confidence"] = f"{100 * confidence:g} %"
+            said.append(Message("report.group_methods_interval", values))
+    if group["conditions"]:
+        said.append(Message("report.group_methods_conditions", values))
+    said.append(Message("report.group_methods_record", values))
+    text = " ".join(str(one) for one in said)
+    return Methods(text, references(text, CITED, __version__))
