@@ -31,9 +31,10 @@ from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.one_foot import one_foot_remarks
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
+from hopdata.landings.excluded_spans import without_spans
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
-from hopdata.messages import Message, Messages
+from hopdata.messages import Lines, Message, Messages
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
 from hopdata.recordings.wording import chained
@@ -91,6 +92,8 @@ FEET_FORMS = (
 # Columns of a force plate, and what they hold without one.
 PLATE_COLUMNS = ["plate", "plate_s", "plate_se_s"]
 NO_PLATE = ("", float("nan"), float("nan"))
+# Fewest contacts on plates whose scatter is told.
+LEAST_FOR_SCATTER = 10
 # Onsets of plates without a contact whose times a remark tells.
 MOST_NAMED = 6
 
@@ -130,16 +133,16 @@ class ContactTimes(Shown):
         right``), its probability, the runner_up with its own, and whether the order is
         sure (`SURE`). Both probabilities are NaN, and ``sure`` is missing, where only
         one foot was timed.
-    remarks : tuple of Message
-        What to know about the recordings and how their contacts were found; a line
-        each when printed.
+    messages : tuple of Message
+        What to know about the recordings and how their contacts were found, as codes
+        with values; `remarks` are their texts.
     recordings : tuple of Recording
         The recordings, levelled: each foot rests at height 0.
     """
 
     table: pd.DataFrame
     orders: pd.DataFrame
-    remarks: Messages
+    messages: Messages
     recordings: tuple[Recording, ...]
 
     @property
@@ -148,6 +151,11 @@ class ContactTimes(Shown):
         # Without a row the column has no type, and would choose columns, not rows.
         is_found = self.table["found"].astype(bool)
         return self.table[is_found].reset_index(drop=True)
+
+    @property
+    def remarks(self) -> Lines:
+        """Return what to know, a text each; printed, each is a line."""
+        return Lines(str(message) for message in self.messages)
 
     @property
     def feet(self) -> list[str]:
@@ -160,8 +168,25 @@ class ContactTimes(Shown):
         """Return the median standard error of these, s; NaN without any."""
         return float(self.found["se_s"].median())
 
-    def events(self, recording: str) -> list[ContactEvent]:
-        """Return the contacts of a recording as events, in order of time."""
+    def events(self, recording: str | None = None) -> list[ContactEvent]:
+        """Return the contacts of a recording as events, in order of time.
+
+        Parameters
+        ----------
+        recording : str, optional
+            Its name; not needed if there is only one.
+
+        Raises
+        ------
+        ArgumentError
+            If there are several and none is named, or none has this name.
+        """
+        names = [one.name for one in self.recordings]
+        if recording is None and len(names) == 1:
+            recording = names[0]
+        if recording not in names:
+            wanted = f"one of {', '.join(names)}"
+            raise ArgumentError.at("recording", wanted, repr(recording))
         own = self.found[self.found["recording"] == recording]
         return [
             ContactEvent(
@@ -174,13 +199,13 @@ class ContactTimes(Shown):
             for one in own.sort_values("contact_s", kind="stable").to_dict("records")
         ]
 
-    def curves(self, orders: pd.DataFrame) -> pd.DataFrame:
+    def curves(self, orders: pd.DataFrame | None = None) -> pd.DataFrame:
         """Return the heights of the feet about the contacts of some landings.
 
         Parameters
         ----------
-        orders : DataFrame
-            Rows of `orders`.
+        orders : DataFrame, optional
+            Rows of `orders`; by default all.
 
         Returns
         -------
@@ -189,6 +214,8 @@ class ContactTimes(Shown):
             frame from `SHOWN_BEFORE_S` before the first contact to `SHOWN_AFTER_S`
             after the last one; NaN where the foot was not seen.
         """
+        if orders is None:
+            orders = self.orders
         by_name = {one.name: one for one in self.recordings}
         parts = []
         for landing in orders.to_dict("records"):
@@ -294,6 +321,7 @@ def contacts(
     floor: Mapping[str, Any] | None = None,
     sure: float = SURE,
     files: Sequence[str | Path | Sequence[str | Path]] = (),
+    exclude: Sequence[tuple[float, float]] = (),
     **options: Any,
 ) -> ContactTimes:
     """Time the contacts of all feet, from the first landing on.
@@ -318,6 +346,9 @@ def contacts(
         The file of each recording, or its files in order of time; by default those
         that they were read from. The contacts are compared with the onsets of the
         force plates in them.
+    exclude : sequence of (begin, end)
+        Spans, s, whose frames count as unseen in all recordings, such as those with
+        exchanged markers. Contacts in them are not timed.
     **options
         Options of `hopdata.landings.contacts.find.find_study_landings`, such as
         ``gravity``.
@@ -351,6 +382,8 @@ def contacts(
     levelled = []
     for recording in several:
         known, guessed = _with_feet(recording, _named_feet(feet))
+        known, left_out = without_spans(known, exclude)
+        remarks += left_out
         remarks += one_foot_remarks(known)
         ready, on_floor = _levelled(known, floor or {})
         groups = [{"name": name, "markers": [*own]} for name, own in known.joined]
@@ -383,7 +416,7 @@ def contacts(
     return ContactTimes(
         table=table,
         orders=_order_table(orders),
-        remarks=Messages(remarks),
+        messages=Messages(remarks),
         recordings=tuple(levelled),
     )
 
@@ -434,16 +467,35 @@ def _with_plates(
                 "places": ", ".join(f"{one:.3f}" for one in alone_s[:MOST_NAMED]),
             }
             remarks.append(Message("landings.onsets_without_contact", values))
-    late_ms = 1e3 * (table["contact_s"] - table["plate_s"].astype(float)).dropna()
-    if len(late_ms):
-        values = {
-            "number": len(late_ms),
-            "loading": _loading(len(late_ms)),
-            "middle_ms": float(late_ms.median()),
-            "most_ms": float(late_ms.abs().max()),
-        }
-        remarks.append(Message("landings.contacts_beside_plates", values))
+    remarks += beside_plates_told(table)
     return table, remarks
+
+
+def beside_plates_told(table: pd.DataFrame) -> list[Message]:
+    """Say how long after the onsets of force plates contacts are, and their scatter."""
+    late_ms = 1e3 * (table["contact_s"] - table["plate_s"].astype(float)).dropna()
+    if not len(late_ms):
+        return []
+    scatter = Message("landings.plate_scatter_unknown")
+    if len(late_ms) >= LEAST_FOR_SCATTER:
+        own = table.loc[late_ms.index, ["foot", "se_s", "plate_se_s"]]
+        # Each foot has its own delay.
+        about_ms = late_ms - late_ms.groupby(own["foot"]).transform("mean")
+        degrees = len(late_ms) - own["foot"].nunique()
+        errors_ms = 1e3 * own[["se_s", "plate_se_s"]].astype(float)
+        scatters = {
+            "scatter_ms": float(np.sqrt((about_ms**2).sum() / degrees)),
+            "stated_ms": float(np.sqrt((errors_ms**2).sum(axis=1).mean())),
+        }
+        scatter = Message("landings.plate_scatter", scatters)
+    values = {
+        "number": len(late_ms),
+        "loading": _loading(len(late_ms)),
+        "middle_ms": float(late_ms.median()),
+        "most_ms": float(late_ms.abs().max()),
+        "scatter": scatter,
+    }
+    return [Message("landings.contacts_beside_plates", values)]
 
 
 def _loading(number: int) -> str:
@@ -459,7 +511,7 @@ def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> Contact
     return ContactTimes(
         table=_in_order(tables, names),
         orders=_in_order(orders, names),
-        remarks=Messages(remark for part in parts for remark in part.remarks),
+        messages=Messages(remark for part in parts for remark in part.messages),
         recordings=tuple(recordings[name] for name in names),
     )
 

@@ -24,6 +24,8 @@ from hopdata.report.verdict import build_group_page
 from hopdata.steering.report.page import build_steering_report
 from test_group import GROUP, made_up
 
+#: A path that has no place to break.
+LONG_NOTE = f"/recordings/{'long' * 20}.txt: time stamps run evenly"
 ASK = """<script>
 addEventListener("load", async () => {
   document.querySelectorAll("details").forEach((fold) => (fold.open = true));
@@ -35,6 +37,13 @@ addEventListener("load", async () => {
   found.lines = document.querySelector("#leave-out pre")?.textContent;
   found.violations = (await axe.run()).violations.map((one) =>
     `${one.id}: ${one.nodes.map((node) => node.html.slice(0, 120)).join(" | ")}`);
+  await new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)));
+  found.idle_stops = [...document.querySelectorAll(".picture, .table, pre")].filter((one) =>
+    one.tabIndex === 0 && one.scrollWidth <= one.clientWidth + 1).length;
+  const first = document.querySelector("a, button, summary, input, [tabindex='0']");
+  first.focus();
+  found.skips_to = document.querySelector(first.hash || "none")?.tagName;
+  found.first_seen = first.getBoundingClientRect().left >= 0;
   document.documentElement.dataset.found = JSON.stringify(found);
 });
 </script>"""
@@ -60,7 +69,7 @@ def pages():
     scene = recording_scene(recording.part(slice(200)))
     return {
         "inspect": inspection_html(inspection, "monday.tsv"),
-        "contacts": contacts_html(found, title="monday", notes=["a note"]),
+        "contacts": contacts_html(found, title="monday", notes=[LONG_NOTE]),
         "view": rendered("view.html.j2", title="monday", told="7", scene=scene),
         "first look": rendered("first_look.html.j2", pictures=[first]),
         "group": group_page(12),
@@ -117,5 +126,10 @@ def test_every_page_in_a_browser(pages, width, dark, tmp_path):
         assert found.width == width
         assert found.wide <= width, f"{name} is wider than its window"
         assert found.cut == 0, f"{name}: a figure is cut"
+        if "<script" in pages[name]:  # without one, every block is a stop
+            said = f"{name}: the tab key stops where nothing scrolls"
+            assert found.idle_stops == 0, said
+        assert found.skips_to == "MAIN", f"{name} has no link to its content first"
+        assert found.first_seen, f"{name}: that link is not seen when it has the focus"
         assert (sum(map(int, re.findall(r"\d+", found.dark)[:3])) < 200) == dark
     assert "exclude:\n      - {from_s: 0.000, to_s: " in told["inspect"]["lines"]

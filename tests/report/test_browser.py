@@ -131,7 +131,8 @@ def test_what_a_template_did_not_write_is_not_run(tmp_path):
         '<img alt="" src="x" onerror="console.error(this)"><p style="color: red">'
     )
     study = full_study(levelled=[falling()], touchdowns=landings(), figures=figures())
-    page = build_report(study).replace("<main>", f"<main>{foreign}")
+    main = '<main id="content" tabindex="-1">'
+    page = build_report(study).replace(main, main + foreign)
     told = seen(page, tmp_path)["told"]
     blocked = {one.split(":")[0] for one in told}
     assert blocked == {

@@ -191,7 +191,7 @@ def fit_floor(
     messages = [*motion_messages(moved_m), *turned]
     messages += _raised_messages(recording, rest, raised)
     if fit.degree != degree:
-        values = {"wanted": degree, "largest_error_mm": 1e3 * largest_error_m}
+        values = {"wanted": degree, "largest_error_m": largest_error_m}
         messages.append(Message("landings.floor_degree_lowered", values))
     if fit.degree > 0:
         without_mounts = rest.points - fit.offsets_m[rest.foot][:, None] * [0, 0, 1.0]

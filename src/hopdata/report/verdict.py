@@ -572,7 +572,11 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         ("Difference over subjects (rms)", _percent(effect["estimate"]), interval),
         ("At most", _percent(effect["upper_bound"]), "one-sided bound of the rms"),
         studies,
-        ("Between subjects (I²)", _percent(model["i2"]), f"Q = {q}, p = {p}; what smooth terms leave counts, too"),
+        (
+            "Between subjects (I²)",
+            _percent(model["i2"]),
+            f"Q = {q}, p = {p}; what smooth terms leave counts, too",
+        ),
     ]
 
 

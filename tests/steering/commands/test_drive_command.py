@@ -11,6 +11,7 @@ import pytest
 from hopdata.__main__ import main
 from hopdata.messages import Message
 from hopdata.steering.commands import drive
+from hopdata.steering.commands import screen as screens
 from hopdata.steering.frame_changes import HOPPER
 from hopdata.steering.live import log, rehearsal
 from hopdata.steering.live.actuator import NoBoom
@@ -256,9 +257,10 @@ def test_with_a_robot_a_rehearsal_is_a_list_of_what_to_do(model, capsys):
 def typing(monkeypatch, lines):
     """Pretend that an operator types these lines, one at each look."""
     typed = iter(lines)
-    monkeypatch.setattr(drive, "_is_on_terminal", lambda: True)
-    monkeypatch.setattr(drive, "_typed_line", lambda: next(typed, None))
-    monkeypatch.setattr(drive.Screen, "_draw", lambda *_: None)
+    monkeypatch.setattr(drive, "is_on_terminal", lambda: True)
+    monkeypatch.setattr(screens, "is_on_terminal", lambda: True)
+    monkeypatch.setattr(screens, "_typed_line", lambda: next(typed, None))
+    monkeypatch.setattr(screens.Screen, "_draw", lambda *_: None)
 
 
 def test_a_drive_is_armed_by_its_operator(model, tmp_path, monkeypatch):
@@ -287,7 +289,7 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
     stream = SimpleNamespace(
         counts=StreamCounts(), states=SimpleNamespace(status=Status("streaming", 0.0))
     )
-    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
+    screen = screens.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
 
     def lines():
         loop.state = machine.state
@@ -307,7 +309,7 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
 
 
 def test_before_it_is_armed_the_screen_shows_no_number_that_is_none(capsys):
-    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
+    screen = screens.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
     nan = float("nan")
     decision = SimpleNamespace(
         pose=(1.0, nan, nan),

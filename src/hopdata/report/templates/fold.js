@@ -20,6 +20,11 @@
   addEventListener("beforeprint", () => folds.forEach((fold) => (fold.open = true)));
   unfold();
 }
+// What fits into the window needs no stop of the tab key; what is wider is scrolled by keys.
+const stops = new ResizeObserver((seen) => seen.forEach(({ target }) => {
+  target.tabIndex = target.scrollWidth > target.clientWidth + 1 ? 0 : -1;
+}));
+document.querySelectorAll(".picture, .table, pre").forEach((one) => stops.observe(one));
 const as_picture = (drawn) => new XMLSerializer().serializeToString(drawn)
   .replaceAll('<desc type="text/css"', '<style type="text/css"').replaceAll(/(<style type="text\/css"[^]*?)<\/desc>/g, "$1</style>");
 // In a narrow window, stack the panels of a figure without shrinking their text.
@@ -61,13 +66,23 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
       found.push(one);
     }
     for (const one of inside(group, ["legend", "text"]).map(boxed)) {
-      const column = found.find((other) => within(one, other));
+      // The label of an axis that all rows share stands beside the first column.
+      const upright = one.bottom - one.top > 2 * (one.right - one.left);
+      const beside = found.filter((other) => other.left >= one.right - 2).sort((a, b) => a.left - b.left)[0];
+      const column = upright ? beside : found.find((other) => within(one, other));
       if (column) join(column, one);
       else found.push(one);
     }
     for (const half of inside(group, ["subfigure"])) {
       const whole = boxed(half);
       found.push(...(whole.right - whole.left > room ? parts(half) : [whole]));
+    }
+    // Columns of a grid stay beside each other as far as there is room, so that rows are read on.
+    const columns = found.filter((one) => /^axes/.test(one.of[0].id)).sort((one, other) => one.left - other.left);
+    const whole = columns.length > 2 ? columns.at(-1).right - columns[0].left : 0, share = whole / Math.ceil(whole / room);
+    for (let k = 0; k + 1 < columns.length && whole; ) {
+      if (columns[k + 1].right - columns[k].left > 1.05 * share) k++;
+      else join(columns[k], found.splice(found.indexOf(columns.splice(k + 1, 1)[0]), 1)[0]);
     }
     const apart = (one, other) => one.bottom <= other.top + 4 || other.bottom <= one.top + 4;
     return found.sort((one, other) => (apart(one, other) ? one.top - other.top : one.left - other.left));
