@@ -1,6 +1,6 @@
 """Whether a verdict tells a kink from curvature, and from a sharp bend of a smooth map.
 
-    python benchmarks/verdict_growth.py --out verdict_growth.csv [--studies 24]
+    python benchmarks/verdict_growth.py --out verdict_growth.csv [--studies 10]
         [--first 5000] [--jobs 2]
 
 Studies are of bodies (`bodies.py`) on three feet. The kinds `clutch`, `reflex`,
@@ -51,14 +51,13 @@ NOTES = ("grows", "may_grow")
 COLUMNS = (
     "kind",
     "seed",
-    "landings",
     "different",
     "saturates",
     *NOTES,
     "slope",
     "wrong",
 )
-STUDIES = 24
+STUDIES = 10
 FIRST_SEED = 5000
 
 
