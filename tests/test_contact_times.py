@@ -12,13 +12,12 @@ from hopdata.contact_times import (
     ContactTimes,
     _file_of,
     _loading,
-    _of_all_feet,
-    _order_rows,
-    _untimed,
     beside_plates_told,
     contacts,
 )
 from hopdata.errors import AnalysisError, ArgumentError, HopdataError
+from hopdata.landings.contact_feet import _of_all_feet
+from hopdata.landings.contact_rows import order_rows, untimed
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_landings
 from hopdata.messages import Message, Messages
@@ -293,7 +292,7 @@ def test_a_landing_of_which_no_foot_is_timed_is_told(left, right, told):
         instant = 0.4
     landing = {"begin_s": 0.2, "end_s": 0.5, "status_left": left, "status_right": right}
     landing |= {"contact_left_s": np.nan, "contact_right_s": instant}
-    remarks = _untimed(recording, pd.DataFrame([landing]))
+    remarks = untimed(recording, pd.DataFrame([landing]))
     if told is None:
         assert not remarks
     else:
@@ -305,12 +304,12 @@ def test_a_landing_of_which_no_foot_is_timed_is_told(left, right, told):
 @pytest.mark.parametrize(("instant", "is_told"), [(0.4, False), (0.6, True)])
 def test_a_landing_that_another_row_times_is_not_left_out(instant, is_told):
     recording = walking(alternating())
-    untimed = {"begin_s": 0.2, "end_s": 0.5, "contact_left_s": np.nan}
-    untimed |= {"status_left": descents.POOR_FIT, "status_right": descents.NOT_LANDED}
+    lost = {"begin_s": 0.2, "end_s": 0.5, "contact_left_s": np.nan}
+    lost |= {"status_left": descents.POOR_FIT, "status_right": descents.NOT_LANDED}
     timed = {"begin_s": 0.3, "end_s": 0.7, "contact_left_s": instant}
     timed |= {"status_left": descents.LANDED, "status_right": descents.NOT_LANDED}
-    landings = pd.DataFrame([untimed, timed]).assign(contact_right_s=np.nan)
-    assert bool(_untimed(recording, landings)) == is_told
+    landings = pd.DataFrame([lost, timed]).assign(contact_right_s=np.nan)
+    assert bool(untimed(recording, landings)) == is_told
 
 
 def test_the_names_of_markers_change_no_digit():
@@ -334,7 +333,7 @@ def test_a_landing_holds_its_contacts(contact_s, end_s):
         landing[f"contact_{foot}_s"] = at_s
         landing[f"se_{foot}_s"] = 0.001
         landing[f"status_{foot}"] = descents.LANDED
-    rows = _order_rows(recording, pd.DataFrame([landing]), 0.9)
+    rows = order_rows(recording, pd.DataFrame([landing]), 0.9)
     assert rows[0][2:4] == (0.2, end_s)
 
 
@@ -370,4 +369,4 @@ def test_contacts_in_an_excluded_span_are_not_timed():
     left = found.found.query("foot == 'left'")["contact_s"]
     assert np.abs(left - second_s).min() > 0.1
     assert len(left) == len(truth["left"]) - 1
-    assert found.remarks[0].code == "landings.spans_excluded"
+    assert found.messages[0].code == "landings.spans_excluded"
