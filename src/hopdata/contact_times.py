@@ -490,7 +490,7 @@ def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
     Files of the same name in different folders get names that differ. A recording has
     the file that it was read from. No files are returned if none has one.
     """
-    from hopdata.analysis import read
+    from hopdata.reading import read
 
     several = given
     if isinstance(given, Recording | str | Path) or not isinstance(given, Iterable):

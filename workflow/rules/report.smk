@@ -20,11 +20,7 @@ rule report:
         notes=[
             # Of Figs. 2.4 and 2.5, which only a study by the printed methods shows.
             *([f"{RESULTS}/maps/prediction_notes.json"] if STUDY["printed"] else []),
-            *(
-                [f"{RESULTS}/maps/distances_notes.json"]
-                if DISTANCES and STUDY["printed"]
-                else []
-            ),
+            *([f"{RESULTS}/maps/distances_notes.json"] if DISTANCES and STUDY["printed"] else []),
             f"{RESULTS}/maps/map_estimates_notes.json",
         ],
         truth=f"{RESULTS}/truth.json" if TRUTH_KNOWN else [],

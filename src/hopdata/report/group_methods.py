@@ -44,18 +44,18 @@ def group_methods(group: Mapping[str, Any]) -> Methods:
     }
     if conditions:
         values["conditions"] = f" in {counted(len(conditions), 'condition')}"
-    said = [Message("report.group_methods_studies", values)]
+    said = [Message("report.methods_group_studies", values)]
     effect = group["effect"]
     if effect is None:
-        said.append(Message("report.group_methods_none", values))
+        said.append(Message("report.methods_group_none", values))
     else:
-        said.append(Message("report.group_methods_model", values))
+        said.append(Message("report.methods_group_model", values))
         confidence = group.get("confidence")
         if confidence is not None:
             values["confidence"] = f"{100 * confidence:g} %"
-            said.append(Message("report.group_methods_interval", values))
+            said.append(Message("report.methods_group_interval", values))
     if group["conditions"]:
-        said.append(Message("report.group_methods_conditions", values))
-    said.append(Message("report.group_methods_record", values))
+        said.append(Message("report.methods_group_conditions", values))
+    said.append(Message("report.methods_group_record", values))
     text = " ".join(str(one) for one in said)
     return Methods(text, references(text, CITED, __version__))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,8 +30,10 @@ if TYPE_CHECKING:
     from hopdata.steering.control.interface import Controller
     from hopdata.steering.live.actuator import Driven
     from hopdata.steering.live.buffer import Stream
+    from hopdata.steering.live.drive import Drive
     from hopdata.steering.live.excited import Excitation
     from hopdata.steering.live.limits import Limits
+    from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.loop import ControlLoop, Decision
     from hopdata.steering.live.robots import DrivenRobot
     from hopdata.steering.observation.geometry import HopperGeometry
@@ -40,6 +42,14 @@ if TYPE_CHECKING:
 LOG = "drive.h5"
 # Longest drive to a goal, s.
 LONGEST_S = 60.0
+
+# Causes to rest of a simulated robot that only a slow computer has.
+OF_A_SLOW_COMPUTER = (
+    "steering.no_frame",
+    "steering.plan_came_late",
+    "steering.plan_late",
+    "steering.unacknowledged",
+)
 
 
 def drive(options: argparse.Namespace) -> int:
@@ -133,22 +143,25 @@ def _drive(
             _end_excitation(loop, controller, armed=options.armed)
 
     try:
-        done = driven(
-            geometry,
-            controller,
-            boom,
-            stream=stream,
-            stop=threading.Event(),
-            seconds=seconds,
-            rate_hz=options.rate,
-            limits=limits,
-            armed=options.armed,
-            on_decision=decided,
-            on_look=look,
-            log=log,
-            rest_without_log=options.log_full == "rest",
-            **_of_robot(robot, geometry, options.rate),
-        )
+        if _in_simulated_time(options):
+            done = _simulate(options, parts, (boom, stream), log, decided, limits)
+        else:
+            done = driven(
+                geometry,
+                controller,
+                boom,
+                stream=stream,
+                stop=threading.Event(),
+                seconds=seconds,
+                rate_hz=options.rate,
+                limits=limits,
+                armed=options.armed,
+                on_decision=decided,
+                on_look=look,
+                log=log,
+                rest_without_log=options.log_full == "rest",
+                **_of_robot(robot, geometry, options.rate),
+            )
     finally:
         if log.failure:
             print(f"log: {path} holds the drive up to when {log.failure}")
@@ -157,6 +170,50 @@ def _drive(
     print(f"{stances}, {counted(len(done.rests), 'rest')}:")
     for rest in done.rests:
         print(f"  {rest.cause}")
+    in_real_time = options.host is None and not _in_simulated_time(options)
+    if in_real_time and any(
+        rest.cause.code in OF_A_SLOW_COMPUTER for rest in done.rests
+    ):
+        print("  the robot is simulated in real time, and this computer was too slow:")
+        print("  something else keeps it busy, or --rate is too high for it")
+
+
+def _in_simulated_time(options: argparse.Namespace) -> bool:
+    """Return whether the drive has a time of its own.
+
+    That of a simulated robot for whose excitation no operator is needed.
+    """
+    return options.excite is not None and options.host is None and options.armed
+
+
+def _simulate(
+    options: argparse.Namespace,
+    parts: tuple[HopperGeometry, Controller],
+    simulated: tuple[Driven, Any],
+    log: DriveLog,
+    decided: Callable[[Decision], None],
+    limits: Limits,
+) -> Drive:
+    """Excite a simulated robot in simulated time."""
+    from hopdata.steering.live.simulated_time import drive_in_simulated_time
+
+    geometry, controller = parts
+    boom, stream = simulated
+    print("in simulated time: how busy the computer is does not matter")
+    robot = robot_of(options.robot)
+    return drive_in_simulated_time(
+        geometry,
+        controller,
+        boom,
+        stream.source,
+        seconds=_seconds(options),
+        rate_hz=options.rate,
+        limits=limits,
+        log=log,
+        on_decision=decided,
+        is_over=lambda: bool(getattr(controller, "is_over", False)),
+        **_of_robot(robot, geometry, options.rate),
+    )
 
 
 def _seconds(options: argparse.Namespace) -> float:
@@ -275,6 +332,9 @@ def _simulated(
 
     simulation = robot.simulation()
     held = released(simulation)
+    with terminal.progress_line("a first stride, which may compile code"):
+        tried = robot.simulation()
+        SeenRobot(tried, released(tried), seed=SEED, rate_hz=options.rate).next_frames()
     seen = SeenRobot(simulation, held, pose=START, seed=SEED, rate_hz=options.rate)
     stream = SimulatedStream(seen)
     if options.dry_run:

@@ -13,7 +13,7 @@ from hopdata.steering.commands.excite import GEOMETRY
 from hopdata.steering.commands.parts import limits_of, no_model, robot_of
 
 if TYPE_CHECKING:
-    from hopdata.steering.live.rehearsal import Performed
+    from hopdata.steering.live.rehearsed_acts import Performed
     from hopdata.steering.live.robots import DrivenRobot
 
 # Columns of the table of a rehearsal.
@@ -33,7 +33,7 @@ def rehearse(options: argparse.Namespace) -> int:
 
 
 def _list_acts(options: argparse.Namespace) -> None:
-    from hopdata.steering.live.rehearsal import all_acts
+    from hopdata.steering.live.rehearsed_acts import all_acts
     from hopdata.steering.observation.geometry import load_geometry
 
     robot = robot_of(options.robot)
@@ -57,7 +57,8 @@ def _list_acts(options: argparse.Namespace) -> None:
 
 
 def _perform_acts(options: argparse.Namespace) -> int:
-    from hopdata.steering.live.rehearsal import all_acts, perform, simulated_geometry
+    from hopdata.steering.live.rehearsal import perform, simulated_geometry
+    from hopdata.steering.live.rehearsed_acts import all_acts
 
     robot = robot_of(options.robot)
     limits = limits_of(options, robot)
