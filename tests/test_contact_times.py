@@ -9,14 +9,15 @@ import pytest
 
 import hopdata as hd
 from hopdata.contact_times import (
+    ContactTimes,
     _file_of,
     _loading,
-    _of_all_feet,
-    _order_rows,
-    _untimed,
+    beside_plates_told,
     contacts,
 )
 from hopdata.errors import AnalysisError, ArgumentError, HopdataError
+from hopdata.landings.contact_feet import _of_all_feet
+from hopdata.landings.contact_rows import order_rows, untimed
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_landings
 from hopdata.messages import Message, Messages
@@ -131,7 +132,7 @@ def test_a_single_landing_of_a_hopper_is_timed():
     until = truth.contact_times[0].max() + 0.12
     first = recording.part(slice(0, int(until * recording.rate_hz)))
     found = contacts(first)
-    assert [str(one.code) for one in found.remarks] == ["landings.floor_by_lowest"]
+    assert [str(one.code) for one in found.messages] == ["landings.floor_by_lowest"]
     own = found.table.set_index("foot").loc[list(recording.names("foot"))]
     error = own["contact_s"].to_numpy() - truth.contact_times[0]
     assert (np.abs(error) < 4 * np.hypot(own["se_s"], own["common_s"])).all()
@@ -150,7 +151,7 @@ def test_a_foot_that_stands_all_the_time_lands_nowhere():
     found = contacts(walking({"left": [], "right": []}))
     assert not len(found.table)
     assert not len(found.orders)
-    assert "landings.no_landing" in [one.code for one in found.remarks]
+    assert "landings.no_landing" in [one.code for one in found.messages]
     assert "0 contacts" in repr(found)
 
 
@@ -169,7 +170,9 @@ def test_events_are_the_contacts_that_can_be_trusted():
     events = found.events("walk")
     assert [event.time_s for event in events] == sorted(found.found["contact_s"])
     assert [event.context for event in events] == ["Left", "Right"] * 2 + ["Left"]
-    assert found.events("another") == []
+    assert found.events() == events
+    with pytest.raises(ArgumentError, match="expected one of walk, found 'another'"):
+        found.events("another")
 
 
 def test_curves_surround_the_contacts():
@@ -241,7 +244,12 @@ def test_remarks_are_lines():
     remarks = Messages(
         [Message("landings.contact_thin"), Message("landings.no_contact")]
     )
-    assert str(remarks) == repr(remarks) == "too few frames to time it\nno contact"
+    told = "too few frames to time it\nno contact"
+    assert str(remarks) == repr(remarks) == told
+    none = pd.DataFrame()
+    found = ContactTimes(none, none, remarks, ())
+    assert "\n".join(found.remarks) == repr(found.remarks) == told
+    assert found.remarks[1] == "no contact"
 
 
 def test_one_contact_loads_a_plate():
@@ -284,7 +292,7 @@ def test_a_landing_of_which_no_foot_is_timed_is_told(left, right, told):
         instant = 0.4
     landing = {"begin_s": 0.2, "end_s": 0.5, "status_left": left, "status_right": right}
     landing |= {"contact_left_s": np.nan, "contact_right_s": instant}
-    remarks = _untimed(recording, pd.DataFrame([landing]))
+    remarks = untimed(recording, pd.DataFrame([landing]))
     if told is None:
         assert not remarks
     else:
@@ -296,12 +304,12 @@ def test_a_landing_of_which_no_foot_is_timed_is_told(left, right, told):
 @pytest.mark.parametrize(("instant", "is_told"), [(0.4, False), (0.6, True)])
 def test_a_landing_that_another_row_times_is_not_left_out(instant, is_told):
     recording = walking(alternating())
-    untimed = {"begin_s": 0.2, "end_s": 0.5, "contact_left_s": np.nan}
-    untimed |= {"status_left": descents.POOR_FIT, "status_right": descents.NOT_LANDED}
+    lost = {"begin_s": 0.2, "end_s": 0.5, "contact_left_s": np.nan}
+    lost |= {"status_left": descents.POOR_FIT, "status_right": descents.NOT_LANDED}
     timed = {"begin_s": 0.3, "end_s": 0.7, "contact_left_s": instant}
     timed |= {"status_left": descents.LANDED, "status_right": descents.NOT_LANDED}
-    landings = pd.DataFrame([untimed, timed]).assign(contact_right_s=np.nan)
-    assert bool(_untimed(recording, landings)) == is_told
+    landings = pd.DataFrame([lost, timed]).assign(contact_right_s=np.nan)
+    assert bool(untimed(recording, landings)) == is_told
 
 
 def test_the_names_of_markers_change_no_digit():
@@ -325,5 +333,40 @@ def test_a_landing_holds_its_contacts(contact_s, end_s):
         landing[f"contact_{foot}_s"] = at_s
         landing[f"se_{foot}_s"] = 0.001
         landing[f"status_{foot}"] = descents.LANDED
-    rows = _order_rows(recording, pd.DataFrame([landing]), 0.9)
+    rows = order_rows(recording, pd.DataFrame([landing]), 0.9)
     assert rows[0][2:4] == (0.2, end_s)
+
+
+def test_scatter_beside_plates_is_told_with_what_the_errors_state():
+    late_s = np.tile([0.003, 0.005, 0.001], 4)
+    table = pd.DataFrame({"contact_s": np.arange(12) + late_s})
+    table["plate_s"] = np.arange(12.0)
+    # The right foot is 10 ms later in all: that is no scatter.
+    table["foot"] = ["left"] * 6 + ["right"] * 6
+    table.loc[6:, "contact_s"] += 0.01
+    table = table.assign(se_s=0.0003, plate_se_s=0.0004)
+    (told,) = beside_plates_told(table)
+    scatter = told.values["scatter"].values
+    assert scatter["scatter_ms"] == pytest.approx(2.0 * np.sqrt(8 / 10))
+    assert scatter["stated_ms"] == pytest.approx(0.5)
+    assert told.values["most_ms"] == pytest.approx(15.0)
+    (told,) = beside_plates_told(table.head(6))
+    assert "too few" in str(told)
+    assert beside_plates_told(table.assign(plate_s=np.nan)) == []
+
+
+@pytest.mark.parametrize("span", [(0.9, 0.8), (90.0, 91.0), 0.5, (0.1, "b")])
+def test_a_span_that_is_none_is_refused(span):
+    with pytest.raises(ArgumentError, match="exclude"):
+        contacts(walking(alternating()), exclude=[span])
+
+
+def test_contacts_in_an_excluded_span_are_not_timed():
+    truth = alternating()
+    second_s = truth["left"][1]
+    spans = [(second_s - 0.1, second_s + 0.1)]
+    found = contacts(walking(truth), exclude=spans)
+    left = found.found.query("foot == 'left'")["contact_s"]
+    assert np.abs(left - second_s).min() > 0.1
+    assert len(left) == len(truth["left"]) - 1
+    assert found.messages[0].code == "landings.spans_excluded"

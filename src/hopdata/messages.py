@@ -77,6 +77,16 @@ class Messages(tuple[Message, ...]):
         return str(self) or "()"
 
 
+class Lines(tuple[str, ...]):
+    """Several texts, each of which is a line when they are printed or shown."""
+
+    def __str__(self) -> str:
+        return "\n".join(self)
+
+    def __repr__(self) -> str:
+        return str(self) or "()"
+
+
 def languages() -> list[str]:
     """Return English and the further languages that some room has sentences in."""
     further = {

@@ -299,7 +299,7 @@ class Study(Shown):
         return pd.DataFrame(self._result("quality"))
 
     @property
-    def asks_for_distances(self) -> bool:
+    def _asks_for_distances(self) -> bool:
         """Whether constraint subspaces are made and their distances measured."""
         return bool(self.config["distances"]["enabled"])
 
@@ -308,7 +308,7 @@ class Study(Shown):
         """All tables, by their names in the folder ``tables`` of the results."""
         found = {}
         for stage in LINE.stages.values():
-            if stage.name == "constraint_subspaces" and not self.asks_for_distances:
+            if stage.name == "constraint_subspaces" and not self._asks_for_distances:
                 continue
             for name, result in stage.results.items():
                 if result.path.startswith("tables/"):
@@ -421,9 +421,9 @@ class Study(Shown):
         is_printed = self.config["printed"]
         if is_printed:
             notes += self._result("prediction_notes")
-        if self.asks_for_distances:
+        if self._asks_for_distances:
             distances = self._result("distance_summary")
-        if self.asks_for_distances and is_printed:
+        if self._asks_for_distances and is_printed:
             notes += self._result("distances_notes")
         notes += self._result("map_notes")
         return ReportInputs(
@@ -442,7 +442,7 @@ class Study(Shown):
             touchdowns=self.touchdowns,
             prediction=self._result("prediction_summary"),
             distances=distances,
-            distances_asked=self.asks_for_distances,
+            distances_asked=self._asks_for_distances,
             faults=self._result("faults"),
             remarks=self._result("remarks"),
             one_or_own=self._result("one_or_own"),
@@ -512,7 +512,7 @@ class Study(Shown):
         """Return the results that the study has once, not for each recording."""
         found = {}
         for stage in LINE.stages.values():
-            if stage.name == "constraint_subspaces" and not self.asks_for_distances:
+            if stage.name == "constraint_subspaces" and not self._asks_for_distances:
                 continue
             for name, result in stage.results.items():
                 if not result.wildcards:
@@ -557,7 +557,7 @@ class Figures:
     def names(self) -> dict[str, str]:
         """Names of the functions -> names of the figures in the workflow's results."""
         drawings = [*FIGURES["landings"], *FIGURES["maps"]]
-        if not self.of.asks_for_distances:
+        if not self.of._asks_for_distances:
             drawings.remove(OF_DISTANCES)
         return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
 

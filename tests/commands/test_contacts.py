@@ -157,6 +157,24 @@ def test_events_of_c3d_need_a_c3d(recording, capsys):
     assert "--events c3d: expected a single C3D file" in capsys.readouterr().err
 
 
+def test_frames_of_a_span_can_count_as_unseen(recording, tmp_path, capsys):
+    out = tmp_path / "contacts.csv"
+    given = ["contacts", str(recording), "--out", str(out), "--force"]
+    assert main(given) == 0
+    instants = pd.read_csv(out)["contact_s"]
+    middle_s = instants.median()
+    span = [f"{middle_s - 0.1:.3f}", f"{middle_s + 0.1:.3f}"]
+    assert main([*given, "--exclude", *span]) == 0
+    assert "count as unseen, by hand" in capsys.readouterr().out
+    kept = pd.read_csv(out)
+    kept = kept[kept["found"]]["contact_s"]
+    assert not kept.between(*map(float, span)).any()
+    # The landings that are a stride away stay.
+    assert len(kept) > 0.6 * len(instants)
+    assert main([*given, "--exclude", span[0]]) == 1
+    assert "begin and end of each span" in capsys.readouterr().err
+
+
 def test_a_marker_that_is_not_there_is_refused(recording, capsys):
     assert main(["contacts", str(recording), "--feet", "toe9"]) == 1
     assert "--feet: expected markers of" in capsys.readouterr().err
@@ -302,12 +320,14 @@ def test_contacts_are_compared_with_the_plates_of_the_file(
     said = capsys.readouterr().out
     assert told in said
     assert "without a contact" not in said
-    page = (tmp_path / "a.html").read_text("utf-8")
+    # A number and its unit stay together.
+    page = (tmp_path / "a.html").read_text("utf-8").replace("\u00a0", " ")
     assert told in page
     table = pd.read_csv("a.csv")
     late_ms = 1000 * (table["contact_s"] - table["plate_s"])
     assert f"{late_ms.median():+.1f} ms" in page
     assert "contact after plate (ms)" in page
+    assert "plate.c3d: " not in page  # a single file is named once
     for late in late_ms:
         assert f"{late:.1f}</td>" in page
     assert set(table["plate"]) == {"plate 1"}

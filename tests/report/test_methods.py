@@ -71,6 +71,14 @@ def test_it_says_how_many_landings_were_fitted():
     assert f"judged from all {known} landings whose" in every
 
 
+def test_it_says_how_many_landings_are_far_off():
+    left_out = {"outcome_far_off": [4, 7], "state_far_off": [9]}
+    text = of(full_study(verdict=verdict() | {"gross_errors": left_out})).text
+    assert "are known (3 more were left out" in text
+    none = of(full_study(verdict=verdict() | {"gross_errors": {}})).text
+    assert "left out" not in none
+
+
 def test_a_simulation_is_called_one():
     simulated = full_study()
     assert simulated.truth

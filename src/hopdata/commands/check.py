@@ -91,7 +91,8 @@ def _simulated(config: dict[str, Any], entry: Mapping[str, Any]) -> str:
     duration_s = simulation.get("duration_s")
     cut = "" if duration_s is None else f", cut at {duration_s:g} s"
     hops = f"{simulation.get('hops')} hops{cut}"
-    return f"{entry['name']}: simulated, {hops}: see hopdata plan"
+    before = "hopdata plan, some minutes, says what a verdict of so many could find"
+    return f"{entry['name']}: simulated, {hops}: {before}"
 
 
 def _read(

@@ -115,10 +115,10 @@ def contacts(options: argparse.Namespace) -> int:
     name_apart(trials)
     _require_events(options, trials)
     with terminal.progress_line("timing contacts"):
-        found = timed(trials)
+        found = timed(trials, exclude=_spans(options.exclude))
     notes = [note for trial in trials for note in trial.notes]
     show(found, notes, places=_only_place(trials))
-    answers.give(notes=[*notes, *map(str, found.remarks)])
+    answers.give(notes=[*notes, *found.remarks])
     _write(options, trials, found)
     return terminal.OK if len(found.found) else terminal.PROBLEM
 
@@ -131,8 +131,22 @@ def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:
     return (*map(str, trials[0].files), recording.place, recording.name)
 
 
-def timed(trials: Sequence[Trial]) -> ContactTimes:
-    """Return the contacts of some trials; those with the same feet are timed as one."""
+def _spans(given: Sequence[float] | None) -> list[tuple[float, float]]:
+    """Return the spans of ``--exclude``, s, as pairs."""
+    numbers = list(given or ())
+    if len(numbers) % 2:
+        wanted = "begin and end of each span, s"
+        raise ConfigError.at("--exclude", wanted, f"{len(numbers)} numbers")
+    return list(zip(numbers[::2], numbers[1::2], strict=True))
+
+
+def timed(
+    trials: Sequence[Trial], *, exclude: Sequence[tuple[float, float]] = ()
+) -> ContactTimes:
+    """Return the contacts of some trials; those with the same feet are timed as one.
+
+    Frames in the spans of `exclude`, s, count as unseen.
+    """
     from hopdata.contact_times import contacts as times_of
     from hopdata.contact_times import joined_times
 
@@ -147,7 +161,7 @@ def timed(trials: Sequence[Trial]) -> ContactTimes:
         # Feet of one marker are those of the recording.
         recordings = [replace(trial.recording, joined=joined) for trial in group]
         files = [trial.files for trial in group]
-        found = times_of(recordings, files=files, **first.options)
+        found = times_of(recordings, files=files, exclude=exclude, **first.options)
         parts.append(found)
     return joined_times(parts, [trial.recording.name for trial in trials])
 
@@ -371,6 +385,7 @@ def show(
     places : sequence of str
         Names of the only recording, with which no note begins.
     """
+    from hopdata.commands.contacts_page import without_places
     from hopdata.landings.contacts.remarks import one_for_all_feet
 
     print(found)
@@ -397,9 +412,8 @@ def show(
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
-    for note in [*map(str, one_for_all_feet(found.remarks)), *notes]:
-        for place in places:
-            note = note.removeprefix(f"{place}: ")
+    told = [*map(str, one_for_all_feet(found.messages)), *notes]
+    for note in without_places(told, places):
         terminal.note(note)
 
 
@@ -539,8 +553,9 @@ def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> Non
     names = dict.fromkeys(trial.recording.name for trial in trials)
     title = ", ".join(names)
     notes = [note for trial in trials for note in trial.notes]
+    places = _only_place(trials)
     with terminal.progress_line("drawing the page"):
-        page = contacts_html(found, title=title, notes=notes)
+        page = contacts_html(found, title=title, notes=notes, places=places)
     terminal.write_text(file, page)
     print(f"page: {file}")
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.errors import counted
 from hopdata.messages import Message
 from hopdata.report.formatting import MISSING, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
@@ -27,7 +28,13 @@ IN_A_PICTURE = 24
 MOST_ROWS = 400
 
 
-def contacts_html(found: ContactTimes, *, title: str, notes: Sequence[str]) -> str:
+def contacts_html(
+    found: ContactTimes,
+    *,
+    title: str,
+    notes: Sequence[str],
+    places: Sequence[str] = (),
+) -> str:
     """Write the page, for one landing as for a thousand.
 
     Parameters
@@ -38,10 +45,12 @@ def contacts_html(found: ContactTimes, *, title: str, notes: Sequence[str]) -> s
         Names of the recordings.
     notes : sequence of str
         What to know about the recordings.
+    places : sequence of str
+        Names of the only recording, with which no note begins.
     """
     shown = _shown(found.orders)
     # What concerns the contacts comes before what concerns the recordings.
-    told = [*map(str, found.remarks), *notes]
+    told = without_places([*found.remarks, *notes], places)
     n_left_out = len(found.orders) - len(shown)
     if n_left_out:
         values = {"shown": len(shown), "landings": len(found.orders)}
@@ -65,6 +74,16 @@ def contacts_html(found: ContactTimes, *, title: str, notes: Sequence[str]) -> s
     )
 
 
+def without_places(notes: Sequence[str], places: Sequence[str]) -> list[str]:
+    """Return notes without the names of the only recording before them."""
+    told = []
+    for note in notes:
+        for place in places:
+            note = note.removeprefix(f"{place}: ")
+        told.append(note)
+    return told
+
+
 def _shown(orders: pd.DataFrame) -> pd.DataFrame:
     """Return the landings whose curves are shown, in order of time."""
     if len(orders) <= MOST_SHOWN:
@@ -82,7 +101,7 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
     orders = found.orders
     ordered = orders[orders["probability"].notna()]
     untrusted = len(found.table) - len(found.found)
-    doubt = "all timed and trusted"
+    doubt = "each with an instant to be trusted"
     if untrusted:
         doubt = f"{untrusted} more are not to be trusted"
     feet = ", ".join(dict.fromkeys(found.table["foot"]))
@@ -99,17 +118,26 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
             common = f"{1e3 * common_s:.2g} ms"
             remark = "at most, shared by all contacts of a foot"
             facts.append(("Common error", common, remark))
-    late_ms = _after_plate_ms(found.table).dropna()
-    if len(late_ms):
-        most_ms = late_ms.abs().max()
-        remark = f"median of {len(late_ms)} contacts; {most_ms:.1f} ms at most"
-        facts.append(("After the force plate", f"{late_ms.median():+.1f} ms", remark))
+    beside = [
+        one for one in found.messages if one.code == "landings.contacts_beside_plates"
+    ]
+    facts += [_beside_plates(one.values) for one in beside]
     if len(ordered):
         n_sure = int(ordered["sure"].sum())
         facts.append(
             ("Sure orders", f"{n_sure} of {len(ordered)}", _most_often(ordered))
         )
     return facts
+
+
+def _beside_plates(values: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return title, value and remark of contacts beside force plates."""
+    remark = f"median of {counted(values['number'], 'contact')}; "
+    scatter = values["scatter"].values
+    if scatter:
+        remark += f"scatter {scatter['scatter_ms']:.1f} ms; "
+    remark += f"{values['most_ms']:.1f} ms at most"
+    return "After the force plate", f"{values['middle_ms']:+.1f} ms", remark
 
 
 def _most_often(ordered: pd.DataFrame) -> str:

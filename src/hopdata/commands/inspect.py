@@ -42,7 +42,9 @@ def inspect(options: argparse.Namespace) -> int:
                 found = "--brief"
             raise HopdataError.at("--html", "one file and no --brief", found)
         return inspect_briefly([options.file, *options.more], options)
-    inspection = with_effects(inspected(options))
+    inspection = inspected(options)
+    with terminal.progress_line("finding by how much processing moves contacts"):
+        inspection = with_effects(inspection)
     beside = _beside_markers(options, inspection)
     _show(inspection, str(options.file), beside)
     answers.give(files=[listing.fields_of(inspection, options.file)], page=options.html)

@@ -23,6 +23,8 @@ MS_PER_S = 1e3
 # The frame of a landing whose order is unsure.
 UNSURE_FRAME = (0, (4, 2))
 NOTHING = "No contact was found."
+# The onset of a force plate.
+PLATE_LINE = {"linestyle": ":", "linewidth": 0.8, "zorder": 1}
 # Errors that are drawn, in standard errors.
 DRAWN_ERRORS = 2.0
 
@@ -53,7 +55,8 @@ def landings_figure(
     -------
     Figure
         A cell for each landing: heights of the feet over the time from its first
-        contact, and each contact with two standard errors.
+        contact, each contact with two standard errors, and the onset of the plate
+        that it loads.
     """
     if not len(orders):
         return style.message_figure(NOTHING, width_mm=style.DOUBLE_COLUMN_MM)
@@ -155,6 +158,9 @@ def _draw_landing(
         height_m = np.interp(contact["contact_s"], curve["time_s"], curve["height_m"])
         x_ms = MS_PER_S * (contact["contact_s"] - zero_s)
         reach_ms = DRAWN_ERRORS * MS_PER_S * contact["se_s"]
+        if np.isfinite(float(contact["plate_s"])):
+            plate_ms = MS_PER_S * (float(contact["plate_s"]) - zero_s)
+            axes.axvline(plate_ms, **{**PLATE_LINE, "color": colour})
         y_mm = MM_PER_M * float(height_m)
         axes.plot(
             [x_ms - reach_ms, x_ms, x_ms + reach_ms],

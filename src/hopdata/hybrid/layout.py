@@ -55,7 +55,12 @@ PHI_VALUES = 8
 PHI_PART = 14
 # Derivative of a guard.
 GRADIENT = 15
-PHI_ROWS = 16
+# For the error of the columns: the largest size of each state since the start; the
+# error of each column over this step, in its own size, and its sum over all steps; the
+# sizes by which this step is judged. PHI_ROUGH begins with the error of a step over
+# which the field's derivative is not smooth, in tolerances, 0 if it is.
+PHI_LARGEST, PHI_STEP_ERROR, PHI_ERROR, PHI_SIZE, PHI_ROUGH = numbers(5, 16)
+PHI_ROWS = 21
 # Gauss nodes of the short tangent.
 GAUSS_1 = 0.5 - 3.0**0.5 / 6.0
 GAUSS_2 = 0.5 + 3.0**0.5 / 6.0

@@ -304,6 +304,11 @@ class Solution(Told):
         `__call__`.
     sensitivity : (n, p) array, optional
         Derivative of `y_end` with respect to the parameters, if requested.
+    jacobian_error : float, optional
+        Estimated error of `jacobian` and `sensitivity`: the sum over all steps of the
+        largest error of a column, in the column's own size, if a Jacobian was
+        requested. How later motion makes an error grow is not counted, nor how errors
+        of the state change the derivative.
     by_differences : str
         Functions whose derivatives are by finite differences, because they do not
         compile for dual numbers, and why; empty if there are none.
@@ -316,6 +321,7 @@ class Solution(Told):
     form: Form
     dense: tuple[int, bytes] | None = None
     sensitivity: FloatArray | None = None
+    jacobian_error: float | None = None
     by_differences: str = ""
 
     def __call__(self, t: ArrayLike, *, side: str = "right") -> FloatArray:

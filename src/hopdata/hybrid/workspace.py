@@ -517,6 +517,8 @@ class Workspace:
         if self.tangent is not None:
             shown = self._n_shown
             fields["jacobian"] = self.tangent[:shown, :shown].copy()
+            errors = self.tangent[3 * self._n_states + layout.PHI_ERROR]
+            fields["jacobian_error"] = float(errors.max())
             if shown < self._n_states:
                 fields["sensitivity"] = self.tangent[:shown, shown:].copy()
             assert self._along is not None

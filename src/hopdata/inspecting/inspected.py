@@ -9,9 +9,11 @@ from typing import Any
 
 from hopdata.arrays import Shown, pd
 from hopdata.errors import ArgumentError, HopdataError, counted, told_call
-from hopdata.inspecting import devices, listing
+from hopdata.inspecting import listing
+from hopdata.inspecting.devices import Devices, devices_of, lines_of
 from hopdata.inspecting.guesses import inspected_file, with_effects
 from hopdata.landings.role_guesses import guessed_roles
+from hopdata.messages import Lines
 from hopdata.recording import Recording
 from hopdata.recordings.quality import inspection as quality
 
@@ -26,13 +28,13 @@ class InspectedRecording(Shown):
         The file, or the name of the recording.
     inspection : Inspection
         All that was measured: see `hopdata.recordings.quality.inspection.Inspection`.
-    beside : Devices
+    devices : Devices
         Force plates, events and analog channels of the file.
     """
 
     source: str
     inspection: quality.Inspection
-    beside: devices.Devices
+    devices: Devices
 
     @property
     def table(self) -> pd.DataFrame:
@@ -73,10 +75,10 @@ class InspectedRecording(Shown):
         return pd.DataFrame(rows, columns=columns)
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> Lines:
         """What is unsure, with its candidates, and what else to know."""
-        refused = map(str, self.beside.refused)
-        return (*listing.notes(self.inspection), *refused)
+        refused = map(str, self.devices.refused)
+        return Lines([*listing.notes(self.inspection), *refused])
 
     @told_call
     def plot(self, *, ax: Any = None, style: str | None = None) -> Any:
@@ -102,7 +104,7 @@ class InspectedRecording(Shown):
         return {name: role for role, names in named.items() for name in names}
 
     def __str__(self) -> str:
-        lines = devices.lines_of(self.beside)
+        lines = lines_of(self.devices)
         return listing.listing(self.inspection, self.source, devices=lines)
 
     def _told(self) -> str:
@@ -156,7 +158,7 @@ def inspect(
             raise ArgumentError.at(", ".join(given), wanted, of_file[given[0]])
         found = replace(quality.inspect(source), place=source.place)
         found = replace(found, remarks=source.remarks, events=source.events)
-        beside = devices.Devices(events=source.events)
+        beside = Devices(events=source.events)
         return InspectedRecording(source.name, with_effects(found), beside)
     if not isinstance(source, str | Path):
         wanted = "the path of a file, or a recording"
@@ -166,7 +168,7 @@ def inspect(
         path, unit=unit, vertical_axis=vertical_axis, rate_hz=rate_hz
     )
     found = with_effects(found)
-    beside = devices.devices_of(
+    beside = devices_of(
         path,
         up=found.up.value,
         unit=found.unit.value,

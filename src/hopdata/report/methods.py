@@ -324,7 +324,8 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         return [_not_judged(verdict)]
     known = verdict.get("n_landings") or 0
     n_fitted = verdict.get("n_window") or known
-    counts = {"landings": f"{known:,}", "fitted": f"{n_fitted:,}"}
+    counts: dict[str, Any] = {"landings": f"{known:,}", "fitted": f"{n_fitted:,}"}
+    counts["far_off"] = _far_off(verdict)
     fitted = Message("report.methods_landings_all", counts)
     if n_fitted < known:
         fitted = Message("report.methods_landings_nearest", counts)
@@ -342,6 +343,14 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
         said.append(Message("report.methods_size", values))
     return said
+
+
+def _far_off(verdict: Mapping[str, Any]) -> Message | str:
+    """Say how many landings the verdict left out as far off; nothing if none."""
+    rows = [len(some) for some in (verdict.get("gross_errors") or {}).values()]
+    if not rows:
+        return ""
+    return Message("report.methods_far_off", {"count": f"{sum(rows):,}"})
 
 
 def _not_judged(verdict: Mapping[str, Any]) -> Message:

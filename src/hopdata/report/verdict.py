@@ -59,7 +59,10 @@ def reach(verdict: Verdict | None) -> list[Message]:
         values = {"confidence": facts["confidence"], "allowed": facts["allowed"]}
         said.append(Message("report.at_least", values))
     if facts["over_landings"]:
-        said.append(Message("report.spent", {"over_landings": facts["over_landings"]}))
+        name = "report.may_be_spent"
+        if facts["conclusion"] == "different":
+            name = "report.spent"
+        said.append(Message(name, {"over_landings": facts["over_landings"]}))
     if facts["holds_from"]:
         values = {name: facts[name] for name in REACH}
         said.append(Message("report.unless_spent", values))
@@ -569,7 +572,11 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         ("Difference over subjects (rms)", _percent(effect["estimate"]), interval),
         ("At most", _percent(effect["upper_bound"]), "one-sided bound of the rms"),
         studies,
-        ("Between subjects (I²)", _percent(model["i2"]), f"Q = {q}, p = {p}"),
+        (
+            "Between subjects (I²)",
+            _percent(model["i2"]),
+            f"Q = {q}, p = {p}; what smooth terms leave counts, too",
+        ),
     ]
 
 

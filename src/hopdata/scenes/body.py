@@ -25,6 +25,23 @@ from hopdata.hybrid import System
 
 N_STATES = 12
 
+#: Names of the states, with their units: the position of the origin, yaw, pitch and
+#: roll, the velocity of the origin, and the angular velocity in body axes.
+STATE_NAMES = (
+    "x_m",
+    "y_m",
+    "z_m",
+    "yaw_rad",
+    "pitch_rad",
+    "roll_rad",
+    "vx_m_s",
+    "vy_m_s",
+    "vz_m_s",
+    "wx_rad_s",
+    "wy_rad_s",
+    "wz_rad_s",
+)
+
 # Indices into the state: height of O, the attitude, and the climb rate.
 HEIGHT = 2
 YAW = 3

@@ -34,6 +34,7 @@ from hopdata.scenes.body import (
     N_STATES,
     PITCH,
     ROLL,
+    STATE_NAMES,
     YAW,
     Rotation,
     Vector,
@@ -277,6 +278,13 @@ class Quadruped(Scene):
     gravity_m_s2: float = parameter(
         9.81, "Acceleration due to gravity.", "m/s²", minimum=0
     )
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states: the body's, then how far each leg has moved aside."""
+        legs = range(1, N_LEGS + 1)
+        aside = [f"foot{leg}_d{axis}_m" for leg in legs for axis in "xy"]
+        return (*STATE_NAMES, *aside)
 
     def rest_feet(self) -> FloatArray:
         """Return the feet at rest length, (4, 3), body frame, m."""

@@ -106,6 +106,18 @@ class Scene(ABC):
         """Height of the level body's origin when the first foot touches, m."""
         return -float(self.rest_feet()[:, 2].min())
 
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states of its system, with their units.
+
+        Those of the body, and ``memory1``, ``memory2`` ... of what feet in contact
+        keep.
+        """
+        from hopdata.scenes.body import STATE_NAMES
+
+        n_more = self.system().n_states - len(STATE_NAMES)
+        return (*STATE_NAMES, *(f"memory{k + 1}" for k in range(n_more)))
+
     @abstractmethod
     def rest_feet(self) -> FloatArray:
         """Return the feet at rest length, (n, 3), body frame, m.

@@ -433,9 +433,9 @@ def law(t, y, mode, p):
     return y[1], push - 9.81
 
 
-def clipped(t, y, mode):
+def clipped(t, y, mode, p):
     """Return the rates on a spring whose depth is clipped, though the lock is read."""
-    push = 1000.0 * max(-y[0], 0.0) if mode[0] > 0 else 0.0
+    push = p[0] * max(-y[0], 0.0) if mode[0] > 0 else 0.0
     return y[1], push - 9.81
 
 
@@ -443,33 +443,67 @@ def sole(t, y):
     return -y[0]
 
 
-def off(system, params, rtol):
-    """Return the error of a derivative through a landing, over the derivative."""
-    span, start, tight = (0.0, 0.15), np.array([0.05, -1.0]), {"rtol": 1e-13}
-    found = solve(system, span, start, params=params, rtol=rtol, jacobian=True)
+PAD_SPAN = (0.0, 0.15)
+PAD_START = np.array([0.05, -1.0])
+
+
+def off(system, params, rtols):
+    """Return the errors of derivatives through a landing, and the estimates of them."""
     columns = []
     for change in 1e-4 * np.eye(2):
         ends = [
-            solve(system, span, start + k * change, params=params, **tight).y_end
+            solve(
+                system, PAD_SPAN, PAD_START + k * change, params=params, rtol=1e-13
+            ).y_end
             for k in (-2, -1, 1, 2)
         ]
         columns.append((ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / 12e-4)
     exact = np.array(columns).T
-    return np.abs(found.jacobian - exact).max() / np.abs(exact).max()
+    errors = []
+    estimates = []
+    for rtol in rtols:
+        found = solve(
+            system, PAD_SPAN, PAD_START, params=params, rtol=rtol, jacobian=True
+        )
+        errors.append(np.abs(found.jacobian - exact).max() / np.abs(exact).max())
+        estimates.append(found.jacobian_error)
+    return np.array(errors), np.array(estimates)
 
 
 def test_the_derivative_through_a_landing_is_as_exact_as_the_reference_says():
     leg = System(law, sole, n_states=2, guard_names=("foot",))
+    kinked = System(clipped, sole, n_states=2, guard_names=("foot",))
+    rtols = np.array([1e-6, 1e-8, 1e-10])
     for stiffness in (400.0, 1000.0, 3000.0):
-        assert off(leg, [stiffness, 1.0], 1e-9) < 1e-8
-        hertz = [4.0 * stiffness, 1.5]
-        assert off(leg, hertz, 1e-9) < 3e-4
-        assert off(leg, hertz, 1e-12) < 3e-6
+        for system, params in (
+            (leg, [stiffness, 1.0]),
+            (leg, [4.0 * stiffness, 1.5]),
+            (kinked, [stiffness]),
+        ):
+            errors, estimates = off(system, params, rtols)
+            assert (errors < 300.0 * rtols).all()
+            assert (errors < 10.0 * estimates).all()
+
+
+def test_only_a_derivative_that_is_not_smooth_takes_steps_of_its_own():
+    leg = System(law, sole, n_states=2, guard_names=("foot",))
+    for params, least, most in (([1000.0, 1.0], 1.0, 1.0), ([4000.0, 1.5], 1.3, 3.0)):
+        steps = [
+            solve(leg, PAD_SPAN, PAD_START, params=params, jacobian=wanted).n_steps
+            for wanted in (False, True)
+        ]
+        assert least <= steps[1] / steps[0] <= most
+
+
+def test_a_run_without_a_derivative_has_no_estimate_of_its_error():
+    leg = System(law, sole, n_states=2, guard_names=("foot",))
+    assert solve(leg, PAD_SPAN, PAD_START, params=[1000.0, 1.0]).jacobian_error is None
 
 
 def test_check_c1_finds_the_kink_of_a_depth_that_is_clipped():
     leg = System(clipped, sole, n_states=2, guard_names=("foot",))
-    assert check_c1(leg, [0.0, -1.0], mode=[-1]).verdict == "not event-selected"
+    report = check_c1(leg, [0.0, -1.0], params=[1000.0], mode=[-1])
+    assert report.verdict == "not event-selected"
     smooth = System(law, sole, n_states=2, guard_names=("foot",))
     for law_params in ([1000.0, 1.0], [4000.0, 1.5]):
         report = check_c1(smooth, [0.0, -1.0], params=law_params, mode=[-1])

@@ -17,6 +17,7 @@ from hopdata.landings.contacts.glides import (
     doubts,
     glides,
     is_slowed_by_leg,
+    is_stopped_hard,
     last_descents,
     sinks,
 )
@@ -261,3 +262,36 @@ def test_a_toe_that_tilts_as_deep_is_timed_where_the_floor_stops_it(seed):
     off_s, _ = errors_of(*dipping(seed, is_toe=True))
     assert len(off_s) >= 4
     assert np.abs(off_s).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "lasts_s", "is_hard"),
+    [(2.5, 0.002, True), (1.5, 0.001, True), (1.2, 0.03, False), (0.5, 0.002, False)],
+)
+def test_a_floor_stops_a_fast_foot_harder_than_any_leg(speed_m_s, lasts_s, is_hard):
+    until = np.maximum(CONTACT_S - TIME, 0.0)
+    after = np.maximum(TIME - CONTACT_S, 0.0)
+    height = speed_m_s * (until + lasts_s * np.exp(-after / lasts_s))
+    assert is_stopped_hard(TIME, height, CONTACT_S) == is_hard
+    assert not is_stopped_hard(TIME, np.full(len(TIME), np.nan), CONTACT_S)
+
+
+def test_a_toe_that_sinks_as_its_heel_comes_down_has_an_error_that_says_so():
+    n = 12
+    rng = np.random.default_rng(4)
+    time = np.arange(round((n + 1) * RATE_HZ)) / RATE_HZ
+    heights = np.zeros(len(time))
+    toes_s = 0.5 + np.arange(n) + rng.uniform(0.0, 1 / RATE_HZ, n)
+    for toe_s in toes_s:
+        since = time - toe_s
+        sinks_m = 0.008 * np.clip(1.0 - since / 0.065, 0.0, 1.0) ** 1.2
+        falls_m = np.clip(-2.5 * since, 0.0, 0.2)
+        own = (since > -0.4) & (since < 0.5)
+        heights[own] = (falls_m + sinks_m)[own]
+    heights += rng.normal(0, 3e-4, len(time))
+    spans = whole_spans(np.stack([toes_s - 0.2, toes_s + 0.15], axis=1))
+    found = find_contacts(time, heights[:, None], spans, down_height_m=0.03)
+    timed = found.status[:, 0] == LANDED
+    assert timed.sum() >= n - 2
+    off = (found.instant[:, 0] - toes_s) / np.hypot(found.se[:, 0], found.common[0])
+    assert np.abs(off[timed]).max() < 3

@@ -11,8 +11,9 @@ import pytest
 from hopdata.__main__ import main
 from hopdata.messages import Message
 from hopdata.steering.commands import drive
+from hopdata.steering.commands import screen as screens
 from hopdata.steering.frame_changes import HOPPER
-from hopdata.steering.live import log, rehearsal
+from hopdata.steering.live import log, rehearsal, rehearsed_acts
 from hopdata.steering.live.actuator import NoBoom
 from hopdata.steering.live.buffer import Status, StreamCounts
 from hopdata.steering.live.limits import Limits
@@ -214,22 +215,22 @@ def test_a_rehearsal_brings_the_boom_to_rest_at_each_act(capsys):
 
 def test_an_act_without_its_rest_is_marked_and_gives_exit_code_1(capsys, monkeypatch):
     def perform(geometry, limits, _robot):
-        first, second, third, *_ = rehearsal.acts(("a", "b", "c", "boom"), limits)
+        first, second, third, *_ = rehearsed_acts.acts(("a", "b", "c", "boom"), limits)
         told = Message("steering.no_frame", {"age_s": 0.11, "limit_s": 0.1})
         frozen = Message("steering.markers_frozen", {"frames": 3, "for_s": 0.03})
-        yield rehearsal.Performed(first, told, 0.11)
-        yield rehearsal.Performed(second, None)
-        yield rehearsal.Performed(third, frozen, 9.0)
-        yield rehearsal.Performed(third, frozen, 0.03, moved=True)
-        yield rehearsal.Performed(third, frozen, 0.03, resumed=True)
-        yield rehearsal.Performed(third, frozen, 0.03, obeyed=False)
+        yield rehearsed_acts.Performed(first, told, 0.11)
+        yield rehearsed_acts.Performed(second, None)
+        yield rehearsed_acts.Performed(third, frozen, 9.0)
+        yield rehearsed_acts.Performed(third, frozen, 0.03, moved=True)
+        yield rehearsed_acts.Performed(third, frozen, 0.03, resumed=True)
+        yield rehearsed_acts.Performed(third, frozen, 0.03, obeyed=False)
 
     monkeypatch.setattr(rehearsal, "perform", perform)
     names = SimpleNamespace(body_names=("a", "b", "c"), boom_name="boom")
     monkeypatch.setattr(rehearsal, "simulated_geometry", lambda: names)
     assert main(["drive", "--rehearse"]) == 1
     out = capsys.readouterr().out.splitlines()
-    n_acts = len(rehearsal.acts(("a", "b", "c", "boom"), Limits()))
+    n_acts = len(rehearsed_acts.acts(("a", "b", "c", "boom"), Limits()))
     assert out[1].startswith(f"{n_acts} acts, some ")
     rows = out[4:]
     assert [row[0] for row in rows[:6]] == [" ", "!", "!", "!", "!", "!"]
@@ -256,9 +257,10 @@ def test_with_a_robot_a_rehearsal_is_a_list_of_what_to_do(model, capsys):
 def typing(monkeypatch, lines):
     """Pretend that an operator types these lines, one at each look."""
     typed = iter(lines)
-    monkeypatch.setattr(drive, "_is_on_terminal", lambda: True)
-    monkeypatch.setattr(drive, "_typed_line", lambda: next(typed, None))
-    monkeypatch.setattr(drive.Screen, "_draw", lambda *_: None)
+    monkeypatch.setattr(drive, "is_on_terminal", lambda: True)
+    monkeypatch.setattr(screens, "is_on_terminal", lambda: True)
+    monkeypatch.setattr(screens, "_typed_line", lambda: next(typed, None))
+    monkeypatch.setattr(screens.Screen, "_draw", lambda *_: None)
 
 
 def test_a_drive_is_armed_by_its_operator(model, tmp_path, monkeypatch):
@@ -287,7 +289,7 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
     stream = SimpleNamespace(
         counts=StreamCounts(), states=SimpleNamespace(status=Status("streaming", 0.0))
     )
-    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
+    screen = screens.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
 
     def lines():
         loop.state = machine.state
@@ -307,7 +309,7 @@ def test_the_screen_says_the_state_and_what_the_operator_can_do(monkeypatch):
 
 
 def test_before_it_is_armed_the_screen_shows_no_number_that_is_none(capsys):
-    screen = drive.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
+    screen = screens.Screen("title", None, 0.2, SimpleNamespace(failure=""), HOPPER)
     nan = float("nan")
     decision = SimpleNamespace(
         pose=(1.0, nan, nan),

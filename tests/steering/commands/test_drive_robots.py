@@ -15,7 +15,7 @@ from hopdata.__main__ import main
 from hopdata.errors import ConfigError
 from hopdata.steering.control import planner as planning
 from hopdata.steering.live import drive as live_drive
-from hopdata.steering.live import rehearsal
+from hopdata.steering.live import rehearsal, rehearsed_acts
 from hopdata.steering.live.log_reading import read_log
 from hopdata.steering.live.robots import (
     ROBOTS,
@@ -77,7 +77,7 @@ def test_a_robot_is_excited_learned_driven_to_a_point_and_replayed(robot, capsys
 def test_what_is_wrong_brings_another_robot_to_rest_by_the_name_of_its_input(name):
     robot = driven_robot(name)
     what = robot.axes.input_names[0].replace("_", " ")
-    acts = rehearsal.all_acts(robot.geometry, robot.limits, robot)
+    acts = rehearsed_acts.all_acts(robot.geometry, robot.limits, robot)
     tried = [act for act in acts if act.code in ACTS]
     assert len(tried) == len(ACTS)
     for act in tried:

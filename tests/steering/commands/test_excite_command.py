@@ -8,12 +8,11 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from clocked_drive import on_a_simulated_clock
 
 from hopdata.__main__ import main
 from hopdata.steering.commands import excite
 from hopdata.steering.control.forecast import NEIGHBOURS
-from hopdata.steering.live import drive as live_drive
+from hopdata.steering.live import simulated_time
 from hopdata.steering.live.log_reading import read_log
 from hopdata.steering.models.process_file import load_process
 from hopdata.steering.models.training import LEAST_HOPS
@@ -40,7 +39,6 @@ def geometry(tmp_path_factory):
 def excited(geometry, tmp_path, monkeypatch):
     """Return what runs an excitation in an empty folder."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(live_drive, "drive", on_a_simulated_clock)
 
     def run(*options):
         fence = () if "--fence" in options else ("--fence", "9")
@@ -116,22 +114,26 @@ def test_one_that_is_cut_short_says_how_many_strides_are_missing(excited, capsys
 
 
 def test_a_drive_that_is_killed_leaves_its_strides(excited, tmp_path, monkeypatch):
+    drive = simulated_time.drive_in_simulated_time
+
     def killed(*parts, **options):
-        on_a_simulated_clock(*parts, **options | {"seconds": 5.0})
+        drive(*parts, **options | {"seconds": 5.0})
         raise SystemExit(143)
 
-    monkeypatch.setattr(live_drive, "drive", killed)
+    monkeypatch.setattr(simulated_time, "drive_in_simulated_time", killed)
     with pytest.raises(SystemExit):
         excited()
     assert 5 < len(pd.read_csv(tmp_path / "drive-strides/frame_changes.csv")) < 10
 
 
 def test_a_rest_that_nobody_can_end_ends_it(excited, monkeypatch, capsys):
+    drive = simulated_time.drive_in_simulated_time
+
     def blind(geometry, controller, *parts, **options):
         controller.plan = lambda *_: 1 / 0
-        return on_a_simulated_clock(geometry, controller, *parts, **options)
+        return drive(geometry, controller, *parts, **options)
 
-    monkeypatch.setattr(live_drive, "drive", blind)
+    monkeypatch.setattr(simulated_time, "drive_in_simulated_time", blind)
     assert excited() == 0
     out = capsys.readouterr().out
     assert "it rests, and nobody is there to arm it again" in out

@@ -21,7 +21,8 @@ from hopdata.steering.live.machine import (
     Told,
     Transition,
 )
-from hopdata.steering.live.rehearsal import Act, Performed, SimulatedDrive, acts
+from hopdata.steering.live.rehearsal import SimulatedDrive
+from hopdata.steering.live.rehearsed_acts import Act, Performed, acts
 from hopdata.steering.live.watch import Watch
 
 NAMES = ("body1", "body2", "body3", "boom")

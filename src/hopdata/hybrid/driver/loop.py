@@ -229,6 +229,9 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
         m.states[at.Y, i] = p.start_state[i]
         if p.first_order != 0:
             p.tangent[jacobian.single(m, at.PHI_PART), i] = 1.0
+            p.tangent[jacobian.single(m, at.PHI_LARGEST), i] = 0.0
+            p.tangent[jacobian.single(m, at.PHI_ERROR), i] = 0.0
+            p.tangent[jacobian.single(m, at.PHI_STEP_ERROR), i] = 0.0
     return problem.first_not_finite(m.states, at.Y) < 0
 
 
@@ -432,7 +435,8 @@ def compiled_aloud(function: Any, compiler: Any, cached: bool, what: str) -> Any
         by_another = folder.glob(f"*/*{function.__name__}-*.nbi")
         if any(by_another):  # compiled meanwhile
             return compiler(function)
-    say(f"compiling {what} of one core; later processes load it")
+    say(f"compiling {what} of one core, minutes on a busy computer")
+    say("later processes load it")
     started = time.monotonic()
     compiled = compiler(function)
     where = NOT_KEPT if folder is None else f"it is kept in {folder.parent}"

@@ -129,6 +129,13 @@ def why_not_positions(
     return ""
 
 
+#: What a user does where the coordinates are not positions and velocities.
+OTHERWISE = (
+    "others may be given as positions=; if no half of the coordinates will do, as with "
+    "a memory of footholds, this column says nothing, and the verdict holds without it"
+)
+
+
 def _grouped(
     system: System,
     places: Sequence[Instant],
@@ -156,7 +163,7 @@ def _grouped(
     what = "coordinates that are positions"
     why = why_not_positions(system, places, fields, scale, tolerance, chosen)
     if why:
-        detail = f"{what}: {why} (others may be given as positions=)"
+        detail = f"{what}: {why} ({OTHERWISE})"
         if 2 * len(set(chosen)) != n or not set(chosen) <= set(range(n)):
             chosen = []
         return Finding(GROUPED, False, 0.0, needed, detail), chosen

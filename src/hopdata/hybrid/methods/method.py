@@ -240,6 +240,10 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
     blocks = stages  # a tangent's, after the single rows of its table
     if short is not None:
         blocks = max(stages, tangent.BLOCKS)
+    derivatives = stages
+    if tangent.has_end_slope(tableau):
+        derivatives = stages + 1
+        blocks = max(blocks, stages + 1)
     return Method(
         order=tableau.order,
         step=explicit.compose_part("step", step, known),
@@ -252,8 +256,8 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
             "tangent", tangent.tangent_code(tableau), vars(tangent)
         ),
         short_tangent=short,
-        tangent_evaluations=per_derivative * stages,
-        short_evaluations=2 * per_derivative,
+        tangent_evaluations=per_derivative * derivatives,
+        short_evaluations=3 * per_derivative,
         tangent_rows=3 * n + PHI_ROWS + n * blocks,
         last_slope=tableau.slope_rows[stages - 1],
         stiff_tenths=tableau.stiff_tenths,

@@ -98,6 +98,10 @@ ABSOLUTELY_TINY = 1e-290  # a state smaller than this counts as 1
 #: Unit: relative tolerances of the state. Origin: chosen.
 LOOSER = 10.0
 
+#: Least relative tolerance of a column whose derivatives are by differences.
+#: Unit: 1. Origin: derived: they err by 1e-10 (see BENT), however short the step is.
+OF_DIFFERENCES = 1e-10
+
 GOLDEN = 0.5 + sqrt(1.25)
 SHIFTS = (GOLDEN, 1.0, -1.0, -GOLDEN)  # places of the values, in increments
 INNER = 0.5 * GOLDEN  # weights of the two pairs
@@ -248,10 +252,15 @@ def stage_jacobian(  # noqa: PLR0913 (the arguments of a tangent)
         phi[shifted, j] = s[at.SCRATCH, j]
 
 
+def _entry(terms: str) -> str:
+    """Return code for a sum of rows of a table as one for entries of blocks."""
+    return terms.replace("s[", "phi[").replace(", i]", ", e]")
+
+
 def _matrices(target: str, weights: Sequence[float]) -> list[str]:
     """Return code that forms a whole block entry by entry, which vectorises."""
     blocks = [f"3 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(len(weights))]
-    terms = combination(weights, blocks).replace("s[", "phi[").replace(", i]", ", e]")
+    terms = _entry(combination(weights, blocks))
     return [
         "for e in range(N * N):",
         INDENT + f"phi[{target}, e] = phi[0, e] + dt * ({terms})",
@@ -272,11 +281,128 @@ def error_constant(tableau: Tableau) -> float:
     return float(abs(exact - np.dot(tableau.weights, power)))
 
 
-def _error(tableau: Tableau) -> list[str]:
-    """Return code that estimates the error from the fastest motion of the linear flow.
+# The error of the columns. A column is the change of the state by one number of the
+# start. Its error is a fraction of its own size, so neither the units of that number
+# nor its size matter. The rows of a column are compared by the sizes of the states,
+# which are the largest ones so far: a state that passes zero does not dominate then.
 
-    The state is no guide: its error says nothing where it rests, and once a fast motion
-    has died out, only the field's derivative still shows it.
+
+@code.kernel
+def write_sizes(
+    phi: FloatTable, s: FloatTable, dt: float, rtol: float, atol: Any
+) -> None:
+    """Write the sizes of the states, by which the rows of a column are compared."""
+    n = phi.width
+    largest = 3 * n + at.PHI_LARGEST
+    size = 3 * n + at.PHI_SIZE
+    for i in range(n):
+        one = max(phi[largest, i], abs(s[at.Y, i]), abs(s[at.END, i]))
+        one = max(one, dt * abs(s[at.K1, i]), atol[i] / rtol)
+        phi[size, i] = one if one > ABSOLUTELY_TINY else 1.0
+
+
+@code.kernel
+def size_of_column(phi: FloatTable, first: int, j: int) -> float:
+    """Return the size of column `j` of a block: of its largest row, in sizes."""
+    n = phi.width
+    size = 3 * n + at.PHI_SIZE
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, abs(phi[first + i, j]) / phi[size, i])
+    return largest
+
+
+@code.kernel_apart
+def judge_columns(phi: FloatTable, error: int, other: int) -> float:
+    """Write the error of each column of the new Jacobian; return the largest.
+
+    The estimates are in the block `error` and, if there are two, in `other`: they are
+    combined as those of the state (see `explicit.Tableau`).
+    """
+    n = phi.width
+    into = 3 * n + at.PHI_STEP_ERROR
+    worst = 0.0
+    for j in range(n):
+        found = size_of_column(phi, error, j)
+        if other >= 0 and found > 0.0:
+            beside = size_of_column(phi, other, j)
+            found *= found / sqrt(found * found + 0.01 * beside * beside)
+        if found > 0.0:
+            found /= max(size_of_column(phi, n, j), ABSOLUTELY_TINY)
+        phi[into, j] = found
+        worst = max(worst, found)
+    return worst
+
+
+def has_end_slope(tableau: Tableau) -> bool:
+    """Return whether an estimate of the error uses the slope at the end of the step."""
+    stages = len(tableau.weights)
+    return any(any(weights[stages:]) for weights in tableau.errors)
+
+
+def _embedded_error(tableau: Tableau) -> list[str]:
+    """Return code for the error of the columns, from the pair's own estimates.
+
+    They are linear in the slopes, so their derivatives are those of the estimates.
+    """
+    stages = len(tableau.weights)
+    blocks = [f"3 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(stages + 1)]
+    lines = []
+    if has_end_slope(tableau):
+        lines += _end_slope(blocks[-1])
+    targets = ("2 * N", blocks[0])
+    lines.append("for e in range(N * N):")
+    stored = []
+    for k, weights in enumerate(tableau.errors):
+        terms = (
+            combination(weights, blocks).replace("s[", "phi[").replace(", i]", ", e]")
+        )
+        lines.append(INDENT + f"e{k} = dt * ({terms})")
+        stored.append(INDENT + f"phi[{targets[k]}, e] = e{k}")
+    other = targets[1] if len(tableau.errors) > 1 else "-1"
+    return [
+        *lines,
+        *stored,
+        "write_sizes(phi, s, dt, rtol, atol)",
+        f"found = judge_columns(phi, {targets[0]}, {other})",
+    ]
+
+
+def _end_slope(target: str) -> list[str]:
+    """Return code for the derivative of the slope at the end of the step.
+
+    The new Jacobian is in the second block, and kept there.
+    """
+    by_derivative = [
+        "for i in range(N):",
+        INDENT + f"s[{at.SCRATCH}, i] = s[{at.END}, i]",
+        "for e in range(N * N):",
+        INDENT + "phi[2 * N, e] = phi[N, e]",
+        "stage_jacobian(",
+        INDENT + "t + dt, dt, rtol, s, mode, params, atol, phi, field, jacobian, along",
+        ")",
+        f"multiply(phi, {target}, N, 2 * N)",
+        "for e in range(N * N):",
+        INDENT + "phi[N, e] = phi[2 * N, e]",
+    ]
+    return [
+        "if by_duals:",
+        INDENT + "field_along(",
+        2 * INDENT + f"along, t + dt, address_of(s) + BYTES * N * {at.END}, N, mode,",
+        2 * INDENT + f"params, first + BYTES * N * N, first + BYTES * N * ({target})",
+        INDENT + ")",
+        "else:",
+        *(INDENT + line for line in by_derivative),
+    ]
+
+
+def _error(tableau: Tableau) -> list[str]:
+    """Return code that estimates the error of a step's Jacobian.
+
+    It is the larger of two: the embedded error of the columns, and that by the fastest
+    motion of the linear flow. The state is no guide to the latter: its error says
+    nothing where it rests, and once a fast motion has died out, only the field's
+    derivative still shows it.
     """
     power = 0.5 * (tableau.order + 1)
     return [
@@ -284,7 +410,10 @@ def _error(tableau: Tableau) -> list[str]:
         *_matrices("N", tableau.weights),
         f"phi[3 * N + {at.PHI_MOTION}, 0] = fastest",
         f"error = {error_constant(tableau)!r} * (dt * dt * fastest) ** {power!r}",
-        f"return error / ({LOOSER!r} * rtol)",
+        *_embedded_error(tableau),
+        "by_differences = jacobian == 0 and along[FIELD] == 0",
+        f"allowed = max(rtol, {OF_DIFFERENCES!r}) if by_differences else rtol",
+        f"return max(error / rtol, found / allowed) / {LOOSER!r}",
     ]
 
 
@@ -342,7 +471,12 @@ def tangent_code(tableau: Tableau) -> list[str]:
 # every stage of a method. No stages are needed, so the step may end anywhere on an
 # interpolant, such as at a flip.
 #
-# The driver writes the states at the two points into rows SCRATCH and SLOPE.
+# The driver writes the states at the two points into rows SCRATCH and SLOPE, and that
+# in the middle into LEAST. Where A changes, it is evaluated there, too: the second
+# difference of the three shows whether A is smooth. If it is, differences fall by the
+# same ratio from each order to the next, and the error follows from the first two. If
+# it is not, as beside the surface of a contact, they do not fall, and the second
+# difference is the error itself.
 
 #: Highest order of a method that has a short tangent: steps of higher ones are too long
 #: for it.
@@ -356,6 +490,66 @@ BLOCKS = 5  # blocks of the short tangent's table after the single rows
 #: Error over (step times fastest motion)^5.
 #: Unit: 1. Origin: derived: 1 / 120, and a bit for the two points.
 ERROR = 0.01
+
+
+#: Change of A over the step, as a fraction of the error allowed, below which A counts
+#: as constant.
+#: Unit: 1. Origin: chosen.
+HARDLY = 0.1
+
+#: Ratio of the second to the first difference from which on the second is the error.
+#: Unit: 1. Origin: derived: the estimate for a square root that begins, or ends, with
+#: the step is then twice its error.
+ROUGH = 1.0 / 3.0
+
+#: Ratio from which on A is not smooth.
+#: Unit: 1. Origin: derived: a square root has 0.155.
+UNEVEN = 0.14
+
+
+@code.kernel
+def change_of(phi: FloatTable, first: int, last: int) -> float:
+    """Return by how much A in block `last` differs from that in `first`, in sizes."""
+    n = phi.width
+    size = 3 * n + at.PHI_SIZE
+    worst = 0.0
+    for i in range(n):
+        row = 0.0
+        for j in range(n):
+            row += abs(phi[last + i, j] - phi[first + i, j]) * phi[size, j]
+        worst = max(worst, row / phi[size, i])
+    return worst
+
+
+@code.kernel_apart
+def error_of_change(phi: FloatTable, first: int, last: int, middle: int) -> float:
+    """Return how far a step errs because A varies, in sizes, per unit of its length.
+
+    A is in these blocks at the Gauss points and in the middle. The part of the entries
+    that are not smooth is written into row PHI_ROUGH.
+    """
+    n = phi.width
+    size = 3 * n + at.PHI_SIZE
+    worst = 0.0
+    worst_rough = 0.0
+    for i in range(n):
+        row = 0.0
+        rough = 0.0
+        for j in range(n):
+            scale = phi[size, j] / phi[size, i]
+            change = scale * abs(phi[last + i, j] - phi[first + i, j])
+            bend = phi[first + i, j] + phi[last + i, j] - 2.0 * phi[middle + i, j]
+            bend = scale * abs(bend)
+            is_rough = bend >= UNEVEN * change
+            if bend < ROUGH * change:
+                bend *= (bend / (ROUGH * change)) ** 2
+            if is_rough:
+                rough += bend
+            row += bend
+        worst = max(worst, row)
+        worst_rough = max(worst_rough, rough)
+    phi[3 * n + at.PHI_ROUGH, 0] = worst_rough
+    return worst
 
 
 def short_tangent(  # noqa: PLR0913 (the arguments of a tangent)
@@ -393,6 +587,26 @@ def short_tangent(  # noqa: PLR0913 (the arguments of a tangent)
     stage_jacobian(
         last_point, dt, rtol, s, mode, params, atol, phi, field, jacobian, along
     )
+    write_sizes(phi, s, dt, rtol, atol)
+    allowed = LOOSER * rtol
+    if jacobian == 0 and along[FIELD] == 0:
+        allowed = LOOSER * max(rtol, OF_DIFFERENCES)
+    rough = 3 * n + at.PHI_ROUGH
+    phi[rough, 0] = 0.0
+    varies = dt * change_of(phi, begin, n)
+    if varies > HARDLY * allowed:
+        for e in range(n * n):
+            phi[end, e] = phi[n, e]
+        for i in range(n):
+            s[at.SCRATCH, i] = s[at.LEAST, i]
+        half = t + 0.5 * dt
+        stage_jacobian(
+            half, dt, rtol, s, mode, params, atol, phi, field, jacobian, along
+        )
+        varies = dt * error_of_change(phi, begin, end, n)
+        phi[rough, 0] *= dt / allowed
+        for e in range(n * n):
+            phi[n, e] = phi[end, e]
     for e in range(n * n):
         mean = 0.5 * (phi[begin, e] + phi[n, e])
         tilt = TILT * (phi[n, e] - phi[begin, e])
@@ -409,4 +623,7 @@ def short_tangent(  # noqa: PLR0913 (the arguments of a tangent)
     fastest = fastest_motion(phi, middle)
     phi[3 * n + at.PHI_MOTION, 0] = fastest
     turn = dt * dt * fastest
-    return ERROR * turn * turn * sqrt(turn) / (LOOSER * rtol)
+    for j in range(n):
+        phi[3 * n + at.PHI_STEP_ERROR, j] = varies
+    of_motion = ERROR * turn * turn * sqrt(turn) / (LOOSER * rtol)
+    return max(of_motion, varies / allowed)

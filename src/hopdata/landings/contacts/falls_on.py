@@ -52,22 +52,22 @@ INSTANTS_OF_FRAME = 8
 
 
 @dataclass(frozen=True)
-class _Course:
-    """How well a course fits heights.
+class _Courses:
+    """How well courses of one kind, in an array of any shape (...), fit heights.
 
     Parameters
     ----------
-    coefficients : (k,) array
-        Those of its columns.
-    square : float
+    coefficients : (..., k) array
+        Those of the columns of each.
+    square : (...) array
         Sum of the squared residuals, in squares of the noise.
-    logarithm : float
-        Logarithm of its likelihood, with all coefficients integrated out.
+    logarithm : (...) array
+        Logarithm of the likelihood, with all coefficients integrated out.
     """
 
     coefficients: FloatArray
-    square: float
-    logarithm: float
+    square: FloatArray
+    logarithm: FloatArray
 
 
 def later_contact(
@@ -99,37 +99,28 @@ def _second_kink(
         return None
     scaled = frames_m / noise_m
     degrees = len(since_s) - 4
-    soft = min(_stops(since_s, scaled, one).square for one in SOFTNESS_S.tolist())
+    soft = float(_stops(since_s, scaled).square.min())
     frame_s = float(np.median(np.diff(since_s)))
     instants = np.arange(since_s[1], since_s[-2], frame_s / INSTANTS_OF_FRAME)
-    falls = [
-        [
-            _falls_and_stops(since_s, scaled, at, noise_m, one)
-            for one in SOFTNESS_S[:-1].tolist()
-        ]
-        for at in instants.tolist()
-    ]
-    every = [
-        (course, at)
-        for own, at in zip(falls, instants.tolist(), strict=True)
-        for course in own
-    ]
-    best, best_s = min(every, key=lambda one: one[0].square)
-    fall_m_s = -float(best.coefficients[1]) * noise_m
+    falls = _falls_and_stops(since_s, scaled, instants, noise_m)
+    best = np.unravel_index(falls.square.argmin(), falls.square.shape)
+    best_s = float(instants[best[0]])
+    square = float(falls.square[best])
+    fall_m_s = -float(falls.coefficients[best][1]) * noise_m
     falls_on = (
         fall_m_s > FALLS_M_S
         and fall_m_s * best_s > least_m
-        and best.square < glides.EVENLY_SIGMAS**2 * degrees
-        and soft - best.square > 2 * CLEARLY_LIKELIER
+        and square < glides.EVENLY_SIGMAS**2 * degrees
+        and soft - square > 2 * CLEARLY_LIKELIER
     )
     if not falls_on:
         return None
-    logarithm = np.array([[course.logarithm for course in own] for own in falls])
-    weight = np.exp(logarithm - logarithm.max()).sum(axis=1)
+    likelihood = np.exp(falls.logarithm - falls.logarithm.max())
+    weight = likelihood.sum(axis=1)
     weight /= weight.sum()
     mean_s = float(weight @ instants)
     variance = float(weight @ (instants - mean_s) ** 2)
-    misfit = max(1.0, best.square / degrees)
+    misfit = max(1.0, square / degrees)
     # The instants tried are apart.
     sd_s = (variance * misfit + (frame_s / INSTANTS_OF_FRAME) ** 2 / 12) ** 0.5
     if sd_s > UNDETERMINED_S:
@@ -154,20 +145,22 @@ def _frames_after(
     return since_s, frames_m
 
 
-def _stops(since_s: FloatArray, scaled: FloatArray, softness_s: float) -> _Course:
-    """Fit a foot that touched before, and yields within a time, s, and creeps."""
-    yields = np.exp(-since_s / softness_s)
+def _stops(since_s: FloatArray, scaled: FloatArray) -> _Courses:
+    """Fit a foot that touched before, yields and creeps: for each of `SOFTNESS_S`."""
+    yields = np.exp(-since_s / SOFTNESS_S[:, np.newaxis])
     return _fitted([np.ones_like(since_s), since_s, yields], scaled)
 
 
 def _falls_and_stops(
-    since_s: FloatArray,
-    scaled: FloatArray,
-    at_s: float,
-    noise_m: float,
-    softness_s: float,
-) -> _Course:
-    """Fit a foot that falls until `at_s`, then yields within a time, s, and creeps."""
+    since_s: FloatArray, scaled: FloatArray, instants: FloatArray, noise_m: float
+) -> _Courses:
+    """Fit a foot that falls until an instant, then yields and creeps.
+
+    The courses (k, s) are those of all instants (k,), s, with all but the longest time
+    of `SOFTNESS_S`.
+    """
+    at_s = instants[:, np.newaxis, np.newaxis]
+    softness_s = SOFTNESS_S[:-1, np.newaxis]
     before_s = np.minimum(since_s - at_s, 0.0)
     after_s = np.maximum(since_s - at_s, 0.0)
     falls = before_s + softness_s * (1 - np.exp(-after_s / softness_s))
@@ -177,18 +170,22 @@ def _falls_and_stops(
 
 def _fitted(
     columns: list[FloatArray], scaled: FloatArray, *, known: int = 0
-) -> _Course:
-    """Fit columns to heights in units of the noise; the last `known` are N(0, 1)."""
-    design = np.stack(columns, axis=1)
-    normal = design.T @ design
-    for own in range(len(columns) - known, len(columns)):
-        normal[own, own] += 1.0
-    coefficients: FloatArray = np.asarray(
-        np.linalg.solve(normal, design.T @ scaled), dtype=np.float64
-    )
-    residual = scaled - design @ coefficients
-    square = float(residual @ residual)
-    for own in range(len(columns) - known, len(columns)):
-        square += float(coefficients[own] ** 2)
-    logarithm = -0.5 * square - 0.5 * float(np.linalg.slogdet(normal)[1])
-    return _Course(coefficients, square, logarithm)
+) -> _Courses:
+    """Fit columns (..., n) to heights (n,) in units of the noise, all at once.
+
+    The coefficients of the last `known` columns are N(0, 1).
+    """
+    design = np.stack(np.broadcast_arrays(*columns), axis=-1)
+    transposed = np.swapaxes(design, -1, -2)
+    normal = transposed @ design
+    first_known = len(columns) - known
+    for own in range(first_known, len(columns)):
+        normal[..., own, own] += 1.0
+    moments = (transposed @ scaled)[..., np.newaxis]
+    solved = np.linalg.solve(normal, moments)
+    residual = scaled - (design @ solved)[..., 0]
+    coefficients: FloatArray = np.asarray(solved[..., 0], dtype=np.float64)
+    square = (residual**2).sum(axis=-1)
+    square += (coefficients[..., first_known:] ** 2).sum(axis=-1)
+    logarithm = -0.5 * square - 0.5 * np.linalg.slogdet(normal)[1]
+    return _Courses(coefficients, square, logarithm)

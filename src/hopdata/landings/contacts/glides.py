@@ -107,6 +107,12 @@ LEG_M_S2 = 20.0
 #: Unit: m/s^2. Origin: chosen.
 LEG_OR_FLOOR_M_S2 = 30.0
 
+#: Mean deceleration over `approach.SOFTEST_S` about a contact, from which on no leg
+#: slowed the foot.
+#: Unit: m/s^2. Origin: chosen: made-up heels that glide have up to 60, toes of
+#: simulated jumps 150 and more.
+HARD_M_S2 = 100.0
+
 #: Time in which a floor stops a foot, its speed over its largest deceleration, at most,
 #: in times of the softest contact.
 #: Unit: 1. Origin: chosen: a speed that decays within such a time seems to last 1.4 to
@@ -303,6 +309,20 @@ def is_slowed_by_leg(
     longest_on_floor_s = apart * frame_s + FLOOR_TIMES * approach.SOFTEST_S
     lasts_long = speed_m_s[fastest] > longest_on_floor_s * most_slowing_m_s2
     return bool(lasts_long and 0 < most_slowing_m_s2 < most_m_s2)
+
+
+def is_stopped_hard(time: FloatArray, height: FloatArray, contact_s: float) -> bool:
+    """Tell whether a foot (N,) lost its speed at a contact faster than by any leg.
+
+    Its mean speeds before and after are compared, both over `approach.SOFTEST_S`.
+    """
+    seen = np.isfinite(height)
+    about_s = contact_s + approach.SOFTEST_S * np.array([-1.0, 0.0, 1.0])
+    if seen.sum() < LEAST_FRAMES:
+        return False
+    before_m, at_m, after_m = np.interp(about_s, time[seen], height[seen])
+    slows_m = (before_m - at_m) - (at_m - after_m)
+    return bool(slows_m > HARD_M_S2 * approach.SOFTEST_S**2)
 
 
 def _least_between(values: FloatArray, begin: IntArray, end: IntArray) -> FloatArray:

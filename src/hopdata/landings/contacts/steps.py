@@ -12,6 +12,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.landings.contacts import descents
+from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.noise import height_noise
 
 #: Share of a foot's descent, from its end, at which the foot is still surely in the
@@ -185,12 +186,14 @@ def landings_of(steps: Steps, n_feet: int) -> tuple[FloatArray, BoolArray]:
 
 def found_twice(
     steps: Steps, instant: FloatArray, se: FloatArray, status: IntArray
-) -> BoolArray:
+) -> tuple[BoolArray, FloatArray]:
     """Mark the contacts (L, n) that belong to a descent of a foot with a better one.
 
     The body and the foot may both show a landing, and each has its row then. Better is
     the one that can be trusted; of two such, that of the row in which more feet land,
-    so that a landing is not split; then the surer one.
+    so that a landing is not split; then the surer one. If both have a kink, but are
+    farther apart than the other's error explains, either may be the contact: it depends
+    on where it is sought, and so on the choice of the body.
 
     Parameters
     ----------
@@ -200,7 +203,14 @@ def found_twice(
         Contacts and their standard errors, s; NaN for none.
     status : (L, n) int array
         Codes of `hopdata.landings.contacts.descents`.
+
+    Returns
+    -------
+    twice : (L, n) bool array
+    choice_s : (L, n) array
+        Error of the better contact from the choice between the two, s; else 0.
     """
+    choice_s = np.zeros(instant.shape)
     twice = np.zeros(instant.shape, dtype=bool)
     lands = np.isfinite(instant) & (status == descents.LANDED)
     n_landed = np.count_nonzero(lands, axis=1)
@@ -225,7 +235,15 @@ def found_twice(
             worse = row if doubts[0] <= doubts[1] else kept
             twice[worse, foot] = True
             kept = kept + row - worse
-    return twice
+            have_kinks = lands[[kept, worse], foot] & (
+                se[[kept, worse], foot] < UNDETERMINED_S
+            )
+            if have_kinks.all():
+                apart_s = instant[worse, foot] - instant[kept, foot]
+                unexplained = max(apart_s**2 - se[worse, foot] ** 2, 0.0)
+                # The error is 0 or all of it, at even odds.
+                choice_s[kept, foot] = np.sqrt(unexplained / 2)
+    return twice, choice_s
 
 
 def only_settles(steps: Steps, instant: FloatArray) -> BoolArray:

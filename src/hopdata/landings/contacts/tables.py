@@ -53,11 +53,14 @@ def _without_strangers(found: Descending, contacts: Contacts) -> Contacts:
     settles = steps.only_settles(found.steps, contacts.instant)
     stranger = found.stranger | (without_kink & settles)
     instant = np.where(stranger, np.nan, contacts.instant)
-    stranger |= steps.found_twice(found.steps, instant, contacts.se, contacts.status)
+    twice, choice_s = steps.found_twice(
+        found.steps, instant, contacts.se, contacts.status
+    )
+    stranger |= twice
     return replace(
         contacts,
         instant=np.where(stranger, np.nan, contacts.instant),
-        se=np.where(stranger, np.nan, contacts.se),
+        se=np.where(stranger, np.nan, np.hypot(contacts.se, choice_s)),
         status=np.where(stranger, descents.NOT_LANDED, contacts.status),
     )
 

@@ -36,6 +36,7 @@ from hopdata.landings.contacts.glides import (
     doubts,
     glides,
     is_slowed_by_leg,
+    is_stopped_hard,
     last_descents,
 )
 from hopdata.landings.contacts.judged import Contacts, frames_missing, judge_fits
@@ -527,13 +528,18 @@ def _after_glides(
     is_down &= again.instant > contacts.instant + YIELDED_S
     down = replace(contacts, instant=np.where(is_down, again.instant, np.nan))
     is_down &= ~_are_gliding(trial, down, foot_of, glided_m, noise_m)
+    # The toe of a foot stops so, and sinks as the heel comes down; and so does a heel
+    # as its toe touches. Either instant may be the contact.
+    may_stand = is_down & ~without_kink & _stopped_hard(trial, contacts, is_down)
+    is_down &= ~may_stand
+    has_glided &= ~may_stand
     status = np.where(has_glided, descents.GLIDES, contacts.status)
-    first_se = contacts.se
+    is_unsure = may_stand
     if not rolls:
-        is_unsure = may_glide & ~is_down & ~has_glided
-        later = np.where(again.status == descents.LANDED, again.instant, np.nan)
-        doubt_s = doubts(contacts.instant, later)
-        first_se = np.where(is_unsure, np.hypot(first_se, doubt_s), first_se)
+        is_unsure |= may_glide & ~is_down & ~has_glided
+    later = np.where(again.status == descents.LANDED, again.instant, np.nan)
+    doubt_s = doubts(contacts.instant, later)
+    first_se = np.where(is_unsure, np.hypot(contacts.se, doubt_s), contacts.se)
     return replace(
         contacts,
         instant=np.where(is_down, again.instant, contacts.instant),
@@ -572,6 +578,18 @@ def _slowed_by_leg(
             most_m_s2=most_m_s2,
         )
     return slowed
+
+
+def _stopped_hard(trial: Trial, contacts: Contacts, asked: BoolArray) -> BoolArray:
+    """Mark those of the contacts (L, n) asked for at which a foot stopped hard."""
+    hard = np.zeros(asked.shape, dtype=bool)
+    for landing, marker in np.argwhere(asked).tolist():
+        hard[landing, marker] = is_stopped_hard(
+            trial.time,
+            trial.heights[:, marker],
+            float(contacts.instant[landing, marker]),
+        )
+    return hard
 
 
 def _may_glide(

@@ -24,7 +24,7 @@ from hopdata.maps.verdict.smooth import Shapes, Smooth, fit_beside
 
 #: Slopes that are tried.
 #: Unit: 1. Origin: chosen: from what is nearly a jump of the outcome to cubes.
-SLOPES = tuple(np.arange(-0.75, 2.01, 0.25).tolist())
+SLOPES = tuple(np.arange(-0.75, 2.01, 0.125).tolist())
 
 #: Growing kinks that remain beside smooth terms with less than this share of the most
 #: visible one are left out.

@@ -346,7 +346,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
-    if answer.conclusion == DIFFERENT and not jumps and not contact.saturates:
+    if answer.conclusion == DIFFERENT and not jumps:
         limited += limits.grows(fit.growth(landings))
     if answer.conclusion != DIFFERENT:
         limited += limits.own_maps(sizes.orders, foot_names)

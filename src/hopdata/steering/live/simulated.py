@@ -228,19 +228,24 @@ class SimulatedStream(Stream):
         Yields time, s, and markers of each frame, as a `LiveHopper` and a `SeenRobot`.
     speed : float
         Speed relative to real time.
+
+    Attributes
+    ----------
+    source : iterable
+        The robot.
     """
 
     def __init__(
         self, hopper: Iterable[tuple[float, FloatArray]], *, speed: float = 1.0
     ) -> None:
         super().__init__("hopdata-simulated", self._hop, CAPACITY)
-        self._hopper = hopper
+        self.source = hopper
         self._speed = speed
 
     async def _hop(self) -> None:
         begun = time.monotonic()
         try:
-            for number, (time_s, markers) in enumerate(self._hopper):
+            for number, (time_s, markers) in enumerate(self.source):
                 due = begun + time_s / self._speed
                 await asyncio.sleep(max(0.0, due - time.monotonic()))
                 now = time.monotonic()
