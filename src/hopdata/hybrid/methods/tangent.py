@@ -354,9 +354,7 @@ def _embedded_error(tableau: Tableau) -> list[str]:
     lines.append("for e in range(N * N):")
     stored = []
     for k, weights in enumerate(tableau.errors):
-        terms = (
-            combination(weights, blocks).replace("s[", "phi[").replace(", i]", ", e]")
-        )
+        terms = _entry(combination(weights, blocks))
         lines.append(INDENT + f"e{k} = dt * ({terms})")
         stored.append(INDENT + f"phi[{targets[k]}, e] = e{k}")
     other = targets[1] if len(tableau.errors) > 1 else "-1"
