@@ -215,9 +215,10 @@ def test_compiling_the_driver_is_said_once(monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(entry, "_run", tiny_driver)
     entry.compiled_run.__wrapped__()
-    first, last = capsys.readouterr().err.splitlines()
+    first, kept, last = capsys.readouterr().err.splitlines()
     assert "compiling the integrator" in first
     assert "15 s" in first
+    assert "later processes load it" in kept
     assert last.endswith(f"it is kept in {tmp_path}")
     entry.compiled_run.__wrapped__()
     assert capsys.readouterr().err == ""

@@ -22,6 +22,7 @@ def made_up(n_landings):
             curve = {"recording": "one", "landing": landing, "foot": foot}
             curves.append(pd.DataFrame({**curve, "time_s": time, "height_m": height}))
             instant = {"contact_s": contact_s, "se_s": 0.001, "found": True}
+            instant["plate_s"] = np.nan
             contacts.append({**curve, **instant})
         probability = 0.999 if landing < n_landings else 0.6
         order = {"order": "left > right", "probability": probability}

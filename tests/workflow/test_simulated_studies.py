@@ -170,7 +170,7 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
     axis = read_recording(results / "recordings" / "trial1.h5").vertical_axis
     assert axis == "y"
     verdict = json.loads((results / "verdict.json").read_text())
-    page = (results / "report.html").read_text()
+    page = (results / "report.html").read_text().replace("\u00a0", " ")
     assert verdict["sentence"] in page
     drawn = {path.stem for path in (results / "figures").iterdir()}
     assert {*FIGURES} - drawn == {OF_DISTANCES}

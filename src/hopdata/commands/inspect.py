@@ -116,7 +116,8 @@ def _draw(
 
     width = terminal.width(listing.WIDTH)
     head = listing.head(inspection, file, lines, width=width)
-    print(encodable("\n".join([*head, "", listing.legend(inspection)])))
+    legend = listing.legend(inspection, width)
+    print(encodable("\n".join([*head, "", *legend])))
     terminal.draw_table(
         dict.fromkeys(listing.PICTURE, "left"),
         [tuple(map(encodable, row)) for row in listing.picture(inspection)],

@@ -213,7 +213,7 @@ def _listed_picture(inspection: Inspection) -> list[str]:
     """Return the lines of the picture, its columns padded with spaces."""
     rows = picture(inspection)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [legend(inspection)]
+    lines = legend(inspection, WIDTH)
     for row in rows:
         padded = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
         lines.append("  " + " ".join(padded).rstrip())
@@ -230,7 +230,7 @@ def picture(inspection: Inspection) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def legend(inspection: Inspection) -> str:
+def legend(inspection: Inspection, width: int) -> list[str]:
     """Say what the picture shows: of which time, and what its signs mean."""
     shown = _shown(inspection)
     n_frames = shown.stop - shown.start
@@ -244,7 +244,8 @@ def legend(inspection: Inspection) -> str:
         f"{HEIGHTS[0]} low to {HEIGHTS[-1]} high, "
         f"{PARTLY} partly unseen, {UNSEEN} unseen"
     )
-    return f"  heights ({span}a column is {column_s:.3g} s; {signs})"
+    text = f"heights ({span}a column is {column_s:.3g} s; {signs})"
+    return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
 
 
 def _n_columns(n_frames: int) -> int:

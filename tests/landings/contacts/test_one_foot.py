@@ -114,12 +114,12 @@ def test_shoes_of_a_runner_are_told_apart(external_recording):
 
 def test_contacts_say_so_once(external_recording):
     runner = hd.read(external_recording).between(0, 4)
-    remarks = hd.contacts(runner, feet=["R_heel", "R_mt1", "R_mt5"]).remarks
+    remarks = hd.contacts(runner, feet=["R_heel", "R_mt1", "R_mt5"]).messages
     codes = [one.code for one in remarks]
     assert codes.count("landings.markers_of_one_foot") == 1
     right = {"right": ["R_heel", "R_mt1", "R_mt5"]}
     found = hd.contacts(runner, feet=right)
-    assert "landings.markers_of_one_foot" not in [one.code for one in found.remarks]
+    assert "landings.markers_of_one_foot" not in [one.code for one in found.messages]
 
 
 @pytest.mark.filterwarnings("error")

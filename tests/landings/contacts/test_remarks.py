@@ -106,7 +106,7 @@ def at_another_rate(recording, rate_hz):
 def told(*recordings):
     """Return the remarks on recordings that are timed together, with their tables."""
     found = hd.contacts(list(recordings))
-    return list(found.remarks), found
+    return list(found.messages), found
 
 
 def test_of_feet_that_stand_and_were_seen_nothing_is_told():
