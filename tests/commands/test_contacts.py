@@ -81,7 +81,7 @@ def test_the_table_has_the_same_columns_for_one_foot_and_for_several(recording, 
         out = capsys.readouterr().out
         has_orders = "probability" in out
         assert has_orders == (len(feet) > 1)
-        assert ("no orders: no two feet" in out) == (len(feet) == 1)
+        assert ("no orders: each landing has one timed foot" in out) == (len(feet) == 1)
         Path("a.csv").unlink()
         Path("a_orders.csv").unlink()
     assert columns[0] == columns[1]

@@ -536,7 +536,7 @@ def _write_tables(file: Path, found: ContactTimes) -> None:
     of_orders = _orders_beside(file)
     why_empty = ""
     if not (found.orders["feet"] > 1).any():
-        why_empty = " (no orders: no two feet were timed in one landing)"
+        why_empty = " (no orders: each landing has one timed foot)"
     for kind, path, table in (
         ("table", file, found.table),
         ("orders", of_orders, found.orders),
