@@ -18,7 +18,7 @@ def on_a_simulated_clock(
         listeners["on_decision"](decision)
 
     drive = ClockedDrive(
-        stream._hopper,
+        stream.source,
         observers or observers_of(geometry, rate_hz),
         controller,
         boom,
